@@ -1,7 +1,8 @@
 """Position of a wheel at which a closed chain carries a wanted static tension (build side).
 
 The links are so stiff that a millimetre changes the tension by a kilonewton: the position is solved from the static
-equilibrium of the track, not taken from the drawing.
+equilibrium of the track, not taken from the drawing. At each place the chain is laid out anew, as a run's track is at
+its start, so that the run has the tension that was found here.
 """
 
 from __future__ import annotations
@@ -12,66 +13,131 @@ from typing import Any
 import scipy  # loads its parts when they are used
 
 from fmus.cache import cached_result
+from fmus.components import model_of
 from fmus.model import InvalidParameter, StepFailed
+from fmus.physics.chain.layout import belt_length
 from fmus.physics.chain.report import T_MEAN
 from fmus.sources import source_hash
-from fmus.track_flexible.model import Model
 from fmus.vehicle import BadInput
 
-REACH = 0.06  # largest distance of the wheel from its drawn place, m
+REACH = 0.06  # largest distance of the wheel from its drawn place, m, for links of PITCH; in proportion for others
+PITCH = 0.1524  # m
+ACCEPTED = 1e-3  # relative difference of the tension from the wanted one
+FINEST = 0.02  # of the largest distance: how near the search comes to a place where the chain cannot rest
+Links = tuple[str, Mapping[str, Any]]  # kind of component of a track, and its parameters other than the defaults
+CABLES: Links = ("TrackFlexible", {})
 
 
 def tension_wheel(
-    config: Mapping[str, Any], name: str, tension: float, keys: str = "vehicle.track"
+    config: Mapping[str, Any], name: str, tension: float, keys: str = "vehicle.track", links: Links = CABLES
 ) -> tuple[float, float]:
     """Position x of the wheel ``name``, m, for a mean static ``tension``, N, and the push on it.
 
-    The push, N, away from the sprocket at the origin, holds the wheel there against the chain.
+    The push, N, away from the sprocket at the origin, holds the wheel there against the chain. A tension of 0 is a
+    slack track: the wheel is as near to the sprocket as it may be.
 
-    ``config`` is the config of a track, ``keys`` the table in which the user gave links and tension (for messages). The
-    result is cached for this build. Raises BadInput when the chain cannot carry that tension with the wheel within
-    60 mm of its drawn place.
+    ``config`` is the config of a track, ``keys`` the table in which the user gave links and tension (for messages).
+    The place is that of cables, which all kinds of links share, unless ``links`` are given that carry another tension
+    there: rigid links do not stretch. The result is cached for this build. Raises BadInput when the chain cannot carry
+    that tension, to 0.1 %, with the wheel within 60 mm of its drawn place (links of 152.4 mm; others in proportion).
     """
-    request = [source_hash(), config, name, tension]
-    x, push = cached_result("places", "place", request, lambda: _search(config, name, tension, keys))
+    request = [source_hash(), config, name, tension, links]
+    x, push = cached_result("places", "place", request, lambda: _search(config, name, tension, keys, links))
     return x, push
 
 
-def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> tuple[float, float]:
-    track = config["track"]
-    index = next(i for i, wheel in enumerate(track["wheels"]) if wheel["name"] == name)
-    drawn = float(track["wheels"][index]["position"][0])
-    outwards = 1.0 if drawn > 0.0 else -1.0  # away from the sprocket
+class _Track:
+    """A track whose wheel ``name`` is tried at several places."""
 
-    def settled(x: float) -> Model:
-        wheels = [dict(wheel) for wheel in track["wheels"]]
-        wheels[index]["position"] = [x, wheels[index]["position"][1]]
-        model = Model({**config, "track": {**track, "wheels": wheels}, "link_outputs": False})
-        model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"})
-        return model
+    def __init__(self, config: Mapping[str, Any], name: str, links: Links) -> None:
+        self.config, self.links = config, links
+        self.index = next(i for i, wheel in enumerate(config["track"]["wheels"]) if wheel["name"] == name)
+        self.drawn = float(config["track"]["wheels"][self.index]["position"][0])
+        self.outwards = 1.0 if self.drawn > 0.0 else -1.0  # away from the sprocket
+        self.found: dict[float, tuple[float, float]] = {}  # by place: mean tension, push outwards, N
 
-    def excess(x: float) -> float:
+    def tension(self, x: float) -> float:
+        """Mean tension, N, of the chain laid out with the wheel at x; raises InvalidParameter, StepFailed."""
+        if x not in self.found:
+            track = self.config["track"]
+            wheels = [dict(wheel) for wheel in track["wheels"]]
+            wheels[self.index]["position"] = [x, wheels[self.index]["position"][1]]
+            kind, parameters = self.links
+            model = model_of(kind)({**self.config, "track": {**track, "wheels": wheels}, "link_outputs": False})
+            defaults = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+            model.initialise({**defaults, **parameters})
+            self.found[x] = float(model.report[T_MEAN]), -self.outwards * float(model.s.mean[self.index, 0])
+        return self.found[x][0]
+
+    def end(self, way: float) -> float:
+        """Place at most ``way``, m, from the drawn one, as far as the chain comes to rest on its wheels."""
+        rests, share, step = 0.0, 1.0, 1.0
+        while step > FINEST and rests < 1.0:
+            try:
+                self.tension(self.drawn + share * way)
+                rests = share
+            except (InvalidParameter, StepFailed):
+                pass
+            step *= 0.5
+            share = rests + step
+        return self.drawn + rests * way
+
+    def place(self, tension: float, reach: float) -> float:
+        """Place of a tension, N, at most ``reach``, m, from the drawn one, or nearest to it; raises StepFailed."""
+        low, high = self.end(-reach), self.end(reach)
+        if tension == 0.0:
+            return low if self.outwards > 0.0 else high
+        if (self.tension(low) - tension) * (self.tension(high) - tension) < 0.0:
+            x = round(float(scipy.optimize.brentq(lambda x: self.tension(x) - tension, low, high, xtol=1e-8)), 8)
+            if self.carries(x, tension):
+                return x
+        return min(self.found, key=lambda x: abs(self.found[x][0] - tension))
+
+    def carries(self, x: float, tension: float) -> bool:
+        """Whether the chain has that tension, N, with the wheel at x; 0 is slack."""
+        return not tension or abs(self.tension(x) - tension) <= ACCEPTED * abs(tension)
+
+    def advice(self, name: str, keys: str) -> str:
+        """Place of the wheel at which the belt round the wheels is as long as the links, in words; "" for none."""
+        model = model_of(self.links[0])(self.config)
+        length = model.links_count * model.pitch
+        centres, radii, _ = model.circles()
+
+        def excess(x: float) -> float:
+            centres[self.index, 0] = x
+            return belt_length(centres, radii) - length
+
         try:
-            return float(settled(x).report[T_MEAN]) - tension
-        except (InvalidParameter, StepFailed):
-            # cannot be laid out: the chain hangs slack round too short a path, and does not close round too long a one
-            return -tension if outwards * (x - drawn) < 0.0 else 1e6
+            x = float(scipy.optimize.brentq(excess, 0.0, self.outwards * length, xtol=1e-6))
+        except ValueError:  # other wheels alone need a longer belt
+            return ""
+        key = f"rig.axle_distance = {-x:.4g}" if keys == "rig" else f"{keys.replace('track', name)}.x = {x:.4g}"
+        return f"; {key} m would fit"
 
+
+def _search(config: Mapping[str, Any], name: str, tension: float, keys: str, links: Links) -> tuple[float, float]:
+    chain = _Track(config, name, CABLES)
+    pitch = config["vehicle"]["track"]["pitch"]
+    reach = REACH * (pitch / PITCH)
+    where = f"{keys}.tension = {tension:.6g} N"
     try:
-        settled(drawn)
+        chain.tension(chain.drawn)
     except InvalidParameter as error:
-        raise BadInput(f"{keys}.links = {track['links']}: {error}") from None
+        raise BadInput(f"{keys}.links = {config['track']['links']}: {error}{chain.advice(name, keys)}") from None
     except StepFailed as error:
         raise BadInput(f"the chain does not come to rest on its drawn wheels: {error}") from None
-    low, high = drawn - REACH, drawn + REACH
-    tight, slack = (excess(drawn + sense * REACH) for sense in (outwards, -outwards))
-    if not tight > 0.0 > slack:
-        raise BadInput(
-            f"{keys}.tension = {tension:.6g} N: not reached with the {name} within {REACH * 1e3:.0f} mm of "
-            f"x = {drawn:.4g} m ({track['links']} links of {config['vehicle']['track']['pitch']} m)"
-        )
-    x = round(float(scipy.optimize.brentq(excess, low, high, xtol=1e-8)), 8)
     try:
-        return x, round(-outwards * float(settled(x).s.mean[index, 0]), 3)
-    except StepFailed as error:
-        raise BadInput(f"vehicle.track.tension = {tension:.6g} N: {error}") from None
+        x = chain.place(tension, reach)
+        if links != CABLES and not (own := _Track(config, name, links)).carries(x, tension):
+            chain, x = own, own.place(tension, reach)
+    except (InvalidParameter, StepFailed) as error:
+        raise BadInput(f"{where}: with the {name} near its drawn x = {chain.drawn:.4g} m {error}") from None
+    if chain.carries(x, tension):
+        return x, round(chain.found[x][1], 3)
+    tensions = [found for found, _ in chain.found.values()]
+    jumps = min(tensions) < tension < max(tensions)
+    raise BadInput(
+        f"{where}: not reached with the {name} within {reach * 1e3:.3g} mm of x = {chain.drawn:.4g} m, where the track"
+        f" carries {min(tensions):.6g} to {max(tensions):.6g} N{' and jumps as a pin changes its seat' * jumps}; the"
+        f" nearest tension is {chain.tension(x):.6g} N"
+    )

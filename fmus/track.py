@@ -13,6 +13,7 @@ from math import ceil
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import fmus.track_steps as steps
 from fmus import link_outputs
@@ -462,16 +463,7 @@ class TrackModel(ComponentModel):
             if self._is_free_loop():
                 return regular_polygon(self.pitch, self.links_count)
             if self.closed:
-                centres = np.array([w["position"] for w in self.wheel_list], dtype=float)
-                toothed = np.array([w["kind"] == "teeth" for w in self.wheel_list])
-                pitch_radius = self.pitch / (2.0 * sin(np.pi / self.vehicle["sprocket"]["teeth"]))
-                radii = np.array(
-                    [
-                        pitch_radius if w["kind"] == "teeth" else w["radius"] + self.vehicle["track"]["face"]
-                        for w in self.wheel_list
-                    ]
-                )
-                return closed_polygon(centres, radii, ~toothed, self.pitch, self.links_count)
+                return closed_polygon(*self.circles(), self.pitch, self.links_count)
             if self.ends_kind == PINNED:
                 first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
                 return (catenary if rest else hanging_arc)(first, last, self.pitch, self.links_count)
@@ -482,6 +474,14 @@ class TrackModel(ComponentModel):
             return over_sprocket(centre, self.pitch, self.vehicle["sprocket"]["teeth"], self.links_count)
         except ValueError as error:
             raise InvalidParameter(f"the track cannot be laid out: {error}") from None
+
+    def circles(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        """Centres (wheels, 2) and radii (wheels) of the line of pins round the wheels, m; which wheels are rims."""
+        wheels, face = self.wheel_list, self.vehicle["track"]["face"]
+        pitch_radius = self.pitch / (2.0 * sin(np.pi / self.vehicle["sprocket"]["teeth"]))
+        rims = np.array([w["kind"] != "teeth" for w in wheels])
+        radii = np.array([w["radius"] + face if rim else pitch_radius for w, rim in zip(wheels, rims, strict=True)])
+        return np.array([w["position"] for w in wheels], dtype=float), radii, rims
 
     def _start(self, layout: str, spin: float) -> None:
         if layout in ("straight", "folded"):

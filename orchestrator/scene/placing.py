@@ -8,7 +8,7 @@ from typing import Any
 
 from fmus.equilibrium import FlexibleTrack, equilibrium
 from fmus.standing import hull_clearance
-from fmus.tensioning import tension_wheel
+from fmus.tensioning import CABLES, Links, tension_wheel
 from fmus.vehicle import BadInput, RightIdlerTable, RightTensionerTable
 from orchestrator.results.validity.limits import BELLY
 from orchestrator.scene.assembly import assemble
@@ -29,7 +29,7 @@ def placed(scene: Scene) -> Scene:
     update: dict[str, Any] = {"placed": True}
     match scene:
         case RigScene():
-            x, _ = _idler_position(rig_track_config(scene), scene.rig.tension, "rig")
+            x, _ = _idler_position(scene, rig_track_config(scene), scene.rig.tension, "rig")
             update["rig"] = scene.rig.model_copy(update={"axle_distance": -x})
         case VehicleScene():
             return _scene_at_rest(_tensioned_scene(scene).model_copy(update=update))
@@ -41,7 +41,7 @@ def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
     if not scene.tracks:
         return scene
     vehicle = scene.vehicle
-    x, push = _idler_position(vehicle_track_config(scene, "left"), vehicle.track.tension, "vehicle.track")
+    x, push = _idler_position(scene, vehicle_track_config(scene, "left"), vehicle.track.tension, "vehicle.track")
     idler = vehicle.idler.model_copy(update={"x": x})
     tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
     update: dict[str, Any] = {"idler": idler, "tensioner": tensioner}
@@ -50,7 +50,7 @@ def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
         x, right_push = right.idler.x, push  # without a track the tensioner lacks the push
         if "right" in scene.tracks:
             config = vehicle_track_config(scene, "right")
-            x, right_push = _idler_position(config, vehicle.track.tension, "vehicle.right.track")
+            x, right_push = _idler_position(scene, config, vehicle.track.tension, "vehicle.right.track")
         preload = right.tensioner.preload + right_push
         moved = {"idler": RightIdlerTable(x=x), "tensioner": RightTensionerTable(preload=preload)}
         update["right"] = vehicle.right.model_copy(update=moved)
@@ -124,12 +124,24 @@ def _solved_equilibrium(problem: str) -> Any:
     return equilibrium(chassis, {side: FlexibleTrack(*track) for side, track in tracks.items()}, tuple(slope))
 
 
-def _idler_position(config: dict[str, Any], tension: float, keys: str) -> tuple[float, float]:
+def _idler_position(scene: Scene, config: dict[str, Any], tension: float, keys: str) -> tuple[float, float]:
     level = {key: value for key, value in config["track"].items() if key != "terrain"}
-    return _solved_idler_position(json.dumps({**config, "track": level}, sort_keys=True), tension, keys)
+    problem = json.dumps([{**config, "track": level}, _links_that_start(scene)], sort_keys=True)
+    return _solved_idler_position(problem, tension, keys)
+
+
+def _links_that_start(scene: Scene) -> Links:
+    """Links of a scene that starts on wheels as drawn, with the asked tension; else cables, from which it settles."""
+    table, start = scene.track, getattr(scene.start, "state", "drawn")
+    if start == "equilibrium" or table.start not in (None, "rest"):
+        return CABLES
+    mechanics = {one.name for one in table.fmu_parameters().values() if not one.method} - {"start"}
+    parameters = {name: value for name, value in table.parameters().items() if name in mechanics}
+    return table.kind.fmu, {**parameters, "element": "planar"} if scene.planar else parameters
 
 
 @cache
-def _solved_idler_position(config: str, tension: float, keys: str) -> tuple[float, float]:
+def _solved_idler_position(problem: str, tension: float, keys: str) -> tuple[float, float]:
     """Idler position and push, solved once per process: scenes and track models share them."""
-    return tension_wheel(json.loads(config), "idler", tension, keys)
+    config, (kind, parameters) = json.loads(problem)
+    return tension_wheel(config, "idler", tension, keys, (kind, parameters))

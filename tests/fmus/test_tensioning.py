@@ -1,9 +1,22 @@
-"""The place of the tensioning wheel is computed once per build of the components."""
+"""The place of the tensioning wheel: the track has the asked tension there, and it is computed once per build."""
 
+import re
+import time
+
+import numpy as np
 import pytest
+import random_vehicles
+from scipy.optimize import brentq
 
 from fmus import tensioning
+from fmus.physics.chain import layout
+from fmus.physics.chain.report import T_MEAN
+from fmus.track_flexible.model import Model as Flexible
+from fmus.track_rigid.model import Model as Rigid
+from fmus.vehicle import BadInput
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.parts import rig_track_config, vehicle_track_config
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 CONFIG = next(part.config for part in assemble(load("straight")).parts if part.kind == "TrackFlexible")
@@ -13,7 +26,7 @@ def test_a_place_is_found_again(monkeypatch, tmp_path):
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
     searched = []
 
-    def search(config, name, tension, keys):
+    def search(config, name, tension, keys, links):
         searched.append(tension)
         return -4.0 + 1e-17 * tension / 3.0, tension / 7.0
 
@@ -38,3 +51,196 @@ def test_a_cache_that_cannot_be_used_costs_time_only(monkeypatch, tmp_path):
     assert tensioning.tension_wheel(CONFIG, "idler", 1e4) == (-4.0, 2.0)
     monkeypatch.setattr(tensioning, "_search", lambda *asked: (-5.0, 3.0))
     assert tensioning.tension_wheel(CONFIG, "idler", 1e4) == pytest.approx((-5.0, 3.0))
+
+
+ASKED = 1e-3  # relative difference of tensions
+REAR = (16, 52, 83)  # random vehicles with the sprocket at the rear, on which pins are easily laid on teeth
+
+
+def scene_of(k, links="rigid", **settings):
+    """Scene of the random vehicle ``k``, as drawn."""
+    table = random_vehicles.random_vehicle(k)
+    return load("straight", links, {"vehicle": table, "start.state": "drawn", **settings})
+
+
+def track_of(scene):
+    """Config of the left track."""
+    config = vehicle_track_config(scene, "left")
+    return {**config, "track": {key: value for key, value in config["track"].items() if key != "terrain"}}
+
+
+def laid(config, x, kind=Flexible):
+    """Track at rest, laid out with its idler at x."""
+    wheels = [
+        {**w, "position": [x, w["position"][1]]} if w["name"] == "idler" else w for w in config["track"]["wheels"]
+    ]
+    model = kind({**config, "track": {**config["track"], "wheels": wheels}, "link_outputs": False})
+    model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"})
+    return model
+
+
+def half_a_tooth_off(monkeypatch):
+    """Lay chains out with their pins on the teeth."""
+    seat = layout._seat
+
+    def between(centres, toothed, radius, teeth):
+        x, z = seat(centres, toothed, radius, teeth) - centres[toothed]
+        c, s = np.cos(np.pi / teeth), np.sin(np.pi / teeth)
+        return centres[toothed] + np.array([c * x - s * z, s * x + c * z])
+
+    monkeypatch.setattr(layout, "_seat", between)
+
+
+@pytest.mark.parametrize("k", REAR[:1])
+def test_a_chain_laid_out_anew_is_the_one_that_was_tightened(k, monkeypatch):
+    """The same tension at each place of the idler, laid out there or followed from the slack side."""
+    config = track_of(scene_of(k))
+    drawn = next(w["position"][0] for w in config["track"]["wheels"] if w["name"] == "idler")
+    places = drawn + 0.01 * np.arange(-3, 3) * np.sign(drawn)
+    followed, tensions = laid(config, places[0]), []
+    for x in places:
+        rows = followed.start_rows.copy()
+        rows[[w["name"] == "idler" for w in config["track"]["wheels"]], 0] = x
+        followed.find_equilibrium(rows)
+        tensions.append(followed.report[T_MEAN])
+    anew = [laid(config, x).report[T_MEAN] for x in places]
+    assert np.all(np.diff(anew) > 0.0)
+    np.testing.assert_allclose(anew, tensions, rtol=1e-5)
+    half_a_tooth_off(monkeypatch)
+    assert max(laid(config, x).report[T_MEAN] / at for x, at in zip(places[2:4], tensions[2:4], strict=True)) > 1.5
+
+
+@pytest.mark.parametrize("k", [REAR[0], *(pytest.param(k, marks=pytest.mark.long) for k in REAR[1:])])
+def test_the_tension_asked_is_had(k, monkeypatch):
+    scene = scene_of(k)
+    config, asked = track_of(scene), scene.vehicle.track.tension
+    x, _ = tensioning._search(config, "idler", asked, "vehicle.track", tensioning.CABLES)
+    assert laid(config, x).report[T_MEAN] == pytest.approx(asked, rel=1e-5)
+    assert laid(config, x + 2e-4).report[T_MEAN] != pytest.approx(asked, rel=ASKED)
+    half_a_tooth_off(monkeypatch)
+    assert laid(config, x).report[T_MEAN] != pytest.approx(asked, rel=ASKED), "pins on teeth go unnoticed"
+
+
+def test_rigid_links_as_drawn_have_the_tension_asked():
+    """They do not stretch: at the place of cables the m113's carry 0.18 % more."""
+    scene = placed(load("settle", "rigid"))
+    (x,) = [w["position"][0] for w in track_of(scene)["track"]["wheels"] if w["name"] == "idler"]
+    asked = scene.vehicle.track.tension
+    assert laid(track_of(scene), x, Rigid).report[T_MEAN] == pytest.approx(asked, rel=1e-5)
+    cables = placed(load("straight", "rigid")).vehicle.idler.x
+    assert cables == placed(load("settle", "flexible")).vehicle.idler.x == -4.00164022
+    assert laid(track_of(scene), cables, Rigid).report[T_MEAN] != pytest.approx(asked, rel=ASKED)
+
+
+def test_a_tension_out_of_reach_is_refused_with_the_nearest_which_can_be_had():
+    config = track_of(scene_of(6))
+    with pytest.raises(BadInput, match=r"tension = 1845\.3 N: not reached .*nearest tension is [\d.]+ N$") as refusal:
+        tensioning._search(config, "idler", 1845.3, "vehicle.track", tensioning.CABLES)
+    nearest = float(re.findall(r"([\d.]+) N$", str(refusal.value))[0])
+    x, _ = tensioning._search(config, "idler", nearest, "vehicle.track", tensioning.CABLES)
+    assert laid(config, x).report[T_MEAN] == pytest.approx(nearest, rel=ASKED)
+    with pytest.raises(BadInput, match="nearest"):
+        tensioning._search(config, "idler", nearest * (1.0 - 2.0 * ASKED), "vehicle.track", tensioning.CABLES)
+
+
+def test_a_tension_that_is_jumped_over_is_refused_with_both_sides(monkeypatch):
+    """A chain whose tension leaps from 1 to 3 kN where its idler is 7 mm further out."""
+
+    def tension(track, x):
+        track.found[x] = (1e5 * (x + 0.01) + 2e3 * (x > 0.007), 1.0)
+        return track.found[x][0]
+
+    config = {"track": {"wheels": [{"name": "idler", "position": [0.0, 0.0]}], "links": 10}}
+    config["vehicle"] = {"track": {"pitch": 0.1524}}
+    monkeypatch.setattr(tensioning._Track, "tension", tension)
+    monkeypatch.setattr(tensioning._Track, "outwards", 1.0, raising=False)
+    for asked, nearest in ((2.0e3, 1.7e3), (3.0e3, 3.7e3)):
+        with pytest.raises(BadInput, match=rf"jumps as a pin .* nearest tension is {nearest:g} N"):
+            tensioning._search(config, "idler", asked, "vehicle.track", tensioning.CABLES)
+    assert tensioning._search(config, "idler", 3.8e3, "vehicle.track", tensioning.CABLES)[0] == pytest.approx(0.008)
+
+
+def test_a_slack_track_hangs_as_a_catenary():
+    """A tension of 0 moves the idler inwards; of a free span, slopes change by a link's weight over one pull."""
+    scene = scene_of(31, **{"vehicle.track.tension": 0.0})
+    config, track = track_of(scene), scene.vehicle.track
+    x, _ = tensioning._search(config, "idler", 0.0, "vehicle.track", tensioning.CABLES)
+    assert x == pytest.approx(scene.vehicle.idler.x - 0.06 * track.pitch / 0.1524)
+    model = laid(config, x)
+    pins = model.pins()[:, [0, 2]]
+    chord = np.roll(pins, -1, axis=0) - pins
+    free = (chord[:, 0] > 0.0) & (pins[:, 0] > 0.25 * x) & (pins[:, 0] < 0.75 * x)  # the upper run goes forward
+    slopes, links = (chord[:, 1] / chord[:, 0])[free], int(free.sum())
+    pull = track.mass * scene.vehicle.gravity / np.diff(slopes)
+    assert links == 9
+    assert np.ptp(pull) < 1e-3 * pull.mean()
+    assert model.report[T_MEAN] == pytest.approx(pull.mean(), rel=0.05)
+    first = int(np.argmax(free))
+    for mass, same in ((1.0, True), (1.05, False)):  # a hanging chain has the form of its pull over its weight
+        steps = (np.arange(links) - np.argmin(abs(slopes))) * mass * track.mass * scene.vehicle.gravity / pull.mean()
+        form = layout.chain_of_angles(pins[first], np.arctan(steps + slopes[np.argmin(abs(slopes))]), track.pitch)
+        assert (abs(form[:-1] - pins[first : first + links]).max() < 1e-4) == same
+
+
+def test_the_range_of_the_search_is_that_of_the_m113_in_pitches(monkeypatch):
+    for name, reach in (("m113", 0.06), ("robot", 0.06 * 0.04 / 0.1524)):
+        scene = load("straight", "rigid", {"vehicle": name})
+        asked = []
+        monkeypatch.setattr(tensioning._Track, "end", lambda self, way, asked=asked: asked.append(way) or self.drawn)
+        with pytest.raises(BadInput, match=f"within {1e3 * reach:.3g} mm"):
+            tensioning._search(track_of(scene), "idler", 1e7, "vehicle.track", tensioning.CABLES)
+        assert asked == pytest.approx([-reach, reach], rel=1e-14)
+
+
+def test_a_belt_that_does_not_fit_is_refused_with_the_place_that_would():
+    """Of two wheels the open belt has a formula."""
+    scene = load("rig", "rigid", {"rig.links": 40})
+    with pytest.raises(BadInput, match=r"too long; rig\.axle_distance = [\d.]+ m would fit") as refusal:
+        placed(scene)
+    pitch, face = scene.vehicle.track.pitch, scene.vehicle.track.face
+    large, small = 0.5 * pitch / np.sin(np.pi / 10), scene.vehicle.idler.radius + face
+
+    def length(d):
+        lean = np.arcsin((large - small) / d)
+        return 2.0 * d * np.cos(lean) + np.pi * (large + small) + 2.0 * lean * (large - small)
+
+    exact = brentq(lambda d: length(d) - 40 * pitch, 0.5, 10.0)
+    printed = float(re.findall(r"distance = ([\d.]+)", str(refusal.value))[0])
+    assert printed == pytest.approx(exact, abs=1e-3)
+    rig = load("rig", "rigid", {"rig.links": 40, "rig.axle_distance": printed})
+    assert tensioning.tension_wheel(rig_track_config(rig), "idler", rig.rig.tension, "rig")[0] < 0.0
+    with pytest.raises(BadInput, match=r"too short; vehicle\.idler\.x = -3\.991 m would fit"):
+        placed(load("straight", "rigid", {"vehicle.idler.x": -3.5}))
+
+
+def _placed_or_refused(scene):
+    """The placed scene and an empty text, or None and the sentence of its refusal."""
+    try:
+        return placed(scene), ""
+    except BadInput as error:
+        return None, str(error)
+
+
+@pytest.mark.study
+def test_of_100_random_vehicles_none_is_wrong(capsys):
+    """Each has the tension asked, to 0.1 %, on rigid links and on cables as drawn, or is refused with the nearest."""
+    rows, refused = [], 0
+    for k in range(random_vehicles.COUNT):
+        for links, kind in (("flexible", Flexible), ("rigid", Rigid)):
+            scene = scene_of(k, links)
+            asked, began = scene.vehicle.track.tension, time.monotonic()
+            there, said = _placed_or_refused(scene)
+            if there is None:
+                assert "nearest tension is" in said, (k, links)
+                said, refused = said.partition("; the ")[2], refused + 1
+            else:
+                reached = float(laid(track_of(there), there.vehicle.idler.x, kind).report[T_MEAN])
+                assert reached == pytest.approx(asked, rel=ASKED), (k, links)
+                said = f"{reached:.6g}"
+            teeth = scene.vehicle.sprocket.teeth
+            pitch, number = 1e3 * scene.vehicle.track.pitch, scene.vehicle.track.links
+            seconds = time.monotonic() - began
+            rows.append(f"{k:3d} {links:8} {number:4d} {teeth:3d} {pitch:6.1f} {asked:9.1f}  {said:34} {seconds:6.2f}")
+    with capsys.disabled():
+        print("", "  k links  number teeth pitch, mm asked, N  reached or refused, N  seconds", *rows, sep="\n")
+    assert refused < 0.2 * len(rows)

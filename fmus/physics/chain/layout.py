@@ -7,6 +7,7 @@ run, so tangent x lateral axis is the outward normal, and a vehicle driving forw
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import ceil
 
 import numpy as np
 import scipy  # loads its parts when they are used
@@ -18,7 +19,7 @@ from fmus.physics.elementary import atan, atan2, cos, hypot, of_each, sin
 from fmus.physics.elimination import solved
 from fmus.physics.exponential import exp, log, sinh
 
-SAMPLES = 360  # points on each circle of the belt
+SAMPLES = 360  # points on each circle of the belt, or more: a multiple of the teeth
 
 
 def _directions(angles: Floats) -> Floats:
@@ -26,9 +27,9 @@ def _directions(angles: Floats) -> Floats:
     return np.stack([of_each(cos, angles), of_each(sin, angles)], axis=1)
 
 
-def _belt(centres: Floats, radii: Floats) -> Floats:
-    """Convex belt (k, 2) round circles as a polyline, starting foremost, over the bottom first."""
-    angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
+def _belt(centres: Floats, radii: Floats, start: Floats | None, samples: int) -> Floats:
+    """Convex belt (k, 2) round circles as a polyline, over the bottom first; begins at ``start`` (2), or foremost."""
+    angle = 2.0 * np.pi * np.arange(samples) / samples
     rim = _directions(-angle)
     points = (centres[:, None, :] + radii[:, None, None] * rim[None]).reshape(-1, 2)
     try:
@@ -36,7 +37,21 @@ def _belt(centres: Floats, radii: Floats) -> Floats:
     except scipy.spatial.QhullError:
         raise ValueError("no belt lies round the wheels: their places and radii do not fit together") from None
     hull = points[corners][::-1]  # scipy's order is from x to z, ours from x to -z
-    return np.roll(hull, -int(np.argmax(hull[:, 0])), axis=0)
+    nearness = hull[:, 0] if start is None else -((hull - start) ** 2).sum(axis=1)
+    return np.roll(hull, -int(np.argmax(nearness)), axis=0)
+
+
+def belt_length(centres: Floats, radii: Floats) -> float:
+    """Length, m, of a belt round circles of ``centres`` (m, 2) and ``radii`` (m); raises ValueError."""
+    belt = _belt(centres, radii, None, SAMPLES)
+    return float(of_each(hypot, *(np.roll(belt, -1, axis=0) - belt).T).sum())
+
+
+def _seat(centres: Floats, toothed: int, radius: float, teeth: int) -> Floats:
+    """Place (2) between two teeth of a sprocket, the one that is furthest from the other wheels."""
+    others = np.delete(centres, toothed, axis=0).sum(axis=0) - (len(centres) - 1) * centres[toothed]
+    step = 2.0 * np.pi / teeth
+    return centres[toothed] + radius * _directions(step * np.round(np.array([atan2(-others[1], -others[0])]) / step))[0]
 
 
 @allocating
@@ -70,26 +85,32 @@ def _walk(path: Floats, pitch: float, links: int) -> tuple[Floats, float]:
 def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int) -> Floats:
     """Pins (links, 2) of a closed polygon of equal chords round circles.
 
-    The circles have ``centres`` (m, 2) and ``radii`` (m). The first pin is the foremost point of the belt. Circles that
-    ``grows`` (m) marks (rims, not teeth) are passed at a small distance, which makes up for the difference between the
-    lengths of belt and links. Raises ValueError if that distance exceeds a third of the ``pitch``, m: the track cannot
-    wrap its wheels.
+    The circles have ``centres`` (m, 2) and ``radii`` (m). The first pin is the foremost one. Circles that ``grows`` (m)
+    marks (rims, not teeth) are passed at a small distance, which makes up for the difference between the lengths of
+    belt and links. On teeth the pins lie in the gaps: pins on their flanks come to rest there too, at another tension.
+    Raises ValueError if that distance exceeds a third of the ``pitch``, m: the track cannot wrap its wheels.
     """
+    start, samples = None, SAMPLES
+    if not grows.all():
+        toothed = int(np.argmin(grows))
+        radius = float(radii[toothed])
+        teeth = round(np.pi / atan2(0.5 * pitch, np.sqrt(radius * radius - 0.25 * pitch * pitch)))
+        start, samples = _seat(centres, toothed, radius, teeth), teeth * ceil(SAMPLES / teeth)
 
-    def gap(distance: float) -> float:
-        return _walk(_belt(centres, radii + distance * grows), pitch, links)[1]
+    def belt(distance: float) -> Floats:
+        return _belt(centres, radii + distance * grows, start, samples)
 
     limit = pitch / 3.0
-    low, high = gap(-limit), gap(limit)
+    low, high = (_walk(belt(distance), pitch, links)[1] for distance in (-limit, limit))
     if not low > 0.0 > high:
-        belt = _belt(centres, radii)
-        length = of_each(hypot, *np.diff(np.vstack([belt, belt[:1]]), axis=0).T).sum()
+        length, needed = belt_length(centres, radii), links * pitch
         raise ValueError(
-            f"{links} links of {pitch} m make {links * pitch:.4f} m, the belt round the wheels {length:.4f} m"
+            f"{links} links of {pitch} m make {needed:.4f} m, the belt round the wheels {length:.4f} m: it is"
+            f" {abs(length - needed):.3g} m too {'long' if length > needed else 'short'}"
         )
-    distance = scipy.optimize.brentq(gap, -limit, limit, xtol=1e-13)
-    pins = _walk(_belt(centres, radii + distance * grows), pitch, links)[0]
-    return close_exactly(pins, pitch, closed=True)
+    distance = scipy.optimize.brentq(lambda x: _walk(belt(x), pitch, links)[1], -limit, limit, xtol=1e-13)
+    pins = _walk(belt(distance), pitch, links)[0]
+    return close_exactly(np.roll(pins, -int(np.argmax(pins[:, 0])), axis=0), pitch, closed=True)
 
 
 def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
