@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fmus.build import BuildFailed
+from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.cosim.observers import ReachedPoint
@@ -31,7 +32,7 @@ def record_companion(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str
     try:
         with ExitStack() as stack:
             return _recorded(PreparedRun.prepare(*load_scene(scene, stack, None)), path, interrupt)
-    except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable) as failure:
+    except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable, BadInput) as failure:
         return {"status": "failed", "message": str(failure)}
 
 

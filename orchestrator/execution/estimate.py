@@ -19,8 +19,9 @@ from typing import Any, NamedTuple
 from fmus.ports import TOLERANCE
 from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
-from orchestrator.results.difference import ObservableDifference, differences, worst
-from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.difference import ObservableDifference, differences, observables, worst
+from orchestrator.results.run_data import RunData
+from orchestrator.results.unanswered import UNANSWERED
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import TRACK
 from orchestrator.scene.run_tables import VariableStepTable
@@ -88,12 +89,12 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
         coarser_runs = _coarser_runs(scene, summary)
         with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
             logs = _record_coarser(scene, summary, coarser_runs, record, Path(folder))
-            parts = _differences(log, logs, coarser_runs)
+            parts, without = _with_differences(*_differences(log, logs, coarser_runs))
     except _NoEstimate as reason:
         return without_estimate(str(reason), time.perf_counter() - start)
     errors: dict[str, float | None] = {part: SHARE * worst(found) if found else 0.0 for part, found in parts.items()}
     not_separable = {"integration": None} if coarser_runs.total == coarser_runs.coupling else {}
-    observables = {
+    estimates = {
         name: {
             "unit": difference.unit,
             "absolute": SHARE * difference.absolute,
@@ -105,7 +106,8 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
     }
     return {
         **(errors | not_separable),
-        "observables": observables,
+        "observables": estimates,
+        "without": without,
         "wall_time": time.perf_counter() - start,
         "message": "",
     }
@@ -137,12 +139,16 @@ def _record_coarser(
             most = max(_steps(scene, summary)) / summary["simulated_time"]  # internal steps a second
             if max(_steps(companion, coarser)) / coarser["simulated_time"] > 0.75 * most:
                 raise _NoEstimate("there is no coarser run: internal steps are as long as stability allows")
+        if coarser["simulated_time"] < companion.run.stop - 1e-9:
+            raise _NoEstimate(f"the run at twice the step ends at {coarser['simulated_time']:.6g} s")
         logs[name] = Path(coarser["log"])
     return logs
 
 
-def _differences(log: Path, logs: dict[str, Path], coarser_runs: Companions) -> dict[str, Differences]:
-    """Differences by part; parts that a run does not have are empty."""
+def _differences(
+    log: Path, logs: dict[str, Path], coarser_runs: Companions
+) -> tuple[dict[str, Differences], list[str]]:
+    """Differences by part, those of parts that a run does not have are empty; observables of this kind of run."""
     try:
         with (
             Log(log, unfinished=True) as fine_log,
@@ -150,16 +156,23 @@ def _differences(log: Path, logs: dict[str, Path], coarser_runs: Companions) -> 
             Log(logs.get("coupling", log), unfinished=True) as coupling_log,
         ):
             fine, coupling, coarsest = (RunData(opened) for opened in (fine_log, coupling_log, coarsest_log))
-            total = differences(coarsest, fine)
+            total, names = differences(coarsest, fine), [name for name, _ in observables(fine)]
             if coarser_runs.coupling is None:
-                return {"coupling": {}, "integration": total, "total": total}
-            return {
-                "coupling": differences(coupling, fine),
-                "integration": differences(coarsest, coupling),
-                "total": total,
-            }
-    except (Missing, LookupError) as error:
+                return {"coupling": {}, "integration": total, "total": total}, names
+            first, second = differences(coupling, fine), differences(coarsest, coupling)
+            return {"coupling": first, "integration": second, "total": total}, names
+    except UNANSWERED as error:
         raise _NoEstimate(str(error)) from error
+
+
+def _with_differences(parts: dict[str, Differences], names: list[str]) -> tuple[dict[str, Differences], list[str]]:
+    """Differences that are finite in every part, and the observables without them."""
+    present = [found for found in parts.values() if found]
+    known = [n for n in names if all(n in found and math.isfinite(found[n].relative) for found in present)]
+    if not any(parts["total"][name].decisive for name in known):
+        raise _NoEstimate("no observable has a finite difference from the run at twice the step")
+    finite = {part: {name: found[name] for name in known if found} for part, found in parts.items()}
+    return finite, [name for name in names if name not in known]
 
 
 def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:
@@ -170,7 +183,7 @@ def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:
 
 def without_estimate(reason: str, wall_time: float = 0.0) -> dict[str, Any]:
     """Return the entry of a summary without an estimate; ``wall_time``: what the attempt took, s."""
-    return {**dict.fromkeys(PARTS), "observables": {}, "wall_time": wall_time, "message": reason}
+    return {**dict.fromkeys(PARTS), "observables": {}, "without": [], "wall_time": wall_time, "message": reason}
 
 
 def _doubled_tolerances(table: VariableStepTable) -> VariableStepTable:

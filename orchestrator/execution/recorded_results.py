@@ -32,6 +32,7 @@ class ErrorEstimate(BaseModel):
     integration: float | None
     total: float | None
     observables: dict[str, ObservableError]
+    without: list[str] = []
     wall_time: float
     message: str
 

@@ -26,7 +26,7 @@ def command(run: RunData) -> str | None:
         ]
         if _resolved(name, model, settings) != wanted:
             return None
-    except (BadInput, LookupError, TypeError, AttributeError):
+    except BadInput:
         return None
     native = ["--native"] if run.log.metadata.get("run", {}).get("fmus") == "native" else []
     links = ["--track", model] if model else []

@@ -81,6 +81,7 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
                 "log": str(path),
                 "log_bytes": log.size,
                 "checks": judged.checks,
+                "checks_after_end": judged.after_end,
                 "observables": judged.observables,
                 "windows": judged.windows,
                 "phases": summary.phase_entries(run),
@@ -102,5 +103,6 @@ def _judge(run: RunData) -> RunSummary:
         summary.checks(run, scene, simulated),
         (found := summary.observables(run, scene, simulated)),
         summary.windows(found, scene, simulated),
+        summary.after_end(scene, simulated),
         command=repeat_command.command(run),
     )

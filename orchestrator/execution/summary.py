@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.log.reader import NoSuchSignal
-from orchestrator.results import measures, turning
+from orchestrator.results import measures, turning, unanswered
 from orchestrator.results.analyses import phases
 from orchestrator.results.energy import ledger
 from orchestrator.results.given_parts import given_parts
@@ -50,11 +50,13 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "energy": None,
         "error": None,
         "checks": {},
+        "checks_after_end": {},
         "observables": {},
         "windows": {},
         "phases": [],
         "warnings": [],
         "validity": [],
+        "passed_over": [],
     }
 
 
@@ -63,6 +65,7 @@ def evaluate(run: RunData, scene: SystemScene, simulated: float) -> dict[str, An
     return balance(run) | {
         "fmus": fmu_entries(run),
         "checks": checks(run, scene, simulated),
+        "checks_after_end": after_end(scene, simulated),
         "observables": (found := observables(run, scene, simulated)),
         "windows": windows(found, scene, simulated),
         "phases": phase_entries(run),
@@ -75,7 +78,9 @@ def balance(run: RunData) -> dict[str, Any]:
         energy: dict[str, Any] | None = ledger(run)._asdict()
     except Missing:
         energy = None
-    return {"energy": energy, "validity": [entry._asdict() for entry in validity(run).entries]}
+    found = validity(run)
+    entries = [entry._asdict() for entry in found.entries]
+    return {"energy": energy, "validity": entries, "passed_over": found.passed_over}
 
 
 def fmu_entries(run: RunData) -> dict[str, dict[str, str]]:
@@ -164,12 +169,11 @@ def checks(run: RunData, scene: SystemScene, simulated: float) -> dict[str, dict
     Tolerances in the result are absolute; a note gives the reason for a missing value.
     """
     results = {}
-    for name, check in scene.expect.items():
-        end = scene.run.stop if check.end is None else check.end
-        covered = check.start <= end <= simulated + 1e-9
-        if not covered or check.track not in (None, scene.variant):
+    for name, window in _windows_of_checks(scene).items():
+        if not _covered(window, simulated):
             continue
-        value, note = _value(run, check, Window(check.start, end))
+        check = scene.expect[name]
+        value, note = _value(run, check, window)
         tolerance = check.tolerance * (abs(check.expected) if check.relative else 1.0)
         results[name] = {
             "value": value,
@@ -179,6 +183,34 @@ def checks(run: RunData, scene: SystemScene, simulated: float) -> dict[str, dict
             "note": note,
         }
     return results
+
+
+def after_end(scene: SystemScene, simulated: float) -> dict[str, dict[str, float]]:
+    """Return the windows, s, of the checks that look beyond the end of the run."""
+    windows = {name: window for name, window in _windows_of_checks(scene).items() if not _covered(window, simulated)}
+    return {name: {"from": window.start, "to": window.end} for name, window in windows.items()}
+
+
+def check_counts(result: Mapping[str, Any]) -> list[str]:
+    """Return how many checks are met, "1 of 8", and how many look beyond the end of the run."""
+    late, total = result["checks_after_end"].values(), len(result["checks"]) + len(result["checks_after_end"])
+    begin = sum(window["from"] >= result["simulated_time"] for window in late)
+    counts = " and ".join(
+        f"{n} {verb}{'s' * (n == 1)}" for n, verb in ((begin, "begin"), (len(late) - begin, "end")) if n
+    )
+    met = len(result["checks"]) - len(missed_checks(result))
+    return [f"{met} of {total}", *([f"{counts} after the end"] if counts else [])]
+
+
+def _windows_of_checks(scene: SystemScene) -> dict[str, Window]:
+    """Windows of the checks of the scene's kind of links."""
+    checks = {name: check for name, check in scene.expect.items() if check.track in (None, scene.variant)}
+    stop = scene.run.stop
+    return {name: Window(check.start, stop if check.end is None else check.end) for name, check in checks.items()}
+
+
+def _covered(window: Window, simulated: float) -> bool:
+    return window.start <= window.end <= simulated + 1e-9
 
 
 def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:
@@ -199,10 +231,10 @@ def _number_or_reason(evaluate: Callable[[], float], measure: str | None = None)
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", RuntimeWarning)  # the mean of an empty set is NaN, which is reported
             value = float(evaluate())
-    except (Missing, NoSuchSignal) as error:
-        return float("nan"), str(error)
-    except (LookupError, ValueError, ZeroDivisionError):  # the scene has nothing to measure
+    except (KeyError, ValueError, ZeroDivisionError):  # the scene has nothing to measure
         return float("nan"), f"'{measure}' finds nothing to measure in this scene and window"
+    except Exception as error:
+        return float("nan"), unanswered.reason(error)
     return value, "" if np.isfinite(value) else "no finite number comes out of what was recorded"
 
 

@@ -23,17 +23,19 @@ def _error(error: dict[str, Any]) -> str:
         key=lambda name: error["observables"][name]["total"],
     )
     integration = "not known" if error["integration"] is None else f"{error['integration']:.2g}"
+    without = f"; not known for {', '.join(error['without']).replace('_', ' ')}" if error["without"] else ""
     return (
         f"estimated error: {100.0 * error['total']:.2g} % ({decisive.replace('_', ' ')}; all other observables are"
-        f" smaller; coupling {error['coupling']:.2g}, integration {integration}; took {error['wall_time']:.3g} s more)"
+        f" smaller{without}; coupling {error['coupling']:.2g}, integration {integration}; took"
+        f" {error['wall_time']:.3g} s more)"
     )
 
 
 def _headline(r: dict[str, Any]) -> str:
     """Return the first line: scene, links, verdict, number of met checks."""
     links = f", {r['track']} links" if r["track"] else ""
-    met = len(r["checks"]) - len(summary.missed_checks(r))
-    checks = f"; {met} of {len(r['checks'])} checks are met" if r["checks"] else ""
+    met, *late = summary.check_counts(r)
+    checks = f"; {'; '.join((f'{met} checks are met', *late))}" if r["checks"] or late else ""
     return f"{r['scene']}{links}: {summary.verdict(r)}{checks}"
 
 
@@ -152,6 +154,7 @@ def lines(r: dict[str, Any]) -> list[str]:
         _balance(r["energy"]) if r["energy"] else "",
         *(warning(entry) for entry in r["warnings"]),
         *(validity(entry) for entry in r["validity"]),
+        *(f"warning: {sentence}" for sentence in r["passed_over"]),
         f"{r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back"
         if r["rejected_steps"]
         else "",

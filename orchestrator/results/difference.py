@@ -19,6 +19,7 @@ import numpy as np
 from orchestrator.log.reader import Log
 from orchestrator.results.alignment import TIME, Alignment
 from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window, record_durations, within
+from orchestrator.results.unanswered import UNANSWERED
 
 WINDOW = 1.0  # s
 INTERVAL = 0.01  # s: joint forces are compared as means over this time; sparser logs as they are
@@ -77,7 +78,7 @@ def differences(
                 a, b = (_within(each, filled if observable.windowed else window) for each in pair)
                 with np.errstate(all="ignore"):  # runs that blew up overflow; their result shows it
                     found[name] = difference(a, b, observable)
-        except (Missing, LookupError):
+        except UNANSWERED:
             continue
     if not found:
         raise Missing("the two logs have no observable in common, or no time")

@@ -25,7 +25,9 @@ def aliasing_warning(every: int, step: float, teeth: float) -> str:
     if NYQUIST * teeth * interval <= 1.0:
         return ""
     alias = abs(teeth - round(teeth * interval) / interval)
+    enough = links_every(step, teeth)
+    finer = f"run.links = {enough}" if NYQUIST * teeth * enough * step <= 1.0 else "a shorter run.step"
     return (
         f"links are recorded every {1e3 * interval:.4g} ms, but up to {teeth:.4g} teeth pass a second: what they do to "
-        f"links shows at {alias:.4g} Hz; run.links = {links_every(step, teeth)} resolves it"
+        f"links shows at {alias:.4g} Hz; {finer} resolves it"
     )

@@ -157,7 +157,7 @@ def _figures(result: dict[str, Any], energy: dict[str, Any] | None, error: dict[
     not_met = summary.missed_checks(result)
     return {
         "status": result["status"],
-        "checks": f"{len(checks) - len(not_met)} of {len(checks)}",
+        "checks": "; ".join(summary.check_counts(result)),
         NOT_MET: ", ".join(not_met),
         **result["observables"],
         **{f"check {name}": check["value"] for name, check in checks.items()},
@@ -165,7 +165,7 @@ def _figures(result: dict[str, Any], energy: dict[str, Any] | None, error: dict[
         **{f"estimated error of {name}": one["total"] for name, one in errors.items()},
         **{f"estimated error of {name}, {one['unit']}": one["absolute"] for name, one in errors.items()},
         "energy residual": energy and energy["residual_relative"],
-        "warnings": len(result["warnings"]) + len(result["validity"]),
+        "warnings": len(result["warnings"]) + len(result["validity"]) + len(result["passed_over"]),
         "wall_time": result["wall_time"],
     }
 

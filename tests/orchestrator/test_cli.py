@@ -17,6 +17,7 @@ from fmus import vehicle as vehicles
 from orchestrator.cli import printed
 from orchestrator.cli.common import message_and_status
 from orchestrator.execution import summary
+from orchestrator.execution.reported import summary_of
 from orchestrator.execution.summary_text import lines
 from orchestrator.log.extra import BROUGHT
 from orchestrator.log.reader import Log
@@ -31,6 +32,7 @@ KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "cpu_time",
     "real_time_factor", "communication_steps", "rejected_steps", "log", "log_bytes", "seal", "components", "fmus",
     "energy", "error", "checks", "observables", "windows", "phases", "warnings", "validity",
+    "checks_after_end", "passed_over",
 }  # fmt: skip
 
 
@@ -151,7 +153,10 @@ def test_a_failed_check_is_exit_1(cotrack):
     result = last(out)
     assert result["status"] == "ok"
     assert result["checks"]["rest"]["ok"] is False
-    assert lines(result)[0] == "hanging_chain, flexible links: checks NOT met: rest; 0 of 1 checks are met"
+    assert (
+        lines(result)[0]
+        == "hanging_chain, flexible links: checks NOT met: rest; 0 of 3 checks are met; 2 begin after the end"
+    )
 
 
 @pytest.mark.parametrize(
@@ -258,6 +263,29 @@ def test_a_log_that_is_being_written_is_called_so(cotrack, tmp_path):
     recorder.close("ok", "", 0)
     assert cotrack("log", "verify", "a.mcap")[0] == 0
     assert "/a/out:\n  x [m]\n" in cotrack("log", "info", "a.mcap", "--signals")[1]
+
+
+@pytest.mark.parametrize(
+    ("window", "said"),
+    [
+        ("from=0.02, to=0.03", "2 of 3 checks are met; 1 begins after the end"),
+        ("from=0.01, to=0.03", "2 of 3 checks are met; 1 ends after the end"),
+        ("from=0.01, to=0.02", "3 of 3 checks are met"),  # the twin
+    ],
+)
+def test_checks_after_the_end_are_counted(cotrack, window, said):
+    """In the summary, in --json, in the summary of the log and in the report."""
+    check = 'expect.{}={{signal="chain.tension.max", expected=0, tolerance=1e9{}}}'
+    settings = ("expect={}", check.format("now", ""), check.format("later", f", {window}"), check.format("rest", ""))
+    status, out, err = cotrack(*SHORT, "--no-estimate", *(part for each in settings for part in ("--set", each)))
+    result = last(out)
+    assert (status, lines(result)[0]) == (0, f"hanging_chain, flexible links: ok; {said}"), err
+    covered = "end" not in said
+    assert set(result["checks_after_end"]) == (set() if covered else {"later"})
+    assert result["checks_after_end"] == summary_of(result["log"])["checks_after_end"]
+    assert cotrack("report", result["log"], "-o", "page.html")[0] == 0
+    page = Path("page.html").read_text(encoding="utf-8")
+    assert ("3 of 3 checks met." if covered else "2 of 3 checks met; 1 beyond its end.") in page
 
 
 def test_checks_that_cannot_be_made_say_why(cotrack):

@@ -7,17 +7,18 @@ import sys
 
 import numpy as np
 import pytest
+from short_run import SHORT, last
 
 from fmus.vehicle import BadInput
 from orchestrator.cli import main, printed
 from orchestrator.execution import precision
-from orchestrator.execution.estimate import companions, estimate
+from orchestrator.execution.estimate import _NoEstimate, _with_differences, companions, estimate
 from orchestrator.execution.precision import Setting, cheapest, fraction, pareto_front
 from orchestrator.execution.recorded_results import decode
 from orchestrator.execution.reported import summary_of
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary_text import lines
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.results.difference import (
     Observable,
     ObservableDifference,
@@ -171,6 +172,41 @@ def test_a_companion_that_cannot_be_right_estimates_nothing(tmp_path):
     entry = estimate(scene, tmp_path / "no.mcap", summary, record)
     assert entry["total"] is None
     assert "cannot be right: 40 % open" in entry["message"]
+
+
+def test_a_companion_that_ends_early_estimates_nothing(tmp_path):
+    def record(scene, path):
+        ended = share * scene.run.stop
+        return {"status": "ok", "message": "", "energy": None, "simulated_time": ended, "log": "no.mcap"}
+
+    scene, costs = load("straight", "flexible", ()), {"left_track": {"steps": 8000}, "chassis": {"steps": 0}}
+    summary = {"components": costs, "simulated_time": 8.0, "communication_steps": 8000}
+    share = 0.5
+    entry = estimate(scene, tmp_path / "no.mcap", summary, record)
+    assert (entry["total"], entry["message"]) == (None, "the run at twice the step ends at 4 s")
+    share = 1.0
+    with pytest.raises(LogUnreadable, match=r"no\.mcap"):  # the twin: it goes on to the logs
+        estimate(scene, tmp_path / "no.mcap", summary, record)
+
+
+@pytest.mark.parametrize(("groups", "without"), [("['tension']", ["pins"]), ("['tension','position']", [])])
+def test_observables_without_an_estimate_are_named(cotrack, groups, without):
+    status, out, err = cotrack(*SHORT, "--set", f"track.link_outputs={groups}")
+    result = last(out)
+    assert status == 0, err
+    assert result["error"]["without"] == without
+    assert set(result["error"]["observables"]) == {"tension", "pins"} - set(without)
+    assert ("; not known for pins; coupling" in "\n".join(lines(summary_of(result["log"])))) == bool(without)
+
+
+def test_a_difference_that_is_no_number_is_no_estimate():
+    """Of two observables one is infinite in one part: the other one decides; alone there is no estimate."""
+    good, bad = (ObservableDifference(1.0, share, "m", decisive=True) for share in (0.1, math.inf))
+    parts = {"coupling": {}, "integration": {"a": good, "b": bad}, "total": {"a": good, "b": good}}
+    found, without = _with_differences(parts, ["a", "b", "c"])
+    assert (found["total"], found["coupling"], without) == ({"a": good}, {}, ["b", "c"])
+    with pytest.raises(_NoEstimate, match="no observable has a finite difference"):
+        _with_differences(parts, ["b", "c"])
 
 
 def test_a_study_makes_no_run_twice():

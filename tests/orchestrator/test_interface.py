@@ -39,7 +39,7 @@ def test_an_opened_log_has_the_summary_of_its_run(run):
     assert opened.ok
     assert repr(opened) == repr(run)
     head, pace, *_, cost, _, _ = repr(run).splitlines()
-    assert head == "hanging_chain, flexible links: ok; 1 of 1 checks are met"
+    assert head == "hanging_chain, flexible links: ok; 1 of 3 checks are met; 2 begin after the end"
     assert "real time, after" in pace
     assert cost.startswith("  chain ")
     assert f"<pre>{repr(run)[:20]}" in run._repr_html_()

@@ -1,6 +1,7 @@
 """Links are recorded often enough to show tooth passings; if not, a warning says so."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -36,6 +37,12 @@ def test_without_teeth_seldom():
 def test_the_frequency_that_shows_is_that_of_the_samples(step, teeth, every):
     sentence = aliasing_warning(every, step, teeth)
     assert bool(sentence) == (NYQUIST * teeth * every * step > 1.0)
+    if sentence and (advice := re.search(r"run\.links = (\d+) resolves it", sentence)):
+        assert int(advice[1]) < every, "advised where it is set"
+        assert not aliasing_warning(int(advice[1]), step, teeth), "it does not resolve it"
+    elif sentence:
+        assert sentence.endswith("; a shorter run.step resolves it")
+        assert aliasing_warning(1, step, teeth), "the twin: records of every step resolve it"
     if sentence and teeth * every * step < 1e3:
         shown = float(sentence.partition("shows at ")[2].split()[0])
         t = np.arange(200) * every * step

@@ -11,15 +11,17 @@ from mcap.reader import make_reader
 from fmus.soils import named
 from fmus.standing import ground_level
 from fmus.vehicle import BadInput
+from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
+from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results import measures
+from orchestrator.results import measures, unanswered
 from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import heading
-from orchestrator.results.page.evaluation import RunSummary, evaluate
-from orchestrator.results.run_data import EVER, RunData
-from orchestrator.results.validity import contact_step, ledger, limits
+from orchestrator.results.page.evaluation import RunSummary, attempt, evaluate
+from orchestrator.results.run_data import EVER, Missing, RunData
+from orchestrator.results.validity import contact_step, creep, ledger, limits
 from orchestrator.results.validity.exceedance import recorded_entries
 from orchestrator.results.validity.piece import LENGTH
 from orchestrator.results.validity.tooth_jump import jumps
@@ -152,6 +154,8 @@ def settled(tmp_path_factory):
     path = tmp_path_factory.mktemp("validity") / "settled.mcap"
     result = simulate(load("settle", "rigid", ("run.stop=0.25 s", "run.links=5", "symmetric=true")), path)
     assert (result["message"], result["validity"]) == ("", [])
+    with Log(path) as log:
+        assert ledger.validity(RunData(log)).unchecked == {}, "a kind cannot look at an ordinary run"
     return path
 
 
@@ -362,6 +366,49 @@ def test_a_step_that_is_long_for_a_link_between_wheel_and_ground(ms, long):
     assert [entry.place for entry in entries] == ["link"] * long
     if long:
         assert entries[0].value == pytest.approx(np.sqrt(4e6 / 18.02) * ms * 1e-3)
+
+
+# faults
+
+
+@pytest.mark.parametrize("error", [NameError("n"), AttributeError("n"), KeyError("n"), TypeError("n"), IndexError("n")])
+def test_a_kind_that_breaks_is_counted_and_fails_a_test(tmp_path, monkeypatch, error):
+    """A fault of ours is counted, also in the summary of a run; what a log does not hold is no fault."""
+    path = running(tmp_path / "a.mcap", np.linspace(0.0, 1.0, 20), np.zeros(20))
+    with Log(path) as log:
+        whole = ledger.validity(RunData(log))
+
+    def broken(piece):
+        raise error
+        yield
+
+    monkeypatch.setattr(creep, "find", broken)
+    with Log(path) as log, pytest.raises(type(error)):
+        ledger.validity(RunData(log))
+    monkeypatch.setattr(unanswered, "FAULTS_RAISE", False)
+    said = f"1 of {len(ledger.KINDS)} kinds of validity not looked at: creep: {type(error).__name__}: {error}"
+    with Log(path) as log:
+        found = ledger.validity(RunData(log))
+        assert summary.balance(RunData(log))["passed_over"] == [said]
+    assert (found.passed_over, found.entries) == ([said], whole.entries)
+    assert f"not looked at, creep: {type(error).__name__}: {error}" in found.table().notes
+    error = Missing("the log has no 'speed'")
+    with Log(path) as log:
+        lacking = ledger.validity(RunData(log))
+    assert (lacking.passed_over, lacking.unchecked["creep"]) == ([], "the log has no 'speed'")
+
+
+def test_a_section_that_breaks_fails_a_test(monkeypatch):
+    """The same of the report: a fault of ours is among what is missing, an error of the log's reader is none."""
+    missing = []
+    with pytest.raises(ZeroDivisionError):
+        attempt(lambda: 1 / 0, missing)
+    monkeypatch.setattr(unanswered, "FAULTS_RAISE", False)
+    attempt(lambda: 1 / 0, missing)
+    attempt(lambda: [][0], missing)
+    assert missing == ["ZeroDivisionError: division by zero", "IndexError: list index out of range"]
+    with pytest.raises(LogUnreadable):
+        attempt(lambda: (_ for _ in ()).throw(LogUnreadable("damaged")), missing)
 
 
 # messages of a run

@@ -107,14 +107,14 @@ def stretches(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Stre
     try:
         vehicle = scene["vehicle"]
         end, near = sprocket_end(scene), min(NEAR, NEAR_SHORT * float(vehicle["track"]["pitch"]))
-        round_sprocket = np.linalg.norm(middle, axis=1) < pitch_radius(vehicle) + near
-        farthest = (end * middle[:, 0]).argmin()
+        wrap = pitch_radius(vehicle) + near
         radius = float(vehicle["idler"]["radius"]) + float(vehicle["track"]["face"])
-        idler = middle[farthest] + [end * radius, 0.0]
-        round_idler = np.linalg.norm(middle - idler, axis=1) < radius + near
-        level = 0.5 * (middle[:, 1].max() + middle[:, 1].min())
-    except (LookupError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError):  # another scene, or a table of another version
         return []
+    round_sprocket = np.linalg.norm(middle, axis=1) < wrap
+    idler = middle[(end * middle[:, 0]).argmin()] + [end * radius, 0.0]
+    round_idler = np.linalg.norm(middle - idler, axis=1) < radius + near
+    level = 0.5 * (middle[:, 1].max() + middle[:, 1].min())
     runs = np.where(middle[:, 1] > level, "upper run", "lower run")
     names = np.where(round_sprocket, "sprocket", np.where(round_idler, "idler", runs))
     edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1), len(names)]

@@ -7,7 +7,6 @@ from html import escape
 from typing import Any
 
 from orchestrator.results import measures
-from orchestrator.results.page.evaluation import Evaluation
 from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.page.words import and_list, plain, text
 from orchestrator.results.units import number
@@ -20,7 +19,7 @@ def checks(pair: Pair) -> PageSection:
     evaluation = pair.run
     expected = evaluation.run.scene.get("expect")
     rows = [_row(name, check, expected) for name, check in evaluation.summary.checks.items()]
-    left_out = [text(plain(name)) for name in skipped_checks(evaluation)]
+    left_out = [text(plain(name)) for name in evaluation.summary.after_end]
     if rows:
         html = "<p>Made anew from this record when the page was written. Ratios and counts have no unit.</p>"
         html += table(HEAD, rows, "checks")
@@ -35,19 +34,6 @@ def checks(pair: Pair) -> PageSection:
             f"<p>Not made, because the record does not reach the end of what they look at: {and_list(left_out)}.</p>"
         )
     return PageSection("checks", "Checks", "Did the checks hold?", html, {})
-
-
-def skipped_checks(evaluation: Evaluation) -> list[str]:
-    """Names of the scene's checks, for the track model of the run, that were not made."""
-    expected, track = evaluation.run.scene.get("expect"), evaluation.run.scene.get("track")
-    if not isinstance(expected, dict):
-        return []
-    model = track.get("model") if isinstance(track, dict) else None
-    return [
-        name
-        for name, check in expected.items()
-        if name not in evaluation.summary.checks and isinstance(check, dict) and check.get("track") in (None, model)
-    ]
 
 
 def _row(name: str, check: Any, expected: Any) -> tuple[str, ...]:

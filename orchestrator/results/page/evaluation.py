@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
-from orchestrator.log.container_reader import LogUnreadable
-from orchestrator.log.extra import NotInstalled
 from orchestrator.results.analyses import curves, link_loads, phases, turn_curves, wheel_loads
 from orchestrator.results.analyses.curves import Ripple, SignalCurve
 from orchestrator.results.analyses.link_loads import LinkLoads
@@ -16,12 +14,11 @@ from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.energy import Ledger, ledger
 from orchestrator.results.run_data import RunData
 from orchestrator.results.thinned import Curve
+from orchestrator.results.unanswered import reason
 
 Made = TypeVar("Made")
 ALIKE = 1e-6  # relative difference of values that count as equal
 HULL = ("speed", "distance", "pitch", "roll", "yaw", "settlement", "chassis.angular_velocity.z")
-# errors of an evaluation if the log lacks something, or holds something odd, or a library is missing
-EVALUATION_ERRORS = (NotInstalled, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
 
 
 class RunSummary(NamedTuple):
@@ -30,6 +27,7 @@ class RunSummary(NamedTuple):
     checks: Mapping[str, Mapping[str, Any]]  # by name: value, expected, tolerance, ok, note
     observables: Mapping[str, float]
     windows: Mapping[str, Mapping[str, float]] = MappingProxyType({})  # averaging window by observable, s
+    after_end: Mapping[str, Mapping[str, float]] = MappingProxyType({})  # windows, s, of checks that it does not cover
     note: str = ""  # reason if there are none
     command: str | None = None  # command that makes the run again
 
@@ -122,11 +120,9 @@ def evaluate(run: RunData, summary: RunSummary) -> Evaluation:
 
 
 def attempt(make: Callable[[], Made], missing: list[str]) -> Made | None:
-    """Result of ``make``; None after an error, whose sentence goes to ``missing``. Raises LogUnreadable."""
+    """Result of ``make``; None after an error, whose sentence goes to ``missing``. Raises as ``reason`` does."""
     try:
         return make()
-    except LogUnreadable:
-        raise
-    except EVALUATION_ERRORS as reason:
-        missing.append(str(reason) or type(reason).__name__)
+    except Exception as error:
+        missing.append(reason(error))
         return None

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 from fmus.ground_keys import SHAPES, SLOPES
 from orchestrator.results.given_parts import GivenPart, given_parts
 from orchestrator.results.ground_surface import on_terrain
-from orchestrator.results.page.checks import skipped_checks
 from orchestrator.results.page.evaluation import Evaluation
 from orchestrator.results.page.words import instance, text
 from orchestrator.results.units import number, percent
@@ -129,9 +128,10 @@ def verdict(evaluation: Evaluation) -> Assessment:
     """Assessment of the run by its closing record, checks, limits of validity and energy ledger."""
     log, checks = evaluation.run.log, evaluation.summary.checks
     missed_checks = [name for name, check in checks.items() if not check["ok"]]
-    skipped_count = len(skipped_checks(evaluation))
-    check_counts = f"{len(checks) - len(missed_checks)} of {len(checks)} checks met" if checks else "no check was made"
-    check_counts += f"; {skipped_count} more could not be made" if skipped_count else ""
+    skipped_count = len(evaluation.summary.after_end)
+    check_count = len(checks) + skipped_count
+    check_counts = f"{len(checks) - len(missed_checks)} of {check_count} checks met" if checks else "no check was made"
+    check_counts += f"; {skipped_count} beyond its end" if skipped_count else ""
     open_share = abs(evaluation.ledger.residual_relative) if evaluation.ledger else 0.0
     if log.closing is None:
         return Assessment("bad", "Cut off", f"{text(log.cut_off or 'The run is still going on')}; {check_counts}.")

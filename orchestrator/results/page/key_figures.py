@@ -11,7 +11,7 @@ from orchestrator.results.analyses.link_records import has
 from orchestrator.results.analyses.unloaded import starts_as_drawn
 from orchestrator.results.energy import Ledger
 from orchestrator.results.page.balance import supply
-from orchestrator.results.page.evaluation import ALIKE, EVALUATION_ERRORS, Evaluation
+from orchestrator.results.page.evaluation import ALIKE, Evaluation
 from orchestrator.results.page.words import instance, quantity, text, wheel
 from orchestrator.results.units import number, percent
 
@@ -176,7 +176,7 @@ def _error(evaluation: Evaluation, figures: dict[str, Any]) -> Tile:
             if observable["decisive"]
         }
         worst = max(parts, key=lambda name: parts[name])
-    except EVALUATION_ERRORS:
+    except (LookupError, TypeError, ValueError, AttributeError):  # a closing record of another version
         return Tile("Estimated error", percent(error["value"], 2), "")
     note = f"of {text(worst.replace('_', ' '))}, the worst observable (RMS), by runs with steps twice as long"
     return Tile("Estimated error", percent(error["value"], 2), note)

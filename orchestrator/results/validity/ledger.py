@@ -6,8 +6,9 @@ from collections.abc import Iterable, Sequence
 from itertools import chain
 from typing import NamedTuple
 
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Table
+from orchestrator.results.unanswered import UNANSWERED, reason
 from orchestrator.results.validity import (
     belly,
     compression,
@@ -25,26 +26,31 @@ from orchestrator.results.validity.piece import pieces
 
 KINDS = (contact_step, penetration, seats, tooth_jump, idler_travel, compression, creep, lift, belly, crossed_rut)
 
-# errors of logs that lack signals, and of scenes of another kind or origin
-UNFIT = (Missing, LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
-
 
 class Validity(NamedTuple):
     """Entries of a run."""
 
     entries: tuple[Exceedance, ...]  # in order of time
-    unchecked: dict[str, str]  # reason by module that could not look
+    unchecked: dict[str, str]  # reason by module that could not look because of what the log lacks
+    broken: dict[str, str]  # error by module that has a fault
 
     @property
     def failures(self) -> tuple[Exceedance, ...]:
         """Failures, which end the model's validity unless the scene allows them."""
         return tuple(entry for entry in self.entries if entry.severity == FAILURE)
 
+    @property
+    def passed_over(self) -> list[str]:
+        """Sentence on the kinds with a fault."""
+        faults = "; ".join(f"{name.replace('_', ' ')}: {error}" for name, error in self.broken.items())
+        return [f"{len(self.broken)} of {len(KINDS)} kinds of validity not looked at: {faults}"] if faults else []
+
     def table(self) -> Table:
         """Table with a row for each entry."""
         columns = (("time", "s"), ("component", ""), ("kind", ""), ("severity", ""), ("what", ""))
         rows = [(entry.time, entry.component, entry.what, entry.severity, entry.sentence) for entry in self.entries]
-        notes = tuple(f"not looked at, {name.replace('_', ' ')}: {reason}" for name, reason in self.unchecked.items())
+        reasons = {**self.unchecked, **self.broken}.items()
+        notes = tuple(f"not looked at, {name.replace('_', ' ')}: {reason}" for name, reason in reasons)
         return Table.of(f"{len(rows)} limits passed", columns, rows, notes)
 
 
@@ -58,14 +64,18 @@ def _validity(run: RunData, window: Window) -> Validity:
     allowed = run_table.get("allow") if isinstance(run_table, dict) else None
     entries: list[Exceedance] = []
     unchecked: dict[str, str] = {}
+    broken: dict[str, str] = {}
     names = chain.from_iterable(kind.signals(run) for kind in KINDS)
     for piece in pieces(run, names, window):
         for kind in KINDS:
+            name = kind.__name__.rpartition(".")[2]
             try:
                 entries += kind.find(piece)
-            except UNFIT as problem:
-                unchecked[kind.__name__.rpartition(".")[2]] = str(problem)
-    return Validity(tuple(merge(soften(entries, allowed if isinstance(allowed, list) else ()))), unchecked)
+            except UNANSWERED as problem:
+                unchecked[name] = str(problem)
+            except Exception as fault:
+                broken[name] = reason(fault)
+    return Validity(tuple(merge(soften(entries, allowed if isinstance(allowed, list) else ()))), unchecked, broken)
 
 
 def soften(entries: Iterable[Exceedance], allowed: Sequence[str]) -> list[Exceedance]:

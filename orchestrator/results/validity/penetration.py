@@ -9,7 +9,8 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.ground_surface import gives_way, ground
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import RunData, Window
+from orchestrator.results.unanswered import UNANSWERED
 from orchestrator.results.validity import limits
 from orchestrator.results.validity.exceedance import Exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
@@ -41,7 +42,7 @@ def deepest(run: RunData, track: str, t: float, depth: float) -> str:
     """
     try:
         depth_by_name = depths(run, track, t)
-    except (Missing, LookupError):
+    except UNANSWERED:
         return ""
     name = max(depth_by_name, key=lambda key: depth_by_name[key], default="")
     return name if name and depth_by_name[name] > EXPLAINS * depth else "sprocket"
