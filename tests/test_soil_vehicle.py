@@ -1,4 +1,4 @@
-"""A vehicle on dry sand: equilibrium in its own rut, resistance of compaction, second pass, saved states."""
+"""A vehicle on dry sand: equilibrium in its rut, resistance, second pass, saved states, convergence with the step."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from fmus.physics.contact.soil import pressure
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE, SHEAR
 from fmus.physics.contact.soil.rut import FIRST, MADE, TILE, TILES
 from fmus.vehicle import BadInput
+from orchestrator.execution.estimate import SHARE
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import turning
+from orchestrator.results.difference import differences, worst
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
@@ -156,6 +158,46 @@ def test_turns_on_sand_mirror_each_other(tmp_path, settings):
     most = 0.4 * 155.9e3 * 0.54 * np.sum(lever * (1.0 - (1.0 - np.exp(-across)) / across))
     assert 0.75 * most < moment < most
     assert inner < 0.0 < outer
+
+
+# --- convergence ---
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """Function: differences of the runs of 3 s with two steps, H = h, ms, by observable."""
+    folder, logs = tmp_path_factory.mktemp("steps"), {}
+    for h in (4.0, 2.0, 1.0, 0.5, 0.25, 0.125):
+        steps = [f"run.step={h} ms", f"track.step={h} ms", "run.stop=3 s", "expect={}"]
+        result = simulate(load("soft_ground", "rigid", steps), folder / f"{h}.mcap")
+        assert result["status"] == "ok", result["message"]
+        logs[h] = result["log"]
+
+    def differ(one, other):
+        with Log(logs[one]) as run, Log(logs[other]) as reference:
+            return differences(RunData(run), RunData(reference))
+
+    return differ
+
+
+@pytest.mark.study
+def test_a_run_on_soil_converges_with_first_order(compared):
+    """RMS of the position over 3 s, e(h) = C (h^p - 0.125^p): e(1) / e(0.25) is 7 for p = 1, 4.4 for 0.5, 21 for 2."""
+    errors = {h: compared(h, 0.125)["position"].absolute for h in (2.0, 1.0, 0.5, 0.25)}
+    assert 5.5 < errors[1.0] / errors[0.25] < 9.0  # p = 0.75 and 1.25
+    assert 10.3 < errors[2.0] / errors[0.25] < 22.5
+    assert sorted(errors.values()) == [errors[h] for h in (0.25, 0.5, 1.0, 2.0)]
+    assert errors[1.0] < 0.2e-3
+
+
+@pytest.mark.study
+def test_the_estimate_on_soil_is_within_a_factor_of_3(compared):
+    """The worst observable, which is torque, and position, speed and pitch."""
+    for h in (2.0, 1.0, 0.5):
+        error, estimate = compared(h, 0.125), compared(2.0 * h, h)
+        assert 1.0 / 3.0 < SHARE * worst(estimate) / worst(error) < 3.0
+        for name in ("position", "velocity", "pitch", "torque"):
+            assert 1.0 / 3.0 < SHARE * estimate[name].relative / error[name].relative < 3.0
 
 
 # --- soil on a terrain ---

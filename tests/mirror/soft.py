@@ -3,7 +3,7 @@
 Bekker's pressure k z^n, Wong's unloading, Janosi and Hanamoto's shear as the equation K dm/ds = d - m, Mohr and
 Coulomb's strength: ``fmus/physics/contact/soil/README.md``. The soil is level, and damping 0. Each point keeps its
 deepest sinkage while it is below the surface, reads it from the rut as it goes below, and presses its part of the link
-into the rut as it leaves.
+into the rut as it leaves. A point that lifts off loses its shear over the height of the elastic rebound.
 """
 
 from __future__ import annotations
@@ -56,6 +56,13 @@ class Law:
         """Shear strength, Pa; none without pressure."""
         return np.where(pressure > 0.0, self.c + self.tan * pressure, 0.0)
 
+    def lifted(self, m: Floats, deepest: Floats, z: Floats) -> Floats:
+        """Mobilised shear (p, 3) limited by the height of the link over the soil, over that of the elastic rebound."""
+        rebound = self.first(deepest) / self.unloading(deepest)
+        height = np.divide(deepest - rebound - z, rebound, out=np.zeros_like(z), where=rebound > 0.0)
+        length = np.maximum(np.linalg.norm(m, axis=1), 1e-300)
+        return m * np.minimum(np.clip(1.0 - height, 0.0, 1.0) / length, 1.0)[:, None]
+
     def mobilised(self, m: Floats, way: Floats) -> tuple[Floats, Floats]:
         """Mobilised shear (p, 3) after a straight way (p, 3), and its work by quadrature over the strength, m."""
         r = np.linalg.norm(way, axis=1, keepdims=True)
@@ -105,8 +112,8 @@ def march(law: Law, points: Points) -> Soft:
         bears = pressed > 0.0
         held = bears & inside & (pressure > 0.0)
         way = np.where(held[:, None], points.place[t] - place, 0.0) * (1.0, 1.0, 0.0)
-        after, work = law.mobilised(np.where(held[:, None], m, 0.0), way)
-        after[~bears] = 0.0
+        after, work = law.mobilised(m, way)
+        after = np.where(bears[:, None], after, law.lifted(m, reached, z)) * now[:, None]
         old, new = (law.strength(each) for each in (pressure, pressed))
         spring = [0.5 * law.K * s * (each**2).sum(1) for s, each in ((old, m), (new, after))]
         if t:

@@ -157,6 +157,41 @@ def test_reversal_dissipates_and_holding_does_not_creep():
     assert held.f == force.f
 
 
+def lifted(kind, share, way=0.02, over=0.0):
+    """Mobilised shear of a point that was pressed, dragged, lifted by a share of its rebound, and let down."""
+    point = SoilPoint(law(**kind))
+    z = point.sink(LOAD)
+    rebound = LOAD / AREA / pressure.unloading_slope(point.soil, z)
+    point.go((way, 0.0, -z))
+    point.go((way, 0.0, -z + rebound * (1.0 + share)))
+    place = (way + over, 0.0, -z + 0.5 * rebound)
+    force = point.go(place)
+    assert force == point.go(place)
+    return -force.f[0] / (AREA * (point.soil.cohesion + point.memory[0, PRESSURE] * point.soil.tan))
+
+
+@pytest.mark.parametrize("kind", [SAND, LOAM])
+def test_a_lifted_link_leaves_its_print_by_the_height_of_the_rebound(kind):
+    """A touch of the height 0 changes nothing; then shear is limited by 1 - height / rebound."""
+    full = 1.0 - exp(-0.02 / K)
+    for share in (-0.5, -1e-9, 1e-9, 0.4):
+        assert lifted(kind, share) == pytest.approx(full, rel=1e-9)
+    for share in (0.5, 0.6, 0.9):
+        assert lifted(kind, share) == pytest.approx(min(full, 1.0 - share), rel=1e-9)
+        assert lifted(kind, 1.03 * share) != pytest.approx(min(full, 1.0 - share), rel=1e-2) or full < 1.0 - share
+    assert lifted(kind, 1.0 + 1e-9) == lifted(kind, 5.0) == 0.0
+    assert lifted(kind, 0.6, over=0.01) == pytest.approx(0.4, rel=1e-9)
+
+
+def test_shear_after_a_hop_follows_its_height_without_a_jump():
+    """A link that hops by a little more keeps a little less: no step decides alone whether shear is forgotten."""
+    shares = np.linspace(-0.2, 1.2, 71)
+    kept = np.array([lifted(SAND, share, way=0.1) for share in shares])
+    assert np.max(-np.diff(kept) / np.diff(shares)) == pytest.approx(1.0, rel=1e-6)
+    assert np.diff(kept).max() < 1e-12
+    assert kept[-1] == 0.0
+
+
 @pytest.mark.parametrize("kind", [SAND, LOAM, SAND | {"Au": 0.0, "rebound": 0.1}])
 def test_energy_is_stored_or_lost_by_a_cause(kind):
     """Along a way that presses, turns, lifts and slides: work = stored + compaction + shear, to 1e-6."""

@@ -28,7 +28,7 @@ from fmus.physics.contact.soil.memory import (
     SHEAR,
     WORK,
 )
-from fmus.physics.contact.soil.pressure import first_loading, pressure, reloading
+from fmus.physics.contact.soil.pressure import first_loading, pressure, print_left, reloading
 from fmus.physics.contact.soil.rut import deepest_at
 from fmus.physics.vector import add, dot, put, scale, vector
 
@@ -68,14 +68,14 @@ def soil_force(
         pending[k] = old[k]
     pending[INSIDE], pending[DEEPEST], pending[PRESSURE] = 1.0, max(before, point.depth), pressed
     pending[MOST], pending[BEFORE] = most, before
+    m0, u = vector(old, SHEAR), NOTHING
     if pressed <= 0.0:
-        put(pending, SHEAR, NOTHING)
+        put(pending, SHEAR, shear.limited(m0, print_left(law, before, most, point.depth)))
         pending[WORK] = 0.0
         return ContactForce(NOTHING, NO_MATRIX, NOTHING, 0.0, 0.0, 0.0, 0.0)
-    m0, u = NOTHING, NOTHING
     if held:
-        m0, u = vector(old, SHEAR), add(p, scale(-1.0, vector(old, PLACE)))
-        m0, u = add(m0, scale(-dot(m0, n), n)), add(u, scale(-dot(u, n), n))
+        u = add(p, scale(-1.0, vector(old, PLACE)))
+    m0, u = add(m0, scale(-dot(m0, n), n)), add(u, scale(-dot(u, n), n))
     mobilised = shear.mobilise(law.K, m0, u)
     m, area = mobilised.m, point.share * law.length * law.width
     put(pending, SHEAR, m)

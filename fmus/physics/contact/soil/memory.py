@@ -59,7 +59,7 @@ def commit(soil: Soil, share: float, memory: Floats, pending: Floats, rut: Float
             for k in range(MEMORY):
                 old[k] = new[k]
         elif old[INSIDE] > 0.0:
-            sheared += area * strength(soil, old[PRESSURE]) * stored(soil.K, vector(old, SHEAR))
+            sheared += area * _strength(soil, old) * stored(soil.K, vector(old, SHEAR))
             press_part(soil, share, old, rut)
             for k in range(MEMORY):
                 old[k] = 0.0
@@ -67,10 +67,15 @@ def commit(soil: Soil, share: float, memory: Floats, pending: Floats, rut: Float
 
 
 @kernel
+def _strength(soil: Soil, row: Floats) -> float:
+    """Shear strength under a point with this ``row``, Pa; none where the soil is not touched."""
+    return strength(soil, row[PRESSURE]) if row[PRESSURE] > 0.0 else 0.0
+
+
+@kernel
 def _shear_loss(soil: Soil, old: Floats, new: Floats) -> float:
     """Work of shear in a step less the growth of its stored energy, J/m2, from a row ``old`` to ``new``."""
-    before = strength(soil, old[PRESSURE]) if old[PRESSURE] > 0.0 else 0.0
-    after = strength(soil, new[PRESSURE]) if new[PRESSURE] > 0.0 else 0.0
+    before, after = _strength(soil, old), _strength(soil, new)
     kept = before * stored(soil.K, vector(old, SHEAR)) - after * stored(soil.K, vector(new, SHEAR))
     return 0.5 * (before + after) * new[WORK] + kept
 

@@ -66,6 +66,15 @@ def reloading(soil: Soil, deepest: float, most: float, z: float) -> tuple[float,
 
 
 @kernel
+def print_left(soil: Soil, deepest: float, most: float, z: float) -> float:
+    """Part of its print that a link has not left: from 1 where contact ends to 0 an elastic rebound p_u / k_u higher.
+
+    Arguments as of ``reloading``.
+    """
+    return min(max(2.0 - _unloading(soil, deepest, most) * (deepest - z) / most, 0.0), 1.0)
+
+
+@kernel
 def first_work(soil: Soil, z: float) -> float:
     """Work of the first loading up to the sinkage ``z``, m, J/m2."""
     if z <= 0.0:

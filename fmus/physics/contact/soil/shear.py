@@ -48,6 +48,13 @@ def mobilise(K: float, m0: Vector, u: Vector) -> Shear:
 
 
 @kernel
+def limited(m: Vector, most: float) -> Vector:
+    """Return the mobilised part ``m`` with its length limited to ``most``."""
+    length = np.sqrt(dot(m, m))
+    return scale(most / length, m) if length > most else m
+
+
+@kernel
 def derivative(shear: Shear, n: Vector) -> Nine:
     """Derivative of m by the position of the point, 1/m, on a plane with the unit normal ``n``, by rows."""
     d, c = shear.d, shear.across
