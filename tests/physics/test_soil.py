@@ -208,6 +208,23 @@ def test_energy_is_stored_or_lost_by_a_cause(kind):
     assert point.lost.min() > 0.0
 
 
+def test_energy_of_a_link_that_hops_in_its_print_is_stored_or_lost_by_a_cause():
+    """Lifted by 0.6 of the rebound, four times: the loss has what the hops take of the stored shear."""
+    errors = []
+    for steps in (2000, 8000):
+        point, t = SoilPoint(law(), 0.25), np.linspace(0.0, 1.0, steps + 1)
+        z = point.sink(0.25 * LOAD)
+        rebound = LOAD / AREA / pressure.unloading_slope(point.soil, z)
+        before = point.force((0.0, 0.0, -z)).energy + point.lost.sum()
+        height = 0.8 * rebound * (1.0 - np.cos(25.0 * t))
+        work = moved(point, np.stack([0.08 * t, 0.0 * t, height - z], axis=1))
+        after = point.force((0.08, 0.0, height[-1] - z)).energy + point.lost.sum()
+        errors.append(work / (after - before) - 1.0)
+        assert work / (after - before + 0.01 * point.lost[1]) != pytest.approx(1.0, abs=1e-3)
+    assert abs(errors[1]) < 1e-4
+    assert abs(errors[0] / errors[1]) > 3.0
+
+
 def test_ground_never_gives_back_more_than_was_put_in():
     """Published slopes of unloading are softer than the secant at high pressure; then the secant counts."""
     lete = law(kc=102e3, kphi=5301e3, n=0.79, elastic=1e9)
