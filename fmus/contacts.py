@@ -15,6 +15,7 @@ from fmus.physics.arrays import Vector
 from fmus.physics.contact.ground import GroundShape, bumpy_ground
 from fmus.physics.contact.laws import LAWS
 from fmus.physics.contact.teeth import Teeth, teeth
+from fmus.physics.elementary import hypot
 from fmus.standing import ground_level
 from fmus.start import start_pose
 
@@ -131,18 +132,22 @@ def without_friction(partners: Contacts) -> Contacts:
 
 
 def at_rest(partners: Contacts, gravity: Vector) -> Contacts:
-    """Copy of the partners for the static equilibrium of a chain in its plane under ``gravity``, m/s2.
+    """Copy of the partners for the static equilibrium of a chain under ``gravity``, m/s2 in the track's frame.
 
-    The ground is that in the plane, and its friction balances gravity along the slope. Regularised friction holds a
-    vehicle only while it creeps, all its points at one velocity. Here the ground moves instead and friction is sharp:
-    each point at rest carries its share, the slope times its normal force. Raises InvalidParameter for soil on a slope.
+    The ground is that in the plane of the chain, and its friction balances gravity along the slope. Regularised
+    friction holds a vehicle only while it creeps, all its points at one velocity. Here the ground moves instead and
+    friction is sharp: each point at rest carries its share, the slope times its normal force. Soil has no friction
+    before it is touched; raises InvalidParameter for soil on a slope ahead.
     """
     partners = partners._replace(shape=partners.shape.section())
-    slope = -gravity[0] / gravity[2] if gravity[2] else 0.0
+    ahead, across = (-g / gravity[2] if gravity[2] else 0.0 for g in gravity[:2])
+    slope = hypot(ahead, across)
     if slope == 0.0:
         return partners
     if not _is_hard(partners.soil):
-        raise InvalidParameter("ground.soil needs level ground under the tracks at the start")
-    belt = (-1.0 if slope > 0.0 else 1.0, 0.0, 0.0)
-    soil, shape = partners.soil._replace(mu=abs(slope), v_reg=0.0), partners.shape.without_friction()
+        if ahead:
+            raise InvalidParameter("ground.soil needs level ground under the tracks at the start")
+        return partners
+    belt = (0.0 - ahead / slope, 0.0 - across / slope, 0.0)
+    soil, shape = partners.soil._replace(mu=slope, v_reg=0.0), partners.shape.without_friction()
     return partners._replace(belt=belt, soil=soil, shape=shape)

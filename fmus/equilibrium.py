@@ -4,11 +4,11 @@ The unknowns are height, roll and pitch of the hull and the coordinates of the l
 is brought to its own static equilibrium on these wheels (in which a track starts); with the wrenches of the chains the
 chassis has accelerations, which must vanish. Friction has no influence: regularised friction is zero at rest.
 
-The chains are cables for all kinds of links of the scene, so that all kinds start in the same place: rigid links, beams
-and cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. Chains stay in the upright plane in which a
-track is laid out. The wheels of a vehicle that leans tilt on them; the links resist the tilt as springs side by side
-(``_ChainOnWheels.wheel_wrenches``). Lateral forces of tilted wheels are left out: only friction, which creeps, balances
-them.
+The chains are of one kind for all kinds of links of the scene, so that all kinds start in the same place: rigid links,
+beams and cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. They are cables in an upright plane,
+or, where the hull may lean, rigid links, which tilt between the wheels and the ground. Friction of the ground and of
+the rims, which creeps, balances the lateral forces of tilted wheels and of a side slope (``_ChainOnWheels``); the road
+wheels stand over the middle of the tracks, or on a side slope at their guides.
 
 Method: Newton with an inertia term over the square of a pseudo step that grows as the accelerations fall
 (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35(2), 1998, doi 10.1137/S0036142996304796); the
@@ -30,14 +30,16 @@ from fmus.chassis.observe import put_sides
 from fmus.jit import plain
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.arrays import Floats, Vector
+from fmus.physics.elementary import sin
 from fmus.physics.elimination import solved
 from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import STATE, WRENCH
 from fmus.sources import source_hash
-from fmus.stance import Stance, roll_pitch_quaternion, stance
+from fmus.stance import Stance, stance
 from fmus.start import LEVEL, StartPose
 from fmus.track_flexible.model import Model as Cables
+from fmus.track_rigid.model import Model as RigidLinks
 from fmus.vehicle import BadInput
 
 FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
@@ -45,7 +47,6 @@ LARGEST_CHANGE = 0.05  # largest change of an unknown in a pseudo step, m or rad
 DIFFERENCE = 1e-6  # finite difference for the Jacobian, m or rad
 REST_ACCELERATION = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
 MOST_STEPS = 60  # pseudo steps
-LIFT = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load gives the vertical stiffness
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 
 
@@ -101,11 +102,6 @@ def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
     }
 
 
-def upright_stance(place: Stance, pitch: float) -> Stance:
-    """Stance of a wheel for a chain that stays in its plane: no lateral offset, no roll; ``pitch``, rad."""
-    return stance((place[0], 0.0, place[2], *roll_pitch_quaternion(0.0, pitch)))
-
-
 def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
     """Whether the two sides carry different loads, so that the hull rolls."""
     vehicle = chassis["vehicle"]
@@ -129,8 +125,13 @@ class _Vehicle:
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})
         self.leaves = len(chassis["vehicle"]["road_wheel"]["x"]) + 1  # with a coordinate, on a side
+        self._plane = chassis["vehicle"]["track"]["lateral"]
+        self._hang = chassis["vehicle"]["road_wheel"]["z"] - chassis["vehicle"]["chassis"]["centre"][2]
+        kind = Cables if self.half else RigidLinks
         self._chains = {
-            sides.index(side): _ChainOnWheels(track, self.gravity) for side, track in tracks.items() if side in sides
+            sides.index(side): _ChainOnWheels(kind, track, self.gravity)
+            for side, track in tracks.items()
+            if side in sides
         }
         self.unknowns = [
             HEIGHT,
@@ -144,7 +145,8 @@ class _Vehicle:
         height, roll, pitch, *leaves = guess.tolist()
         left = leaves[: self.leaves]
         right = left if self.half else leaves[self.leaves :]
-        return VehicleEquilibrium(height, roll, pitch, left, right, self.lateral)
+        lateral = self.lateral + (self._hang - height) * sin(roll)  # road wheels keep their place across the tracks
+        return VehicleEquilibrium(height, roll, pitch, left, right, lateral)
 
     def accelerations(self, guess: Floats) -> Floats:
         """Accelerations of the free unknowns of a vehicle at rest at ``guess``, m/s2 and rad/s2.
@@ -155,7 +157,8 @@ class _Vehicle:
         motions = _motions(self.chassis, x)
         wrenches = np.zeros((len(motions), len(motions[0]), WRENCH))
         for side, chain in self._chains.items():
-            wrenches[side] = chain.wheel_wrenches(motions[side], guess[ROLL], guess[PITCH])
+            motions[side, :, 1] += (2.0 * side - 1.0) * self._plane
+            wrenches[side] = chain.wheel_wrenches(motions[side])
         out = np.zeros_like(x)
         rates(self.chassis.tree, self.chassis.parts.contacts, None, x, wrenches.ravel(), out)
         n = len(self.chassis.tree.is_arm)
@@ -167,44 +170,36 @@ class _Vehicle:
 class _ChainOnWheels:
     """A chain that is brought to rest on given wheels; the search begins at the last equilibrium."""
 
-    def __init__(self, track: FlexibleTrack, gravity: Vector) -> None:
-        self._model = Cables({**track.config, "link_outputs": False})
+    def __init__(self, kind: Any, track: FlexibleTrack, gravity: Vector) -> None:
+        self._model = kind({**track.config, "link_outputs": False})
         self._model.initialise(track.parameters)
         _, across, up = gravity
-        self._lateral = across / up if up else 0.0  # lateral force on a road wheel, over its vertical load
+        self._lateral = across / up if up else 0.0  # lateral force on the wheels, over their vertical load
         wheels = self._model.wheel_list
         rims = (wheel for wheel in wheels if wheel["kind"] == "rim")
         radii = [wheel["radius"] if wheel["name"].startswith("road_wheel") else 0.0 for wheel in rims]
         self._radius = np.array([*radii, 0.0])  # of road wheels, m; the sprocket is last here
-        self._arm = 0.25 * self._model.vehicle["track"]["width"]  # lever of the two faces of a link, m
         self._last: tuple[Floats, Floats] = np.zeros((0, WIDTH)), np.zeros((0, WRENCH))  # rows, wrenches
 
-    def wheel_wrenches(self, motions: Floats, roll: float, pitch: float) -> Floats:
-        """Wrenches (wheels, 6) on the wheels and the sprocket with these motions (wheels, 13)."""
-        rest_motions = np.zeros((len(motions), STATE))
-        rest_motions[:, [0, 2]], rest_motions[:, 3:7] = motions[:, [0, 2]], roll_pitch_quaternion(0.0, pitch)
+    def wheel_wrenches(self, motions: Floats) -> Floats:
+        """Wrenches (wheels, 6) on the wheels and the sprocket with these motions (wheels, 13), y from the track."""
         rows = np.zeros((len(motions), WIDTH))
-        plain(read_states)(np.roll(rest_motions, 1, axis=0).ravel(), LEVEL, rows)  # a track has its sprocket first
+        plain(read_states)(np.roll(motions, 1, axis=0).ravel(), LEVEL, rows)  # a track has its sprocket first
+        rows[:, 3:9] = 0.0
         if not np.array_equal(rows, self._last[0]):
-            wrenches = self._rest_wrenches(rows)
-            if roll:  # each face has half of the stiffness
-                lifted = self._rest_wrenches(rows + LIFT)
-                wrenches[:, 3] = (lifted - wrenches)[:, 2] / LIFT[2] * self._arm**2 * roll
-            if self._lateral:
+            self._model.find_equilibrium(rows)
+            wrenches = np.roll(self._model.s.mean[: len(rows)], -1, axis=0)
+            if rows[0, 11] or self._lateral:
                 self._add_lateral(wrenches)
             self._last = rows, wrenches
         return self._last[1]
 
     def _add_lateral(self, wrenches: Floats) -> None:
-        """Add the lateral forces of a side slope, at the rims of the road wheels in proportion to their loads."""
+        """Add friction that makes up for lateral forces, at the rims of road wheels in proportion to their loads."""
         loads = np.where(self._radius > 0.0, wrenches[:, 2], 0.0)
-        lateral = self._lateral * wrenches[:, 2].sum() * loads / loads.sum()
+        lateral = (self._lateral * wrenches[:, 2].sum() - wrenches[:, 1].sum()) * loads / loads.sum()
         wrenches[:, 1] += lateral
         wrenches[:, 3] += self._radius * lateral
-
-    def _rest_wrenches(self, rows: Floats) -> Floats:
-        self._model.find_equilibrium(rows)
-        return np.roll(self._model.s.mean[: len(rows)], -1, axis=0)
 
 
 def _motions(chassis: Any, x: Floats) -> Floats:

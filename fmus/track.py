@@ -38,7 +38,7 @@ from fmus.physics.chain.layout import (
 )
 from fmus.physics.chain.outcome import PINS_OPEN, SINGULAR, STALLED, STEP_TOO_SHORT, UNSTABLE
 from fmus.physics.chain.report import COUNTERS, REPORT
-from fmus.physics.elementary import cos, hypot, sin
+from fmus.physics.elementary import hypot, sin
 from fmus.physics.integrate import generalized_alpha, hht
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha
 from fmus.physics.vector import scale
@@ -359,10 +359,6 @@ class TrackModel(ComponentModel):
             )
         self.contacts = self.contact_partners(p)
         self.environment = self._environment()
-        self.in_plane = self.environment  # loads of the static equilibrium
-        ahead, across, up = self.environment.gravity
-        if ahead or across:
-            self.in_plane = self.environment._replace(gravity=(ahead, 0.0, up))
         level = StartPose(0.0, 0.0, 0.0, 0.0, 0.0, self.pose.pitch)
         wheels = np.array([plain(part_at_rest)(level, start_stance(wheel)) for wheel in self.wheel_list]).ravel()
         plain(read_states)(wheels, LEVEL, self.start_rows)
@@ -392,7 +388,6 @@ class TrackModel(ComponentModel):
     def begin_run(self) -> None:
         """Begin with the kernel of the chosen integrator and the prepared links."""
         self.step_kernel, scheme = self._scheme()
-        roll = float(self.config.get("roll", 0.0))
         self.begin(
             self._parameters,
             steps.Parts(
@@ -405,7 +400,6 @@ class TrackModel(ComponentModel):
                     lateral=self.lateral,
                     frame=self.frame,
                     start_rows=self.start_rows,
-                    axis=np.array([0.0, cos(roll), sin(roll)]),
                     rows=self.rows,
                     given_warnings=self.given_warnings,
                     counters=self.counters,
@@ -444,6 +438,18 @@ class TrackModel(ComponentModel):
 
         ground = self.config if self.config["ground"] else None
         return contacts(self.vehicle, self.wheel_list, ground, p, self.config.get("soil"))
+
+    def rest_environment(self, rows: Floats) -> Environment:
+        """Loads of the static equilibrium on wheels ``rows`` (wheels, 15): gravity in the plane of the wheels.
+
+        Normal forces of tilted wheels lie in that plane, and friction of the ground at rest follows gravity
+        (``contacts.at_rest``), so that nothing pushes the chain off its place along the wheels' axis.
+        """
+        ahead, across, up = self.environment.gravity
+        in_plane = -up * rows[0, 11] / rows[0, 10] if len(rows) else 0.0
+        if not (ahead or across or in_plane):
+            return self.environment
+        return self.environment._replace(gravity=(ahead, in_plane, up))
 
     def _environment(self) -> Environment:
         ends = self.config.get("ends")
@@ -501,13 +507,23 @@ class TrackModel(ComponentModel):
                 self._sink(pins)
             elif self.ends_kind == PULLED and not self.wheel_list:
                 self._lie(pins, rest)
+            elif rest and self.wheel_list and self.start_rows[0, 11]:
+                self._lean(pins)
             else:
                 self.settle(pins, rest, spin)
+
+    def _lean(self, pins: Floats) -> None:
+        """Bring the chain to rest on upright wheels first, then on the wheels as they lean, see ``settle``."""
+        leaning = self.start_rows.copy()
+        self.start_rows[:, 9:12] = 0.0, 1.0, 0.0
+        self.start_rows[:, 13] = 0.0
+        self.settle(pins, rest=True)
+        self.find_equilibrium(leaning)
 
     def _lie(self, pins: Floats, rest: bool) -> None:
         """Lay the chain on the ground; its ends are pulled from then on, because friction holds nothing at rest."""
         pull = self.environment.pull.copy()
-        self.environment.pull[:] = self.in_plane.pull[:] = 0.0
+        self.environment.pull[:] = 0.0
         self.settle(pins, rest)
         self.environment.pull[:] = pull
         self._evaluate_start()

@@ -46,7 +46,6 @@ class CommonData(NamedTuple):
     lateral: float  # of the track in the vehicle, m
     frame: np.ndarray  # (12) of the track in the world: origin, rotation matrix
     start_rows: np.ndarray  # (wheels, 15) states of the wheels round which the chain was laid out
-    axis: np.ndarray  # (3) axis of the wheels at the start, for a chain that is laid out upright too
     rows: np.ndarray  # (wheels, 15) states of the wheels now
     given_warnings: np.ndarray  # (WARNINGS) 1 for warnings that were given
     counters: np.ndarray  # int
@@ -69,9 +68,7 @@ class Parts(NamedTuple):
 def parts_without_contacts(link, environment, scheme, longest, s, work, report, counters):
     """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
     none = np.zeros((0, WIDTH))
-    common = CommonData(
-        longest, 0, 0.0, 0.0, np.zeros(FRAME), none, np.zeros(3), none, np.zeros(len(WARNINGS)), counters, 1.0
-    )
+    common = CommonData(longest, 0, 0.0, 0.0, np.zeros(FRAME), none, none, np.zeros(len(WARNINGS)), counters, 1.0)
     return Parts(link, None, environment, scheme, common, s, work, report), np.zeros((1 + len(WARNINGS), GAPS + 1))
 
 
@@ -206,7 +203,7 @@ def _read_wheels(c, messages, t, h, u):
             no_rotation(messages[0], t, k, u, STATE * k + 3)
             return NO_WHEEL
         else:
-            cosine = min(cosine, dot(vector(c.rows[k], 9), c.axis))
+            cosine = min(cosine, dot(vector(c.rows[k], 9), vector(c.start_rows[k], 9)))
     if c.counters[STEPS] == 0 and u.size > 0:
         farthest, wheel = 0.0, 0
         for k in range(c.rows.shape[0]):

@@ -24,6 +24,7 @@ from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import Work, work
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
+from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import POSITIVE, Port, Range
 from fmus.track import TrackModel, integrator_coefficients, integrator_ports
@@ -42,6 +43,7 @@ from fmus.track_flexible import parameters
 REST_RESIDUAL = 1e-3  # residual of static equilibrium, N, or if that is less:
 REST_ACCELERATION = 1e-4  # that residual over the mass of a link, m/s2
 LAST_PSEUDO_STEP = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
+TILTS = 2  # corrections of the roll of free axes at rest
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # number of coordinates of a pin
 BEAM_PART = 0.1  # part of the tolerance that holds for beams, whose sections strain by more than their pins move
@@ -316,8 +318,23 @@ class Model(TrackModel):
     def find_equilibrium(self, rows: Floats) -> None:
         """See ``TrackModel``."""
         self.start_rows[:] = rows
-        self._lay_axes()
+        if self.axes != "free" or not rows[0, 11]:
+            self._lay_axes()
+            self._evaluate_start(rest=True)
+            return
+        lean = atan2(rows[0, 11], rows[0, 10])
+        known, roll, before = lean, 0.5 * lean, self._turning(lean)
+        for _ in range(TILTS):  # secant method: the pins' axis lies between the ground and the wheels' axis
+            turning = self._turning(roll)
+            known, roll, before = roll, roll - turning * (roll - known) / (turning - before), turning
+
+    def _turning(self, roll: float) -> float:
+        """Angular acceleration, rad/s2, of free axes at a ``roll``, rad, at which the links come to rest."""
+        from fmus.physics.chain.flexible.axes_state import OMEGA_RATE
+
+        self._lay_axes(roll)
         self._evaluate_start(rest=True)
+        return float(self.s.axes[OMEGA_RATE])
 
     def add_rates(self, turning: Floats, velocity: Floats) -> None:
         """See ``TrackModel``; sets the rates of the pins and of the slopes at them."""
@@ -368,12 +385,12 @@ class Model(TrackModel):
         straight(self.kit, self.link, pins[np.arange(self.mesh) % self.nodes], self.s.q)
         self._lay_axes()
 
-    def _lay_axes(self) -> None:
-        """Set axes that turn to those at rest at the start, with the wheels at ``start_rows``."""
+    def _lay_axes(self, roll: float = 0.0) -> None:
+        """Set axes that turn to those at rest at the start, with the wheels at ``start_rows`` and a ``roll``, rad."""
         if self.axes == "free":
             from fmus.physics.chain.flexible.axes_state import begin as lay
 
-            lay(self.s.axes, self.start_rows[:, :3].mean(axis=0))
+            lay(self.s.axes, self.start_rows[:, :3].mean(axis=0), roll)
 
     def _stretch(self, spin: float) -> None:
         """Set a free loop to its equilibrium relative to a rotation at ``spin`` rad/s; raises StepFailed."""
@@ -407,15 +424,15 @@ class Model(TrackModel):
     ) -> IntegrationOutcome:
         """Do a task of ``release``, whose static equilibrium is without friction but for that on a slope."""
         motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
-        partners, least = self.contacts, self._rest_tolerance()
+        partners, least, env = self.contacts, self._rest_tolerance(), self.rest_environment(self.start_rows)
         if partners is not None:
             from fmus.contacts import at_rest, without_friction
 
-            partners = at_rest(without_friction(partners), self.environment.gravity)
+            partners = at_rest(without_friction(partners), env.gravity)
         longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0
         outcome: IntegrationOutcome = release(
             *self.system(), task, Evaluation(motion, by, fresh),
-            Rest(partners, self.in_plane, self.start_rows, least, longest),
+            Rest(partners, env, self.start_rows, least, longest),
             self.s, self.work, self.report,
         )  # fmt: skip
         return outcome

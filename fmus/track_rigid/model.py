@@ -71,10 +71,6 @@ class Model(TrackModel):
             for key in ("damping", "friction", "friction_velocity")
         }
         self._vehicle_partners = self.contact_partners({**p, **table_values})
-        if self._vehicle_partners is not None:
-            from fmus.contacts import at_rest
-
-            self._vehicle_partners = at_rest(self._vehicle_partners, self.environment.gravity)
         spring = PIN
         if p.get("closure") == SPRING:
             spring = ClosingSpring(p["closure.stiffness"], p["closure.damping"])
@@ -117,9 +113,16 @@ class Model(TrackModel):
 
     def find_equilibrium(self, rows: Floats) -> None:
         """See ``TrackModel``."""
+        self.start_rows[:] = rows
         # friction and damping of the vehicle's table, so that the equilibrium does not depend on their parameters
-        links, env, s, w = self.rigid, self.in_plane, self.s, self.work
-        failure, _, link, residual = settle(links, self._vehicle_partners, env, REST, rows, s, w, self.counters)
+        links, env, s, w = self.rigid, self.rest_environment(rows), self.s, self.work
+        partners = self._vehicle_partners
+        if partners is not None:
+            from fmus.contacts import at_rest, without_friction
+
+            leans = len(rows) and rows[0, 11]  # friction of wheels would hold links askew: Newton's steps become short
+            partners = at_rest(without_friction(partners) if leans else partners, env.gravity)
+        failure, _, link, residual = settle(links, partners, env, REST, rows, s, w, self.counters)
         if failure:
             raise StepFailed(
                 f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from fmus.equilibrium import upright_stance
 from fmus.ground_keys import is_plane, is_terrain
 from fmus.link_outputs import INTERVAL
 from fmus.ports import motion_ports, wrench_ports
@@ -76,12 +75,8 @@ def standing_track_config(
     equilibrium = scene.start.equilibrium
     if equilibrium is None:
         return config
-    rolled = {}
-    if equilibrium.roll:
-        stands = {name: upright_stance(stance, equilibrium.pitch) for name, stance in stands.items()}
-        rolled = {"roll": equilibrium.roll}
     wheels = [{**wheel, "start": list(stands[f"{side}.{wheel['name']}"])} for wheel in config["track"]["wheels"]]
-    return {**config, "track": {**config["track"], "wheels": wheels, **rolled}}
+    return {**config, "track": {**config["track"], "wheels": wheels}}
 
 
 def drive_of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:

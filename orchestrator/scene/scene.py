@@ -295,6 +295,8 @@ class VehicleScene(Scene):
             return "the sides of the vehicle differ"
         if one_sided := self.ground.one_sided(self.start.heading):
             return f"ground.{one_sided} rolls the vehicle"
+        if self.vehicle.chassis.centre[1]:
+            return "the centre of mass lies to the side"
         return "one side alone has a track" if len(self.tracks) == 1 else ""
 
     def with_axes(self) -> VehicleScene:

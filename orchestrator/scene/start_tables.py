@@ -36,7 +36,7 @@ class EquilibriumTable(FrozenTable):
     right: tuple[Joint, ...]
     """the same on the right side"""
     lateral: Length = 0.0
-    """shift of the hull, to the left: on a side slope it slides until the guides touch"""
+    """shift of the hull, to the left: its road wheels stand over their tracks, on a side slope at the guides"""
 
 
 class VehicleStartTable(StartTable):

@@ -13,6 +13,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.arrays import Floats, Vector, VectorLike
+from fmus.physics.elementary import cos, sin
 
 ROTATION, ORIGIN, VELOCITY, ACCELERATION, OMEGA, OMEGA_RATE, AUXILIARY, AUXILIARY_ORIGIN, MIDDLE = (
     0,
@@ -60,10 +61,12 @@ def axes_arrays(nodes: int, shared: int, whole: int) -> AxesArrays:
     )  # fmt: skip
 
 
-def begin(f: np.ndarray, middle: np.ndarray) -> None:
-    """Set ``f`` (SIZE) to axes at rest at the start, with the wheels' ``middle`` (3), m."""
+def begin(f: np.ndarray, middle: np.ndarray, roll: float = 0.0) -> None:
+    """Set ``f`` (SIZE) to axes at rest at the start, with a ``roll``, rad, about the wheels' ``middle`` (3), m."""
     f[:] = 0.0
-    f[ROTATION:ORIGIN:4] = 1.0
+    c, s = cos(roll), sin(roll)
+    f[ROTATION:ORIGIN] = 1.0, 0.0, 0.0, 0.0, c, 0.0 - s, 0.0, s, c
+    f[ORIGIN + 1], f[ORIGIN + 2] = middle[1] + s * middle[2], (1.0 - c) * middle[2]
     f[MIDDLE:] = middle
 
 
