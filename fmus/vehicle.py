@@ -424,6 +424,8 @@ class VehicleTable(FrozenTable):
     """name of the vehicle"""
     title: str = ""
     """one line about the vehicle"""
+    longest_step: Annotated[float, In("s", gt=0)] | None = None
+    """longest communication step that suits the vehicle: scenes with a longer one take a part of theirs"""
     gravity: Annotated[float, In("m/s^2", ge=0)]
     """acceleration of gravity, downwards"""
     chassis: ChassisTable

@@ -84,6 +84,8 @@ def _run(scene: SystemScene) -> Iterator[str]:
         yield f"  {run.stop:g} s in {run.steps} steps of {run.step * 1e3:g} ms, {run.coupling}"
     else:
         yield f"  {run.stop:g} s in variable steps ({run.variable}), {run.coupling}"
+    if scene.shortened:
+        yield f"  {scene.shortened}"
 
 
 def _section(title: str, within: Iterable[str]) -> Iterator[str]:

@@ -177,8 +177,9 @@ def _early_warnings(
 
 
 def _implausible_numbers(scene: SystemScene) -> list[tuple[str, str]]:
-    """Return warnings about numbers of the scene outside the plausible range."""
-    return [("scene", sentence) for sentence in implausible_numbers(scene.resolved(), scene.where)]
+    """Return warnings about numbers of the scene outside the plausible range, and about a shortened step."""
+    sentences = [*filter(None, [scene.shortened]), *implausible_numbers(scene.resolved(), scene.where)]
+    return [("scene", sentence) for sentence in sentences]
 
 
 def _evaluate_log(

@@ -44,6 +44,8 @@ class DriveTable(FrozenTable):
     """largest torque of the motor in mode 'controller', either way"""
     brake: Annotated[float, In("N m", ge=0)] = 0.0
     """torque of the brake, not in mode 'speed'"""
+    brake_speed: Annotated[float, In("rad/s", gt=0)] | None = None
+    """speed below which the brake fades, by default 0.1: under a fifth of its torque it creeps at a fifth of it"""
     speed_points: tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None = None
     """[time, speed] or a CSV file of them, instead of ramp and stop: linear between points, constant outside"""
     torque_points: tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None = None
@@ -65,7 +67,8 @@ class DriveTable(FrozenTable):
 
     def _check_mode(self) -> None:
         """Raise ValueError for settings that the mode would ignore."""
-        modes_of = {"torque": ("torque",), "torque_limit": ("controller",), "brake": ("torque", "controller")}
+        braked = "torque", "controller"
+        modes_of = {"torque": ("torque",), "torque_limit": ("controller",), "brake": braked, "brake_speed": braked}
         for key, modes in modes_of.items():
             if getattr(self, key) and self.mode not in modes:
                 raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")

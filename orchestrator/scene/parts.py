@@ -247,10 +247,9 @@ def _drive_parameters(drive: DriveTable) -> Parameters:
     for name in ("speed", "torque", "brake", "engine"):
         if (points := getattr(drive, f"{name}_points")) is not None:
             parameters[f"{name}.points"] = _text(points)
-    if drive.gear_ratio is not None:
-        parameters["gear.ratio"] = drive.gear_ratio
-    if drive.torque_limit is not None:
-        parameters["torque.limit"] = drive.torque_limit
+    for key in ("brake_speed", "gear_ratio", "torque_limit"):
+        if (value := getattr(drive, key)) is not None:
+            parameters[key.replace("_", ".")] = value
     return parameters
 
 

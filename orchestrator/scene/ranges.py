@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -69,6 +70,12 @@ def implausible_numbers(scene: Mapping[str, Any], where: str) -> list[str]:
     sentences = [*range_violations(scene, SCENE, "plausible")]
     if isinstance(vehicle, Mapping):
         sentences += range_violations(vehicle, VEHICLE, "plausible", "vehicle.")
+        step, longest = scene["run"]["step"], vehicle.get("longest_step") or math.inf
+        if step > longest:
+            sentences.append(
+                f"run.step = {1e3 * step:.4g} ms is longer than suits vehicle '{vehicle['name']}', longest_step ="
+                f" {1e3 * longest:.4g} ms: the energy balance may stay open"
+            )
         sentences += impossible_sections(vehicle)
         sentences += overlapping_wheels(vehicle) if scene.get("assembly") == "vehicle" else ()
     return [f"{where}: {sentence}" for sentence in sentences]

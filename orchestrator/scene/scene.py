@@ -33,7 +33,7 @@ from orchestrator.scene.track_table import TrackModelTable, short_track
 from orchestrator.scene.values import OR_FALSE, SIDES, SOLVED, Side, TrackName
 
 # Settings of a drive in mode controller that are allowed beside a driver.
-OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
+OF_CONTROLLERS = ("torque_limit", "brake", "brake_speed", "brake_points", "engine_points", "gear_ratio")
 OUTER_TRACK = 1.2  # speed of the outer track in a turn, relative to the vehicle
 NEAREST = 3  # most keys that a message suggests
 # keys that may stand for one of their own, unless their value is a table
@@ -381,7 +381,24 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
         set_key(table, key, value)
     points.read(table, Path(), f"{name}.toml")
     refuse_reduced_measures(table.get("expect"), f"{name}.toml")
-    return any_from_table({"name": name, **table}, f"{name}.toml", vehicle_file).read_from("", dict(pairs(settings)))
+    loaded = any_from_table({"name": name, **table}, f"{name}.toml", vehicle_file)
+    return _with_suitable_step(loaded.read_from("", dict(pairs(settings))))
+
+
+def _with_suitable_step(scene: SystemScene) -> SystemScene:
+    """The scene with a step that suits its vehicle, unless a setting chose the step: a whole part of its own."""
+    longest = scene.vehicle.longest_step if isinstance(scene, VehicleScene) else None
+    if longest is None or scene._settings.keys() & {"run", "run.step"} or scene.run.step <= longest:
+        return scene
+    step, variable = scene.run.step / math.ceil(scene.run.step / longest - 1e-9), scene.run.variable
+    if variable is not None:
+        variable = variable.model_copy(update={"longest": min(variable.longest, longest)})
+    suited = scene.model_copy(update={"run": scene.run.model_copy(update={"step": step, "variable": variable})})
+    suited._shortened = (
+        f"run.step is {1e3 * step:.4g} ms instead of {1e3 * scene.run.step:.4g} ms: vehicle"
+        f" '{suited.vehicle.name}' has longest_step = {1e3 * longest:.4g} ms"
+    )
+    return suited
 
 
 def _kind(table: Mapping[str, Any], where: str) -> type[SystemScene]:

@@ -31,11 +31,17 @@ class SystemScene(FrozenTable):
     """checks by their names: expected values of signals, or of measures"""
 
     _archive: str = PrivateAttr("")  # SSP archive that it comes from
+    _shortened: str = PrivateAttr("")  # sentence about a step that its vehicle shortened
     _settings: Mapping[str, Any] = PrivateAttr(default_factory=dict)  # by which it differs from its file, by dotted key
 
     def __eq__(self, other: object) -> bool:
         """True for equal numbers, whatever settings made them."""
         return type(self) is type(other) and self.__dict__ == other.__dict__
+
+    @property
+    def shortened(self) -> str:
+        """Sentence about a step that its vehicle shortened, or empty."""
+        return self._shortened
 
     @property
     def where(self) -> str:

@@ -11,9 +11,11 @@ from fmus import vehicle
 from fmus.start import KEYS, start_pose, vehicle_quaternion
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
+from orchestrator.cli.inventory import describe
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
+from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import Scene, from_table, load
 from orchestrator.scene.settings import file_part, keys
@@ -452,3 +454,32 @@ def test_runs_of_one_scene():
         require_same_scene(
             ("a", placed(load("settle", None, ["vehicle.tensioner.preload=1 kN"])).resolved()), ("b", rigid)
         )
+
+
+def test_a_scene_takes_a_step_that_suits_its_vehicle():
+    """The step is a whole part of the scene's own, at most the vehicle's; a step of the user is only warned of."""
+    own = load("straight").run.step
+    assert own == 1.25e-3
+    for longest, step in ((None, own / 3.0), ("0.63 ms", own / 2.0), ("0.62 ms", own / 3.0), ("2 ms", own)):
+        settings = ["vehicle=marder", *([f"vehicle.longest_step={longest}"] if longest else [])]
+        scene = load("straight", None, settings)
+        assert scene.run.step == pytest.approx(step, rel=1e-15)
+        assert bool(scene.shortened) == (step < own)
+        assert implausible_numbers(scene.resolved(), "own.toml") == []
+    scene = load("straight", None, ["vehicle=marder"])
+    assert scene.shortened == "run.step is 0.4167 ms instead of 1.25 ms: vehicle 'marder' has longest_step = 0.5 ms"
+    assert scene.shortened in "\n".join(describe(scene))
+    own = load("straight", None, ["vehicle=marder", "run.step=1 ms"])
+    assert (own.run.step, own.shortened) == (1e-3, "")
+    said = "own.toml: run.step = 1 ms is longer than suits vehicle 'marder', longest_step = 0.5 ms"
+    assert [each[: len(said)] for each in implausible_numbers(own.resolved(), "own.toml")] == [said]
+    variable = load("hard_stop", None, ["vehicle=marder", "symmetric=false"]).run.variable
+    assert (variable.longest, load("hard_stop").run.variable.longest) == (5e-4, 7e-3)
+
+
+def test_the_speed_below_which_a_brake_fades():
+    settings = ("drive.mode=torque", "drive.brake=25e3", "drive.brake_speed=1e-3")
+    parts = {part.name: part for part in assemble(load("hold", "rigid", settings)).parts}
+    assert parts["left_drive"].parameters["brake.speed"] == 1e-3
+    parts = {part.name: part for part in assemble(load("hold", "rigid", settings[:2])).parts}
+    assert "brake.speed" not in parts["left_drive"].parameters, "without the key the drive has its own default"
