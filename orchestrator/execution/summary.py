@@ -169,9 +169,7 @@ def checks(run: RunData, scene: SystemScene, simulated: float) -> dict[str, dict
     Tolerances in the result are absolute; a note gives the reason for a missing value.
     """
     results = {}
-    for name, window in _windows_of_checks(scene).items():
-        if not _covered(window, simulated):
-            continue
+    for name, window in _windows_of_checks(scene, simulated, covered=True).items():
         check = scene.expect[name]
         value, note = _value(run, check, window)
         tolerance = check.tolerance * (abs(check.expected) if check.relative else 1.0)
@@ -187,7 +185,7 @@ def checks(run: RunData, scene: SystemScene, simulated: float) -> dict[str, dict
 
 def after_end(scene: SystemScene, simulated: float) -> dict[str, dict[str, float]]:
     """Return the windows, s, of the checks that look beyond the end of the run."""
-    windows = {name: window for name, window in _windows_of_checks(scene).items() if not _covered(window, simulated)}
+    windows = _windows_of_checks(scene, simulated, covered=False)
     return {name: {"from": window.start, "to": window.end} for name, window in windows.items()}
 
 
@@ -202,15 +200,11 @@ def check_counts(result: Mapping[str, Any]) -> list[str]:
     return [f"{met} of {total}", *([f"{counts} after the end"] if counts else [])]
 
 
-def _windows_of_checks(scene: SystemScene) -> dict[str, Window]:
-    """Windows of the checks of the scene's kind of links."""
+def _windows_of_checks(scene: SystemScene, simulated: float, *, covered: bool) -> dict[str, Window]:
+    """Windows of the checks of the scene's kind of links: those that the run covers, or the others."""
     checks = {name: check for name, check in scene.expect.items() if check.track in (None, scene.variant)}
-    stop = scene.run.stop
-    return {name: Window(check.start, stop if check.end is None else check.end) for name, check in checks.items()}
-
-
-def _covered(window: Window, simulated: float) -> bool:
-    return window.start <= window.end <= simulated + 1e-9
+    windows = {n: Window(one.start, scene.run.stop if one.end is None else one.end) for n, one in checks.items()}
+    return {n: each for n, each in windows.items() if (each.start <= each.end <= simulated + 1e-9) == covered}
 
 
 def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:

@@ -126,8 +126,8 @@ def test_the_cost_of_the_interval_is_that_of_every_second_record(tmp_path, monke
     missed = 1.0 - (1 + 3**3) / (3**3 + 4**3 + 7**3 + 9**3)
     np.testing.assert_allclose(found.tracks[0].cost, missed, rtol=1e-12)
     assert found.notes()[-1] == (
-        "recorded every 1 ms; with every second record alone the most damaged link would have 98 % less damage, others"
-        " up to 98 % less; run.links = 1 records every step"
+        "recorded every 1 ms (run.links); with every second record alone the most damaged link would have 98 % less"
+        " damage, others up to 98 % less"
     )
     fine = np.interp(np.arange(0.0, 8.01, 0.25), np.arange(9), E1049)  # every second record has all turning points
     with Log(stressed(tmp_path / "g.mcap", 1e7 * fine[:, None] * np.ones(4))) as log:
@@ -169,7 +169,9 @@ def test_equivalent_ranges_of_a_force_of_both_tracks(tmp_path):
     assert records[2]["equivalent range"] == pytest.approx(30.0 * 0.01**0.25)
     assert [column.unit for column in found.table().columns] == ["", "", "kN", "kN", ""]
     assert [each.track for each in again.tracks] == ["b"]
-    assert found.table().notes[-1].startswith("recorded every 1 ms; with every second record alone the most damaged")
+    assert (
+        found.table().notes[-1].startswith("recorded every 1 ms (run.links); with every second record alone the most")
+    )
 
 
 def test_the_table_has_the_worst_links_and_the_file_all(tmp_path):

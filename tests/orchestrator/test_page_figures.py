@@ -68,7 +68,7 @@ def test_figures_stand_in_the_text(vehicle):
     figures = embedded(html)["figures"]
     assert f">{quantity(figures['tension']['value'], 'N')}<" in html
     assert f"link {figures['tension']['link']}, left track, at {number(figures['tension']['t'])} s" in html
-    assert "The run finished; 1 of 1 checks met; 7 more could not be made." in html
+    assert "The run finished; 1 of 8 checks met; 7 beyond its end." in html
     assert "As expected" not in html
     assert "1.25 ms" in html
     assert "tracks_first" in html

@@ -255,7 +255,10 @@ def fatigue_is_as_computed(html):
     assert cells[7] == quantity(200e6, "Pa")
     assert cells[8] == quantity(200e6 * (10.0 / 2e6) ** (1.0 / 3.0), "Pa")
     assert "mean along a link at its outer and inner fibre" in html
-    assert "Stress is recorded every 2.5 ms; with every second record alone the most damaged link would" in html
+    assert (
+        "Stress is recorded every 2.5 ms (run.links); with every second record alone the most damaged link would"
+        in html
+    )
     outer, inner = embedded(html)["charts"]["damage"]["traces"]
     assert unpacked(outer["y"])[1] == pytest.approx(damage, rel=1e-3)
     assert unpacked(inner["y"]) == pytest.approx([damage / 64.0] * 2, rel=1e-3)

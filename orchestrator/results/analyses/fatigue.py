@@ -5,9 +5,8 @@ axial and bending: it is less than the largest along the link. Notches must be i
 no influence. The equivalent range of a record is the range that does its damage in the cycles of the S-N line; it is
 defined for forces of links too, by cycles and slope alone.
 
-What rainflow leaves over of a record, its residue, counts as half cycles if the record happens once (ASTM E1049-85,
-5.4.4). If it repeats, the residue closes across the seams (5.4.5): life and equivalent range are those of the repeated
-window.
+The residue of rainflow counts as half cycles if a record happens once (ASTM E1049-85, 5.4.4). If it repeats, it closes
+across the seams (5.4.5): life and equivalent range are those of the repeated window.
 """
 
 from __future__ import annotations
@@ -81,7 +80,6 @@ class TrackFatigue(NamedTuple):
     equivalent: Floats  # (links, n) in the unit, range that does the same damage in ``line.cycles`` cycles
     sparse: Floats  # (links, n) in the unit, equivalent range of every second record alone
     interval: float  # s, mean time between records
-    every_step: bool  # the records are those of every communication step
 
     @property
     def life(self) -> float:
@@ -151,10 +149,9 @@ class Fatigue(NamedTuple):
         same = f"equivalent range: {line.cycles:g} cycles of it do the damage of a repeat at a slope of {line.slope:g}"
         worst = max(float(each.cost[each.worst]) for each in self.tracks)
         most = max(float(each.cost.max()) for each in self.tracks)
-        advice = "" if first.every_step else "; run.links = 1 records every step"
         recorded = (
-            f"recorded every {1e3 * first.interval:.4g} ms; with every second record alone the most damaged link would"
-            f" have {100.0 * worst:.2g} % less damage, others up to {100.0 * most:.2g} % less{advice}"
+            f"recorded every {1e3 * first.interval:.4g} ms (run.links); with every second record alone the most damaged"
+            f" link would have {100.0 * worst:.2g} % less damage, others up to {100.0 * most:.2g} % less"
         )
         if first.signal:
             return same, recorded
@@ -215,15 +212,12 @@ def _of_track(run: RunData, track: str, window: Window, line: StressLifeLine, si
 
     equivalent, number, largest = figures(0, closed)
     once, sparse = figures(0, turning_points)[0], figures(1, closed)[0]
-    damages = (np.full_like(s, np.nan) if signal else (s / line.stress) ** line.slope for s in (once, equivalent))
-    alone, repeated = damages
+    alone, repeated = (
+        np.full_like(s, np.nan) if signal else (s / line.stress) ** line.slope for s in (once, equivalent)
+    )
     unit, span = link_records.unit(run, track, signals[0]), Window(times[0], times[-1])
     interval = (span.end - span.start) / max(count - 1, 1)
-    step = float((run.scene.get("run") or {}).get("step", 0.0))
-    return TrackFatigue(
-        track, signal, unit, span, line, alone, repeated, number, largest, equivalent, sparse, interval,
-        interval < 1.5 * step,
-    )  # fmt: skip
+    return TrackFatigue(track, signal, unit, span, line, alone, repeated, number, largest, equivalent, sparse, interval)
 
 
 def equivalent_range(ranges: Floats, counts: Floats, cycles: float, slope: float) -> float:

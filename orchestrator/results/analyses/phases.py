@@ -265,27 +265,25 @@ def _speed_states(t: Floats, v: Floats, size: float) -> dict[int, str]:
 def _judged(t: Floats, v: Floats, parts: list[_Part], size: float) -> list[_Part]:
     """Parts at constant speed as "rest" or "steady": neighbours that move the same way count as one."""
     durations, top = record_durations(t), float(np.abs(v).max())
-
-    def motion(part: _Part) -> tuple[float, float]:
-        """Time, s, and way, m."""
-        inside = slice(part[0], part[1])
-        return float(durations[inside].sum()), float(durations[inside] @ v[inside])
+    times, places = (np.concatenate([[0.0], np.cumsum(each)]) for each in (durations, durations * v))
 
     def direction(part: _Part) -> int | str:
         """Direction of motion, 0 of a part that stands, or the state of one at another than constant speed."""
-        (time, way), state = motion(part), part[2][0]
-        stands = abs(way) < STANDS * size**0.5 * time
-        return state if state in ("acceleration", "braking") else 0 if stands else int(np.sign(way))
+        a, b, (state, _) = part
+        time, way = times[b] - times[a], places[b] - places[a]
+        slow = abs(way) < STANDS * size**0.5 * time
+        return state if state in ("acceleration", "braking") else 0 if slow else int(np.sign(way))
 
     judged: list[_Part] = []
     groups = [(state, list(group)) for state, group in groupby(parts, key=direction)]
     states = ["", *(state for state, _ in groups), ""]
     for (state, members), before, after in zip(groups, states[:-2], states[2:], strict=True):
-        time, way = np.abs(np.sum([motion(part) for part in members], axis=0))
+        a, b = members[0][0], members[-1][1]
+        time, way = times[b] - times[a], abs(places[b] - places[a])
         little = way < STAYS * size or (time < QUICK and way < CHANGE * top * time)
         moves = before == "acceleration" or after == "braking"  # it has gained the speed, or has it to lose
         kind = state if isinstance(state, str) else "rest" if not state or (little and not moves) else "steady"
-        judged += [(a, b, (kind, turn)) for a, b, (_, turn) in members]
+        judged += [(*part[:2], (kind, part[2][1])) for part in members]
     return _merged(judged)
 
 
