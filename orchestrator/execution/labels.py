@@ -9,6 +9,8 @@ LABELS = {
     "ground_force": ("ground carries", "kN", 5),
     "weight": ("weight", "kN", 5),
     "slip": ("slip", "%", 2),
+    "pad_slip": ("slip of the pads", "%", 2),
+    "pad_velocity": ("pads slide at", "m/s", 3),
     "path_error": ("largest distance from the path", "m", 3),
     "yaw_rate": ("yaw rate", "rad/s", 4),
     "turn_radius": ("turn radius", "m", 4),

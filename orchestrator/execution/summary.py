@@ -247,7 +247,7 @@ def observables(run: RunData, scene: SystemScene, simulated: float) -> dict[str,
         functions |= {
             "distance": lambda: run.ends("chassis.distance")[1],
             "speed": lambda: run.mean("chassis.speed", averaged),
-            "settlement": lambda: run.mean("chassis.settlement", averaged),
+            "settlement": lambda: measures.settlement(run, "", averaged),
             "ground_force": lambda: measures.ground_force(run, "", averaged),
             "weight": lambda: weight(vehicle),
         }
@@ -256,7 +256,11 @@ def observables(run: RunData, scene: SystemScene, simulated: float) -> dict[str,
         functions |= (
             _turning(run, averaged, joined=scene.drive.steering is not None)
             if scene.turns
-            else {"slip": lambda: measures.slip(run, "", averaged)}
+            else {
+                "slip": lambda: measures.slip(run, "", averaged),
+                "pad_slip": lambda: measures.pad_slip(run, "", averaged),
+                "pad_velocity": lambda: float(np.mean([turning.track_slip(run, side, averaged) for side in run.sides])),
+            }
         )
     elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
         functions |= {

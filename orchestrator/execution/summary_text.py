@@ -13,6 +13,8 @@ from orchestrator.results.validity.exceedance import Exceedance
 
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
 
+INSTEAD = {"pad_velocity": "pad_slip"}  # printed where the other one is not known
+
 
 def _error(error: dict[str, Any]) -> str:
     """Return a sentence about the error estimate of a run."""
@@ -56,7 +58,8 @@ def _observables(r: dict[str, Any]) -> list[str]:
     lines: dict[str, list[str]] = {}
     for key, value in r["observables"].items():
         name, unit, digits = LABELS[key]
-        if value == value and not (r["phases"] and key in OF_PHASES):
+        other = r["observables"].get(INSTEAD.get(key, ""), float("nan"))
+        if value == value and other != other and not (r["phases"] and key in OF_PHASES):
             where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else ""
             window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}), r["simulated_time"])
             shown = without_rounding(value / size(unit), unit)

@@ -13,9 +13,9 @@ from fmus.ground_keys import is_plane
 from fmus.sides import of_side
 from orchestrator.results import turning
 from orchestrator.results.analyses import hull
+from orchestrator.results.analyses import slip as slips
 from orchestrator.results.energy import drift, ledger, ports
 from orchestrator.results.ground_axes import component, ground_axes, pose_signals
-from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.pressed_ground import pressed_by
 from orchestrator.results.run_data import (
     BLOCK,
@@ -34,7 +34,6 @@ from orchestrator.results.run_data import (
 Measure = Callable[[RunData, str, Window], float]
 
 SPAN_MARGIN = 0.25  # of the axle distance: links of a span keep this distance from both axles
-AT_REST = 0.01  # m/s of chain speed
 RUN_REACH = 0.2  # m: half length of the sample in the middle between two wheels, or two pitches of short links
 LOWER = -0.1  # m over the sprocket axle: the lower run is below it, or below half the height of small road wheels
 
@@ -138,18 +137,23 @@ def pins_passed(run: RunData, of: str, window: Window) -> float:
 
 
 def pins_per_revolution(run: RunData, of: str, window: Window) -> float:
-    """Pins passed per revolution of the sprocket relative to its mount."""
+    """Pins passed per revolution of the sprocket against its mount; raises Missing if it turns by less than a tooth."""
     t = run.links(_track(run, of), window).t
     times, angle = run.signal(f"{_drive(run, of)}.angle", EVER)
     turned = np.interp(t[[0, -1]], times, angle)
-    return pins_passed(run, of, window) / float((turned[1] - turned[0]) / (2 * np.pi))
+    revolutions = float((turned[1] - turned[0]) / (2 * np.pi))
+    if abs(revolutions) * run.scene["vehicle"]["sprocket"]["teeth"] < 1.0:
+        raise Missing("the sprocket turns by less than a tooth")
+    return pins_passed(run, of, window) / revolutions
 
 
 def chain_speed_ratio(run: RunData, of: str, window: Window) -> float:
-    """Mean chain speed over pins passed times pitch over time."""
+    """Mean chain speed over pins passed times pitch over time; raises Missing if less than a pin passes."""
     track = _track(run, of)
     t = run.links(track, window).t
-    by_pins = pins_passed(run, of, window) * run.scene["vehicle"]["track"]["pitch"] / (t[-1] - t[0])
+    if abs(pins := pins_passed(run, of, window)) < 1.0:
+        raise Missing("less than a pin passes the sprocket")
+    by_pins = pins * run.scene["vehicle"]["track"]["pitch"] / (t[-1] - t[0])
     return run.mean(f"{track}.speed", window) / float(by_pins)
 
 
@@ -225,14 +229,19 @@ def uphill_force(run: RunData, of: str, window: Window) -> float:
 
 
 def slip(run: RunData, of: str, window: Window) -> float:
-    """Load-weighted slip velocity of the ground contact points over the chain speed; 0 at rest."""
-    speed = np.mean([abs(run.mean(f"{track}.speed", window)) for track in run.tracks])
-    velocity = np.mean([run.mean(f"{track}.slip", window) for track in run.tracks])
-    return float(velocity / speed) if speed > AT_REST else 0.0
+    """Slip 1 - v/V, V a pitch a tooth; positive where tracks drive, either way; raises Missing where they stand."""
+    found = slips.of(run, window, of)
+    return _share(slips.ratio(found.t, found.pitched, found.lag))
+
+
+def pad_slip(run: RunData, of: str, window: Window) -> float:
+    """Velocity of the pads on the ground, weighted by load, over the chain speed; the rest as ``slip``."""
+    found = slips.of(run, window, of)
+    return _share(slips.ratio(found.t, found.chain, found.pads))
 
 
 def speed_excess(run: RunData, of: str, window: Window) -> float:
-    """Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1.
+    """Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1: the other sign of ``slip``; needs no yaw or pose.
 
     The sprocket is a polygon: its chain's speed rises and falls by some 2 % as each tooth passes, but the mean stays
     one pitch a tooth. With pads on the line of the pins the hull runs at that mean less the slip, at -0.2 %. Pads lie
@@ -244,7 +253,16 @@ def speed_excess(run: RunData, of: str, window: Window) -> float:
     vehicle = run.scene["vehicle"]
     omega = np.mean([run.mean(f"{_drive(run, side)}.speed", window) for side in run.sides])
     kinematic = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] * omega / (2 * np.pi)
+    if abs(kinematic) < slips.SLOWEST:
+        raise Missing("the sprockets stand")
     return run.mean("chassis.speed", window) / float(kinematic) - 1.0
+
+
+def settlement(run: RunData, of: str, window: Window) -> float:
+    """How far the hull is below its drawn place, m; raises Missing on uneven ground, as it counts from the first."""
+    if not is_plane(run.scene.get("ground") or {}):
+        raise Missing("settlement is not known on uneven ground: it counts from that of the start")
+    return run.mean("chassis.settlement", window)
 
 
 def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
@@ -253,12 +271,12 @@ def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
     The rise counts from the drawn position, along the normal of the ground under the vehicle.
     """
     wheels = [
-        f"chassis.{side}.road_wheel[{i}].position"
+        f"{side}.road_wheel[{i}].position"
         for side in run.sides
         for i in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
     ]
     t, _ = run.signal("chassis.yaw", window)
-    place, *above = (_vector(run, name, window) for name in ("chassis.chassis.position", *wheels))
+    place, *above = (run.vectors("chassis", "out", name, window=window)[1] for name in ("chassis.position", *wheels))
     up = ground_axes(run, np.stack([run.signal(name, window)[1] for name in pose_signals(run)], axis=1)).up
     rise = np.mean([component(wheel - place, up) for wheel in above], axis=0)
     vehicle = run.scene["vehicle"]
@@ -268,11 +286,9 @@ def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
 def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
     """Share of the contacts in the settlement: wheels into the chain, chain into the ground, m.
 
-    Raises Missing on uneven ground: settlement counts from the ground at the start.
+    Raises Missing on uneven ground.
     """
-    if on_terrain(run.scene) and not is_plane(run.scene["ground"]):
-        raise Missing("settlement_of_contacts is not known on uneven ground: settlement counts from that of the start")
-    return run.mean("chassis.settlement", window) - settlement_of_springs(run, of, window)
+    return settlement(run, of, window) - settlement_of_springs(run, of, window)
 
 
 def rut_depth(run: RunData, of: str, window: Window) -> float:
@@ -340,10 +356,6 @@ def energy_drift(run: RunData, of: str, window: Window) -> float:
 # --- helpers ---------------------------------------------------------------------------------------
 
 
-def _vector(run: RunData, name: str, window: Window) -> Floats:
-    return np.stack([run.signal(f"{name}.{axis}", window)[1] for axis in "xyz"], axis=1)
-
-
 def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
     means = []
     for track in (_track(run, of),) if of else run.tracks:
@@ -392,6 +404,13 @@ def _fall(run: RunData, of: str, window: Window) -> tuple[Floats, Floats, float,
     return links.t, links.up[0, -1] - links.up[:, -1], length, vehicle["gravity"]
 
 
+def _share(slip: float) -> float:
+    """A slip; raises Missing if it is none."""
+    if np.isnan(slip):
+        raise Missing("the chain stands: there is no share of its speed; track_slip is the pads' velocity")
+    return slip
+
+
 def _track(run: RunData, of: str) -> str:
     return f"{of}_track" if f"{of}_track" in run.tracks else run.tracks[0]
 
@@ -420,7 +439,9 @@ UNITS: dict[Measure, str] = {
     ground_force: "N",
     uphill_force: "N",
     slip: "1",
+    pad_slip: "1",
     speed_excess: "1",
+    settlement: "m",
     settlement_of_springs: "m",
     settlement_of_contacts: "m",
     rut_depth: "m",

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.results.analyses.slip import mean_lag
 from orchestrator.results.ground_axes import component, ground_axes, pose_signals
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.run_data import Floats, Missing, RunData, Window, mean
 
 SIGN = {"left": -1.0, "right": 1.0}  # of the yaw moment of a forward force
 SLOWEST = 1e-4  # rad/s: a slower turn has no radius
+STRAIGHT = 1e3  # half track distances: a larger radius is none
 
 
 def yaw_rate(run: RunData, of: str, window: Window) -> float:
@@ -39,8 +41,9 @@ def rotation_centre(run: RunData, of: str, window: Window) -> float:
 
 
 def track_slip(run: RunData, of: str, window: Window) -> float:
-    """Load-weighted slip velocity of a side's links on the ground, m/s; positive where the track drives."""
-    return run.mean(f"{_track(run, of)}.slip", window)
+    """Load-weighted velocity of a side's links over the ground, m/s; positive where the track drives, either way."""
+    t, chain = run.signal(f"{_track(run, of)}.speed", window)
+    return mean_lag(t, chain, run.signal(f"{_track(run, of)}.slip", window)[1])
 
 
 def propulsion(run: RunData, of: str, window: Window) -> float:
@@ -91,7 +94,9 @@ def _turning(run: RunData, window: Window) -> float:
     if on_terrain(run.scene):
         t, turning, pose = _vectors(run, "chassis.chassis.angular_velocity", window)
         rate = mean(t, component(turning, ground_axes(run, pose).up))
-    if abs(rate) < SLOWEST:
+    t, ahead, left = _velocity(run, window)
+    far = STRAIGHT * run.scene["vehicle"]["track"]["lateral"]
+    if abs(rate) < SLOWEST or mean(t, np.hypot(ahead, left)) > far * abs(rate):
         raise Missing("the vehicle does not turn")
     return rate
 

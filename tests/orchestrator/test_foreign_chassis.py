@@ -158,7 +158,9 @@ def test_without_energies_it_is_outside_of_the_ledger(driven, unbalanced):
 def test_results_that_lack_its_outputs_name_them(unbalanced, cotrack, tmp_path):
     path, result = unbalanced
     assert result["status"] == "ok", result["message"]
-    assert {"ground_force", "tension_max", "slip"} <= {k for k, v in result["observables"].items() if v == v}
+    known = {k for k, v in result["observables"].items() if v == v}
+    assert {"ground_force", "tension_max", "pad_velocity"} <= known
+    assert not known & {"slip", "pad_slip"}
     with Log(path) as log:
         data = RunData(log)
         for analysis, lacking in (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orchestrator.results import measures
-from orchestrator.results.run_data import Links, Window, mean, means, within
+from orchestrator.results.run_data import Links, Missing, Window, mean, means, within
 
 TEETH, PITCH = 10, 0.1524
 RADIUS = PITCH / (2 * np.sin(np.pi / TEETH))
@@ -66,6 +66,23 @@ def test_pins_are_counted_with_fractions(revolutions, reverse_numbers):
     assert measures.pins_per_revolution(rear, "", window) == pytest.approx(TEETH, rel=5e-3)
     slipping = Record(links, {"drive.angle": (links.t, turned * 1.02)})
     assert measures.pins_per_revolution(slipping, "", window) != pytest.approx(TEETH, rel=1e-2)
+
+
+@pytest.mark.parametrize(("teeth", "stands"), [(0.0, True), (0.95, True), (-0.95, True), (1.05, False), (-1.05, False)])
+def test_a_sprocket_that_stands_has_no_ratios(teeth, stands):
+    turned = np.linspace(0.1, 0.1 + 2 * np.pi * teeth / TEETH, 400)
+    links = on_the_sprocket(turned)
+    speed = np.full_like(turned, teeth * PITCH)
+    run = Record(links, {"drive.angle": (links.t, turned), "track.speed": (links.t, speed)})
+    for measure, reason, value in (
+        (measures.pins_per_revolution, "turns by less than a tooth", TEETH),
+        (measures.chain_speed_ratio, "less than a pin passes", 1.0),
+    ):
+        if stands:
+            with pytest.raises(Missing, match=reason):
+                measure(run, "", Window(0.0, 1.0))
+        else:
+            assert measure(run, "", Window(0.0, 1.0)) == pytest.approx(value, rel=0.02)
 
 
 @pytest.mark.parametrize("ripple", [0.0202, 0.0166])

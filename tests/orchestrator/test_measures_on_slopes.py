@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from orchestrator.execution import summary
 from orchestrator.execution.reported import _judge
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -105,8 +106,31 @@ def test_pins_by_the_vertical_lie_elsewhere(runs):
 def test_uneven_ground_has_no_settlement_of_contacts(runs):
     slope, _ = runs
     slope.scene["ground"]["step"] = {"x": [9.0], "rise": 0.1, "radius": 0.02}
-    with pytest.raises(Missing, match="settlement_of_contacts is not known on uneven ground"):
-        measures.settlement_of_contacts(slope, "", WINDOW)
+    for measure in (measures.settlement_of_contacts, measures.settlement):
+        with pytest.raises(Missing, match="settlement is not known on uneven ground"):
+            measure(slope, "", WINDOW)
+
+
+def test_settlement_on_a_slope_is_that_on_level_ground_and_none_where_the_ground_is_uneven(runs):
+    """In the summary too, where the height that a vehicle climbs was shown as a settlement."""
+    slope, level = runs
+    on_slope, flat = (measures.settlement(run, "", WINDOW) for run in runs)
+    assert on_slope == pytest.approx(flat, rel=0.05)
+    assert flat == level.mean("chassis.settlement", WINDOW)
+    plane = slope.scene["ground"]
+    for key, value in (
+        ("incline_start", 3.0),
+        ("rough", {"seed": 1}),
+        ("bump", {"start": 5.0}),
+        ("trench", {"x": 5.0}),
+    ):
+        slope.scene["ground"] = plane | {key: value}
+        with pytest.raises(Missing, match="settlement is not known on uneven ground"):
+            measures.settlement(slope, "", WINDOW)
+    scene = load("straight", "rigid", START)
+    for ground, known in ((plane, True), (plane | {"step": {"x": [9.0], "rise": 0.1, "radius": 0.02}}, False)):
+        slope.scene["ground"] = ground
+        assert (summary.observables(slope, scene, STOP)["settlement"] > 0.0) == known
 
 
 def test_creep_counts_where_the_least_friction_could_hold(runs):

@@ -19,7 +19,7 @@ from orchestrator.results.analyses import (
     slip,
     wheel_loads,
 )
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import Missing, RunData, Window, mean
 from orchestrator.results.views.bodies import EVERY, Bodies
 
 driven = pytest.fixture(scope="module")(driven_log)
@@ -284,23 +284,19 @@ def over_time(t, values, keep):
 
 
 @pytest.mark.parametrize("even", [True, False])
-def test_a_slip_ratio_weighs_a_record_by_its_own_step_alone(tmp_path, even):
-    """A slip ratio weighs a record by its own step; a halt before it does not count."""
+def test_slips_are_ratios_of_means_over_time(even):
+    """Of ways, with records of any length, in both directions; a mean over records, or of ratios, is another one."""
     t = np.linspace(0.0, 4.0, 401)
     t = t if even else t + 0.4 * np.sin(t)
-    speed = np.where(np.sin(2 * np.pi * t) > 0.2, 2.0 + t, 0.01)
-    ratio = 0.02 + 0.3 * np.exp(-40.0 * ((t + 0.97) % 1.0))  # largest at the start
-    names = ["travel", "slip", "speed", *(f"ground.force.{axis}" for axis in "xyz")]
-    values = np.column_stack([t, ratio * speed, speed, np.zeros((len(t), 2)), np.full(len(t), 1e4)])
-    topics = {"/chassis/out": [("yaw", "rad")], "/track/out": [(name, "1") for name in names]}
-    rows = {"/chassis/out": (t, np.zeros((len(t), 1))), "/track/out": (t, values)}
-    path = made(tmp_path / "s.mcap", topics, rows, {"assembly": "vehicle"}, ("chassis", "track"))
-    with Log(path) as log:
-        row = slip.of(RunData(log)).table().records()[0]
-    wanted = 100.0 * over_time(t, ratio, speed > slip.SLOWEST)
-    assert row["slip ratio"] == pytest.approx(wanted, rel=1e-9)
-    kept = np.flatnonzero(speed > slip.SLOWEST)
-    assert np.average(100.0 * ratio[kept], weights=np.diff(t[kept], prepend=0.0)) > 1.5 * wanted, "the twin"
+    speed = (2.0 + t) * np.where(t > 2.5, -1.0, 1.0)
+    share = 0.02 + 0.3 * np.exp(-t)
+    steps = np.diff(t, prepend=2.0 * t[0] - t[1])
+    wanted = (share * np.abs(speed) * steps).sum() / (np.abs(speed) * steps).sum()
+    assert slip.ratio(t, speed, share * speed) == pytest.approx(wanted, rel=1e-12)
+    assert slip.mean_lag(t, speed, share * speed) == pytest.approx(mean(t, share * np.abs(speed)), rel=1e-12)
+    np.testing.assert_allclose(slip.ratios(speed, share * speed), share, rtol=1e-12)
+    assert abs(mean(t, share) / wanted - 1.0) > 0.05, "the twin"
+    assert even or abs((share * np.abs(speed)).sum() / np.abs(speed).sum() / wanted - 1.0) > 0.01, "the twin"
 
 
 def test_means_of_links_are_over_time_where_records_are_uneven(tmp_path):

@@ -213,7 +213,8 @@ def standing(tmp_path, **changes):
         "left_track.travel": still, "left_track.penetration.max": still, "left_track.tension.min": still + 1e4,
         "left_track.slip": still, "left_track.ground.force.x": still + 3e3, "left_track.ground.force.y": still,
         "left_track.ground.force.z": still + 2e4, "left_drive.speed": still, "left_drive.angle": still,
-        "left_track.sprocket.force.x": still, "chassis.chassis.angular_velocity.z": still,
+        "left_track.sprocket.force.x": still, "left_track.speed": still, "chassis.yaw": still,
+        "chassis.chassis.angular_velocity.z": still, **{f"chassis.chassis.velocity.{axis}": still for axis in "xyz"},
     }  # fmt: skip
     columns |= {name.replace("__", "."): values for name, values in changes.items()}
     scene = {"assembly": "vehicle", "vehicle": vehicle(), "run": {"step": 1e-2, "variable": {"tolerance": 1e-3}}}
@@ -229,19 +230,70 @@ def test_a_vehicle_that_stands_passes_no_limit(tmp_path):
     [
         (0.012, 0.5, 0.0, 0.0, True),
         (0.008, 0.5, 0.0, 0.0, False),  # too slow
-        (0.012, 0.95, 0.0, 0.0, False),  # friction does not hold it
+        (0.02598, 0.28 / 0.3, 0.0, 0.0, True),  # on 28 % with a friction of 0.3, at the speed of friction's law
+        (0.0999, 0.995, 0.0, 0.0, True),
+        (0.0999, 1.005, 0.0, 0.0, False),  # friction does not hold it
+        (0.06, 0.5, 0.0, 0.0, False),  # it really slides
         (0.012, 0.5, 0.2, 0.0, False),  # its sprocket turns
         (0.012, 0.5, 0.0, 0.05, False),  # it turns
     ],
 )
-def test_creep_is_sliding_where_friction_should_hold(tmp_path, slip, share, speed, yaw, creeps):
-    whole = np.ones(301)
-    changed = {
-        "left_track__slip": slip * whole, "left_track__ground__force__x": share * 0.3 * 2e4 * whole,
-        "left_drive__speed": speed * whole, "chassis__chassis__angular_velocity__z": yaw * whole,
-    }  # fmt: skip
-    entries = standing(tmp_path, **{name.replace("angular__", "angular_"): each for name, each in changed.items()})
+@pytest.mark.parametrize("heading", [0.0, 0.5 * np.pi])
+@pytest.mark.parametrize("sideways", [False, True])
+def test_creep_is_sliding_where_friction_should_hold(tmp_path, slip, share, speed, yaw, creeps, heading, sideways):
+    """In any heading, along the vehicle and across it."""
+    whole, to = np.ones(301), heading + 0.5 * np.pi * sideways
+    pull, ahead, across = share * 0.3 * 2e4 * whole, np.cos(to), np.sin(to)
+    entries = standing(
+        tmp_path,
+        **{"chassis.yaw": heading * whole, "chassis.chassis.angular_velocity.z": yaw * whole},
+        **{"left_track.ground.force.x": pull * ahead, "left_track.ground.force.y": pull * across},
+        **{"chassis.chassis.velocity.x": -slip * ahead * whole, "chassis.chassis.velocity.y": -slip * across * whole},
+        **{"left_track.slip": (0.0 if sideways else slip) * whole, "left_drive.speed": speed * whole},
+    )
     assert [(e.what, round(e.value, 6)) for e in entries] == [("creep", slip)] * creeps
+
+
+def test_a_vehicle_that_comes_to_a_stop_does_not_creep(tmp_path):
+    """Friction at its limit slows it down: nothing pulls at it; without the slowing down something would."""
+    t = 1e-2 * np.arange(301)
+    slows = -0.015 + 0.005 * t
+    push = {"left_track.ground.force.x": 0.005 / 9.81 * 2e4 * np.ones(301), "left_track.slip": -slows}
+    assert standing(tmp_path, **push, **{"chassis.chassis.velocity.x": slows}) == ()
+    pulled = push | {"left_track.ground.force.x": 0.5 * 0.3 * 2e4 * np.ones(301)}
+    assert [e.what for e in standing(tmp_path, **pulled, **{"chassis.chassis.velocity.x": slows})] == ["creep"]
+
+
+@pytest.mark.parametrize(
+    ("chain", "pads", "yaw", "what", "value"),
+    [
+        (2.0, 1.04, 0.0, "spin", 0.52),
+        (2.0, 0.96, 0.0, "", 0.0),
+        (2.0, 1.04, 0.05, "", 0.0),  # it turns
+        (2.0, 2.0, 0.0, "spin", 1.0),  # it does not move
+        (0.1, 0.1, 0.0, "", 0.0),  # too slow to matter
+        (0.0, 3.8, 0.0, "slide", 3.8),  # locked
+        (0.0, 0.19, 0.0, "", 0.0),
+        (2.0, -2.1, 0.0, "slide", 2.1),
+        (2.0, -1.9, 0.0, "", 0.0),
+        (21.0, 0.0, 0.0, "fast", 21.0),  # ten walking paces of the m113 are 20.46 m/s
+        (20.0, 0.0, 0.0, "", 0.0),
+        (20.0, -1.0, 0.0, "fast", 21.0),
+        (21.0, 15.0, 0.0, "spin", 15.0 / 21.0),  # one warning
+    ],
+)
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_tracks_that_spin_or_slide(tmp_path, chain, pads, yaw, what, value, way):
+    """Either way, for longer than a second."""
+    whole, short = np.ones(301), 1e-2 * np.arange(301) % 1.5 < 0.9
+    changed = {
+        "left_drive.speed": 9.0 * whole, "chassis.chassis.angular_velocity.z": yaw * whole,
+        "left_track.travel": 0.0 * whole, "left_track.speed": way * chain * whole,
+    }  # fmt: skip
+    entries = standing(tmp_path, **changed, **{"left_track.slip": way * pads * whole})
+    assert [(e.what, e.value) for e in entries] == [(what, pytest.approx(value))] * bool(what)
+    if value == 0.52:
+        assert standing(tmp_path, **changed, **{"left_track.slip": way * pads * short}) == ()
 
 
 @pytest.mark.parametrize(("force", "time", "pushes"), [(7e3, 0.04, True), (6e3, 0.04, False), (7e3, 0.01, False)])

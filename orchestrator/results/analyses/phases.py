@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull
+from orchestrator.results.analyses import hull, slip
 from orchestrator.results.broken_line import LineFitter, breaks
 from orchestrator.results.energy import without_energies
 from orchestrator.results.ground_axes import pose_signals, split
@@ -66,7 +66,7 @@ class Phase(NamedTuple):
     yaw_rate_most: float  # rad/s, largest mean over HELD, with its sign
     radius: float  # m, way over change of heading; NaN if straight
     power: float  # W, work of the drives over time
-    slip_left: float  # m/s, of the links on the ground, mean
+    slip_left: float  # m/s, of the links on the ground, mean; positive where the track drives, either way
     slip_right: float  # m/s
     tension: float  # N, largest of all links
     tension_t: float  # s
@@ -126,9 +126,9 @@ def _turn_clause(phase: Phase) -> str:
 
 
 def _load_clause(p: Phase) -> str:
-    slips = [slip for slip in (p.slip_left, p.slip_right) if slip == slip]
+    slips = [each for each in (p.slip_left, p.slip_right) if each == each]
     alike = len(slips) < 2 or abs(slips[0] - slips[1]) < ALIKE
-    shown = [f"{slip:.3f}" for slip in (slips[:1] if alike else slips)]
+    shown = [f"{each:.3f}" for each in (slips[:1] if alike else slips)]
     parts = [
         f"power {without_rounding(p.power / 1e3, 'kW'):.3g} kW" if p.power == p.power else "",
         f"slip {' and '.join(shown)} m/s{'' if alike else ' left and right'}" if slips else "",
@@ -186,7 +186,7 @@ def _read(run: RunData, window: Window) -> _Motion:
     moving = len(names)
     if lacking := [name for name in names if not run.has(name)]:
         raise Missing(f"{run.log.path} holds no '{lacking[0]}': there are no phases without the motion of a hull")
-    names += [f"{track}.{name}" for track in run.tracks for name in ("slip", "tension.max")]
+    names += [f"{track}.{name}" for track in run.tracks for name in ("speed", "slip", "tension.max")]
     names = [name for name in names if run.has(name)]
     work_copies = {f"{name}.energy.work": run.copies(name) for name in run.instances if run.has(f"{name}.energy.work")}
     run.prefetch([*names, *work_copies], window)  # one pass
@@ -203,6 +203,9 @@ def _read(run: RunData, window: Window) -> _Motion:
         if work_copies and not {*without_energies(run)} - {"chassis"}  # a hull puts no energy in
         else np.full_like(t, np.nan)
     )
+    for pads in (name for name in names if name.endswith(".slip")):
+        chain = values.get(pads.replace(".slip", ".speed"), np.ones_like(t))
+        values[pads] = values[pads] * slip.towards(chain, values[pads])
     return _Motion(t[:steps], {name: column[:steps] for name, column in values.items()})
 
 

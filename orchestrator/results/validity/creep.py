@@ -1,4 +1,4 @@
-"""Entries for standing vehicles that creep, because friction is regularised."""
+"""Entries for vehicles that creep as they stand, spin their tracks, slide on them, or are faster than any such is."""
 
 from __future__ import annotations
 
@@ -7,59 +7,70 @@ from collections.abc import Iterator
 import numpy as np
 
 from orchestrator.results.analyses import hull
-from orchestrator.results.ground_axes import POSE, split
-from orchestrator.results.ground_surface import on_terrain
-from orchestrator.results.run_data import Missing, RunData, mean
+from orchestrator.results.analyses.slip import towards
+from orchestrator.results.ground_axes import component, ground_axes, pose_signals
+from orchestrator.results.run_data import Missing, RunData, record_durations
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.exceedance import WARNING, Exceedance
+from orchestrator.results.validity.exceedance import WARNING, Exceedance, excess
 from orchestrator.results.validity.piece import Piece
 from orchestrator.results.validity.sprocket_pins import shaft, tracks_on_sprockets
 
 STANDS = 0.1  # rad/s of a sprocket: brakes fade below
-TURNS = 0.02  # rad/s of the hull: a turning vehicle slides sideways
-YAW = "chassis.chassis.angular_velocity.z"
+TURNS = 0.02  # rad/s of the hull: a turning vehicle slides sideways, and its tracks slip by nature
+YAW, VELOCITY = "chassis.chassis.angular_velocity.z", "chassis.chassis.velocity"
 
 
 def signals(run: RunData) -> Iterator[str]:
-    """Signals: slip and ground force, sprocket speeds, yaw rate and place of the hull."""
-    yield YAW
-    yield from POSE if on_terrain(run.scene) else ()
+    """Signals: speed, slip and ground force of tracks, sprocket speeds, motion and place of the hull."""
+    yield from (YAW, *(f"{VELOCITY}.{axis}" for axis in "xyz"), *pose_signals(run))
     for track in tracks_on_sprockets(run):
         yield f"{shaft(run, track)}speed"
-        yield f"{track}.slip"
-        yield from (f"{track}.ground.force.{axis}" for axis in "xyz")
+        yield from (f"{track}.{name}" for name in ("speed", "slip", *(f"ground.force.{axis}" for axis in "xyz")))
 
 
 def find(piece: Piece) -> Iterator[Exceedance]:
-    """Entries for tracks that slide though friction could hold them; raises Missing.
+    """One entry a track, of what lasts for STANDING seconds, by means over them; raises Missing.
 
-    The vehicle must stand for STANDING seconds.
+    A track creeps if it stands and slides though friction could hold what pulls at it: the ground's force less what
+    accelerates the hull. One that really slides is faster than regularised friction lets it creep.
     """
-    friction = least_friction(piece.run)
-    _, yaw = piece.signal(YAW)
-    pose = piece.columns([*POSE])[1] if on_terrain(piece.run.scene) else np.empty((len(yaw), 0))
-    for track in tracks_on_sprockets(piece.run):
-        t, slip = piece.signal(f"{track}.slip")
-        _, speed = piece.signal(f"{shaft(piece.run, track)}speed")
+    run, friction = piece.run, least_friction(piece.run)
+    t, yaw = piece.signal(YAW)
+    fades = hull.vehicle_number(run, "contact", "ground", "friction_velocity")
+    wheels, gravity = run.scene["vehicle"]["road_wheel"]["x"], hull.vehicle_number(run, "gravity")
+    pace = 0.4 * np.sqrt(gravity * (max(wheels) - min(wheels)))
+    slow = limits.SLOW * pace
+    axes = ground_axes(run, piece.columns([*pose_signals(run)])[1])
+    hull_ahead, hull_left, _ = (component(piece.vector(VELOCITY)[1], axis) for axis in axes)
+    end = np.flatnonzero(t - t[:1] > limits.STANDING - 1e-9)
+    begin = np.searchsorted(t, t[end] - limits.STANDING - 1e-9)
+    for track in tracks_on_sprockets(run):
+        chain, pads, turned = (
+            piece.signal(name)[1] for name in (f"{track}.speed", f"{track}.slip", f"{shaft(run, track)}speed")
+        )
         _, force = piece.vector(f"{track}.ground.force")
-        if not len(t) == len(yaw) == len(speed) == len(force):
+        if not len(t) == len(chain) == len(turned) == len(force):
             raise Missing("the log holds different steps of its components")
-        sideways, load = split(piece.run, force, pose)
-        below_limit = sideways < limits.STICKS * friction * load
-        still = below_limit & (np.abs(speed) < STANDS) & (np.abs(yaw) < TURNS)
-        begin = 0
-        while len(t) - begin > 1:
-            end = int(np.searchsorted(t, t[begin] + limits.STANDING, "right"))
-            if end >= len(t):
-                return
-            part = slice(begin, end)
-            if not still[part].all():
-                begin += int(np.flatnonzero(~still[part])[-1]) + 1
-                continue
-            speed_of_creep = abs(mean(t[part], slip[part]))
-            if speed_of_creep > limits.CREEP:
-                yield Exceedance("creep", track, float(t[begin]), "", speed_of_creep, limits.CREEP, WARNING)
-            begin = end
+        way, forces = towards(chain, pads), (component(force, axis) for axis in axes)
+        turns = np.abs(yaw) >= TURNS
+        moves, grips = turns | (np.abs(turned) >= STANDS), -pads * way <= np.maximum(chain * way, slow)
+        columns = chain * way, pads * way, pads, hull_left, turns, moves, grips, *forces
+        sums = np.cumsum(np.stack(columns) * record_durations(t), axis=1)
+        means = (sums[:, end] - sums[:, begin]) / (t[end] - t[begin])
+        speed, lag, back, left, turning, moving, gripping, *thrust, load = means
+        gained = ((v[end] - v[begin]) / (gravity * (t[end] - t[begin])) for v in (hull_ahead, hull_left))
+        pulled = (f / np.maximum(load, 1.0) - a for f, a in zip(thrust, gained, strict=True))
+        share, creep = np.hypot(*pulled) / friction, np.hypot(back, left)
+        creeps = (moving == 0.0) & (creep**2 * np.maximum(1.0 - share**2, 0.0) < (limits.CREEPS * fades * share) ** 2)
+        for what, values, limit in (
+            ("creep", np.where(creeps & (share < 1.0), creep, 0.0), limits.CREEP),
+            ("spin", np.where(turning == 0.0, lag / np.maximum(speed, slow), 0.0), limits.SPIN),
+            ("slide", np.where(gripping == 0.0, -lag, 0.0), slow),
+            ("fast", np.maximum(speed, speed - lag), limits.FAST * pace),
+        ):
+            if first_and_worst := excess(t[begin], values, float(limit)):
+                yield Exceedance(what, track, first_and_worst[0], "", first_and_worst[1], float(limit), WARNING)
+                break
 
 
 def least_friction(run: RunData) -> float:

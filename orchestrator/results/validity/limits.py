@@ -23,6 +23,9 @@ KINDS = {
     "tooth_jump": LimitKind("the chain jumps over teeth", "teeth", fails=True),
     "idler_travel": LimitKind("the idler is beyond the travel of its tensioner", "mm"),
     "compression": LimitKind("links push more than a chain can carry", "kN"),
+    "spin": LimitKind("the track spins on the ground and hardly drives: slip of its pads", "%"),
+    "slide": LimitKind("the vehicle slides, faster than its track runs: speed of its pads", "m/s"),
+    "fast": LimitKind("it goes ten times as fast as a vehicle of this length goes at a walk", "m/s"),
     "creep": LimitKind("the standing vehicle creeps where it should stick", "mm/s"),
     "lift": LimitKind("is off what bears it", "s"),
     "belly": LimitKind("the hull is in the soil, which bears tracks only", "mm", fails=True),
@@ -49,9 +52,13 @@ JUMP = 0.0
 HELD = 0.02  # s
 RISE = 0.01  # m
 # Sliding of a standing vehicle, m/s, mean over STANDING seconds. Regularised friction creeps at v = v_reg s / sqrt(1 -
-# s^2) at the share s of its limit; 0.01 m/s is 36 m an hour. Above the share STICKS the contact really slides, which is
-# physical.
-CREEP, STICKS, STANDING = 0.01, 0.9, 1.0
+# s^2) at the share s of its limit; 0.01 m/s is 36 m an hour. At CREEPS times that speed, or with s above 1, the contact
+# really slides, which is physical.
+CREEP, CREEPS, STANDING = 0.01, 3.0, 1.0
+# Slip of pads over STANDING seconds: beyond SPIN a track digs in and hardly pulls more. A vehicle slides where its pads
+# are faster than its chain. Slower than SLOW of a walking pace, 0.4 sqrt(gravity length), neither matters; FAST of them
+# are 70 km/h for the m113.
+SPIN, SLOW, FAST = 0.5, 0.1, 10.0
 # Time without load, s. A bouncing wheel leaves its track for a tenth of a second. After LIFT a track has dropped by g
 # t^2 / 2 = 20 mm below its wheels, the height of real guide horns; those of the model have no end.
 LIFT = 0.2

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fmus.soils import law_of, named
+from orchestrator.results import measures
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Case, files
@@ -78,7 +79,7 @@ def pull(scene: str, soil: str, aim: float) -> list[Row]:
 def _row(vehicle: Vehicle, name: str, run: RunData, window: Window, speed: float) -> Row:
     track = vehicle.table.track
     soil = law_of(name, track.pitch, track.width)
-    slip, towed = 1.0 - run.mean("chassis.speed", window) / speed, run.mean("chassis.hitch.pull", window)
+    slip, towed = measures.slip(run, "", window), run.mean("chassis.hitch.pull", window)
     compacted = sum(
         run.copies(part) * _rate(run, f"{part}.energy.dissipated.ground_damping", window) for part in run.tracks
     )
