@@ -12,7 +12,7 @@ from conftest import TOY, build_toy
 
 from fmus import ahead, loaded
 from fmus.build import KINDS, BuildFailed, Shell, build, build_shell, build_shells
-from fmus.sources import ROOT, source_hash, sources
+from fmus.sources import ROOT, search_path, source_hash, sources
 from orchestrator.fmu_check import runner
 
 
@@ -180,3 +180,11 @@ def test_shells_have_stems_of_their_own(kind):
     stems = [path.rpartition("/")[2] for path in KINDS.values()]
     assert len(set(stems)) == len(stems)
     assert stems.count(KINDS[kind].rpartition("/")[2]) == 1
+
+
+def test_a_child_does_not_find_what_a_loaded_fmu_packs(tmp_path, monkeypatch):
+    """Pythonfmu adds the folder of an FMU that it loads to the path; its copy of pythonfmu there has no binaries."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert str(tmp_path) in search_path(ROOT).split(os.pathsep), "the twin: any other folder is handed on"
+    (tmp_path / "build.txt").write_text(source_hash())
+    assert str(tmp_path) not in search_path(ROOT).split(os.pathsep)
