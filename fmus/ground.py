@@ -44,7 +44,7 @@ def terrain(ground: Table) -> Terrain:
         obstacles_profile(ground),
         _kerb(ground.get("kerb")),
         Washboard(**_given(waves)) if waves else Washboard(),
-        rough_ground(one) if (one := ground.get("rough")) else Rough(np.zeros((0, 4))),
+        rough_ground(one) if (one := ground.get("rough")) else Rough(np.zeros((0, 4)), np.zeros((0, 2))),
         _heightmap(ground.get("heightmap")),
         BLEND,
         _regions(ground.get("friction") or ()),

@@ -124,7 +124,7 @@ class WashboardTable(FrozenTable):
 
 
 class RoughTable(FrozenTable):
-    """Rough ground of ISO 8608, one profile for each side."""
+    """Rough ground of ISO 8608: two lanes along x, one profile for y > 0 and one for y < 0, or a surface."""
 
     iso_class: Literal["A", "B", "C", "D", "E", "F", "G", "H"]
     """class of ISO 8608: A is a good road, D a bad one, E to H is off-road"""
@@ -135,15 +135,21 @@ class RoughTable(FrozenTable):
     band: tuple[Annotated[float, In("1/m", gt=0)], Annotated[float, In("1/m", gt=0)]] = (0.011, 2.83)
     """least and largest spatial frequency, cycles per length"""
     correlated: bool = False
-    """the sides have one profile"""
-    start: Place
-    """x where the roughness begins"""
+    """both lanes have one profile"""
+    isotropic: bool = False
+    """a surface with that spectrum along every line instead of lanes, for vehicles that turn or do not drive along x"""
+    start: Place | None = None
+    """x where the roughness begins; an isotropic one may be everywhere"""
     length: Distance = 2.0
     """length over which it fades in"""
 
     @model_validator(mode="after")
     def _check_band(self) -> RoughTable:
         low, high = self.band
+        if self.isotropic and self.correlated:
+            raise ValueError("isotropic and correlated exclude each other: a surface has no lanes")
+        if self.start is None and not self.isotropic:
+            raise ValueError("start is missing: lanes begin at an x; only an isotropic surface is everywhere")
         if not int(high * self.period) >= low * self.period:
             raise ValueError(
                 f"band = [{low:g}, {high:g}] 1/m has no multiple of 1/period, period = {self.period:g} m: longer period"

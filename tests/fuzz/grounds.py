@@ -110,7 +110,7 @@ TABLES: dict[str, Callable[[random.Random], Any]] = {
     },
     "rough": lambda chance: {
         "iso_class": chance.choice("ABCDEFGH"), "seed": chance.randrange(10), "start": _place(chance),
-        "period": chance.choice((20.0, 50.0, 200.0)), "correlated": chance.random() < 0.5,
+        "period": chance.choice((20.0, 50.0, 200.0)), chance.choice(("correlated", "isotropic")): chance.random() < 0.5,
         "length": _length(chance, 2.0),
     },
     "heightmap": _heightmap,

@@ -373,6 +373,50 @@ def test_a_corner_beside_a_wall_is_no_deeper_than_its_force(tmp_path):
     assert entry.value == pytest.approx(0.03, rel=1e-9)
 
 
+LANES = {"iso_class": "D", "correlated": False, "start": 2.0}
+WAVES = {"amplitude": 0.02, "wavelength": 1.0, "start": 2.0}
+
+
+def kinds_at(tmp_path, ground, x, y, degrees):
+    """Kinds and worst values of entries of lanes for a vehicle at a place with a heading."""
+    still = np.zeros(11)
+    columns = {"chassis.yaw": still + np.radians(degrees)}
+    columns |= {f"chassis.chassis.position.{axis}": still + place for axis, place in (("x", x), ("y", y))}
+    scene = {
+        "assembly": "vehicle",
+        "vehicle": load("straight").vehicle.model_dump(),
+        "ground": ground,
+        "run": {"step": 0.1},
+    }
+    found = entries_of(write(tmp_path / "log.mcap", columns, 0.1 * np.arange(11), scene))
+    return {entry.what: entry.value for entry in found if entry.what in ("lanes", "askew")}
+
+
+@pytest.mark.parametrize(
+    ("ground", "x", "y", "degrees", "kinds"),
+    [
+        ({"rough": LANES}, 5.0, 0.0, 0.0, {}),
+        ({"rough": LANES}, 5.0, 0.38, 0.0, {}),  # the track's inner edge is 0.3905 m from its lane's
+        ({"rough": LANES}, 5.0, 0.40, 0.0, {"lanes": 0.0095}),
+        ({"rough": LANES}, 5.0, -5.0, 180.0, {"lanes": 4.6095}),
+        ({"rough": LANES}, 1.0, -5.0, 180.0, {}),  # before it
+        ({"rough": LANES}, 5.0, 0.0, 20.0, {"lanes": None}),
+        ({"rough": LANES}, 5.0, 0.0, 90.0, {"lanes": None, "askew": 1.0}),
+        ({"rough": LANES | {"correlated": True}}, 5.0, 5.0, 25.0, {}),
+        ({"rough": LANES | {"correlated": True}}, 5.0, 5.0, -27.0, {"askew": 0.10899}),
+        ({"rough": LANES | {"isotropic": True}}, 5.0, 5.0, 90.0, {}),
+        ({"washboard": WAVES | {"phase": 0.0}}, 5.0, 5.0, 90.0, {}),  # an obstacle across x
+        ({"washboard": WAVES | {"phase": 3.0}}, 5.0, 0.0, 0.0, {}),
+        ({"washboard": WAVES | {"phase": 3.0}}, 5.0, 2.0, 0.0, {"lanes": 1.6095}),
+    ],
+)
+def test_tracks_outside_of_their_lanes(tmp_path, ground, x, y, degrees, kinds):
+    found = kinds_at(tmp_path, ground, x, y, degrees)
+    assert found.keys() == kinds.keys()
+    for kind, value in kinds.items():
+        assert value is None or found[kind] == pytest.approx(value, abs=1e-5)
+
+
 @pytest.mark.parametrize(("ground", "until", "lift", "crosses"), [
     ({"soil": {"n": 1.0}}, 12.0, 0.0, True), ({}, 12.0, 0.0, False),
     ({"soil": {"n": 1.0}}, 7.9, 0.0, False), ({"soil": {"n": 1.0}}, 12.0, 0.11, False),

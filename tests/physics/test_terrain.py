@@ -52,6 +52,7 @@ PRIMITIVES["height map"] = {
 }
 GROUNDS = PRIMITIVES | {
     "uneven": PRIMITIVES["incline"] | PRIMITIVES["washboard"],
+    "surface": {"rough": PRIMITIVES["rough"]["rough"] | {"isotropic": True}},
     "all": {key: value for ground in PRIMITIVES.values() for key, value in ground.items() if key != "bump"}
     | {"trench": {"start": 5.0, "width": 1.0, "depth": 0.4, "radius": 0.05}, "half_round": HALF_ROUND, "step": STEP},
 }
@@ -93,7 +94,7 @@ def nearest_distance(ground, p: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize(
-    "name", ["incline", "half rounds", "bump", "washboard", "kerb", "rough", "height map", "uneven", "all"]
+    "name", ["incline", "half rounds", "bump", "washboard", "kerb", "rough", "surface", "height map", "uneven", "all"]
 )
 def test_depth_is_the_true_distance(name):
     ground, rng = GROUNDS[name], np.random.default_rng(4)

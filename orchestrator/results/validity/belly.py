@@ -30,8 +30,8 @@ def signals(run: RunData) -> Iterator[str]:
 def find(piece: Piece) -> Iterator[Exceedance]:
     """Entry for the deepest corner of the hull below the undeformed ground; raises Missing."""
     scene = piece.run.scene
-    soft = gives_way(scene)
-    if scene.get("assembly") != "vehicle" or not (soft or scene["vehicle"]["chassis"].get("hull")):
+    soft, chassis = gives_way(scene), (scene.get("vehicle") or {}).get("chassis") or {}
+    if scene.get("assembly") != "vehicle" or not (soft or chassis.get("hull")):
         return
     t, places = piece.vector(PLACE)
     depth = depths(piece.run, places, piece.vector(HULL, "wxyz")[1]).max(axis=1)

@@ -16,6 +16,7 @@ from orchestrator.results.validity import (
     creep,
     crossed_rut,
     idler_travel,
+    lanes,
     lift,
     penetration,
     seats,
@@ -24,7 +25,9 @@ from orchestrator.results.validity import (
 from orchestrator.results.validity.exceedance import FAILURE, WARNING, Exceedance
 from orchestrator.results.validity.piece import pieces
 
-KINDS = (contact_step, penetration, seats, tooth_jump, idler_travel, compression, creep, lift, belly, crossed_rut)
+KINDS = (
+    contact_step, penetration, seats, tooth_jump, idler_travel, compression, creep, lift, belly, crossed_rut, lanes,
+)  # fmt: skip
 
 
 class Validity(NamedTuple):

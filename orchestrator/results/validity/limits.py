@@ -31,6 +31,8 @@ KINDS = {
     "belly": LimitKind("the hull is in the soil, which bears tracks only", "mm", fails=True),
     "hull": LimitKind("the hull is in hard ground, held by springs of a link, or by none without ground.hull", "mm"),
     "crossed_rut": LimitKind("the track is in the rut of the other one, which counts as untouched", "mm"),
+    "lanes": LimitKind("a track leaves the lane along x that is its own", "mm"),
+    "askew": LimitKind("the vehicle is askew to roughness along x, whose density along its way is less", "%"),
     "contact_step": LimitKind("the step is long for the contacts: frequency times step", "rad"),
 }
 ALLOWED = tuple(name for name, kind in KINDS.items() if kind.fails)
@@ -73,6 +75,10 @@ HULL = 1.0
 # Depth of the other track's rut where a track comes through it, m. No port carries a rut, so soil bears and resists as
 # if it were pressed for the first time.
 RUT = 0.0
+# Inner edge of a track over the edge of its lane, m: there one lane turns into the other, then both tracks have one
+# profile. A way at an angle to x has the density of a profile along x times the cosine: less by a share ASKEW at 26
+# degrees, as much as an estimate from a kilometre of ground is uncertain.
+LANE, ASKEW = 0.0, 0.1
 # Angular frequency of the stiffest contact times the step, rad. The implicit integrators are stable at any step, but at
 # 1 the contact's period has 6 steps and is off by a tenth ((w h)^2 / 12 and numerical damping). For the communication
 # step, an explicit exchange is stable up to 2.

@@ -1,4 +1,8 @@
-"""Rough ground: a periodic profile along x for each side, as cubic splines over equal distances."""
+"""Rough ground: a periodic profile along x for each side, or the sum of profiles along many directions.
+
+Profiles are cubic splines over equal distances. The sum is a random surface (turning bands: Matheron, Advances in
+Applied Probability 5 (1973) 439-468).
+"""
 
 from __future__ import annotations
 
@@ -13,9 +17,10 @@ from fmus.physics.contact.terrain.sum import Six, times
 
 
 class Rough(NamedTuple):
-    """Profiles of the left and the right side, or one for both."""
+    """Profiles of the left and the right side, or one for both, or those along m directions."""
 
     nodes: np.ndarray  # (n, 4) heights, m, and second derivatives, 1/m, of left and right; (n, 2) of both; n = 0: none
+    directions: np.ndarray  # (m, 2) unit vectors, and nodes (n, 2 m); m = 0: sides
     spacing: float = 1.0  # distance of the nodes, m
     highest: float = 0.0  # largest height, m
     start: float = 0.0  # x where the roughness begins, m
@@ -32,15 +37,35 @@ def _spline(nodes: Floats, column: int, spacing: float, i: int, t: float) -> Thr
 
 
 @kernel
-def rough(p: Rough, blend: float, x: float, y: float) -> Six:
-    """Height at (x, y), m, with its derivatives; left turns to right over ``blend`` m on both sides of y = 0."""
-    place, n = (x - p.start) / p.spacing, p.nodes.shape[0]
+def _node(place: float, n: int) -> tuple[int, float]:
+    """Node of ``n`` before a place, in distances of nodes, and the fraction behind it."""
     whole = int(place)
     if whole > place:
         whole -= 1
-    i, t = whole % n, place - whole
-    h, h_x, h_xx = _spline(p.nodes, 0, p.spacing, i, t)
+    return whole % n, place - whole
+
+
+@kernel
+def _sum(p: Rough, x: float, y: float) -> Six:
+    """Sum of the profiles along all directions at (x, y), m, with its derivatives."""
+    h = h_x = h_y = h_xx = h_xy = h_yy = 0.0
+    for m in range(p.directions.shape[0]):
+        c, s = p.directions[m, 0], p.directions[m, 1]
+        i, t = _node((c * x + s * y) / p.spacing, p.nodes.shape[0])
+        f, d, b = _spline(p.nodes, 2 * m, p.spacing, i, t)
+        h, h_x, h_y = h + f, h_x + c * d, h_y + s * d
+        h_xx, h_xy, h_yy = h_xx + c * c * b, h_xy + c * s * b, h_yy + s * s * b
+    return h, h_x, h_y, h_xx, h_xy, h_yy
+
+
+@kernel
+def rough(p: Rough, blend: float, x: float, y: float) -> Six:
+    """Height at (x, y), m, with its derivatives; left turns to right over ``blend`` m on both sides of y = 0."""
     envelope = fade(x, p.start, p.length)
+    if p.directions.shape[0] > 0:
+        return times(envelope, _sum(p, x, y))
+    i, t = _node((x - p.start) / p.spacing, p.nodes.shape[0])
+    h, h_x, h_xx = _spline(p.nodes, 0, p.spacing, i, t)
     if p.nodes.shape[1] == 2:
         return times(envelope, (h, h_x, 0.0, h_xx, 0.0, 0.0))
     r, r_x, r_xx = _spline(p.nodes, 2, p.spacing, i, t)
