@@ -19,7 +19,7 @@ import fmus.track_steps as steps
 from fmus import link_outputs
 from fmus.defaults import configured_ports, parameter_values
 from fmus.jit import plain
-from fmus.model import NO_ROTATION, TOO_MANY_STEPS, ComponentModel, Floats, FreeParameters, InvalidParameter
+from fmus.model import NO_ROTATION, TOO_MANY_STEPS, ComponentModel, Floats, FreeParameters, InvalidParameter, StepFailed
 from fmus.physics.chain import adaptive, state
 from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
 from fmus.physics.chain.explicit import slopes
@@ -119,6 +119,10 @@ WARNING_SENTENCES = (
         " own plane only, turns and side slopes need axes = 'free'"
     ),
 )
+OFF_ITS_PLACE = (  # warning or failure of the first step
+    "at t = {0:.6g} s the {1:name} is {2:.3g} m too far from where the track was laid round it ({3:.3g} m ahead,"
+    " {4:.3g} m to the left, {5:.3g} m up): start.position.*, start.lateral and all other start.* must be the vehicle's"
+)
 RUT_SENTENCE = Sentence(
     "at t = {0:.6g} s the rut of the track is too long to be remembered: its oldest part counts as untouched ground, if"
     " the track comes back to it"
@@ -132,11 +136,7 @@ def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
         Sentence(""),
         Sentence(NO_ROTATION, tuple(wheels)),
         TOO_MANY_STEPS,
-        Sentence(
-            "at t = {0:.6g} s the {1:name} is {2:.3g} m from where the track was laid round it: start.lateral = {3:g} m"
-            " must be the side's, and all start.* the vehicle's",
-            tuple(wheels),
-        ),
+        Sentence(OFF_ITS_PLACE, tuple(wheels)),
         Sentence(
             "at t = {0:.6g} s the {1:name} is {2:.3g} m from the {4:name}, at the start it was {3:.3g} m from it: the"
             " motion of each wheel must be connected",
@@ -157,6 +157,14 @@ def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
             )
             for _, (_, explicitly) in causes
         ),
+    )
+
+
+def not_at_rest(link: int, residual: float) -> StepFailed:
+    """Failure of the search for static equilibrium; the ``residual``, N, is that of a ``link``, an index."""
+    return StepFailed(
+        f"static equilibrium of the track was not found: {residual:.3g} N are left on link {link + 1};"
+        " start = 'polygon' needs none"
     )
 
 
@@ -187,6 +195,9 @@ def integrator_coefficients(p: Mapping[str, Any]) -> GeneralizedAlpha:
     return coefficients
 
 
+# Rotary inertia of links that sink, over their own: deep soil holds a link up far below its centre, so that its level
+# place is an equilibrium on an edge, and a search in which links may turn at once tips them over.
+SINKING = 1e6
 LOWERED = 0.05  # m, by which wheels go into soil at a time as a chain comes to rest
 KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
 STARTS = {
@@ -241,10 +252,12 @@ class TrackModel(ComponentModel):
         self.link_ports = len(link_outputs.ports(self.link_groups, self.links_count, self.nodes))
         self.counters = np.zeros(COUNTERS, dtype=np.int64)
         self.inputs = STATE * wheels
-        self.failures = failures([wheel["name"] for wheel in self.wheel_list])
+        names = [wheel["name"] for wheel in self.wheel_list]
+        self.failures = failures(names)
         self.ground_memory = self._ground_memory()
+        self.warning_sentences = (*WARNING_SENTENCES, Sentence(OFF_ITS_PLACE, tuple(names)))
         if self.ground_memory != state.HARD:
-            self.warning_sentences = (*WARNING_SENTENCES, RUT_SENTENCE)
+            self.warning_sentences += (RUT_SENTENCE,)
         self.allocate()
 
     def _ground_memory(self) -> state.GroundMemory:
@@ -348,7 +361,6 @@ class TrackModel(ComponentModel):
         """Read the parameters and prepare links and contacts; returns all of them. Raises InvalidParameter."""
         p = parameter_values(self.ports, parameters)
         self.pose = start_pose(p)
-        self.lateral = p["start.lateral"]
         self.max_step, self.integrator, self.interval = p["step"], p["integrator"], p[link_outputs.INTERVAL]
         if self.interval != round(self.interval):
             raise InvalidParameter(f"{link_outputs.INTERVAL} = {self.interval:g}: must be a whole number")
@@ -359,6 +371,7 @@ class TrackModel(ComponentModel):
             )
         self.contacts = self.contact_partners(p)
         self.environment = self._environment()
+        self.rotary_factor = 1.0
         level = StartPose(0.0, 0.0, 0.0, 0.0, 0.0, self.pose.pitch)
         wheels = np.array([plain(part_at_rest)(level, start_stance(wheel)) for wheel in self.wheel_list]).ravel()
         plain(read_states)(wheels, LEVEL, self.start_rows)
@@ -371,7 +384,7 @@ class TrackModel(ComponentModel):
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """Pose on a level ground that moves with the vehicle, and parameters without influence on the statics."""
-        numbers = {"common.lateral": "{start.lateral}", "common.interval": f"{{{link_outputs.INTERVAL}}}"}
+        numbers = {"common.interval": f"{{{link_outputs.INTERVAL}}}"}
         if p["integrator"] != EXPLICIT:
             numbers["common.longest"] = "{step}"
         names = {port.name for port in self.ports}
@@ -382,7 +395,6 @@ class TrackModel(ComponentModel):
         fixed = KEYS[HEIGHT:]  # they change the static equilibrium of the chain
         if self.config.get("terrain"):  # its place on the ground too
             fixed = self.start_parameters
-            del numbers["common.lateral"]
         return FreeParameters(numbers, tuple(name for name in self.start_parameters if name not in fixed))
 
     def begin_run(self) -> None:
@@ -397,7 +409,7 @@ class TrackModel(ComponentModel):
                     longest=min(self.max_step, self.stable_step) if self.integrator == EXPLICIT else self.max_step,
                     plane=self.plane,
                     pitch=self.pitch,
-                    lateral=self.lateral,
+                    play=float(self.vehicle["guide"]["clearance"]),
                     frame=self.frame,
                     start_rows=self.start_rows,
                     rows=self.rows,
@@ -524,7 +536,13 @@ class TrackModel(ComponentModel):
         """Lay the chain on the ground; its ends are pulled from then on, because friction holds nothing at rest."""
         pull = self.environment.pull.copy()
         self.environment.pull[:] = 0.0
-        self.settle(pins, rest)
+        if rest and self.config.get("soil") and not (self.config.get("terrain") or self.config.get("bump")):
+            self.rotary_factor = SINKING
+            self.settle(pins, rest)
+            self.rotary_factor = 1.0
+            self.find_equilibrium(self.start_rows)
+        else:
+            self.settle(pins, rest)
         self.environment.pull[:] = pull
         self._evaluate_start()
 

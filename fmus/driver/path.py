@@ -21,7 +21,9 @@ from fmus.physics.elementary import atan2, cos, hypot, of_each, sin
 ARC_LENGTH = 0.05  # length of the arcs of a curve through points, m
 LONGEST = 1e5  # largest length of such a curve, m
 NEAREST_TOLERANCE = 1e-9  # distance along the path at which the nearest point counts as found, m
-MOST_ITERATIONS = 20  # iterations towards the nearest point
+MOST_ITERATIONS = (
+    20  # towards the nearest point; enough as long as the run does not warn that the path is lost (a test)
+)
 
 
 class Path(NamedTuple):

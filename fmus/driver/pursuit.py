@@ -348,6 +348,7 @@ def set_demands(c, point, target, pace, h):
         most = np.sqrt(most * most - across * across)
         along = min(max(pace - rate * x[SLIPS + 2], -most), most)
         z = x[SLIPS], x[SLIPS + 1], x[SLIPS + 2]
+        # always solved: the demands are within the friction (a test)
         z, _ = skid.slips(f, (p.friction, p.creep), rate, along, across, yaw_acceleration, z)
         x[SLIPS], x[SLIPS + 1], x[SLIPS + 2] = z
         left, right = z[0] - f.half_gauge * rate - correction, z[1] + f.half_gauge * rate + correction

@@ -27,7 +27,7 @@ from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
 from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import POSITIVE, Port, Range
-from fmus.track import TrackModel, integrator_coefficients, integrator_ports
+from fmus.track import TrackModel, integrator_coefficients, integrator_ports, not_at_rest
 from fmus.track_choices import (
     ADAMS,
     CHOLESKY,
@@ -415,9 +415,7 @@ class Model(TrackModel):
         if failure == SINGULAR:
             raise StepFailed(f"the chain's mass matrix is singular at the start, link {link + 1}")
         if failure:
-            raise StepFailed(
-                f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
-            )
+            raise not_at_rest(link, residual)
 
     def _run_release(
         self, task: int, motion: Motion | None = None, by: Slopes = NOTHING, fresh: bool = False
@@ -425,13 +423,17 @@ class Model(TrackModel):
         """Do a task of ``release``, whose static equilibrium is without friction but for that on a slope."""
         motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
         partners, least, env = self.contacts, self._rest_tolerance(), self.rest_environment(self.start_rows)
+        link = self.link
+        if self.rotary_factor != 1.0 and self.element != "beam":  # beams find the equilibrium without
+            inertia = self.rotary_factor * self.vehicle["track"]["inertia"][1]
+            link = link._replace(element=link.element._replace(rotary=inertia))
         if partners is not None:
             from fmus.contacts import at_rest, without_friction
 
             partners = at_rest(without_friction(partners), env.gravity)
         longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0
         outcome: IntegrationOutcome = release(
-            *self.system(), task, Evaluation(motion, by, fresh),
+            link, self.contacts, self.environment, task, Evaluation(motion, by, fresh),
             Rest(partners, env, self.start_rows, least, longest),
             self.s, self.work, self.report,
         )  # fmt: skip

@@ -22,7 +22,7 @@ from fmus.physics.chain.rigid.work import work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.ports import Port
-from fmus.track import TrackModel, integrator_coefficients, integrator_ports
+from fmus.track import TrackModel, integrator_coefficients, integrator_ports, not_at_rest
 from fmus.track_choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
 from fmus.track_closure import SPRING, closure_ports
 
@@ -116,6 +116,7 @@ class Model(TrackModel):
         self.start_rows[:] = rows
         # friction and damping of the vehicle's table, so that the equilibrium does not depend on their parameters
         links, env, s, w = self.rigid, self.rest_environment(rows), self.s, self.work
+        links = links._replace(inertia=self.rotary_factor * links.inertia)
         partners = self._vehicle_partners
         if partners is not None:
             from fmus.contacts import at_rest, without_friction
@@ -124,9 +125,7 @@ class Model(TrackModel):
             partners = at_rest(without_friction(partners) if leans else partners, env.gravity)
         failure, _, link, residual = settle(links, partners, env, REST, rows, s, w, self.counters)
         if failure:
-            raise StepFailed(
-                f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
-            )
+            raise not_at_rest(link, residual)
         self.counters[:] = 0
         if env is not self.environment:
             self._evaluate_start()

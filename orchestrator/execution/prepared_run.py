@@ -119,6 +119,16 @@ class PreparedRun(NamedTuple):
         }
         return outcome
 
+    def forced_steps(self) -> list[dict[str, Any]]:
+        """Warning of variable steps that were kept with too large an error, if there are any."""
+        variable = self.scene.run.variable
+        if variable is None or isinstance(self.pace, master.Clock) or not self.pace.forced_steps:
+            return []
+        text = (
+            f"{self.pace.forced_steps} steps of run.variable.shortest = {variable.shortest:g} s have too large an error"
+        )
+        return [{"component": "run", "text": text, "time": 0.0, "count": 1}]
+
 
 def pace_of(run: RunTable) -> master.Clock | VariableStep | PowerResidual:
     """Return the step length control of a run, fixed or variable."""

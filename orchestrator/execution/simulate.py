@@ -117,7 +117,7 @@ def _simulate(
                 outcome = run.step_to_end(observers, interrupt, result)
                 attach_texts(recorder, run.components)
                 recorder.write_remaining()
-                result["warnings"] = [*early_warnings, *warnings(run.components)]
+                result["warnings"] = [*early_warnings, *warnings(run.components), *run.forced_steps()]
                 if outcome.steps:
                     announce(f"{scene.name}: results are read from the log")
                     entries, run_events = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
@@ -134,7 +134,7 @@ def _simulate(
         except LogFailed as failure:
             outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
             result |= outcome_entries(outcome, result["wall_time"]) | {
-                "warnings": [*early_warnings, *warnings(run.components)]
+                "warnings": [*early_warnings, *warnings(run.components), *run.forced_steps()]
             }
         interrupt.deferring = False
     if log_opened:

@@ -8,6 +8,7 @@ from skid_steering import Vehicle, turn
 
 from fmus.driver import path as route
 from fmus.driver import plan as planning
+from fmus.driver.pursuit import LARGEST_FRICTION_SHARE
 from fmus.driver.skid import footing, slips
 from orchestrator.scene.scene import load
 
@@ -24,6 +25,52 @@ def planned(arcs, bounds):
     plan = planning.empty_plan(path)
     planning.compute(plan, path, bounds)
     return path, plan
+
+
+def test_the_plan_turns_no_faster_than_the_vehicle_can():
+    """The speed is reduced until the yaw acceleration exceeds its bound by 1 % at most, on sharp paths too."""
+    reached = []
+    for arcs in ("10 0; 15.7 0.1; 15.7 -0.1; 10 0", "5 0; 8 0.4; 8 -0.4; 5 0", "4 0.5; 4 -0.5; 4 0.5"):
+        for tolerance in (0.02, 0.1, 0.5):
+            path, plan = planned(arcs, BOUND._replace(tolerance=tolerance))
+            ds = path.length / (plan.first[1] - 1)
+            slope = abs(plan.curvature[2:] - plan.curvature[:-2]) / (2.0 * ds)
+            reached.append((plan.reached_squared[1:-1] * slope).max() / BOUND.yaw_acceleration)
+    assert 1.001 < max(reached) < 1.01
+
+
+@pytest.mark.parametrize(("off", "found"), [(0.99, True), (3.99, False)])
+def test_the_nearest_point_is_found_unless_the_path_is_lost(off, found):
+    """Within 1 m, beyond which a run warns, on arcs of 4 m radius; near their middle it is not."""
+    path, rng, worst = route.path_of_arcs("path.arcs", "10 0; 6 0.25; 6 -0.25; 10 0"), np.random.default_rng(0), 0.0
+    for s in rng.uniform(10.0, 22.0, 60):
+        x, y, heading, curvature = route.point(path, 0, s)
+        left = off * (1.0 if curvature > 0.0 else -1.0)
+        x, y = x - left * np.sin(heading), y + left * np.cos(heading)
+        near, _ = route.nearest(path, 0, x, y, s + rng.uniform(-0.1, 0.1))
+        px, py, heading, _ = route.point(path, 0, near)
+        worst = max(worst, abs((x - px) * np.cos(heading) + (y - py) * np.sin(heading)))
+    assert (worst < 1e-8) == found
+
+
+def test_slips_of_all_demands_within_the_friction_are_found():
+    """Those that the driver demands; far beyond the friction there are none."""
+    feet, rng = footing(TABLE)[0], np.random.default_rng(0)
+    turning = 0.5 * feet.mass * feet.half_gauge / feet.inertia * feet.gravity
+    for friction in (0.05, 0.3, 0.8):
+        for _ in range(100):
+            angle, part = (
+                rng.uniform(0.0, 2.0 * np.pi),
+                LARGEST_FRICTION_SHARE * rng.uniform() * friction * feet.gravity,
+            )
+            demand = (
+                rng.uniform(-2.0, 2.0),
+                part * np.cos(angle),
+                part * np.sin(angle),
+                rng.uniform(-0.3, 0.3) * friction * turning,
+            )
+            assert slips(feet, (friction, 0.01), *demand, tuple(rng.uniform(-1.0, 1.0, 3)))[1]
+    assert not slips(feet, (0.3, 0.01), 0.0, 0.0, 30.0 * feet.gravity, 0.0, (0.0, 0.0, 0.0))[1]
 
 
 def along(path, plan, places, what):

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from m113 import MASS, VEHICLE, P
 
-from fmus.model import InvalidParameter
+from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain import sums
 from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE
 from fmus.physics.contact.soil.pressure import compaction
 from fmus.physics.contact.soil.rut import CELL, FIRST, MADE, TILE, TILES
+from fmus.soils import SoilTable, named
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
 
@@ -28,6 +29,41 @@ STRENGTH = N * (AREA * SAND["cohesion"] + MASS * G * tan(SAND["friction_angle"])
 SINKAGE = (MASS * G / (AREA * (SAND["kc"] / WIDTH + SAND["kphi"]))) ** (1.0 / SAND["n"])
 LEVEL = VEHICLE["road_wheel"]["z"] - VEHICLE["road_wheel"]["radius"] - 2.0 * FACE
 pytestmark = pytest.mark.long
+
+
+@pytest.mark.parametrize("kind", ["rigid", "cable"])
+@pytest.mark.parametrize("name", sorted(named()))
+def test_a_plate_of_any_weight_starts_at_its_sinkage(kind, name):
+    """(F/(A k))^(1/n), level: deep in soil, which holds links up below their centres, that place is on an edge."""
+    numbers = SoilTable(name=name).model_dump()
+    for mass in (18.0, 500.0, 4000.0):
+        track = VEHICLE["track"] | {"mass": mass, "inertia": [2.0 * mass / 500.0] * 3}
+        model = pressed(kind, numbers, VEHICLE | {"track": track})
+        k = numbers["kc"] / WIDTH + numbers["kphi"]
+        expected, other = ((load * G / (AREA * k)) ** (1.0 / numbers["n"]) for load in (mass, 1.02 * mass))
+        sinkage, places = LEVEL + FACE - model.pins()[:, 2], model.pins()[:, 0]
+        assert sinkage == pytest.approx(expected, rel=1e-6, abs=1e-11)
+        assert sinkage != pytest.approx(other, rel=1e-3)
+        assert places == pytest.approx(-P * np.arange(3), abs=1e-9)
+
+
+def pressed(kind, numbers, vehicle):
+    """A plate of two links at rest on soil."""
+    config = {
+        "links": 2, "closed": False, "wheels": [], "ground": True, "gravity": G, "soil": numbers,
+        "ends": {"kind": "pulled", "first": [0.0, 0.0], "last": [0.0, 0.0]},
+    }  # fmt: skip
+    model = (Rigid if kind == "rigid" else Flexible)({"vehicle": vehicle, "track": config, "link_outputs": False})
+    model.initialise({} if kind == "rigid" else {"element": kind})
+    return model
+
+
+def test_a_search_that_tips_a_plate_over_is_a_failure():
+    """Links that may turn at once leave the level place; neither the plate upside down nor 4 % too little load."""
+    numbers = SoilTable(name="snow").model_dump()
+    model = pressed("rigid", numbers, VEHICLE | {"track": VEHICLE["track"] | {"mass": 500.0, "inertia": [2.0] * 3}})
+    with pytest.raises(StepFailed, match=r"static equilibrium of the track was not found: .* N are left on link \d"):
+        model.settle(np.stack([-P * np.arange(3), np.full(3, LEVEL + FACE)], axis=1), rest=True)
 
 
 def lying(kind="rigid", soil=SAND, **parameters):
@@ -184,5 +220,5 @@ def test_hard_ground_remembers_nothing():
     config["ends"] = {"kind": "pulled", "first": [0.0, 0.0], "last": [0.0, 0.0]}
     model = Rigid({"vehicle": VEHICLE, "track": config, "link_outputs": False})
     assert model.s.soil.size == model.s.rut.size == 0
-    assert len(model.warning_sentences) == 2
+    assert len(model.warning_sentences) == 3
     assert any(port.name == "contact.ground.friction" for port in model.ports)

@@ -10,14 +10,17 @@ from scipy.optimize import minimize
 
 from fmus.ground import heights, terrain
 from fmus.ground_keys import is_terrain
+from fmus.jit import plain
 from fmus.physics.contact import grounds
 from fmus.physics.contact.ground import bumpy_ground
 from fmus.physics.contact.hunt_crossley import HuntCrossley
+from fmus.physics.contact.terrain import foot
 from fmus.physics.contact.terrain.face import ground_face, is_above, wheel_normal
+from fmus.physics.contact.terrain.foot import first_foot
 from fmus.physics.contact.terrain.heightmap import map_top
 from fmus.physics.contact.terrain.obstacles import half_round, profile, step
 from fmus.physics.contact.terrain.profile import X, Z, curve_point, nearest
-from fmus.physics.contact.terrain.surface import surface
+from fmus.physics.contact.terrain.surface import smooth_height, surface
 
 STILL = (0.0, 0.0, 0.0)
 HALF_ROUND = {"x": [2.0], "radius": 0.2, "fillet": 0.02}
@@ -76,6 +79,23 @@ def test_derivatives_match_finite_differences(name):
             assert differences[1] != pytest.approx(middle[2] + 1e-3, rel=1e-4, abs=1e-5)
             seen += 1
     assert seen > 150
+
+
+@pytest.mark.parametrize("name", GROUNDS)
+def test_six_of_the_eight_corrections_find_the_foot_point(name, monkeypatch):
+    """Six of eight corrections end at the same bits, up to 0.15 m deep; none is too few where the ground bends."""
+    shape, rng = terrain(GROUNDS[name]), np.random.default_rng(1)
+    deep = [(x, y, surface(shape, x, y)[0] - rng.uniform(0.0, 0.15)) for x, y in points(100, 1)]
+    starts = [(p, first_foot(shape, p, smooth_height(shape, p[0], p[1])[0])) for p in deep]
+
+    def feet(most):
+        monkeypatch.setattr(foot, "MOST", most)
+        return [plain(foot.foot_point)(shape, *start) for start in starts]
+
+    whole = feet(foot.MOST)
+    assert feet(6) == whole
+    if name in ("washboard", "rough", "height map", "uneven", "all"):
+        assert feet(0) != whole
 
 
 def nearest_distance(ground, p: np.ndarray) -> float:

@@ -116,7 +116,7 @@ def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pit
 def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
     """Nearest polygon to ``pins`` (n, 2) with all chords equal to the ``pitch``, m, to rounding.
 
-    An open polygon keeps its two ends.
+    An open polygon keeps its two ends. Raises ValueError where it cannot be closed.
     """
     pins = pins.copy()
     n = len(pins)
@@ -127,7 +127,7 @@ def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
         chord = np.roll(pins, -1, axis=0)[:last] - pins[:last]
         misfit = (np.einsum("ij,ij->i", chord, chord) - pitch * pitch) / 2.0
         if abs(misfit).max() < rounding:
-            break
+            return pins
         # the shortest change dp with J dp = -misfit is J^T x, J J^T x = -misfit
         link, next_link = np.arange(last), (np.arange(last) + 1) % n
         both = free[link] * 1.0 + free[next_link]
@@ -140,7 +140,7 @@ def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
         change[link] -= pull * free[link, None]
         change[next_link] += pull * free[next_link, None]
         pins += change  # rounded once
-    return pins
+    raise ValueError(f"its links of {pitch:g} m cannot be closed: {abs(misfit).max() / pitch:.3g} m are left open")
 
 
 def hanging_arc(first: Floats, last: Floats, pitch: float, links: int) -> Floats:

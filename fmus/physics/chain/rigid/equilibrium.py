@@ -8,7 +8,7 @@ from fmus.jit import allocating
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.outcome import DONE, STALLED, IntegrationOutcome
 from fmus.physics.chain.rigid.links import residual
-from fmus.physics.chain.rigid.newton import newton, settle_rates
+from fmus.physics.chain.rigid.newton import largest_residual, newton, settle_rates
 from fmus.physics.chain.state import copy
 from fmus.physics.integrate.generalized_alpha import slopes
 from fmus.physics.wheels import move
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 LONG = 50.0  # longest pseudo step towards equilibrium, s
 STILL = 1e-11  # largest movement over it at equilibrium, m and rad
+TURNED = 0.3  # largest rotation of a link over a step, rad: a longer step may pass the equilibrium, as far as the roof
+ROUNDS = 400  # steps until the search has failed
 
 
 @allocating
@@ -46,24 +48,26 @@ def settle(
     w.wheels[:, 3:9] = 0.0
     s.soil[:] = 0.0
     s.rut[:] = 0.0
-    h, failure, link, worst = 1e-3, DONE, 0, 0.0
-    for _ in range(400):
+    h, found = 1e-3, False
+    for _ in range(ROUNDS):
         s.v[:] = 0.0
         s.a[:] = 0.0
         s.vdot[:] = 0.0
         copy(s.flat, w.before.flat)
-        failure, link, worst = newton(links, contacts, env, method, h, s, w, counters)
-        if failure:
-            copy(w.before.flat, s.flat[: w.before.flat.size])
-            h *= 0.25
-            if h < 1e-7:
-                return IntegrationOutcome(STALLED, 0.0, link, worst)
-            continue
-        movement = 0.0
+        failure, _, _ = newton(links, contacts, env, method, h, s, w, counters)
+        movement, turned = 0.0, 0.0
         for i in range(s.q.shape[0]):
             for k in range(6):
                 movement = max(movement, abs(w.x[i, k]))
-        if h >= LONG and movement < STILL:
+                turned = max(turned, abs(w.x[i, k]) if k > 2 else 0.0)
+        if failure or turned > TURNED:
+            copy(w.before.flat, s.flat[: w.before.flat.size])
+            h *= 0.25
+            if h < 1e-7:
+                break
+            continue
+        found = h >= LONG and movement < STILL
+        if found:
             break
         h = min(2.0 * h, LONG)
     s.v[:] = 0.0
@@ -71,6 +75,9 @@ def settle(
     s.vdot[:] = 0.0
     by = slopes(method.alpha, h)
     residual(links, contacts, env, s, w, by, False)
+    if not found:
+        worst, link = largest_residual(w.system.r)
+        return IntegrationOutcome(STALLED, 0.0, link, worst)
     settle_rates(links, s, w, by)
     s.v[:] = 0.0
     for i in range(s.q.shape[0]):
