@@ -155,6 +155,15 @@ def test_pins_do_not_drift():
     assert np.abs(loop.work.system.A[:, :, 1] - loop.work.system.A[0, :, 1]).max() < 1e-10
 
 
+def test_a_polygon_that_cannot_be_closed_is_refused():
+    """Ends 2.01 pitches apart, and 1.99."""
+    pins = np.array([[0.0, 0.0], [P, 0.01], [2.01 * P, 0.0]])
+    with pytest.raises(ValueError, match=r"links of 0.1524 m cannot be closed: .* m are left open"):
+        close_exactly(pins, P, closed=False)
+    pins[2, 0] = 1.99 * P
+    assert np.linalg.norm(np.diff(close_exactly(pins, P, closed=False), axis=0), axis=1) == pytest.approx(P, abs=1e-15)
+
+
 def tumbling(n=12):
     """A squashed loop in space that flies and turns about an oblique axis."""
     pins = ring(n)

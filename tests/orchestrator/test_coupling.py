@@ -2,6 +2,7 @@
 
 import math
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import get_args
 
 import numpy as np
@@ -18,6 +19,7 @@ from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.master import Clock, run
 from orchestrator.execution import replay_model
+from orchestrator.execution.prepared_run import PreparedRun
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.run_tables import OPTIONS, CouplingTable
@@ -229,6 +231,15 @@ def test_the_shortest_step_is_kept_and_counted():
     pace = VariableStep(0.2, 0.01, 1e-12, 0.01, 0.01)
     assert run(couple("tracks_first", stages), pace, []).steps == 20
     assert (pace.rejected_steps, pace.forced_steps) == (0, 10)
+
+
+def test_steps_that_are_kept_with_too_large_an_error_are_a_warning():
+    run_table = SimpleNamespace(variable=SimpleNamespace(shortest=0.01))
+    for tolerance, said in ((1e-12, ["10 steps of run.variable.shortest = 0.01 s have too large an error"]), (1.0, [])):
+        pace = VariableStep(0.2, 0.01, tolerance, 0.01, 0.01)
+        run(couple("tracks_first", coupled("wrench", DAMPED)[0]), pace, [])
+        prepared = SimpleNamespace(pace=pace, scene=SimpleNamespace(run=run_table))
+        assert [warning["text"] for warning in PreparedRun.forced_steps(prepared)] == said
 
 
 def test_the_last_two_pairs_of_variable_steps_are_even():
