@@ -116,7 +116,9 @@ def still(run, model, y):
               if port.causality == "input" and port.name.endswith(".position.x")]  # fmt: skip
     if run.part.kind.startswith("Track"):
         x, z = np.array([wheel["position"] for wheel in model.wheel_list]).T
-        return np.concatenate([model.pose.point_at_rest(a, model.lateral, b) for a, b in zip(x, z, strict=True)])
+        return np.concatenate(
+            [model.pose.point_at_rest(a, model._parameters["start.lateral"], b) for a, b in zip(x, z, strict=True)]
+        )
     u = run.u[-1].copy()
     if wheels:  # a mount or a hull: near the output position
         u[:3] = y[:3]
