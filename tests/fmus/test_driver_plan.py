@@ -54,7 +54,7 @@ def test_the_nearest_point_is_found_unless_the_path_is_lost(off, found):
 
 
 def test_slips_of_all_demands_within_the_friction_are_found():
-    """Those that the driver demands; far beyond the friction there are none."""
+    """Demands of the driver have slips; far beyond the friction there are none."""
     feet, rng = footing(TABLE)[0], np.random.default_rng(0)
     turning = 0.5 * feet.mass * feet.half_gauge / feet.inertia * feet.gravity
     for friction in (0.05, 0.3, 0.8):
