@@ -215,6 +215,7 @@ def _solve(vehicle: _Vehicle) -> VehicleEquilibrium:
     guess = np.zeros(LEAVES + (1 if vehicle.half else 2) * vehicle.leaves)
     unknowns, size = vehicle.unknowns, len(vehicle.unknowns)
     residual, step = vehicle.accelerations(guess), FIRST_STEP
+    rests = vehicle.half  # one more step for a hull that may lean: rounding decides its way
     for _ in range(MOST_STEPS):
         slopes = np.empty((size, size))
         for k, i in enumerate(unknowns):
@@ -228,6 +229,8 @@ def _solve(vehicle: _Vehicle) -> VehicleEquilibrium:
         guess[unknowns] += change
         before, residual = np.sqrt((residual * residual).sum()), vehicle.accelerations(guess)
         if abs(residual).max() < REST_ACCELERATION:
-            return vehicle.as_equilibrium(guess)
+            if rests:
+                return vehicle.as_equilibrium(guess)
+            rests = True
         step = min(step * np.clip(before / np.sqrt((residual * residual).sum()), 1.5, 10.0), LAST_STEP)
     raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MOST_STEPS} steps")

@@ -530,7 +530,8 @@ class TrackModel(ComponentModel):
         self.start_rows[:, 9:12] = 0.0, 1.0, 0.0
         self.start_rows[:, 13] = 0.0
         self.settle(pins, rest=True)
-        self.find_equilibrium(leaning)
+        for _ in range(2):  # rounding decides where the first search ends across the chain
+            self.find_equilibrium(leaning)
 
     def _lie(self, pins: Floats, rest: bool) -> None:
         """Lay the chain on the ground; its ends are pulled from then on, because friction holds nothing at rest."""

@@ -123,6 +123,8 @@ class Model(TrackModel):
 
             leans = len(rows) and rows[0, 11]  # friction of wheels would hold links askew: Newton's steps become short
             partners = at_rest(without_friction(partners) if leans else partners, env.gravity)
+            if leans:  # nothing holds the chain across: where it was must not matter
+                s.q[:, 1] -= s.q[:, 1].mean()
         failure, _, link, residual = settle(links, partners, env, REST, rows, s, w, self.counters)
         if failure:
             raise not_at_rest(link, residual)
