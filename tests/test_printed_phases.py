@@ -177,7 +177,7 @@ def test_summary_and_page_answer_ten_questions(cotrack, tmp_path, name):
     scene, settings, kinds = RUNS[name]
     log, page = tmp_path / "run.mcap", tmp_path / "run.html"
     changes = [part for each in settings for part in ("--set", each)]
-    _, out, _ = cotrack("run", scene, "--no-estimate", "--log", log, *changes)
+    _, out, _ = cotrack("run", scene, "--no-estimate", "--verbose", "--log", log, *changes)
     status, _, err = cotrack("report", log, "-o", page)
     assert status == 0, err
     record = Record(log)

@@ -6,6 +6,7 @@ from typing import Any
 
 from orchestrator.results.units import finite as finite
 
+MOST = 10  # lines of a summary
 LONGEST = 1000  # longest printed sentence, characters
 
 
@@ -15,9 +16,9 @@ def plain(text: str) -> str:
     return shown if len(text) <= LONGEST else f"{shown} ..."
 
 
-def summary(result: dict[str, Any]) -> None:
-    """Print the summary of a run."""
+def summary(result: dict[str, Any], verbose: bool = False) -> None:
+    """Print the summary of a run, in MOST lines unless it is to be ``verbose`` or more is wrong."""
     from orchestrator.execution.summary_text import lines
 
-    for line in lines(result):
+    for line in lines(result, None if verbose else MOST):
         print(line)

@@ -25,6 +25,8 @@ from orchestrator.cli.common import (
     with_vehicle,
 )
 
+Verbose = Annotated[bool, typer.Option("--verbose", help="print the whole summary, not its ten most important lines")]
+
 
 def run(
     scene: SceneName,
@@ -65,6 +67,7 @@ def run(
         typer.Option("--replace", metavar="NAME=FMU", help="your FMU in place of this part of the scene, repeatable"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+    verbose: Verbose = False,
 ) -> None:
     """Run a scene, record it, evaluate its checks and estimate its error."""
     narration(f"{scene}: the scene is read")
@@ -104,7 +107,7 @@ def run(
     if as_json:
         print(json.dumps(printed.finite(result)))
     elif status != 2:
-        printed.summary(result)
+        printed.summary(result, verbose)
     sys.exit(status)
 
 
@@ -120,6 +123,7 @@ def resume(
         typer.Option("-o", "--output", metavar="PATH", help="default LOG-resumed.mcap, LOG-branch-SETTINGS.mcap"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+    verbose: Verbose = False,
 ) -> None:
     """Continue a run from a checkpoint in its log.
 
@@ -139,7 +143,7 @@ def resume(
     if as_json:
         print(json.dumps(printed.finite(result)))
     else:
-        printed.summary(result)
+        printed.summary(result, verbose)
     sys.exit(0 if summary.is_passed(result) else 1)
 
 

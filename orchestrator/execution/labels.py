@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 LABELS = {
-    "distance": ("distance", "m", 5),
+    "distance": ("distance along the start heading", "m", 5),
     "speed": ("speed", "m/s", 4),
     "settlement": ("settlement", "mm", 4),
     "ground_force": ("ground carries", "kN", 5),

@@ -179,6 +179,7 @@ def checks(run: RunData, scene: SystemScene, simulated: float) -> dict[str, dict
             "tolerance": tolerance,
             "ok": bool(abs(value - check.expected) <= tolerance),  # false for a NaN
             "note": note,
+            "what": f"{(check.measure or check.reduce).replace('_', ' ')} {check.of or check.signal or ''}".rstrip(),
         }
     return results
 

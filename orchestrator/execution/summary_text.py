@@ -6,9 +6,10 @@ from typing import Any
 
 from orchestrator.execution import summary
 from orchestrator.execution.labels import LABELS
+from orchestrator.results.energy import KINDS
 from orchestrator.results.given_parts import SHOWN
 from orchestrator.results.table import without_rounding
-from orchestrator.results.units import size
+from orchestrator.results.units import figure, scaled, size
 from orchestrator.results.validity.exceedance import Exceedance
 
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
@@ -24,13 +25,17 @@ def _error(error: dict[str, Any]) -> str:
         (name for name, observable in error["observables"].items() if observable["decisive"]),
         key=lambda name: error["observables"][name]["total"],
     )
-    integration = "not known" if error["integration"] is None else f"{error['integration']:.2g}"
-    without = f"; not known for {', '.join(error['without']).replace('_', ' ')}" if error["without"] else ""
+    integration = "not known" if error["integration"] is None else _percent(error["integration"])
+    parts = f"coupling {_percent(error['coupling'])}, integration {integration}; took {error['wall_time']:.3g} s more"
+    worst = decisive.replace("_", " ")
+    without = f", not known of {', '.join(error['without']).replace('_', ' ')}" if error["without"] else ""
     return (
-        f"estimated error: {100.0 * error['total']:.2g} % ({decisive.replace('_', ' ')}; all other observables are"
-        f" smaller{without}; coupling {error['coupling']:.2g}, integration {integration}; took"
-        f" {error['wall_time']:.3g} s more)"
+        f"estimated error: {_percent(error['total'])} of the {worst}, less of all other observables{without} ({parts})"
     )
+
+
+def _percent(share: float) -> str:
+    return f"{figure(100.0 * share, 2)} %"
 
 
 def _headline(r: dict[str, Any]) -> str:
@@ -63,7 +68,7 @@ def _observables(r: dict[str, Any]) -> list[str]:
             where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else ""
             window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}), r["simulated_time"])
             shown = without_rounding(value / size(unit), unit)
-            lines.setdefault(window, []).append(f"{name} {shown:.{digits}g} {unit}{where}")
+            lines.setdefault(window, []).append(f"{name} {figure(shown, digits)} {unit}{where}")
     return [f"{window}: {', '.join(texts)}" for window, texts in lines.items()]
 
 
@@ -101,38 +106,73 @@ def validity(fields: dict[str, Any]) -> str:
 
 
 def _balance(energy: dict[str, Any]) -> str:
-    released = -sum(min(change, 0.0) for change in energy["stored"].values())
-    parts = (("put in by the drives", energy["work"]), ("released from store", released))
-    delivered = [
-        (f"delivered {'by' if value < 0.0 else 'to'} {name.replace('_', ' ')}", abs(value))
-        for name, value in energy["delivered"].items()
+    """Return the line about energies, largest first: what came in equals what became of it, in the printed digits."""
+    flows = {"put in by the drives": energy["work"], "unaccounted for": -energy["residual"]}  # positive: it came in
+    flows |= {f"from {KINDS[kind]}": -change for kind, change in energy["stored"].items()}
+    flows |= {f"delivered by {name.replace('_', ' ')}": -value for name, value in energy["delivered"].items()}
+    flows |= {"dissipated": -energy["dissipated"], "done on the towed load": -energy.get("towed", 0.0)}
+    flows["lost where contacts move along links"] = -energy["covered"]
+    top = max(map(abs, flows.values()))
+    unit, size_of_unit = ("kJ", 1e3) if top >= 1e3 else ("J", 1.0)
+    digits = max(0, 4 - len(f"{top / size_of_unit:.0f}"))
+    step = size_of_unit / 10.0**digits
+    counts = {what: round(value / step) for what, value in flows.items()}
+    while left := sum(counts.values()):  # the one that was rounded most is rounded the other way
+        sign = 1 if left > 0 else -1
+        counts[max(counts, key=lambda what: sign * (counts[what] - flows[what] / step))] -= sign
+    ordered = sorted(counts.items(), key=lambda item: -abs(item[1]))
+    sides = [
+        " + ".join(
+            f"{abs(n) / 10**digits:.{digits}f} {unit} {_flow(what, sign)}" for what, n in ordered if sign * n > 0
+        )
+        for sign in (1, -1)
     ]
-    lost = ("dissipated", energy["dissipated"]), ("done on the towed load", energy.get("towed", 0.0))
-    sums = [f"{value / 1e3:.4g} kJ {what}" for what, value in (*parts, *lost, *delivered) if value]
-    terms = f" ({', '.join(sums)})" if sums else ""
-    return f"energy balance: {abs(energy['residual_relative']) * 100:.2g} % unaccounted for{terms}"
+    terms = f": {' = '.join(sides)}" if all(sides) else ""
+    return f"energy balance{terms} ({_percent(abs(energy['residual_relative']))} unaccounted for)"
+
+
+def _flow(what: str, sign: int) -> str:
+    """Return the words of an energy that came in (1) or went out (-1)."""
+    if sign > 0:
+        return what.replace("dissipated", "made by friction").replace("lost where", "gained where")
+    out = {"put in": "taken back", "from ": "into ", "delivered by": "delivered to"}
+    return next((what.replace(a, b, 1) for a, b in out.items() if what.startswith(a)), what)
 
 
 def _ledger(energy: dict[str, Any]) -> str:
-    delivered = "".join(f" + delivered to {name} {value:.6g}" for name, value in energy["delivered"].items())
-    towed = f" + towed {energy['towed']:.6g}" if energy.get("towed") else ""
-    return (
-        f"ledger: work {energy['work']:.6g} J = change {energy['change']:.6g} + dissipated {energy['dissipated']:.6g}"
-        f" + covered {energy['covered']:.4g}{towed}{delivered} + residual {energy['residual']:.4g}"
-        f" ({energy['residual_relative'] * 100:.3g} %; ports {energy['port']:.4g} J)"
+    lost = {"change of stored energy": energy["change"], "dissipated": energy["dissipated"]}
+    lost |= {
+        "lost where contacts move along links": energy["covered"],
+        "done on the towed load": energy.get("towed") or None,
+    }
+    lost |= {f"delivered to {name}": value for name, value in energy["delivered"].items()}
+    parts = [f"{figure(value, 6)} J {what}" for what, value in lost.items() if value is not None]
+    left = (
+        f"{_percent(energy['residual_relative'])}; {figure(energy['port'])} J of it by the exchange of the components"
     )
+    return (
+        f"energy ledger: {figure(energy['work'], 6)} J put in = {' + '.join(parts)}"
+        f" + {figure(energy['residual'])} J unaccounted for ({left})"
+    ).replace("+ -", "- ")
 
 
 def _causes(causes: dict[str, float]) -> str:
     """Return the line about dissipated energy by cause, largest first."""
     parts = sorted(causes.items(), key=lambda item: -abs(item[1]))
-    return "dissipated: " + ", ".join(f"{cause.replace('_', ' ')} {energy:.4g} J" for cause, energy in parts)
+    return "dissipated: " + ", ".join(f"{cause.replace('_', ' ')} {_joules(energy)}" for cause, energy in parts)
+
+
+def _joules(energy: float) -> str:
+    factor, unit = scaled(energy, "J")
+    return f"{figure(energy / factor)} {unit}"
 
 
 def _check(name: str, check: dict[str, Any]) -> str:
-    expected = f"{check['expected']:.7g} +- {check['tolerance']:.3g}"
-    note = f" ({check['note']})" if check["note"] else ""
-    return f"{'ok ' if check['ok'] else 'NOT'} {name} = {check['value']:.7g}, expected {expected}{note}"
+    value = 0.0 if abs(check["value"]) < 1e-5 * check["tolerance"] else check["value"]  # rounding
+    expected = f"{figure(check['expected'], 7)} +- {figure(check['tolerance'], 3)}"
+    about = "; ".join(filter(None, (check.get("what"), check["note"])))
+    note = f" ({about})" if about else ""
+    return f"{'ok ' if check['ok'] else 'NOT'} {name} = {figure(value, 7)}, expected {expected}{note}"
 
 
 def _fmus(fmus: dict[str, dict[str, str]]) -> str:
@@ -143,29 +183,47 @@ def _fmus(fmus: dict[str, dict[str, str]]) -> str:
 
 def _cost(name: str, cost: dict[str, Any]) -> str:
     counts = ", ".join(f"{count} {what}" for what, count in cost.items() if what != "wall_time" and count)
-    return f"{name:12} {cost['wall_time']:8.3f} s  {counts}"
+    solver = f"; its solver: {counts}" if counts else ""
+    return f"{name} computed for {cost['wall_time']:.3g} s{solver}"
 
 
-def lines(r: dict[str, Any]) -> list[str]:
-    """Return the lines of a summary: text, checks, energy balance, cost of each component."""
-    below = [
-        _pace(r),
-        _fmus(r["fmus"]) if r["fmus"] else "",
-        *_observables(r),
-        *_phases(r["phases"]),
-        _error(r["error"]) if r["error"] else "",
-        _balance(r["energy"]) if r["energy"] else "",
+def lines(r: dict[str, Any], most: int | None = None) -> list[str]:
+    """Return the lines of a summary: verdict, what is wrong, figures, energy, cost; the last one names the log.
+
+    ``most``: leave out met checks, details and, for so many lines, other figures, but nothing that is wrong; the last
+    line says how many are left out.
+    """
+    energy = r["energy"]
+    wrong = [
         *(warning(entry) for entry in r["warnings"]),
         *(validity(entry) for entry in r["validity"]),
         *(f"warning: {sentence}" for sentence in r["passed_over"]),
+        *(_check(*item) for item in r["checks"].items() if not item[1]["ok"]),
+    ]
+    figures = [*_observables(r), *_phases(r["phases"])]
+    balances = [
+        _error(r["error"]) if r["error"] else "",
+        _balance(energy) if energy else "",
+        _pace(r),
+        _fmus(r["fmus"]) if r["fmus"] else "",
+    ]
+    details = [
         f"{r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back"
         if r["rejected_steps"]
         else "",
-        *(_check(*item) for item in r["checks"].items()),
-        _ledger(r["energy"]) if r["energy"] else "",
-        _causes(r["energy"]["causes"]) if r["energy"] and r["energy"]["causes"] else "",
-        *(_cost(*item) for item in r["components"].items()),
-        f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else "",
-        f"seal {r['seal']}" if r["seal"] else "",
+        *(_check(*item) for item in r["checks"].items() if item[1]["ok"]),
+        _ledger(energy) if energy else "",
+        _causes(energy["causes"]) if energy and energy["causes"] else "",
+        *(_cost(*item) for item in sorted(r["components"].items(), key=lambda item: -item[1]["wall_time"])),
+        f"checksum (seal) of the log {r['seal']}" if r["seal"] else "",
     ]
-    return [_headline(r), *(f"  {line}" for line in below if line)]
+    log = f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else ""
+    balances, details = ([line for line in part if line] for part in (balances, details))
+    left = 0
+    if most is not None:  # phases give way to balances
+        room = max(0, most - 2 - len(wrong))
+        left = len(figures) + len(balances) + len(details)
+        figures, balances, details = figures[: max(0, room - len(balances))], balances[:room], []
+        left -= len(figures) + len(balances)
+    last = "; ".join(filter(None, (log, f"{left} lines more with --verbose" if left else "")))
+    return [_headline(r), *(f"  {line}" for line in (*wrong, *figures, *balances, *details, last) if line)]

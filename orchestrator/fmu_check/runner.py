@@ -67,7 +67,7 @@ def verdicts(fmu: Path, step: float | None, limit: float, begun: Callable[[str],
 
 def in_child(name: str, fmu: Path, step: float | None, limit: float) -> Verdict:
     """Make one check in a child process; return its verdict."""
-    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    path = os.pathsep.join([str(ROOT), *sys.path])
     with TemporaryDirectory() as folder:
         journal, errors = Path(folder, "journal"), Path(folder, "errors")
         journal.write_text("{}", encoding="utf-8")

@@ -31,7 +31,14 @@ Block = Mapping[str, Series]  # messages of the same steps, by topic
 LEAST = 1.0  # J: less counts as rest
 LEAST_OWN = 100.0  # J, scale of a component beside others: a link lifted by half a metre
 CAUSE = "dissipated."  # prefix of a track's dissipated energies by cause
-STORED = ("kinetic", "gravity", "strain", "spring", "contact")
+KINDS = {  # stored energy: its words
+    "kinetic": "motion",
+    "gravity": "height",
+    "strain": "strain of links",
+    "spring": "springs",
+    "contact": "contacts",
+}
+STORED = tuple(KINDS)
 ABSOLUTE = ("kinetic", "strain", "contact")  # they are 0 at rest and unloaded; the zero of the others is a convention
 HELD = 0.1  # share of such an energy that counts where less is exchanged
 

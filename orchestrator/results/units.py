@@ -40,10 +40,15 @@ def number(value: float, digits: int = 4) -> str:
     """Number with so many digits, without needless zeros or exponents, with a proper minus sign."""
     if not np.isfinite(value):
         return "not a number" if np.isnan(value) else "infinite"
-    text = f"{value:.{digits}g}"
+    text = f"{value + 0.0:.{digits}g}"  # no -0
     if "e" in text and 1e-4 <= abs(value) < 1e7:
         text = f"{value:.0f}" if abs(value) >= 1.0 else f"{value:.{digits + 3}f}"
     return text.replace("-", "\N{MINUS SIGN}")
+
+
+def figure(value: float, digits: int = 4) -> str:
+    """Number as of ``number``, for a terminal: its minus sign is a hyphen."""
+    return number(value, digits).replace("\N{MINUS SIGN}", "-")
 
 
 def hours(value: float) -> str:

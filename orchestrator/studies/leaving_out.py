@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import subprocess
 import sys
 import tempfile
@@ -197,6 +198,7 @@ def _run_task(task: dict[str, Any]) -> Any:
         input=json.dumps(task),
         text=True,
         capture_output=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     if process.returncode:
         raise RuntimeError((process.stderr.strip() or "no message").splitlines()[-1])

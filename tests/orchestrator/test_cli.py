@@ -24,6 +24,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results.analyses.phases import Phase
+from orchestrator.results.units import figure, number
 from orchestrator.scene import gallery
 from orchestrator.scene.scene import load
 
@@ -342,6 +343,104 @@ def test_turns_of_the_last_second_are_left_to_phases(capsys):
     printed.summary(result | {"phases": []})
     means = "speed 0 m/s, yaw rate -1e-05 rad/s, turn radius 242.6 m, steering moment 0 kN m, power left 7.5e-07 kW"
     assert f"mean of 8 to 9 s: {means}" in capsys.readouterr().out, "rounding is 0"
+
+
+FLOWS = ("kinetic", "gravity", "strain", "spring", "contact")
+
+
+def energy_of(work, dissipated, covered, towed, delivered, **stored):
+    """Energies as in a summary; a thousandth of the work is unaccounted for."""
+    left = 1e-3 * work
+    stored["kinetic"] = work - dissipated - covered - towed - delivered - left - sum(stored.values())
+    return {
+        "work": work, "change": sum(stored.values()), "dissipated": dissipated, "covered": covered, "towed": towed,
+        "delivered": {"winch": delivered}, "stored": dict.fromkeys(FLOWS, 0.0) | stored, "residual": left,
+        "residual_relative": 1e-3, "port": 0.0, "causes": {}, "integration_relative": {},
+    }  # fmt: skip
+
+
+def balance_of(energy):
+    """Words and printed numbers of both sides of the energy balance, in units of their last digit; the unit."""
+    line = next(line for line in lines(summary.empty("a", None) | {"energy": energy}) if "energy balance: " in line)
+    sides = [re.findall(r"([\d.]+) (kJ|J) ([a-z ]+)", side) for side in line.partition(": ")[2].split(" = ")]
+    units = {unit for side in sides for _, unit, _ in side}
+    numbers = [{what.strip(): int(number.replace(".", "")) for number, _, what in side} for side in sides]
+    return numbers, units.pop(), 10 ** len(sides[0][0][0].partition(".")[2])
+
+
+def test_what_came_in_is_what_became_of_it_in_the_printed_digits():
+    """Sums of printed numbers, which plain rounding misses, of energies of any size and sign; each right to a digit."""
+    random, missed = np.random.default_rng(0), 0
+    for _ in range(300):
+        scale = 10.0 ** random.uniform(1.0, 8.0)
+        dissipated, covered, towed, delivered, gravity, spring = random.normal(size=6) * scale
+        energy = energy_of(
+            scale, abs(dissipated), 0.01 * covered, abs(towed), delivered, gravity=gravity, spring=spring
+        )
+        (came, went), unit, digits = balance_of(energy)
+        assert sum(came.values()) == sum(went.values())
+        factor = digits / (1e3 if unit == "kJ" else 1.0)
+        assert max(*came.values(), *went.values()) >= 100, "fewer than three digits"
+        assert abs(came["put in by the drives"] - scale * factor) <= 1.0 + 1e-6
+        assert abs(went.get("dissipated", 0) - abs(dissipated) * factor) <= 1.0 + 1e-6
+        parts = [scale, -abs(dissipated), -0.01 * covered, -abs(towed), -delivered, -energy["residual"]]
+        parts += [-one for one in energy["stored"].values()]
+        missed += sum(round(part * factor) for part in parts) != 0
+    assert missed > 30, "rounding alone would do"
+    assert "motion" in " ".join(balance_of(energy_of(258e3, 167e3, 0.0, 82e3, 0.0, gravity=-11.8e3))[0][1])
+
+
+def test_ten_lines_hide_nothing_that_is_wrong():
+    """Met checks, cost and ledger are left out and counted; warnings, missed checks and validity never are."""
+    met = {"value": 10.0008, "expected": 10.0, "tolerance": 0.02, "ok": True, "note": "", "what": "pins of left"}
+    missed = met | {"value": 9.0, "ok": False}
+    warned = {"component": "drive", "text": "slow", "time": 1.0, "count": 2}
+    exceeded = {"what": "belly", "component": "chassis", "time": 2.0, "place": "", "value": 1.0, "limit": 0.5}
+    phase = dict.fromkeys(Phase._fields, float("nan")) | {
+        "kind": "steady", "turning": "", "start": 0.0, "end": 1.0, "speed": 1700.0, "way": 1.0, "tension_track": "",
+    }  # fmt: skip
+    cost = {"wall_time": 1.0, "steps": 10, "evaluations": 20, "iterations": 0, "rejected": 0}
+    quiet = summary.empty("straight", "rigid") | {
+        "status": "ok", "checks": {"pins_left": met, "pins_right": met}, "phases": [phase] * 9, "wall_time": 1.0,
+        "energy": energy_of(3e5, 1e5, 0.0, 0.0, 0.0), "components": {"left_track": cost}, "log": "a.mcap", "seal": "ab",
+        "simulated_time": 1.0, "real_time_factor": 1.0, "log_bytes": 1,
+    }  # fmt: skip
+    short, whole = lines(quiet, printed.MOST), lines(quiet)
+    assert len(short) == printed.MOST == 10
+    assert short[-1] == f"  log a.mcap (0.0 MB); {len(whole) - 10} lines more with --verbose"
+    assert [line for line in short[:-1] if line not in whole] == []
+    assert any("energy balance: " in line for line in short)
+    assert not any("pins_left" in line or "checksum" in line for line in short)
+    for words in (
+        "pins_left = 10.0008",
+        "(pins of left)",
+        "checksum (seal)",
+        "left_track computed for 1 s; its solver: 10",
+    ):
+        assert any(words in line for line in whole), words
+    for severity in ("warning", "failure"):
+        loud = quiet | {
+            "checks": quiet["checks"] | {"speed": missed}, "warnings": [warned] * 12,
+            "validity": [exceeded | {"severity": severity}],
+        }  # fmt: skip
+        short, whole = lines(loud, printed.MOST), lines(loud)
+        assert short[1:15] == whole[1:15]
+        assert sum("warning: drive at 1 s, 2 times: slow" in line for line in short) == 12
+        assert any("NOT speed = 9" in line for line in short)
+        assert any(f"validity, {severity}: chassis" in line for line in short)
+
+
+def test_figures_have_no_exponents_and_no_negative_zero():
+    texts = [figure(value, 2) for value in (1.2e2, 1.7e3, -0.0, -19.4, 0.35, 99999.0, float("nan"))]
+    assert texts == ["120", "1700", "0", "-19", "0.35", "99999", "not a number"]
+    assert number(-0.0) == "0"
+    rounded = {"value": -8.9e-16, "expected": 0.0, "tolerance": 1e-10, "ok": True, "note": "", "what": ""}
+    result = summary.empty("a", None) | {"checks": {"third_law": rounded}}
+    assert "  ok  third_law = 0, expected 0 +- 1e-10" in lines(result)
+    assert (
+        "  ok  third_law = 8.9e-15, expected"
+        in lines(result | {"checks": {"third_law": rounded | {"value": 8.9e-15}}})[1]
+    )
 
 
 def test_names_of_files_need_not_be_text(cotrack, tmp_path):

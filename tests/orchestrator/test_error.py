@@ -196,7 +196,7 @@ def test_observables_without_an_estimate_are_named(cotrack, groups, without):
     assert status == 0, err
     assert result["error"]["without"] == without
     assert set(result["error"]["observables"]) == {"tension", "pins"} - set(without)
-    assert ("; not known for pins; coupling" in "\n".join(lines(summary_of(result["log"])))) == bool(without)
+    assert (", not known of pins (coupling" in "\n".join(lines(summary_of(result["log"])))) == bool(without)
 
 
 def test_a_difference_that_is_no_number_is_no_estimate():

@@ -33,6 +33,7 @@ from orchestrator.results.ground_axes import pose_signals, split
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
 from orchestrator.results.table import Table, without_rounding
+from orchestrator.results.units import figure
 
 PRECISION = 0.02  # of the largest speed or yaw rate: tolerance of the pieces, RMS
 LEAST_SPEED, LEAST_YAW_RATE = 0.05, 0.01  # m/s, rad/s: lower bounds of the tolerance
@@ -109,8 +110,8 @@ def _motion_clause(phase: Phase) -> str:
     if phase.kind == "rest":
         return when
     changes = f"{', ' if phase.turning else ' '}from {rounded(phase.speed_start)} to {rounded(phase.speed_end)} m/s"
-    speed = changes if phase.kind in ("acceleration", "braking") else f" at {phase.speed:.4g} m/s"
-    return f"{when}{speed} over {phase.way:.4g} m"
+    speed = changes if phase.kind in ("acceleration", "braking") else f" at {figure(phase.speed)} m/s"
+    return f"{when}{speed} over {figure(phase.way)} m"
 
 
 def rounded(speed: float) -> str:
@@ -121,8 +122,8 @@ def rounded(speed: float) -> str:
 def _turn_clause(phase: Phase) -> str:
     if not phase.turning:
         return ""
-    radius = f", radius {phase.radius:.3g} m"
-    return f"yaw rate {phase.yaw_rate:.3g} rad/s, {phase.yaw_rate_most:.3g} at most{radius}"
+    rate, most, radius = (figure(value, 3) for value in (phase.yaw_rate, phase.yaw_rate_most, phase.radius))
+    return f"yaw rate {rate} rad/s, {most} at most, radius {radius} m"
 
 
 def _load_clause(p: Phase) -> str:
@@ -130,9 +131,9 @@ def _load_clause(p: Phase) -> str:
     alike = len(slips) < 2 or abs(slips[0] - slips[1]) < ALIKE
     shown = [f"{each:.3f}" for each in (slips[:1] if alike else slips)]
     parts = [
-        f"power {without_rounding(p.power / 1e3, 'kW'):.3g} kW" if p.power == p.power else "",
+        f"power {figure(without_rounding(p.power / 1e3, 'kW'), 3)} kW" if p.power == p.power else "",
         f"slip {' and '.join(shown)} m/s{'' if alike else ' left and right'}" if slips else "",
-        f"largest tension {p.tension / 1e3:.4g} kN in {p.tension_track.replace('_', ' ')} at {p.tension_t:.4g} s"
+        f"largest tension {figure(p.tension / 1e3)} kN in {p.tension_track.replace('_', ' ')} at {p.tension_t:.4g} s"
         if p.tension_track
         else "",
     ]

@@ -5,20 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orchestrator.log.recorded_system import description_of
-from orchestrator.results.energy import CAUSE, Ledger, changes
+from orchestrator.results.energy import CAUSE, KINDS, Ledger, changes
 from orchestrator.results.page.charts import Trace, lines, waterfall
 from orchestrator.results.page.section import Content, PageSection, Pair, table
 from orchestrator.results.page.words import and_list, instance, plain, quantity, text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import percent
 
-KINDS = {
-    "kinetic": "motion",
-    "gravity": "height",
-    "strain": "strain of links",
-    "spring": "springs",
-    "contact": "contacts",
-}
 SHARE, SMALL = 1e-4, 5e-3  # of the supplied energy: smaller parts are left out, or not named by kind
 NAMES = {"work": "put in", "stored": "stored", "lost": "lost"}
 BARS = "Each bar begins where the one above ends: what is stored or lost is taken from what came in."

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.units import size
+from orchestrator.results.units import figure, size
 from orchestrator.results.validity.limits import KINDS
 
 WARNING, FAILURE = "warning", "failure"
@@ -30,7 +30,7 @@ class Exceedance(NamedTuple):
     def sentence(self) -> str:
         """Sentence for the reader."""
         kind = KINDS[self.what]
-        value, limit = (f"{number / size(kind.unit):.3g}" for number in (self.value, self.limit))
+        value, limit = (figure(number / size(kind.unit), 3) for number in (self.value, self.limit))
         where = f" at {self.place}" if self.place else ""
         return f"{kind.text}{where}: {value} {kind.unit}, limit {limit} {kind.unit}"
 
