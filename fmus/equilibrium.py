@@ -27,9 +27,11 @@ from fmus.chassis.dynamics import ROOT, rates
 from fmus.chassis.model import Model as Chassis
 from fmus.chassis.model import stations
 from fmus.chassis.observe import put_sides
+from fmus.driver.skid import footing
 from fmus.jit import plain
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.arrays import Floats, Vector
+from fmus.physics.chain.report import T_MEAN
 from fmus.physics.elementary import sin
 from fmus.physics.elimination import solved
 from fmus.physics.vector import scale
@@ -37,6 +39,7 @@ from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import STATE, WRENCH
 from fmus.sources import source_hash
 from fmus.stance import Stance, stance
+from fmus.standing import ground_level
 from fmus.start import LEVEL, StartPose
 from fmus.track_flexible.model import Model as Cables
 from fmus.track_rigid.model import Model as RigidLinks
@@ -47,6 +50,7 @@ LARGEST_CHANGE = 0.05  # largest change of an unknown in a pseudo step, m or rad
 DIFFERENCE = 1e-6  # finite difference for the Jacobian, m or rad
 REST_ACCELERATION = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
 MOST_STEPS = 60  # pseudo steps
+ACCEPTED = 1e-3  # relative difference of tensions of a chain that followed its wheels and of one laid out there
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 
 
@@ -79,7 +83,7 @@ def equilibrium(
     """
     request = [source_hash(), chassis, tracks, slope]
     try:
-        solution = cached_result("places", "equilibrium", request, lambda: _solve(_Vehicle(chassis, tracks, slope)))
+        solution = cached_result("places", "equilibrium", request, lambda: _at_rest(chassis, tracks, slope))
     except (InvalidParameter, StepFailed) as error:
         raise BadInput(f"the vehicle's equilibrium was not found, start.state = 'drawn' needs none: {error}") from None
     return VehicleEquilibrium(*solution)
@@ -108,6 +112,38 @@ def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
     return len(tracks) == 1 or vehicle["chassis"]["centre"][1] != 0.0 or bool(vehicle.get("right"))
 
 
+def _at_rest(
+    chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack], slope: tuple[float, float]
+) -> VehicleEquilibrium:
+    """Solve, and compare upright chains with a run's, which are laid out anew; raises StepFailed with a reason."""
+    vehicle = _Vehicle(chassis, tracks, slope)
+    try:
+        solution = _solve(vehicle)
+        for chain in vehicle.chains.values() if vehicle.half else ():  # upright chains
+            followed, anew = chain.tensions()
+            if abs(anew - followed) > ACCEPTED * abs(followed):
+                raise StepFailed(f"a track that came there carries {followed:.6g} N, laid out there {anew:.6g} N")
+    except StepFailed as error:
+        raise StepFailed(f"{_reason(chassis['vehicle'], *vehicle.pose)} ({error})") from None
+    return solution
+
+
+def _reason(vehicle: Mapping[str, Any], height: float, pitch: float) -> str:
+    """Why a vehicle does not come to rest, from its table and the hull's rise, m, and pitch, rad, at the end."""
+    ahead, wheels, idler = footing(vehicle)[1], vehicle["road_wheel"]["x"], vehicle["idler"]
+    if not min(wheels) <= ahead <= max(wheels):
+        which = "ahead of its foremost" if ahead > max(wheels) else "behind its hindmost"
+        beyond = max(ahead - max(wheels), min(wheels) - ahead)
+        return f"its centre of mass is {beyond:.2f} m {which} road wheel, so it tips over"
+    text = f"it has sagged by {-1e3 * height:.0f} mm and pitched by {pitch * 180.0 / np.pi:.1f} degrees"
+    radius = 0.5 * vehicle["track"]["pitch"] / sin(np.pi / vehicle["sprocket"]["teeth"]) - vehicle["track"]["face"]
+    for name, x, bottom in ("sprocket", 0.0, -radius), ("idler", idler["x"], idler["z"] - idler["radius"]):
+        room = bottom - 2.0 * vehicle["track"]["face"] - ground_level(vehicle)
+        if height - sin(pitch) * (x - vehicle["chassis"]["centre"][0]) < -room:
+            return f"{text}: the {name}, whose track is {1e3 * room:.0f} mm above the ground as drawn, presses it in"
+    return text
+
+
 class _Vehicle:
     """Chassis and chains of a vehicle: its accelerations at given values of the unknowns."""
 
@@ -125,10 +161,11 @@ class _Vehicle:
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})
         self.leaves = len(chassis["vehicle"]["road_wheel"]["x"]) + 1  # with a coordinate, on a side
+        self.pose = 0.0, 0.0  # last height, m, and pitch, rad, of the hull
         self._plane = chassis["vehicle"]["track"]["lateral"]
         self._hang = chassis["vehicle"]["road_wheel"]["z"] - chassis["vehicle"]["chassis"]["centre"][2]
         kind = Cables if self.half else RigidLinks
-        self._chains = {
+        self.chains = {
             sides.index(side): _ChainOnWheels(kind, track, self.gravity)
             for side, track in tracks.items()
             if side in sides
@@ -153,10 +190,11 @@ class _Vehicle:
 
         Raises StepFailed where a chain finds no equilibrium.
         """
+        self.pose = float(guess[HEIGHT]), float(guess[PITCH])
         x = self.chassis.start_state(self.as_equilibrium(guess)._asdict())
         motions = _motions(self.chassis, x)
         wrenches = np.zeros((len(motions), len(motions[0]), WRENCH))
-        for side, chain in self._chains.items():
+        for side, chain in self.chains.items():
             motions[side, :, 1] += (2.0 * side - 1.0) * self._plane
             wrenches[side] = chain.wheel_wrenches(motions[side])
         out = np.zeros_like(x)
@@ -193,6 +231,14 @@ class _ChainOnWheels:
                 self._add_lateral(wrenches)
             self._last = rows, wrenches
         return self._last[1]
+
+    def tensions(self) -> tuple[float, float]:
+        """Mean tension, N, on the last wheels, of the chain that followed them and laid out there as in a run."""
+        self._model.find_equilibrium(self._last[0])
+        followed = float(self._model.report[T_MEAN])
+        self._model.start_rows[:] = self._last[0]
+        self._model.lay_out("rest", 0.0)
+        return followed, float(self._model.report[T_MEAN])
 
     def _add_lateral(self, wrenches: Floats) -> None:
         """Add friction that makes up for lateral forces, at the rims of road wheels in proportion to their loads."""

@@ -8,6 +8,7 @@ its start, so that the run has the tension that was found here.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import scipy  # loads its parts when they are used
@@ -20,10 +21,9 @@ from fmus.physics.chain.report import T_MEAN
 from fmus.sources import source_hash
 from fmus.vehicle import BadInput
 
-REACH = 0.06  # largest distance of the wheel from its drawn place, m, for links of PITCH; in proportion for others
-PITCH = 0.1524  # m
+REACH, PITCH = 0.06, 0.1524  # m: largest distance of the wheel from its drawn place, for links of this pitch
 ACCEPTED = 1e-3  # relative difference of the tension from the wanted one
-FINEST = 0.02  # of the largest distance: how near the search comes to a place where the chain cannot rest
+PARTS = 16  # of the largest distance, by which the range ends earlier where the chain cannot rest
 Links = tuple[str, Mapping[str, Any]]  # kind of component of a track, and its parameters other than the defaults
 CABLES: Links = ("TrackFlexible", {})
 
@@ -34,12 +34,10 @@ def tension_wheel(
     """Position x of the wheel ``name``, m, for a mean static ``tension``, N, and the push on it.
 
     The push, N, away from the sprocket at the origin, holds the wheel there against the chain. A tension of 0 is a
-    slack track: the wheel is as near to the sprocket as it may be.
-
-    ``config`` is the config of a track, ``keys`` the table in which the user gave links and tension (for messages).
-    The place is that of cables, which all kinds of links share, unless ``links`` are given that carry another tension
-    there: rigid links do not stretch. The result is cached for this build. Raises BadInput when the chain cannot carry
-    that tension, to 0.1 %, with the wheel within 60 mm of its drawn place (links of 152.4 mm; others in proportion).
+    slack track: the wheel is drawn in. ``config`` is that of a track, ``keys`` the table in which the user gave links
+    and tension (for messages). The place is that of cables, unless ``links`` carry another tension there: rigid ones do
+    not stretch. The result is cached for this build. Raises BadInput when the chain cannot carry that tension, to
+    0.1 %, with the wheel within 60 mm of its drawn place (links of 152.4 mm; others in proportion).
     """
     request = [source_hash(), config, name, tension, links]
     x, push = cached_result("places", "place", request, lambda: _search(config, name, tension, keys, links))
@@ -71,16 +69,12 @@ class _Track:
 
     def end(self, way: float) -> float:
         """Place at most ``way``, m, from the drawn one, as far as the chain comes to rest on its wheels."""
-        rests, share, step = 0.0, 1.0, 1.0
-        while step > FINEST and rests < 1.0:
-            try:
-                self.tension(self.drawn + share * way)
-                rests = share
-            except (InvalidParameter, StepFailed):
-                pass
-            step *= 0.5
-            share = rests + step
-        return self.drawn + rests * way
+        for part in range(PARTS, 0, -1):
+            x = self.drawn + part / PARTS * way
+            with suppress(InvalidParameter, StepFailed):
+                self.tension(x)
+                return x
+        return self.drawn
 
     def place(self, tension: float, reach: float) -> float:
         """Place of a tension, N, at most ``reach``, m, from the drawn one, or nearest to it; raises StepFailed."""
@@ -100,8 +94,7 @@ class _Track:
     def advice(self, name: str, keys: str) -> str:
         """Place of the wheel at which the belt round the wheels is as long as the links, in words; "" for none."""
         model = model_of(self.links[0])(self.config)
-        length = model.links_count * model.pitch
-        centres, radii, _ = model.circles()
+        length, (centres, radii, _) = model.links_count * model.pitch, model.circles()
 
         def excess(x: float) -> float:
             centres[self.index, 0] = x
@@ -116,9 +109,7 @@ class _Track:
 
 
 def _search(config: Mapping[str, Any], name: str, tension: float, keys: str, links: Links) -> tuple[float, float]:
-    chain = _Track(config, name, CABLES)
-    pitch = config["vehicle"]["track"]["pitch"]
-    reach = REACH * (pitch / PITCH)
+    chain, reach = _Track(config, name, CABLES), REACH * (config["vehicle"]["track"]["pitch"] / PITCH)
     where = f"{keys}.tension = {tension:.6g} N"
     try:
         chain.tension(chain.drawn)
@@ -135,9 +126,9 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str, lin
     if chain.carries(x, tension):
         return x, round(chain.found[x][1], 3)
     tensions = [found for found, _ in chain.found.values()]
-    jumps = min(tensions) < tension < max(tensions)
+    low, high = min(tensions), max(tensions)
     raise BadInput(
         f"{where}: not reached with the {name} within {reach * 1e3:.3g} mm of x = {chain.drawn:.4g} m, where the track"
-        f" carries {min(tensions):.6g} to {max(tensions):.6g} N{' and jumps as a pin changes its seat' * jumps}; the"
+        f" carries {low:.6g} to {high:.6g} N{' and jumps as a pin changes its seat' * (low < tension < high)}; the"
         f" nearest tension is {chain.tension(x):.6g} N"
     )

@@ -19,7 +19,8 @@ import fmus.track_steps as steps
 from fmus import link_outputs
 from fmus.defaults import configured_ports, parameter_values
 from fmus.jit import plain
-from fmus.model import NO_ROTATION, TOO_MANY_STEPS, ComponentModel, Floats, FreeParameters, InvalidParameter, StepFailed
+from fmus.model import NO_ROTATION, TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter, StepFailed
+from fmus.physics.arrays import Floats
 from fmus.physics.chain import adaptive, state
 from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
 from fmus.physics.chain.explicit import slopes
@@ -349,7 +350,7 @@ class TrackModel(ComponentModel):
         Raises InvalidParameter, StepFailed.
         """
         p = self.read(parameters)
-        self._start(p["start"], p.get("start.spin", 0.0))
+        self.lay_out(p["start"], p.get("start.spin", 0.0))
         oval = p.get("start.ovalling", 0.0)
         if oval:
             if self.links_count < 4:
@@ -501,7 +502,8 @@ class TrackModel(ComponentModel):
         radii = np.array([w["radius"] + face if rim else pitch_radius for w, rim in zip(wheels, rims, strict=True)])
         return np.array([w["position"] for w in wheels], dtype=float), radii, rims
 
-    def _start(self, layout: str, spin: float) -> None:
+    def lay_out(self, layout: str, spin: float) -> None:
+        """Lay the chain out, and with some layouts bring it to rest on the wheels of the start; raises StepFailed."""
         if layout in ("straight", "folded"):
             self.settle(self._released(layout), rest=False)
             self.tighten()
@@ -522,7 +524,12 @@ class TrackModel(ComponentModel):
             elif rest and self.wheel_list and self.start_rows[0, 11]:
                 self._lean(pins)
             else:
-                self.settle(pins, rest, spin)
+                try:
+                    self.settle(pins, rest, spin)
+                except StepFailed:  # a slack chain on wheels may be on its way still: search on from there
+                    if not (rest and self.wheel_list):
+                        raise
+                    self.find_equilibrium(self.start_rows)
 
     def _lean(self, pins: Floats) -> None:
         """Bring the chain to rest on upright wheels first, then on the wheels as they lean, see ``settle``."""

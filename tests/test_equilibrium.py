@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 
 import numpy as np
 import pytest
+from random_vehicles import random_vehicle
 from vehicle_in_process import InProcess
 
+from fmus import equilibrium
 from fmus.physics.wheels import read_states
 from fmus.ports import motion_ports
 from fmus.track import TrackModel
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.results.energy import STORED
+from orchestrator.scene import placing
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import changed_scene, from_table, load
 
@@ -263,3 +267,49 @@ def test_no_equilibrium_is_a_sentence():
     """A hull so far forward that it tips over has no equilibrium, which the error says."""
     with pytest.raises(BadInput, match=r"equilibrium was not found, start\.state = 'drawn' needs none"):
         placed(load("straight", "rigid", ["vehicle.chassis.centre=[9, 0, 0.4]"]))
+
+
+def test_a_vehicle_that_cannot_rest_is_refused_in_an_engineer_s_words(monkeypatch):
+    """Wheels too small for their load pass through the links: the chain has two tensions there, and none is taken."""
+    monkeypatch.setattr(equilibrium, "cached_result", lambda kind, name, request, compute: compute())
+    table = random_vehicle(20)
+    sentence = r"it has sagged by (\d+) mm .*: the sprocket, whose track is (\d+) mm above"
+    with pytest.raises(BadInput, match=sentence) as error:
+        placed(load("straight", "flexible", {"vehicle": table}))
+    sag, room = map(int, re.search(sentence, str(error.value)).groups())
+    pitch, face, wheel = table["track"]["pitch"], table["track"]["face"], table["road_wheel"]
+    drawn = wheel["radius"] + face - wheel["z"] - 0.5 * pitch / np.sin(np.pi / table["sprocket"]["teeth"])
+    assert room == round(1e3 * drawn)
+    assert sag > room
+    with monkeypatch.context() as without:
+        without.setattr(equilibrium, "ACCEPTED", 1.0)
+        taken = placed(load("straight", "flexible", {"vehicle": table})).start.equilibrium
+    assert -1e3 * taken.height == pytest.approx(sag, abs=0.51)
+    placing._solved_equilibrium.cache_clear()
+    beyond = re.compile(r"its centre of mass is 3\.50 m ahead of its foremost road wheel, so it tips over")
+    monkeypatch.setattr(equilibrium, "MOST_STEPS", 1)
+    with pytest.raises(BadInput, match=beyond):
+        placed(load("straight", "rigid", ["vehicle.chassis.centre=[12, 0, 0.4]"]))
+
+
+def test_a_run_s_track_has_the_tension_of_the_equilibrium(monkeypatch):
+    """Of a slack crawler-like vehicle too; a chain laid out otherwise than the one that followed is refused."""
+    table = random_vehicle(16)
+    scene = placed(load("straight", "flexible", {"vehicle": table}))
+    assert scene.start.equilibrium is not None
+    measured, factor = equilibrium._ChainOnWheels.tensions, 1.0005
+
+    def tensions(self):
+        followed, anew = measured(self)
+        return factor * followed, anew
+
+    monkeypatch.setattr(equilibrium, "cached_result", lambda kind, name, request, compute: compute())
+    monkeypatch.setattr(equilibrium._ChainOnWheels, "tensions", tensions)
+    for factor in (1.0005, 1.002):
+        placing._solved_equilibrium.cache_clear()
+        if factor < 1.001:
+            assert placed(load("straight", "flexible", {"vehicle": table})).start.equilibrium == scene.start.equilibrium
+        else:
+            with pytest.raises(BadInput, match="a track that came there carries"):
+                placed(load("straight", "flexible", {"vehicle": table}))
+    placing._solved_equilibrium.cache_clear()
