@@ -46,7 +46,8 @@ from fmus.track_rigid.model import Model as RigidLinks
 from fmus.vehicle import BadInput
 
 FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
-LARGEST_CHANGE = 0.05  # largest change of an unknown in a pseudo step, m or rad
+# Largest change of an unknown in a pseudo step, m or rad; smaller for a hull that may lean: its chains rest from nearby
+LARGEST_CHANGE, LARGEST_LEANING = 0.05, 0.005
 DIFFERENCE = 1e-6  # finite difference for the Jacobian, m or rad
 REST_ACCELERATION = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
 MOST_STEPS = 60  # pseudo steps
@@ -269,7 +270,7 @@ def _solve(vehicle: _Vehicle) -> VehicleEquilibrium:
             shifted[i] += DIFFERENCE
             slopes[:, k] = (vehicle.accelerations(shifted) - residual) / DIFFERENCE
         change = solved(np.eye(size) / step**2 - slopes, residual)
-        while abs(change).max() > LARGEST_CHANGE:
+        while abs(change).max() > (LARGEST_CHANGE if vehicle.half else LARGEST_LEANING):
             step *= 0.5
             change = solved(np.eye(size) / step**2 - slopes, residual)
         guess[unknowns] += change
