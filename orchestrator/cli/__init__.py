@@ -12,23 +12,21 @@ import sys
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
+from fmus.vehicle import BadInput
 from orchestrator import __version__
 from orchestrator.cli import log_commands
 from orchestrator.cli.analysis_commands import analyse, plot
 from orchestrator.cli.check_commands import check
 from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, print_message, print_notices, show_usage
 from orchestrator.cli.key_commands import keys, new, schema
-from orchestrator.cli.moved import bench
-from orchestrator.cli.report_commands import report
-from orchestrator.cli.result_commands import compare, replay
+from orchestrator.cli.result_commands import compare, replay, report
 from orchestrator.cli.run_commands import resume, run, truth
 from orchestrator.cli.scene_commands import build, scenes, show, ssp, vehicles, warm
-from orchestrator.cli.study_commands import study
-from orchestrator.cli.sweep_commands import sweep
+from orchestrator.cli.study_commands import study, sweep
 from orchestrator.cli.view_commands import view
 
 app = typer.Typer(
@@ -64,7 +62,14 @@ for command in (
     warm,
 ):
     app.command()(command)
-app.command(hidden=True, context_settings={"ignore_unknown_options": True})(bench)
+
+
+@app.command(hidden=True, context_settings={"ignore_unknown_options": True})
+def bench(arguments: Annotated[list[str] | None, typer.Argument()] = None) -> NoReturn:
+    """Raise BadInput with the new place of a command of older versions, which exists in a clone only."""
+    raise BadInput(
+        f"bench is run in a clone of cotrack: python -m tests.benchmarks {' '.join(arguments or ())}".rstrip()
+    )
 
 
 def _version(wanted: bool) -> None:

@@ -1,4 +1,4 @@
-"""Commands about recorded runs: ``replay`` and ``compare``."""
+"""Commands about recorded runs: ``replay``, ``compare`` and ``report``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, Settings, check_window, exit_with, log_warning
-from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, measured_file
+from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, WithOption, measured_file
+from orchestrator.results.analyses.catalogue import SN_HELP
 
 if TYPE_CHECKING:
     from orchestrator.results.measured_record import MeasuredFile
@@ -199,8 +200,7 @@ def _compare_logs(
     from orchestrator.log.reader import Log
     from orchestrator.results.alignment import alignment
     from orchestrator.results.difference import differences
-    from orchestrator.results.divergence import divergence
-    from orchestrator.results.growth_picture import draw
+    from orchestrator.results.divergence import divergence, draw
     from orchestrator.results.run_data import RunData
     from orchestrator.scene.same_scene import require_same_scene
 
@@ -223,3 +223,28 @@ def _compare_logs(
     if picture and bit_divergence is not None:
         draw(bit_divergence, picture)
     return result
+
+
+def report(
+    log: LogPath,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="the page, .html")],
+    reference: Annotated[
+        Path | None, typer.Argument(metavar="[REFERENCE]", help="a log to compare the run with")
+    ] = None,
+    different: Annotated[bool, typer.Option("--different", help="also compare runs of different scenes")] = False,
+    file: WithOption = None,
+    mapped: MapOption = None,
+    clock: ClockOption = "",
+    shift: ShiftOption = "0",
+    sn: Annotated[str, typer.Option("--sn", metavar="RANGE,CYCLES,SLOPE", help=SN_HELP)] = "",
+) -> None:
+    """Write one HTML page about a run, with a player; it needs a browser only.
+
+    The page shows status, checks, motion, drives, energy, tension, loads and events. With a reference, each chart
+    shows both runs and a table lists their differences. With a CSV file of measured signals, a section
+    draws them with those of the run and lists the differences by phase.
+    """
+    from orchestrator.execution.reported import report as write
+
+    write(log, output, reference, different, measured_file(file, mapped, clock, shift), sn)
+    print(output)

@@ -1,4 +1,4 @@
-"""Command ``study``: many cases, results as tables and figures."""
+"""Commands of many runs, with tables and figures: ``study``, and ``sweep`` of a scene with many settings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from fmus.vehicle import BadInput
-from orchestrator.cli.common import narration
+from orchestrator.cli.common import SceneName, Settings, TrackOption, VehicleOption, narration, with_vehicle
 
 if TYPE_CHECKING:
     from orchestrator.studies import Case
@@ -73,7 +73,7 @@ def conduct(
 ) -> NoReturn:
     """Run the cases of a study, write its files, print its table and exit; raises BadInput."""
     from orchestrator.studies import pool
-    from orchestrator.studies.progress import progress_bar
+    from orchestrator.studies.pool import progress_bar
     from orchestrator.studies.store import Store
 
     try:
@@ -90,3 +90,40 @@ def conduct(
     for row in failures:
         print(f"cotrack: {row.item}: {row.case}: {row.note or 'misses its tolerance'}", file=sys.stderr)
     sys.exit(1 if failures else 0)
+
+
+def sweep(
+    scene: SceneName,
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            "--vary", metavar="KEY=VALUES", help="x,y,z: these; a:b:n: n from a to b; a:b: sampled; repeatable"
+        ),
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="folder for tables and picture")],
+    track: TrackOption = None,
+    settings: Settings = None,
+    vehicle: VehicleOption = None,
+    sample: Annotated[
+        int | None, typer.Option("--sample", metavar="N", help="points of a Latin hypercube over the ranges a:b")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="S", help="of the Latin hypercube")] = 0,
+    native: Annotated[bool, typer.Option("--native", help="use native FMUs; results have the same bits")] = False,
+    estimate: Annotated[
+        bool, typer.Option(help="estimate the errors by two coarser runs, in twice the time of the runs")
+    ] = True,
+    keep_logs: Annotated[bool, typer.Option("--keep-logs", help="keep the logs of all runs in DIR/logs")] = False,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", help="processes", min=1)] = 2,
+    scheduler: Scheduler = None,
+) -> None:
+    """Run a scene with every combination of varied settings; write a table with a row for each run, and a picture.
+
+    Values may have units: 20:40:3 kN. Started again with the same folder, the sweep continues where it was
+    interrupted. Exit 1 if a run fails or leaves its energy balance open; checks that are not met are in the table.
+    """
+    from orchestrator.studies.parameter_sweep import plan
+    from orchestrator.studies.variations import Design
+
+    design = Design.of(vary, sample, seed)
+    planned = plan(design, scene, output, track, with_vehicle(vehicle, settings), native, estimate, keep_logs)
+    conduct("sweep", planned, planned.cases, output, workers, scheduler)

@@ -1,4 +1,4 @@
-"""Lines of CSV files of others, read one at a time with limits."""
+"""CSV files: lines of those of others, read one at a time with limits; cells that no spreadsheet runs."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import csv
 import io
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from orchestrator.files.budget import CSV_LINE, OverBudget, read_file
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # begin what a spreadsheet runs (OWASP, CSV injection)
 
 
 def csv_lines(path: Path, most: int, most_lines: int, delimiters: str = ",") -> Iterator[tuple[int, list[str]]]:
@@ -33,3 +36,8 @@ def csv_lines(path: Path, most: int, most_lines: int, delimiters: str = ",") -> 
             for cells in csv.reader([line], delimiter=delimiter, skipinitialspace=True):
                 if cells:
                     yield number, cells
+
+
+def safe_cell(cell: Any) -> Any:
+    """Return a cell, a text that a spreadsheet would run with an apostrophe in front; numbers stay."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell

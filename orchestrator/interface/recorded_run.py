@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import html
+import io
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.execution import reported, summary, summary_text
-from orchestrator.interface.picture import Picture
 from orchestrator.interface.signal import Signal
 from orchestrator.log.frames import columns_of, to_pandas
 from orchestrator.log.reader import Log, NoSuchSignal
@@ -23,7 +24,29 @@ from orchestrator.results.analyses.signal_picture import figure_of
 from orchestrator.results.difference import ObservableDifference, differences_of_logs
 from orchestrator.results.measured_difference import MeasuredComparison, compare_measured
 from orchestrator.results.measured_record import MeasuredFile
+from orchestrator.results.picture import save_figure
 from orchestrator.results.run_data import RunData, Window
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A matplotlib ``figure``; a notebook shows it as the value of a cell."""
+
+    figure: Figure
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the picture, .png, .svg or .pdf; raises BadInput."""
+        save_figure(self.figure, Path(path))
+        return Path(path)
+
+    def _repr_png_(self) -> bytes:
+        content = io.BytesIO()
+        self.figure.savefig(content, dpi=100, format="png")
+        return content.getvalue()
+
 
 AnyPath = str | os.PathLike[str]
 

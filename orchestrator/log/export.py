@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from orchestrator.files.csv_cells import safe_cell
+from orchestrator.files.csv_lines import safe_cell
 from orchestrator.files.replacing import replacing
 from orchestrator.log.container_writer import LogFailed, error_text
 from orchestrator.log.extra import library

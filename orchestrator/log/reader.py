@@ -28,9 +28,9 @@ from orchestrator.log import log_format, notices, seal_check, signal_names
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.contents import LogContents
 from orchestrator.log.message_records import Messages
+from orchestrator.log.signal_names import recorded_texts
 from orchestrator.log.stream import NotInOrder, Stream
 from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series
-from orchestrator.log.variable_texts import recorded_texts
 
 
 class NoSuchSignal(LookupError):

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from fmus.vehicle import first_error
 from orchestrator.log.log_format import TEXTS
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.variable_texts import recorded_texts
+from orchestrator.log.signal_names import recorded_texts
 
 Integer = Annotated[int, Field(ge=-(2**31), lt=2**31)]  # of FMI
 

@@ -1,4 +1,4 @@
-"""Names of signals: the instance of a topic, patterns, suggestions for unknown names."""
+"""Names of signals: the instance of a topic, patterns, suggestions for unknown names, descriptions in a log."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ import difflib
 import re
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
+from typing import Protocol
+from xml.etree import ElementTree
+
+from orchestrator.files.budget import DOCUMENT, check_size
+from orchestrator.log.container_reader import LogUnreadable
 
 MOST = 3  # names that a message suggests
 NO_TEXTS: Mapping[str, str] = MappingProxyType({})
@@ -53,3 +58,21 @@ def did_you_mean(names: Iterable[str]) -> str:
 
 def _words(text: str) -> set[str]:
     return set(re.findall(r"[a-z]+|[0-9]+", text.lower()))
+
+
+class WithAttachments(Protocol):
+    """An opened log."""
+
+    def attachment(self, name: str) -> bytes:
+        """Return an attached file; raises LookupError, LogUnreadable."""
+
+
+def recorded_texts(log: WithAttachments, instance: str) -> dict[str, str]:
+    """Return the descriptions by the variables of an instance; none if the document is missing or damaged."""
+    try:
+        content = log.attachment(f"{instance}.modelDescription.xml")
+        check_size(content, DOCUMENT)
+        tree = ElementTree.fromstring(content)
+    except (LogUnreadable, ElementTree.ParseError, LookupError, ValueError):  # LookupError: an unknown encoding, too
+        return {}
+    return {each.get("name", ""): each.get("description", "") for each in tree.iter("ScalarVariable")}

@@ -1,19 +1,22 @@
 """Bitwise comparison of two runs: the first difference, its spread, and its growth.
 
 Records are compared without interpolation, so both runs must have the same steps. Both logs are read once, side by
-side, and are not kept in memory.
+side, and are not kept in memory. ``draw`` makes a picture of the growth.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from fmus.vehicle import BadInput
 from orchestrator.log.bitwise import BitDifference, bit_difference, bit_patterns
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats, Series, join_series
+from orchestrator.results.picture import save_figure
 
 POINTS = 40  # approximate number of points of a growth curve
 BIN = 32  # messages whose maximum is kept
@@ -167,3 +170,31 @@ def _side_by_side(
                 for queue, series in zip(waiting, (a, b), strict=True):
                     queue[topic] = [series.rows(slice(m, None))] if len(series.t) > m else []
                 yield topic, a.rows(slice(m)), b.rows(slice(m))
+
+
+STYLES = {"in": ":", "out": "-", "links": "--"}
+
+
+def draw(divergence: Divergence, output: Path) -> None:
+    """Draw a curve for each topic that differs; raises BadInput without any, or for an unwritable file."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if not divergence.growth:
+        raise BadInput("both runs are equal bit by bit: there is no growth to draw")
+    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    pane = figure.subplots()
+    instances = list(dict.fromkeys(topic.split("/")[1] for topic in divergence.growth))
+    for topic, growth in divergence.growth.items():
+        _, instance, kind = topic.split("/", 2)
+        finite = np.isfinite(growth.difference) & (growth.difference > 0.0)
+        pane.semilogy(
+            growth.t[finite], growth.difference[finite], STYLES.get(kind, "-."), color=f"C{instances.index(instance)}",
+            marker=".", markersize=3, linewidth=1.0, label=topic,
+        )  # fmt: skip
+    pane.set_xlabel("t, s")
+    pane.set_ylabel("largest difference, over the largest value of its unit")
+    pane.grid(alpha=0.3)
+    figure.legend(loc="outside right upper", fontsize=7)
+    save_figure(figure, output)

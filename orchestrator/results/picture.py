@@ -1,4 +1,4 @@
-"""Figures as files, written whole or not at all."""
+"""Figures as files, written whole or not at all, and the check of the file name of a view."""
 
 from __future__ import annotations
 
@@ -6,10 +6,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmus.vehicle import BadInput
-from orchestrator.results.whole_file import atomic_write
+from orchestrator.results.whole_file import atomic_write, check_output
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+PICTURES = (".png", ".svg", ".pdf")
+OTHER_SUFFIXES = (
+    "; a view can be .png, .svg or .pdf (pictures), .gif or .mp4 (films), .rrd (--rerun), .mcap (--foxglove)"
+)
+
+
+def check_name(output: Path, suffixes: tuple[str, ...]) -> None:
+    """Raise BadInput for a file that cannot be written, or whose suffix is not in ``suffixes``."""
+    check_output(output, suffixes, OTHER_SUFFIXES)
 
 
 def save_figure(figure: Figure, output: Path) -> None:

@@ -17,11 +17,10 @@ from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, Force, Vehicle, first_error, foremost, path_text, value_text
 from orchestrator.results.analyses.catalogue import UNSTRESSED, described
 from orchestrator.scene import gallery, points
-from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
+from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable, VehicleDriveTable
 from orchestrator.scene.fmu_table import FmuTable, require_instance_name, set_folder
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.ground_tables import GroundTable, LevelGroundTable
-from orchestrator.scene.hitch_table import HitchTable
 from orchestrator.scene.pair import pair_of
 from orchestrator.scene.recording import ASSUMED_SPEED
 from orchestrator.scene.run_tables import short_coupling
@@ -387,8 +386,10 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
 
 def _with_suitable_step(scene: SystemScene) -> SystemScene:
     """The scene with a step that suits its vehicle, unless a setting chose the step: a whole part of its own."""
-    longest = scene.vehicle.longest_step if isinstance(scene, VehicleScene) else None
-    if longest is None or scene._settings.keys() & {"run", "run.step"} or scene.run.step <= longest:
+    if not isinstance(scene, VehicleScene) or scene._settings.keys() & {"run", "run.step"}:
+        return scene
+    longest = scene.vehicle.longest_step
+    if longest is None or scene.run.step <= longest:
         return scene
     step, variable = scene.run.step / math.ceil(scene.run.step / longest - 1e-9), scene.run.variable
     if variable is not None:

@@ -1,4 +1,4 @@
-"""Parallel cases: in processes of this machine, or on a Dask cluster.
+"""Parallel cases: in processes of this machine, or on a Dask cluster; and their progress.
 
 A case that raises, exceeds its limit or loses its process becomes a row with the reason; the others continue. Worker
 processes end with their parent, however it ends.
@@ -6,6 +6,7 @@ processes end with their parent, however it ends.
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing
 import os
 import sys
@@ -19,6 +20,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from pebble import ProcessExpired, ProcessPool
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from fmus.vehicle import BadInput
 from orchestrator.log.extra import installation
@@ -153,3 +156,22 @@ def _single_threads() -> Iterator[None]:
     finally:
         for name in added:
             del os.environ[name]
+
+
+@contextmanager
+def progress_bar(title: str, count: int) -> Iterator[Callable[[Case], None]]:
+    """Callback for each finished case: a progress bar if stderr is a terminal, else one line each."""
+    console, done = Console(stderr=True), itertools.count(1)
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("{task.fields[last]}"),
+    )  # fmt: skip
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(title, total=count, last="")
+
+        def tell(case: Case) -> None:
+            bar.update(task, advance=1, last=case.name)
+            if not console.is_terminal:
+                console.print(f"{next(done)}/{count} {case.name}", markup=False, highlight=False, soft_wrap=True)
+
+        yield tell

@@ -7,7 +7,7 @@ import hostile
 import pytest
 
 from orchestrator.files import budget
-from orchestrator.files.csv_cells import safe_cell
+from orchestrator.files.csv_lines import safe_cell
 from orchestrator.files.replacing import replacing
 from orchestrator.log import seal
 from orchestrator.log.reader import Log, LogUnreadable

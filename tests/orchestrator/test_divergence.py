@@ -13,8 +13,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log import recorder as module
 from orchestrator.log.bitwise import ulps
 from orchestrator.log.reader import Log
-from orchestrator.results.divergence import divergence
-from orchestrator.results.growth_picture import draw
+from orchestrator.results.divergence import divergence, draw
 from orchestrator.scene.scene import load
 
 STEPS = 600

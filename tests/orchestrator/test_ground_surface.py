@@ -6,7 +6,7 @@ import pytest
 from fmus.contacts import ground_shape
 from fmus.physics.contact.ground import surface_depth
 from orchestrator.results.ground_surface import ground
-from orchestrator.results.link_axes import link_axes
+from orchestrator.results.rotation import link_axes
 from orchestrator.scene.scene import load
 
 BUMP = "ground.bump={start=2, rise=0.2, slope=0.35, length=0.6, radius=0.15}"

@@ -15,7 +15,6 @@ from fmus.soils import law_of
 from fmus.vehicle import BadInput
 from orchestrator.studies import mobility
 from orchestrator.studies.mobility import (
-    bisection,
     drawbar,
     grade,
     half_rounds,
@@ -24,7 +23,7 @@ from orchestrator.studies.mobility import (
     theory,
     turning,
 )
-from orchestrator.studies.mobility.limit_speed import first_crossing, limit_speed
+from orchestrator.studies.mobility.finding import bisect, first_crossing, limit_speed
 from orchestrator.studies.mobility.trial import run_up, trial, vehicle_of
 from orchestrator.studies.row import Row
 
@@ -107,7 +106,7 @@ def test_the_steepest_slope_of_a_soil(m113):
 
 
 def test_bisection_closes_in_on_a_limit():
-    limit = bisection.bisect(lambda x: "too much" if x > 0.637 else "", 0.0, 1.0, 10)
+    limit = bisect(lambda x: "too much" if x > 0.637 else "", 0.0, 1.0, 10)
     assert limit.passed <= 0.637 < limit.failed
     assert limit.failed - limit.passed == pytest.approx(2.0**-10)
     assert (limit.runs, limit.reason) == (12, "too much")
@@ -115,7 +114,7 @@ def test_bisection_closes_in_on_a_limit():
 
 @pytest.mark.parametrize(("passes", "passed"), [("", 1.0), ("no", math.nan)])
 def test_bisection_without_a_limit(passes, passed):
-    limit = bisection.bisect(lambda x: passes, 0.0, 1.0, 10)
+    limit = bisect(lambda x: passes, 0.0, 1.0, 10)
     assert limit.passed == pytest.approx(passed, nan_ok=True)
 
 

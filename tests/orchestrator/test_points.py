@@ -6,8 +6,7 @@ from math import pi
 import pytest
 
 from fmus.vehicle import BadInput
-from orchestrator.scene.drive_tables import DriverTable, VehicleDriveTable
-from orchestrator.scene.hitch_table import HitchTable
+from orchestrator.scene.drive_tables import DriverTable, HitchTable, VehicleDriveTable
 from orchestrator.scene.points import OF_DRIVER, UNITS, read
 
 PAIRS = [[0.0, 0.0], [2.0, -8.5], [3e1, 4.0]]

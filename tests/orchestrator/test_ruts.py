@@ -13,8 +13,8 @@ from fmus.physics.contact.soil.rut import deepest_at
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.ground_surface import GroundSurface, ground
-from orchestrator.results.link_axes import link_axes
 from orchestrator.results.page import player
+from orchestrator.results.rotation import link_axes
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import film, foxglove_scene, ruts
 from orchestrator.results.views.bodies import Bodies, LinkPoses, Poses

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.scene.scene import load
-from orchestrator.studies import expectations, extreme, limits, stability, stability_map, verdict
+from orchestrator.studies import expectations, extreme, limits, stability, verdict
 from orchestrator.studies.oscillator import Oscillator, amplification
 from orchestrator.studies.row import Row
 from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, with_verdict
@@ -170,7 +170,7 @@ def test_table_and_map(tmp_path):
     silent = with_verdict(graded[-1], BLOWN, "")
     assert (silent["verdict"], silent.ok, silent.note) == (MUTE, False, "")
     lines = stability.table(ROWS).markdown().splitlines()
-    assert {line.count("|") - line.count("\\|") for line in lines[: len(ROWS) + 2]} == {len(stability_map.COLUMNS) + 1}
+    assert {line.count("|") - line.count("\\|") for line in lines[: len(ROWS) + 2]} == {len(stability.COLUMNS) + 1}
     assert lines[-1] == (
         "6 cases: 1 stable and right, 1 stable and wrong, 2 failed cleanly, 1 blown up, 1 no sentence."
     )

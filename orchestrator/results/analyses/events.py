@@ -11,8 +11,7 @@ import numpy as np
 from orchestrator.log.events_topic import Event
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
-from orchestrator.results.analyses.airborne import off_ground
-from orchestrator.results.analyses.unloaded import UnloadedInterval, is_settling, switches
+from orchestrator.results.analyses.unloaded import UnloadedInterval, is_settling, off_ground, switches
 from orchestrator.results.energy import WrenchPort, ports
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
 from orchestrator.results.table import Table

@@ -13,7 +13,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, link_records
-from orchestrator.results.link_axes import link_axes
+from orchestrator.results.rotation import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import ROUNDING, Table
 

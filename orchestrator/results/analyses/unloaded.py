@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.run_data import RunData, record_durations
+from orchestrator.results.analyses.common_steps import blocks
+from orchestrator.results.run_data import EVER, RunData, Window, record_durations
 
 LIFTED = 0.02  # threshold over the mean load of all members
 TOUCHES = 2.0  # upper over lower threshold
@@ -105,3 +106,12 @@ def _weighed(blocks: Blocks) -> Iterator[tuple[Floats, Floats, Floats]]:
         if len(t):
             yield t, record_durations(t, last), loads
             last = float(t[-1])
+
+
+def off_ground(run: RunData, window: Window = EVER) -> UnloadedIntervals:
+    """Intervals without ground contact of each track (``unloaded.py``), by the vertical ground force."""
+    names = tuple(track for track in run.tracks if run.has(f"{track}.ground.force.z"))
+    signals = [f"{name}.ground.force.z" for name in names]
+    return run.compute_once(
+        f"tracks off the ground, {window}", lambda _: unloaded_intervals(names, lambda: blocks(run, signals, window))
+    )

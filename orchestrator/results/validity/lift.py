@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 from orchestrator.results.analyses import wheel_loads
-from orchestrator.results.analyses.airborne import off_ground
-from orchestrator.results.analyses.unloaded import is_settling
+from orchestrator.results.analyses.unloaded import is_settling, off_ground
 from orchestrator.results.run_data import EVER, Missing, RunData
 from orchestrator.results.validity import limits
 from orchestrator.results.validity.exceedance import WARNING, Exceedance

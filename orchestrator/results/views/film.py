@@ -16,11 +16,11 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_mesh import GroundMesh
 from orchestrator.results.ground_surface import gives_way
+from orchestrator.results.picture import check_name
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import force_of_a_metre, ground_arrows, has_forces, scale_arrow, with_heads
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
-from orchestrator.results.views.files import check_name
 from orchestrator.results.views.projected import (
     NOTHING,
     VIEWPOINTS,

@@ -19,6 +19,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.analyses import events
 from orchestrator.results.ground_mesh import GroundHole
+from orchestrator.results.picture import check_name
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
@@ -26,7 +27,6 @@ from orchestrator.results.views.arrows import ground_arrows, legend, scale_on_hu
 from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
 from orchestrator.results.views.chain_profile import ChainProfile, chain_profiles, tensions
 from orchestrator.results.views.colours import Scale
-from orchestrator.results.views.files import check_name
 from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
 from orchestrator.results.views.ruts import floors, hole
 from orchestrator.results.views.shapes import TrackBody, WheelBody, spokes

@@ -11,12 +11,11 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results.picture import save_figure
+from orchestrator.results.picture import PICTURES, check_name, save_figure
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
 from orchestrator.results.views.colours import MAP, PART, Scale, map_colours, to_unit_range
-from orchestrator.results.views.files import PICTURES, check_name
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, section, side_camera
 from orchestrator.results.views.ruts import ground_at, inside, untouched

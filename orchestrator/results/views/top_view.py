@@ -15,11 +15,10 @@ from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_surface import GroundSurface, gives_way
-from orchestrator.results.picture import save_figure
+from orchestrator.results.picture import PICTURES, check_name, save_figure
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.views.arrows import scale_arrow
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
-from orchestrator.results.views.files import PICTURES, check_name
 from orchestrator.results.views.projected import make_camera, polygons
 from orchestrator.results.views.ruts import ruts_of
 

@@ -14,10 +14,8 @@ from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Case, files
 from orchestrator.studies.mobility import theory
-from orchestrator.studies.mobility.bisected import draw_limits, limit_found
-from orchestrator.studies.mobility.bisection import Limit, bisect
 from orchestrator.studies.mobility.drawbar import SOILS
-from orchestrator.studies.mobility.finding import Finding
+from orchestrator.studies.mobility.finding import Finding, Limit, bisect, draw_limits, limit_found
 from orchestrator.studies.mobility.trial import Trial, Vehicle, failure_of, trial, vehicle_of
 from orchestrator.studies.row import Row
 

@@ -9,8 +9,7 @@ from typing import Any
 from orchestrator.results.analyses import ride
 from orchestrator.results.run_data import Window
 from orchestrator.studies import Case
-from orchestrator.studies.mobility.finding import Finding
-from orchestrator.studies.mobility.limit_speed import limit_speed
+from orchestrator.studies.mobility.finding import Finding, limit_speed
 from orchestrator.studies.mobility.trial import FIRM, Vehicle, recorded, run_up, trial
 from orchestrator.studies.row import Row
 

@@ -14,9 +14,7 @@ from orchestrator.results.table import Column
 from orchestrator.scene.scene import Scene
 from orchestrator.studies import Case, files
 from orchestrator.studies.mobility import theory
-from orchestrator.studies.mobility.bisected import draw_limits, limit_found
-from orchestrator.studies.mobility.bisection import bisect
-from orchestrator.studies.mobility.finding import Finding
+from orchestrator.studies.mobility.finding import Finding, bisect, draw_limits, limit_found
 from orchestrator.studies.mobility.trial import Trial, Vehicle, failure_of, trial, vehicle_of
 from orchestrator.studies.row import Row
 
