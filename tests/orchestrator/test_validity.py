@@ -205,8 +205,8 @@ def test_an_idler_beyond_its_travel(settled, scaled):
 # limits at made-up records
 
 
-def standing(tmp_path, **changes):
-    """Entries for a vehicle of one track at rest for 3 s; ``changes`` replace signals."""
+def standing(tmp_path, drive=(), **changes):
+    """Entries for a vehicle of one track at rest for 3 s; ``changes`` replace signals, ``drive``: its table."""
     t = 1e-2 * np.arange(301)
     still = np.zeros(len(t))
     columns = {
@@ -218,6 +218,7 @@ def standing(tmp_path, **changes):
     }  # fmt: skip
     columns |= {name.replace("__", "."): values for name, values in changes.items()}
     scene = {"assembly": "vehicle", "vehicle": vehicle(), "run": {"step": 1e-2, "variable": {"tolerance": 1e-3}}}
+    scene["drive"] = dict(drive)
     return entries_of(write(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
 
 
@@ -262,6 +263,29 @@ def test_a_vehicle_that_comes_to_a_stop_does_not_creep(tmp_path):
     assert standing(tmp_path, **push, **{"chassis.chassis.velocity.x": slows}) == ()
     pulled = push | {"left_track.ground.force.x": 0.5 * 0.3 * 2e4 * np.ones(301)}
     assert [e.what for e in standing(tmp_path, **pulled, **{"chassis.chassis.velocity.x": slows})] == ["creep"]
+
+
+@pytest.mark.parametrize(
+    ("drive", "turned", "warned"),
+    [
+        ({"brake": 2e4}, 0.018, True),  # a parking brake on 20 %
+        ({"brake": 2e4}, -0.018, True),
+        ({"brake": 2e4}, 0.0041, False),  # the chain runs at 1 mm/s for 0.004123 rad/s
+        ({"brake": 2e4}, 0.0042, True),
+        ({"brake": 2e4}, 0.12, False),  # it slips at its torque
+        ({"brake": 2e4, "brake_speed": 0.01}, 0.018, False),
+        ({"brake": 0.0}, 0.018, False),
+        ({"brake": 0.0, "brake_points": [[0.0, 0.0], [1.0, 2e4]]}, 0.018, True),
+        ({"brake": 0.0, "brake_points": [[0.0, 2e4], [1.9, 2e4], [2.0, 0.0]]}, 0.018, True),
+        ({"brake": 0.0, "brake_points": [[0.0, 2e4], [0.9, 0.0]]}, 0.018, False),  # for less than a second
+        ({"brake": 2e4, "right": {"brake": 2e4}, "left": {"brake": 0.0}}, 0.018, False),  # of the other side
+        ({"brake": 0.0, "right": {"brake": 0.0}, "left": {"brake": 2e4}}, 0.018, True),
+    ],
+)
+def test_a_brake_that_should_hold_turns(tmp_path, drive, turned, warned):
+    entries = standing(tmp_path, drive, left_drive__speed=np.full(301, turned))
+    radius = 10 * 0.1524 / (2.0 * np.pi)
+    assert [(e.what, e.value) for e in entries] == [("brake", pytest.approx(abs(turned) * radius))] * warned
 
 
 @pytest.mark.parametrize(
