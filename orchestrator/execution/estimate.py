@@ -31,7 +31,7 @@ SHARE = 1.0 / math.sqrt(3.0)  # error over difference: between 1 (order 1) and 1
 PARTS = ("coupling", "integration", "total")
 
 Differences = dict[str, ObservableDifference]  # by observable
-# Records a scene, unless it has a log already, and returns its outcome (``companion_runs``).
+# Records a scene, unless it has a log already, and returns its outcome (``simulate.record_companion``).
 RecordRun = Callable[[Scene, Path], dict[str, Any]]
 
 

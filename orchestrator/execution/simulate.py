@@ -1,4 +1,4 @@
-"""Run of a scene: build and load FMUs, simulate, record, evaluate."""
+"""Run of a scene: build and load FMUs, simulate, record, evaluate; coarser runs of its error estimate."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from textwrap import shorten
 from typing import Any
 
 from fmus.build import BuildFailed
+from fmus.vehicle import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.component import ComponentFailed, Logger
+from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.cosim.graph import Recordable
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
 from orchestrator.execution import estimate, recorded_results, summary
 from orchestrator.execution.checked_signals import require_signals
-from orchestrator.execution.companion_runs import record_companion
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene
 from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
@@ -205,3 +206,27 @@ def warnings(components: Mapping[str, Recordable]) -> list[dict[str, Any]]:
 def any_links(components: Mapping[str, Recordable]) -> bool:
     """True if any component has per-link outputs."""
     return any(component.links for component in components.values())
+
+
+def record_companion(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str, Any]:
+    """Record a scene; return its outcome.
+
+    An outcome has status and message, times, components, energy and the path of the log, named as in a summary. A
+    signal ends the run. No failure is raised: it is a status.
+    """
+    interrupt.deferring = True  # the main run still has to close its log
+    try:
+        with ExitStack() as stack:
+            return _recorded(PreparedRun.prepare(*load_scene(scene, stack, None)), path, interrupt)
+    except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable, BadInput) as failure:
+        return {"status": "failed", "message": str(failure)}
+
+
+def _recorded(run: PreparedRun, path: Path, interrupt: Interrupt) -> dict[str, Any]:
+    result: dict[str, Any] = {"log": str(path)}
+    with open_log(path, run.scene, run.graph, run.components, run.scheme) as recorder:
+        outcome = run.step_to_end(run.observers(recorder, ReachedPoint()), interrupt, result)
+        recorder.close(outcome.status, outcome.message, outcome.steps)
+    with Log(path) as log:
+        result |= summary.balance(RunData(log))
+    return result | summary.judgement(outcome.message, result)

@@ -1,16 +1,42 @@
-"""Text of the summary of a run, as people read it (``summary.empty``)."""
+"""Text of the summary of a run, as people read it (``summary.empty``), with names and units of its observables."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from orchestrator.execution import summary
-from orchestrator.execution.labels import LABELS
 from orchestrator.results.energy import KINDS
 from orchestrator.results.given_parts import SHOWN
 from orchestrator.results.table import without_rounding
 from orchestrator.results.units import figure, scaled, size
 from orchestrator.results.validity.exceedance import Exceedance
+
+LABELS = {  # of the observables: name, unit, digits
+    "distance": ("distance along the start heading", "m", 5),
+    "speed": ("speed", "m/s", 4),
+    "settlement": ("settlement", "mm", 4),
+    "ground_force": ("ground carries", "kN", 5),
+    "weight": ("weight", "kN", 5),
+    "slip": ("slip", "%", 2),
+    "pad_slip": ("slip of the pads", "%", 2),
+    "pad_velocity": ("pads slide at", "m/s", 3),
+    "path_error": ("largest distance from the path", "m", 3),
+    "yaw_rate": ("yaw rate", "rad/s", 4),
+    "turn_radius": ("turn radius", "m", 4),
+    "steering_moment": ("steering moment", "kN m", 4),
+    "slip_left": ("slip left", "m/s", 3),
+    "slip_right": ("slip right", "m/s", 3),
+    "power_left": ("power left", "kW", 4),
+    "power_right": ("power right", "kW", 4),
+    "power_propulsion": ("power of propulsion", "kW", 4),
+    "power_steering": ("power of steering", "kW", 4),
+    "power_regenerated": ("power from side to side", "kW", 4),
+    "tension_max": ("largest link tension", "kN", 4),
+    "tension_mean": ("mean link tension", "kN", 4),
+    "sag": ("sag", "m", 6),
+    "end_tension": ("tension at the ends", "kN", 5),
+}
+
 
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
 

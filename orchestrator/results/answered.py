@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats
-from orchestrator.results.picture import save_figure
+from orchestrator.results.picture import new_figure, save_figure
 from orchestrator.results.run_data import mean
 
 PARTED = 0.01  # of the largest value: two answers that differ by more have parted
@@ -94,12 +94,8 @@ def lines(answers: list[Answer]) -> list[str]:
 
 def draw(answers: list[Answer], output: Path, title: str) -> None:
     """Draw a few outputs of both models over time, and their difference; raises BadInput."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     chosen = [answer for answer in answers if answer.signal in DRAWN] or answers[: len(DRAWN)]
-    figure = Figure(figsize=(9.0, 1.9 * len(chosen) + 0.8), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(9.0, 1.9 * len(chosen) + 0.8)
     for answer, (pane, difference_pane) in zip(
         chosen, figure.subplots(len(chosen), 2, sharex=True, squeeze=False), strict=True
     ):

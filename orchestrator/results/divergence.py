@@ -16,7 +16,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.bitwise import BitDifference, bit_difference, bit_patterns
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats, Series, join_series
-from orchestrator.results.picture import save_figure
+from orchestrator.results.picture import new_figure, save_figure
 
 POINTS = 40  # approximate number of points of a growth curve
 BIN = 32  # messages whose maximum is kept
@@ -177,13 +177,9 @@ STYLES = {"in": ":", "out": "-", "links": "--"}
 
 def draw(divergence: Divergence, output: Path) -> None:
     """Draw a curve for each topic that differs; raises BadInput without any, or for an unwritable file."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     if not divergence.growth:
         raise BadInput("both runs are equal bit by bit: there is no growth to draw")
-    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(9.0, 4.5)
     pane = figure.subplots()
     instances = list(dict.fromkeys(topic.split("/")[1] for topic in divergence.growth))
     for topic, growth in divergence.growth.items():

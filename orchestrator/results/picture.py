@@ -1,4 +1,4 @@
-"""Figures as files, written whole or not at all, and the check of the file name of a view."""
+"""New figures; figures as files, written whole or not at all; the check of the file name of a view."""
 
 from __future__ import annotations
 
@@ -15,6 +15,13 @@ PICTURES = (".png", ".svg", ".pdf")
 OTHER_SUFFIXES = (
     "; a view can be .png, .svg or .pdf (pictures), .gif or .mp4 (films), .rrd (--rerun), .mcap (--foxglove)"
 )
+
+
+def new_figure(width: float, height: float, dpi: float | None = None) -> Figure:
+    """Empty figure of a size in inches, whose layout makes room for labels."""
+    from matplotlib.figure import Figure  # late, because it is slow
+
+    return Figure(figsize=(width, height), layout="constrained", dpi=dpi)
 
 
 def check_name(output: Path, suffixes: tuple[str, ...]) -> None:

@@ -10,7 +10,6 @@ from fmus.build import Product, build_all
 from fmus.equilibrium import stances
 from fmus.vehicle import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
-from orchestrator.scene.conversions import input_conversions, user_instance
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.gallery import hint
 from orchestrator.scene.pair import Pair, joined, pair_of, require_free_inputs
@@ -41,7 +40,7 @@ from orchestrator.scene.parts import (
 from orchestrator.scene.replacement import replacements, require_fit
 from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, Scene, VehicleScene, with_track
 from orchestrator.scene.system_scene import SystemScene
-from orchestrator.scene.user_connections import ends_of, require_pairs, typed
+from orchestrator.scene.user_connections import ends_of, input_conversions, require_pairs, typed, user_instance
 
 HITCH_FORCE = [("chassis", f"hitch.force.{axis}") for axis in "xyz"]  # input of a part that an FMU of the user may feed
 

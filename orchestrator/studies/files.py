@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from orchestrator.results.picture import new_figure as new_figure
 from orchestrator.results.table import Table
 from orchestrator.results.whole_file import atomic_write
 
-Picture = Any  # figure of matplotlib, which is imported late because it is slow
+Picture = Any  # figure of matplotlib
 
 
 def save(

@@ -288,10 +288,8 @@ def table(rows: Sequence[Row], title: str = "") -> Table:
 
 def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """Draw bars of the remaining cost: CPU time with its spread, log size."""
-    from matplotlib.figure import Figure
-
     drawn_rows = [row for row in rows if math.isfinite(row["cpu_ratio"])][::-1]
-    figure = Figure(figsize=(9.0, 1.2 + 0.42 * len(drawn_rows)), layout="constrained")
+    figure = files.new_figure(9.0, 1.2 + 0.42 * len(drawn_rows))
     axes = figure.subplots()
     positions = np.arange(len(drawn_rows))
     middle, low, high = (

@@ -19,8 +19,8 @@ from typing import Any, ClassVar
 from fmus.vehicle import BadInput, path_text, value_text
 from orchestrator.execution import summary
 from orchestrator.execution.interrupt import Interrupt
-from orchestrator.execution.labels import LABELS
 from orchestrator.execution.simulate import simulate
+from orchestrator.execution.summary_text import LABELS
 from orchestrator.files.budget import DOCUMENT, read_file
 from orchestrator.log.extra import NotInstalled, library
 from orchestrator.results.table import Column, Table

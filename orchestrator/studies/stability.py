@@ -137,12 +137,11 @@ def _completed(row: Row) -> dict[str, Any]:
 
 def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """Draw the map: a line per family, a field per value, coloured by verdict, with the margin below."""
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch, Rectangle
 
     families = list(dict.fromkeys(row.item for row in rows))
     across = max((sum(row.item == item for row in rows) for item in families), default=1)
-    figure = Figure(figsize=(4.5 + 1.05 * across, 1.6 + 0.42 * len(families)), layout="constrained", dpi=110)
+    figure = files.new_figure(4.5 + 1.05 * across, 1.6 + 0.42 * len(families), dpi=110)
     pane = figure.subplots()
     for y, item in enumerate(families):
         for x, row in enumerate(row for row in rows if row.item == item):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.results.table import Column, Table, cell_text
-from orchestrator.studies.files import Picture
+from orchestrator.studies.files import Picture, new_figure
 from orchestrator.studies.variations import Design, Variation
 
 MOST_CURVES = 8  # that a legend names
@@ -22,8 +22,6 @@ Record = Mapping[str, Any]  # of a case, by key of the columns
 
 def draw(design: Design, table: Table, title: str) -> Picture:
     """Draw the columns of numbers behind the varied keys, panes over every key and maps for each."""
-    from matplotlib.figure import Figure
-
     records, variations = table.records(), design.variations
     drawn = [column for column in table.columns[len(variations) :] if _has_numbers(records, column.key)]
     numbers = [one for one in variations if one.is_number]
@@ -33,7 +31,7 @@ def draw(design: Design, table: Table, title: str) -> Picture:
     across = len(variations) + len(maps)  # panes of a figure
     side_by_side = max(ACROSS // across, 1)  # figures
     down = max(-(-len(drawn) // side_by_side), 1)
-    figure = Figure(figsize=(4.4 * across * side_by_side, 2.6 * down + 0.5), layout="constrained")
+    figure = new_figure(4.4 * across * side_by_side, 2.6 * down + 0.5)
     panes = figure.subplots(down, across * side_by_side, squeeze=False).reshape(-1, across)
     for pane in panes[len(drawn) :].flat:
         pane.set_axis_off()

@@ -148,13 +148,11 @@ def method_settings(row: Row) -> tuple[str, ...]:
 
 def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """Draw one pane for the whole error and one per observable; a curve per method, Pareto front shaded."""
-    from matplotlib.figure import Figure
-
     good = runs(rows)
     names = ["", *_observables(good)]
     across = min(3, len(names))
     down = -(-len(names) // across)
-    figure = Figure(figsize=(5.2 * across, 4.2 * down + 1.4), layout="constrained")
+    figure = files.new_figure(5.2 * across, 4.2 * down + 1.4)
     axes = figure.subplots(down, across, squeeze=False).ravel()
     curves = _curve_styles(good)
     for pane, name in zip(axes, names, strict=False):

@@ -1,9 +1,8 @@
 """Coarser runs of an estimate: the bits of single runs, failures as a status, signals."""
 
 from orchestrator.execution import summary
-from orchestrator.execution.companion_runs import record_companion
 from orchestrator.execution.interrupt import Interrupt
-from orchestrator.execution.simulate import simulate
+from orchestrator.execution.simulate import record_companion, simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.scene import load

@@ -114,13 +114,11 @@ def of(run: RunData, track: str = "", window: Window = EVER, at: Sequence[float]
 
 def picture(deformation: Deformation, output: Path, link: int) -> None:
     """Draw figures 18 and 19 for one link at each instant; raises BadInput."""
-    from matplotlib.figure import Figure
-
-    from orchestrator.results.picture import save_figure
+    from orchestrator.results.picture import new_figure, save_figure
 
     if not 1 <= link <= deformation.displacement.shape[1]:
         raise BadInput(f"--link {link}: {deformation.track} has the links 1 to {deformation.displacement.shape[1]}")
-    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
+    figure = new_figure(10.0, 4.2)
     panes = figure.subplots(1, 2)
     deformation.draw(panes, link)
     draw_frame(panes, float(deformation.x[-1]))

@@ -11,7 +11,7 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results.picture import PICTURES, check_name, save_figure
+from orchestrator.results.picture import PICTURES, check_name, new_figure, save_figure
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
@@ -132,10 +132,8 @@ def draw_view(
 
 def _figure(bodies: Bodies) -> Figure:
     """Create a pane for each instant: stacked, or side by side if stacked panes would be narrow."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
-    from matplotlib.figure import Figure
 
     poses = [*bodies.blocks(1)]
     views, scale, speeds = [side_view(bodies, block) for block in poses], bodies.colour_range(), bodies.speeds()
@@ -143,8 +141,7 @@ def _figure(bodies: Bodies) -> Figure:
     wide, high = (end - begin for begin, end in limits)
     upright = high > UPRIGHT * wide
     across = max(9.0, 2.1 * len(views) + 2.0) if upright else 9.0
-    figure = Figure(figsize=(across, 5.5 if upright else 2.1 * len(views) + 0.4), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(across, 5.5 if upright else 2.1 * len(views) + 0.4)
     shape = (1, len(views)) if upright else (len(views), 1)
     panes = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
     for pane, view in zip(panes, views, strict=True):

@@ -15,7 +15,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_surface import GroundSurface, gives_way
-from orchestrator.results.picture import PICTURES, check_name, save_figure
+from orchestrator.results.picture import PICTURES, check_name, new_figure, save_figure
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.views.arrows import scale_arrow
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
@@ -46,9 +46,6 @@ class TopView(NamedTuple):
 
 def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
     """Draw a vehicle's log from above; raises BadInput if it cannot be drawn or written."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     check_name(output, PICTURES)
     with Log(path) as log:
         run = RunData(log)
@@ -63,8 +60,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
             raise BadInput("the log holds no step to draw") from None
         t, way = run.vectors("chassis", "out", "chassis.position", "xy", EVER)
         bodies.select_instants(_instants(t, times))
-        figure = Figure(figsize=(8.0, 8.0), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = new_figure(8.0, 8.0)
         pane = figure.subplots()
         pane.plot(*way.T, color="0.6", linewidth=1.0, zorder=1, label="centre of mass of the hull")
         views = [top_view(bodies, poses) for poses in bodies.blocks(1)]

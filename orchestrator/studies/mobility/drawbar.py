@@ -121,10 +121,8 @@ def _shear_length(mobilised: float, slip: float, modulus: float) -> float:
 
 def draw(rows: Sequence[Row]) -> files.Picture:
     """Pull over slip of each soil, inside its bracket, and the resistance."""
-    from matplotlib.figure import Figure
-
     soils = list(dict.fromkeys(row["soil"] for row in rows))
-    figure = Figure(figsize=(10.0, 3.6 * math.ceil(len(soils) / 2)), layout="constrained", dpi=110)
+    figure = files.new_figure(10.0, 3.6 * math.ceil(len(soils) / 2), dpi=110)
     for pane, soil in zip(figure.subplots(math.ceil(len(soils) / 2), 2, squeeze=False).flat, soils, strict=False):
         own = sorted((row for row in rows if row["soil"] == soil), key=lambda row: row["slip"])
         slip = np.array([row["slip"] for row in own])

@@ -48,9 +48,7 @@ def bisect(passes: Callable[[float], str], low: float, high: float, count: int) 
 
 def draw_limits(rows: Sequence[Row], key: str, label: str, width: float = 8.0) -> files.Picture:
     """Draw a bar of the figure ``key`` for each row, and its bracket from ``low`` to ``high``."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, 3.6), layout="constrained", dpi=110)
+    figure = files.new_figure(width, 3.6, dpi=110)
     pane = figure.subplots()
     pane.bar([row.case for row in rows], [row[key] for row in rows], color="C0", width=0.5)
     for k, row in enumerate(rows):

@@ -60,9 +60,7 @@ def _peaks(seat: ride.SeatRide) -> riding.Figures:
 
 def draw(rows: Sequence[Row]) -> files.Picture:
     """Peaks over speed, by radius."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 3.8), layout="constrained", dpi=110)
+    figure = files.new_figure(7.0, 3.8, dpi=110)
     pane = figure.subplots()
     for radius, *curve in riding.curves(rows, "radius", "peak"):
         pane.plot(*curve, "o-", label=f"{1e3 * radius:.0f} mm")

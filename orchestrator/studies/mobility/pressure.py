@@ -85,9 +85,7 @@ def _row(vehicle: Vehicle, run: RunData, window: Window) -> Row:
 
 def draw(rows: Sequence[Row]) -> files.Picture:
     """Bars of the mean maximum pressure by ground, beside the nominal one."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 3.6), layout="constrained", dpi=110)
+    figure = files.new_figure(8.0, 3.6, dpi=110)
     pane = figure.subplots()
     pane.bar([row.case for row in rows], [row["mean_maximum"] for row in rows], color="C0", width=0.6)
     pane.axhline(rows[0]["nominal"], color="C3", ls="--", label="nominal: weight over both tracks")

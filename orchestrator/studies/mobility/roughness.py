@@ -71,9 +71,7 @@ def _vibration(seat: ride.SeatRide) -> riding.Figures:
 
 def draw(rows: Sequence[Row]) -> files.Picture:
     """Weighted acceleration and absorbed power over speed, by class."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.0, 3.8), layout="constrained", dpi=110)
+    figure = files.new_figure(10.0, 3.8, dpi=110)
     panes = figure.subplots(1, 2)
     for pane, key in zip(panes, ("weighted", "power"), strict=True):
         for name, *curve in riding.curves(rows, "iso_class", key):

@@ -67,9 +67,7 @@ def turn(scene: str, ground: str) -> list[Row]:
 
 def draw(rows: Sequence[Row]) -> files.Picture:
     """Bars of radius and steering moment by ground."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.0, 3.6), layout="constrained", dpi=110)
+    figure = files.new_figure(10.0, 3.6, dpi=110)
     panes = figure.subplots(1, 2)
     for pane, key, label in zip(panes, ("radius", "moment"), ("radius, m", "steering moment, kN m"), strict=True):
         pane.bar([row.case for row in rows], [row[key] for row in rows], color="C0", width=0.6)
