@@ -425,7 +425,8 @@ class TrackModel(ComponentModel):
             steps.OutputData(self.frame, self.s.mean[: len(self.rows)], self.report),
             steps.LinkOutputData(
                 self.frame,
-                *self.system()[::2],
+                self.own_links,
+                self.environment,
                 self.s,
                 self.work,
                 self.links_count,
@@ -587,8 +588,13 @@ class TrackModel(ComponentModel):
     def pins(self) -> Floats:
         """Positions of the pins (nodes, 3) in the track's frame, m."""
         positions = np.zeros((self.nodes, 3))
-        pin_places(self.link, self.s, self.work, positions)
+        pin_places(self.own_links, self.s, self.work, positions)
         return positions
+
+    @property
+    def own_links(self) -> Any:
+        """Links themselves, which joint coordinates and Cholesky's wrap."""
+        return getattr(self.link, "links", self.link)
 
     def system(self) -> tuple[Any, Any, Environment]:
         """First arguments of the kernels of a chain: links, contact partners, environment."""

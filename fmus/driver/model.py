@@ -21,6 +21,13 @@ from fmus.sides import wheel_places
 from fmus.start import KEYS, start_pose
 
 SHARE = Range(0.05, 0.9, "between 0.05 and 0.9")
+LAW = dict(  # numbers of the ``ControlLaw`` that are parameters -> their names
+    width="width", heading_gain="heading.gain", reach="reach", preview="preview", rate_gain="yaw.gain",
+    integral="yaw.integral", largest_curvature="curvature.largest", lateral="acceleration.lateral",
+    deceleration="deceleration", start_speed="speed.start", end_speed="speed.end", ramp_start="ramp.start",
+    ramp_end="ramp.end", friction="friction", grip="grip", lag="drive.lag", yaw_lag="yaw.lag",
+    tolerance="path.tolerance",
+)  # fmt: skip
 WIDTH_FACTOR = 1.4  # width that turns alike without slip, over the tracks' distance: 0.449 / 0.3142 rad/s in `turn`
 
 
@@ -120,33 +127,14 @@ class Model(ComponentModel):
         world_path = self._path._replace(
             x=self._path.x.copy(), y=self._path.y.copy(), heading=self._path.heading.copy()
         )
-        self.begin(
-            values,
-            Parts(
-                self._law,
-                self._footing,
-                self._path,
-                world_path,
-                empty_plan(self._path),
-                self._centre,
-                self._unconnected,
-                self._rest_motion,
-                np.zeros(self.inputs),
-                self.state,
-                self.counters,
-            ),
-        )
+        self.begin(values, Parts(
+            self._law, self._footing, self._path, world_path, empty_plan(self._path), self._centre, self._unconnected,
+            self._rest_motion, np.zeros(self.inputs), self.state, self.counters,
+        ))  # fmt: skip
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but the path and tables of points."""
-        names = dict(
-            width="width", heading_gain="heading.gain", reach="reach", preview="preview", rate_gain="yaw.gain",
-            integral="yaw.integral", largest_curvature="curvature.largest", lateral="acceleration.lateral",
-            deceleration="deceleration", start_speed="speed.start", end_speed="speed.end", ramp_start="ramp.start",
-            ramp_end="ramp.end", friction="friction", grip="grip", lag="drive.lag", yaw_lag="yaw.lag",
-            tolerance="path.tolerance",
-        )  # fmt: skip
-        numbers = {f"law.{field}": f"{{{name}}}" for field, name in names.items()}
+        numbers = {f"law.{field}": f"{{{name}}}" for field, name in LAW.items()}
         return FreeParameters({**numbers, "law.heading": "{heading} + {start.heading}"}, self.start_parameters)
 
     def _start_motion(self, values: Mapping[str, Any]) -> tuple[float, ...]:
@@ -169,26 +157,9 @@ class Model(ComponentModel):
             raise InvalidParameter(f"speed.points = '{str(values['speed.points'])[:80]}' must not be negative")
         return ControlLaw(
             radius=self._radius,
-            width=float(values["width"]),
             ahead=self._ahead,
             heading=float(values["heading"]) + float(values["start.heading"]),
-            heading_gain=float(values["heading.gain"]),
-            reach=float(values["reach"]),
-            preview=float(values["preview"]),
-            rate_gain=float(values["yaw.gain"]),
-            integral=float(values["yaw.integral"]),
-            largest_curvature=float(values["curvature.largest"]),
-            lateral=float(values["acceleration.lateral"]),
-            deceleration=float(values["deceleration"]),
-            start_speed=float(values["speed.start"]),
-            end_speed=float(values["speed.end"]),
-            ramp_start=float(values["ramp.start"]),
-            ramp_end=float(values["ramp.end"]),
             speeds=speeds,
-            friction=float(values["friction"]),
             creep=self._creep,
-            grip=float(values["grip"]),
-            lag=float(values["drive.lag"]),
-            yaw_lag=float(values["yaw.lag"]),
-            tolerance=float(values["path.tolerance"]),
+            **{field: float(values[name]) for field, name in LAW.items()},
         )

@@ -18,6 +18,11 @@ from fmus.sentences import Sentence
 
 MODES = ("speed", "torque", "controller")
 EXTRAPOLATIONS = ("velocity", "acceleration")
+FREE = dict(  # numbers of the ``DriveParameters`` that are parameters of every motor -> their names
+    start_speed="speed.start", ramp_start="ramp.start", ramp_end="ramp.end", torque="torque.drive",
+    brake_speed="brake.speed", proportional="controller.proportional", integral="controller.integral",
+    limit="torque.limit", stop_time="stop.time", gear="gear.ratio",
+)  # fmt: skip
 POINTS = "'time value; time value; ...', straight lines between: the"
 
 
@@ -84,15 +89,11 @@ def free_numbers(values: Mapping[str, Any], demanded: bool, path: str, prefix: s
     Place -> expression, see ``fmus.model.FreeParameters``; ``values``: checked parameters; ``demanded``: it follows an
     input.
     """
-    names = dict(
-        start_speed="speed.start", ramp_start="ramp.start", ramp_end="ramp.end", torque="torque.drive",
-        brake_speed="brake.speed", proportional="controller.proportional", integral="controller.integral",
-        limit="torque.limit", stop_time="stop.time", gear="gear.ratio",
-    )  # fmt: skip
+    names = FREE
     if not demanded:
-        names |= {"end_speed": "speed.end", "stop_start": "stop.start", "mode": "mode"}
+        names = names | {"end_speed": "speed.end", "stop_start": "stop.start", "mode": "mode"}
     if not values[f"{prefix}brake.points"]:
-        names["brake"] = "brake.torque"
+        names = names | {"brake": "brake.torque"}
     numbers = {f"{path}.{field}": f"{{{prefix}{name}}}" for field, name in names.items()}
     engine = _engine(values, prefix)
     if engine.time.size:
@@ -143,27 +144,18 @@ def drive_parameters(values: Mapping[str, Any], inertia: float, demand: str = ""
     return DriveParameters(
         inertia=inertia,
         mode=MODES.index(values_of["mode"]),
-        start_speed=float(values_of["speed.start"]),
         end_speed=float(values_of["speed.end"]),
-        ramp_start=float(values_of["ramp.start"]),
-        ramp_end=float(values_of["ramp.end"]),
-        torque=float(values_of["torque.drive"]),
         brake=float(brakes.value.max()) if brakes.value.size else float(values_of["brake.torque"]),
-        brake_speed=float(values_of["brake.speed"]),
-        proportional=float(values_of["controller.proportional"]),
-        integral=float(values_of["controller.integral"]),
-        limit=float(values_of["torque.limit"]),
         with_acceleration=EXTRAPOLATIONS.index(values["extrapolation"]),
         stages=np.zeros((len(RK4.b) + 1, INTEGRATED)),
         stop_start=float(values_of["stop.start"]),
-        stop_time=float(values_of["stop.time"]),
         speeds=speeds,
         torques=torques,
         brakes=brakes,
         engine=engine,
-        gear=gear,
         steepest_slope=gear * gear * _steepest_slope(engine),
         lag=float(values["demand.lag"]) if demand else 0.0,
+        **{field: float(values_of[name]) for field, name in FREE.items()},
     )
 
 

@@ -109,7 +109,7 @@ def mirror(original: TrackModel, model: TrackModel) -> None:
         size = min(signs.size, original_view.shape[-1])
         view[..., :size] = original_view[..., :size] * signs[:size]
     if "joints" in integrated_views(s):
-        to_joint_coordinates(model.link.rigid, s)
+        to_joint_coordinates(model.link.links, s)
     if "p" in integrated_views(s):
         cholesky.to_cholesky(model.link, s, model.work)
     s.on_links_sum[:], s.span[:] = (

@@ -14,7 +14,13 @@ from fmus.physics.contact.teeth import Teeth
 from fmus.physics.point import Memory
 
 if TYPE_CHECKING:
+    import fmus.physics.chain.flexible.state
+    import fmus.physics.chain.rigid.state
     from fmus.physics.contact.laws import Law
+
+    # The integrated views come first in ``flat``: q and v, followed by axes where the axes of the coordinates turn;
+    # before them joints (of rigid links) or p (of flexible ones), of size 0 if unused, which determine q and v.
+    ChainState = fmus.physics.chain.flexible.state.State | fmus.physics.chain.rigid.state.State
 
 Carrier = tuple[Vector, Vector, Vector, tuple[float, float]]  # result of ``carrier.carrier``
 # result of ``faces.locate_section``; Any: each kind of link puts into it what it reads from it
@@ -43,66 +49,6 @@ class Motion(Protocol):
     @property
     def v(self) -> Floats:
         """Rates of ``q`` (n or nodes, width)."""
-
-
-class ChainState(Motion, Protocol):
-    """State of n links and m wheels: named views into the flat array.
-
-    The integrated views come first in ``flat``: q and v, followed by axes where the axes of the coordinates turn;
-    before them joints (of rigid links) or p (of flexible ones), of size 0 if unused, which determine q and v.
-    """
-
-    @property
-    def flat(self) -> Floats:
-        """All of the views (size)."""
-
-    @property
-    def a(self) -> Floats:
-        """Auxiliary accelerations (n or nodes, width) of an implicit method."""
-
-    @property
-    def wrench(self) -> Floats:
-        """Present wrench (m + 1, 6) on each wheel and, last, on the ground, N and N m."""
-
-    @property
-    def aux(self) -> Floats:
-        """Auxiliary wrenches (m + 1, 6) of an implicit method, N and N m."""
-
-    @property
-    def mean(self) -> Floats:
-        """Mean wrenches (m + 1, 6) over the communication step, N and N m."""
-
-    @property
-    def on_links(self) -> Floats:
-        """Present forces on each link (k, c), see ``on_links``; k pins, or 0 without a request."""
-
-    @property
-    def on_links_aux(self) -> Floats:
-        """Auxiliary forces on each link (k, c)."""
-
-    @property
-    def on_links_sum(self) -> Floats:
-        """Impulses (k, c) of the forces on each link over the interval."""
-
-    @property
-    def span(self) -> Floats:
-        """Time since the interval began, s, and steps left of it (2)."""
-
-    @property
-    def lengths(self) -> Floats:
-        """Length of the steps of the auxiliary values and time since the last of them (2), s, see ``short_steps``."""
-
-    @property
-    def sums(self) -> Floats:
-        """Sums (SUMS) of the last evaluation, see ``sums``."""
-
-    @property
-    def soil(self) -> Floats:
-        """Memory of the ground (points, k) at the contact points; (0, 0) on hard ground."""
-
-    @property
-    def rut(self) -> Floats:
-        """Rut of the chain (k), see ``contact.soil.rut``; (0) on hard ground."""
 
 
 class ChainWork(Protocol):

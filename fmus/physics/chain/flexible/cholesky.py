@@ -203,35 +203,3 @@ def first_speed(links: CholeskyLinks, env: Environment, s: State, w: Work, repor
 def observe(links: CholeskyLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
     """See ``kinds``."""
     dynamics.observe(links.links, env, s, w, report)
-
-
-@kernel
-def pin_places(links: CholeskyLinks, s: State, w: Work, place: Floats) -> None:
-    """See ``kinds``."""
-    dynamics.pin_places(links.links, s, w, place)
-
-
-@kernel
-def pin_axes(links: CholeskyLinks, s: State, w: Work, axis: Floats) -> None:
-    """See ``kinds``."""
-    dynamics.pin_axes(links.links, s, w, axis)
-
-
-@kernel
-def slopes(links: CholeskyLinks, s: State, w: Work, slope: Floats) -> None:
-    """See ``kinds``."""
-    dynamics.slopes(links.links, s, w, slope)
-
-
-@kernel
-def fibres(links: CholeskyLinks, s: State, w: Work, stress: Floats) -> None:
-    """See ``kinds``."""
-    dynamics.fibres(links.links, s, w, stress)
-
-
-@kernel
-def observe_links(
-    links: CholeskyLinks, env: Environment, s: State, w: Work, tension: Floats, stress: Floats, place: Floats
-) -> None:
-    """See ``kinds``."""
-    dynamics.observe_links(links.links, env, s, w, tension, stress, place)

@@ -36,13 +36,13 @@ if TYPE_CHECKING:
 class JointedLinks(NamedTuple):
     """Parameters of links that move in joint coordinates."""
 
-    rigid: RigidLinks  # parameters of the links
+    links: RigidLinks  # parameters of the links
 
 
 @kernel
 def derivative(links: JointedLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, k: Floats) -> int:
     """See ``kinds``."""
-    rigid = links.rigid
+    rigid = links.links
     to_poses(rigid, s, w)
     failed = accelerations(rigid, contacts, env, s, w)
     _rates(rigid, s, w, k)
@@ -220,7 +220,7 @@ def project(links: JointedLinks, s: State, w: Work) -> int:
 
     They use the mobility of the last stage. Joint coordinates keep all other pins closed.
     """
-    rigid = links.rigid
+    rigid = links.links
     to_poses(rigid, s, w)
     pin = augmented.closing_pin(rigid.ends, s.q.shape[0])
     if pin < 0 or rigid.spring.stiffness > 0.0:
@@ -299,54 +299,22 @@ def accelerate(links: JointedLinks, contacts: Contacts | None, env: Environment,
 @kernel
 def stage_joints(links: JointedLinks, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``."""
-    dynamics.stage_joints(links.rigid, env, s, w)
+    dynamics.stage_joints(links.links, env, s, w)
 
 
 @kernel
 def speed(links: JointedLinks, env: Environment, s: State, w: Work) -> float:
     """See ``kinds``."""
-    return dynamics.speed(links.rigid, env, s, w)
+    return dynamics.speed(links.links, env, s, w)
 
 
 @kernel
 def first_speed(links: JointedLinks, env: Environment, s: State, w: Work, report: Floats) -> float:
     """See ``kinds``."""
-    return dynamics.speed(links.rigid, env, s, w)
+    return dynamics.speed(links.links, env, s, w)
 
 
 @kernel
 def observe(links: JointedLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
     """See ``kinds``."""
-    dynamics.observe(links.rigid, env, s, w, report)
-
-
-@kernel
-def pin_places(links: JointedLinks, s: State, w: Work, place: Floats) -> None:
-    """See ``kinds``."""
-    dynamics.pin_places(links.rigid, s, w, place)
-
-
-@kernel
-def pin_axes(links: JointedLinks, s: State, w: Work, axis: Floats) -> None:
-    """See ``kinds``."""
-    dynamics.pin_axes(links.rigid, s, w, axis)
-
-
-@kernel
-def slopes(links: JointedLinks, s: State, w: Work, slope: Floats) -> None:
-    """See ``kinds``."""
-    dynamics.slopes(links.rigid, s, w, slope)
-
-
-@kernel
-def fibres(links: JointedLinks, s: State, w: Work, stress: Floats) -> None:
-    """See ``kinds``."""
-    dynamics.fibres(links.rigid, s, w, stress)
-
-
-@kernel
-def observe_links(
-    links: JointedLinks, env: Environment, s: State, w: Work, tension: Floats, stress: Floats, place: Floats
-) -> None:
-    """See ``kinds``."""
-    dynamics.observe_links(links.rigid, env, s, w, tension, stress, place)
+    dynamics.observe(links.links, env, s, w, report)
