@@ -119,16 +119,9 @@ def implicit(c, messages, t, h, u):
     before = counters[REJECTED]
     on_links.begin_interval(c.s, common.interval)
     failure, elapsed, link, residual = advance(
-        c.link,
-        c.contacts,
-        c.environment,
-        c.scheme,
-        CommunicationStep(common.rows, h, common.longest),
-        c.s,
-        c.work,
-        c.report,
-        counters,
-    )
+        c.link, c.contacts, c.environment, c.scheme, CommunicationStep(common.rows, h, common.longest),
+        c.s, c.work, c.report, counters,
+    )  # fmt: skip
     if failure:
         messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, residual
         return IMPLICIT + failure

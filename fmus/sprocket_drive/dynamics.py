@@ -6,31 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmus.drives import mount, shaft
 from fmus.drives.motor import SPEED, DriveParameters, find_contradiction, speed_profile
-from fmus.drives.mount import (
-    BASE,
-    MOUNT,
-    SPEED_NOW,
-    SPROCKET,
-    extrapolate,
-    finish_step,
-    put_sprocket_motion,
-    rest_if_unconnected,
-    set_start_momentum,
-)
-from fmus.drives.shaft import (
-    ANGLE,
-    BRAKE_WORK,
-    PORT_WORK,
-    POWER_NOW,
-    RATE,
-    TORQUE_NOW,
-    WORK,
-    advance_shaft,
-    follow_demand,
-    start_shaft,
-    substeps,
-)
 from fmus.jit import kernel
 from fmus.model import MOST_STEPS, no_rotation
 from fmus.physics.integrate.runge_kutta import RK4
@@ -63,8 +40,8 @@ def begin(c, messages, p):
     m = c.mount
     put_part_at_rest(p, (m[0], m[1] + p[AFTER_POSE], m[2], m[3], m[4], m[5], m[6]), c.rest_motion, 0)
     x[:] = 0.0
-    start_shaft(c.drive, x, p[AFTER_POSE + 1])
-    put_sprocket_motion(x, vector(c.rest_motion, 0), c.rest_motion[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    shaft.start_shaft(c.drive, x, p[AFTER_POSE + 1])
+    mount.put_sprocket_motion(x, vector(c.rest_motion, 0), c.rest_motion[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     return 0
 
 
@@ -74,10 +51,10 @@ def step(c, messages, t, h, u):
     p, x, inputs = c.drive, c.state, c.inputs
     for i in range(u.size):
         inputs[i] = u[i]
-    rest_if_unconnected(inputs, 0, c.unconnected, c.rest_motion, 0, c.counters[0])
+    mount.rest_if_unconnected(inputs, 0, c.unconnected, c.rest_motion, 0, c.counters[0])
     if no_rotation(messages[0], t, 0, inputs, 3):
         return BAD_QUATERNION
-    steps = substeps(p, h)
+    steps = shaft.substeps(p, h)
     if steps > MOST_STEPS:
         messages[0, 0], messages[0, 1], messages[0, 2] = t, steps, h
         return STIFF
@@ -95,14 +72,14 @@ def step(c, messages, t, h, u):
 def advance(p, x, t, h, steps, u):
     """Advance x in place by ``h`` s in ``steps`` internal steps."""
     if p.lag > 0.0:
-        follow_demand(p, x, t, h, u[19])
-    m = extrapolate(p.with_acceleration, x, h, u, 0)
-    if x[BASE] == 0.0:
+        shaft.follow_demand(p, x, t, h, u[19])
+    m = mount.extrapolate(p.with_acceleration, x, h, u, 0)
+    if x[mount.BASE] == 0.0:
         if p.mode == SPEED:
-            x[RATE] = speed_profile(p, t)[0] + m.start_rate
-        set_start_momentum(p.inertia, x, m)
-    advance_shaft(p, x, t, h, steps, m.chain_torque, m.start_rate, m.end_rate)
-    finish_step(p.inertia, x, h, u, 0, m)
+            x[shaft.RATE] = speed_profile(p, t)[0] + m.start_rate
+        mount.set_start_momentum(p.inertia, x, m)
+    shaft.advance_shaft(p, x, t, h, steps, m.chain_torque, m.start_rate, m.end_rate)
+    mount.finish_step(p.inertia, x, h, u, 0, m)
 
 
 @kernel
@@ -110,9 +87,9 @@ def write_outputs(c, y):
     """See ``fmus.model.ComponentModel``."""
     x, inertia = c.state, c.drive.inertia
     for i in range(13):
-        y[i] = x[SPROCKET + i]
+        y[i] = x[mount.SPROCKET + i]
     for i in range(6):
-        y[13 + i] = x[MOUNT + i]
-    y[19], y[20], y[21] = x[SPEED_NOW], x[ANGLE], x[TORQUE_NOW]
-    y[22], y[23], y[24] = 0.5 * inertia * (x[RATE] * x[RATE]), x[WORK], x[BRAKE_WORK]
-    y[25], y[26] = x[PORT_WORK], x[POWER_NOW]
+        y[13 + i] = x[mount.MOUNT + i]
+    y[19], y[20], y[21] = x[mount.SPEED_NOW], x[shaft.ANGLE], x[shaft.TORQUE_NOW]
+    y[22], y[23], y[24] = 0.5 * inertia * (x[shaft.RATE] * x[shaft.RATE]), x[shaft.WORK], x[shaft.BRAKE_WORK]
+    y[25], y[26] = x[shaft.PORT_WORK], x[shaft.POWER_NOW]

@@ -6,33 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmus.drives import mount, shaft
 from fmus.drives.motor import CONTRADICTIONS, SPEED, DriveParameters, find_contradiction, speed_profile
-from fmus.drives.mount import (
-    BASE,
-    MOUNT,
-    SPEED_NOW,
-    SPROCKET,
-    WIDTH,
-    extrapolate,
-    finish_step,
-    put_sprocket_motion,
-    rest_if_unconnected,
-    set_start_momentum,
-)
-from fmus.drives.shaft import (
-    ANGLE,
-    BRAKE_WORK,
-    PORT_WORK,
-    POWER_NOW,
-    RATE,
-    SHAFT,
-    TORQUE_NOW,
-    WORK,
-    advance_shaft,
-    follow_demand,
-    start_shaft,
-    substeps,
-)
 from fmus.jit import kernel
 from fmus.model import MOST_STEPS, no_rotation
 from fmus.physics.integrate.runge_kutta import RK4
@@ -42,8 +17,8 @@ from fmus.start import AFTER_POSE
 
 BAD_QUATERNION, STIFF, STIFF_STEERING, NOT_FINITE = 1, 2, 3, 4  # failures
 # indices in the flat state: a sprocket on its mount on each side, then the two shafts of the gearbox
-RIGHT, PROPULSION, STEERING = WIDTH, 2 * WIDTH, 2 * WIDTH + SHAFT
-SIZE = STEERING + SHAFT
+RIGHT, PROPULSION, STEERING = mount.WIDTH, 2 * mount.WIDTH, 2 * mount.WIDTH + shaft.SHAFT
+SIZE = STEERING + shaft.SHAFT
 SIDE = 13 + 6  # inputs, and outputs, of a side: a motion and a wrench
 
 
@@ -58,14 +33,14 @@ class Gearbox(NamedTuple):
 @kernel
 def set_sprocket(x, sign, propulsion, steering):
     """Set angle and rate of a side's sprocket from the two shafts; ``sign``: -1 left, 1 right. (3)"""
-    x[ANGLE] = propulsion[ANGLE] + 0.5 * sign * steering[ANGLE]
-    x[RATE] = propulsion[RATE] + 0.5 * sign * steering[RATE]
+    x[shaft.ANGLE] = propulsion[shaft.ANGLE] + 0.5 * sign * steering[shaft.ANGLE]
+    x[shaft.RATE] = propulsion[shaft.RATE] + 0.5 * sign * steering[shaft.RATE]
 
 
 @kernel
 def shaft_speed(p, x, t, mount_rate):
     """Speed of a shaft at t, relative to its mounts, rad/s."""
-    return speed_profile(p, t)[0] if p.mode == SPEED else x[RATE] - mount_rate
+    return speed_profile(p, t)[0] if p.mode == SPEED else x[shaft.RATE] - mount_rate
 
 
 @kernel
@@ -75,13 +50,13 @@ def set_side(inertia, x, sign, propulsion, steering, h, m, speed_before):
     ``x``: state of the side; ``sign``: -1 left, 1 right; ``propulsion``, ``steering``: states of the shafts; ``h``, s;
     ``m``: its mount, extrapolated; ``speed_before``: of the side before the step, rad/s.
     """
-    angle, rate = x[ANGLE], x[RATE]
+    angle, rate = x[shaft.ANGLE], x[shaft.RATE]
     set_sprocket(x, sign, propulsion, steering)
-    momentum, angle_change = inertia * (x[RATE] - rate), x[ANGLE] - angle
-    work = 0.5 * momentum * (speed_before + x[RATE] - m.end_rate) - m.chain_torque * angle_change  # (4)
-    x[WORK] += work
-    x[PORT_WORK] += m.chain_torque * angle_change
-    x[TORQUE_NOW], x[POWER_NOW] = momentum / h - m.chain_torque, work / h
+    momentum, angle_change = inertia * (x[shaft.RATE] - rate), x[shaft.ANGLE] - angle
+    work = 0.5 * momentum * (speed_before + x[shaft.RATE] - m.end_rate) - m.chain_torque * angle_change  # (4)
+    x[shaft.WORK] += work
+    x[shaft.PORT_WORK] += m.chain_torque * angle_change
+    x[shaft.TORQUE_NOW], x[shaft.POWER_NOW] = momentum / h - m.chain_torque, work / h
 
 
 class Parts(NamedTuple):
@@ -108,13 +83,13 @@ def begin(c, messages, p):
         return CONTRADICTIONS + refusal
     x[:] = 0.0
     propulsion, steering = x[PROPULSION:STEERING], x[STEERING:]
-    start_shaft(g.propulsion, propulsion, p[AFTER_POSE])
-    start_shaft(g.steering, steering, 0.0)
+    shaft.start_shaft(g.propulsion, propulsion, p[AFTER_POSE])
+    shaft.start_shaft(g.steering, steering, 0.0)
     for k in range(2):
-        side, rest = x[RIGHT * k : RIGHT * k + WIDTH], c.rest_motion[SIDE * k : SIDE * k + 13]
+        side, rest = x[RIGHT * k : RIGHT * k + mount.WIDTH], c.rest_motion[SIDE * k : SIDE * k + 13]
         put_part_at_rest(p, c.mounts[k], rest, 0)
         set_sprocket(side, 2.0 * k - 1.0, propulsion, steering)
-        put_sprocket_motion(side, vector(rest, 0), rest[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        mount.put_sprocket_motion(side, vector(rest, 0), rest[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     return 0
 
 
@@ -125,11 +100,11 @@ def step(c, messages, t, h, u):
     for i in range(u.size):
         inputs[i] = u[i]
     for k in range(2):
-        rest_if_unconnected(inputs, k * SIDE, c.unconnected, c.rest_motion, k * SIDE, c.counters[0])
+        mount.rest_if_unconnected(inputs, k * SIDE, c.unconnected, c.rest_motion, k * SIDE, c.counters[0])
     for k in range(2):
         if no_rotation(messages[0], t, k, inputs, k * SIDE + 3):
             return BAD_QUATERNION
-    propulsion_steps, steering_steps = substeps(g.propulsion, h), substeps(g.steering, h)
+    propulsion_steps, steering_steps = shaft.substeps(g.propulsion, h), shaft.substeps(g.steering, h)
     if max(propulsion_steps, steering_steps) > MOST_STEPS:
         messages[0, 0], messages[0, 1], messages[0, 2] = t, max(propulsion_steps, steering_steps), h
         return STIFF if propulsion_steps >= steering_steps else STIFF_STEERING
@@ -149,45 +124,27 @@ def advance(g, x, t, h, propulsion_steps, steering_steps, u):
     """Advance x in place by ``h`` s; ``propulsion_steps``, ``steering_steps``: internal steps."""
     left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:]
     if g.propulsion.lag > 0.0:
-        follow_demand(g.propulsion, propulsion, t, h, 0.5 * (u[2 * SIDE] + u[2 * SIDE + 1]))
-        follow_demand(g.steering, steering, t, h, u[2 * SIDE + 1] - u[2 * SIDE])
-    left_mount = extrapolate(g.propulsion.with_acceleration, left, h, u, 0)
-    right_mount = extrapolate(g.propulsion.with_acceleration, right, h, u, SIDE)
-    rate, twist = (
-        0.5 * (left_mount.start_rate + right_mount.start_rate),
-        right_mount.start_rate - left_mount.start_rate,
-    )  # mean and difference of the mounts' rates
+        shaft.follow_demand(g.propulsion, propulsion, t, h, 0.5 * (u[2 * SIDE] + u[2 * SIDE + 1]))
+        shaft.follow_demand(g.steering, steering, t, h, u[2 * SIDE + 1] - u[2 * SIDE])
+    left_mount = mount.extrapolate(g.propulsion.with_acceleration, left, h, u, 0)
+    right_mount = mount.extrapolate(g.propulsion.with_acceleration, right, h, u, SIDE)
+    rate = 0.5 * (left_mount.start_rate + right_mount.start_rate)  # mean and difference of the mounts' rates
+    twist = right_mount.start_rate - left_mount.start_rate
     p, d = shaft_speed(g.propulsion, propulsion, t, rate), shaft_speed(g.steering, steering, t, twist)
-    if left[BASE] == 0.0:
-        propulsion[RATE], steering[RATE] = p + rate, d + twist
+    if left[mount.BASE] == 0.0:
+        propulsion[shaft.RATE], steering[shaft.RATE] = p + rate, d + twist
         set_sprocket(left, -1.0, propulsion, steering)
         set_sprocket(right, 1.0, propulsion, steering)
-        set_start_momentum(g.inertia, left, left_mount)
-        set_start_momentum(g.inertia, right, right_mount)
-    advance_shaft(
-        g.propulsion,
-        propulsion,
-        t,
-        h,
-        propulsion_steps,
-        left_mount.chain_torque + right_mount.chain_torque,
-        rate,
-        0.5 * (left_mount.end_rate + right_mount.end_rate),
-    )  # (2)
-    advance_shaft(
-        g.steering,
-        steering,
-        t,
-        h,
-        steering_steps,
-        0.5 * (right_mount.chain_torque - left_mount.chain_torque),
-        twist,
-        right_mount.end_rate - left_mount.end_rate,
-    )
+        mount.set_start_momentum(g.inertia, left, left_mount)
+        mount.set_start_momentum(g.inertia, right, right_mount)
+    torque, end_rate = left_mount.chain_torque + right_mount.chain_torque, left_mount.end_rate + right_mount.end_rate
+    shaft.advance_shaft(g.propulsion, propulsion, t, h, propulsion_steps, torque, rate, 0.5 * end_rate)  # (2)
+    torque, end_rate = right_mount.chain_torque - left_mount.chain_torque, right_mount.end_rate - left_mount.end_rate
+    shaft.advance_shaft(g.steering, steering, t, h, steering_steps, 0.5 * torque, twist, end_rate)
     set_side(g.inertia, left, -1.0, propulsion, steering, h, left_mount, p - 0.5 * d)
     set_side(g.inertia, right, 1.0, propulsion, steering, h, right_mount, p + 0.5 * d)
-    finish_step(g.inertia, left, h, u, 0, left_mount)
-    finish_step(g.inertia, right, h, u, SIDE, right_mount)
+    mount.finish_step(g.inertia, left, h, u, 0, left_mount)
+    mount.finish_step(g.inertia, right, h, u, SIDE, right_mount)
 
 
 @kernel
@@ -196,23 +153,25 @@ def write_outputs(c, y):
     x, inertia = c.state, c.gearbox.inertia
     kinetic = port = 0.0
     for k in range(2):
-        s = x[k * WIDTH : (k + 1) * WIDTH]
+        s = x[k * mount.WIDTH : (k + 1) * mount.WIDTH]
         for i in range(13):
-            y[k * SIDE + i] = s[SPROCKET + i]
+            y[k * SIDE + i] = s[mount.SPROCKET + i]
         for i in range(6):
-            y[k * SIDE + 13 + i] = s[MOUNT + i]
+            y[k * SIDE + 13 + i] = s[mount.MOUNT + i]
         o = 2 * SIDE + 5 * k
-        y[o], y[o + 1], y[o + 2], y[o + 3], y[o + 4] = s[SPEED_NOW], s[ANGLE], s[TORQUE_NOW], s[POWER_NOW], s[WORK]
-        kinetic += 0.5 * inertia * (s[RATE] * s[RATE])
-        port += s[PORT_WORK]
+        y[o], y[o + 1], y[o + 2] = s[mount.SPEED_NOW], s[shaft.ANGLE], s[shaft.TORQUE_NOW]
+        y[o + 3], y[o + 4] = s[shaft.POWER_NOW], s[shaft.WORK]
+        kinetic += 0.5 * inertia * (s[shaft.RATE] * s[shaft.RATE])
+        port += s[shaft.PORT_WORK]
     work = brake_work = 0.0
     for k in range(2):
-        s, o = x[PROPULSION + k * SHAFT : PROPULSION + (k + 1) * SHAFT], 2 * SIDE + 10 + 4 * k
-        y[o] = 0.5 * (x[SPEED_NOW] + x[RIGHT + SPEED_NOW]) if k == 0 else x[RIGHT + SPEED_NOW] - x[SPEED_NOW]
-        y[o + 1], y[o + 2], y[o + 3] = s[TORQUE_NOW], s[POWER_NOW], s[WORK]
-        work += s[WORK]
-        brake_work += s[BRAKE_WORK]
-    left_power, right_power = x[POWER_NOW], x[RIGHT + POWER_NOW]
+        s, o = x[PROPULSION + k * shaft.SHAFT : PROPULSION + (k + 1) * shaft.SHAFT], 2 * SIDE + 10 + 4 * k
+        left, right = x[mount.SPEED_NOW], x[RIGHT + mount.SPEED_NOW]
+        y[o] = 0.5 * (left + right) if k == 0 else right - left
+        y[o + 1], y[o + 2], y[o + 3] = s[shaft.TORQUE_NOW], s[shaft.POWER_NOW], s[shaft.WORK]
+        work += s[shaft.WORK]
+        brake_work += s[shaft.BRAKE_WORK]
+    left_power, right_power = x[shaft.POWER_NOW], x[RIGHT + shaft.POWER_NOW]
     o = 2 * SIDE + 18
     y[o] = min(abs(left_power), abs(right_power)) if left_power * right_power < 0.0 else 0.0
     y[o + 1], y[o + 2], y[o + 3], y[o + 4] = kinetic, work, brake_work, port

@@ -14,19 +14,7 @@ from typing import TYPE_CHECKING
 from fmus.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.chain.contact_points import (
-    BODY,
-    BY_RATE,
-    FOOT,
-    LINK,
-    MATRIX,
-    NORMAL,
-    ON_PIN,
-    PARTNER,
-    PLACE,
-    POSITION,
-    RATE,
-)
+from fmus.physics.chain import contact_points as at
 from fmus.physics.chain.faces import begin_link, locate, locate_pin, locate_section, pin_positions, pin_velocities
 from fmus.physics.chain.flexible.axes import motion_with_axes, start_frame_vector
 from fmus.physics.chain.flexible.elements import layout
@@ -50,8 +38,8 @@ def add_last_correction(links: FlexibleLinks, x: Motion, w: Work) -> None:
     points, wheels = w.points, w.wheels.shape[0]
     for n in range(points.number[0]):
         which, numbers = points.which[n], points.numbers[n]
-        partner, body = which[PARTNER], which[BODY]
-        f, p = _change(links, x, w, body, which[ON_PIN], numbers), vector(numbers, POSITION)
+        partner, body = which[at.PARTNER], which[at.BODY]
+        f, p = _change(links, x, w, body, which[at.ON_PIN], numbers), vector(numbers, at.POSITION)
         force = start_frame_vector(links, x, f)
         for k in range(3):
             w.wrench[partner, k] -= force[k]
@@ -59,10 +47,10 @@ def add_last_correction(links: FlexibleLinks, x: Motion, w: Work) -> None:
             torque = start_frame_vector(links, x, cross(add(p, scale(-1.0, vector(w.flat[partner], 0))), f))
             for k in range(3):
                 w.wrench[partner, 3 + k] -= torque[k]
-        add_link_force(w.on_links, which[LINK], WHEELS if partner < wheels else GROUND, force)
+        add_link_force(w.on_links, which[at.LINK], WHEELS if partner < wheels else GROUND, force)
         for k in range(axis_count(links.element)):
             part = f[k] if axis_count(links.element) == 3 else f[2 * k]
-            if which[ON_PIN]:
+            if which[at.ON_PIN]:
                 w.imbalance[node(layout(links), x.q.shape[0], body), k] -= part
             else:  # where it acts on the link does not count in ``pin_forces``
                 w.load[body, 0, k] -= part
@@ -71,17 +59,18 @@ def add_last_correction(links: FlexibleLinks, x: Motion, w: Work) -> None:
 @kernel
 def _change(links: FlexibleLinks, x: Motion, w: Work, body: int, on_pin: int, numbers: Floats) -> Vector:
     """Change of the force on a point of the link or pin ``body``, N; ``numbers`` as in ``contact_points``."""
-    xi, z, y = vector(numbers, PLACE)
+    xi, z, y = vector(numbers, at.PLACE)
     if on_pin:
         _, motion = locate_pin(links, x, w, body, y)
     else:
         begin_link(links, x, w, body)
         _, motion = locate(links, x, w, body, locate_section(links, x, w, body, xi, z), y)
-    d = add(motion, motion_with_axes(links, w, vector(numbers, POSITION)))
-    f = dot(vector(numbers, MATRIX), d), dot(vector(numbers, MATRIX + 3), d), dot(vector(numbers, MATRIX + 6), d)
-    if numbers[BY_RATE] == 0.0:
+    d = add(motion, motion_with_axes(links, w, vector(numbers, at.POSITION)))
+    m = at.MATRIX
+    f = dot(vector(numbers, m), d), dot(vector(numbers, m + 3), d), dot(vector(numbers, m + 6), d)
+    if numbers[at.BY_RATE] == 0.0:
         return f
-    foot, (a, b), (da, db) = numbers[FOOT], pin_positions(links, x, w, body), pin_velocities(links, x, w, body)
+    foot, (a, b), (da, db) = numbers[at.FOOT], pin_positions(links, x, w, body), pin_velocities(links, x, w, body)
     da, db = add(da, motion_with_axes(links, w, a)), add(db, motion_with_axes(links, w, b))
-    rate = -numbers[BY_RATE] * dot(vector(numbers, NORMAL), add(scale(1.0 - foot, da), scale(foot, db)))
-    return add(f, scale(rate, vector(numbers, RATE)))
+    rate = -numbers[at.BY_RATE] * dot(vector(numbers, at.NORMAL), add(scale(1.0 - foot, da), scale(foot, db)))
+    return add(f, scale(rate, vector(numbers, at.RATE)))
