@@ -22,10 +22,9 @@ from orchestrator.cli import log_commands
 from orchestrator.cli.analysis_commands import analyse, plot
 from orchestrator.cli.check_commands import check
 from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, print_message, print_notices, show_usage
-from orchestrator.cli.key_commands import keys, new, schema
 from orchestrator.cli.result_commands import compare, replay, report
 from orchestrator.cli.run_commands import resume, run, truth
-from orchestrator.cli.scene_commands import build, scenes, show, ssp, vehicles, warm
+from orchestrator.cli.scene_commands import build, keys, new, scenes, schema, show, ssp, vehicles, warm
 from orchestrator.cli.study_commands import study, sweep
 from orchestrator.cli.view_commands import view
 
@@ -38,29 +37,11 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(log_commands.app, name="log")
-for command in (
-    scenes,
-    vehicles,
-    keys,
-    schema,
-    new,
-    show,
-    build,
-    ssp,
-    check,
-    run,
-    resume,
-    replay,
-    compare,
-    view,
-    analyse,
-    plot,
-    report,
-    study,
-    sweep,
-    truth,
-    warm,
-):
+COMMANDS: tuple[Callable[..., None], ...] = (
+    scenes, vehicles, keys, schema, new, show, build, ssp, check, run, resume, replay, compare,
+    view, analyse, plot, report, study, sweep, truth, warm,
+)  # fmt: skip
+for command in COMMANDS:
     app.command()(command)
 
 

@@ -142,18 +142,11 @@ def find(rows: Sequence[Row]) -> list[Finding]:
     for soil in dict.fromkeys(row["soil"] for row in rows):
         own = sorted((row for row in rows if row["soil"] == soil), key=lambda row: row["slip"])
         slip = [row["slip"] for row in own]
-        at_usual = {key: float(np.interp(USUAL, slip, [row[key] for row in own])) for key in ("pull", "low", "high")}
         if slip[0] <= USUAL <= slip[-1]:
-            of_weight = f"{at_usual['pull'] / own[0]['weight']:.2f} of the weight"
-            findings.append(
-                Finding(
-                    f"pull at slip {USUAL:g}, {soil}",
-                    at_usual["pull"],
-                    "kN",
-                    at_usual["low"],
-                    at_usual["high"],
-                    of_weight,
-                )
+            usual, low, high = (
+                float(np.interp(USUAL, slip, [row[key] for row in own])) for key in ("pull", "low", "high")
             )
+            of_weight = f"{usual / own[0]['weight']:.2f} of the weight"
+            findings.append(Finding(f"pull at slip {USUAL:g}, {soil}", usual, "kN", low, high, of_weight))
         findings.append(Finding(f"motion resistance, {soil}", float(np.mean([row["resistance"] for row in own])), "kN"))
     return findings
