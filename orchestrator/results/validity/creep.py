@@ -84,7 +84,7 @@ def _brakes(run: RunData, track: str, t: Floats, turned: Floats) -> NDArray[np.b
     """At which times t, s, the brake of a track's sprocket is on and fades at its speed ``turned``, rad/s."""
     drive = run.scene.get("drive") or {}
     drive = drive.get(track.removesuffix("_track")) or drive
-    torque = np.interp(t, *zip(*(drive.get("brake_points") or [(0.0, drive.get("brake") or 0.0)]), strict=True))
+    torque = np.interp(t, *np.transpose(drive.get("brake_points") or [(0.0, drive.get("brake") or 0.0)]))
     fading = np.abs(turned) < (drive.get("brake_speed") or STANDS)
     return fading & (torque > 0.0) & (not drive.get("steering"))
 
