@@ -50,7 +50,7 @@ FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
 LARGEST_CHANGE, LARGEST_LEANING = 0.05, 0.005
 DIFFERENCE = 1e-6  # finite difference for the Jacobian, m or rad
 REST_ACCELERATION = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
-MOST_STEPS = 60  # pseudo steps
+MOST_STEPS = 240  # pseudo steps
 ACCEPTED = 1e-3  # relative difference of tensions of a chain that followed its wheels and of one laid out there
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 

@@ -50,6 +50,7 @@ def settled(kind):
 def standing(kind, *changes):
     """Mean outputs of a settled vehicle after a change, with a fading window: ringing cancels."""
     vehicle = InProcess(scene_of("settle", kind, STANDING, **dict(changes)))
+    vehicle.step()  # in the first step a track compares its wheels with those round which it was laid
     for name, member in vehicle.members.items():
         member.model.state[:] = settled(kind)[name]
         member.model.outputs(member.y)

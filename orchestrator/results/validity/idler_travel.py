@@ -31,8 +31,10 @@ def find(piece: Piece) -> Iterator[Exceedance]:
         travel = hull.vehicle_number(run, "tensioner", "travel")
     except Missing:
         travel = TRAVEL
+    if "vehicle" not in run.scene:
+        raise Missing("the log has no vehicle")
     for name in _idlers(run):
-        vehicle = of_side(run.scene.get("vehicle", {}), name.split(".")[1])
+        vehicle = of_side(run.scene["vehicle"], name.split(".")[1])
         drawn = vehicle.get("idler", {}).get("x", np.nan)
         t, place = piece.vector(name)
         ahead = body_axis(piece.vector(HULL, "wxyz")[1], 0)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.outcome import DONE, STALLED, IntegrationOutcome
@@ -11,6 +13,7 @@ from fmus.physics.chain.rigid.links import residual
 from fmus.physics.chain.rigid.newton import largest_residual, newton, settle_rates
 from fmus.physics.chain.state import copy
 from fmus.physics.integrate.generalized_alpha import slopes
+from fmus.physics.vector import dot
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
@@ -24,7 +27,8 @@ if TYPE_CHECKING:
 LONG = 50.0  # longest pseudo step towards equilibrium, s
 STILL = 1e-11  # largest movement over it at equilibrium, m and rad
 TURNED = 0.3  # largest rotation of a link over a step, rad: a longer step may pass the equilibrium, as far as the roof
-ROUNDS = 400  # steps until the search has failed
+ROUNDS = 400  # steps until the search has failed, unless it is at rest but for REST
+REST = 1e-4  # residual, of the weight of a link and the pull on the ends: what has hardly any stiffness goes slowly
 
 
 @allocating
@@ -75,8 +79,9 @@ def settle(
     s.vdot[:] = 0.0
     by = slopes(method.alpha, h)
     residual(links, contacts, env, s, w, by, False)
-    if not found:
-        worst, link = largest_residual(w.system.r)
+    worst, link = largest_residual(w.system.r)
+    pull, weight = np.abs(env.pull).max(), links.mass * np.sqrt(dot(env.gravity, env.gravity))
+    if not found and not worst < REST * (pull + weight):
         return IntegrationOutcome(STALLED, 0.0, link, worst)
     settle_rates(links, s, w, by)
     s.v[:] = 0.0
