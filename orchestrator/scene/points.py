@@ -67,7 +67,7 @@ def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float
         except ValueError:
             if number > 1 or any(_is_number(cell) for cell in row):
                 raise BadInput(f"{key}, line {number}: must be two numbers") from None
-            sizes = [*_sizes(key, row, units)]
+            sizes = [*_sizes(key, row, units), 1.0, 1.0]  # a first line of fewer cells is a title
             continue
         for value in (first, second):
             if no_data(np.array(value)):

@@ -30,7 +30,7 @@ def gallery_products(models: Sequence[str] = tuple(TRACKS), settings: Sequence[s
 def scene_products(scenes: Sequence[Scene]) -> list[Product]:
     """Every distinct FMU of some scenes, with parameters as defaults; of two sides, the left one's.
 
-    Variants carry the scene's name, and the component's where needed.
+    Variants carry the scene's name, and the component's and the links' where needed.
     """
     keys: set[str] = set()
     names: set[str] = set()
@@ -47,6 +47,8 @@ def scene_products(scenes: Sequence[Scene]) -> list[Product]:
             name = part.kind if scene.name == STANDARD else f"{part.kind}-{scene.name}"
             if name in names:
                 name = f"{part.kind}-{scene.name}-{part.name}"
+            if name in names:  # a place that depends on the links
+                name += f"-{scene.track.model}"
             names.add(name)
             products.append((part.kind, config, name))
     return products
