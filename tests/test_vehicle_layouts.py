@@ -148,7 +148,7 @@ def test_a_vehicle_with_its_sprocket_at_the_rear_is_a_mirror_image():
 def test_equal_sides_by_two_ways():
     """A table right that repeats the left side is solved as two sides, which come to rest as one half does.
 
-    Two sides stand on rigid links, one half on cables, which stretch: the idlers' slides differ by 15 um, arms by 10 urad.
+    Two sides stand on rigid links, one half on cables, which stretch: idlers' slides differ by 15 um, arms by 10 urad.
     """
     one = at_rest(changed())
     two = at_rest(changed(right={"track": {"links": 64}}))

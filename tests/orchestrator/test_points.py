@@ -20,7 +20,7 @@ def read_text(tmp_path, text):
     return table["driver"]["points"]
 
 
-@pytest.mark.parametrize("heading", ["", "x,y\n", "x [m],y [m]\r\n", "\ufeffx,y\n", "\ufeff"])
+@pytest.mark.parametrize("heading", ["", "x,y\n", "x [m],y [m]\r\n", "\ufeffx,y\n", "\ufeff", "a way\n"])
 def test_two_columns_with_or_without_a_heading(tmp_path, heading):
     assert read_text(tmp_path, f"{heading}0,0\n\n2, -8.5\r\n3e1,4.0") == PAIRS
 
