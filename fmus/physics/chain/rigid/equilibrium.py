@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 LONG = 50.0  # longest pseudo step towards equilibrium, s
 STILL = 1e-11  # largest movement over it at equilibrium, m and rad
 TURNED = 0.3  # largest rotation of a link over a step, rad: a longer step may pass the equilibrium, as far as the roof
-ROUNDS = 400  # steps until the search has failed, unless it is at rest but for REST
+ROUNDS = 1000  # steps until the search has failed, unless it is at rest but for REST
 REST = 1e-4  # residual, of the weight of a link and the pull on the ends: what has hardly any stiffness goes slowly
 
 
