@@ -14,7 +14,7 @@ import numpy as np
 from fmus.jit import implemented_in, kernel, noalias
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.rigid import closing
-from fmus.physics.chain.rigid.arms import add_force, lever, rate
+from fmus.physics.chain.rigid.arms import add_force, axis, lever, rate
 from fmus.physics.chain.rigid.state import State
 from fmus.physics.chain.rigid.work import Work
 from fmus.physics.chain.sums import END_POWER, JOINTS
@@ -87,8 +87,8 @@ def _across(links: RigidLinks, damping: float, s: State, w: Work, by_v: float, t
 
 
 @kernel
-def _pull(links: RigidLinks, env: Environment, s: State, w: Work) -> None:
-    """Constant forces on the free ends of an open chain."""
+def _pull(links: RigidLinks, env: Environment, s: State, w: Work, tangent: bool) -> None:
+    """Constant forces on the free ends of an open chain; a pull that an end has turned away from turns it back."""
     n = s.q.shape[0]
     for end in range(2):
         if links.ends.first if end == 0 else links.ends.last:
@@ -97,6 +97,11 @@ def _pull(links: RigidLinks, env: Environment, s: State, w: Work) -> None:
         A = w.system.A[i]
         w.sums[END_POWER] += dot(f, rate(A, s.v[i], at, 0.0, 0.0))
         add_force(A, lever(A, at, 0.0, 0.0), 1.0, f, NONE, False, w.N, w.system.r[i], w.system.K[i])
+        if tangent:  # of the torque, as in ``pin.stiffness``
+            K = w.system.K[i]
+            for a in range(1, 3):
+                K[3 + a, 3] -= at * dot(f, axis(A, a))
+                K[3 + a, 3 + a] += at * dot(f, axis(A, 0))
 
 
 @kernel
@@ -192,4 +197,4 @@ def loads(
     if env.transverse > 0.0:
         _across(links, env.transverse, s, w, by.v, tangent)
     if not links.ends.closed:
-        _pull(links, env, s, w)
+        _pull(links, env, s, w, tangent)
