@@ -6,9 +6,10 @@ chassis has accelerations, which must vanish. Friction has no influence: regular
 
 The chains are of one kind for all kinds of links of the scene, so that all kinds start in the same place: rigid links,
 beams and cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. They are cables in an upright plane,
-or, where the hull may lean, rigid links, which tilt between the wheels and the ground. Friction of the ground and of
-the rims, which creeps, balances the lateral forces of tilted wheels and of a side slope (``_ChainOnWheels``); the road
-wheels stand over the middle of the tracks, or on a side slope at their guides.
+whose links resist a roll of the wheels as springs side by side (``_ChainOnWheels``). From the place that they give, a
+hull that leans goes on with rigid links, which tilt between the wheels and the ground. Friction of the ground and of
+the rims, which creeps, balances the lateral forces of tilted wheels and of a side slope; the road wheels stand over the
+middle of the tracks, or on a side slope at their guides.
 
 Method: Newton with an inertia term over the square of a pseudo step that grows as the accelerations fall
 (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35(2), 1998, doi 10.1137/S0036142996304796); the
@@ -38,7 +39,7 @@ from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import STATE, WRENCH
 from fmus.sources import source_hash
-from fmus.stance import Stance, stance
+from fmus.stance import Stance, roll_pitch_quaternion, stance
 from fmus.standing import ground_level
 from fmus.start import LEVEL, StartPose
 from fmus.track_flexible.model import Model as Cables
@@ -46,11 +47,12 @@ from fmus.track_rigid.model import Model as RigidLinks
 from fmus.vehicle import BadInput
 
 FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
-# Largest change of an unknown in a pseudo step, m or rad; smaller for a hull that may lean: its chains rest from nearby
-LARGEST_CHANGE, LARGEST_LEANING = 0.05, 0.005
+LARGEST_CHANGE = 0.05  # largest change of an unknown in a pseudo step, m or rad
 DIFFERENCE = 1e-6  # finite difference for the Jacobian, m or rad
 REST_ACCELERATION = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
-MOST_STEPS = 240  # pseudo steps
+MOST_STEPS = 60  # pseudo steps
+LIFT = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load gives the vertical stiffness
+LEANS = 1e-7  # roll of a hull from which its chains tilt, rad: 0.3 um between the tracks
 ACCEPTED = 1e-3  # relative difference of tensions of a chain that followed its wheels and of one laid out there
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 
@@ -116,17 +118,20 @@ def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
 def _at_rest(
     chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack], slope: tuple[float, float]
 ) -> VehicleEquilibrium:
-    """Solve, and compare upright chains with a run's, which are laid out anew; raises StepFailed with a reason."""
-    vehicle = _Vehicle(chassis, tracks, slope)
+    """Solve, and compare the chains with those of a run, which are laid out anew; raises StepFailed with a reason."""
+    vehicle = _Vehicle(Cables, chassis, tracks, slope)
     try:
-        solution = _solve(vehicle)
-        for chain in vehicle.chains.values() if vehicle.half else ():  # upright chains
+        guess = _solve(vehicle, vehicle.start())
+        if abs(guess[ROLL]) > LEANS or vehicle.gravity[1]:
+            vehicle = _Vehicle(RigidLinks, chassis, tracks, slope)
+            guess = _solve(vehicle, guess)
+        for chain in vehicle.chains.values():
             followed, anew = chain.tensions()
             if abs(anew - followed) > ACCEPTED * abs(followed):
                 raise StepFailed(f"a track that came there carries {followed:.6g} N, laid out there {anew:.6g} N")
     except StepFailed as error:
         raise StepFailed(f"{_reason(chassis['vehicle'], *vehicle.pose)} ({error})") from None
-    return solution
+    return vehicle.as_equilibrium(guess)
 
 
 def _reason(vehicle: Mapping[str, Any], height: float, pitch: float) -> str:
@@ -149,7 +154,7 @@ class _Vehicle:
     """Chassis and chains of a vehicle: its accelerations at given values of the unknowns."""
 
     def __init__(
-        self, chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack], slope: tuple[float, float]
+        self, kind: Any, chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack], slope: tuple[float, float]
     ) -> None:
         pitch, roll = slope
         down = StartPose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, pitch, roll).down()
@@ -165,7 +170,6 @@ class _Vehicle:
         self.pose = 0.0, 0.0  # last height, m, and pitch, rad, of the hull
         self._plane = chassis["vehicle"]["track"]["lateral"]
         self._hang = chassis["vehicle"]["road_wheel"]["z"] - chassis["vehicle"]["chassis"]["centre"][2]
-        kind = Cables if self.half else RigidLinks
         self.chains = {
             sides.index(side): _ChainOnWheels(kind, track, self.gravity)
             for side, track in tracks.items()
@@ -177,6 +181,10 @@ class _Vehicle:
             PITCH,
             *range(LEAVES, LEAVES + len(sides) * self.leaves),
         ]
+
+    def start(self) -> Floats:
+        """First guess: the drawn position."""
+        return np.zeros(LEAVES + (1 if self.half else 2) * self.leaves)
 
     def as_equilibrium(self, guess: Floats) -> VehicleEquilibrium:
         """Equilibrium from the unknowns: height, roll, pitch of the hull, leaves left and right (half: left)."""
@@ -197,7 +205,7 @@ class _Vehicle:
         wrenches = np.zeros((len(motions), len(motions[0]), WRENCH))
         for side, chain in self.chains.items():
             motions[side, :, 1] += (2.0 * side - 1.0) * self._plane
-            wrenches[side] = chain.wheel_wrenches(motions[side])
+            wrenches[side] = chain.wheel_wrenches(motions[side], guess[ROLL], guess[PITCH])
         out = np.zeros_like(x)
         rates(self.chassis.tree, self.chassis.parts.contacts, None, x, wrenches.ravel(), out)
         n = len(self.chassis.tree.is_arm)
@@ -207,9 +215,13 @@ class _Vehicle:
 
 
 class _ChainOnWheels:
-    """A chain that is brought to rest on given wheels; the search begins at the last equilibrium."""
+    """A chain that is brought to rest on given wheels; the search begins at the last equilibrium.
+
+    Cables stay upright; rigid links tilt, and begin where a run lays them out.
+    """
 
     def __init__(self, kind: Any, track: FlexibleTrack, gravity: Vector) -> None:
+        self._upright = kind is Cables
         self._model = kind({**track.config, "link_outputs": False})
         self._model.initialise(track.parameters)
         _, across, up = gravity
@@ -218,27 +230,42 @@ class _ChainOnWheels:
         rims = (wheel for wheel in wheels if wheel["kind"] == "rim")
         radii = [wheel["radius"] if wheel["name"].startswith("road_wheel") else 0.0 for wheel in rims]
         self._radius = np.array([*radii, 0.0])  # of road wheels, m; the sprocket is last here
+        self._arm = 0.25 * self._model.vehicle["track"]["width"]  # lever of the two faces of a link, m
         self._last: tuple[Floats, Floats] = np.zeros((0, WIDTH)), np.zeros((0, WRENCH))  # rows, wrenches
 
-    def wheel_wrenches(self, motions: Floats) -> Floats:
+    def wheel_wrenches(self, motions: Floats, roll: float, pitch: float) -> Floats:
         """Wrenches (wheels, 6) on the wheels and the sprocket with these motions (wheels, 13), y from the track."""
         rows = np.zeros((len(motions), WIDTH))
+        if self._upright:
+            motions = motions.copy()
+            motions[:, 1], motions[:, 3:7] = 0.0, roll_pitch_quaternion(0.0, pitch)
         plain(read_states)(np.roll(motions, 1, axis=0).ravel(), LEVEL, rows)  # a track has its sprocket first
         rows[:, 3:9] = 0.0
         if not np.array_equal(rows, self._last[0]):
-            self._model.find_equilibrium(rows)
-            wrenches = np.roll(self._model.s.mean[: len(rows)], -1, axis=0)
-            if rows[0, 11] or self._lateral:
+            if not (self._upright or len(self._last[0])):
+                self._lay_out(rows)
+            wrenches = self._rest_wrenches(rows)
+            if self._upright and roll:  # each face has half of the stiffness
+                lifted = self._rest_wrenches(rows + LIFT)
+                wrenches[:, 3] = (lifted - wrenches)[:, 2] / LIFT[2] * self._arm**2 * roll
+            if roll or self._lateral:
                 self._add_lateral(wrenches)
             self._last = rows, wrenches
         return self._last[1]
+
+    def _rest_wrenches(self, rows: Floats) -> Floats:
+        self._model.find_equilibrium(rows)
+        return np.roll(self._model.s.mean[: len(rows)], -1, axis=0)
+
+    def _lay_out(self, rows: Floats) -> None:
+        self._model.start_rows[:] = rows
+        self._model.lay_out("rest", 0.0)
 
     def tensions(self) -> tuple[float, float]:
         """Mean tension, N, on the last wheels, of the chain that followed them and laid out there as in a run."""
         self._model.find_equilibrium(self._last[0])
         followed = float(self._model.report[T_MEAN])
-        self._model.start_rows[:] = self._last[0]
-        self._model.lay_out("rest", 0.0)
+        self._lay_out(self._last[0])
         return followed, float(self._model.report[T_MEAN])
 
     def _add_lateral(self, wrenches: Floats) -> None:
@@ -257,12 +284,10 @@ def _motions(chassis: Any, x: Floats) -> Floats:
     return y.reshape(sides, places, STATE)
 
 
-def _solve(vehicle: _Vehicle) -> VehicleEquilibrium:
-    """Equilibrium by pseudo-transient continuation; raises StepFailed where it does not converge."""
-    guess = np.zeros(LEAVES + (1 if vehicle.half else 2) * vehicle.leaves)
+def _solve(vehicle: _Vehicle, guess: Floats) -> Floats:
+    """Unknowns at rest by pseudo-transient continuation from ``guess``; raises StepFailed where it does not converge."""
     unknowns, size = vehicle.unknowns, len(vehicle.unknowns)
     residual, step = vehicle.accelerations(guess), FIRST_STEP
-    rests = vehicle.half  # one more step for a hull that may lean: rounding decides its way
     for _ in range(MOST_STEPS):
         slopes = np.empty((size, size))
         for k, i in enumerate(unknowns):
@@ -270,14 +295,12 @@ def _solve(vehicle: _Vehicle) -> VehicleEquilibrium:
             shifted[i] += DIFFERENCE
             slopes[:, k] = (vehicle.accelerations(shifted) - residual) / DIFFERENCE
         change = solved(np.eye(size) / step**2 - slopes, residual)
-        while abs(change).max() > (LARGEST_CHANGE if vehicle.half else LARGEST_LEANING):
+        while abs(change).max() > LARGEST_CHANGE:
             step *= 0.5
             change = solved(np.eye(size) / step**2 - slopes, residual)
         guess[unknowns] += change
         before, residual = np.sqrt((residual * residual).sum()), vehicle.accelerations(guess)
         if abs(residual).max() < REST_ACCELERATION:
-            if rests:
-                return vehicle.as_equilibrium(guess)
-            rests = True
+            return guess
         step = min(step * np.clip(before / np.sqrt((residual * residual).sum()), 1.5, 10.0), LAST_STEP)
     raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MOST_STEPS} steps")
