@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from fmus.physics.chain.rigid.state import State
     from fmus.physics.chain.rigid.work import Work
 
-LONG = 50.0  # longest pseudo step towards equilibrium, s
+# Longest pseudo step towards equilibrium, s, and shortest one of a chain that creeps, whose longest ones end in rounding
+LONG, CREEP_STEP = 50.0, 5.0
 STILL = 1e-11  # largest movement over it at equilibrium, m and rad
 TURNED = 0.3  # largest rotation of a link over a step, rad: a longer step may pass the equilibrium, as far as the roof
 ROUNDS = 400  # steps until the search has failed
@@ -80,12 +81,13 @@ def settle(
             if h < 1e-7:
                 break
             continue
-        if h >= LONG and (movement < STILL or movement > 0.5 * last):
+        found = h >= LONG and movement < STILL
+        if not found and h >= CREEP_STEP and movement > 0.5 * last:
             _stop(s)
             residual(links, contacts, env, s, w, slopes(method.alpha, h), False)
-            found = movement < STILL or largest_residual(w.system.r)[0] < load
-            if found:
-                break
+            found = largest_residual(w.system.r)[0] < load
+        if found:
+            break
         h = min(2.0 * h, LONG)
     _stop(s)
     by = slopes(method.alpha, h)
