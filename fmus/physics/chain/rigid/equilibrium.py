@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from fmus.physics.chain.rigid.state import State
     from fmus.physics.chain.rigid.work import Work
 
-# Longest pseudo step towards equilibrium, s, and shortest one of a chain that creeps, whose longest ones end in rounding
-LONG, CREEP_STEP = 50.0, 5.0
+# Longest pseudo step towards equilibrium, s, and shortest one of a chain that creeps: hardly anything holds it across,
+# so that Newton's corrections in longer steps are rounding
+LONG, CREEP_STEP = 50.0, 1.0
 STILL = 1e-11  # largest movement over it at equilibrium, m and rad
 TURNED = 0.3  # largest rotation of a link over a step, rad: a longer step may pass the equilibrium, as far as the roof
 ROUNDS = 400  # steps until the search has failed
