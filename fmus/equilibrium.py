@@ -285,7 +285,7 @@ def _motions(chassis: Any, x: Floats) -> Floats:
 
 
 def _solve(vehicle: _Vehicle, guess: Floats) -> Floats:
-    """Unknowns at rest by pseudo-transient continuation from ``guess``; raises StepFailed where it does not converge."""
+    """Unknowns at rest by pseudo-transient continuation from ``guess``; raises StepFailed without convergence."""
     unknowns, size = vehicle.unknowns, len(vehicle.unknowns)
     residual, step = vehicle.accelerations(guess), FIRST_STEP
     for _ in range(MOST_STEPS):
