@@ -166,7 +166,7 @@ def test_parts_that_start_on_different_slopes_are_refused(part, key):
     """A part turned by 1 degree is refused at the first step, where it would carry a multiple of the weight."""
     scene = placed(load("straight", "rigid", (*STANDING, "ground.grade=0.1", "ground.bank=0.3")))
     given = InProcess(scene)[part].parameters.get(key, 0.0)
-    InProcess(scene, {part: {key: given + np.radians(0.1)}}).step()  # twin
+    InProcess(scene, {part: {key: given + np.radians(0.02)}}).step()  # twin: 1.4 mm at the idler
     with pytest.raises(StepFailed, match=r"the wheels are turned by (0\.\d+|1(\.\d)?) degrees .*start\.slope\.roll"):
         InProcess(scene, {part: {key: given + np.radians(1.0)}}).step()
 

@@ -16,6 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from fmus.sources import search_path
 from orchestrator.cosim.component import BadDescription, describe
 from orchestrator.fmu_check import (
     dependencies,
@@ -67,7 +68,7 @@ def verdicts(fmu: Path, step: float | None, limit: float, begun: Callable[[str],
 
 def in_child(name: str, fmu: Path, step: float | None, limit: float) -> Verdict:
     """Make one check in a child process; return its verdict."""
-    path = os.pathsep.join([str(ROOT), *sys.path])
+    path = search_path(ROOT)
     with TemporaryDirectory() as folder:
         journal, errors = Path(folder, "journal"), Path(folder, "errors")
         journal.write_text("{}", encoding="utf-8")
