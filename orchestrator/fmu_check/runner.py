@@ -16,7 +16,6 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from fmus.sources import search_path
 from orchestrator.cosim.component import BadDescription, describe
 from orchestrator.fmu_check import (
     dependencies,
@@ -68,7 +67,7 @@ def verdicts(fmu: Path, step: float | None, limit: float, begun: Callable[[str],
 
 def in_child(name: str, fmu: Path, step: float | None, limit: float) -> Verdict:
     """Make one check in a child process; return its verdict."""
-    path = search_path(ROOT)
+    path = os.pathsep.join([str(ROOT), *sys.path])
     with TemporaryDirectory() as folder:
         journal, errors = Path(folder, "journal"), Path(folder, "errors")
         journal.write_text("{}", encoding="utf-8")
