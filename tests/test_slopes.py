@@ -128,12 +128,12 @@ def test_a_bank_is_a_grade_for_a_vehicle_across_it():
 @pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_all_kinds_of_links_start_alike(kind):
-    """All kinds of links begin to creep as rigid ones do."""
+    """All kinds of links begin to creep as rigid ones do, until guides touch: their play is free by tenths of a mm."""
     settings = ("ground.grade=0.15", "ground.bank=0.1", *KINDS[kind])
-    rigid, other = standing(*settings[:2]).run(0.1), standing(*settings, model="flexible").run(0.1)
+    rigid, other = standing(*settings[:2]).run(0.02), standing(*settings, model="flexible").run(0.02)
     for axis in "xyz":
         name = f"chassis.velocity.{axis}"
-        assert other["chassis"][name] == pytest.approx(rigid["chassis"][name], abs=3e-4)
+        assert other["chassis"][name] == pytest.approx(rigid["chassis"][name], abs=1e-4)
     lift = {name: [vehicle[f"{side}_track"]["ground.force.z"] for side in ("left", "right")]
             for name, vehicle in (("rigid", rigid), ("other", other))}  # fmt: skip
     np.testing.assert_allclose(lift["other"], lift["rigid"], rtol=3e-3)

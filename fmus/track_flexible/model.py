@@ -390,7 +390,8 @@ class Model(TrackModel):
         if self.axes == "free":
             from fmus.physics.chain.flexible.axes_state import begin as lay
 
-            lay(self.s.axes, self.start_rows[:, :3].mean(axis=0), roll)
+            low = float(self.s.q[:, self.kit.PLANE[0][1]].min())
+            lay(self.s.axes, self.start_rows[:, :3], roll, low, self.vehicle["guide"]["clearance"])
 
     def _stretch(self, spin: float) -> None:
         """Set a free loop to its equilibrium relative to a rotation at ``spin`` rad/s; raises StepFailed."""

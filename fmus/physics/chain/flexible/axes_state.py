@@ -61,13 +61,20 @@ def axes_arrays(nodes: int, shared: int, whole: int) -> AxesArrays:
     )  # fmt: skip
 
 
-def begin(f: np.ndarray, middle: np.ndarray, roll: float = 0.0) -> None:
-    """Set ``f`` (SIZE) to axes at rest at the start, with a ``roll``, rad, about the wheels' ``middle`` (3), m."""
+def begin(f: np.ndarray, wheels: np.ndarray, roll: float, low: float, play: float) -> None:
+    """Set ``f`` (SIZE) to axes at rest on ``wheels`` (m, 3), m, with a ``roll``, rad, about the lower run at ``low``, m.
+
+    Guides with a ``play`` to each side, m, have moved upright axes, and axes with this roll, until they touch no wheel.
+    """
     f[:] = 0.0
     c, s = cos(roll), sin(roll)
+    across = 0.0  # of the lower run
+    for slope in (0.0, s / c):
+        off = wheels[:, 1] - across + slope * (wheels[:, 2] - low)
+        across += max(off.max() - play, 0.0) + min(off.min() + play, 0.0)
     f[ROTATION:ORIGIN] = 1.0, 0.0, 0.0, 0.0, c, 0.0 - s, 0.0, s, c
-    f[ORIGIN + 1], f[ORIGIN + 2] = middle[1] + s * middle[2], (1.0 - c) * middle[2]
-    f[MIDDLE:] = middle
+    f[ORIGIN + 1], f[ORIGIN + 2] = across + s * low, (1.0 - c) * low
+    f[MIDDLE:] = (wheels.mean(axis=0) - f[ORIGIN:VELOCITY]) @ f[ROTATION:ORIGIN].reshape(3, 3)
 
 
 @kernel

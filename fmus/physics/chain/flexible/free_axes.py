@@ -367,6 +367,8 @@ def solve_accelerations(links: TurningCables, x: Motion, w: TurningWork) -> None
     solve_pins(links, w, True)
     roll, yaw = _solve_rotation(links, x, w, 1.0)
     f[OMEGA_RATE], f[OMEGA_RATE + 2] = -roll, -yaw
+    f[AUXILIARY], f[AUXILIARY + 1] = -roll, -yaw  # an implicit step begins with them
+    put(f, AUXILIARY_ORIGIN, vector(f, ACCELERATION))
 
 
 @kernel
