@@ -62,9 +62,9 @@ def axes_arrays(nodes: int, shared: int, whole: int) -> AxesArrays:
 
 
 def begin(f: np.ndarray, wheels: np.ndarray, roll: float, low: float, play: float) -> None:
-    """Set ``f`` (SIZE) to axes at rest on ``wheels`` (m, 3), m, with a ``roll``, rad, about the lower run at ``low``, m.
+    """Set ``f`` (SIZE) to axes at rest on ``wheels`` (m, 3), m, with a ``roll``, rad, about the lower run at ``low``.
 
-    Guides with a ``play`` to each side, m, have moved upright axes, and axes with this roll, until they touch no wheel.
+    Guides with a ``play`` to each side, m, have moved upright axes, and axes with this roll, until none touches.
     """
     f[:] = 0.0
     c, s = cos(roll), sin(roll)
