@@ -24,10 +24,11 @@ def sources(root: Path = ROOT) -> list[Path]:
 def search_path(first: Path) -> str:
     """PYTHONPATH with which a child process finds what is in ``first``, and else what this process finds.
 
-    Folders of FMUs that this process has loaded, which pythonfmu adds to its path, are left out: their pythonfmu has no
-    wrappers, so FMUs that are built with it have no binaries.
+    Folders of FMUs that this process has loaded, ours or not, which pythonfmu adds to its path, are left out: their
+    pythonfmu has no wrappers, so FMUs that are built with it have no binaries.
     """
-    return os.pathsep.join([str(first), *(each for each in sys.path if not (Path(each) / "build.txt").exists())])
+    others = (each for each in sys.path if not (Path(each).parent / "modelDescription.xml").exists())
+    return os.pathsep.join([str(first), *others])
 
 
 def source_hash(root: Path = ROOT) -> str:

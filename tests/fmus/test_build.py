@@ -185,7 +185,8 @@ def test_shells_have_stems_of_their_own(kind):
 
 def test_a_child_does_not_find_what_a_loaded_fmu_packs(tmp_path, monkeypatch):
     """Pythonfmu adds the folder of an FMU that it loads to the path; its copy of pythonfmu there has no binaries."""
-    monkeypatch.syspath_prepend(str(tmp_path))
-    assert str(tmp_path) in search_path(ROOT).split(os.pathsep), "the twin: any other folder is handed on"
-    (tmp_path / "build.txt").write_text(source_hash())
-    assert str(tmp_path) not in search_path(ROOT).split(os.pathsep)
+    resources = tmp_path / "resources"
+    monkeypatch.syspath_prepend(str(resources))
+    assert str(resources) in search_path(ROOT).split(os.pathsep), "the twin: any other folder is handed on"
+    (tmp_path / "modelDescription.xml").write_text("<fmiModelDescription/>")
+    assert str(resources) not in search_path(ROOT).split(os.pathsep)
