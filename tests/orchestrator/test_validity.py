@@ -423,7 +423,8 @@ def kinds_at(tmp_path, ground, x, y, degrees):
         ({"rough": LANES}, 5.0, 0.38, 0.0, {}),  # the track's inner edge is 0.3905 m from its lane's
         ({"rough": LANES}, 5.0, 0.40, 0.0, {"lanes": 0.0095}),
         ({"rough": LANES}, 5.0, -5.0, 180.0, {"lanes": 4.6095}),
-        ({"rough": LANES}, 1.0, -5.0, 180.0, {}),  # before it
+        ({"rough": LANES}, 0.0, -5.0, 0.0, {}),  # before it: its foremost wheels are 1.35 m ahead
+        ({"rough": LANES}, 1.0, -5.0, 0.0, {"lanes": 4.6095}),
         ({"rough": LANES}, 5.0, 0.0, 20.0, {"lanes": None}),
         ({"rough": LANES}, 5.0, 0.0, 90.0, {"lanes": None, "askew": 1.0}),
         ({"rough": LANES | {"correlated": True}}, 5.0, 5.0, 25.0, {}),

@@ -30,7 +30,8 @@ def find(piece: Piece) -> Iterator[Exceedance]:
     if not rough and not lanes:
         return
     t, pose = piece.columns([*POSE])
-    askew, y, x = np.abs(np.sin(pose[:, 0])), np.abs(pose[:, 2]), pose[:, 1]
+    reach = np.abs(np.subtract(scene["vehicle"]["road_wheel"]["x"], scene["vehicle"]["chassis"]["centre"][0])).max()
+    askew, y, x = np.abs(np.sin(pose[:, 0])), np.abs(pose[:, 2]), pose[:, 1] + reach  # x of the foremost wheels along x
     found = []
     if rough:
         found.append(("askew", np.where(x > rough["start"], 1.0 - np.sqrt(1.0 - askew * askew), 0.0), limits.ASKEW))
@@ -38,7 +39,6 @@ def find(piece: Piece) -> Iterator[Exceedance]:
         from fmus.ground import BLEND  # loads the kernels of a terrain
 
         inner = hull.vehicle_number(run, "track", "lateral") - 0.5 * hull.vehicle_number(run, "track", "width")
-        reach = np.abs(np.subtract(scene["vehicle"]["road_wheel"]["x"], scene["vehicle"]["chassis"]["centre"][0])).max()
         found.append(("lanes", np.where(x > min(lanes), y + reach * askew + BLEND - inner, 0.0), limits.LANE))
     for kind, values, limit in found:
         if (first_and_worst := excess(t, values, limit)) is not None:
