@@ -74,7 +74,7 @@ def begin(f: np.ndarray, wheels: np.ndarray, roll: float, low: float, play: floa
         across += max(off.max() - play, 0.0) + min(off.min() + play, 0.0)
     f[ROTATION:ORIGIN] = 1.0, 0.0, 0.0, 0.0, c, 0.0 - s, 0.0, s, c
     f[ORIGIN + 1], f[ORIGIN + 2] = across + s * low, (1.0 - c) * low
-    f[MIDDLE:] = (wheels.mean(axis=0) - f[ORIGIN:VELOCITY]) @ f[ROTATION:ORIGIN].reshape(3, 3)
+    f[MIDDLE:] = to_axes(f, wheels.mean(axis=0) - f[ORIGIN:VELOCITY])
 
 
 @kernel
