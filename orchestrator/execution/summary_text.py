@@ -153,7 +153,7 @@ def _balance(energy: dict[str, Any]) -> str:
         )
         for sign in (1, -1)
     ]
-    terms = f": {' = '.join(sides)}" if all(sides) else ""
+    terms = f": {' = '.join(sides)}" if all(sides) else ": less than 1 mJ flowed"
     return f"energy balance{terms} ({_percent(abs(energy['residual_relative']))} unaccounted for)"
 
 

@@ -390,6 +390,14 @@ def test_what_came_in_is_what_became_of_it_in_the_printed_digits():
     assert "motion" in " ".join(balance_of(energy_of(258e3, 167e3, 0.0, 82e3, 0.0, gravity=-11.8e3))[0][1])
 
 
+@pytest.mark.parametrize(("work", "shown"), [(0.0, False), (4e-4, False), (2e-3, True)])
+def test_a_balance_without_flows_says_so(work, shown):
+    energy = energy_of(work, work, 0.0, 0.0, 0.0)
+    text = "\n".join(lines(summary.empty("a", None) | {"energy": energy}))
+    assert ("energy balance: less than 1 mJ flowed (" in text) is not shown
+    assert ("put in by the drives = " in text) is shown
+
+
 def test_ten_lines_hide_nothing_that_is_wrong():
     """Met checks, cost and ledger are left out and counted; warnings, missed checks and validity never are."""
     met = {"value": 10.0008, "expected": 10.0, "tolerance": 0.02, "ok": True, "note": "", "what": "pins of left"}
