@@ -63,21 +63,23 @@ def not_allowed(call: str, phase: InstancePhase) -> str:
 
 # Communication points
 
-RESOLUTION = 1e-9  # s, at times above 1 s times the time: shortest communication step, and tolerance of its beginning
+RESOLUTION = 1e-9  # s, shortest communication step, and tolerance of its beginning; after 1 s times the time run
+ROUNDING = 1e-15  # of a time, whose rounding adds to that
 SHORT = Sentence(
-    f"a step needs a finite time and a length of at least {RESOLUTION:g} s (after 1 s: of the time), "
+    f"a step needs a finite time and a length of at least {RESOLUTION:g} s (after 1 s: of the time run), "
     "not t = {0:.9g}, h = {1:.9g}"
 )
 JUMP = Sentence("the step begins at t = {0:.9g}, but the last one ended at {1:.9g}: restore a saved state to go back")
 LATE = Sentence("the step ends at t = {0:.9g}, after the stop time {1:.9g}")
 
 
-def refused_step(t: float, h: float, now: float, stop: float) -> str:
+def refused_step(t: float, h: float, now: float, stop: float, start: float) -> str:
     """Sentence that refuses a step from ``t`` of the length ``h``; empty where it may begin. All times in s.
 
-    ``now``: end of the last step or start time, NaN before a first step without one; ``stop``: stop time or NaN.
+    ``now``: end of the last step or start time, NaN before a first step without one; ``stop``: stop time or NaN;
+    ``start``: start time, or NaN.
     """
-    slack = RESOLUTION * max(1.0, abs(t))
+    slack = RESOLUTION * max(1.0, abs(t - start)) + ROUNDING * abs(t)  # max takes 1.0 beside NaN
     if not (math.isfinite(t) and math.isfinite(h) and h >= slack):
         return format_sentence(SHORT, (t, h))
     if abs(t - now) > slack:

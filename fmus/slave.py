@@ -146,7 +146,7 @@ class Slave(Fmi2Slave):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         self._status, self._phase = OK, InstancePhase.INSTANTIATED
-        self._now = self._stop = math.nan  # s: end of the last step, stop time
+        self._now = self._stop = self._begun = math.nan  # s: end of the last step, stop time, start time
         self._waiting: list[Any] = []  # messages of a refused call, for the next one
         try:
             self._load(Path(self.resources))
@@ -334,7 +334,7 @@ class Slave(Fmi2Slave):
         stop = math.nan if stop_time is None else stop_time
         if not math.isfinite(start_time) or stop < start_time:
             raise Refused(f"an experiment cannot last from {start_time:g} to {stop:g} s")
-        self._now, self._stop = float(start_time), float(stop)
+        self._now, self._stop, self._begun = float(start_time), float(stop), float(start_time)
 
     @_guarded
     def enter_initialization_mode(self) -> None:
@@ -396,7 +396,7 @@ class Slave(Fmi2Slave):
         """Do one communication step; False (fmi2Discard) where it failed: the instance is then the one before."""
         try:
             sentence = not_allowed("fmi2DoStep", self._phase)
-            if sentence := sentence or refused_step(current_time, step_size, self._now, self._stop):
+            if sentence := sentence or refused_step(current_time, step_size, self._now, self._stop, self._begun):
                 raise Refused(sentence)
             self._step(current_time, step_size)
         except BaseException as error:

@@ -84,16 +84,21 @@ def build(
     units: Mapping[str, Base] = UNITS,
     library: bytes | None = None,
     states: bool = False,
+    once: bool = False,
 ) -> Path:
     """Build the FMU of a model in `foreign`.
 
     ``library``: take this one, of the same variables in other units, instead. ``states``: it says that it saves states.
+    ``once``: that it can be instantiated once per process.
     """
     guid = str(uuid.uuid5(uuid.NAMESPACE_OID, repr([each._replace(unit="", items=()) for each in variables])))
     rows: dict[str, list[Variable]] = {"Real": [], "Integer": [], "String": []}
     for variable in variables:
         rows[variable.kind if variable.kind in rows else "Integer"].append(variable)
-    root = _description(model, guid, variables, units, states)
+    root = _description(model, guid, variables, units)
+    says = {"canGetAndSetFMUstate": states, "canBeInstantiatedOnlyOncePerProcess": once}
+    for element in root.iter("CoSimulation"):
+        element.attrib |= {name: "true" for name, is_so in says.items() if is_so}
     for element, variable in zip(root.iter("ScalarVariable"), variables, strict=True):
         row = rows[variable.kind if variable.kind in rows else "Integer"]
         element.set("valueReference", str(row.index(variable)))
@@ -136,12 +141,9 @@ def _header(guid: str, rows: Mapping[str, Sequence[Variable]]) -> str:
     return "\n".join([*lines, ""])
 
 
-def _description(
-    model: str, guid: str, variables: Sequence[Variable], units: Mapping[str, Base], states: bool
-) -> Element:
+def _description(model: str, guid: str, variables: Sequence[Variable], units: Mapping[str, Base]) -> Element:
     root = Element("fmiModelDescription", fmiVersion="2.0", modelName=f"Foreign {model}", guid=guid)
     capabilities = {"canHandleVariableCommunicationStepSize": "true"}
-    capabilities |= {"canGetAndSetFMUstate": "true"} if states else {}
     SubElement(root, "CoSimulation", {"modelIdentifier": model, **capabilities})
     definitions = SubElement(root, "UnitDefinitions")
     for unit in dict.fromkeys(variable.unit for variable in variables if variable.unit in units):

@@ -91,7 +91,7 @@ def stepped(case: Case, scene: Any) -> dict[str, float]:
             for part in assembly.parts
         ]
         graph = system(assembly._replace(parts=tuple(parts)))
-        components = load_components(graph, scene.run.stop, stack)
+        components = load_components(graph, scene.run.times, stack)
         run = scene.run.model_copy(update={"stop": case.duration})
         outcome = master.run(TracksFirst(wire(graph, components)), pace_of(run), [])
         assert outcome.status == "ok", outcome.message

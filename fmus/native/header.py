@@ -13,7 +13,7 @@ from fmus.native.arrays import ArrayVariable
 from fmus.native.emit import ANY
 from fmus.native.freeze import Frozen
 from fmus.native.platform import Platform
-from fmus.phases import ALLOWED, ALLOWED_FMI3, JUMP, LATE, RESOLUTION, SHORT, InstancePhase, not_allowed
+from fmus.phases import ALLOWED, ALLOWED_FMI3, JUMP, LATE, RESOLUTION, ROUNDING, SHORT, InstancePhase, not_allowed
 from fmus.ports import Port
 from fmus.sentences import GAPS, Sentence
 
@@ -89,7 +89,7 @@ def _phases(allowed: Mapping[str, Sequence[InstancePhase]]) -> list[str]:
         f"enum {{ {', '.join(phase.name for phase in InstancePhase)} }};",
         f"enum {{ {', '.join(f'CALL_{call}' for call in allowed)} }};",
         f"static const char *const NOT_ALLOWED[][{len(InstancePhase)}] = {{ {', '.join(refusals)} }};",
-        f"static const double RESOLUTION = {RESOLUTION.hex()};",
+        f"static const double RESOLUTION = {RESOLUTION.hex()}, ROUNDING = {ROUNDING.hex()};",
         *_sentences("STEP_REFUSED", (SHORT, JUMP, LATE)),
     ]
 

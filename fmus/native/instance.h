@@ -60,7 +60,7 @@ typedef struct {
     int64_t counter_before[N_COUNTER + 1];
     double started_with[N_PARAMETER + 1]; /* parameters of the last start, to which the blocks belong */
     int64_t chosen[N_STRING + 1];
-    double stop; /* s; NaN: not given */
+    double start, stop; /* s; NaN: not given */
     double *f;
     int64_t *k;
     char *z, *name;
@@ -211,7 +211,7 @@ static Status advance(Instance *c, double t, double h) {
     int64_t failed = 0;
     struct raised *e = 0;
     char text[LONGEST];
-    double slack = RESOLUTION * (fabs(t) > 1.0 ? fabs(t) : 1.0); /* fmax would need libm */
+    double run = fabs(t - c->start), slack = RESOLUTION * (run > 1.0 ? run : 1.0) + ROUNDING * fabs(t); /* no libm */
     if (!(isfinite(t) && isfinite(h) && h >= slack)) return refuse_with(c, STEP_REFUSED[0], t, h);
     if (fabs(t - d->now) > slack) return refuse_with(c, STEP_REFUSED[1], t, d->now);
     if (t + h - c->stop > slack) return refuse_with(c, STEP_REFUSED[2], t + h, c->stop);
@@ -247,7 +247,7 @@ static void begin(Instance *c) {
     memcpy(c->d.value, START, sizeof START);
     for (int i = 0; i < N_STRING; i++) c->d.choice[i] = CHOICE[i].start;
     c->d.stale = 1;
-    c->d.now = c->stop = NAN;
+    c->d.now = c->start = c->stop = NAN;
 }
 
 #if defined _WIN32
@@ -292,7 +292,7 @@ static Instance *create(const char *name, const char *token, Host host, int logg
 static Status set_times(Instance *c, double start, int stops, double stop) {
     if (!stops) stop = NAN;
     if (!isfinite(start) || stop < start) return refuse(c, "an experiment cannot last from %g to %g s", start, stop);
-    c->d.now = start;
+    c->d.now = c->start = start;
     c->stop = stop;
     return STATUS_OK;
 }

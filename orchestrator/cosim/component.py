@@ -6,13 +6,12 @@ methods of one class.
 
 from __future__ import annotations
 
-import atexit
 import difflib
 import math
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from ctypes import (
+    CFUNCTYPE,
     POINTER,
     addressof,
     byref,
@@ -26,32 +25,21 @@ from ctypes import (
     create_string_buffer,
     memmove,
 )
-from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
-from urllib.parse import unquote
 
-import fmpy
 import numpy as np
-from fmpy import calloc, free, read_model_description
-from fmpy.fmi1 import printLogMessage
-from fmpy.fmi2 import (
-    FMU2Slave,
-    fmi2CallbackAllocateMemoryTYPE,
-    fmi2CallbackFreeMemoryTYPE,
-    fmi2CallbackFunctions,
-    fmi2CallbackLoggerTYPE,
-    fmi2FMUstate,
-)
-from fmpy.logging import addLoggerProxy
+from fmpy.fmi2 import fmi2FMUstate
 from numpy.typing import NDArray
 
+from orchestrator.cosim import fmi2_library
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, unit_of
 from orchestrator.cosim.component_warnings import ComponentWarning, WarningList
-from orchestrator.cosim.fmu_files import unpack
-from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded
+from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, Guest
 from orchestrator.cosim.graph import ComponentFailed as ComponentFailed
+from orchestrator.cosim.guests.library import GuestLibrary, Opening
+from orchestrator.cosim.guests.room import Room
 from orchestrator.cosim.mixed_exchange import (
     START,
     ConvertedReals,
@@ -60,7 +48,9 @@ from orchestrator.cosim.mixed_exchange import (
     MixedOutputs,
     Texts,
     discrete_groups,
+    guarded,
 )
+from orchestrator.cosim.model_description import Elements, is_fmi3, loadable
 from orchestrator.kernels.tables import Record, StepCall, record
 
 Floats = NDArray[np.float64]
@@ -75,8 +65,9 @@ SETTERS: dict[str, tuple[str, Any, Any]] = {  # FMI type: setter, C type, allowe
     "Boolean": ("fmi2SetBoolean", c_int, bool),
     "String": ("fmi2SetString", c_char_p, str),
 }
-_WARNING, _DISCARD, _ERROR, _FATAL, _PENDING = range(1, 6)
+_OK, _WARNING, _DISCARD, _ERROR, _FATAL, _PENDING = range(6)  # FMI status
 _LAST_SUCCESSFUL_TIME, _TERMINATED = 2, 3  # kinds of a status
+DO_STEP = CFUNCTYPE(c_int, c_void_p, c_double, c_double, c_int)
 WALL_TIME = "wall_time"  # recorded beside the Integer outputs of a component
 CALLS = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
@@ -88,45 +79,6 @@ class ComponentState(NamedTuple):
     handle: fmi2FMUstate
     arrays: tuple[NDArray[Any], ...]  # u, y, y_links, counters
     warnings: Mapping[str, ComponentWarning]
-
-
-# ------------------------------------------------------------------ messages
-
-_components: dict[int, Component] = {}  # by id, which is the FMI component environment
-
-
-def _receive(environment: int | None, name: bytes, status: int, category: bytes | None, message: bytes) -> None:
-    component = _components.get(environment or 0)
-    if component is None:  # an instance of other code: fmpy has one logger per process
-        printLogMessage(environment, name, status, category, message)
-    else:
-        component._receive(status, (message or b"").decode("utf-8", "replace"), (category or b"").decode())
-
-
-_receiver = fmi2CallbackLoggerTYPE(_receive)  # must live as long as the process
-
-
-def _callbacks(environment: int) -> fmi2CallbackFunctions:
-    functions = fmi2CallbackFunctions()
-    functions.logger = _receiver
-    functions.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
-    functions.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
-    functions.componentEnvironment = environment
-    addLoggerProxy(byref(functions))  # formats the printf arguments, which ctypes cannot take
-    return functions
-
-
-# ------------------------------------------------------------------ libraries
-
-_libraries: dict[Path, Any] = {}
-
-
-@atexit.register
-def _finalise() -> None:
-    """End the helper threads of pythonfmu libraries; without this, one process in five aborts at exit."""
-    for library in _libraries.values():
-        with suppress(AttributeError):  # not a pythonfmu library
-            library.finalizePythonInterpreter()
 
 
 # ------------------------------------------------------------------ component
@@ -149,20 +101,25 @@ class Component(AbstractContextManager["Component"]):
         discrete: Collection[str] = (),
         conversions: Mapping[str, Conversion] = NO_CONVERSIONS,
         units: Mapping[str, str] = NO_CONVERSIONS,
+        guest: Guest | None = None,
+        room: Room | None = None,
     ) -> None:
         """Load and instantiate an FMU.
 
         ``guid``: another one than that of its description, which it should refuse. ``discrete``: connected variables
-        that are no Reals, which follow them in the arrays. ``conversions`` and ``units``: as of ``graph.Instance``.
+        that are no Reals, which follow them in the arrays. ``conversions``, ``units`` and ``guest``: as of
+        ``graph.Instance``. ``room``: process in which it is loaded, instead of this one.
         """
         self.name = name
+        self._guest, self._remote = guest, GuestLibrary(room, self._receive) if room is not None else None
         self._discrete, self.conversions, self.converted_units = discrete, conversions, units
         self.texts = Texts()  # of its String outputs
         self.input_texts: dict[str, Texts] = {}  # of the sources of String inputs
         self._logger = logger
         self._messages: list[tuple[int, str]] = []
         self._warnings = WarningList(name)
-        self._clock = np.zeros(1)  # s, beginning of the last step
+        self._clock = np.zeros(1)  # s from the start of the run, beginning of the last step
+        self._start = 0.0  # s, time of the FMU at the start of the run
         self._states: list[ComponentState] = []
         self.start_inputs: dict[str, float] = {}  # inputs given before the start, by name
         self._mixed: MixedExchange | None = None
@@ -170,9 +127,11 @@ class Component(AbstractContextManager["Component"]):
         self._step_call: Record | None = None
         self._call_time = 0.0  # s inside the FMU, without steps by ``step_call``
         self._phase = "made"
-        folder, self.description = describe(fmu)
+        folder, self.description, elements = loadable(fmu)
+        if room is None and is_fmi3(self.description):
+            raise ComponentFailed(f"'{fmu}' is an FMU of FMI 3.0: it runs in a process of its own only")
         self._sort_variables()
-        self._load(folder, fmu, guid or self.description.guid or "")
+        self._load(folder, fmu, guid or self.description.guid or "", elements)
 
     def _sort_variables(self) -> None:
         variables = self.description.modelVariables
@@ -196,11 +155,13 @@ class Component(AbstractContextManager["Component"]):
         self.integers = (*whole, *self._truths)
         self.parameters = tuple(v.name for v in variables if v.causality == "parameter")
         self.constants = {v.name: v.start for v in variables if v.variability == "constant"}
-        self.u = np.array([_start(self._variables[n]) for n in self.inputs])
+        self.u, self._u_place = self._array(len(self.inputs))
+        self.u[:] = [_start(self._variables[n]) for n in self.inputs]
         self.received = self.u.copy() if set(self.inputs) & set(self.conversions) else self.u
         self.y = np.zeros(len(self.outputs) + 1)[:-1]  # memory for one link output follows
-        self._is_mixed = bool(self.conversions or self._input_groups or self._output_groups)
-        raw = np.zeros(len(reals_out) + 1)[:-1] if self._is_mixed else self.y
+        self._is_mixed = bool(self.conversions or self._input_groups or self._output_groups or self._guest)
+        raw, self._raw_place = self._array(len(reals_out) + 1)
+        raw = raw[:-1] if self._is_mixed else self.y
         self.y_links = np.zeros(len(self.links))
         self.counters = np.zeros(len(self.integers), dtype=np.int32)
         self._arrays: tuple[NDArray[Any], ...] = (self.u, self.y, self.y_links, self.counters)
@@ -212,6 +173,10 @@ class Component(AbstractContextManager["Component"]):
         self._truth_values = self._group(self._truths, self.counters[len(whole) :], c_int)
         self._link_address = 0  # address of the FMU's array of link outputs; 0: unknown
 
+    def _array(self, n: int) -> tuple[Floats, int]:
+        """Array of n zeros that the FMU's process shares, and its place there."""
+        return (np.zeros(n), 0) if self._remote is None else self._remote.memory(n)
+
     def _group(
         self, names: tuple[str, ...], values: NDArray[Any], kind: type, trailing: tuple[str, ...] = ()
     ) -> tuple[Any, int, Any]:
@@ -220,36 +185,26 @@ class Component(AbstractContextManager["Component"]):
     def _references(self, names: tuple[str, ...]) -> Any:
         return (c_uint * len(names))(*(self._variables[name].valueReference for name in names))
 
-    def _load(self, folder: Path, fmu: Path, guid: str) -> None:
-        library = _binary(folder, self.description, fmu)
-        try:
-            self._fmu = FMU2Slave(
-                guid=self.description.guid,
-                modelIdentifier=self.description.coSimulation.modelIdentifier,
-                unzipDirectory=str(folder),
-                instanceName=self.name,
-                libraryPath=str(library),
-            )
-        except Exception as error:
-            raise ComponentFailed(f"cannot load the binary of '{fmu}': {error}") from None
-        # without fmpy's wrapper of each call, which costs as much as an exchange
-        self._library = self._fmu.dll
-        _libraries[library] = self._library  # never unloaded: Python modules may refer to it
-        self._mixed = self._mixed_exchange() if self._is_mixed else None
-        _components[id(self)] = self
-        self._callbacks = _callbacks(id(self))
-        handle = self._fmu.fmi2Instantiate(
-            self.name.encode(),
-            1,  # co-simulation
-            guid.encode(),
-            _location(folder / "resources").encode(),
-            byref(self._callbacks),
-            False,
-            True,  # logging on: without it the FMU sends no messages
-        )
+    def _load(self, folder: Path, fmu: Path, guid: str, elements: Elements) -> None:
+        identifier = self.description.coSimulation.modelIdentifier
+        if self._remote is not None:
+            self._library: Any = self._remote
+            names = self.inputs[: self._u[1]], self.outputs[: self._y[1]]
+            inputs, outputs = ([self._variables[name].valueReference for name in group] for group in names)
+            places = (inputs, self._u_place), (outputs, self._raw_place)
+            version = self.description.fmiVersion[:3]
+            opening = Opening(version, str(folder), identifier, self.name, guid, *places, elements)
+            handle: int | None = int(self._remote.open(opening, self._u[0], self._y[0]))
+            self._free: Callable[[], None] = self._remote.free
+        else:
+            try:
+                self._library = fmi2_library.load(folder, identifier)
+            except Exception as error:
+                raise ComponentFailed(f"cannot load the binary of '{fmu}': {error}") from None
+            handle, self._free = fmi2_library.instantiate(self._library, folder, self.name, guid, self._receive)
         if not handle:
-            del _components[id(self)]
             raise ComponentFailed(f"{self.name}: {self._first_error() or 'the FMU cannot be instantiated'}")
+        self._mixed = self._mixed_exchange() if self._is_mixed else None
         self._handle = handle
         self._phase = "instantiated"
 
@@ -279,7 +234,31 @@ class Component(AbstractContextManager["Component"]):
         inputs = MixedInputs(self.received, self.u, self._u, converted, self._input_groups, starts, self.input_texts)
         converted = ConvertedReals(self.outputs, self.conversions)
         outputs = MixedOutputs(self._raw, self.y, converted, self._output_groups, self.texts)
-        return MixedExchange(self._library, inputs, outputs)
+        check = None if self._guest is None else self._check_finite
+        return MixedExchange(self._library, inputs, outputs, check)
+
+    def _check_finite(self, values: Floats) -> int:
+        """Look at outputs that the FMU has just output; return an FMI status."""
+        if np.isfinite(values).all():
+            return _OK
+        names = self.links if len(values) == len(self.links) != len(self._raw) else self.outputs
+        where = int(np.flatnonzero(~np.isfinite(values))[0])
+        sentence = f"output '{names[where]}' is {values[where]}"
+        if self._guest is None or self._guest.non_finite == "warn":
+            self._receive(_WARNING, sentence, "")
+            return _WARNING
+        self._receive(_ERROR, f'{sentence} (fmu.{self.name}.non_finite = "warn" lets the run go on)', "")
+        return _ERROR
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether the FMU runs in a process of its own."""
+        return self._remote is not None
+
+    @property
+    def warms_up(self) -> bool:
+        """Whether a step that is taken back saves time later: not of an FMU of the user, which compiles nothing."""
+        return self._guest is None and bool(self.description.coSimulation.canGetAndSetFMUstate)
 
     @property
     def functions(self) -> tuple[Any, int]:
@@ -342,17 +321,26 @@ class Component(AbstractContextManager["Component"]):
         began = perf_counter()
         status = function(self._handle, *arguments)
         self._call_time += perf_counter() - began
-        if status > _WARNING:
+        if not 0 <= status <= _WARNING:
             raise self._failure(function.__name__, status)
 
     def _failure(self, function: str, status: int) -> ComponentFailed:
-        if status >= _FATAL:
+        if not 0 <= status < _FATAL:
             self._phase = "lost"
         if self._mixed is not None:
             function = self._mixed.failed or function
+            if isinstance(self._mixed.raised, ComponentFailed):
+                return self._mixed.raised
+            if self._mixed.raised is not None:
+                raise self._mixed.raised
+        if self._remote is not None:
+            function = self._remote.failed or function
         if function == "fmi2DoStep" and status == _DISCARD and not any(each >= _ERROR for each, _ in self._messages):
             return self._discarded_step()
-        return ComponentFailed(f"{self.name}: {self._first_error() or _status_text(function, status)}")
+        sentence = self._first_error() or _status_text(function, status)
+        if self._phase not in ("made", "instantiated") and "t = " not in sentence:
+            sentence += f" ({function}, t = {float(self._clock[0]):.6g} s)"
+        return ComponentFailed(f"{self.name}: {sentence}")
 
     def _discarded_step(self) -> ComponentFailed:
         """Outcome of a step that the FMU has not completed, but does not call an error."""
@@ -374,25 +362,37 @@ class Component(AbstractContextManager["Component"]):
     def initialise(
         self, parameters: Mapping[str, float | int | str], start: float = 0.0, stop: float | None = None
     ) -> None:
-        """Set parameters, initialise with the inputs in ``u`` and read all outputs; times in s.
+        """Set parameters, initialise with the inputs in ``u`` and read all outputs; times of the FMU in s.
 
         Raises ComponentFailed, also for an unknown parameter or a value of the wrong type.
         """
+        self.enter(parameters, start, stop)
+        self.leave_initialisation()
+
+    def enter(self, parameters: Mapping[str, float | int | str], start: float = 0.0, stop: float | None = None) -> None:
+        """Set parameters and enter initialisation mode, as ``initialise`` does."""
         if self._phase != "instantiated":
             self._call(self._library.fmi2Reset)
             self._phase = "instantiated"
             self._warnings = WarningList(self.name)
-        self._clock[0] = start
+        self._start, self._clock[0] = start, 0.0
         for name, value in parameters.items():
             self._set_parameter(name, value)
         fmu = self._library
         self._call(fmu.fmi2SetupExperiment, False, 0.0, start, stop is not None, 0.0 if stop is None else stop)
         self._call(fmu.fmi2EnterInitializationMode)
+
+    def set_inputs(self) -> None:
+        """Set the inputs in ``u``, which need no conversion."""
         if self._mixed is None:
-            self.write()
+            self._exchange(self._library.fmi2SetReal, self._u)
         else:
             self._call(self._mixed.set_inputs)
-        self._call(fmu.fmi2ExitInitializationMode)
+
+    def leave_initialisation(self) -> None:
+        """Set the inputs, leave initialisation mode and read all outputs."""
+        self.set_inputs()
+        self._call(self._library.fmi2ExitInitializationMode)
         self._phase = "running"
         self._find_link_array()
         self.read()
@@ -432,14 +432,14 @@ class Component(AbstractContextManager["Component"]):
     def write(self) -> None:
         """Set the FMU's inputs from ``u``, or from ``received`` if some are converted."""
         if self._mixed is None:
-            self._exchange(self._library.fmi2SetReal, self._u)
+            self.set_inputs()
         else:
             self._call(self._mixed.write)
 
     def step(self, t: float, h: float) -> None:
-        """Advance the FMU from t to t + h, both in s."""
+        """Advance the FMU from t after the start of the run by h, both in s."""
         self._clock[0] = t
-        self._call(self._library.fmi2DoStep, t, h, not self._states)
+        self._call(self._library.fmi2DoStep, self._start + t, h, not self._states)
 
     def read(self) -> None:
         """Read the outputs, without link outputs, into ``y``."""
@@ -454,13 +454,20 @@ class Component(AbstractContextManager["Component"]):
         if self._step_call is None:
             fmu = self._library
             setter, getter = self._mixed.addresses if self._mixed else (fmu.fmi2SetReal, fmu.fmi2GetReal)
-            functions = (setter, fmu.fmi2DoStep, getter)
-            write, step, read = (cast(function, c_void_p).value or 0 for function in functions)
+            stepper, begin = fmu.fmi2DoStep, None
+            if self._remote is not None:
+                stepper, begin = self._in_two = (
+                    DO_STEP(guarded(self._remote.finish_step, self._mixed)),
+                    DO_STEP(guarded(self._remote.begin_step, self._mixed)),
+                )
+            write, step, read = (cast(function, c_void_p).value or 0 for function in (setter, stepper, getter))
+            begin_at = 0 if begin is None else cast(begin, c_void_p).value or 0
             (u_at, _, _), (y_at, n_y, _) = self._u, self._y
             instance = int(self._handle)
             inputs = write, addressof(u_at), len(self.u), self.u.ctypes.data
             outputs = read, addressof(y_at), n_y, self._raw.ctypes.data
-            call = StepCall(instance, *inputs, step, *outputs, float(self._clock[0]), 0.0, not self._states)
+            times = self._start, float(self._clock[0]), 0.0
+            call = StepCall(instance, *inputs, step, *outputs, *times, not self._states, begin_at)
             self._step_call = record(call)
             self._clock = self._step_call["t"]
         return self._step_call
@@ -499,7 +506,7 @@ class Component(AbstractContextManager["Component"]):
     def _find_link_array(self) -> None:
         """Ask the FMU for the address of its link outputs, from which they can be copied."""
         names = [name for name in ARRAY if name in self._variables and self._variables[name].type == "Integer"]
-        if names == [*ARRAY] and self.links:
+        if self._remote is None and names == [*ARRAY] and self.links:
             values = (c_int * len(ARRAY))()
             self._call(self._library.fmi2GetInteger, self._references(ARRAY), len(ARRAY), values)
             low, high, size = values
@@ -587,31 +594,16 @@ class Component(AbstractContextManager["Component"]):
             if self._phase == "running":
                 with suppress(ComponentFailed):
                     self._call(self._library.fmi2Terminate)
-            self._fmu.fmi2FreeInstance(self._handle)
+            self._free()
         self._handle = None
-        _components.pop(id(self), None)
 
     def __exit__(self, *ended: object) -> None:
         self.close()
 
 
-class BadDescription(ComponentFailed):
-    """The modelDescription.xml of an FMU cannot be read."""
-
-
-def describe(fmu: Path, versions: Collection[str] = ("2.0",)) -> tuple[Path, Any]:
-    """Unpack a co-simulation FMU of these versions of FMI; return its folder and its description.
-
-    Raises ComponentFailed.
-    """
-    folder = unpack(Path(fmu))
-    return folder, _description(folder, fmu, versions)
-
-
 def description_of(fmu: Path) -> Any:
     """Model description of an FMU, as of fmpy; raises ComponentFailed unless it is one that can be loaded here."""
-    folder, description = describe(fmu)
-    _binary(folder, description, fmu)
+    description = loadable(fmu).description
     taken = {WALL_TIME} if any(v.name == WALL_TIME and v.type != "Real" for v in description.modelVariables) else set()
     for name in (variable.name for variable in description.modelVariables):
         if name in taken:
@@ -627,47 +619,9 @@ def _start(variable: Any) -> float:
     return float(variable.start in ("true", "1") if variable.type == "Boolean" else variable.start or 0.0)
 
 
-def _binary(folder: Path, description: Any, fmu: Path) -> Path:
-    name = f"{description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
-    library = folder / "binaries" / fmpy.platform / name
-    if not library.is_file():
-        raise ComponentFailed(f"'{fmu}' has no binary for {fmpy.platform}")
-    return library
-
-
 def _status_text(function: str, status: int) -> str:
+    if not 0 <= status <= _PENDING:
+        return f"{function} returned the status {status}, which FMI does not have"
     if status == _PENDING:
         return f"{function} returned before it was done (fmi2Pending): asynchronous steps are not supported"
     return f"{function} failed with FMI status {status}"
-
-
-def _description(folder: Path, fmu: Path, versions: Collection[str]) -> Any:
-    content = b""
-    with suppress(OSError):
-        content = (folder / "modelDescription.xml").read_bytes()
-    head = content[:2000].decode("utf-8", "replace")
-    version = re.search(r"""fmiVersion\s*=\s*["']([^"']*)""", head)
-    done = "is run" if len(versions) == 1 else "are checked"
-    supported = f"only FMI {' and '.join(versions)} for co-simulation {done}"
-    if version and version[1] not in versions:
-        raise ComponentFailed(f"'{fmu}' is an FMU of FMI {version[1]}: {supported}")
-    try:
-        description = _parsed(folder, content)
-    except Exception as error:
-        raise BadDescription(f"'{fmu}' is not an FMU: bad modelDescription.xml: {error}") from None
-    if description.coSimulation is None:
-        other = "scheduled execution" if description.modelExchange is None else "model exchange"
-        raise ComponentFailed(f"'{fmu}' is an FMU for {other}: {supported}")
-    return description
-
-
-@lru_cache(maxsize=16)
-def _parsed(folder: Path, content: bytes) -> Any:
-    """Description in the ``folder`` of an FMU, once for all its instances; ``content``: its bytes, the cache's key."""
-    return read_model_description(str(folder), validate=False)
-
-
-def _location(resources: Path) -> str:
-    """Return the URI of the resources, unquoted if it has other escapes than %20, the one wrappers decode."""
-    quoted = resources.as_uri()
-    return quoted if "%" not in quoted.replace("%20", "") else unquote(quoted)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -22,6 +23,14 @@ Quantity = Literal["value", "mean", "state", "rate", "discrete"]
 NO_CONVERSIONS: Mapping[str, Any] = MappingProxyType({})
 
 
+class Guest(NamedTuple):
+    """How an FMU of the user is loaded and watched."""
+
+    in_process: bool = False  # in the process of the run, not in one of its own
+    limit: float = math.inf  # s, longest call of a process of its own
+    non_finite: Literal["fail", "warn"] = "fail"  # outputs that are not finite
+
+
 class Instance(NamedTuple):
     """Named instance of an FMU."""
 
@@ -32,6 +41,7 @@ class Instance(NamedTuple):
     # By Real: of an input from what its source outputs to what the FMU gets, of an output to what others get.
     conversions: Mapping[str, Conversion] = NO_CONVERSIONS
     units: Mapping[str, str] = NO_CONVERSIONS  # of outputs with a conversion
+    guest: Guest | None = None  # None: a component of ours
 
 
 class Connection(NamedTuple):

@@ -82,13 +82,20 @@ def run(
                 observer(k, t, h)
             observed = False
             if interrupted():
-                return RunOutcome("interrupted", f"interrupted at t = {t:.6g} s", k, t)
+                return _interrupted(k, t, scheme.failure)
             try:
                 done, t, h = next(steps, (0, t, 0.0))
             except ComponentEnded as end:
                 return RunOutcome("ok", str(end), k, t)
             except (ComponentFailed, CouplingFailed) as failure:
+                if interrupted():  # a call that did not return was ended
+                    return _interrupted(k, t, failure)
                 return RunOutcome("failed", str(failure), k, t)
             if not done:
                 return RunOutcome("ok", "", k, t)
             k += done
+
+
+def _interrupted(k: int, t: float, failure: Exception | None) -> RunOutcome:
+    """Outcome of an interrupted run; ``failure`` of a call that did not return names it."""
+    return RunOutcome("interrupted", f"interrupted at t = {t:.6g} s{f': {failure}' if failure else ''}", k, t)

@@ -27,7 +27,7 @@ from orchestrator.cosim.graph import ComponentFailed, Floats
 START = -1.0  # number of the start value of a String
 KINDS = {"Integer": ("Integer", "Enumeration"), "Boolean": ("Boolean",), "String": ("String",)}
 FUNCTION = CFUNCTYPE(c_int, c_void_p, POINTER(c_uint), c_size_t, POINTER(c_double))
-_WARNING = 1  # FMI status; a greater one is a failure
+_WARNING, _FATAL = 1, 4  # FMI status
 
 
 class Texts:
@@ -90,6 +90,8 @@ class ConvertedReals:
     def convert(self, values: Floats, into: Floats) -> None:
         """Copy values, of which some are converted; none of them changes by a bit otherwise."""
         into[:] = values
+        if not self._at.size:
+            return
         into[self._at] = self._factors * values[self._at] + self._offsets
 
 
@@ -118,13 +120,21 @@ class MixedOutputs(NamedTuple):
 class MixedExchange:
     """Exchange of all inputs and outputs of an instance; each call returns an FMI status.
 
-    ``failed``: name of the FMI function that failed in the last call, empty if none did.
+    ``failed``: name of the FMI function that failed in the last call, empty if none did. ``check`` looks at Reals that
+    have been got, and returns an FMI status.
     """
 
-    def __init__(self, library: Any, inputs: MixedInputs, outputs: MixedOutputs) -> None:
-        self._library, self._inputs, self._outputs = library, inputs, outputs
+    def __init__(
+        self,
+        library: Any,
+        inputs: MixedInputs,
+        outputs: MixedOutputs,
+        check: Callable[[Floats], int] | None = None,
+    ) -> None:
+        self._library, self._inputs, self._outputs, self._check = library, inputs, outputs, check
         self.failed = ""
-        self._functions = FUNCTION(self.write), FUNCTION(self.read)
+        self.raised: BaseException | None = None  # in a call by kernels
+        self._functions = FUNCTION(guarded(self.write, self)), FUNCTION(guarded(self.read, self))
 
     @property
     def addresses(self) -> tuple[Any, Any]:
@@ -141,14 +151,14 @@ class MixedExchange:
         self.failed = ""
         status = self._call("fmi2SetReal", instance, *self._inputs.reals)
         for kind, names, place, references, values in self._inputs.groups:
-            if status > _WARNING:
+            if not 0 <= status <= _WARNING:
                 break
             numbers = self._inputs.u[place]
             if kind == "String":
                 values[:] = [self._text(name, number) for name, number in zip(names, numbers, strict=True)]
             else:
                 _integers(values)[:] = numbers
-            status = max(status, self._call(f"fmi2Set{kind}", instance, references, len(names), values))
+            status = _worse(status, self._call(f"fmi2Set{kind}", instance, references, len(names), values))
         return status
 
     def _text(self, name: str, number: float) -> bytes:
@@ -159,11 +169,13 @@ class MixedExchange:
         self.failed = ""
         raw, y, conversions, groups, texts = self._outputs
         status = self._call("fmi2GetReal", instance, references, n, values)
+        if self._check is not None and n and 0 <= status <= _WARNING:
+            status = _worse(status, self._check(raw if n == len(raw) else np.ctypeslib.as_array(values, (n,))))
         conversions.convert(raw, y[: len(raw)])
         for kind, names, place, numbers, found in groups:
-            if status > _WARNING:
+            if not 0 <= status <= _WARNING:
                 break
-            status = max(status, self._call(f"fmi2Get{kind}", instance, numbers, len(names), found))
+            status = _worse(status, self._call(f"fmi2Get{kind}", instance, numbers, len(names), found))
             if kind == "String":
                 y[place] = [texts.number(text or b"") for text in found]
             else:
@@ -173,9 +185,28 @@ class MixedExchange:
     def _call(self, name: str, instance: int, references: Any, n: int, values: Any) -> int:
         function: Callable[..., int] = getattr(self._library, name)
         status = function(instance, references, n, values) if n else 0
-        if status > _WARNING:
+        if not 0 <= status <= _WARNING:
             self.failed = name
         return status
+
+
+def guarded(function: Callable[..., int], exchange: MixedExchange | None) -> Callable[..., int]:
+    """Function for kernels, in which nothing may be raised: ``exchange`` keeps the error, and the status is Fatal."""
+
+    def call(*arguments: Any) -> int:
+        try:
+            return function(*arguments)
+        except BaseException as error:
+            if exchange is not None:
+                exchange.raised = error
+            return _FATAL
+
+    return call
+
+
+def _worse(one: int, other: int) -> int:
+    """The worse of two FMI statuses, of which negative ones are none."""
+    return min(one, other) if min(one, other) < 0 else max(one, other)
 
 
 def _integers(values: Any) -> NDArray[np.int32]:

@@ -48,7 +48,8 @@ class Program:
         self._components = [component for stage in stages for component in stage.components]
         self._kernels = kernels()
         self._arrays: list[NDArray[Any]] = []  # arrays whose addresses are in the plan
-        n_workers = max(len(stage.components) for stage in stages) - 1 if threads and spare_processors() else 0
+        most = max(sum(not component.is_remote for component in stage.components) for stage in stages)
+        n_workers = max(min(most, processors()) - 1, 0) if threads else 0
         self._workers = [Worker() for _ in range(n_workers)]
         copies_before = self._copy_words([copy for stage in stages for copy in stage.copies if copy.rule != "end"])
         groups = self._words([self._address(record(self._group(stage))) for stage in stages])
@@ -91,8 +92,10 @@ class Program:
 
     def _group(self, stage: Stage) -> StepGroup:
         ends, means = ([copy for copy in stage.copies if copy.rule == rule] for rule in ("end", "middle"))
-        calls = [component.step_call.ctypes.data for component in stage.components]
-        return StepGroup(*self._copy_words(ends), *self._copy_words(means), len(calls), self._words(calls))
+        ordered = sorted(stage.components, key=lambda component: component.is_remote)
+        calls = self._words([component.step_call.ctypes.data for component in ordered])
+        here = sum(not component.is_remote for component in ordered)
+        return StepGroup(*self._copy_words(ends), *self._copy_words(means), len(ordered), calls, here)
 
     def _copy_words(self, copies: Sequence[InputCopy]) -> tuple[int, int, int]:
         """Return the number of values, and the addresses of the arrays of target and source addresses."""
@@ -109,9 +112,9 @@ class Program:
         return int(table.ctypes.data)
 
 
-def spare_processors() -> bool:
-    """Whether this process may use more than one processor."""
-    return len(os.sched_getaffinity(0)) > 1
+def processors() -> int:
+    """Number of processors that this process may use."""
+    return len(os.sched_getaffinity(0))
 
 
 class Worker:

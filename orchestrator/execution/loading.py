@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import math
 import subprocess
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from contextlib import ExitStack
 
 from fmus.ahead import start_compilation
 from fmus.track_choices import TRACKS
-from orchestrator.cosim.component import Component, Logger
+from orchestrator.cosim.component import Component, ComponentFailed, Logger
 from orchestrator.cosim.coupling import power_residual
-from orchestrator.cosim.graph import Connection, System
+from orchestrator.cosim.graph import Connection, Instance, System
+from orchestrator.cosim.guests.room import Room, Rooms, Wanted
+from orchestrator.cosim.model_description import loadable
+from orchestrator.execution import start_values
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene
@@ -21,14 +23,21 @@ LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 
 def load_scene(
-    scene: SystemScene, stack: ExitStack, logger: Logger | None, native: bool = False
+    scene: SystemScene,
+    stack: ExitStack,
+    logger: Logger | None,
+    native: bool = False,
+    rooms: Rooms | None = None,
 ) -> tuple[SystemScene, System, dict[str, Component]]:
-    """Place a scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed."""
+    """Place a scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed.
+
+    ``rooms``: where FMUs of the user get their processes; they are closed with the stack.
+    """
     processes = _compile_in_processes(scene) if isinstance(scene, Scene) else []
     try:
         scene = placed(scene) if isinstance(scene, Scene) else scene
         assembly = assemble(scene)
-        graph, given = system(assembly, native), [part.name for part in assembly.parts if part.fmu is not None]
+        graph = system(assembly, native)
         for process in processes:
             process.wait()
     except BaseException:  # bad input, or a signal, which the processes need not have received
@@ -37,7 +46,7 @@ def load_scene(
         for process in processes:
             process.wait()
         raise
-    return scene, graph, load_components(graph, scene.run.stop, stack, logger, given)
+    return scene, graph, load_components(graph, scene.run.times, stack, logger, rooms)
 
 
 def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
@@ -56,14 +65,18 @@ def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
 
 
 def load_components(
-    graph: System, stop: float, stack: ExitStack, logger: Logger | None = None, given: Collection[str] = ()
+    graph: System,
+    times: tuple[float, float],
+    stack: ExitStack,
+    logger: Logger | None = None,
+    rooms: Rooms | None = None,
 ) -> dict[str, Component]:
-    """Load and initialise every instance; they are unloaded with the stack.
+    """Load and initialise every instance; they are unloaded with the stack. ``times``: start and stop of FMUs, s.
 
-    Our FMUs start by their parameters. The instances ``given`` by the user are initialised after them, with inputs from
-    the outputs of those that are initialised: the last stage first, because earlier ones step with its motion.
+    Our FMUs start by their parameters, those of the user then in the order of flow.
     """
     discrete = discrete_variables(graph.connections)
+    placed_in = _open_rooms(graph.instances, stack.enter_context(rooms or Rooms()))
     components = {
         instance.name: stack.enter_context(
             Component(
@@ -73,6 +86,8 @@ def load_components(
                 discrete=discrete.get(instance.name, ()),
                 conversions=instance.conversions,
                 units=instance.units,
+                guest=instance.guest,
+                room=placed_in.get(instance.name),
             )
         )
         for instance in graph.instances
@@ -83,15 +98,31 @@ def load_components(
             components[connection.target].input_texts |= dict.fromkeys(
                 connection.inputs, components[connection.source].texts
             )
-    initialised: dict[str, Component] = {}
-    for instance in sorted(graph.instances, key=lambda one: -one.stage if one.name in given else -math.inf):
-        component = components[instance.name]
-        if instance.name in given:
-            component.start_with(_start_inputs(instance.name, graph.connections, initialised))
-        component.initialise(instance.parameters, 0.0, stop)
-        initialised[instance.name] = component
+    own = [instance for instance in graph.instances if instance.guest is None]
+    for instance in own:
+        components[instance.name].initialise(instance.parameters, *times)
+    initialised = {instance.name: components[instance.name] for instance in own}
+    guests = [instance for instance in graph.instances if instance.guest is not None]
+    start_values.initialise(guests, graph.connections, components, initialised, times)
     power_residual.check_bonds(graph.connections, lambda instance, name: components[instance].dimension(name))
     return components
+
+
+def _open_rooms(instances: Iterable[Instance], rooms: Rooms) -> dict[str, Room]:
+    """Rooms of FMUs of the user, by their names; raises ComponentFailed."""
+    wanted, inside = [], set()
+    for instance in instances:
+        if instance.guest is None or instance.fmu is None:
+            continue
+        alone = loadable(instance.fmu).description.coSimulation.canBeInstantiatedOnlyOncePerProcess
+        if not instance.guest.in_process:
+            wanted.append(Wanted(instance.name, instance.fmu, alone, instance.guest.limit))
+        elif alone and instance.fmu in inside:
+            once = f"'{instance.fmu}' can be instantiated once per process"
+            raise ComponentFailed(f"{instance.name}: {once}: leave out in_process = true of this instance")
+        else:
+            inside.add(instance.fmu)
+    return rooms.open(wanted)
 
 
 def discrete_variables(connections: Iterable[Connection]) -> dict[str, set[str]]:
@@ -102,13 +133,3 @@ def discrete_variables(connections: Iterable[Connection]) -> dict[str, set[str]]
             found.setdefault(connection.source, set()).update(connection.outputs)
             found.setdefault(connection.target, set()).update(connection.inputs)
     return found
-
-
-def _start_inputs(name: str, connections: Sequence[Connection], sources: Mapping[str, Component]) -> dict[str, float]:
-    """Inputs of a component from initialised sources."""
-    return {
-        into: float(source.y[source.outputs.index(output)])
-        for connection in connections
-        if connection.target == name and (source := sources.get(connection.source))
-        for output, into in zip(connection.outputs, connection.inputs, strict=True)
-    }

@@ -145,7 +145,7 @@ def warm_up(stages: Stages, h: float) -> None:
     """Do one step and restore the state bit by bit, so that compiling and loading count as start-up."""
     for member in (member for stage in stages for member in stage):
         component = member.component
-        if not isinstance(component, Component) or not component.description.coSimulation.canGetAndSetFMUstate:
+        if not isinstance(component, Component) or not component.warms_up:
             continue
         copy_inputs(member)
         state = component.save()
@@ -170,8 +170,9 @@ def outcome_entries(outcome: master.RunOutcome, wall: float, start_time: float =
 
 
 def cost(component: Recordable) -> dict[str, float | int]:
-    """Return wall time, s, and counters of a component."""
-    component.read_counters()
+    """Return wall time, s, and counters of a component, the last ones known if it has ended."""
+    with suppress(ComponentFailed):
+        component.read_counters()
     counters = {
         name.removeprefix("solver."): int(value)
         for name, value in zip(component.integers, component.counters, strict=True)

@@ -17,6 +17,7 @@ from orchestrator.cosim import master
 from orchestrator.cosim.component import ComponentFailed, Logger
 from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.cosim.graph import Recordable
+from orchestrator.cosim.guests.room import Rooms
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
 from orchestrator.execution import estimate, recorded_results, summary
@@ -95,7 +96,8 @@ def _simulate(
         if isinstance(scene, VehicleScene) and scene.track.axes == "free" and scene.leaves_plane:
             announce(f"{scene.name}: {scene.leaves_plane}: {OTHER_KERNELS}")
         announce(f"{scene.name}: components are built and initialised")
-        run = PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
+        rooms = Rooms(interrupt.signals, announce)
+        run = PreparedRun.prepare(*load_scene(scene, stack, logger, native, rooms), continuation)
         for line in _shared_parameters(run, assembly):
             announce(f"{scene.name}: {line}")
         result["warnings"] = early_warnings = _early_warnings(run, logger, misfits)
@@ -217,7 +219,8 @@ def record_companion(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str
     interrupt.deferring = True  # the main run still has to close its log
     try:
         with ExitStack() as stack:
-            return _recorded(PreparedRun.prepare(*load_scene(scene, stack, None)), path, interrupt)
+            rooms = Rooms(interrupt.signals)
+            return _recorded(PreparedRun.prepare(*load_scene(scene, stack, None, rooms=rooms)), path, interrupt)
     except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable, BadInput) as failure:
         return {"status": "failed", "message": str(failure)}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from ctypes import (
     byref,
@@ -18,14 +17,15 @@ from ctypes import (
     c_uint32,
     c_uint64,
 )
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import fmpy
-from fmpy.fmi3 import FMU3Slave, fmi3Byte, fmi3IntermediateUpdateCallback, fmi3LogMessageCallback
+from fmpy.fmi3 import fmi3Byte
 
-from orchestrator.cosim.component import ComponentFailed, describe
+from orchestrator.cosim import fmi3_library
+from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.cosim.model_description import describe, require_binary
 
 PREFIX = "fmi3"
 PLATFORM = fmpy.platform_tuple
@@ -48,44 +48,24 @@ FLAGS = ("asks for event mode, which is not used", "ends the run", "returns earl
 
 
 def instantiate(fmu: Path, token: str | None, hear: Callable[[str, int, str], None]) -> tuple[Any, Any, Any]:
-    """Return the library, an instance and the function that frees it; raises ComponentFailed.
-
-    There is no event mode, no early return and no intermediate update.
-    """
+    """Return the library, an instance and the function that frees it; raises ComponentFailed."""
     folder, description = describe(fmu, ("3.0",))
-    name = description.coSimulation.modelIdentifier
-    if not (folder / "binaries" / PLATFORM / f"{name}{fmpy.sharedLibraryExtension}").is_file():
-        raise ComponentFailed(f"'{fmu}' has no binary for {PLATFORM}")
+    require_binary(folder, description, fmu)
     try:
-        library = _library(folder, name)
+        library = fmi3_library.load(folder, description.coSimulation.modelIdentifier)
     except Exception as error:
         raise ComponentFailed(f"cannot load the binary of '{fmu}': {error}") from None
     said: list[str] = []
 
-    def receive(environment: object, status: int, category: bytes, message: bytes) -> None:
-        text = (message or b"").decode("utf-8", "replace")
+    def receive(status: int, text: str, category: str) -> None:
         said.append(text)
         hear("checked", status, text)
 
-    log, update = fmi3LogMessageCallback(receive), fmi3IntermediateUpdateCallback()
-    resources = f"{folder / 'resources'}{os.sep}".encode() if (folder / "resources").is_dir() else None
-    given = (token or description.guid or "").encode()
-    handle = library.fmi3InstantiateCoSimulation(
-        b"checked", given, resources, False, True, False, False, None, 0, None, log, update
-    )
+    given = token or description.guid or ""
+    handle, close = fmi3_library.instantiate(library, folder, "checked", given, receive)
     if not handle:
         raise ComponentFailed(f"checked: {said[0] if said else 'the FMU cannot be instantiated'}")
-
-    def close(callbacks: object = (log, update)) -> None:  # which live as long as this function
-        library.fmi3FreeInstance(handle)
-
     return library, handle, close
-
-
-@lru_cache(maxsize=4)
-def _library(folder: Path, name: str) -> Any:
-    """Library with all functions of the standard, which FMPy gives their types."""
-    return FMU3Slave(guid="", modelIdentifier=name, unzipDirectory=str(folder), instanceName="checked").dll
 
 
 def setup(start: float) -> tuple[Any, ...]:

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.component import ComponentFailed, describe
+from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.cosim.model_description import describe
 from orchestrator.fmu_check import fmi2, fmi3
 from orchestrator.fmu_check.verdict import NotApplicable, Refused, listed
 

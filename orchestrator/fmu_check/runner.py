@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from orchestrator.cosim.component import BadDescription, describe
+from orchestrator.cosim.model_description import BadDescription, describe
 from orchestrator.fmu_check import (
     dependencies,
     description,

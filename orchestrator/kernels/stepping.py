@@ -43,7 +43,7 @@ from orchestrator.kernels.tables import (
 CALL, MAILBOX, PLAN, GROUP = map(record_type, (StepCall, Mailbox, StepPlan, StepGroup))
 ROWS, HEAD = map(record_type, (RowTable, RowHead))
 SET_REAL, DO_STEP, GET_REAL = (StepCall._fields.index(name) for name in ("set_real", "do_step", "get_real"))
-WARNING = 1  # FMI status; a greater one is a failure
+WARNING = 1  # FMI status; a greater one, or one below 0, is a failure
 YIELD = 1023  # polls after which a waiting thread yields the processor; a power of two less one
 NO_LIMIT = -1
 MEAN = True
@@ -116,32 +116,51 @@ def step_component(address):
     """Write inputs, step, read outputs and due link outputs; store failure, status and wall time."""
     call = record_at(address, CALL)
     start = clock()
-    call.failed = call_functions(call)
+    if call.begin == 0 or call.failed == 0:
+        call.failed = call_functions(call)
     call.seconds = 1e-9 * (clock() - start)
     call.total += call.seconds
 
 
 @register_jitable
-def call_functions(call):
-    """Call the FMI functions of a step; returns the field index of the one that failed, or 0."""
+def write_inputs(call):
+    """Set the inputs of a component; returns the field index of the function if it failed, or 0."""
     if call.n_inputs != 0:
         call.status = call_exchange(call.set_real, call.instance, call.inputs, call.n_inputs, call.u)
-        if call.status > WARNING:
+        if call.status < 0 or call.status > WARNING:
             return SET_REAL
-    call.status = call_do_step(call.do_step, call.instance, call.t, call.h, call.no_rollback)
-    if call.status > WARNING:
+    return 0
+
+
+@register_jitable
+def begin_elsewhere(call):
+    """Write inputs and begin a step in another process, which ``step_component`` then waits for."""
+    call.failed = write_inputs(call)
+    if call.failed == 0:
+        call_do_step(call.begin, call.instance, call.start + call.t, call.h, call.no_rollback)
+
+
+@register_jitable
+def call_functions(call):
+    """Call the FMI functions of a step; returns the field index of the one that failed, or 0."""
+    if call.begin == 0:
+        failed = write_inputs(call)
+        if failed != 0:
+            return failed
+    call.status = call_do_step(call.do_step, call.instance, call.start + call.t, call.h, call.no_rollback)
+    if call.status < 0 or call.status > WARNING:
         return DO_STEP
     due = call.n_links != 0 and load_word(call.links_due) != 0
     copied = due and call.links_array != 0
     n_outputs = call.n_outputs + 1 if copied else call.n_outputs
     call.status = call_exchange(call.get_real, call.instance, call.outputs, n_outputs, call.y)
-    if call.status > WARNING:
+    if call.status < 0 or call.status > WARNING:
         return GET_REAL
     if copied:
         memcpy(call.y_links, call.links_array, 8 * call.n_links)
     elif due:
         call.status = call_exchange(call.get_real, call.instance, call.links, call.n_links, call.y_links)
-        if call.status > WARNING:
+        if call.status < 0 or call.status > WARNING:
             return GET_REAL
     return 0
 
@@ -161,15 +180,19 @@ def copy_inputs(n, to, source, mean):
 def step_group(group, plan, t, h):
     """Step the components of a group in parallel; returns the number that failed.
 
-    The last component steps in this thread. Workers step the others if the last step of that component was long.
+    Other processes step theirs meanwhile. Of those here, the last one steps in this thread, and workers step the others
+    if the last step of that one was long.
     """
-    last = group.n_calls - 1
-    long = record_at(load_word(group.calls + 8 * last), CALL).seconds >= plan.worthwhile
+    for i in range(group.n_calls):
+        call = record_at(load_word(group.calls + 8 * i), CALL)
+        call.t, call.h = t, h
+        if call.begin != 0:
+            begin_elsewhere(call)
+    last = group.n_here - 1
+    long = last > 0 and record_at(load_word(group.calls + 8 * last), CALL).seconds >= plan.worthwhile
     n_submitted = min(last, plan.n_workers) if long else 0
     for i in range(group.n_calls):
         address = load_word(group.calls + 8 * i)
-        call = record_at(address, CALL)
-        call.t, call.h = t, h
         if i < n_submitted:
             submit(load_word(plan.mailboxes + 8 * i), address)
         else:

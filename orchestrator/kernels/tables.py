@@ -28,9 +28,11 @@ class StepCall(NamedTuple):
     outputs: int  # value references
     n_outputs: int
     y: int
-    t: float  # s, beginning of the step
+    start: float  # s, time of the FMU at the start of the run
+    t: float  # s from the start of the run, beginning of the step
     h: float  # s, its length
     no_rollback: int  # 1: no earlier state will be restored
+    begin: int = 0  # function with the arguments of do_step that begins the step in another process, or 0
     failed: int = 0  # index of the field of the function that failed, or 0
     status: int = 0  # FMI status of the last function
     seconds: float = 1.0  # wall time of the last step; initially an overestimate
@@ -72,7 +74,8 @@ class StepGroup(NamedTuple):
     means_to: int
     means_from: int
     n_calls: int
-    calls: int  # addresses
+    calls: int  # addresses; those that begin a step in another process are the last ones
+    n_here: int  # number of the others
 
 
 class RowHead(NamedTuple):

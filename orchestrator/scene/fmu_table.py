@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
-from fmus.vehicle import BadInput, FrozenTable
+from fmus.vehicle import BadInput, FrozenTable, In
 from orchestrator.scene.toml_text import toml_text
 
 Integer = Annotated[int, Field(ge=-(2**31), le=2**31 - 1)]  # of FMI
@@ -26,9 +26,15 @@ class FmuTable(FrozenTable):
     """FMU of the user in place of the part NAME, with its connections; else a further one, with those of the scene."""
 
     file: Annotated[str, Field(pattern=r"^[^\x00]+$"), AfterValidator(_absolute)]
-    """FMU for co-simulation (FMI 2.0); its path is relative to the scene file"""
+    """FMU for co-simulation (FMI 2.0 or 3.0); its path is relative to the scene file"""
     parameters: dict[str, Value] = Field(default_factory=dict)
     """parameters of the FMU by their names; it gets those of the part too, if it has them"""
+    in_process: bool = False
+    """an FMU that cotrack has not built runs in the process of the run, where it can do harm, not in one of its own"""
+    call_limit: Annotated[float, In("s", gt=0)] | None = None
+    """longest time of a call of an FMU in a process of its own; without it a call may last as long as it likes"""
+    non_finite: Literal["fail", "warn"] = "fail"
+    """what an output that is not finite does: the run fails, or goes on with a warning"""
 
 
 def require_instance_name(name: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -112,7 +113,9 @@ class RunTable(FrozenTable):
     """Duration, steps and recording of a run."""
 
     stop: Duration
-    """end of the run, a multiple of step"""
+    """end of the run, a multiple of step; times in a scene, a log and results count from its start"""
+    start: Annotated[float, In("s")] = 0.0
+    """time of the FMUs at the start of the run"""
     step: Duration
     """communication step H; with a variable step, the first one"""
     coupling: Annotated[CouplingTable, BeforeValidator(short_coupling, SchemeName | CouplingTable)] = CouplingTable()
@@ -141,6 +144,13 @@ class RunTable(FrozenTable):
         if abs(self.stop / self.step - round(self.stop / self.step)) > 1e-6 or self.stop < self.step:
             raise ValueError(f"stop = {self.stop:g} s must be a multiple of step = {self.step:g} s")
         return self
+
+    @property
+    def times(self) -> tuple[float, float]:
+        """Start and stop time of the FMUs, s; no step ends after the stop time, by no rounding."""
+        end = self.start + (self.steps - 1) * self.step + self.step
+        rounding = 0.0 if self.variable is None else 4.0 * math.ulp(end)
+        return self.start, max(self.start + self.stop, end) + rounding
 
     @property
     def steps(self) -> int:

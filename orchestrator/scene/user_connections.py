@@ -8,15 +8,17 @@ not converted.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fmus.build import built_here
 from fmus.loaded import component_ports
 from fmus.vehicle import BadInput
 from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, base_unit, conversion, difference, unit_of
 from orchestrator.cosim.component import LINK_FAMILIES
-from orchestrator.cosim.graph import Connection, Instance
+from orchestrator.cosim.graph import Connection, Guest, Instance
 from orchestrator.scene.parts import Part
 from orchestrator.scene.replacement import Replacement, connected_variable, port_unit, shared_parameters
 
@@ -138,7 +140,10 @@ def user_instance(each: Replacement, ends: Ends, connections: Sequence[Connectio
     conversions = dict(_of_ports(each)) | dict(_of_inputs(part.name, own, ends, connections))
     conversions = {name: one for name, one in conversions.items() if one != UNCHANGED}
     units = {name: each.ports[name].unit for name in conversions if each.variables[name].causality == "output"}
-    return Instance(part.name, Path(table.file), {**parameters, **table.parameters}, part.stage, conversions, units)
+    file = Path(table.file)
+    guest = Guest(table.in_process, table.call_limit or math.inf, table.non_finite)
+    terms = conversions, units, None if built_here(file) else guest
+    return Instance(part.name, file, {**parameters, **table.parameters}, part.stage, *terms)
 
 
 def input_conversions(part: str, ends: Ends, connections: Sequence[Connection]) -> dict[str, Conversion]:

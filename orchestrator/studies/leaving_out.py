@@ -239,7 +239,7 @@ def run(name: str, side: PairedRun, path: Path) -> tuple[float, float]:
         assembly = ADDED[side.added](scene, assembly)
     with ExitStack() as stack:
         graph = system(assembly)
-        components = load_components(graph, scene.run.stop, stack)
+        components = load_components(graph, scene.run.times, stack)
         stages = wire(graph, components)
         scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
         warm_up(stages, scene.run.step)

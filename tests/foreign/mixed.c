@@ -26,7 +26,7 @@ static fmi2Status advance(Model *m, double t, double h) {
         i[count] = i[count_in] + 1;
     }
     i[forward] = r[x] < r[limit];
-    i[gear] = i[gear_in] % 3 + 1;
+    i[gear] = h == 0.0 ? i[gear_in] : i[gear_in] % 3 + 1;
     snprintf(m->s[word], TEXT, "%c%.5s", 'a' + i[count] % 3, m->s[word_in]);
     return fmi2OK;
 }

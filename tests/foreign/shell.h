@@ -12,11 +12,11 @@
 
 typedef struct {
     double r[REALS], reached; /* the time that is told after a step that was not done */
-    int i[INTEGERS], ended;
+    int i[INTEGERS], ended, initialising;
     char s[STRINGS][TEXT];
 } Model;
 
-/* Do the step from t to t + h; outputs are set at t = h = 0 too. */
+/* Do the step from t to t + h; outputs are set at t = h = 0 too, for inputs that may change then. */
 static fmi2Status advance(Model *m, double t, double h);
 
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
@@ -42,8 +42,16 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
 
 EXPORT void fmi2FreeInstance(fmi2Component p) { free(p); }
 EXPORT fmi2Status fmi2Terminate(fmi2Component p) { (void)p; return fmi2OK; }
-EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component p) { (void)p; return fmi2OK; }
-EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component p) { return advance(p, 0.0, 0.0); }
+
+EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
+    ((Model *)p)->initialising = 1;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component p) {
+    ((Model *)p)->initialising = 0;
+    return advance(p, 0.0, 0.0);
+}
 
 EXPORT fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean tolerant, fmi2Real tolerance, fmi2Real start,
                                       fmi2Boolean ends, fmi2Real stop) {
@@ -57,6 +65,7 @@ EXPORT fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean tolerant, fmi
         return fmi2OK;                                                                                          \
     }                                                                                                           \
     EXPORT fmi2Status fmi2Get##type(fmi2Component p, const fmi2ValueReference at[], size_t n, fmi2##type x[]) { \
+        if (((Model *)p)->initialising) advance(p, 0.0, 0.0);                                                   \
         for (size_t k = 0; k < n; k++) x[k] = ((Model *)p)->array[at[k]];                                       \
         return fmi2OK;                                                                                          \
     }
@@ -70,6 +79,7 @@ EXPORT fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference at[], 
 }
 
 EXPORT fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference at[], size_t n, fmi2String x[]) {
+    if (((Model *)p)->initialising) advance(p, 0.0, 0.0);
     for (size_t k = 0; k < n; k++) x[k] = ((Model *)p)->s[at[k]];
     return fmi2OK;
 }

@@ -21,8 +21,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchestrator.cosim.component import Component, describe
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
+from orchestrator.cosim.model_description import describe
 from orchestrator.fmu_check import fmi3
 
 OK, DISCARD, ERROR, FATAL = 0, 2, 3, 4

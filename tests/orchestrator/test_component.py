@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from conftest import build_toy
 
-from orchestrator.cosim.component import Component, ComponentFailed, unpack
+from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.program import Program, Stage
 from orchestrator.kernels.compiled import CAN_STEP
 
@@ -217,16 +218,16 @@ def test_what_is_not_an_fmu_is_refused_in_one_sentence(toy, tmp_path):
         text: "'{}' is not an FMU: it is not a zip archive",
         empty: "'{}' is not an FMU: it has no modelDescription.xml",
         changed(toy, tmp_path / "3.fmu", edit(rb'fmiVersion="2.0"', rb'fmiVersion="3.0"')): (
-            "'{}' is an FMU of FMI 3.0: only FMI 2.0 for co-simulation is run"
+            "'{}' is not an FMU: bad modelDescription.xml: "
         ),
         changed(toy, tmp_path / "1.fmu", edit(rb'fmiVersion="2.0"', rb'fmiVersion="1.0"')): (
-            "'{}' is an FMU of FMI 1.0: only FMI 2.0 for co-simulation is run"
+            "'{}' is an FMU of FMI 1.0: only FMI 2.0 and 3.0 for co-simulation are supported"
         ),
         changed(
             toy,
             tmp_path / "me.fmu",
             edit(rb"<CoSimulation .*?/>", rb'<ModelExchange modelIdentifier="Toy"/>'),
-        ): "'{}' is an FMU for model exchange: only FMI 2.0 for co-simulation is run",
+        ): "'{}' is an FMU for model exchange: only FMI 2.0 and 3.0 for co-simulation are supported",
         changed(toy, tmp_path / "xml.fmu", edit(rb"<ModelVariables>.*", b"")): (
             "'{}' is not an FMU: bad modelDescription.xml: "
         ),

@@ -162,7 +162,7 @@ def test_other_interfaces_are_not_checked(cotrack, part, kind):
     status, out, err = cotrack("check", "other.fmu")
     assert (status, out) == (2, "")
     assert f"'other.fmu' is an FMU for {kind}" in err
-    assert err.endswith(": only FMI 2.0 and 3.0 for co-simulation are checked\n")
+    assert err.endswith(": only FMI 2.0 and 3.0 for co-simulation are supported\n")
 
 
 @pytest.mark.study

@@ -143,10 +143,16 @@ def own_loop(files, folder, coupling, stage):
             converted[into] = factor * converted[into] + offset
         return converted
 
-    first, second = "ba" if stage else "ab"  # the last stage is initialised first
-    fmus[first].start()
-    fmus[second].set(given(second, fmus[first].y))
-    fmus[second].start()
+    order, before = "ba" if stage else "ab", None  # the last stage first
+    for name in order:
+        fmus[name].read()
+    while before != (before := {name: fmus[name].y for name in order}):  # until all stands still
+        for name in order:
+            fmus[name].set(given(name, fmus[peers[name]].y))
+            fmus[name].read()
+    for name in order:
+        fmus[name].set(given(name, fmus[peers[name]].y))
+        fmus[name].start()
     inputs = {name: {into: [] for into in PAIRS} for name in fmus}
     outputs = {name: {out: [fmus[name].y[out]] for out in PAIRS.values()} for name in fmus}
     past = None
@@ -200,7 +206,7 @@ def test_a_mixed_system_has_the_bits_of_an_own_loop(files, tmp_path, monkeypatch
     monkeypatch.setattr("orchestrator.cosim.coupling.scheme.CAN_STEP", way != "Python")
     if way == "threads":
         monkeypatch.setattr("orchestrator.cosim.program.WORTHWHILE", 0.0)
-        monkeypatch.setattr("orchestrator.cosim.program.spare_processors", lambda: True)
+        monkeypatch.setattr("orchestrator.cosim.program.processors", lambda: 2)
     path = tmp_path / "mixed.mcap"
     summary = simulate(scene(files, stage=stage, coupling=COUPLINGS[coupling]), path)
     assert (summary["status"], summary["message"]) == ("ok", "")

@@ -136,7 +136,7 @@ def outputs(scene, parts, graph, change=lambda name, parameters: parameters):
     )
     h, rows = 1e-3, []
     with ExitStack() as stack:
-        components = load_components(graph._replace(instances=instances), scene.run.stop, stack)
+        components = load_components(graph._replace(instances=instances), scene.run.times, stack)
         with TracksFirst(wire(graph, components)) as scheme:
             for k in range(20):
                 scheme.advance(k * h, h)

@@ -12,7 +12,7 @@ import pytest
 
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling import scheme
-from orchestrator.cosim.program import InputCopy, Program, Stage, Worker, spare_processors
+from orchestrator.cosim.program import InputCopy, Program, Stage, Worker, processors
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.execution.simulate import simulate
 from orchestrator.kernels.compiled import CAN_STEP, kernels
@@ -35,7 +35,7 @@ class Instance:
 
     def __init__(self, statuses=(0, 0, 0), inputs=3, pause=0.0):
         self.called, self.u, self.y, self.steps = [], np.zeros(inputs), np.zeros(inputs + 1), 0
-        self.given, self.time, self.barrier = np.zeros(inputs), None, None
+        self.given, self.time, self.barrier, self.is_remote = np.zeros(inputs), None, None, False
 
         def write(*given):
             self.called.append(("write", *given[:3]))
@@ -59,7 +59,7 @@ class Instance:
         self._functions = EXCHANGE(write), STEP(step), EXCHANGE(read)
         at = [cast(each, c_void_p).value for each in self._functions]
         inputs = at[0], 22, len(self.u), self.u.ctypes.data
-        call = StepCall(11, *inputs, at[1], at[2], 44, len(self.y), self.y.ctypes.data, 0.0, 0.0, 1)
+        call = StepCall(11, *inputs, at[1], at[2], 44, len(self.y), self.y.ctypes.data, 0.0, 0.0, 0.0, 1)
         self.step_call = record(call)
 
     def prepare_step(self, t):
@@ -125,13 +125,17 @@ def test_values_are_handed_over_by_their_rules():
             assert second.given[places].tobytes() == wired_inputs(rule, before[0][of], first.y[of]).tobytes()
 
 
-@pytest.mark.parametrize(("processors", "spare"), [({0}, False), ({0, 3}, True)])
-def test_one_processor_is_none_to_spare(monkeypatch, processors, spare):
-    monkeypatch.setattr("os.sched_getaffinity", lambda process: processors)
-    assert spare_processors() is spare
+@pytest.mark.parametrize(("n", "expected"), [(1, 0), (2, 1), (3, 2), (400, 2)])
+def test_threads_are_as_many_as_processors(monkeypatch, n, expected):
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: {0, 3, 4})
+    made = []
+    monkeypatch.setattr("orchestrator.cosim.program.Worker", lambda: made.append(Worker()) or made[-1])
+    program = program_of(([Instance() for _ in range(n)], []))
+    assert len(made) == expected
+    program.close()
 
 
-@pytest.mark.skipif(not spare_processors(), reason="needs a second processor")
+@pytest.mark.skipif(processors() < 2, reason="needs a second processor")
 @pytest.mark.parametrize("failing", [None, 0, 1])
 def test_a_stage_steps_at_once_and_every_failure_is_heard(failing):
     pair = [Instance((0, 3 * (k == failing), 0), pause=1e-3) for k in range(2)]
@@ -185,7 +189,7 @@ def test_a_worker_sleeps_without_a_task_and_wakes_with_the_next(worker):
     assert len(one.called) == 9
 
 
-@pytest.mark.skipif(not spare_processors(), reason="needs a second processor")
+@pytest.mark.skipif(processors() < 2, reason="needs a second processor")
 def test_a_task_that_no_worker_begins_is_done_by_who_waits():
     """A task that no worker begins is done by the thread that waits; here the worker has ended."""
     pair = [Instance(), Instance()]

@@ -81,7 +81,9 @@ def test_a_copy_of_our_own_drive_gives_the_same_records(tmp_path, cotrack):
     assert runs["own"][1]["parameters"] == runs["replaced"][1]["parameters"]
     assert runs["own"][1]["sha256"] == runs["replaced"][1]["sha256"]
     assert runs["replaced"][1]["fmu"] == "MyDrive.fmu"
-    assert runs["replaced"][2]["fmu"] == {"drive": {"file": str(tmp_path / "MyDrive.fmu"), "parameters": {}}}
+    assert runs["replaced"][2]["fmu"] == {
+        "drive": {"file": str(tmp_path / "MyDrive.fmu"), "parameters": {}, "in_process": False, "non_finite": "fail"}
+    }
     assert "fmu" not in runs["own"][2]
 
 
@@ -354,9 +356,10 @@ class Said:
         (
             3,
             "failed",
-            "drive: fmi2DoStep returned before it was done (fmi2Pending): asynchronous steps are not supported",
+            "drive: fmi2DoStep returned before it was done (fmi2Pending): asynchronous steps are not supported"
+            " (fmi2DoStep, t = 0.02 s)",
         ),
-        (4, "failed", "drive: fmi2DoStep failed with FMI status 3"),
+        (4, "failed", "drive: fmi2DoStep failed with FMI status 3 (fmi2DoStep, t = 0.02 s)"),
     ],
 )
 def test_a_step_that_is_not_done(drive, tmp_path, monkeypatch, manner, status, message, python):
@@ -430,7 +433,7 @@ def test_what_is_no_fmu_for_this_machine_is_refused(drive, tmp_path):
     cases = {
         tmp_path / "none.fmu": "there is no FMU ",
         tmp_path / "text.fmu": "is not an FMU: it is not a zip archive",
-        packed("3.fmu", ("modelDescription.xml", description.replace(b'"2.0"', b'"3.0"'))): "is an FMU of FMI 3.0",
+        packed("3.fmu", ("modelDescription.xml", description.replace(b'"2.0"', b'"3.0"'))): "bad modelDescription.xml",
         packed("bare.fmu", (library, None)): "has no binary for ",
         packed("twice.fmu", ("modelDescription.xml", description.replace(b'"angle"', b'"speed"'))): (
             "has a variable 'speed', and there is another one of that name in its log"

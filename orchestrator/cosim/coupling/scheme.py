@@ -55,7 +55,7 @@ class Scheme:
         self._threads = threads
         self._program: Program | None = None
         self.row_writer: RowWriter | None = None  # memory for the rows of a batch of steps
-        self._failure: ComponentFailed | None = None  # of the step after the last batch
+        self.failure: ComponentFailed | None = None  # of the step after the last batch, raised by the next one
         self._seconds = math.inf  # wall time of a step
 
     def __enter__(self) -> Scheme:
@@ -114,17 +114,17 @@ class Scheme:
         short time; their rows are then in the pages of the log. Errors are those of ``advance``; an error in a batch
         is raised by the next call, after the completed steps have been returned.
         """
-        if self._failure is not None:
-            raise self._failure
+        if self.failure is not None:
+            raise self.failure
         start = perf_counter()
         done, n = 1, min(n, self.row_writer.room if self.row_writer else 1, int(LONGEST_BATCH / self._seconds))
         if n > 1 and self._program is not None and self.row_writer is not None and self._all_compiled:
             now = self._outputs()
             done = self._program.step_batch(self.row_writer, k, n, h)
             if done < n:
-                self._failure = self._program.failure()
+                self.failure = self._program.failure()
             if not done:
-                raise self._failure or AssertionError
+                raise self.failure or AssertionError
             older = h if done > 1 else self.past.last
             self.past = Past(self.row_writer.outputs(done - 2) if done > 1 else now, h, older)
         else:

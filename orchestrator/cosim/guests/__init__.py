@@ -1,0 +1,1 @@
+"""FMUs that are not ours, each in a process of its own, which cannot harm that of the run."""

@@ -1,0 +1,240 @@
+"""Rooms: processes of FMUs that are not ours, and the thread that watches their calls.
+
+A call goes over a socket; inputs and outputs of a step are in shared memory. A guest may end, hang, print, change its
+folder or its rounding mode: the run gets a status Fatal with a sentence, and its own process stays as it is. Instances
+of one FMU share a process only when there are more than ``MOST`` of them.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, suppress
+from mmap import ALLOCATIONGRANULARITY, mmap
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.cosim.guests import packets
+
+MOST = 64  # processes of one run
+PERIOD = 0.1  # s between two looks at calls that take long
+GRACE = 1.0  # s that a call may still take after an interruption
+PATIENCE = 4.0  # s of a call until it is told, then twice as long each time
+CLOSING = 2.0  # s that a process may take to end
+LAST_LINES = 5  # printed lines that a sentence about the end of a process may quote
+FATAL, ERROR = 4, 3  # FMI status
+ROOT = Path(__file__).resolve().parents[3]
+
+
+class Wanted(NamedTuple):
+    """Instance that is to have a room."""
+
+    name: str
+    fmu: Path
+    alone: bool  # its FMU can be instantiated once per process
+    limit: float  # s, longest call
+
+
+Doing = tuple[str, float | None]  # function, time of the FMU, s
+Reply = tuple[int, str, Any, list[tuple[int, str, str]]]  # status, function that failed, value, messages
+
+
+def words(doing: Doing) -> str:
+    """Name of a call, with its time."""
+    function, t = doing
+    return function if t is None else f"{function} at t = {t:.6g} s"
+
+
+class Room:
+    """Process with instances of one FMU. Calls come from one thread at a time."""
+
+    def __init__(self, name: str, limit: float) -> None:
+        self.name, self.limit = name, limit
+        self.began = 0.0  # s, monotonic time at which the present call began; 0: none
+        self.doing: Doing = "", None  # call that is waited for
+        self.ended = ""  # words on the end of the process
+        self.printed: deque[str] = deque(maxlen=LAST_LINES)
+        self.hear: Callable[[int, str, str], None] = lambda status, text, category: None
+        self._instances = self._open = 0
+        self._doing: dict[int, Doing] = {}  # by instance
+        self._replies: dict[int, Reply] = {}  # that nobody has waited for yet
+        self._memory, self._size = TemporaryFile(), 0  # noqa: SIM115 (closed with the room)
+        ours, theirs = packets.pair()
+        inherited = theirs.fileno(), self._memory.fileno()
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "orchestrator.cosim.guests.process", *map(str, inherited)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            pass_fds=inherited,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, sys.path)])},
+            start_new_session=True,  # signals of the terminal come to the run alone
+        )
+        theirs.close()
+        self._connection = ours
+        self._listener = threading.Thread(target=self._listen, name="guest", daemon=True)
+        self._listener.start()
+
+    def _listen(self) -> None:
+        """Hear what the process prints."""
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            text = line.decode("utf-8", "replace").rstrip()
+            if text:
+                self.printed.append(text)
+                self.hear(0, text, "printed")
+
+    def enter(self) -> int:
+        """Return the number of a new instance."""
+        self._instances += 1
+        self._open += 1
+        return self._instances
+
+    def memory(self, n: int) -> tuple[NDArray[np.float64], int]:
+        """Return n shared doubles, 0, and their place."""
+        place = self._size
+        self._size += max(-(-8 * n // ALLOCATIONGRANULARITY), 1) * ALLOCATIONGRANULARITY
+        self._memory.truncate(self._size)
+        shared = mmap(self._memory.fileno(), self._size - place, offset=place)
+        return np.frombuffer(shared, np.float64, n), place
+
+    def post(self, number: int, doing: Doing, *request: Any) -> None:
+        """Send a call of an instance; ``doing``: for sentences."""
+        self._doing[number] = doing
+        if not self.ended:
+            try:
+                packets.send(self._connection, (number, *request))
+            except OSError:
+                self._end(doing)
+
+    def take(self, number: int) -> Reply:
+        """Wait for the reply to an instance."""
+        self.doing = self._doing[number]
+        self.began = time.monotonic()
+        try:
+            while number not in self._replies and not self.ended:
+                whose, *reply = packets.receive(self._connection)
+                self._replies[whose] = tuple(reply)
+        except (OSError, EOFError):
+            self._end(self.doing)
+        except BaseException:  # the reply of this call would be taken for that of the next one
+            self.stop("was interrupted")
+            raise
+        finally:
+            self.began = 0.0
+        return self._replies.pop(number, None) or (FATAL, self.doing[0], None, [(FATAL, self.ended, "")])
+
+    def _end(self, doing: Doing) -> None:
+        """Say how the process has ended, in the call ``doing``."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(CLOSING)
+        self._listener.join(CLOSING)
+        code = self._process.poll()
+        if not self.ended:
+            how = f"by {signal.Signals(-code).name}" if code and code < 0 else f"with exit status {code}"
+            said = f": {self.printed[-1]}" if self.printed else ""
+            self.ended = f"its process has ended {how} in {words(doing)}{said}"
+
+    def stop(self, why: str) -> None:
+        """End the process in the middle of a call; ``why``: words behind the name of the call."""
+        if not self.ended:
+            self.ended = f"{words(self.doing)} {why}"
+        self._process.kill()
+
+    def leave(self) -> None:
+        """Note that an instance is freed; the process ends with its last one."""
+        self._open -= 1
+        if not self._open:
+            self.close()
+
+    def close(self) -> None:
+        """End the process."""
+        self._connection.close()
+        try:
+            self._process.wait(CLOSING)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._listener.join(CLOSING)
+        self._memory.close()
+
+
+class Rooms(AbstractContextManager["Rooms"]):
+    """Rooms of a run, and the thread that watches their calls.
+
+    :param signals: returns the number of interrupting signals so far.
+    :param say: receives a line about a call that takes long.
+    """
+
+    def __init__(self, signals: Callable[[], int] = lambda: 0, say: Callable[[str], None] = lambda line: None) -> None:
+        self._signals, self._say = signals, say
+        self._rooms: list[Room] = []
+        self._closed = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def open(self, wanted: Sequence[Wanted]) -> dict[str, Room]:
+        """Start the processes of instances, all at once; raises ComponentFailed if they are too many."""
+        sharing = {each.fmu for each in wanted if not each.alone}
+        needed = sum(each.alone for each in wanted) + len(sharing)
+        if needed > MOST:
+            raise ComponentFailed(
+                f"{needed} FMUs need processes of their own, and a run has at most {MOST}: set in_process = true"
+            )
+        free = MOST - needed
+        rooms: dict[str, Room] = {}
+        by_fmu: dict[Path, list[Room]] = {}
+        for each in wanted:
+            shared = by_fmu.setdefault(each.fmu, [])
+            if each.alone or not shared or free:
+                free -= bool(shared) and not each.alone
+                rooms[each.name] = room = Room(each.name, each.limit)
+                self._rooms.append(room)
+                if not each.alone:
+                    shared.append(room)
+            else:
+                rooms[each.name] = room = shared.pop(0)
+                shared.append(room)
+        if rooms and self._thread is None:
+            self._thread = threading.Thread(target=self._watch, name="guests", daemon=True)
+            self._thread.start()
+        return rooms
+
+    def __exit__(self, *ended: object) -> None:
+        self._closed.set()
+        if self._thread is not None:
+            self._thread.join()
+        for room in self._rooms:
+            room.close()
+
+    def _watch(self) -> None:
+        signals, since = self._signals(), 0.0
+        told: dict[Room, float] = {}
+        while not self._closed.wait(PERIOD):
+            now = time.monotonic()
+            count = self._signals()
+            if count > signals and not since:
+                since = now
+            for room in self._rooms:
+                began = room.began
+                if not began:
+                    told.pop(room, None)
+                    continue
+                waited = now - began
+                if since and (now - since > GRACE or count > signals + 1):
+                    room.stop("was interrupted")
+                elif waited > room.limit:
+                    room.stop(f"has not returned within {room.limit:g} s")
+                elif waited > told.get(room, PATIENCE):
+                    told[room] = 2.0 * waited
+                    self._say(f"{room.name}: {words(room.doing)} has not returned for {waited:.0f} s")

@@ -1,0 +1,141 @@
+"""Model description of an FMU, as FMPy reads it; variables of FMI 3.0 become those of FMI 2.0, as far as they can.
+
+| FMI 3.0 | FMI 2.0 |
+| --- | --- |
+| Float64, Float32 | Real |
+| Int8 to Int32, UInt8, UInt16 | Integer |
+| Int64, UInt32, UInt64 | Integer, for values of 32 bits |
+| Boolean, String, Enumeration | the same |
+| Binary, Clock | left out |
+| an array | its elements, called x[1], x[2], or x[1,2], of an array of fixed size |
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import attrs
+import numpy as np
+from fmpy import read_model_description
+from fmpy.model_description import ModelVariable
+
+from orchestrator.cosim import fmi2_library, fmi3_library
+from orchestrator.cosim.fmu_files import DESCRIPTION, unpack
+from orchestrator.cosim.graph import ComponentFailed
+
+Elements = Sequence[tuple[int, str, int, int]]  # value reference, type, size and place in its array
+LIBRARIES: dict[str, ModuleType] = {"2.0": fmi2_library, "3.0": fmi3_library}  # by the version of FMI
+KINDS = {"Float64": "Real", "Float32": "Real"} | {
+    f"{sign}Int{bits}": "Integer" for sign in ("", "U") for bits in (8, 16, 32, 64)
+}
+KINDS |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
+MOST_ELEMENTS = 100_000  # scalars of an FMU of FMI 3.0
+
+
+class BadDescription(ComponentFailed):
+    """The modelDescription.xml of an FMU cannot be read."""
+
+
+def describe(fmu: Path, versions: Collection[str] = ("2.0",)) -> tuple[Path, Any]:
+    """Unpack a co-simulation FMU of these versions of FMI; return its folder and its description.
+
+    Raises ComponentFailed.
+    """
+    folder = unpack(Path(fmu))
+    return folder, _description(folder, fmu, versions)
+
+
+class Loadable(NamedTuple):
+    """FMU that can be loaded here."""
+
+    folder: Path
+    description: Any  # with the variables of FMI 2.0
+    elements: Elements = ()  # of FMI 3.0: what each value reference of the description stands for
+
+
+def loadable(fmu: Path) -> Loadable:
+    """Unpack an FMU that can be loaded here; raises ComponentFailed."""
+    folder, description = describe(fmu, LIBRARIES)
+    require_binary(folder, description, fmu)
+    try:
+        return _of_scalars(folder, _content(folder)) if is_fmi3(description) else Loadable(folder, description)
+    except ValueError as error:
+        raise ComponentFailed(f"'{fmu}' has {error}") from None
+
+
+def require_binary(folder: Path, description: Any, fmu: Path) -> None:
+    """Raise ComponentFailed for an FMU without a library for this platform."""
+    library = LIBRARIES[description.fmiVersion[:3]].binary(folder, description.coSimulation.modelIdentifier)
+    if not library.is_file():
+        raise ComponentFailed(f"'{fmu}' has no binary for {library.parent.name}")
+
+
+def is_fmi3(description: Any) -> bool:
+    """Whether a description is one of FMI 3.0."""
+    return str(description.fmiVersion).startswith("3.")
+
+
+def _description(folder: Path, fmu: Path, versions: Collection[str]) -> Any:
+    content = _content(folder)
+    head = content[:2000].decode("utf-8", "replace")
+    version = re.search(r"""fmiVersion\s*=\s*["']([^"']*)""", head)
+    supported = f"only FMI {' and '.join(LIBRARIES)} for co-simulation are supported"
+    if version and version[1] not in versions:
+        raise ComponentFailed(f"'{fmu}' is an FMU of FMI {version[1]}: {supported}")
+    try:
+        description = _parsed(folder, content)
+    except Exception as error:
+        raise BadDescription(f"'{fmu}' is not an FMU: bad modelDescription.xml: {error}") from None
+    if description.coSimulation is None:
+        other = "scheduled execution" if description.modelExchange is None else "model exchange"
+        raise ComponentFailed(f"'{fmu}' is an FMU for {other}: {supported}")
+    return description
+
+
+def _content(folder: Path) -> bytes:
+    with suppress(OSError):
+        return (folder / DESCRIPTION).read_bytes()
+    return b""
+
+
+@lru_cache(maxsize=16)
+def _parsed(folder: Path, content: bytes) -> Any:
+    """Description in the ``folder`` of an FMU, once for all its instances; ``content``: its bytes, the cache's key."""
+    return read_model_description(str(folder), validate=False)
+
+
+@lru_cache(maxsize=16)
+def _of_scalars(folder: Path, content: bytes) -> Loadable:
+    """FMU of FMI 3.0 with the variables of FMI 2.0; raises ValueError if they are too many."""
+    description, elements = _parsed(folder, content), list[tuple[int, str, int, int]]()
+    scalars = [
+        scalar
+        for variable in description.modelVariables
+        if variable.type in KINDS and variable.causality != "independent"
+        for scalar in _scalars(variable, elements)
+    ]
+    return Loadable(folder, attrs.evolve(description, modelVariables=scalars), tuple(elements))
+
+
+def _scalars(variable: Any, elements: list[tuple[int, str, int, int]]) -> Iterator[ModelVariable]:
+    shape = tuple(variable.shape or ())
+    size = math.prod(shape)
+    if len(elements) + size > MOST_ELEMENTS:
+        raise ValueError(f"more than {MOST_ELEMENTS} variables and elements of arrays")
+    starts = str(variable.start).split() if shape and variable.type != "String" else [variable.start]
+    starts = starts if len(starts) == size else starts[:1] * size
+    for place, (at, start) in enumerate(zip(np.ndindex(*shape), starts, strict=True)):
+        name = f"{variable.name}[{','.join(str(k + 1) for k in at)}]" if shape else variable.name
+        reference = len(elements)
+        elements.append((variable.valueReference, variable.type, size, place))
+        start = None if start == "None" else start
+        yield attrs.evolve(
+            variable, name=name, valueReference=reference, type=KINDS[variable.type], shape=None, start=start
+        )
