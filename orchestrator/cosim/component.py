@@ -418,7 +418,7 @@ class Component(AbstractContextManager["Component"]):
             if value != (constant if isinstance(value, str) else float(constant)):
                 raise ComponentFailed(f"{self.name}: '{name}' = {value}: it is a constant of this FMU, {constant}")
             return
-        if name not in self.parameters:
+        if name not in self.parameters and not self._has_start(name):
             near = difflib.get_close_matches(name, self.parameters, 1)
             hint = f" (did you mean '{near[0]}'?)" if near else ""
             raise ComponentFailed(f"{self.name}: there is no parameter '{name}'{hint}")
@@ -426,8 +426,17 @@ class Component(AbstractContextManager["Component"]):
         setter, c_type, allowed = SETTERS[variable.type]
         if not isinstance(value, allowed) or isinstance(value, bool) != (variable.type == "Boolean"):
             raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: must be of type {variable.type}")
+        if name in self.inputs and variable.type != "String":
+            k, (factor, offset) = self.inputs.index(name), self.conversions.get(name, UNCHANGED)
+            self.u[k], self.received[k] = value, (float(value) - offset) / factor
+            return
         content = (c_type * 1)(value.encode() if isinstance(value, str) else value)
         self._call(getattr(self._library, setter), (c_uint * 1)(variable.valueReference), 1, content)
+
+    def _has_start(self, name: str) -> bool:
+        """Whether a start value of a variable that is no parameter may be set (FMI 2.0.4, section 2.2.7)."""
+        variable = self._variables.get(name)
+        return variable is not None and (variable.causality == "input" or variable.initial in ("exact", "approx"))
 
     def write(self) -> None:
         """Set the FMU's inputs from ``u``, or from ``received`` if some are converted."""

@@ -28,7 +28,7 @@ class FmuTable(FrozenTable):
     file: Annotated[str, Field(pattern=r"^[^\x00]+$"), AfterValidator(_absolute)]
     """FMU for co-simulation (FMI 2.0 or 3.0); its path is relative to the scene file"""
     parameters: dict[str, Value] = Field(default_factory=dict)
-    """parameters of the FMU by their names; it gets those of the part too, if it has them"""
+    """parameters of the FMU by their names, and start values of its inputs; it gets those of the part too"""
     in_process: bool = False
     """an FMU that cotrack has not built runs in the process of the run, where it can do harm, not in one of its own"""
     call_limit: Annotated[float, In("s", gt=0)] | None = None

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from fmus.vehicle import BadInput, path_text, value_text
-from orchestrator.cosim.base_units import unit_of
-from orchestrator.cosim.component import ComponentFailed, description_of
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
+from orchestrator.scene.archive.structure import Structure, read_structure
 from orchestrator.scene.assembly import Assembly, assemble
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.gallery import hint
@@ -19,12 +19,12 @@ from orchestrator.scene.pair import Pair
 from orchestrator.scene.scene import Scene, changed_scene, from_table, load_any
 from orchestrator.scene.settings import pairs
 from orchestrator.scene.ssp import SCENE
-from orchestrator.scene.structure_reader import Structure, read_structure
 from orchestrator.scene.system_scene import SystemScene
 
 ENDING = ".ssp"
 OPEN = "run", "expect", "fmu", "title", "name"  # tables and keys of a scene that an archive leaves open
-STEP = 1e-3  # s, communication step of a system that is not ours: an archive does not say one
+STEP = 1e-3  # s, longest communication step of a system that is not ours: an archive does not say one
+ROUNDING = 1e-9  # of a number of steps
 
 
 def load_runnable(scene: str, track: str | None, settings: Sequence[str] | Mapping[str, Any]) -> SystemScene:
@@ -45,7 +45,8 @@ def load_ssp(file: Path, track: str | None, settings: Sequence[str] | Mapping[st
         if key.partition(".")[0] not in OPEN:
             raise BadInput(f"{where}: {key}: the FMUs of an archive are as they are: set {', '.join(OPEN[:3])} alone")
     structure = read_structure(file)
-    _require_units(structure, where)
+    for sentence in structure.ignored:
+        logging.getLogger("cotrack").warning("%s", sentence)
     scene = _own_scene(structure, where)
     table = _free_table(structure) if scene is None else scene.resolved()
     changed = changed_scene(table, settings, where)
@@ -55,33 +56,19 @@ def load_ssp(file: Path, track: str | None, settings: Sequence[str] | Mapping[st
     return changed.read_from(where, dict(pairs(settings)))
 
 
-def _require_units(structure: Structure, where: str) -> None:
-    """Raise BadInput for units that are not those by which values are converted, the units of the variables."""
-    units: dict[tuple[str, str], str] = {}
-    for name, file in structure.fmus.items():
-        try:
-            units |= {(name, variable.name): unit_of(variable) for variable in description_of(file).modelVariables}
-        except ComponentFailed as failure:
-            raise BadInput(f"{where}: {name}: {failure}") from None
-    for (name, connector), unit in structure.units.items():
-        given = units.get((name, connector))
-        if given and given != unit:
-            about = f"connector '{name}.{connector}' has the unit '{unit}', and its variable '{given}'"
-            raise BadInput(f"{where}: {about}: both must have one unit")
-    for pair in structure.unconverted:
-        ends = units.get((pair.source, pair.output)), units.get((pair.target, pair.into))
-        if all(ends) and ends[0] != ends[1]:
-            about = f"'{pair}' with suppressUnitConversion, from '{ends[0]}' to '{ends[1]}'"
-            raise BadInput(f"{where}: {about}: units are always converted")
-
-
 def _free_table(structure: Structure) -> dict[str, Any]:
     """Table of a free system."""
+    run = {"step": STEP}
+    if structure.start:
+        run["start"] = structure.start
+    if structure.stop is not None:
+        duration = structure.stop - structure.start
+        run |= {"stop": duration, "step": duration / math.ceil(duration / STEP * (1.0 - ROUNDING))}
     return {
         "name": structure.name,
         "title": structure.title,
         "assembly": "fmus",
-        "run": {"step": STEP, **({} if structure.stop is None else {"stop": structure.stop})},
+        "run": run,
         "fmu": {
             name: {"file": str(file), "parameters": structure.values[name]} for name, file in structure.fmus.items()
         },

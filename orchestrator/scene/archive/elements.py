@@ -1,0 +1,172 @@
+"""Elements of an archive: systems in systems, components, signal dictionaries, and their connectors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element as Node
+
+from fmus.vehicle import BadInput, value_text
+from orchestrator.cosim.base_units import BaseUnit, base_unit, unit_of
+from orchestrator.cosim.component import description_of
+from orchestrator.cosim.fmu_files import unpack
+from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.scene.archive.document import Place, child, children, content, document, inside, local, units_of
+
+DOCUMENT_NAME = "SystemStructure.ssd"
+FMU, DEFINITION, PACKAGE = (f"application/x-{kind}" for kind in ("fmu-sharedlibrary", "ssp-definition", "ssp-package"))
+DEEPEST = 32  # levels of systems
+SOURCES, SINKS = ("output", "calculatedParameter"), ("input", "parameter", "structuralParameter")
+
+
+class Connector(NamedTuple):
+    """Connector of an element."""
+
+    kind: str  # input, output, parameter, calculatedParameter; empty: that of a dictionary, which is both
+    unit: str  # empty: none
+
+
+@dataclass(eq=False)
+class Element:
+    """Component, system or signal dictionary of the flat system."""
+
+    path: str  # names from the outermost system on, with dots
+    place: Place
+    node: Node
+    units: Mapping[str, BaseUnit]  # of its document
+    connectors: dict[str, Connector] = field(default_factory=dict)
+    elements: dict[str, Element] = field(default_factory=dict)  # of a system
+    dictionaries: dict[str, Element] = field(default_factory=dict)  # of a system
+    bindings: list[Node] = field(default_factory=list)
+    fmu: Path | None = None  # of a component
+    description: Any = None  # of its FMU
+    variables: Mapping[str, Any] = field(default_factory=dict)
+
+    def connector(self, name: str) -> Connector | None:
+        """Connector by its name; a variable of an FMU that is none is one too."""
+        known = self.connectors.get(name)
+        variable = self.variables.get(name)
+        if variable is None:
+            return known if self.fmu is None else None
+        unit = unit_of(variable)
+        if known is None:
+            return Connector(variable.causality, unit)
+        if known.unit and unit and known.unit != unit:
+            about = f"connector '{self.path}.{name}' has the unit '{known.unit}', and its variable '{unit}'"
+            raise BadInput(f"{self.place.where}: {about}: both must have one unit")
+        return Connector(
+            variable.causality if variable.causality in (*SOURCES, *SINKS) else known.kind, known.unit or unit
+        )
+
+    def base(self, name: str, unit: str) -> BaseUnit | None:
+        """Unit of a connector in base units, by its FMU or by the archive; None if neither defines it."""
+        variable = self.variables.get(name)
+        own = base_unit(self.description, variable) if variable is not None and unit_of(variable) == unit else None
+        return own or self.units.get(unit)
+
+
+def read_system(node: Node, path: str, place: Place, units: Mapping[str, BaseUnit], depth: int = 0) -> Element:
+    """Read a system with all that is in it; raises BadInput."""
+    if depth > DEEPEST:
+        raise BadInput(f"{place.where}: systems are nested more than {DEEPEST} deep")
+    system = Element(path, place, node, units, _connectors(node))
+    system.bindings = [*children(node, "ParameterBindings", "ParameterBinding")]
+    for one in children(node, "SignalDictionaries", "SignalDictionary"):
+        system.dictionaries[one.get("name", "")] = _dictionary(one, system)
+    for one in (inner for elements in children(node, "Elements") for inner in elements):
+        kind = local(one)
+        if kind not in ("System", "Component", "SignalDictionaryReference"):
+            continue  # annotations
+        name = _name(one, place)
+        if name in system.elements:
+            raise BadInput(f"{place.where}: two elements of '{path or 'the system'}' are called {value_text(name)}")
+        inner_path = f"{path}.{name}" if path else name
+        if kind == "System":
+            system.elements[name] = read_system(one, inner_path, place, units, depth + 1)
+        elif kind == "Component":
+            system.elements[name] = _component(one, inner_path, place, units, depth)
+        else:
+            system.elements[name] = Element(inner_path, place, one, units)  # joined to its dictionary later
+    return system
+
+
+def _name(node: Node, place: Place) -> str:
+    name = node.get("name", "")
+    if not name or set(name) & set("./\\") or not name.isprintable():
+        raise BadInput(
+            f"{place.where}: an element is called {value_text(name)}: its name must have no dot and no slash"
+        )
+    return name
+
+
+def _connectors(node: Node) -> dict[str, Connector]:
+    found = {}
+    for one in children(node, "Connectors", "Connector"):
+        kind = next((inner for inner in one if inner.get("unit")), None)
+        found[one.get("name", "")] = Connector(one.get("kind", ""), "" if kind is None else kind.get("unit", ""))
+    return found
+
+
+def _dictionary(node: Node, system: Element) -> Element:
+    name = node.get("name", "")
+    entries = content(node, "SignalDictionary", system.place.at(name)) if node.get("source") else node
+    made = Element(f"{system.path}.{name}" if system.path else name, system.place, node, system.units)
+    for one in () if entries is None else entries.iter():
+        if local(one) == "DictionaryEntry":
+            kind = next((inner for inner in one if inner.get("unit")), None)
+            made.connectors[one.get("name", "")] = Connector("", "" if kind is None else kind.get("unit", ""))
+    return made
+
+
+def _component(node: Node, path: str, place: Place, units: Mapping[str, BaseUnit], depth: int) -> Element:
+    """An FMU, or the system of another document in its place."""
+    here = place.at(path)
+    kind, use = node.get("type") or FMU, node.get("implementation", "any")
+    bindings = [*children(node, "ParameterBindings", "ParameterBinding")]
+    if kind in (DEFINITION, PACKAGE):
+        file = inside(node.get("source", ""), here)
+        root, inner = opened(file, here.where) if kind == PACKAGE else (document(file, here.where), place)
+        system = system_of(root, here.where)
+        made = read_system(system, path, inner._replace(where=here.where), units_of(root) | dict(units), depth + 1)
+        made.bindings += bindings
+        return made
+    if kind != FMU or use not in ("any", "CoSimulation"):
+        raise BadInput(
+            f"{here.where}: a component of type {value_text(kind)}, {use}: only FMUs for co-simulation are run"
+        )
+    made = Element(path, here, node, units, _connectors(node), bindings=bindings)
+    made.fmu = inside(node.get("source", ""), here)
+    try:
+        made.description = description_of(made.fmu)
+    except ComponentFailed as failure:
+        raise BadInput(f"{here.where}: {failure}") from None
+    made.variables = {variable.name: variable for variable in made.description.modelVariables}
+    return made
+
+
+def opened(file: Path, where: str) -> tuple[Node, Place]:
+    """Unpack an archive; return the root of its document, and its place. Raises BadInput."""
+    try:
+        folder = unpack(file, DOCUMENT_NAME, "SSP archive")
+    except ComponentFailed as failure:
+        raise BadInput(str(failure)) from None
+    return document(folder / DOCUMENT_NAME, f"{where}: {DOCUMENT_NAME}"), Place(folder, where)
+
+
+def system_of(root: Node, where: str) -> Node:
+    """System of a document; raises BadInput."""
+    system = child(root, "System")
+    if system is None:
+        raise BadInput(f"{where}: {DOCUMENT_NAME} has no system")
+    return system
+
+
+def components(system: Element) -> Iterator[Element]:
+    """All components of a system and of those in it."""
+    for element in system.elements.values():
+        if element.fmu is not None:
+            yield element
+        else:
+            yield from components(element)
