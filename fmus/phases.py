@@ -79,8 +79,9 @@ def refused_step(t: float, h: float, now: float, stop: float, start: float) -> s
     ``now``: end of the last step or start time, NaN before a first step without one; ``stop``: stop time or NaN;
     ``start``: start time, or NaN.
     """
-    slack = RESOLUTION * max(1.0, abs(t - start)) + ROUNDING * abs(t)  # max takes 1.0 beside NaN
-    if not (math.isfinite(t) and math.isfinite(h) and h >= slack):
+    shortest = RESOLUTION * max(1.0, abs(t - start))  # max takes 1.0 beside NaN
+    slack = shortest + ROUNDING * abs(t)
+    if not (math.isfinite(t) and math.isfinite(h) and h >= shortest):
         return format_sentence(SHORT, (t, h))
     if abs(t - now) > slack:
         return format_sentence(JUMP, (t, now))

@@ -292,7 +292,7 @@ KEYS: dict[str, Acts] = {
 }
 # Duration, recording, checks, limits and what only views show: they must not change any computed value.
 APART = (
-    "run.stop", "run.outputs", "run.links", "run.checkpoints", "expect.*", "vehicle.tensioner.travel",
+    "run.start", "run.stop", "run.outputs", "run.links", "run.checkpoints", "expect.*", "vehicle.tensioner.travel",
     "vehicle.return_roller.width", "vehicle.longest_step",
 )  # fmt: skip
 # Keys of [track] that are no numbers: tests/regression/runs.py has runs with each choice.

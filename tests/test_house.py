@@ -30,11 +30,11 @@ STOREYS = (
     ("interface",),
     ("cli",),
 )
-# Modules that run any FMI 2.0 co-simulation FMU and depend on no FMU of the project.
+# Modules that run any co-simulation FMU and depend on no FMU of the project.
 GENERIC = [
     *(
         file.relative_to(ORCHESTRATOR).as_posix()
-        for place in ("files", "kernels", "cosim/coupling", "log", "fmu_check")
+        for place in ("files", "kernels", "cosim/coupling", "cosim/guests", "log", "fmu_check")
         for file in sorted((ORCHESTRATOR / place).glob("*.py"))
         if file.name not in ("recorded_system.py", "tools.py")  # a log's system.json as the project writes it
     ),
@@ -44,7 +44,10 @@ GENERIC = [
             "interval_statistics",
             "base_units",
             "component",
+            "fmi2_library",
+            "fmi3_library",
             "fmu_files",
+            "model_description",
             "component_warnings",
             "graph",
             "mixed_exchange",

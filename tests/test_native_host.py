@@ -16,7 +16,8 @@ from vehicle_in_process import InProcess
 from fmus.build import build_all
 from fmus.native.link import compiler
 from fmus.native.platform import LINUX, WINDOWS
-from orchestrator.cosim.component import Component, unpack
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load

@@ -211,8 +211,9 @@ static Status advance(Instance *c, double t, double h) {
     int64_t failed = 0;
     struct raised *e = 0;
     char text[LONGEST];
-    double run = fabs(t - c->start), slack = RESOLUTION * (run > 1.0 ? run : 1.0) + ROUNDING * fabs(t); /* no libm */
-    if (!(isfinite(t) && isfinite(h) && h >= slack)) return refuse_with(c, STEP_REFUSED[0], t, h);
+    double run = fabs(t - c->start), shortest = RESOLUTION * (run > 1.0 ? run : 1.0); /* fmax would need libm */
+    double slack = shortest + ROUNDING * fabs(t);
+    if (!(isfinite(t) && isfinite(h) && h >= shortest)) return refuse_with(c, STEP_REFUSED[0], t, h);
     if (fabs(t - d->now) > slack) return refuse_with(c, STEP_REFUSED[1], t, d->now);
     if (t + h - c->stop > slack) return refuse_with(c, STEP_REFUSED[2], t + h, c->stop);
     if (!finite(d->value, N_INPUT) && not_finite(c, 0, d->value, N_INPUT, "input", "@", t)) {

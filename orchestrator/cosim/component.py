@@ -1,4 +1,4 @@
-"""Component: a loaded FMI 2.0 co-simulation FMU, called through fmpy with preallocated arrays.
+"""Component: a loaded co-simulation FMU, called through fmpy with preallocated arrays.
 
 The module is longer than 400 lines because all calls of an instance share its handle, arrays and phase: they are the
 methods of one class.
@@ -119,7 +119,7 @@ class Component(AbstractContextManager["Component"]):
         self._messages: list[tuple[int, str]] = []
         self._warnings = WarningList(name)
         self._clock = np.zeros(1)  # s from the start of the run, beginning of the last step
-        self._start = 0.0  # s, time of the FMU at the start of the run
+        self.start_time = 0.0  # s, time of the FMU at the start of the run
         self._states: list[ComponentState] = []
         self.start_inputs: dict[str, float] = {}  # inputs given before the start, by name
         self._mixed: MixedExchange | None = None
@@ -360,7 +360,7 @@ class Component(AbstractContextManager["Component"]):
     # -------------------------------------------------------------- initialisation and steps
 
     def initialise(
-        self, parameters: Mapping[str, float | int | str], start: float = 0.0, stop: float | None = None
+        self, parameters: Mapping[str, float | int | str], start: float | None = None, stop: float | None = None
     ) -> None:
         """Set parameters, initialise with the inputs in ``u`` and read all outputs; times of the FMU in s.
 
@@ -369,13 +369,16 @@ class Component(AbstractContextManager["Component"]):
         self.enter(parameters, start, stop)
         self.leave_initialisation()
 
-    def enter(self, parameters: Mapping[str, float | int | str], start: float = 0.0, stop: float | None = None) -> None:
+    def enter(
+        self, parameters: Mapping[str, float | int | str], start: float | None = None, stop: float | None = None
+    ) -> None:
         """Set parameters and enter initialisation mode, as ``initialise`` does."""
         if self._phase != "instantiated":
             self._call(self._library.fmi2Reset)
             self._phase = "instantiated"
             self._warnings = WarningList(self.name)
-        self._start, self._clock[0] = start, 0.0
+        self.start_time, self._clock[0] = self.start_time if start is None else start, 0.0
+        start = self.start_time
         for name, value in parameters.items():
             self._set_parameter(name, value)
         fmu = self._library
@@ -448,7 +451,7 @@ class Component(AbstractContextManager["Component"]):
     def step(self, t: float, h: float) -> None:
         """Advance the FMU from t after the start of the run by h, both in s."""
         self._clock[0] = t
-        self._call(self._library.fmi2DoStep, self._start + t, h, not self._states)
+        self._call(self._library.fmi2DoStep, self.start_time + t, h, not self._states)
 
     def read(self) -> None:
         """Read the outputs, without link outputs, into ``y``."""
@@ -475,7 +478,7 @@ class Component(AbstractContextManager["Component"]):
             instance = int(self._handle)
             inputs = write, addressof(u_at), len(self.u), self.u.ctypes.data
             outputs = read, addressof(y_at), n_y, self._raw.ctypes.data
-            times = self._start, float(self._clock[0]), 0.0
+            times = self.start_time, float(self._clock[0]), 0.0
             call = StepCall(instance, *inputs, step, *outputs, *times, not self._states, begin_at)
             self._step_call = record(call)
             self._clock = self._step_call["t"]

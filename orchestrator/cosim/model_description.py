@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import re
 from collections.abc import Collection, Iterator, Sequence
@@ -21,7 +22,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-import attrs
 import numpy as np
 from fmpy import read_model_description
 from fmpy.model_description import ModelVariable
@@ -121,7 +121,7 @@ def _of_scalars(folder: Path, content: bytes) -> Loadable:
         if variable.type in KINDS and variable.causality != "independent"
         for scalar in _scalars(variable, elements)
     ]
-    return Loadable(folder, attrs.evolve(description, modelVariables=scalars), tuple(elements))
+    return Loadable(folder, _changed(description, modelVariables=scalars), tuple(elements))
 
 
 def _scalars(variable: Any, elements: list[tuple[int, str, int, int]]) -> Iterator[ModelVariable]:
@@ -136,6 +136,13 @@ def _scalars(variable: Any, elements: list[tuple[int, str, int, int]]) -> Iterat
         reference = len(elements)
         elements.append((variable.valueReference, variable.type, size, place))
         start = None if start == "None" else start
-        yield attrs.evolve(
+        yield _changed(
             variable, name=name, valueReference=reference, type=KINDS[variable.type], shape=None, start=start
         )
+
+
+def _changed(original: Any, **values: object) -> Any:
+    made = copy.copy(original)
+    for name, value in values.items():
+        setattr(made, name, value)
+    return made

@@ -122,6 +122,7 @@ def open_replay(
             units=entry.get("units", {}),
         ) as component:
             component.know_texts(texts_of(log))
+            component.start_time = float(log.table("scene.json").get("run", {}).get("start", 0.0))
             component.start_with(entry.get("inputs", {}))
             settable = set(component.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in settable}

@@ -62,7 +62,7 @@ def check_inputs(component: Component, inputs: Series) -> None:
 def step_recorded(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
     """Step a component with recorded inputs; yields (k, t) at the start and after each step; raises UnfitLog."""
     check_inputs(component, inputs)
-    component.initialise(parameters, 0.0)
+    component.initialise(parameters)
     yield 0, 0.0
     ends = np.append(inputs.t[1:], inputs.t[-1:] + inputs.h[-1:])
     for k, (t, h, u) in enumerate(zip(inputs.t, inputs.h, inputs.values, strict=True), 1):

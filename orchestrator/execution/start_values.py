@@ -89,6 +89,7 @@ def _inputs(name: str, connections: Sequence[Connection], sources: Mapping[str, 
 def _settle(names: Sequence[str], loop: Mapping[str, Component], receive: Callable[[str], None]) -> None:
     """Exchange values in initialisation mode until all outputs stand still."""
     for name in names:
+        loop[name].set_inputs()
         loop[name].read()
     largest = {name: abs(loop[name].y) for name in names}
     for _ in range(ROUNDS):

@@ -47,6 +47,8 @@ def load_ssp(file: Path, track: str | None, settings: Sequence[str] | Mapping[st
     structure = read_structure(file)
     for sentence in structure.ignored:
         logging.getLogger("cotrack").warning("%s", sentence)
+    if structure.stop is None and "run.stop" not in dict(pairs(settings)):
+        raise BadInput(f"{where}: its DefaultExperiment has no stopTime: give --stop")
     scene = _own_scene(structure, where)
     table = _free_table(structure) if scene is None else scene.resolved()
     changed = changed_scene(table, settings, where)

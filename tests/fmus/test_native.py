@@ -23,7 +23,8 @@ from fmus.native import link, pack
 from fmus.native.pack import build_native, with_constants
 from fmus.native.platform import LINUX, WINDOWS
 from fmus.physics.contact.soil.rut import MADE
-from orchestrator.cosim.component import Component, ComponentFailed, unpack
+from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.fmu_files import unpack
 
 # functions of libm, which chooses their code by processor; compilers make some of them of operators
 MATHEMATICAL = (

@@ -43,6 +43,7 @@ class Machine(NamedTuple):
 
     phase: str = "instantiated"  # then initialising, running, terminated
     now: float = math.nan
+    start: float = math.nan
     stop: float = math.nan
     good_input: bool = True
 
@@ -281,14 +282,15 @@ def _drawn(draw: random.Random, m: Machine, saved: list[Machine], driven: Driven
     def setup() -> Call:
         start, length = draw.choice((0.0, 0.25, -1.0, 1e3, math.nan)), draw.choice((math.nan, 0.01, -1.0))
         fine = m.phase == "instantiated" and math.isfinite(start) and not length < 0.0
-        return call("setup", (start, start + length), fine, m._replace(now=start, stop=start + length))
+        return call("setup", (start, start + length), fine, m._replace(now=start, start=start, stop=start + length))
 
     def step() -> Call:
         h = draw.choice(NOT_STEPS if draw.random() < 0.15 else STEPS)
         begin = m.now if math.isfinite(m.now) else draw.choice((0.0, 0.5))
         t = begin + (draw.choice((0.3, -0.2, 1e-6, math.nan)) if draw.random() < 0.15 else 0.0)
-        slack = 1e-9 * max(1.0, abs(t))
-        fine = m.phase == "running" and math.isfinite(t) and math.isfinite(h) and h >= slack
+        shortest = 1e-9 * max(1.0, abs(t - m.start))
+        slack = shortest + 1e-15 * abs(t)
+        fine = m.phase == "running" and math.isfinite(t) and math.isfinite(h) and h >= shortest
         fine = fine and not abs(t - m.now) > slack and not t + h > m.stop + slack
         if fine and not m.good_input:
             return call("step", (t, h), False, refused=DISCARD)
@@ -323,7 +325,7 @@ def _drawn(draw: random.Random, m: Machine, saved: list[Machine], driven: Driven
         at = draw.randrange(len(saved))
         if draw.random() < 0.3:
             return call("restore flipped", (at, draw.random()), False)
-        return call("restore", at, True, saved[at]._replace(stop=m.stop))
+        return call("restore", at, True, saved[at]._replace(start=m.start, stop=m.stop))
 
     def enter(times: tuple[float, float] = (0.0, math.nan)) -> Call:
         """Entry of initialisation, which in FMI 3.0 has the start and the length of the experiment."""
@@ -332,7 +334,7 @@ def _drawn(draw: random.Random, m: Machine, saved: list[Machine], driven: Driven
             return call("enter", None, fine, after)
         start, length = times
         fine = fine and math.isfinite(start) and not length < 0.0
-        return call("enter", (start, start + length), fine, after._replace(now=start, stop=start + length))
+        return call("enter", (start, start + length), fine, after._replace(now=start, start=start, stop=start + length))
 
     def enter_at_odd_times() -> Call:
         return enter((draw.choice((0.0, 0.25, -1.0, 1e3, math.nan)), draw.choice((math.nan, 0.01, -1.0))))

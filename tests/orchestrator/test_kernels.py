@@ -269,12 +269,12 @@ def test_every_intrinsic_is_tested_here():
 
 
 def test_a_table_has_a_cache_line_of_its_own():
-    tables = [record(StepCall(*range(1, 14))) for _ in range(5)]
+    tables = [record(StepCall(*range(1, 15))) for _ in range(5)]
     begins = sorted(table.ctypes.data // (8 * CACHE_LINE) for table in tables)
     assert min(np.diff(begins)) >= np.ceil(len(StepCall._fields) / CACHE_LINE)
     for table in tables:
         assert table.ctypes.data % (8 * CACHE_LINE) == 0
-        assert StepCall(*table[0].item()) == StepCall(*range(1, 14))
+        assert StepCall(*table[0].item()) == StepCall(*range(1, 15))
     assert record_type(StepCall).itemsize == 8 * len(StepCall._fields)
 
 

@@ -144,7 +144,7 @@ def own_loop(files, folder, coupling, stage):
         return converted
 
     order, before = "ba" if stage else "ab", None  # the last stage first
-    for name in order:
+    for name in order:  # with the start values of inputs
         fmus[name].read()
     while before != (before := {name: fmus[name].y for name in order}):  # until all stands still
         for name in order:
@@ -339,12 +339,12 @@ def archive(file, files, connections):
 @pytest.mark.parametrize(
     ("attributes", "inner", "said"),
     [
-        (' suppressUnitConversion="true"', "", "'b.x -> a.u' with suppressUnitConversion, from 'kN' to 'N'"),
-        ("", '<ssc:LinearTransformation factor="two"/>', "a.u: its LinearTransformation must have numbers"),
+        (' suppressUnitConversion="yes"', "", "suppressUnitConversion must be true or false"),
+        ("", '<ssc:LinearTransformation factor="two"/>', "its LinearTransformation must have finite numbers"),
         ("", '<ssc:LinearTransformation factor="0"/>', "the factor not 0"),
-        ("", "<ssc:BooleanMappingTransformation/>", "not supported (BooleanMappingTransformation)"),
-        ("", "<ssc:IntegerMappingTransformation/>", "not supported (IntegerMappingTransformation)"),
-        ("", "<ssc:EnumerationMappingTransformation/>", "not supported (EnumerationMappingTransformation)"),
+        ("", "<ssc:BooleanMappingTransformation/>", "a BooleanMappingTransformation is not supported"),
+        ("", "<ssc:IntegerMappingTransformation/>", "IntegerMappingTransformation is not supported"),
+        ("", "<ssc:EnumerationMappingTransformation/>", "EnumerationMappingTransformation is not supported"),
     ],
 )
 def test_other_conversions_of_archives_are_refused(files, cotrack, tmp_path, attributes, inner, said):

@@ -18,7 +18,7 @@ SIZES = {"Real": 8, "Integer": 4, "Boolean": 4}  # bytes of a value
 
 
 class Opening(NamedTuple):
-    """What a process needs to make an instance; places in the shared memory are in bytes."""
+    """Contents of a request to make an instance; places in the shared memory are in bytes."""
 
     version: str  # of FMI
     folder: str

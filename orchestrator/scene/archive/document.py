@@ -85,7 +85,7 @@ def content(element: Element, kind: str, place: Place, component: Place | None =
     """
     source = element.get("source")
     if not source:
-        return next((one for one in element.iter() if local(one) == kind), None)
+        return next((one for one in element.iter() if local(one) == kind and one is not element), None)
     base = place
     if element.get("sourceBase", "SSD") == "component":
         if component is None:

@@ -151,7 +151,7 @@ def opened(file: Path, where: str) -> tuple[Node, Place]:
     try:
         folder = unpack(file, DOCUMENT_NAME, "SSP archive")
     except ComponentFailed as failure:
-        raise BadInput(str(failure)) from None
+        raise BadInput(f"{where}: {failure}" if f"'{file}'" not in where else str(failure)) from None
     return document(folder / DOCUMENT_NAME, f"{where}: {DOCUMENT_NAME}"), Place(folder, where)
 
 

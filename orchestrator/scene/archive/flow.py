@@ -29,7 +29,7 @@ class End(NamedTuple):
 
     @property
     def connector(self) -> Connector:
-        """What is known of it; raises BadInput if there is no such connector."""
+        """Its kind and unit; raises BadInput if there is no such connector."""
         found = self.element.connector(self.name)
         if found is None:
             raise BadInput(f"{self.element.place.where}: there is no connector '{self}'")
@@ -107,7 +107,7 @@ def links(system: Element, outer: Sequence[Element] = ()) -> Iterator[Link]:
     for node in children(system.node, "Connections", "Connection"):
         yield _link(node, system)
     for element in system.elements.values():
-        yield from links(element, systems) if element.elements else ()
+        yield from links(element, systems) if element.fmu is None else ()
 
 
 def _link(node: Node, system: Element) -> Link:

@@ -100,7 +100,7 @@ def _pairs(all_links: Sequence[Link], names: Mapping[str, str]) -> Iterator[Pair
 
 
 def _beyond_units(stream: Stream, source: End, target: End) -> Conversion:
-    """What a connection does to a value besides the conversion by the units of the variables of both FMUs."""
+    """Transformation of a connection besides the conversion by the units of the variables of both FMUs."""
     given, taken = source.element.variables[source.name], target.element.variables[target.name]
     if given.type != "Real" or taken.type != "Real":
         return stream.total

@@ -46,7 +46,7 @@ class Given(NamedTuple):
 
 
 class Target(NamedTuple):
-    """What a value is for."""
+    """Name in an element for which a value is, and its way there."""
 
     name: str
     transformation: Conversion = UNCHANGED

@@ -1,0 +1,415 @@
+"""SSP archives as the standard has them: systems in systems, mappings, units, start values, dictionaries."""
+
+import itertools
+import zipfile
+
+import foreign_fmus
+import pytest
+from foreign_fmus import Variable
+
+from fmus.vehicle import BadInput
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.scene.ssp_scene import load_ssp
+
+GEARS = ("low", "high", "road")
+UNITS = {"m": {"m": 1}, "mm": {"m": 1, "factor": 1e-3}, "degC": {"K": 1, "offset": 273.15}, "K": {"K": 1}}
+SPACES = " ".join(
+    f'xmlns:{letters}="http://ssp-standard.org/SSP1/SystemStructure{name}"'
+    for letters, name in (
+        ("ssd", "Description"),
+        ("ssc", "Common"),
+        ("ssv", "ParameterValues"),
+        ("ssm", "ParameterMapping"),
+        ("ssb", "SignalDictionary"),
+    )
+)
+MILLIMETRES = (
+    '<ssd:Units><ssc:Unit name="m"><ssc:BaseUnit m="1"/></ssc:Unit>'
+    '<ssc:Unit name="mm"><ssc:BaseUnit m="1" factor="0.001"/></ssc:Unit>'
+    '<ssc:Unit name="s"><ssc:BaseUnit s="1"/></ssc:Unit></ssd:Units>'
+)
+
+
+def variables(unit_in="", unit_out="", k=2.0):
+    return (
+        Variable("u", "input", 0.0, unit=unit_in),
+        Variable("y", "output", unit=unit_out),
+        Variable("k", "parameter", k),
+        Variable("gear_start", "parameter", 1, "Enumeration", items=GEARS),
+        Variable("gear", "output", 1, "Enumeration", items=GEARS),
+        Variable("on_start", "parameter", False, "Boolean"),
+        Variable("on", "output", False, "Boolean"),
+        Variable("word_start", "parameter", "", "String"),
+        Variable("word", "output", "", "String"),
+        Variable("whole", "input", 0, "Integer"),
+    )
+
+
+@pytest.fixture(scope="module")
+def gain(tmp_path_factory):
+    """FMU y = k u without units."""
+    return foreign_fmus.build(tmp_path_factory.mktemp("gain") / "gain.fmu", "gain", variables())
+
+
+def with_units(gain, file, unit_in, unit_out):
+    return foreign_fmus.build(file, "gain", variables(unit_in, unit_out), UNITS, foreign_fmus.library_of(gain))
+
+
+def component(name, inner="", source="resources/gain.fmu"):
+    return f'<ssd:Component name="{name}" source="{source}">{inner}</ssd:Component>'
+
+
+def connectors(*kinds, unit=""):
+    """Connectors by "name kind" or "name kind unit"."""
+    made = ""
+    for words in kinds:
+        name, kind, *unit = words.split()
+        of = f' unit="{unit[0]}"' if unit else ""
+        made += f'<ssd:Connector name="{name}" kind="{kind}"><ssc:Real{of}/></ssd:Connector>'
+    return f"<ssd:Connectors>{made}</ssd:Connectors>"
+
+
+def connection(one, other, inside="", more=""):
+    ends = []
+    for which, end in (("start", one), ("end", other)):
+        element, dot, connector = end.rpartition(".")
+        ends.append((f'{which}Element="{element}" ' if dot else "") + f'{which}Connector="{connector}"')
+    return f"<ssd:Connection {' '.join(ends)} {more}>{inside}</ssd:Connection>"
+
+
+def values(prefix="", mapping="", **given):
+    made = ""
+    for name, (kind, value) in given.items():
+        made += f'<ssv:Parameter name="{name.replace("__", ".")}"><ssv:{kind} value="{value}"/></ssv:Parameter>'
+    parameters = f"<ssv:ParameterSet><ssv:Parameters>{made}</ssv:Parameters></ssv:ParameterSet>"
+    content = f"<ssd:ParameterValues>{parameters}</ssd:ParameterValues>"
+    if mapping:
+        mapping = f"<ssd:ParameterMapping><ssm:ParameterMapping>{mapping}</ssm:ParameterMapping></ssd:ParameterMapping>"
+    return f'<ssd:ParameterBinding prefix="{prefix}">{content}{mapping}</ssd:ParameterBinding>'
+
+
+def bound(*bindings):
+    return f"<ssd:ParameterBindings>{''.join(bindings)}</ssd:ParameterBindings>"
+
+
+def system(elements, connections="", before="", name="system", more=""):
+    return (
+        f'<ssd:System name="{name}">{before}<ssd:Elements>{elements}</ssd:Elements>'
+        f"<ssd:Connections>{connections}</ssd:Connections>{more}</ssd:System>"
+    )
+
+
+def document(top, after="", experiment='stopTime="0.003"', version="1.0"):
+    return (
+        f'<ssd:SystemStructureDescription {SPACES} version="{version}" name="t">{top}{after}'
+        f"<ssd:DefaultExperiment {experiment}/></ssd:SystemStructureDescription>"
+    )
+
+
+def packed(file, ssd, **files):
+    """Archive with FMUs and texts by names, in which / is __ and . is _."""
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("SystemStructure.ssd", ssd)
+        for name, content in files.items():
+            archive.writestr(name, content) if isinstance(content, str) else archive.write(content, name)
+    return file
+
+
+def run(tmp_path, ssd, gain, settings=(), **files):
+    """Last outputs by "component.variable", and the path of the log."""
+    archive = packed(tmp_path / "t.ssp", ssd, **{"resources/gain.fmu": gain} | files)
+    path = tmp_path / "t.mcap"
+    summary = simulate(load_ssp(archive, None, settings), path)
+    assert (summary["status"], summary["message"]) == ("ok", "")
+    with Log(path) as log:
+        found = {}
+        for topic in log.topics:
+            if topic.endswith("/out"):
+                series = log.read(topic)
+                found |= {
+                    f"{topic.split('/')[1]}.{name}": value
+                    for name, value in zip(series.names, series.values[0], strict=True)
+                }
+    return found, path
+
+
+def refused(tmp_path, ssd, gain, **files):
+    with pytest.raises(BadInput) as caught:
+        load_ssp(packed(tmp_path / "t.ssp", ssd, **{"resources/gain.fmu": gain} | files), None, ())
+    assert str(caught.value).startswith("'")
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+START = values(u=("Real", 3.0))
+
+
+# --- start values in the order of flow ---------------------------------------------------------------
+
+
+def test_any_order_of_a_chain_starts_with_the_values_that_flow(gain, tmp_path):
+    """Three gains of 2 behind 3.0: 6, 12, 24, in all six orders and to the bit."""
+    digests = set()
+    for order in itertools.permutations("abc"):
+        inner = {"a": bound(START)}
+        elements = "".join(component(name, inner.get(name, "")) for name in order)
+        found, path = run(
+            tmp_path, document(system(elements, connection("a.y", "b.u") + connection("b.y", "c.u"))), gain
+        )
+        assert [found[f"{name}.y"] for name in "abc"] == [6.0, 12.0, 24.0]
+        with Log(path) as log:
+            digests.add(tuple(log.read(f"/{name}/{way}").values.tobytes() for name in "abc" for way in ("in", "out")))
+    assert len(digests) == 1
+
+
+LOOP = connection("a.y", "b.u") + connection("b.y", "a.u")
+
+
+@pytest.mark.parametrize("k", [0.5, -0.75])
+def test_a_loop_of_start_values_settles(gain, tmp_path, k):
+    """y_a = k y_b, y_b = k y_a has the solution 0, which the rounds approach."""
+    inner = bound(values(k=("Real", k), u=("Real", 1.0)))
+    found, _ = run(tmp_path, document(system(component("a", inner) + component("b", inner), LOOP)), gain)
+    assert abs(found["a.y"]) < 1e-10
+    assert abs(found["b.y"]) < 1e-10
+
+
+@pytest.mark.parametrize("k", [1.5, -1.0])
+def test_a_loop_that_does_not_settle_is_refused(gain, tmp_path, k):
+    inner = bound(values(k=("Real", k), u=("Real", 1.0)))
+    ssd = document(system(component("a", inner) + component("b"), LOOP))
+    with pytest.raises(ComponentFailed, match=r"(do not settle: in round 1000 'b\.y' was|output 'y' is)"):
+        run(tmp_path, ssd, gain)
+
+
+# --- systems in systems ------------------------------------------------------------------------------
+
+
+def nested(outer_values="", inner_values="", own=""):
+    inner = system(
+        component("g", own),
+        connection("in", "g.u") + connection("g.y", "out") + connection("k", "g.k"),
+        connectors("in input", "out output", "k parameter") + inner_values,
+        name="inner",
+    )
+    elements = component("s", bound(START)) + inner + component("g")
+    return document(system(elements, connection("s.y", "inner.in") + connection("inner.out", "g.u"), outer_values))
+
+
+def test_a_system_in_a_system_passes_its_connectors_on(gain, tmp_path):
+    found, path = run(tmp_path, nested(), gain)
+    assert (found["s.y"], found["inner_g.y"], found["g.y"]) == (6.0, 12.0, 24.0)
+    with Log(path) as log:
+        assert set(log.table("scene.json")["connections"]) == {"s.y -> inner_g.u", "inner_g.y -> g.u"}
+
+
+@pytest.mark.parametrize(("outer", "inner", "own", "expected"), [
+    ("", "", 5.0, 5.0),
+    ("", 7.0, 5.0, 7.0),  # a system outweighs what is in it
+    ("inner__k", 7.0, 5.0, 11.0),  # a connector of the inner system
+    ("inner__g__k", 7.0, 5.0, 11.0),  # a component in it
+])  # fmt: skip
+def test_the_highest_level_gives_a_parameter(gain, tmp_path, outer, inner, own, expected):
+    found, _ = run(
+        tmp_path,
+        nested(
+            bound(values(**{outer: ("Real", 11.0)})) if outer else "",
+            bound(values(k=("Real", inner))) if inner else "",
+            bound(values(k=("Real", own))),
+        ),
+        gain,
+    )
+    assert found["inner_g.y"] == 6.0 * expected
+
+
+def test_of_one_level_the_last_binding_counts_and_prefixes_are_names(gain, tmp_path):
+    bindings = bound(values("g.", k=("Real", 3.0)), values(g__k=("Real", 4.0)), values("s.", u=("Integer", 1)))
+    ssd = document(system(component("s") + component("g"), connection("s.y", "g.u"), bindings))
+    found, _ = run(tmp_path, ssd, gain)
+    assert (found["s.y"], found["g.y"]) == (2.0, 8.0)
+
+
+def test_an_archive_can_be_a_component_of_another(gain, tmp_path):
+    inner = document(
+        system(component("g"), connection("u", "g.u") + connection("g.y", "y"), connectors("u input", "y output"))
+    )
+    file = packed(tmp_path / "inner.ssp", inner, **{"resources/gain.fmu": gain})
+    own = bound(values(g__k=("Real", 10.0)))
+    package = f'<ssd:Component name="p" type="application/x-ssp-package" source="inner.ssp">{own}</ssd:Component>'
+    ssd = document(system(component("s", bound(START)) + package, connection("s.y", "p.u")))
+    found, _ = run(tmp_path, ssd, gain, **{"inner.ssp": file})
+    assert (found["s.y"], found["p_g.y"]) == (6.0, 60.0)
+
+
+def test_start_and_end_of_a_connection_are_no_direction(gain, tmp_path):
+    ssd = document(system(component("s", bound(START)) + component("g"), connection("g.u", "s.y")))
+    assert run(tmp_path, ssd, gain)[0]["g.y"] == 12.0
+
+
+def test_a_signal_dictionary_joins_what_refers_to_it(gain, tmp_path):
+    dictionary = (
+        '<ssd:SignalDictionaries><ssd:SignalDictionary name="bus"><ssb:SignalDictionary version="1.0">'
+        '<ssb:DictionaryEntry name="level"><ssc:Real unit="mm"/></ssb:DictionaryEntry>'
+        "</ssb:SignalDictionary></ssd:SignalDictionary></ssd:SignalDictionaries>"
+    )
+    reference = '<ssd:SignalDictionaryReference name="{}" dictionary="bus"/>'
+    inner = system(component("g") + reference.format("b"), connection("b.level", "g.u"), name="inner")
+    elements = component("s", connectors("y output m") + bound(START)) + reference.format("bus") + inner
+    ssd = document(system(elements, connection("s.y", "bus.level"), more=dictionary), MILLIMETRES)
+    found, _ = run(tmp_path, ssd, gain)
+    assert found["inner_g.y"] == 12000.0  # 6 m are 6000 mm
+
+
+# --- mappings, types, units --------------------------------------------------------------------------
+
+
+def test_a_mapping_names_and_transforms(gain, tmp_path):
+    mapping = (
+        '<ssm:MappingEntry source="level" target="s.u">'
+        '<ssc:LinearTransformation factor="2" offset="10"/></ssm:MappingEntry>'
+        '<ssm:MappingEntry source="level" target="g.k"/>'
+    )
+    ssd = document(system(
+        component("s") + component("g"), connection("s.y", "g.u"),
+        bound(values("", mapping, level=("Real", 5.0), k=("Real", 99.0))),
+    ))  # fmt: skip
+    found, _ = run(tmp_path, ssd, gain)
+    assert (found["s.y"], found["g.y"]) == (40.0, 200.0)
+
+
+def test_values_of_all_types(gain, tmp_path, caplog):
+    given = values(
+        gear_start=("Enumeration", "road"),
+        on_start=("Boolean", "true"),
+        word_start=("String", "go"),
+        whole=("Integer", 7),
+    )
+    takes = ("gear_start", "on_start")
+    elements = component("a", bound(given, values(nobody=("Real", 1.0)))) + component("b")
+    wires = "".join(connection(f"a.{name.removesuffix('_start')}", f"b.{name}") for name in takes)
+    assert "'b.gear_start' is a parameter: 'a.gear' cannot change it" in refused(
+        tmp_path, document(system(elements, wires)), gain
+    )
+    scene = load_ssp(packed(tmp_path / "t.ssp", document(system(elements)), **{"resources/gain.fmu": gain}), None, ())
+    assert scene.fmu["a"].parameters == {"gear_start": 3, "on_start": True, "word_start": "go", "whole": 7}
+    assert "parameter 'nobody' is ignored: there is no 'nobody' to take it" in caplog.text
+    assert run(tmp_path, document(system(elements)), gain)[0]["a.y"] == 0.0
+
+
+@pytest.mark.parametrize(("given", "said"), [
+    (("Real", "INF"), "must be one finite Real"), (("Real", "1_000"), "must be one finite Real"),
+    (("Real", "1 2"), "must be one finite Real"), (("Boolean", "yes"), "a Boolean"),
+    (("String", "3"), "'s.k' is of type Real"), (("Binary", "3"), "must be one finite Real"),
+])  # fmt: skip
+def test_a_bad_value_is_refused(gain, tmp_path, given, said):
+    assert said in refused(tmp_path, document(system(component("s", bound(values(k=given))))), gain)
+
+
+@pytest.mark.parametrize(("fmus", "connected", "more", "inside", "expected"), [
+    (("", ""), ("m", "mm"), "", "", 6000.0),  # by connectors alone
+    (("", ""), ("m", "mm"), 'suppressUnitConversion="true"', "", 6.0),
+    (("m", "mm"), ("", ""), "", "", 6000.0),  # by the variables
+    (("m", "mm"), ("m", "mm"), 'suppressUnitConversion="true"', "", 6.0),
+    (("m", "mm"), ("", ""), "", '<ssc:LinearTransformation factor="2" offset="1"/>', 12001.0),
+    (("", ""), ("m", "mm"), 'suppressUnitConversion="1"', '<ssc:LinearTransformation factor="2"/>', 12.0),
+    (("", ""), ("m", ""), "", "", 6.0),
+])  # fmt: skip
+def test_units_of_a_connection_are_converted(gain, tmp_path, fmus, connected, more, inside, expected):
+    files = {}
+    for name, unit, place in zip(("s", "g"), fmus, (1, 0), strict=True):
+        pair = ("", unit) if place else (unit, "")
+        files[f"resources/{name}.fmu"] = with_units(gain, tmp_path / f"{name}.fmu", *pair) if unit else gain
+    one, other = (f" {unit}" if unit else "" for unit in connected)
+    elements = component("s", connectors(f"y output{one}") + bound(START), "resources/s.fmu")
+    elements += component("g", connectors(f"u input{other}"), "resources/g.fmu")
+    ssd = document(system(elements, connection("s.y", "g.u", inside, more)), MILLIMETRES)
+    found, _ = run(tmp_path, ssd, gain, **files)
+    assert found["g.y"] == pytest.approx(2.0 * expected, rel=1e-14)
+    assert expected == 6.0 or abs(found["g.y"] / 12.0 - 1.0) > 0.1
+
+
+def test_a_value_in_another_unit_is_converted(gain, tmp_path):
+    cold = with_units(gain, tmp_path / "cold.fmu", "K", "")
+    units = '<ssv:Units><ssc:Unit name="degC"><ssc:BaseUnit K="1" offset="273.15"/></ssc:Unit></ssv:Units>'
+    binding = values(u=("Real", 20.0)).replace('value="20.0"', 'value="20.0" unit="degC"')
+    binding = binding.replace("</ssv:Parameters>", f"</ssv:Parameters>{units}")
+    ssd = document(system(component("s", bound(binding), "resources/cold.fmu")))
+    assert run(tmp_path, ssd, gain, **{"resources/cold.fmu": cold})[0]["s.y"] == 2.0 * 293.15
+    unknown = ssd.replace(units, "")
+    assert "in 'degC': the unit 'degC' is not defined" in refused(
+        tmp_path, unknown, gain, **{"resources/cold.fmu": cold}
+    )
+
+
+@pytest.mark.parametrize(("one", "other", "said"), [
+    ("m", "s", "'g.u' has the unit 's', and 's.y' the unit 'm'"),
+    ("m", "furlong", "'g.u' has the unit 'furlong', which is not defined"),
+])  # fmt: skip
+def test_units_that_do_not_fit_are_refused(gain, tmp_path, one, other, said):
+    elements = component("s", connectors(f"y output {one}")) + component("g", connectors(f"u input {other}"))
+    assert said in refused(tmp_path, document(system(elements, connection("s.y", "g.u")), MILLIMETRES), gain)
+
+
+# --- experiment, sources, versions -------------------------------------------------------------------
+
+
+def test_an_experiment_may_begin_at_any_time(tmp_path):
+    """An FMU hears the time of the archive; times in the log count from the start."""
+    guest = foreign_fmus.build(
+        tmp_path / "guest.fmu", "guest",
+        [Variable("u", "input"), Variable("y", "output"), Variable("together", "output"),
+         Variable("when", "parameter", 1e6 + 0.0025), Variable("manner", "parameter", 9, "Integer"),
+         Variable("steps", "output", 0, "Integer")],
+    )  # fmt: skip
+    ssd = document(system(component("a")), experiment='startTime="1000000" stopTime="1000000.004"')
+    _, path = run(tmp_path, ssd, guest)
+    with Log(path) as log:
+        assert log.read("/a/out").t[-1] == pytest.approx(0.004)
+        assert log.table("scene.json")["run"]["start"] == 1e6
+
+
+@pytest.mark.parametrize(("experiment", "said"), [
+    ('startTime="1"', "its DefaultExperiment has no stopTime: give --stop"),
+    ('startTime="2" stopTime="1"', "its DefaultExperiment ends at 1 s, not after its start at 2 s"),
+    ('stopTime="INF"', "its DefaultExperiment must have finite numbers"),
+])  # fmt: skip
+def test_an_experiment_that_cannot_be_is_refused(gain, tmp_path, experiment, said):
+    assert said in refused(tmp_path, document(system(component("a")), experiment=experiment), gain)
+
+
+def test_a_step_divides_the_experiment(gain, tmp_path):
+    archive = packed(
+        tmp_path / "t.ssp", document(system(component("a")), experiment='stopTime="0.0105"'),
+        **{"resources/gain.fmu": gain},
+    )  # fmt: skip
+    scene = load_ssp(archive, None, ())
+    assert (scene.run.steps, scene.run.stop) == (11, 0.0105)
+
+
+def test_sources_are_uris_and_version_2_is_read(gain, tmp_path):
+    ssd = document(system(component("a", bound(START), "resources/my%20gain.fmu")), version="2.0")
+    ssd = ssd.replace("ssv:Real", "ssv:Float64")
+    assert run(tmp_path, ssd, gain, **{"resources/my gain.fmu": gain})[0]["a.y"] == 6.0
+
+
+def circle():
+    inner = system("", connection("in", "out"), connectors("in input", "out output"), name="inner")
+    return system(inner + component("g"), connection("inner.out", "inner.in") + connection("inner.out", "g.u"))
+
+
+@pytest.mark.parametrize(("top", "said"), [
+    (system(""), "its system has no components"),
+    (system(component("a") + component("a")), "two elements of 'the system' are called 'a'"),
+    (system(component("a") + component("b"), connection("a.y", "b.y")), "they are output and output: one must give"),
+    (system(component("a"), connection("a.y", "c.u")), "no component 'c', which a connection names"),
+    (system(component("a") + component("b"), connection("a.none", "b.u")), "there is no connector 'a.none'"),
+    (system(component("a") + '<ssd:SignalDictionaryReference name="b" dictionary="bus"/>'), "signal dictionary 'bus'"),
+    (system(component("a") + component("b"), connection("a.y", "b.u", "<ssc:BooleanMappingTransformation/>")),
+     "a BooleanMappingTransformation is not supported"),
+    (circle(), "goes round in a circle"),
+    ("", "has no system"),
+])  # fmt: skip
+def test_what_cannot_be_run_is_one_sentence(gain, tmp_path, top, said):
+    assert said in refused(tmp_path, document(top), gain)
