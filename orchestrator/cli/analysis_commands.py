@@ -79,6 +79,7 @@ def analyse(
     with Log(log) as opened:
         full_series = output and analysis.full_series
         compute = module.of if full_series else getattr(module, "summary", module.of)  # a table needs the summary only
+        opened.notice_seal()
         run = RunData(opened)
         result = compute(run, window=Window(start, end), **_given_options(analysis.options, given))
     table = result.table()
@@ -175,6 +176,9 @@ def plot(
         raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' lists them")
     check_window(start, end)
     target = output or beside(logs[0], "-plot.png")
+    for path in logs:
+        with Log(path, unfinished=True) as log:
+            log.notice_seal()
     measured: Sequence[MeasuredSignal] = ()
     if source:
         with Log(logs[0]) as log:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orchestrator.files.budget import most_records
 from orchestrator.log.channel_metadata import RecordedChannel
-from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable
-from orchestrator.log.message_records import Messages, Records, records_by_channel, size_of
+from orchestrator.log.container_reader import DAMAGE, HEAD, ContainerReader, LogUnreadable
+from orchestrator.log.message_records import LOG_TIME, Messages, Records, records_by_channel, size_of
 from orchestrator.log.schema import Bytes
 
 CACHED_BYTES = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
+_TIME = struct.Struct("<Q")
 _SPAN = struct.Struct("<QQ")  # begins a chunk: first and last time in it, ns
 
 
@@ -38,6 +40,13 @@ class Chunks:
         self._file.take_chunk(offset)
         self._file.release_record(offset)
 
+    def add_message(self, offset: int) -> None:
+        """Register a message outside a chunk, which is read with those beside it."""
+        part = self._file.add_message(offset)
+        (t,) = _TIME.unpack(self._file.body(offset, LOG_TIME - HEAD.size + _TIME.size)[LOG_TIME - HEAD.size :])
+        first, last = self.spans.get(part, (1e-9 * t, 1e-9 * t))
+        self.spans[part] = min(first, 1e-9 * t), max(last, 1e-9 * t)
+
     def read(self, offset: int, topics: Collection[str] | None = None, keep: bool = True) -> list[Messages]:
         """Return the message records of a chunk, one ``Messages`` per channel; raises LogUnreadable.
 
@@ -55,11 +64,22 @@ class Chunks:
                 f"{self._file.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
             ) from None
 
+    def rows_of(self, number: int) -> Iterator[NDArray[np.uint8]]:
+        """Yield the message records (m, bytes) of a channel that is not ours, chunk by chunk; raises LogUnreadable."""
+        for offset in self.spans:
+            try:
+                content = np.frombuffer(self._file.content(offset), np.uint8)
+                records = records_by_channel(content, {}, most_records(self._file.packed_size(offset)), (number,))
+                if number in records:
+                    yield records[number].rows(content)
+            except DAMAGE as damage:
+                raise LogUnreadable(f"{self._file.path}: the chunk at byte {offset} is damaged ({damage})") from None
+
     def _unpack(self, offset: int, keep: bool) -> tuple[Bytes, dict[int, Records]]:
         """Return the content of a chunk and its records by channel; raises one of DAMAGE."""
         content = np.frombuffer(self._file.content(offset), np.uint8)
-        most = most_records(self._file.length(offset))
-        records = records_by_channel(content, self._file.message_offsets(offset), most)
+        most = most_records(self._file.packed_size(offset))
+        records = records_by_channel(content, self._file.message_offsets(offset), most, self._channels)
         if not keep:
             self._file.release_record(offset)
         elif len(content) <= self._room:  # topics are read one after another, so a kept chunk is unpacked once

@@ -23,12 +23,17 @@ def encode(
     topics: Mapping[str, tuple[int, str]],
     results: Mapping[str, str],
     warnings: Sequence[Mapping[str, object]],
+    contents: Mapping[str, str],
 ) -> dict[str, str]:
-    """Return the record as texts; ``topics``: topic -> (number of messages, sha256). A seal must follow it."""
+    """Return the record as texts; ``topics``: topic -> (number of messages, sha256). A seal must follow it.
+
+    ``contents``: digests by name (``content_digest``).
+    """
     record = {"status": status, "message": message, "steps": str(steps)}
     for topic, (messages, sha256) in topics.items():
         record |= {f"messages:{topic}": str(messages), f"sha256:{topic}": sha256}
     record |= {f"result:{name}": text for name, text in results.items()}
+    record |= {f"content:{name}": digest for name, digest in contents.items()}
     return record | {"warnings": json.dumps(list(warnings)), "seal": seal.ALGORITHM}
 
 
@@ -39,7 +44,7 @@ def decode(record: Mapping[str, str]) -> dict[str, Any]:
     """
     by_topic = {
         kind: {key.partition(":")[2]: value for key, value in record.items() if key.startswith(f"{kind}:")}
-        for kind in ("messages", "sha256", "result")
+        for kind in ("messages", "sha256", "result", "content")
     }
     return {
         "status": record.get("status", ""),
@@ -48,6 +53,7 @@ def decode(record: Mapping[str, str]) -> dict[str, Any]:
         "messages": {topic: int(value) for topic, value in by_topic["messages"].items()},
         "sha256": by_topic["sha256"],
         "results": by_topic["result"],
+        "contents": by_topic["content"],
         "warnings": _warnings(record.get("warnings", "[]")),
         "seal": record.get("seal", ""),
     }

@@ -19,16 +19,17 @@ from typing import Any
 import numpy as np
 import zstandard
 from isal.isal_zlib import crc32
+from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataIndex
+from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, Header, MetadataIndex
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from orchestrator.files.budget import AT_ONCE, OverBudget, UnpackedBudget, most_others, open_file
 from orchestrator.log import seal
-from orchestrator.log.container_writer import being_written, error_text
+from orchestrator.log.container_writer import LIBRARY, being_written, error_text
 
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
@@ -41,6 +42,7 @@ INDEXES: dict[int, tuple[Any, str]] = {  # index records of the summary and thei
     Opcode.ATTACHMENT_INDEX: (AttachmentIndex, "offset"),
     Opcode.METADATA_INDEX: (MetadataIndex, "offset"),
 }
+LOOSE = 1 << 20  # bytes of messages outside chunks that are read at once
 OF_CHUNKS = (Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX)
 MOST_FAULTS = 100
 DAMAGE = (
@@ -63,6 +65,7 @@ class ContainerReader:
         self.faults: list[str] = []  # sentences, MOST_FAULTS at most
         self._budget = UnpackedBudget(self.size)
         self._counted: dict[int, int] = {}  # unpacked bytes of the chunks by offset
+        self._loose: dict[int, int] = {}  # messages outside chunks: beginning and end of a part of the file
         self.data_end: int | None = None  # offset of the record that ends the data
         self.ended = False
         self._decompressor = zstandard.ZstdDecompressor()
@@ -87,6 +90,10 @@ class ContainerReader:
             self._advise("MADV_WILLNEED", start, end)
         return self._data[start:end]
 
+    def packed_size(self, offset: int) -> int:
+        """Return the bytes in the file of the content of the chunk, or of the messages, at ``offset``."""
+        return self._loose[offset] - offset if offset in self._loose else self.length(offset)
+
     def length(self, offset: int) -> int:
         """Return the length of the content of the record at ``offset``."""
         return int(HEAD.unpack_from(self._data, offset)[1])
@@ -104,7 +111,7 @@ class ContainerReader:
 
     def take_record(self, opcode: int, offset: int) -> None:
         """Count the record at ``offset`` unless it belongs to a chunk, which counts itself; raises LogUnreadable."""
-        if opcode not in OF_CHUNKS:
+        if opcode not in (*OF_CHUNKS, Opcode.MESSAGE):
             self._take(self._budget.take_record, self.length(offset) if opcode == Opcode.CHANNEL else 0)
 
     def _take(self, take: Callable[[int], None], amount: int) -> None:
@@ -114,7 +121,12 @@ class ContainerReader:
             raise LogUnreadable(f"{self.path} is not read: {excess}") from None
 
     def content(self, offset: int) -> bytes:
-        """Return the unpacked and checked content of the chunk at ``offset``; raises one of DAMAGE."""
+        """Return the unpacked and checked content of the chunk at ``offset``; raises one of DAMAGE.
+
+        Messages outside chunks (``add_message``) are such a content too.
+        """
+        if (loose_end := self._loose.get(offset)) is not None:
+            return self._data[offset:loose_end]
         _, length = HEAD.unpack_from(self._data, offset)
         start = offset + HEAD.size
         self._advise("MADV_WILLNEED", start, start + length)
@@ -132,11 +144,23 @@ class ContainerReader:
             raise ValueError("its checksum does not hold")
         return content
 
+    def add_message(self, offset: int) -> int:
+        """Register a message outside a chunk; return the offset of the content of which it is a part."""
+        end = self.following(offset)
+        first, last = next(reversed(self._loose.items()), (offset, offset))
+        if last != offset or end - first > LOOSE:
+            first = offset
+            self._take(self._budget.take, 0)
+        self._loose[first] = end
+        return first
+
     def message_offsets(self, offset: int) -> dict[int, NDArray[np.int64]]:
         """Return offsets (m,) in the content of the chunk at ``offset`` by channel, as its message indexes have them.
 
         Whatever is damaged is left out.
         """
+        if offset in self._loose:
+            return {}
         offsets, following = {}, self.following(offset)
         while following + HEAD.size < self.size and self._data[following] == Opcode.MESSAGE_INDEX:
             body = self.body(following)
@@ -157,6 +181,14 @@ class ContainerReader:
     def _decompress(self, kind: bytes, packed: memoryview, size: int) -> bytes:
         if kind == b"" and len(packed) == size:
             return bytes(packed)
+        if kind == b"lz4":
+            try:
+                content = LZ4FrameDecompressor().decompress(packed, max_length=size + 1)
+            except RuntimeError as error:
+                raise ValueError(str(error)) from None
+            if len(content) != size:
+                raise ValueError("its size does not hold")
+            return content
         if kind != b"zstd":
             raise ValueError(f"compression {kind.decode(errors='replace')!r} is not known")
         if zstandard.frame_content_size(packed) not in (-1, size):  # -1: unknown
@@ -166,7 +198,7 @@ class ContainerReader:
     def walk(self, visit: Callable[[int, int], None]) -> None:
         """Call ``visit(opcode, offset)`` for every data record; ``visit`` may raise one of DAMAGE."""
         offset = len(MCAP0_MAGIC)
-        self._budget, self._counted = UnpackedBudget(self.size), {}  # of a summary that is not used
+        self._budget, self._counted, self._loose = UnpackedBudget(self.size), {}, {}  # of a summary that is not used
         self._advise("MADV_NORMAL")
         while offset < self.size:
             following = self._step(offset, visit)
@@ -269,15 +301,26 @@ class ContainerReader:
             self._data.madvise(getattr(mmap, advice), first, last - first)
 
     def data_sound(self) -> bool:
-        """Whether the checksum over all data, without the indexes at the end, holds."""
+        """Whether the checksum over all data, without the indexes at the end, holds; 0 is none."""
         if self.data_end is None:
             return False
-        return self.record(DataEnd, self.data_end).data_section_crc == self._crc(0, self.data_end)
+        given = self.record(DataEnd, self.data_end).data_section_crc
+        return given in (0, self._crc(0, self.data_end))
 
     def indexes_sound(self) -> bool:
         """Whether the checksum over the indexes holds; the file must have its end."""
         footer = self.record(Footer, self.size - FOOTER)
-        return footer.summary_crc == self._crc(footer.summary_start, self.size - FOOTER + HEAD.size + 16)
+        if not (footer.summary_start and footer.summary_crc):  # there is no summary, or no checksum
+            return True
+        return bool(footer.summary_crc == self._crc(footer.summary_start, self.size - FOOTER + HEAD.size + 16))
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the file was written by the recorder, not by other software."""
+        try:
+            return bool(self.record(Header, len(MCAP0_MAGIC)).library == LIBRARY)
+        except DAMAGE:
+            return True
 
     def _crc(self, start: int, end: int) -> int:
         crc = 0

@@ -13,10 +13,11 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 
 from orchestrator.files.budget import most_others
-from orchestrator.log import channel_metadata, closing_record, log_format
+from orchestrator.log import channel_metadata, closing_record, content_digest, log_format
 from orchestrator.log import seal as sealing
 from orchestrator.log.chunk_reader import Chunks
-from orchestrator.log.container_reader import DAMAGE, INDEXES, ContainerReader, LogUnreadable
+from orchestrator.log.container_reader import DAMAGE, INDEXES, ContainerReader, LogUnreadable, parse_record
+from orchestrator.log.message_records import descriptions
 from orchestrator.log.time_series import Topic
 
 COUNTED = {  # number in the statistics by opcode
@@ -40,9 +41,11 @@ class LogContents:
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.others: dict[str, str] = {}  # topics of other tools -> message type
+        self.other_channels: dict[str, int] = {}  # their numbers
         self.closing: dict[str, Any] | None = None
         self.seal: sealing.Seal | None = None
-        self.seal_at = 0  # offset of the seal record
+        self.seal_at = self.closing_at = 0  # offsets of the seal record and of the closing record
+        self.contents: dict[str, str] = {}  # digests of metadata and channels (``content_digest``)
         self.attachments: dict[str, int] = {}  # name -> offset
         self.recorded: dict[str, channel_metadata.RecordedChannel] = {}
         self._schemas: dict[int, Schema] = {}
@@ -59,10 +62,12 @@ class LogContents:
             return True
         ends = dict(zip(self.seal.offsets, [*self.seal.offsets[1:], self.seal_at], strict=True))
         leaf = dict(zip(self.seal.offsets, self.seal.leaves, strict=True)).get(offset)
-        return leaf is not None and self._file.leaf_hash(offset, ends[offset]) == leaf
+        if leaf is not None and self._file.leaf_hash(offset, ends[offset]) == leaf:
+            return True
+        return self._file.leaf_hash(offset, self._file.following(offset)) in self.seal.leaves  # at another place
 
     def _clear(self) -> None:
-        held: tuple[dict, ...] = self.topics, self.metadata, self.others, self.attachments, self.recorded
+        held: tuple[dict, ...] = self.topics, self.metadata, self.others, self.attachments, self.recorded, self.contents
         for entries in (*held, self._schemas, self._channels, self.chunks.spans):
             entries.clear()
         self.closing = self.seal = None
@@ -83,7 +88,9 @@ class LogContents:
                     self._register(opcode, offset)
         except DAMAGE:
             return False
-        return statistics is not None and all(counts[code] == getattr(statistics, key) for code, key in COUNTED.items())
+        if statistics is None or (statistics.message_count and not statistics.chunk_count):  # messages outside chunks
+            return False
+        return all(counts[code] == getattr(statistics, key) for code, key in COUNTED.items())
 
     def _register_indexed(self, opcode: int, index: Any) -> None:
         """Register what an index record points at; raises one of DAMAGE."""
@@ -101,14 +108,19 @@ class LogContents:
         """Register a record; raises one of DAMAGE."""
         if opcode == Opcode.CHUNK:
             self.chunks.add(offset)
+            if not self._file.is_ours:
+                self._register_descriptions(offset)
+        elif opcode == Opcode.MESSAGE:
+            self.chunks.add_message(offset)
         elif opcode == Opcode.ATTACHMENT:
             self.attachments[self._file.record(Attachment, offset).name] = offset
         elif opcode == Opcode.METADATA:
             record = self._file.record(Metadata, offset)
+            self.contents[f"metadata:{record.name}"] = content_digest.of_metadata(record.metadata)
             if record.name == log_format.NAME:
                 self._check_format(record.metadata)
             elif record.name == closing_record.NAME:
-                self.closing = closing_record.decode(record.metadata)
+                self.closing, self.closing_at = closing_record.decode(record.metadata), offset
             elif record.name == sealing.NAME:
                 self.seal, self.seal_at = sealing.decode(record.metadata, most_others(self._file.size)), offset
             else:
@@ -118,6 +130,16 @@ class LogContents:
             self._schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
             self._register_channel(self._file.record(Channel, offset))
+
+    def _register_descriptions(self, offset: int) -> None:
+        """Register schemas and channels in a chunk, where other writers have them; raises one of DAMAGE."""
+        for opcode, body in descriptions(self._file.content(offset)):
+            if opcode == Opcode.SCHEMA:
+                schema = parse_record(Schema, body)
+                self._schemas[schema.id] = schema
+            else:
+                self._register_channel(parse_record(Channel, body))
+        self._file.release_record(offset)
 
     def _check_format(self, record: Mapping[str, str]) -> None:
         """Raise LogUnreadable for a log of a newer format."""
@@ -131,9 +153,12 @@ class LogContents:
         """Register a channel; one that ``recorder`` did not write goes to ``others``."""
         if channel.id in self._channels:
             return
+        digest = content_digest.of_channel(channel, self._schemas.get(channel.schema_id))
+        self.contents[f"channel:{channel.topic}"] = digest
         if "places" not in channel.metadata:
             schema = self._schemas.get(channel.schema_id)
             self.others[channel.topic] = schema.name if schema else channel.message_encoding
+            self.other_channels[channel.topic] = channel.id
             return
         recorded = channel_metadata.decode(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
         if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:

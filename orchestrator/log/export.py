@@ -150,6 +150,7 @@ def export(
     target = Path(out)
     suffix = target.suffix.lower().removeprefix(".")
     with Log(path) as log:
+        log.notice_seal()
         chosen = log.choose(signals, topics)
         if not chosen:
             raise NoSuchSignal(f"{path} holds nothing to export")

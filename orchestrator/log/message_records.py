@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +20,7 @@ SEQUENCE, LOG_TIME, PUBLISH_TIME = 11, 15, 23  # byte offsets in the record
 IDENTITY = 11  # leading bytes that depend on the file: opcode, length, channel; the rest is in the digest
 _PREFIX = struct.Struct("<BQHIQQ")
 _IDENTITY = struct.Struct("<BQH")
+_RECORD = struct.Struct("<BQ")
 _HEAD = 9  # bytes of opcode and length, which the length does not count
 
 
@@ -93,8 +94,10 @@ class Records(NamedTuple):
         return items_at(content, self.size)[self.offsets].view(np.uint8).reshape(m, self.size)
 
 
-def records_by_channel(content: Bytes, indexed: Mapping[int, NDArray[np.int64]], most: int) -> dict[int, Records]:
-    """Find the message records in the content of a chunk (n,); raises ValueError.
+def records_by_channel(
+    content: Bytes, indexed: Mapping[int, NDArray[np.int64]], most: int, wanted: Collection[int]
+) -> dict[int, Records]:
+    """Find the message records of ``wanted`` channels in the content of a chunk (n,); raises ValueError.
 
     ``indexed``: offsets (m,) by channel in the message indexes. The records are scanned one
     by one if these are wrong. ``most``: largest number of records.
@@ -110,7 +113,17 @@ def records_by_channel(content: Bytes, indexed: Mapping[int, NDArray[np.int64]],
         records[channel] = Records(_HEAD + length, offsets)
     if len(records) == len(indexed) and _cover(records.values(), len(content)):
         return records
-    return {channel: _of_runs(runs) for channel, runs in runs_by_channel(content, most).items()}
+    return {channel: _of_runs(runs) for channel, runs in runs_by_channel(content, most).items() if channel in wanted}
+
+
+def descriptions(content: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and content of the schema and channel records in the content of a chunk."""
+    offset = 0
+    while offset + _HEAD <= len(content):
+        opcode, length = _RECORD.unpack_from(content, offset)
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            yield opcode, content[offset + _HEAD : offset + _HEAD + length]
+        offset += _HEAD + length
 
 
 def _cover(records: Collection[Records], size: int) -> bool:

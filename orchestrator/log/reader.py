@@ -24,7 +24,7 @@ from mcap.records import Attachment
 from numpy.typing import NDArray
 
 from orchestrator.files.budget import DOCUMENT, check_size
-from orchestrator.log import log_format, notices, seal_check, signal_names
+from orchestrator.log import content_digest, log_format, notices, seal_check, signal_names
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.contents import LogContents
 from orchestrator.log.message_records import Messages
@@ -73,9 +73,12 @@ class Log(AbstractContextManager["Log"]):
         self.complete = self.closing is not None and self._file.ended and not self.faults
         is_cut_off = self.closing is None and bool(self.topics) and not self.being_written
         last = max((end for _, end in self._chunks.spans.values()), default=0.0)
-        self.cut_off = notices.cut_off(self.path, last) if is_cut_off else ""
+        is_stripped = is_cut_off and not self._file.is_ours and f"metadata:{log_format.NAME}" not in contents.contents
+        cut_off = notices.stripped(self.path) if is_stripped else notices.cut_off(self.path, last)
+        self.cut_off = cut_off if is_cut_off else ""
         if not unfinished:
             notices.notice(self.cut_off)
+        self.rewritten = False  # by other software, with the same contents, as far as ``seal_faults`` has looked
         self._places: dict[str, tuple[str, int]] = {}
         for topic, about in self.topics.items():
             for column in range(len(about.names)):
@@ -106,14 +109,14 @@ class Log(AbstractContextManager["Log"]):
         offset = self._attachments[name]
         try:
             body = self._file.body(offset)
-            if self._file.opcode(offset) != Opcode.ATTACHMENT or crc32(body[:-4]) != int.from_bytes(
-                body[-4:], "little"
-            ):
+            given = int.from_bytes(body[-4:], "little")  # 0: none
+            if self._file.opcode(offset) != Opcode.ATTACHMENT or given not in (0, crc32(body[:-4])):
                 raise ValueError("its checksum does not hold")
             content = parse_record(Attachment, body).data
         except DAMAGE:
             raise LogUnreadable(f"{self.path}: the attachment '{name}' at byte {offset} is damaged") from None
-        if not self._contents.is_sealed(offset):
+        listed = self.closing and self.closing["contents"].get(f"attachment:{name}")
+        if not self._contents.is_sealed(offset) and listed != content_digest.of_attachment(content):
             raise LogUnreadable(f"{self.path} is not as it was sealed: the attachment '{name}' is changed")
         return content
 
@@ -345,8 +348,52 @@ class Log(AbstractContextManager["Log"]):
         return self._file.data_sound()
 
     def seal_faults(self) -> list[str]:
-        """Return sentences if the log is not as it was sealed or lost its seal; reads the whole file."""
-        return seal_check.seal_faults(self._file, self._contents)
+        """Return sentences if the log is not as it was sealed or lost its seal; reads the whole file.
+
+        A file that other software has rewritten is as it was sealed if its contents are.
+        """
+        faults = seal_check.seal_faults(self._file, self._contents)
+        if not faults or self._file.is_ours:
+            return faults
+        self.rewritten = not (faults := self._content_faults())
+        return faults
+
+    def _content_faults(self) -> list[str]:
+        """Return a sentence about the first content that is not that of the closing record; empty if all are."""
+        closing = self.closing
+        if closing is None or not closing["contents"]:
+            reason = "an older cotrack made it, which sealed the file alone" if closing else "it has no closing record"
+            return [f"{self.path} was rewritten by other software, and its seal cannot be checked: {reason}"]
+        beginning = f"{self.path} was rewritten by other software and is not as it was sealed: "
+        if not self._contents.is_sealed(self._contents.closing_at):
+            return [f"{beginning}the closing record is changed"]
+        for name, digest in closing["contents"].items():
+            kind, _, which = name.partition(":")
+            words = {"attachment": f"the attachment '{which}'", "metadata": f"the record '{which}'"}
+            words |= {"channel": f"the description of {which}", "messages": f"the text of {which}"}
+            what = words.get(kind, name)
+            found = self._contents.contents.get(name)
+            if kind == "attachment" and which in self._attachments:
+                try:
+                    found = content_digest.of_attachment(self.attachment(which))
+                except LogUnreadable as damage:
+                    return [str(damage)]
+            if kind == "channel" and not found and not self._has_messages(which):
+                continue  # a topic without messages may be left out
+            if kind == "messages" and which in self._contents.other_channels:
+                rows = self._chunks.rows_of(self._contents.other_channels[which])
+                found = content_digest.of_messages(rows)
+            if found != digest:
+                return [f"{beginning}{what} is {'changed' if found else 'missing'}"]
+        try:
+            changed = [topic for topic, digest in closing["sha256"].items() if self.hashes().get(topic) != digest]
+        except LogUnreadable as damage:
+            return [str(damage)]
+        return [f"{beginning}the messages of {changed[0]} are changed or missing"] if changed else []
+
+    def _has_messages(self, topic: str) -> bool:
+        closing = self.closing or {}
+        return bool(closing["messages"].get(topic)) or f"messages:{topic}" in closing["contents"]
 
     def check_seal(self) -> None:
         """Raise LogUnreadable if the log is not as it was sealed; reads the whole file."""
@@ -354,10 +401,12 @@ class Log(AbstractContextManager["Log"]):
             raise LogUnreadable(
                 f"{faults[0]}; 'cotrack log recover' writes a log of what it holds now, and seals it anew"
             )
+        notices.notice(notices.rewritten(self.path) if self.rewritten else "")
 
     def notice_seal(self) -> None:
         """Issue a LogNotice if the log is not as it was sealed; reads the whole file."""
-        notices.notice(next(iter(self.seal_faults()), ""))
+        faults = self.seal_faults()
+        notices.notice(faults[0] if faults else notices.rewritten(self.path) if self.rewritten else "")
 
     def check_inputs(self) -> None:
         """Raise LogUnreadable if the run did not record its inputs."""

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log import channel_metadata, closing_record, events_topic, log_format, notices, schema
+from orchestrator.log import channel_metadata, closing_record, content_digest, events_topic, log_format, notices, schema
 from orchestrator.log.container_writer import (
     ContainerWriter,
     LogFailed,
@@ -254,7 +254,9 @@ class Recorder(AbstractContextManager["Recorder"]):
         with suppress(OSError):
             self._file.channel(number, events_topic.TOPIC, events_topic.TYPE, events_topic.SCHEMA, {}, json=True)
             if events:
-                self._file.chunk([(number, *events_topic.records(number, events))], reserve_end=True)
+                rows, times = events_topic.records(number, events)
+                self._file.chunk([(number, rows, times)], reserve_end=True)
+                self._file.contents[f"messages:{events_topic.TOPIC}"] = content_digest.of_messages([rows])
 
     def close(
         self,
@@ -279,7 +281,8 @@ class Recorder(AbstractContextManager["Recorder"]):
             status, message = "failed", message or str(self._failure)
         try:
             totals = {channel.topic: (channel.messages, channel.hash.hexdigest()) for channel in self._recorded()}
-            record = closing_record.encode(status, message, steps, totals, results or {}, warnings)
+            contents = self._file.contents
+            record = closing_record.encode(status, message, steps, totals, results or {}, warnings, contents)
             self._file.metadata(closing_record.NAME, record)
             root = self._file.seal()
             self._file.finish()

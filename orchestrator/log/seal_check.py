@@ -76,7 +76,7 @@ def _part(file: ContainerReader, offset: int) -> str:
 def index_faults(file: ContainerReader) -> list[str]:
     """Return a sentence if the summary does not list exactly the records of the file."""
     listed = file.summary()
-    if not listed:  # the walk and the checksums say what is wrong
+    if not listed or not file.is_ours:  # the walk and the checksums say what is wrong
         return []
     try:
         given = Counter(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.files.replacing import replacing
+from orchestrator.log import notices
 from orchestrator.log.container_writer import LogFailed, check_writable
 from orchestrator.log.log_format import checkpoint_step
 from orchestrator.log.message_records import Messages
@@ -96,6 +97,7 @@ def verify(path: str | os.PathLike[str]) -> LogVerdict:
                     sentence,
                     f"{ending}: {closing['message']}" if closing["message"] else ending,
                     f"seal {log.seal}" if log.seal else "no seal: an older cotrack made it",
+                    *[notices.rewritten(log.path)] * log.rewritten,
                 ],
             )
     except LogUnreadable as error:

@@ -31,6 +31,11 @@ def chunked(tmp_path_factory):
     return record_in_chunks(path)
 
 
+def without_digests(closing):
+    """A closing record apart from the digests of metadata, which say of what a log was recovered."""
+    return {key: value for key, value in closing.items() if key != "contents"}
+
+
 def records(data):
     """(opcode, offset, end) of all records."""
     offset = 8
@@ -155,7 +160,7 @@ def test_recovering_a_whole_log_copies_it(small, tmp_path):
         assert theirs.hashes() == ours.hashes()
         assert theirs.metadata.pop("recovered") == {"of": "small.mcap", "seal": ours.seal}
         assert theirs.metadata == ours.metadata
-        assert theirs.closing == ours.closing
+        assert without_digests(theirs.closing) == without_digests(ours.closing)
         assert {name: theirs.attachment(name) for name in theirs.attachments} == ATTACHMENTS
 
 
@@ -253,7 +258,7 @@ def test_results_of_the_closing_record_are_kept(tmp_path):
         assert verify(tmp_path / "bad.mcap").code == BROKEN
         assert recover(tmp_path / "bad.mcap", tmp_path / "saved.mcap").code == WHOLE
         with Log(tmp_path / "saved.mcap") as saved:
-            assert saved.closing == closing
+            assert without_digests(saved.closing) == without_digests(closing)
     start, _ = chunk_spans(data)[3]
     data[start + 100] ^= 4
     (tmp_path / "bad.mcap").write_bytes(data)

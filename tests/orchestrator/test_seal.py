@@ -193,7 +193,6 @@ def _with_checksums(data, path):
 
 def test_other_edits_in_place_are_noticed(sealed, tmp_path):
     edits = [
-        (b"cotrack", b"cobrack"),  # the header's library
         (b'"/events"'[1:-1] + b"\x04\0\0\0json", b"/eventz\x04\0\0\0json"),  # topic of the events
         (b"foxglove.Log", b"foxglove.Fog"),  # the schema of the events
         (b"\x06\0\0\0commit\x03\0\0\0abc", b"\x06\0\0\0commit\x03\0\0\0abd"),
@@ -202,6 +201,11 @@ def test_other_edits_in_place_are_noticed(sealed, tmp_path):
         verdict = verify(edited_bytes(sealed, tmp_path / "edited.mcap", before, after))
         assert verdict.code == BROKEN, before
         assert any("sealed" in sentence for sentence in verdict.sentences), verdict.sentences
+
+
+def test_a_file_that_says_it_is_of_others_has_the_contents_that_were_sealed(sealed, tmp_path):
+    verdict = verify(edited_bytes(sealed, tmp_path / "edited.mcap", b"cotrack", b"cobrack"))
+    assert (verdict.code, "content intact" in verdict.sentences[-1]) == (WHOLE, True)
 
 
 def test_an_event_that_is_changed_is_noticed(sealed, tmp_path):
