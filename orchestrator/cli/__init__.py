@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Callable
@@ -18,7 +19,7 @@ import typer
 
 from fmus.vehicle import BadInput
 from orchestrator import __version__
-from orchestrator.cli import log_commands
+from orchestrator.cli import log_commands, printed
 from orchestrator.cli.analysis_commands import analyse, plot
 from orchestrator.cli.check_commands import check
 from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, print_message, print_notices, show_usage
@@ -72,12 +73,22 @@ def _common(
     narration.set_task(str(context.invoked_subcommand))
 
 
+def _stop(number: int, frame: object) -> None:
+    """End the command by a signal, as its shell would say it."""
+    print_message(f"ended by {signal.Signals(number).name}", 0)
+    sys.exit(128 + number)
+
+
 def main(command: Callable[..., Any] = app) -> None:
     """Run a command line; an error ends as one sentence, with exit status 2 for bad input."""
-    logging.basicConfig(format="cotrack: %(message)s", level=logging.WARNING, stream=sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(printed.PlainFormatter())
+    logging.basicConfig(handlers=[handler], level=logging.WARNING)
     for stream in (sys.stdout, sys.stderr):  # file names may hold bytes that are not text
         with suppress(AttributeError):  # a closed stream, or one that is not the system's
             stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
+        signal.signal(number, _stop)
     status: Any = 0
     try:
         with warnings.catch_warnings():

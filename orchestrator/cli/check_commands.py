@@ -25,10 +25,13 @@ def check(
         float | None,
         typer.Option("--step", metavar="H", help="communication step, s; default the FMU's own, else 1 ms"),
     ] = None,
-    limit: Annotated[float, typer.Option("--limit", metavar="T", help="time limit of a check, s")] = 300.0,
+    limit: Annotated[
+        float, typer.Option("--limit", metavar="T", help="time limit of a check, s; 1.2 T for all that hang")
+    ] = 100.0,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
-    """Check any co-simulation FMUs of FMI 2.0 or 3.0: description, units, dependencies, states, steps, calls, memory.
+    """Check any co-simulation FMUs of FMI 2.0 or 3.0: description, units, dependencies, states, steps,
+    calls, memory, and what they leave behind in their process.
 
     Each check runs in a process of its own, so a crash or a hang of the FMU is a finding. The code of the FMU is run.
     The exit status is 1 if something is wrong.

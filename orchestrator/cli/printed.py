@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 from orchestrator.results.units import finite as finite
@@ -21,4 +22,12 @@ def summary(result: dict[str, Any], verbose: bool = False) -> None:
     from orchestrator.execution.summary_text import lines
 
     for line in lines(result, None if verbose else MOST):
-        print(line)
+        print(plain(line))
+
+
+class PlainFormatter(logging.Formatter):
+    """Formatter of messages of any origin, each as one line."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line."""
+        return f"cotrack: {plain(record.getMessage())}"

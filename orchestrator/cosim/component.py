@@ -39,7 +39,7 @@ from orchestrator.cosim.component_warnings import ComponentWarning, WarningList
 from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, Guest
 from orchestrator.cosim.graph import ComponentFailed as ComponentFailed
 from orchestrator.cosim.guests.library import GuestLibrary, Opening
-from orchestrator.cosim.guests.room import Room
+from orchestrator.cosim.guests.room import PRINTED, Room
 from orchestrator.cosim.mixed_exchange import (
     START,
     ConvertedReals,
@@ -297,7 +297,9 @@ class Component(AbstractContextManager["Component"]):
         self._warnings = WarningList(self.name, earlier)
 
     def _receive(self, status: int, message: str, category: str) -> None:
-        if status == _WARNING and not self._warnings.add(message, float(self._clock[0])):
+        if category == PRINTED:
+            status, message = _WARNING, f"it prints: {message}"  # shown, but no warning of the FMU
+        elif status == _WARNING and not self._warnings.add(message, float(self._clock[0])):
             return
         if status >= _DISCARD and category != "traceback":
             self._messages.append((status, message))

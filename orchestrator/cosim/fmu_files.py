@@ -13,15 +13,18 @@ from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.files.budget import (
     DESCRIBED,
     DESCRIBED_RATIO,
+    FMU,
     OverBudget,
     UnpackedBudget,
+    check_name,
     check_zip,
     open_file,
-    read_file,
 )
+from orchestrator.files.replacing import replacing
 from orchestrator.kernels.cache import cache_folder, make_folder, private_folder, temporary_folder, write
 
 DESCRIPTION = "modelDescription.xml"
+PIECE = 1 << 20  # bytes unpacked at once
 _BYTECODE = "__pycache__"
 
 
@@ -64,7 +67,8 @@ def _check_size(archive: zipfile.ZipFile, size: int, description: str) -> None:
     """Raise OverBudget if an archive of ``size`` bytes declares too many files or bytes; zipfile unpacks no more."""
     budget = UnpackedBudget(size)
     for entry in archive.infolist():
-        budget.take(entry.file_size)
+        check_name(entry.filename)
+        budget.take(entry.file_size, FMU)
     described = archive.getinfo(description)
     if described.file_size > DESCRIBED + DESCRIBED_RATIO * min(described.compress_size, size):
         raise OverBudget(f"its {description} unpacks to more than its size allows: {described.file_size} bytes")
@@ -92,18 +96,24 @@ def _unpack_missing(archive: zipfile.ZipFile, folder: Path) -> Path:
             if not file.is_relative_to(folder):  # the name contains a drive
                 raise zipfile.BadZipFile(f"it holds a file called '{name}'")
             make_folder(file.parent)
-            write(file, archive.read(entry))
+            with archive.open(entry) as packed, replacing(file) as fresh, fresh.open("wb") as stream:
+                shutil.copyfileobj(packed, stream, PIECE)  # raises BadZipFile for a wrong checksum or size
     for source_folder in source_folders:
         _block_bytecode(source_folder / _BYTECODE)
     return folder
 
 
 def _is_unpacked(file: Path, entry: zipfile.ZipInfo) -> bool:
+    crc = 0
     try:
-        content = read_file(file, entry.file_size)
-    except (OSError, OverBudget):  # missing, no regular file, or too large
+        with open_file(file) as stream:
+            if os.fstat(stream.fileno()).st_size != entry.file_size:
+                return False
+            while piece := stream.read(PIECE):
+                crc = zlib.crc32(piece, crc)
+    except OSError:  # missing, or no regular file
         return False
-    return len(content) == entry.file_size and zlib.crc32(content) == entry.CRC
+    return crc == entry.CRC
 
 
 def _block_bytecode(bytecode: Path) -> None:

@@ -83,7 +83,7 @@ def manifest(
     for name, component in components.items():
         families = {"in": component.inputs, "out": component.outputs, "links": component.links}
         for topic, names in families.items():
-            if names or topic == "in":
+            if names or topic != "links":
                 topics[f"/{name}/{topic}"] = [(variable, component.unit(variable)) for variable in names]
         counters = [(counter, "1") for counter in component.integers]
         topics[f"/stats/{name}"] = counters + [(figure, "s") for figure in STATS]

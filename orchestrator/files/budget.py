@@ -27,9 +27,10 @@ ROWS = 50_000  # of a table of points
 MEASURED, MEASURED_ROWS = 16 << 20, 250_000  # bytes and lines of a measured record
 CSV_LINE = 1 << 16  # characters of a line of a CSV file
 DOCUMENT = 8 << 20  # bytes of a JSON or XML document, which takes up to 25 times its size in memory
-AT_ONCE = 64 << 20  # bytes read or unpacked into memory at once: a record or a chunk of a log, a file in an FMU
+AT_ONCE = 64 << 20  # bytes read or unpacked into memory at once: a record or a chunk of a log
 FMU = 1 << 30  # bytes of an FMU
 DESCRIBED, DESCRIBED_RATIO = 2 << 20, 32  # bytes of the description in an FMU; more per packed byte; ours have 22
+PATH_PARTS, PATH_LENGTH = 64, 1024  # folders and characters of a name in a zip archive
 DIRECTORY = 1 << 20  # bytes of the directory of an FMU, of which a file takes 100
 NESTING = 64  # levels of tables and arrays in a TOML file
 UNPACKED, RATIO = 32 << 20, 80  # bytes that any file may unpack to; more per byte of its size
@@ -60,10 +61,10 @@ class UnpackedBudget:
         self._others = self._most_others = most_others(size)
         self._channels = CHANNELS
 
-    def take(self, unpacked: int) -> None:
-        """Count a part of ``unpacked`` bytes; raises OverBudget."""
-        if unpacked > AT_ONCE:
-            raise OverBudget(f"a part of it unpacks to {unpacked} bytes, and {AT_ONCE} are allowed")
+    def take(self, unpacked: int, most: int = AT_ONCE) -> None:
+        """Count a part of ``unpacked`` bytes, of which ``most`` are allowed; raises OverBudget."""
+        if unpacked > most:
+            raise OverBudget(f"a part of it unpacks to {unpacked} bytes, and {most} are allowed")
         self._bytes -= unpacked
         self._parts -= 1
         if self._bytes < 0:
@@ -79,6 +80,12 @@ class UnpackedBudget:
             raise OverBudget(f"it has more than {self._most_others} records, which are allowed for its size")
         if self._channels < 0:
             raise OverBudget(f"its channel records have more than {CHANNELS} bytes")
+
+
+def check_name(name: str) -> None:
+    """Raise OverBudget for the name of a packed file that is too long or in too many folders."""
+    if len(name) > PATH_LENGTH or name.count("/") + name.count("\\") >= PATH_PARTS:
+        raise OverBudget(f"a file in it has a name of more than {PATH_LENGTH} characters or {PATH_PARTS} folders")
 
 
 def most_others(size: int) -> int:

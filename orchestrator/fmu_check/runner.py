@@ -11,6 +11,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -26,6 +27,7 @@ from orchestrator.fmu_check import (
     phases,
     repeatability,
     states,
+    surroundings,
     units,
 )
 from orchestrator.fmu_check.instance import VERSIONS, Subject
@@ -40,8 +42,11 @@ CHECKS: dict[str, Callable[[Subject], Verdict]] = {
     "odd steps": odd_steps.check,
     "non-finite inputs": non_finite_inputs.check,
     "phases": phases.check,
+    "surroundings": surroundings.check,
     "memory": memory.check,
 }
+HANGING, LEAST = 1.2, 0.1  # parts of the time limit of a check
+STOPPED = "the process was stopped after"
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -55,13 +60,19 @@ def verdicts(fmu: Path, step: float | None, limit: float, begun: Callable[[str],
     """Make all checks of an FMU; return their verdicts.
 
     :param step: communication step, s; None: the FMU's own.
-    :param limit: time limit of a check, s.
+    :param limit: time limit of a check, s; checks that are stopped take HANGING of it together, the rest is not made.
     :param begun: called with the name of each check before it.
     """
-    results = {}
+    results, left = {}, HANGING * limit
     for name in CHECKS:
         begun(name)
-        results[name] = in_child(name, fmu, step, limit)
+        if left < LEAST * limit:
+            results[name] = Verdict("", ("it was not made, because other checks did not come to an end",))
+            continue
+        began = time.monotonic()
+        results[name] = in_child(name, fmu, step, min(limit, left))
+        if any(STOPPED in fault for fault in results[name].faults):
+            left -= time.monotonic() - began
     return results
 
 
@@ -84,9 +95,11 @@ def in_child(name: str, fmu: Path, step: float | None, limit: float) -> Verdict:
                 )
                 end = _end(child.returncode, errors)
             except subprocess.TimeoutExpired:
-                end = f"the process was stopped after {limit:g} s"
+                end = f"{STOPPED} {limit:.3g} s"
         content = json.loads(journal.read_text(encoding="utf-8"))
     note, faults, applicable = content.get("verdict", ("", (), True))
+    if not end and "verdict" not in content:
+        end = "the process ended with exit status 0"  # the FMU has ended it
     if end:
         where = "at its exit" if "verdict" in content else content.get("at", "at the start")
         faults = (*faults, f"{end} {where}")

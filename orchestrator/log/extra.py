@@ -10,6 +10,7 @@ BROUGHT = {  # module: package of pyproject.toml that brings it, where their nam
     "annotated_types": "pydantic",
     "google": "protobuf",
     "llvmlite": "numba",
+    "lz4": "mcap",
     "lxml": "fmpy",
     "markdown_it": "markdown-it-py",
     "pydantic_core": "pydantic",

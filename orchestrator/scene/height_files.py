@@ -67,13 +67,27 @@ def _read_csv(path: Path) -> Floats:
 
 
 def _read_array(path: Path) -> Floats:
+    stream = io.BytesIO(read_file(path, MEASURED))
     try:
-        array = np.load(io.BytesIO(read_file(path, MEASURED)), allow_pickle=False)
+        version = np.lib.format.read_magic(stream)
+        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = header(stream)
     except Exception:  # zip archives, pickles, damaged headers
         raise ValueError("is no array of numpy") from None
-    if not isinstance(array, np.ndarray) or array.ndim != 2 or array.dtype.kind not in "fiu":
+    if len(shape) != 2 or kind.kind not in "fiu":
         raise ValueError("must be a two-dimensional array of numbers")
-    return array.astype(float)
+    _check_points(*shape)
+    stream.seek(0)
+    try:
+        return np.asarray(np.load(stream, allow_pickle=False), dtype=float)
+    except ValueError:
+        raise ValueError("is a damaged array: it has not the numbers that its header says") from None
+
+
+def _check_points(rows: int, columns: int) -> None:
+    """Raise ValueError for a map that is empty or too large."""
+    if not 0 < rows * columns <= MOST_HEIGHTS:
+        raise ValueError(f"has {columns} x {rows} points, must have 1 to {MOST_HEIGHTS}")
 
 
 def _read_image(path: Path, limits: Any) -> Floats:
@@ -83,20 +97,23 @@ def _read_image(path: Path, limits: Any) -> Floats:
     content = read_file(path, MEASURED)
     if not content.startswith(SIGNATURE) or len(content) < HEADER.size:
         raise ValueError("is no PNG image")
-    _, columns, rows, bits, colour = HEADER.unpack_from(content)
+    first, columns, rows, bits, colour = HEADER.unpack_from(content)
+    if first != b"IHDR":
+        raise ValueError("is no PNG image: it does not begin with its size (IHDR)")
     if (bits, colour) != (16, GREY):
         step = (limits[1] - limits[0]) / 255.0
         kind = "grey" if colour == GREY else "colour"
         raise ValueError(
             f"has {bits} bits of {kind}, must be grey of 16: 8 bits make steps of {abs(step):.3g} m out of slopes"
         )
-    if columns * rows > MOST_HEIGHTS:
-        raise ValueError(f"has {columns} x {rows} points, must have {MOST_HEIGHTS} at most")
-    from matplotlib.image import imread
+    _check_points(rows, columns)
+    from PIL import Image
 
     try:
-        grey = np.asarray(imread(io.BytesIO(content), format="png"), dtype=float)
+        with Image.open(io.BytesIO(content), formats=["PNG"]) as image:
+            if image.size != (columns, rows):  # a second size behind the first one
+                raise ValueError(f"it says that it has {image.width} x {image.height} points too")
+            whole = np.asarray(image, dtype=float) / 65535.0
     except Exception as error:
         raise ValueError(f"is a damaged image: {error}") from None
-    whole = np.rint(grey * 65535.0) / 65535.0  # matplotlib gives single precision
     return limits[0] + (limits[1] - limits[0]) * whole[::-1, ::-1]

@@ -4,12 +4,15 @@ import json
 import shutil
 import subprocess
 import sys
+import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import fmpy
+import foreign_fmus
 import pytest
+from foreign_fmus import Variable
 
 from fmus.build import build
 from fmus.native import link
@@ -256,3 +259,52 @@ def test_native_fmus_of_ours_have_no_fault_and_python_ones_the_known_ones():
         "fmi2Fatal, after which no instance may be used: fmi2ExitInitializationMode without entry, "
     )
     assert accepted == "accepted: fmi2Instantiate with another guid"
+
+
+# --- FMUs that change their process, or end or block it ----------------------------------------------
+
+ENDS, DIES, HANGS, _, _, _, MOVES, ROUNDS, PRINTS = range(1, 10)  # of foreign/guest.c
+
+
+@pytest.fixture(scope="module")
+def guest(tmp_path_factory):
+    """FMU that behaves in a manner from t = 0 on."""
+    folder = tmp_path_factory.mktemp("guest")
+    reals = [Variable("u", "input"), *(Variable(name, "output") for name in ("y", "together"))]
+
+    def make(manner):
+        whole = Variable("manner", "parameter", manner, "Integer"), Variable("steps", "output", 0, "Integer")
+        file = folder / f"{manner}.fmu"
+        return foreign_fmus.build(file, "guest", [*reals, Variable("when", "parameter", 5e-3), *whole])
+
+    return make
+
+
+@pytest.mark.parametrize(("manner", "said"), [
+    (MOVES, "fmi2DoStep leaves another working folder (/)"),
+    (ROUNDS, "fmi2DoStep leaves another rounding mode (0x0, then 0x800)"),
+])  # fmt: skip
+def test_an_fmu_that_changes_its_process_is_found(guest, manner, said):
+    assert in_child("surroundings", guest(manner), 1e-3, 30.0).faults == (said,)
+    assert not in_child("surroundings", guest(0), 1e-3, 30.0).faults
+
+
+def test_what_an_fmu_prints_is_said(guest):
+    verdict = in_child("surroundings", guest(PRINTS), 1e-3, 30.0)
+    assert (verdict.result, "prints" in verdict.note, "nothing" in verdict.note) == ("ok", True, False)
+    assert "prints nothing" in in_child("surroundings", guest(0), 1e-3, 30.0).note
+
+
+@pytest.mark.parametrize("name", ["dependencies", "odd steps", "repeatability", "memory", "surroundings"])
+def test_no_verdict_is_a_fault(guest, name):
+    """The FMU ends the process with status 0."""
+    (fault,) = in_child(name, guest(ENDS), 1e-3, 30.0).faults
+    assert fault.startswith("the process ended with exit status 0 ")
+
+
+def test_an_fmu_that_hangs_takes_little_more_than_one_limit(guest):
+    began = time.monotonic()
+    found = verdicts(guest(HANGS), 1e-3, 5.0, lambda name: None)
+    assert time.monotonic() - began < 30.0
+    assert "the process was stopped after 5 s" in found["dependencies"].faults[0]
+    assert found["memory"].faults == ("it was not made, because other checks did not come to an end",)

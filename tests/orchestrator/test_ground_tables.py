@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from importlib import resources
 
 import numpy as np
@@ -128,6 +130,10 @@ def test_heights_from_a_grey_image_of_16_bits(tmp_path):
     assert "range" not in table
 
 
+def png_chunk(kind, content):
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+
 def test_files_of_heights_that_are_refused(tmp_path):
     image.imsave(tmp_path / "colour.png", np.zeros((3, 3, 3)))
     (tmp_path / "text.csv").write_text("1,2\n3,x\n")
@@ -135,6 +141,16 @@ def test_files_of_heights_that_are_refused(tmp_path):
     (tmp_path / "no.png").write_text("no image")
     (tmp_path / "cut.npy").write_bytes(b"\x93NUMPY")
     np.save(tmp_path / "flags.npy", np.zeros((3, 3), dtype=bool))
+    np.save(tmp_path / "rows.npy", np.zeros((3, 3)))
+    header = (tmp_path / "rows.npy").read_bytes()[:128]
+    (tmp_path / "none.npy").write_bytes(header.replace(b"(3, 3), }  ", b"(3000, 0), }")[:128])
+    (tmp_path / "many.npy").write_bytes(header.replace(b"(3, 3), }      ", b"(3000, 3000), }"))
+    (tmp_path / "few.npy").write_bytes(header)
+    Image.fromarray(np.zeros((2, 2), np.uint16)).save(tmp_path / "small.png")
+    small = (tmp_path / "small.png").read_bytes()
+    (tmp_path / "text.png").write_bytes(small[:8] + png_chunk(b"tEXt", small[16:29]) + small[8:])
+    larger = png_chunk(b"IHDR", b"\0\0\0\3" + small[20:29])
+    (tmp_path / "twice.png").write_bytes(small[:33] + larger + small[33:])
     for name, keys, sentence in [
         ("colour.png", {"range": [0, 51]}, "8 bits of colour, must be grey of 16: 8 bits make steps of 0.2 m"),
         ("colour.png", {}, r"an image needs ground\.heightmap\.range = \[black, white\]"),
@@ -144,6 +160,11 @@ def test_files_of_heights_that_are_refused(tmp_path):
         ("cut.npy", {}, "is no array of numpy"),
         ("flags.npy", {}, "two-dimensional array of numbers"),
         ("missing.csv", {}, "cannot be read: No such file"),
+        ("none.npy", {}, "has 0 x 3000 points, must have 1 to 200000"),
+        ("many.npy", {}, "has 3000 x 3000 points, must have 1 to 200000"),
+        ("few.npy", {}, "is a damaged array"),
+        ("text.png", {"range": [0, 1]}, "it does not begin with its size"),
+        ("twice.png", {"range": [0, 1]}, "is a damaged image: it says that it has 3 x 2 points too"),
     ]:
         with pytest.raises(BadInput, match=sentence) as refused:
             read_file(tmp_path / name, **keys)

@@ -456,3 +456,23 @@ fmu.a = {{ file = "{files["a"]}", parameters = {{ {parameters} }} }}
     given, out, err = cotrack("run", "one.toml", "-o", "one.mcap")
     assert (given, said in out + err) == (status, True), out + err
     assert cotrack("log", "verify", "one.mcap")[0] == 0
+
+
+def test_an_fmu_without_reals_is_recorded(files, tmp_path, cotrack):
+    """Every system that can be loaded can be: its discrete outputs are in the statistics."""
+    whole = [Variable("u", "input", 0, "Integer"), Variable("y", "output", 0, "Integer")]
+    fmu = foreign_fmus.build(tmp_path / "whole.fmu", "whole", whole)
+    made = any_from_table(
+        {
+            "name": "w",
+            "title": "w",
+            "assembly": "fmus",
+            "run": {"stop": H, "step": H},
+            "fmu": {"a": {"file": str(fmu)}},
+        },
+        "w.toml",
+    )
+    assert simulate(made, tmp_path / "w.mcap")["status"] == "ok"
+    with Log(tmp_path / "w.mcap") as log:
+        assert "stats.a.y" in log.signals
+    assert cotrack("log", "verify", tmp_path / "w.mcap")[0] == 0

@@ -438,6 +438,9 @@ def test_what_is_no_fmu_for_this_machine_is_refused(drive, tmp_path):
         packed("twice.fmu", ("modelDescription.xml", description.replace(b'"angle"', b'"speed"'))): (
             "has a variable 'speed', and there is another one of that name in its log"
         ),
+        packed(
+            "deep.fmu", ("a/" * 200 + "x", b"x")
+        ): "a file in it has a name of more than 1024 characters or 64 folders",
         packed("up.fmu", ("resources/../../up", b"x")): "it holds a file outside of it, 'resources/../../up'",
         packed(
             "bomb.fmu", *((f"resources/{k}", bytes(1 << 24)) for k in range(4))

@@ -149,6 +149,8 @@ def main(descriptor: str, memory: str) -> None:
     """Serve until the connection ends."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the run decides when a guest ends
         signal.signal(number, signal.SIG_IGN)
+    for stream in (sys.stdout, sys.stderr):  # the process may end without a flush
+        stream.reconfigure(line_buffering=True)  # type: ignore[union-attr]
     connection = socket.socket(fileno=int(descriptor))
     threading.Thread(target=_end_with, args=(int(descriptor),), daemon=True).start()
     with suppress(EOFError, OSError):

@@ -32,6 +32,8 @@ PERIOD = 0.1  # s between two looks at calls that take long
 GRACE = 1.0  # s that a call may still take after an interruption
 PATIENCE = 4.0  # s of a call until it is told, then twice as long each time
 CLOSING = 2.0  # s that a process may take to end
+PRINTED = "printed"  # category of a message that is a printed line
+SHOWN = 3  # printed lines of a process that are shown
 LAST_LINES = 5  # printed lines that a sentence about the end of a process may quote
 FATAL, ERROR = 4, 3  # FMI status
 ROOT = Path(__file__).resolve().parents[3]
@@ -89,11 +91,14 @@ class Room:
     def _listen(self) -> None:
         """Hear what the process prints."""
         assert self._process.stdout is not None
+        heard = 0
         for line in self._process.stdout:
             text = line.decode("utf-8", "replace").rstrip()
             if text:
                 self.printed.append(text)
-                self.hear(0, text, "printed")
+                heard += 1
+                if heard <= SHOWN:
+                    self.hear(0, text if heard < SHOWN else f"{text}; more is not shown", PRINTED)
 
     def enter(self) -> int:
         """Return the number of a new instance."""
