@@ -1,30 +1,15 @@
-"""Instance of an FMU of FMI 3.0 in the process of a guest; sibling of ``fmi2`` with the same functions.
+"""Instance of an FMU of FMI 3.0 with the functions of FMI 2.0, in the process of a guest; there is no event mode.
 
-Variables are scalars of the types of FMI 2.0, as ``fmi3_scalars`` makes them. There is no event mode.
+Variables are scalars of the types of FMI 2.0, as ``model_description`` makes them: a value reference is the number of
+an element. Values are in buffers of bytes.
 """
+# ruff: noqa: D102, N802 (functions of the standard)
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
-from ctypes import (
-    byref,
-    c_bool,
-    c_char_p,
-    c_double,
-    c_float,
-    c_int,
-    c_int8,
-    c_int16,
-    c_int32,
-    c_int64,
-    c_size_t,
-    c_uint,
-    c_uint8,
-    c_uint16,
-    c_uint32,
-    c_uint64,
-    c_void_p,
-)
+from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from typing import Any
 
@@ -32,24 +17,12 @@ from fmpy.fmi3 import fmi3Byte
 
 from orchestrator.cosim import fmi3_library
 
-PREFIX = "fmi3"
-WORDS = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "String": "String"}  # in names of functions
-TYPES: dict[str, Any] = {
-    "Float64": c_double,
-    "Float32": c_float,
-    "Int64": c_int64,
-    "Int32": c_int32,
-    "Int16": c_int16,
-    "Int8": c_int8,
-    "UInt64": c_uint64,
-    "UInt32": c_uint32,
-    "UInt16": c_uint16,
-    "UInt8": c_uint8,
-    "Boolean": c_bool,
-    "String": c_char_p,
-}
+TYPES: dict[str, Any] = {"Float64": c_double, "Float32": ctypes.c_float, "Boolean": c_bool, "String": c_char_p}
+TYPES |= {f"Int{n}": getattr(ctypes, f"c_int{n}") for n in (8, 16, 32, 64)}
+TYPES |= {f"UInt{n}": getattr(ctypes, f"c_uint{n}") for n in (8, 16, 32, 64)}
 _SCALARS: dict[str, Any] = {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p}
-_DISCARD = 2
+_WARNING, _DISCARD = 1, 2  # FMI status
+_TERMINATED = 3  # kind of a status
 
 
 class Array:
@@ -57,120 +30,101 @@ class Array:
 
     def __init__(self, reference: int, kind: str, size: int) -> None:
         self.function = "Int64" if kind == "Enumeration" else kind
-        self.arguments = (c_uint * 1)(reference), 1, (TYPES[self.function] * size)(), size
-        self.values = self.arguments[2]
+        self.values = (TYPES[self.function] * size)()
+        self.arguments = (c_uint * 1)(reference), 1, self.values, size
         self.known = size == 1
 
 
-class Instance:
-    """Instance whose functions return FMI statuses.
+class Fmi3:
+    """Library with one instance.
 
-    :param elements: of each scalar, by its number: reference, type, size and place in the array of its variable.
+    :param elements: value reference, type, size and place in the array of its variable, of each scalar.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        identifier: str,
-        name: str,
-        guid: str,
-        elements: Sequence[tuple[int, str, int, int]],
-        hear: fmi3_library.Hear,
-    ) -> None:
+    def __init__(self, folder: Path, identifier: str, elements: Sequence[tuple[int, str, int, int]]) -> None:
         self._library = fmi3_library.load(folder, identifier)
-        self.handle, self.free = fmi3_library.instantiate(self._library, folder, name, guid, hear)
         arrays = {reference: Array(reference, kind, size) for reference, kind, size, _ in elements}
         self._elements = [(arrays[reference], place) for reference, _, _, place in elements]
-        self._times: tuple[float, float | None] = 0.0, None
-        self._ended, self._reached = False, float("nan")
-        self._states: dict[int, c_void_p] = {}
+        self._times: tuple[Any, ...] = ()
+        self._ended, self._reached = c_bool(), c_double()
+        self._handle: int | None = None
 
-    def call(self, function: str, *arguments: Any) -> int:
-        """Make a call, named without its prefix."""
-        return int(getattr(self._library, f"{PREFIX}{function}")(self.handle, *arguments))
+    def instantiate(self, *given: Any) -> tuple[int | None, Any]:
+        """Make the instance; the result is that of ``fmi3_library.instantiate``."""
+        self._handle, free = fmi3_library.instantiate(self._library, *given)
+        return self._handle, free
 
-    def setup(self, start: float, stop: float | None) -> int:
-        """Set times, s."""
-        self._times = start, stop
+    def _call(self, function: str, *arguments: Any) -> int:
+        return int(getattr(self._library, f"fmi3{function}")(self._handle, *arguments))
+
+    def __getattr__(self, name: str) -> Any:
+        """Getter, setter, or function without arguments of FMI 2.0."""
+        way, kind = name[4:7], name[7:]
+        if name.startswith("fmi2") and way in ("Get", "Set") and kind in _SCALARS:
+            return lambda _, references, n, values: self._exchange(way, kind, references, n, values)
+        if name in ("fmi2ExitInitializationMode", "fmi2Terminate", "fmi2Reset"):
+            return lambda _: self._call(name[4:])
+        raise AttributeError(name)
+
+    def _exchange(self, way: str, kind: str, references: Any, n: int, values: Any) -> int:
+        """Get or set elements; those of an array that are not set keep their values."""
+        numbers = (c_uint * n).from_buffer(references)
+        values = values if kind == "String" else (_SCALARS[kind] * n).from_buffer(values)
+        elements = [self._elements[number] for number in numbers]
+        arrays, worst = list(dict.fromkeys(array for array, _ in elements)), 0
+        for array in arrays:
+            if way == "Get" or not array.known:
+                worst = max(worst, self._call(f"Get{array.function}", *array.arguments))
+                array.known = worst <= _WARNING
+        if worst > _WARNING:
+            return worst
+        for k, (array, place) in enumerate(elements):
+            if way == "Get":
+                values[k] = array.values[place]
+            else:
+                array.values[place] = values[k]
+        for array in arrays if way == "Set" else ():
+            worst = max(worst, self._call(f"Set{array.function}", *array.arguments))
+        return worst
+
+    def fmi2SetupExperiment(self, _: int, *times: Any) -> int:
+        self._times = times
         return 0
 
-    def enter(self) -> int:
-        """Enter initialisation mode."""
-        start, stop = self._times
-        return self.call("EnterInitializationMode", False, 0.0, start, stop is not None, 0.0 if stop is None else stop)
+    def fmi2EnterInitializationMode(self, _: int) -> int:
+        return self._call("EnterInitializationMode", *self._times)
 
-    def group(self, kind: str, references: Sequence[int], memory: Any = None, offset: int = 0) -> tuple[Any, ...]:
-        """Return scalars and their arrays; their values are in ``memory``."""
-        array = _SCALARS[kind] * len(references)
-        values = array() if memory is None else array.from_buffer(memory, offset)
-        elements = [self._elements[number] for number in references]
-        return elements, list(dict.fromkeys(array for array, _ in elements)), values
+    def fmi2DoStep(self, _: int, t: float, h: float, no_rollback: bool) -> int:
+        """Step; one that ends the run or returns early is discarded."""
+        event, early, self._ended, self._reached = c_bool(), c_bool(), c_bool(), c_double(t + h)
+        flags = (byref(each) for each in (event, self._ended, early, self._reached))
+        status = self._call("DoStep", t, h, no_rollback, *flags)
+        is_short = early.value or (self._ended.value and self._reached.value < t + h)
+        return _DISCARD if status <= _WARNING and is_short else status
 
-    def get(self, kind: str, group: tuple[Any, ...]) -> int:
-        """Get the variables of a group."""
-        elements, arrays, values = group
-        worst = 0
-        for array in arrays:
-            worst = max(worst, self.call(f"Get{array.function}", *array.arguments))
-            array.known = worst <= 1
-        if worst <= 1:
-            values[:] = [array.values[place] for array, place in elements]
-        return worst
+    def fmi2GetBooleanStatus(self, _: int, kind: int, value: Any) -> int:
+        c_int.from_buffer(value).value = kind == _TERMINATED and self._ended.value
+        return 0
 
-    def set(self, kind: str, group: tuple[Any, ...]) -> int:
-        """Set the variables of a group; elements of an array that are not in the group keep their values."""
-        elements, arrays, values = group
-        worst = 0
-        for array in arrays:
-            if not array.known:
-                worst = max(worst, self.call(f"Get{array.function}", *array.arguments))
-                array.known = True
-        for (array, place), value in zip(elements, values, strict=True):
-            array.values[place] = value
-        for array in arrays:
-            worst = max(worst, self.call(f"Set{array.function}", *array.arguments))
-        return worst
+    def fmi2GetRealStatus(self, _: int, kind: int, value: Any) -> int:
+        c_double.from_buffer(value).value = self._reached.value
+        return 0
 
-    def step(self, t: float, h: float, no_rollback: bool) -> int:
-        """Step from t to t + h, s; a step that ends the run or returns early is discarded."""
-        event, self._ended, early, reached = c_bool(), False, c_bool(), c_double(t + h)
-        ended = c_bool()
-        status = self.call("DoStep", t, h, no_rollback, byref(event), byref(ended), byref(early), byref(reached))
-        self._ended, self._reached = ended.value, reached.value
-        return _DISCARD if status <= 1 and (early.value or (ended.value and reached.value < t + h)) else status
+    def fmi2GetFMUstate(self, _: int, state: Any) -> int:
+        return self._call("GetFMUState", byref(c_void_p.from_buffer(state)))
 
-    def outcome(self) -> tuple[bool, float | None]:
-        """Return, after a discarded step, whether the FMU has ended the run, and the time that it has reached, s."""
-        return self._ended, self._reached
+    def fmi2SetFMUstate(self, _: int, state: int) -> int:
+        return self._call("SetFMUState", state)
 
-    def save(self) -> tuple[int, int]:
-        """Save the state; return its number, not 0."""
-        state = c_void_p()
-        return self.call("GetFMUState", byref(state)), self._number(state)
+    def fmi2FreeFMUstate(self, _: int, state: Any) -> int:
+        return self._call("FreeFMUState", byref(c_void_p.from_buffer(state)))
 
-    def _number(self, state: c_void_p) -> int:
-        number = max(self._states, default=0) + 1
-        self._states[number] = state
-        return number
+    def fmi2SerializedFMUstateSize(self, _: int, state: int, size: Any) -> int:
+        return self._call("SerializedFMUStateSize", state, byref(c_size_t.from_buffer(size)))
 
-    def restore(self, number: int) -> int:
-        """Restore a state."""
-        return self.call("SetFMUState", self._states[number])
+    def fmi2SerializeFMUstate(self, _: int, state: int, content: Any, size: int) -> int:
+        return self._call("SerializeFMUState", state, (fmi3Byte * size).from_buffer(content), size)
 
-    def release(self, number: int) -> int:
-        """Free a state."""
-        return self.call("FreeFMUState", byref(self._states.pop(number)))
-
-    def dump(self, number: int) -> tuple[int, bytes]:
-        """Serialise a state."""
-        size = c_size_t()
-        if status := self.call("SerializedFMUStateSize", self._states[number], byref(size)):
-            return status, b""
-        content = (fmi3Byte * size.value)()
-        return self.call("SerializeFMUState", self._states[number], content, size), bytes(content)
-
-    def undump(self, content: bytes) -> tuple[int, int]:
-        """Return the number of a state from its bytes."""
-        state = c_void_p()
-        buffer = (fmi3Byte * len(content)).from_buffer_copy(content)
-        return self.call("DeserializeFMUState", buffer, len(content), byref(state)), self._number(state)
+    def fmi2DeSerializeFMUstate(self, _: int, content: Any, size: int, state: Any) -> int:
+        made = byref(c_void_p.from_buffer(state))
+        return self._call("DeserializeFMUState", (fmi3Byte * size).from_buffer(content), size, made)

@@ -1,8 +1,8 @@
 """Process of a guest: ``python -m orchestrator.cosim.guests.process CONNECTION MEMORY``, two file descriptors.
 
-It makes the calls that come over the connection, one after another, and replies with the FMI status, the function that
-failed, a value, and the messages of the FMU. Inputs and outputs of a step are in the shared memory. It ends with the
-connection, also if the FMU never returns.
+It makes the calls of FMI 2.0 that come over the connection, one after another, and replies with the status, the
+function that failed, its arguments as the FMU has left them, and the messages of the FMU. Inputs and outputs of a step
+are in the shared memory. It ends with the connection, also if the FMU never returns.
 """
 
 from __future__ import annotations
@@ -15,17 +15,18 @@ import sys
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
-from ctypes import c_char_p
+from ctypes import c_char, c_char_p, c_double, c_uint, cast
 from mmap import mmap
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-from orchestrator.cosim.guests import fmi2, fmi3, packets
+from orchestrator.cosim import fmi2_library
+from orchestrator.cosim.guests import packets
+from orchestrator.cosim.guests.fmi3 import Fmi3
 
-VERSIONS: dict[str, ModuleType] = {"2.0": fmi2, "3.0": fmi3}
 _WARNING, _FATAL = 1, 4  # FMI status
-Reply = tuple[int, str, Any]  # status, function that failed, value
+Failing = tuple[int, str]  # status, function that failed or ""
+Buffers = list[Any]
 
 
 class Guest:
@@ -33,107 +34,90 @@ class Guest:
 
     def __init__(self, memory: int, opening: dict[str, Any]) -> None:
         self.messages: list[tuple[int, str, str]] = []
-        self._fmi = VERSIONS[opening["version"]]
-        self._instance = self._fmi.Instance(
-            Path(opening["folder"]), opening["identifier"], opening["name"], opening["guid"], opening["elements"],
-            lambda *message: self.messages.append(message),
-        )  # fmt: skip
-        (inputs, at), (outputs, to) = opening["inputs"], opening["outputs"]
-        self._memory = mmap(memory, 0)
-        self._inputs = self._instance.group("Real", inputs, self._memory, at) if inputs else None
-        self._outputs = self._instance.group("Real", outputs, self._memory, to) if outputs else None
-        self.handle = self._instance.handle
-
-    def _status(self, status: int, function: str, value: Any = None) -> Reply:
-        return status, "" if 0 <= status <= _WARNING else f"{self._fmi.PREFIX}{function}", value
-
-    def write(self) -> Reply:
-        """Set the inputs of the memory."""
-        return self._set("Real", self._inputs) if self._inputs else (0, "", None)
-
-    def read(self) -> Reply:
-        """Get the outputs into the memory."""
-        return self._get("Real", self._outputs) if self._outputs else (0, "", None)
-
-    def _set(self, kind: str, group: tuple[Any, ...]) -> Reply:
-        return self._status(self._instance.set(kind, group), f"Set{self._fmi.WORDS[kind]}")
-
-    def _get(self, kind: str, group: tuple[Any, ...], value: Any = None) -> Reply:
-        return self._status(self._instance.get(kind, group), f"Get{self._fmi.WORDS[kind]}", value)
-
-    def step(self, t: float, h: float, no_rollback: bool) -> Reply:
-        """Step, then read."""
-        status = self._instance.step(t, h, no_rollback)
-        reply = self._status(status, "DoStep")
-        if reply[1]:
-            return reply
-        read = self.read()
-        return read if read[1] else (max(status, read[0]), "", None)
-
-    def get(self, kind: str, references: Sequence[int]) -> Reply:
-        """Get variables."""
-        group = self._instance.group(kind, references)
-        status, function, _ = self._get(kind, group)
-        values = group[-1]
-        return status, function, [text or b"" for text in values] if kind == "String" else bytes(values)
-
-    def set(self, kind: str, references: Sequence[int], values: Any) -> Reply:
-        """Set variables."""
-        group = self._instance.group(kind, references)
-        if kind == "String":
-            group[-1][:] = [c_char_p(value) for value in values]
+        folder, identifier = Path(opening["folder"]), opening["identifier"]
+        given = folder, opening["name"], opening["guid"], lambda *message: self.messages.append(message)
+        self.library: Any
+        if opening["version"] == "2.0":
+            self.library = fmi2_library.load(folder, identifier)
+            self.handle, self.free = fmi2_library.instantiate(self.library, *given)
         else:
-            memoryview(group[-1]).cast("B")[:] = values
-        return self._set(kind, group)
+            self.library = Fmi3(folder, identifier, opening["elements"])
+            self.handle, self.free = self.library.instantiate(*given)
+        self._memory = mmap(memory, 0)
+        self._u, self._y = (self._shared(*opening[name]) for name in ("inputs", "outputs"))
 
-    def call(self, function: str) -> Reply:
-        """Make a call without arguments."""
-        return self._status(self._instance.call(function), function)
+    def _shared(self, references: Sequence[int], place: int) -> tuple[Any, int, Any]:
+        """References, number and values of Reals in the shared memory."""
+        n = len(references)
+        return (c_uint * n)(*references), n, (c_double * max(n, 1)).from_buffer(self._memory, place)
 
-    def setup(self, start: float, stop: float | None) -> Reply:
-        """Set times, s."""
-        return self._status(self._instance.setup(start, stop), "SetupExperiment")
+    def call(self, function: str, *arguments: Any) -> Failing:
+        """Make a call with arguments of its C types."""
+        status = int(getattr(self.library, function)(self.handle, *arguments))
+        return status, "" if 0 <= status <= _WARNING else function
 
-    def enter(self) -> Reply:
-        """Enter initialisation mode."""
-        return self._status(self._instance.enter(), "EnterInitializationMode")
+    def write(self) -> Failing:
+        """Set the inputs of the memory."""
+        return self.call("fmi2SetReal", *self._u) if self._u[1] else (0, "")
 
-    def outcome(self) -> Reply:
-        """Outcome of a discarded step."""
-        return 0, "", self._instance.outcome()
+    def read(self) -> Failing:
+        """Get the outputs into the memory."""
+        return self.call("fmi2GetReal", *self._y) if self._y[1] else (0, "")
 
-    def state(self, work: str, *arguments: Any) -> Reply:
-        """Save, restore, release, dump or undump a state."""
-        names = {"save": "GetFMUstate", "restore": "SetFMUstate", "release": "FreeFMUstate"}
-        names |= {"dump": "SerializeFMUstate", "undump": "DeSerializeFMUstate"}
-        found = getattr(self._instance, work)(*arguments)
-        status, value = found if isinstance(found, tuple) else (found, None)
-        return self._status(status, names[work], value)
+    def step(self, *arguments: Any) -> Failing:
+        """Step, then read."""
+        stepped = self.call("fmi2DoStep", *arguments)
+        if stepped[1]:
+            return stepped
+        read = self.read()
+        return max(stepped, read) if not read[1] else read
 
-    def free(self) -> Reply:
+    def close(self) -> Failing:
         """Free the instance."""
-        self._instance.free()
-        return 0, "", None
+        self.free()
+        return 0, ""
+
+    def converted(self, function: str, arguments: Sequence[Any]) -> tuple[list[Any], Buffers]:
+        """Arguments of C types, and the buffers in which the FMU finds and leaves values."""
+        kinds = getattr(getattr(self.library, function), "argtypes", None) or [None] * (len(arguments) + 1)
+        made, buffers = [], []
+        for argument, kind in zip(arguments, kinds[1:], strict=True):
+            if isinstance(argument, bytes | list):
+                content = (c_char_p * len(argument)) if isinstance(argument, list) else (c_char * len(argument))
+                buffer = content(*argument) if isinstance(argument, list) else content.from_buffer_copy(argument)
+                buffers.append(buffer)
+                argument = buffer if kind is None or isinstance(argument, list) else cast(buffer, kind)
+            made.append(argument)
+        return made, buffers
+
+
+def _content(buffer: Any) -> bytes | list[bytes]:
+    return [text or b"" for text in buffer] if buffer._type_ is c_char_p else bytes(buffer)
 
 
 def serve(connection: socket.socket, memory: int) -> None:
     """Make all calls until the connection ends."""
     guests: dict[int, Guest] = {}
     while True:
-        number, written, call, *arguments = packets.receive(connection)
+        number, written, function, *arguments = packets.receive(connection)
         guest = guests.get(number)
+        result: Any = None
         try:
             if guest is None:
                 guest = guests[number] = Guest(memory, *arguments)
-                reply: Reply = 0, "", bool(guest.handle)
+                failing, result = (0, ""), bool(guest.handle)
             else:
-                reply = guest.write() if written else (0, "", None)
-                if not reply[1]:
-                    reply = getattr(guest, call)(*arguments)
+                failing = guest.write() if written else (0, "")
+                if not failing[1] and hasattr(Guest, function):
+                    failing = getattr(guest, function)(*arguments)
+                elif not failing[1]:
+                    made, buffers = guest.converted(function, arguments)
+                    failing = guest.call(function, *made)
+                    result = [_content(buffer) for buffer in buffers]
         except Exception as error:
-            reply = _FATAL, call, f"{type(error).__name__}: {error}"
+            failing, result = (_FATAL, function), f"{type(error).__name__}: {error}"
         messages = guest.messages if guest else []
-        packets.send(connection, (number, *reply, messages))
+        packets.send(connection, (number, *failing, result, messages))
         messages.clear()
 
 
