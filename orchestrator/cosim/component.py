@@ -337,14 +337,15 @@ class Component(AbstractContextManager["Component"]):
                 raise self._mixed.raised
         if self._remote is not None:
             function = self._remote.failed or function
+        said_as = f"fmi3{function[4:]}".replace("Real", "Float64") if is_fmi3(self.description) else function
         if function == "fmi2DoStep" and status == _DISCARD and not any(each >= _ERROR for each, _ in self._messages):
-            return self._discarded_step()
-        sentence = self._first_error() or _status_text(function, status)
+            return self._discarded_step(said_as)
+        sentence = self._first_error() or _status_text(said_as, status)
         if self._phase not in ("made", "instantiated") and "t = " not in sentence:
-            sentence += f" ({function}, t = {float(self._clock[0]):.6g} s)"
+            sentence += f" ({said_as}, t = {float(self._clock[0]):.6g} s)"
         return ComponentFailed(f"{self.name}: {sentence}")
 
-    def _discarded_step(self) -> ComponentFailed:
+    def _discarded_step(self, function: str) -> ComponentFailed:
         """Outcome of a step that the FMU has not completed, but does not call an error."""
         ended, reached = c_int(), c_double(math.nan)
         self._library.fmi2GetBooleanStatus(self._handle, _TERMINATED, byref(ended))
@@ -354,7 +355,7 @@ class Component(AbstractContextManager["Component"]):
         if ended.value:
             time = reached.value if time_known else start
             return ComponentEnded(f"{self.name} has ended the run at t = {time:.6g} s{f': {said}' if said else ''}")
-        sentence = said or _status_text("fmi2DoStep", _DISCARD)
+        sentence = said or _status_text(function, _DISCARD)
         if time_known:
             sentence += f"; the step from t = {start:.6g} s ended at t = {reached.value:.6g} s: a shorter one may help"
         return ComponentFailed(f"{self.name}: {sentence}")

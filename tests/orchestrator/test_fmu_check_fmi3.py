@@ -13,10 +13,13 @@ from test_fmu_check import HERE, PLANTED
 
 from fmus.native import link
 from fmus.native.pack import build_native
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.execution.simulate import simulate
 from orchestrator.fmu_check.instance import Instance, Subject
 from orchestrator.fmu_check.runner import CHECKS, judged, verdicts
+from orchestrator.log.reader import Log
 from orchestrator.scene.products import scene_products
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import any_from_table, load
 
 XML = (HERE / "oscillator3.xml").read_text(encoding="utf-8")
 DECLARED = re.compile(r"^FMI3_Export fmi3\w+TYPE\s+(fmi3\w+);", re.MULTILINE)
@@ -171,3 +174,56 @@ def test_native_fmus_of_ours_have_no_fault():
     native = verdicts(build_native(kind, config, fmi=3), None, 300.0, print)
     assert {name: verdict.faults for name, verdict in native.items() if verdict.faults} == {}
     assert {verdict.result for verdict in native.values()} == {"ok"}
+
+
+# --- runs ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def oscillator2(oscillator, tmp_path_factory):
+    """The same oscillator as an FMU of FMI 2.0."""
+    folder = tmp_path_factory.mktemp("oscillator2")
+    compiler = [shutil.which("cc")] if shutil.which("cc") else link.compiler()
+    library = folder / f"oscillator{fmpy.sharedLibraryExtension}"
+    flags = ["-std=c11", "-shared", "-fPIC", "-w", f"-I{link.HERE}"]
+    subprocess.run([*map(str, [*compiler, *flags, "-o", library, HERE / "oscillator.c", "-lm"])], check=True)
+    with zipfile.ZipFile(folder / "2.fmu", "w") as archive:
+        archive.write(HERE / "oscillator.xml", "modelDescription.xml")
+        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
+    return folder / "2.fmu"
+
+
+@pytest.mark.parametrize("coupling", ["jacobi", "iterative"])  # an iterative one saves and restores states
+def test_a_run_has_the_bits_of_the_one_of_fmi_2(oscillator, oscillator2, tmp_path, coupling):
+    """Elements of an array are variables; parameters, start values of inputs and times pass too."""
+    given = {"start.x": 0.2, "stiffness": 55.0, "force": 3.0}
+    found = {}
+    for name, file in (("2", oscillator2), ("3", oscillator())):
+        run = {"step": 0.01, "stop": 0.5, "start": 2.0, "coupling": coupling}
+        fmus = {each: {"file": str(file), "parameters": given} for each in "ab"}
+        table = {"name": "o", "title": "o", "assembly": "fmus", "run": run, "fmu": fmus}
+        summary = simulate(any_from_table(table, "o.toml"), tmp_path / f"{name}.mcap")
+        assert (summary["status"], summary["warnings"]) == ("ok", [])
+        with Log(tmp_path / f"{name}.mcap") as log:
+            series = log.read("/a/out")
+            found[name] = dict(zip(series.names, series.values.T.copy(), strict=True))
+            assert log.unit(f"a.{series.names[0]}") == "m"
+    assert list(found["3"]) == ["motion[1]", "motion[2]"]
+    assert found["3"]["motion[1]"].tobytes() == found["2"]["x"].tobytes()
+    assert found["3"]["motion[2]"].tobytes() == found["2"]["v"].tobytes()
+    assert abs(found["2"]["x"]).max() > 0.1
+
+
+def test_an_early_return_ends_a_run_with_a_sentence(oscillator, tmp_path):
+    fmu = {"a": {"file": str(oscillator("EARLY"))}}
+    table = {"name": "o", "title": "o", "assembly": "fmus", "run": {"step": 0.01, "stop": 0.5}, "fmu": fmu}
+    summary = simulate(any_from_table(table, "o.toml"), tmp_path / "o.mcap")
+    assert summary["status"] == "failed"
+    assert summary["message"].startswith("a: fmi3DoStep failed with FMI status 2; the step from t = 0 s ended at")
+
+
+def test_an_fmu_of_fmi_3_has_a_process_of_its_own(oscillator, tmp_path):
+    fmu = {"a": {"file": str(oscillator()), "in_process": True}}
+    table = {"name": "o", "title": "o", "assembly": "fmus", "run": {"step": 0.01, "stop": 0.5}, "fmu": fmu}
+    with pytest.raises(ComponentFailed, match=r"is an FMU of FMI 3\.0: it runs in a process of its own only"):
+        simulate(any_from_table(table, "o.toml"), tmp_path / "o.mcap")

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests.room import FATAL, Room
 
-_BY_REFERENCE = type(ctypes.byref(ctypes.c_int()))
-_POINTER = type(ctypes.pointer(ctypes.c_int())).__mro__[1]
+_BY_REFERENCE: Any = type(ctypes.byref(ctypes.c_int()))
+_POINTER: Any = type(ctypes.pointer(ctypes.c_int())).__mro__[1]
 
 
 class Opening(NamedTuple):
