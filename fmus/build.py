@@ -19,7 +19,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
+from functools import lru_cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -166,11 +166,15 @@ def build_once(key: str, file: str, pack: Callable[[], bytes], folder: Path | No
 def built_here(file: Path) -> bool:
     """Whether a file is a copy of an FMU that was built here: its bytes are those of one in the cache."""
     with suppress(OSError):
-        size = file.stat().st_size
-        for built in cache_folder().glob("fmus/*/*.fmu"):
-            if built.stat().st_size == size and filecmp.cmp(built, file, shallow=False):
-                return True
+        status = file.stat()
+        return _is_cached_content(file, status.st_size, status.st_mtime_ns)
     return False
+
+
+@lru_cache(maxsize=16)
+def _is_cached_content(file: Path, size: int, changed: int) -> bool:
+    built = (each for each in cache_folder().glob("fmus/*/*.fmu") if each.stat().st_size == size)
+    return any(filecmp.cmp(each, file, shallow=False) for each in built)
 
 
 def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Iterator[bytes]:

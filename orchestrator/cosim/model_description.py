@@ -61,7 +61,21 @@ class Loadable(NamedTuple):
 
 
 def loadable(fmu: Path) -> Loadable:
-    """Unpack an FMU that can be loaded here; raises ComponentFailed."""
+    """Unpack an FMU that can be loaded here, once for all its instances; raises ComponentFailed."""
+    fmu = Path(fmu)
+    try:
+        status = fmu.stat()
+    except OSError:
+        return _loadable(fmu)
+    return _known(fmu, status.st_ino, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _known(fmu: Path, *content: int) -> Loadable:
+    return _loadable(fmu)
+
+
+def _loadable(fmu: Path) -> Loadable:
     folder, description = describe(fmu, LIBRARIES)
     require_binary(folder, description, fmu)
     try:

@@ -19,7 +19,7 @@ SMALL = 1e-310  # a number that has less than the usual digits
 
 
 class Process(NamedTuple):
-    """What an FMU must leave as it is."""
+    """State of the process that an FMU must leave as it is."""
 
     rounding: int  # mode of C
     keeps_small: bool  # numbers below 2.2e-308 are not taken for 0

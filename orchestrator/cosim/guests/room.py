@@ -31,6 +31,7 @@ MOST = 64  # processes of one run
 PERIOD = 0.1  # s between two looks at calls that take long
 GRACE = 1.0  # s that a call may still take after an interruption
 PATIENCE = 4.0  # s of a call until it is told, then twice as long each time
+STARTING = 30.0  # s that a process may take to start, which is no call of the FMU
 CLOSING = 2.0  # s that a process may take to end
 PRINTED = "printed"  # category of a message that is a printed line
 SHOWN = 3  # printed lines of a process that are shown
@@ -65,6 +66,7 @@ class Room:
         self.name, self.limit = name, limit
         self.began = 0.0  # s, monotonic time at which the present call began; 0: none
         self.doing: Doing = "", None  # call that is waited for
+        self.is_ready = False  # it has made a call
         self.ended = ""  # words on the end of the process
         self.printed: deque[str] = deque(maxlen=LAST_LINES)
         self.hear: Callable[[int, str, str], None] = lambda status, text, category: None
@@ -130,6 +132,7 @@ class Room:
         try:
             while number not in self._replies and not self.ended:
                 whose, *reply = packets.receive(self._connection)
+                self.is_ready = True
                 self._replies[whose] = tuple(reply)
         except (OSError, EOFError):
             self._end(self.doing)
@@ -238,7 +241,7 @@ class Rooms(AbstractContextManager["Rooms"]):
                 waited = now - began
                 if since and (now - since > GRACE or count > signals + 1):
                     room.stop("was interrupted")
-                elif waited > room.limit:
+                elif waited > room.limit + (0.0 if room.is_ready else STARTING):
                     room.stop(f"has not returned within {room.limit:g} s")
                 elif waited > told.get(room, PATIENCE):
                     told[room] = 2.0 * waited
