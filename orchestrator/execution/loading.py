@@ -76,7 +76,7 @@ def load_components(
     Our FMUs start by their parameters, those of the user then in the order of flow.
     """
     discrete = discrete_variables(graph.connections)
-    placed_in = _open_rooms(graph.instances, stack.enter_context(rooms or Rooms()))
+    placed_in = open_rooms(graph.instances, stack.enter_context(rooms or Rooms()))
     components = {
         instance.name: stack.enter_context(
             Component(
@@ -108,7 +108,7 @@ def load_components(
     return components
 
 
-def _open_rooms(instances: Iterable[Instance], rooms: Rooms) -> dict[str, Room]:
+def open_rooms(instances: Iterable[Instance], rooms: Rooms) -> dict[str, Room]:
     """Rooms of FMUs of the user, by their names; raises ComponentFailed."""
     wanted, inside = [], set()
     for instance in instances:

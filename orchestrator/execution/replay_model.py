@@ -11,12 +11,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fmus.build import built_here
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.component import Component, Logger
-from orchestrator.cosim.graph import Instance, System
+from orchestrator.cosim.graph import Guest, Instance, System
+from orchestrator.cosim.guests.room import Rooms
 from orchestrator.execution import replays
+from orchestrator.execution.loading import open_rooms
 from orchestrator.execution.manifest import NATIVE, as_json, model_description, sha256, system_table
 from orchestrator.log import notices
 from orchestrator.log.log_format import BRANCHED
@@ -113,14 +116,21 @@ def open_replay(
             raise BadInput(
                 f"'{name}' of the log exchanged values in units of its own FMU: no other one takes its place"
             )
-        with Component(
-            model.fmu,
-            name,
-            logger,
-            discrete={*outputs, *_names(log, f"/{name}/in")},
-            conversions={variable: own[variable] for variable in outputs if variable in own},
-            units=entry.get("units", {}),
-        ) as component:
+        guest = None if built_here(model.fmu) else Guest()
+        instance = Instance(name, model.fmu, {}, 0, guest=guest)
+        with (
+            Rooms() as rooms,
+            Component(
+                model.fmu,
+                name,
+                logger,
+                guest=guest,
+                room=open_rooms([instance], rooms).get(name),
+                discrete={*outputs, *_names(log, f"/{name}/in")},
+                conversions={variable: own[variable] for variable in outputs if variable in own},
+                units=entry.get("units", {}),
+            ) as component,
+        ):
             component.know_texts(texts_of(log))
             component.start_time = float(log.table("scene.json").get("run", {}).get("start", 0.0))
             component.start_with(entry.get("inputs", {}))

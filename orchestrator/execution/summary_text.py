@@ -69,7 +69,8 @@ def _headline(r: dict[str, Any]) -> str:
     links = f", {r['track']} links" if r["track"] else ""
     met, *late = summary.check_counts(r)
     checks = f"; {'; '.join((f'{met} checks are met', *late))}" if r["checks"] or late else ""
-    return f"{r['scene']}{links}: {summary.verdict(r)}{checks}"
+    ended = f"; {r['message']}" if r["status"] == "ok" and r["message"] else ""  # by a component
+    return f"{r['scene']}{links}: {summary.verdict(r)}{checks}{ended}"
 
 
 def _pace(r: dict[str, Any]) -> str:
