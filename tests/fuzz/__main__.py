@@ -21,14 +21,14 @@ import typer
 from fmus.vehicle import BadInput
 from orchestrator.cli import main
 from orchestrator.results.table import Column, Table
-from tests.fuzz import caches, grounds, logs, measured, oracle, sequences, settings, sweeps, tables
+from tests.fuzz import caches, grounds, guests, logs, measured, oracle, sequences, settings, sweeps, tables
 from tests.fuzz.bench import Bench, Case
 from tests.fuzz.expected import EXPECTED, expected_name
 
 CORPUS = Path(__file__).parent / "corpus"
 SHARES = {  # of the time
     "settings": 3, "scenes": 2, "vehicles": 2, "points": 2, "commands": 4, "logs": 3, "checkpoints": 1, "caches": 2,
-    "calls": 2, "states": 1, "measured": 3, "sweeps": 2, "grounds": 2,
+    "calls": 2, "states": 1, "measured": 3, "sweeps": 2, "grounds": 2, "guests": 3,
 }  # fmt: skip
 COLUMNS = (
     Column("kind", "kind"), Column("cases", "cases"), Column("s", "s"), Column("seeds", "seeds"),
@@ -43,7 +43,7 @@ def draw(kind: str, bench: Bench, seed: int) -> Case:
         "settings": settings.draw, "scenes": tables.scenes, "vehicles": tables.vehicles, "points": tables.points,
         "commands": tables.commands, "logs": partial(logs.logs, bench), "checkpoints": partial(logs.checkpoints, bench),
         "caches": caches.draw, "calls": sequences.draw, "states": sequences.draw_states, "measured": measured.draw,
-        "sweeps": sweeps.draw, "grounds": grounds.draw,
+        "sweeps": sweeps.draw, "grounds": grounds.draw, "guests": guests.draw,
     }  # fmt: skip
     return {"kind": kind, **own[kind](chance)}
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from orchestrator.cli import main
-from tests.fuzz import caches, grounds, logs, oracle, sequences
+from tests.fuzz import caches, grounds, guests, logs, oracle, sequences
 
 Case = dict[str, Any]
 SMALL = ("--set", "chain.links=8", "--set", "run.links=7", "--set", "expect={}", "--set", "run.checkpoints=0.005")
@@ -76,6 +76,8 @@ class Bench:
             sequences.prepare()
         if "grounds" in kinds:
             grounds.prepare()
+        if "guests" in kinds:
+            guests.prepare(folder)
         gc.collect()
         gc.freeze()
 
@@ -105,8 +107,9 @@ class Bench:
             except (LookupError, TypeError, ValueError, OverflowError, struct.error):
                 return []  # no record can hold it, or an edit does not fit what an earlier one left
             os.link(self.bases[case["base"]], room / "whole.mcap")
-        cpu = oracle.STARTING if case["kind"] == "sweeps" else oracle.CPU
-        ended = oracle.play(oracle.command(case["arguments"]), room, cpu)
+        cpu = oracle.STARTING if case["kind"] in ("sweeps", "guests") else oracle.CPU
+        wall = oracle.STARTING if case["kind"] == "guests" else oracle.WALL  # FMUs run in processes of their own
+        ended = oracle.play(oracle.command(case["arguments"]), room, cpu, wall)
         return oracle.wrongs(ended, refusal_is_alone=case["kind"] not in LOG_KINDS)
 
 
