@@ -1,4 +1,4 @@
-"""What users bring: archives, tables ``[fmu.NAME]``, files of heights, and FMUs to be checked, all somewhat wrong."""
+"""Things that users bring: archives, tables ``[fmu.NAME]``, files of heights, FMUs to be checked, all somewhat wrong."""
 
 from __future__ import annotations
 
@@ -146,13 +146,13 @@ def _edited(chance: random.Random, text: str) -> str:
 
 def _damaged(chance: random.Random, content: bytes) -> dict[str, str]:
     """Bytes of a file, rarely with some of them changed or cut off."""
-    content = bytearray(content)
+    changed = bytearray(content)
     if chance.random() < 0.1:
         for _ in range(chance.choice((1, 3, 20))):
-            content[chance.randrange(len(content))] = chance.randrange(256)
+            changed[chance.randrange(len(changed))] = chance.randrange(256)
     if chance.random() < 0.05:
-        del content[chance.randrange(len(content)) :]
-    return {"bytes": base64.b64encode(content).decode()}
+        del changed[chance.randrange(len(changed)) :]
+    return {"bytes": base64.b64encode(changed).decode()}
 
 
 def _zip(files: dict[str, bytes]) -> bytes:

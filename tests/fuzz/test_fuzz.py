@@ -20,10 +20,8 @@ from tests.fuzz.expected import EXPECTED
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks under limits of Linux")
 BRIEF = "settings,scenes,vehicles,caches,checkpoints", "points,commands,logs,calls,states"
-HALVES = (
-    f"{BRIEF[0]},sweeps",
-    f"{BRIEF[1]},measured,grounds,guests",
-)  # kinds whose cases take seconds are in long tests only
+# Kinds whose cases take seconds are in long tests only.
+HALVES = f"{BRIEF[0]},sweeps", f"{BRIEF[1]},measured,grounds,guests"
 
 
 def fuzz(environment, folder, *arguments, timeout=600):
