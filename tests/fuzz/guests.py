@@ -1,4 +1,4 @@
-"""Things that users bring: archives, tables ``[fmu.NAME]``, files of heights, FMUs to be checked, all somewhat wrong."""
+"""Things that users bring: archives, tables ``[fmu.NAME]``, files of heights, and FMUs, all somewhat wrong."""
 
 from __future__ import annotations
 
