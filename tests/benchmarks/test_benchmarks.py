@@ -16,6 +16,7 @@ from tests.benchmarks import (
     against,
     chain,
     exchange,
+    guests,
     kernels,
     layers,
     links,
@@ -402,3 +403,9 @@ def test_a_checkout_against_itself():
         pytest.skip("the machine is busy")
     table = against.paired(against.ROOT, ["links"], True, 5, lambda said: None)
     assert [row["ratio"] for row in table.records()] == pytest.approx([1.0] * len(table.rows), abs=0.03)
+
+
+def test_guests_are_measured_both_ways():
+    table = guests.measured(repeats=1, steps=50)
+    assert [n for n, _, _ in table.rows] == [1, 2, 8]
+    assert all(own > inside > 0.0 for _, own, inside in table.rows)
