@@ -99,8 +99,9 @@ def load_components(
                 connection.inputs, components[connection.source].texts
             )
     own = [instance for instance in graph.instances if instance.guest is None]
-    for instance in own:
-        components[instance.name].initialise(instance.parameters, *times)
+    start, stop = times
+    for instance in own:  # whose times are those of the scene
+        components[instance.name].initialise(instance.parameters, 0.0, stop - start)
     initialised = {instance.name: components[instance.name] for instance in own}
     guests = [instance for instance in graph.instances if instance.guest is not None]
     start_values.initialise(guests, graph.connections, components, initialised, times)

@@ -69,8 +69,9 @@ def _headline(r: dict[str, Any]) -> str:
     links = f", {r['track']} links" if r["track"] else ""
     met, *late = summary.check_counts(r)
     checks = f"; {'; '.join((f'{met} checks are met', *late))}" if r["checks"] or late else ""
-    ended = f"; {r['message']}" if r["status"] == "ok" and r["message"] else ""  # by a component
-    return f"{r['scene']}{links}: {summary.verdict(r)}{checks}{ended}"
+    verdict = summary.verdict(r)
+    ended = f"; {r['message']}" if verdict == "ok" and r["message"] else ""  # by a component
+    return f"{r['scene']}{links}: {verdict}{checks}{ended}"
 
 
 def _pace(r: dict[str, Any]) -> str:

@@ -115,7 +115,7 @@ class RunTable(FrozenTable):
     stop: Duration
     """end of the run, a multiple of step; times in a scene, a log and results count from its start"""
     start: Annotated[float, In("s")] = 0.0
-    """time of the FMUs at the start of the run"""
+    """time of FMUs of users at the start of the run"""
     step: Duration
     """communication step H; with a variable step, the first one"""
     coupling: Annotated[CouplingTable, BeforeValidator(short_coupling, SchemeName | CouplingTable)] = CouplingTable()

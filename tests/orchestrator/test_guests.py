@@ -18,7 +18,8 @@ from orchestrator.cosim.guests import room
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
-from orchestrator.scene.scene import any_from_table
+from orchestrator.scene.run_tables import RunTable
+from orchestrator.scene.scene import any_from_table, load
 
 GUEST = (
     Variable("u", "input"),
@@ -209,3 +210,29 @@ def test_an_fmu_for_one_instance_has_each_in_a_process(guest, tmp_path):
 def test_a_bad_key_is_refused(guest):
     with pytest.raises(BadInput, match="non_finite"):
         any_from_table(table({"a": entry(guest, non_finite="shrug")}), "guests.toml")
+
+
+# --- time -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("start", [0.0, 5.0, 1e6])
+def test_no_step_ends_after_the_stop_time_that_was_given(start):
+    """Of 2,400 pairs of stop and step 633 did by a rounding."""
+    for step in (1e-3, 3e-3, 0.1, 0.7e-3, 1 / 3, 1.25e-3):
+        for n in range(1, 401):
+            run = table({}, stop=n * step, step=step, start=start)["run"]
+            begin, end = RunTable.model_validate(run).times
+            assert begin == start
+            assert all(begin + k * step + step <= end for k in (0, n // 2, n - 1))
+            assert end - begin <= n * step + 1e-9
+
+
+def test_our_fmus_run_by_the_time_of_the_scene(tmp_path):
+    """Beside FMUs of users that begin at another time."""
+    hashes = []
+    for start in (0.0, 1e6):
+        settings = {"run.stop": "5 ms", "run.start": start, "chain.links": 8, "run.links": 7, "expect": {}}
+        simulate(load("hanging_chain", "rigid", settings), tmp_path / "a.mcap")
+        with Log(tmp_path / "a.mcap") as log:
+            hashes.append(log.hashes()["/chain/out"])
+    assert hashes[0] == hashes[1]

@@ -369,6 +369,7 @@ def test_a_step_that_is_not_done(drive, tmp_path, monkeypatch, manner, status, m
     path = tmp_path / "rig.mcap"
     summary = simulate(rig(drive, {**PARAMETERS, "end": 0.0205, "manner": manner}), path)
     assert (summary["status"], summary["message"]) == (status, message)
+    assert (message in lines(summary)[0]) == (status == "ok"), "a run that was ended says so in its first line"
     assert (summary["communication_steps"], summary["simulated_time"]) == (20, pytest.approx(0.02))
     with Log(path) as log:
         assert log.closing["status"] == status
