@@ -356,18 +356,24 @@ def test_units_that_do_not_fit_are_refused(gain, tmp_path, one, other, said):
 # --- experiment, sources, versions -------------------------------------------------------------------
 
 
-def test_an_experiment_may_begin_at_any_time(tmp_path):
-    """An FMU hears the time of the archive; times in the log count from the start."""
+@pytest.mark.parametrize("in_process", [False, True])
+@pytest.mark.parametrize("way", ["kernels", "Python"])
+def test_an_experiment_may_begin_at_any_time(tmp_path, monkeypatch, in_process, way):
+    """An FMU hears the time of the archive, at which its output ends to be finite; the log counts from the start."""
+    monkeypatch.setattr("orchestrator.cosim.coupling.scheme.CAN_STEP", way != "Python")
     guest = foreign_fmus.build(
         tmp_path / "guest.fmu", "guest",
         [Variable("u", "input"), Variable("y", "output"), Variable("together", "output"),
-         Variable("when", "parameter", 1e6 + 0.0025), Variable("manner", "parameter", 9, "Integer"),
+         Variable("when", "parameter", 1e6 + 0.0025), Variable("manner", "parameter", 4, "Integer"),
          Variable("steps", "output", 0, "Integer")],
     )  # fmt: skip
     ssd = document(system(component("a")), experiment='startTime="1000000" stopTime="1000000.004"')
-    _, path = run(tmp_path, ssd, guest)
-    with Log(path) as log:
-        assert log.read("/a/out").t[-1] == pytest.approx(0.004)
+    archive = packed(tmp_path / "t.ssp", ssd, **{"resources/gain.fmu": guest})
+    summary = simulate(load_ssp(archive, None, {"fmu.a.in_process": in_process}), tmp_path / "t.mcap")
+    assert summary["message"].startswith("a: output 'y' is nan")
+    assert summary["message"].endswith("(fmi2GetReal, t = 0.002 s)")
+    with Log(tmp_path / "t.mcap") as log:
+        assert log.read("/a/out").t[-1] == pytest.approx(0.002)
         assert log.table("scene.json")["run"]["start"] == 1e6
 
 
