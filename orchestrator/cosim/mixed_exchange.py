@@ -171,6 +171,8 @@ class MixedExchange:
         status = self._call("fmi2GetReal", instance, references, n, values)
         if self._check is not None and n and 0 <= status <= _WARNING:
             status = _worse(status, self._check(raw if n == len(raw) else np.ctypeslib.as_array(values, (n,))))
+        if not 0 <= status <= _WARNING:
+            self.failed = "fmi2GetReal"
         conversions.convert(raw, y[: len(raw)])
         for kind, names, place, numbers, found in groups:
             if not 0 <= status <= _WARNING:
