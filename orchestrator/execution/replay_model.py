@@ -132,11 +132,18 @@ def open_replay(
             ) as component,
         ):
             component.know_texts(texts_of(log))
-            component.start_time = float(log.table("scene.json").get("run", {}).get("start", 0.0))
+            component.start_time = 0.0 if guest is None else _start_time(log)
             component.start_with(entry.get("inputs", {}))
             settable = set(component.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in settable}
             yield Replay(log, component, parameters, model)
+
+
+def _start_time(log: Log) -> float:
+    """Time of FMUs of users at the start of the run, s; an answer of an FMU has the scene of none."""
+    scene = log.table("scene.json") if "scene.json" in log.attachments else {}
+    run = scene.get("run", {})
+    return float(run.get("start", 0.0)) if isinstance(run, dict) else 0.0
 
 
 def _conversions(entry: Mapping[str, Any]) -> dict[str, Conversion]:
