@@ -43,18 +43,19 @@ def initialise(
             components[name].start_with(_inputs(name, fed, sources))
 
         loop = {name: components[name] for name in group}
-        if len(members) > 1 or any(one.source == one.target == group[0] for one in fed):
+        feeds_itself = len(members) > 1 or any(one.source == one.target == group[0] for one in fed)
+        if feeds_itself:
             for instance in members:
                 receive(instance.name, done)
                 loop[instance.name].enter(instance.parameters, *times)
             _settle([one.name for one in members], loop, partial(receive, sources=done | loop))
         for instance in members:
-            if len(members) == 1:
-                receive(instance.name, done)
-                loop[instance.name].initialise(instance.parameters, *times)
-            else:
+            if feeds_itself:
                 receive(instance.name, done | loop)
                 loop[instance.name].leave_initialisation()
+            else:
+                receive(instance.name, done)
+                loop[instance.name].initialise(instance.parameters, *times)
         done |= loop
 
 

@@ -44,6 +44,7 @@ EXPORT void fmi2FreeInstance(fmi2Component p) { free(p); }
 EXPORT fmi2Status fmi2Terminate(fmi2Component p) { (void)p; return fmi2OK; }
 
 EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
+    if (((Model *)p)->initialising) return fmi2Error;
     ((Model *)p)->initialising = 1;
     return fmi2OK;
 }

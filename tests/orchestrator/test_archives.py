@@ -176,6 +176,12 @@ def test_a_loop_of_start_values_settles(gain, tmp_path, k):
     assert abs(found["b.y"]) < 1e-10
 
 
+def test_an_fmu_may_feed_itself(gain, tmp_path):
+    """It enters initialisation mode once: a second time is an error of the model."""
+    ssd = document(system(component("a", bound(values(k=("Real", 0.5), u=("Real", 1.0)))), connection("a.y", "a.u")))
+    assert abs(run(tmp_path, ssd, gain)[0]["a.y"]) < 1e-10
+
+
 @pytest.mark.parametrize(("one", "other"), [(1.5, 1.5), (-1.0, 1.0)])
 def test_a_loop_that_does_not_settle_is_refused(gain, tmp_path, one, other):
     """It grows, or it swings."""

@@ -36,7 +36,7 @@ CLOSING = 2.0  # s that a process may take to end
 PRINTED = "printed"  # category of a message that is a printed line
 SHOWN = 3  # printed lines of a process that are shown
 LAST_LINES = 5  # printed lines that a sentence about the end of a process may quote
-FATAL, ERROR = 4, 3  # FMI status
+FATAL = 4  # FMI status
 ROOT = Path(__file__).resolve().parents[3]
 
 
