@@ -34,11 +34,11 @@ def left_behind(path: Path) -> str:
 
 
 def other_version(path: Path, versions: Mapping[str, str]) -> str:
-    """Return the notice for a log of another cotrack version, empty for this one.
+    """Return the notice for a log of another cotrack version, empty for this one and for a log that names none.
 
     ``versions``: metadata of the log.
     """
-    version = versions.get("cotrack", "unknown")
+    version = versions.get("cotrack", __version__)
     if version == __version__:
         return ""
     return f"{path} was made by cotrack {version}, and this is cotrack {__version__}, which computes other numbers"

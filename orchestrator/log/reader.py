@@ -73,8 +73,8 @@ class Log(AbstractContextManager["Log"]):
         self.complete = self.closing is not None and self._file.ended and not self.faults
         is_cut_off = self.closing is None and bool(self.topics) and not self.being_written
         last = max((end for _, end in self._chunks.spans.values()), default=0.0)
-        is_stripped = is_cut_off and not self._file.is_ours and f"metadata:{log_format.NAME}" not in contents.contents
-        cut_off = notices.stripped(self.path) if is_stripped else notices.cut_off(self.path, last)
+        self.stripped = is_cut_off and not self._file.is_ours and f"metadata:{log_format.NAME}" not in contents.contents
+        cut_off = notices.stripped(self.path) if self.stripped else notices.cut_off(self.path, last)
         self.cut_off = cut_off if is_cut_off else ""
         if not unfinished:
             notices.notice(self.cut_off)

@@ -114,6 +114,8 @@ def _faults(log: Log) -> list[str]:
     ]
     faults = [*log.faults, *log.checksums(), *faults, *_unconnected_wires(log)]
     faults += [fault for fault in log.seal_faults() if fault not in faults]
+    if log.stripped:
+        return [*faults, log.cut_off]
     if log.closing is None:
         last = max((tally.last for tally in tallies.values() if tally.messages), default=0.0)
         end = "has come to" if log.being_written else "was cut off after"

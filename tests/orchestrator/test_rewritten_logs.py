@@ -161,6 +161,7 @@ def test_without_metadata_it_has_signals_alone(source, tmp_path):
     said = "was rewritten by other software, which left out scene, status and results"
     with pytest.warns(match=said), Log(file) as log, Log(source) as first:
         assert log.hashes() == first.hashes()
+    assert [sentence.split(": ")[-1] for sentence in verify(file).sentences] == ["it has signals alone"]
 
 
 def test_channels_of_others_cost_no_message_of_ours(source, tmp_path):
