@@ -458,8 +458,12 @@ fmu.a = {{ file = "{files["a"]}", parameters = {{ {parameters} }} }}
     assert cotrack("log", "verify", "one.mcap")[0] == 0
 
 
-def test_an_fmu_without_reals_is_recorded(files, tmp_path, cotrack):
-    """Every system that can be loaded can be: its discrete outputs are in the statistics."""
+def test_an_fmu_without_reals_is_recorded(files, tmp_path, cotrack, monkeypatch):
+    """Every system that can be loaded can be: its discrete outputs are in the statistics.
+
+    Results do not read what has no energies: with thousands of FMUs each reading costs as much as all their steps.
+    """
+    monkeypatch.setattr(Log, "ends", None)
     whole = [Variable("u", "input", 0, "Integer"), Variable("y", "output", 0, "Integer")]
     fmu = foreign_fmus.build(tmp_path / "whole.fmu", "whole", whole)
     made = any_from_table(
