@@ -1,5 +1,8 @@
 """Build of FMUs: stage the sources, describe them in one child process, pack, cache the files by content.
 
+An FMU is described once for a shape (``numbers``): another one of that shape is a copy with its own numbers, and a run
+takes one with any numbers and sets its parameters. FMUs of a shape are known by one digest, in the file SHAPE.
+
 The child (``python -m fmus.build``) runs in the stage and imports the staged ``fmus``: an FMU that was built therefore
 also loads by itself, and pythonfmu's changes of ``sys.path`` and ``sys.modules`` end with the child. The comment of the
 archive holds the checksum of a cached FMU; an FMU whose checksum is wrong is built again.
@@ -23,7 +26,9 @@ from functools import lru_cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree.ElementTree import fromstring, tostring
 
+from fmus import numbers
 from fmus.cache import (
     CHECKSUM,
     cache_folder,
@@ -34,12 +39,21 @@ from fmus.cache import (
     write,
     write_checked,
 )
-from fmus.components import KINDS
+from fmus.components import KINDS, model_of
+from fmus.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment
+from fmus.description import experiment_attributes
 from fmus.documentation import documentation, key_parts, readme_beside
+from fmus.model import InvalidParameter
+from fmus.numbers import MEANINGS
+from fmus.ports import Port
 from fmus.sources import ROOT, search_path, source_hash, sources
+from fmus.vehicle import number_meanings
 
+DIGITS = 24  # of the name of a folder in the cache
 INCLUDED = ("pythonfmu",)  # distribution of which an FMU has the wrapper and the sources
 CONFIG = "config.json"  # file of an FMU's resources with the argument of its model
+SHAPE = "shape.txt"  # file of its resources with the digest of its sources and its shape
+DESCRIPTION = "modelDescription.xml"
 Product = tuple[str, Mapping[str, Any], str | None]  # kind of component, config, stem of the FMU's file
 
 
@@ -53,6 +67,7 @@ class Shell(NamedTuple):
     script: Path
     config: Mapping[str, Any]
     stem: str
+    shape: Mapping[str, Any] | None = None  # config without what is a parameter; None: the config
 
 
 def build(kind: str, config: Mapping[str, Any], folder: Path | None = None, name: str | None = None) -> Path:
@@ -66,10 +81,68 @@ def build(kind: str, config: Mapping[str, Any], folder: Path | None = None, name
 
 def build_all(products: Sequence[Product], folder: Path | None = None) -> list[Path]:
     """Paths of the FMUs of products (kind, config, name), in order; see ``build``. Raises BuildFailed."""
-    for kind, _, _ in products:
-        if kind not in KINDS:
-            raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
-    return build_shells([Shell(ROOT / KINDS[kind], config, name or kind) for kind, config, name in products], folder)
+    shapes = build_shapes(products)
+
+    def built(product: Product, shape: Path) -> Path:
+        kind, config, name = product
+        packed = _packed(kind, config)
+        key = hashlib.sha256(f"{shape.parent.name} {_json(packed, kind)}".encode()).hexdigest()[:24]
+        return build_once(key, f"{name or kind}.fmu", lambda: _with_numbers(shape, kind, packed), folder)
+
+    return [built(product, shape) for product, shape in zip(products, shapes, strict=True)]
+
+
+def build_shapes(products: Sequence[Product]) -> list[Path]:
+    """Paths of FMUs of the shapes of products, in order, whose parameters have any values; see ``build_all``.
+
+    An instance with all ``parameters`` of a product set is one of the FMU of the product. Raises BuildFailed.
+    """
+    shells = []
+    for kind, config, _ in products:
+        own = {key: value for key, value in _packed(kind, config).items() if key not in (KEY, EXPERIMENT)}
+        shells.append(Shell(ROOT / KINDS[kind], own, kind, numbers.shape(own)))
+    return build_shells(shells)
+
+
+def parameters(kind: str, config: Mapping[str, Any]) -> dict[str, float | int | str]:
+    """Values of all parameters of the FMU of a kind of component, by name; raises BuildFailed."""
+    ports = _configured(kind, _packed(kind, config))
+    return {port.name: port.start for port in ports if port.causality == "parameter"}
+
+
+def _packed(kind: str, config: Mapping[str, Any]) -> dict[str, Any]:
+    """What an FMU holds of a config: the keys of the vehicle that the model reads."""
+    if kind not in KINDS:
+        raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
+    return numbers.packed(config, model_of(kind).reads(config))
+
+
+def _configured(kind: str, config: Mapping[str, Any]) -> tuple[Port, ...]:
+    """Ports of the FMU of a kind of component with a packed config; raises BuildFailed."""
+    try:
+        known = model_of(kind)(config).ports
+        ports = (*known, *numbers.ports(config, number_meanings(), known))
+        check_names(ports, config)
+        return configured_ports(ports, config)
+    except InvalidParameter as error:
+        raise BuildFailed(f"cannot build {Path(KINDS[kind]).stem}: {error}") from None
+
+
+def _with_numbers(fmu: Path, kind: str, config: Mapping[str, Any]) -> bytes:
+    """Bytes of an FMU, without checksum, with the numbers and parameters of a config, from one of its shape."""
+    starts = {port.name: port.start for port in _configured(kind, config)}
+    with zipfile.ZipFile(fmu) as stored:
+        files = {name: stored.read(name) for name in stored.namelist()}
+    root = fromstring(files[DESCRIPTION])
+    for variable in root.iter("ScalarVariable"):
+        name, (kind_of_value,) = variable.get("name", ""), variable
+        if "start" in kind_of_value.attrib and name in starts:
+            start = starts[name]
+            kind_of_value.set("start", start if isinstance(start, str) else repr(start))
+    for times in root.iter("DefaultExperiment"):
+        times.attrib |= experiment_attributes(experiment(config))
+    files[DESCRIPTION] = tostring(root, encoding="utf-8", xml_declaration=True)
+    return archive({**files, f"resources/{CONFIG}": _json(config, kind).encode()})
 
 
 def build_shell(
@@ -92,7 +165,7 @@ def build_shells(shells: Sequence[Shell], folder: Path | None = None, packages: 
     Those that the cache lacks are described by one child, because a child takes 2 s to start; their scripts have names
     of their own.
     """
-    keys = [_key(shell, packages) for shell in shells]
+    keys = [_digest(shell, packages)[:DIGITS] for shell in shells]
     distinct = dict(zip(keys, shells, strict=True))
     packed: dict[str, bytes] = {}
 
@@ -109,22 +182,23 @@ def build_shells(shells: Sequence[Shell], folder: Path | None = None, packages: 
     ]
 
 
-def _key(shell: Shell, packages: Sequence[Path]) -> str:
-    """Name of the folder of an FMU in the cache; raises BuildFailed."""
+def _digest(shell: Shell, packages: Sequence[Path]) -> str:
+    """Digest of sources and shape of an FMU, whose beginning names its folder in the cache; raises BuildFailed."""
     script = shell.script
     if not script.is_file():
         raise BuildFailed(f"no FMU shell at {script}")
-    parts = [version("pythonfmu"), source_hash(), script.name, script.read_text(encoding="utf-8"), _json(shell)]
+    shape = _json(shell.config if shell.shape is None else shell.shape, script.stem)
+    parts = [version("pythonfmu"), source_hash(), script.name, script.read_text(encoding="utf-8"), shape]
     parts += [f"{package.name} {source_hash(package)}" for package in packages]
     parts += key_parts(readme_beside(script), INCLUDED)
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
-def _json(shell: Shell) -> str:
+def _json(config: Mapping[str, Any], name: str) -> str:
     try:
-        return json.dumps(shell.config, sort_keys=True, allow_nan=False)
+        return json.dumps(config, sort_keys=True, allow_nan=False)
     except (TypeError, ValueError) as error:
-        raise BuildFailed(f"the configuration of {shell.script.stem} is not JSON: {error}") from None
+        raise BuildFailed(f"the configuration of {name} is not JSON: {error}") from None
 
 
 def _is_cached(key: str, shell: Shell) -> bool:
@@ -163,6 +237,15 @@ def build_once(key: str, file: str, pack: Callable[[], bytes], folder: Path | No
         raise BuildFailed(f"cannot build {file}: {error}") from None
 
 
+def identity(file: Path) -> str:
+    """Digest of the content of an FMU; of one that was built here, of its sources and its shape. Raises OSError."""
+    if built_here(file):
+        with zipfile.ZipFile(file) as fmu, suppress(KeyError):
+            return fmu.read(f"resources/{SHAPE}").decode()
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
 def built_here(file: Path) -> bool:
     """Whether a file is a copy of an FMU that was built here: its bytes are those of one in the cache."""
     with suppress(OSError):
@@ -186,15 +269,21 @@ def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Ite
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, target)
     (tree / "build.txt").write_text(source_hash(tree / ROOT.name), encoding="utf-8")
+    (tree / MEANINGS).write_text(json.dumps(number_meanings()), encoding="utf-8")
     for script in {shell.script for shell in shells}:
         shutil.copyfile(script, tree / script.name)
     described = [stage / f"{place}.fmu" for place in range(len(shells))]
     child_input = {
         "shells": [
-            {"script": shell.script.name, "config": _json(shell), "target": str(target)}
+            {
+                "script": shell.script.name,
+                CONFIG: _json(shell.config, shell.script.stem),
+                SHAPE: _digest(shell, packages),
+                "target": str(target),
+            }
             for shell, target in zip(shells, described, strict=True)
         ],
-        "project": [ROOT.name, *(package.name for package in packages), CONFIG, "build.txt"],
+        "project": [ROOT.name, *(package.name for package in packages), CONFIG, SHAPE, MEANINGS, "build.txt"],
     }
     child = subprocess.run(
         [sys.executable, "-m", "fmus.build"],
@@ -213,7 +302,7 @@ def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Ite
     for shell, target in zip(shells, described, strict=True):
         with zipfile.ZipFile(target) as fmu:
             files = {name: fmu.read(name) for name in fmu.namelist()}
-        yield archive(files | documentation(files["modelDescription.xml"], readme_beside(shell.script), INCLUDED))
+        yield archive(files | documentation(files[DESCRIPTION], readme_beside(shell.script), INCLUDED))
 
 
 def archive(files: Mapping[str, bytes], comment: bytes = bytes(CHECKSUM)) -> bytes:
@@ -238,7 +327,8 @@ def _child() -> None:
     child_input = json.load(sys.stdin)
     for shell in child_input["shells"]:
         script = Path(shell["script"])
-        Path(CONFIG).write_text(shell["config"], encoding="utf-8")
+        for name in (CONFIG, SHAPE):
+            Path(name).write_text(shell[name], encoding="utf-8")
         try:
             FmuBuilder.build_FMU(script.absolute(), dest=shell["target"], project_files=child_input["project"])
         except Exception as error:

@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from fmus.ports import NOMINAL, UNITS, Port
 
+UNCONNECTED = ("link[", "joint[", "energy.", "solver.")  # beginnings of names of outputs
 DATE = 315_532_800  # s: 1980-01-01 as for the files in the archive, so that equal sources give equal bytes
 
 
@@ -59,8 +60,12 @@ def add_definitions(
     messages = SubElement(root, "LogCategories")
     for category, meaning in categories.items():
         SubElement(messages, "Category", name=category, description=meaning)
-    times = {"stopTime": repr(float(experiment["stop"])), "stepSize": repr(float(experiment["step"]))}
-    SubElement(root, "DefaultExperiment", {"startTime": "0", **times})
+    SubElement(root, "DefaultExperiment", {"startTime": "0", **experiment_attributes(experiment)})
+
+
+def experiment_attributes(experiment: Mapping[str, Any]) -> dict[str, str]:
+    """Attributes of the DefaultExperiment with ``stop`` and ``step``, s."""
+    return {"stopTime": repr(float(experiment["stop"])), "stepSize": repr(float(experiment["step"]))}
 
 
 def origin(text: str, tool: str) -> dict[str, str]:
@@ -148,13 +153,15 @@ def quantity(port: Port, continuous: bool) -> dict[str, str]:
 def _structure(structure: Element, variables: Sequence[Port]) -> None:
     """Add outputs and initial unknowns.
 
-    Outputs depend on states alone (no feedthrough), the states at the start on parameters.
+    Outputs depend on states alone (no feedthrough), the states at the start on parameters. Where no host connects an
+    output (UNCONNECTED), the standard's default, which says that it depends on everything, stands for a long list.
     """
-    outputs, known = (
-        [str(index) for index, port in enumerate(variables, 1) if port.causality == causality]
-        for causality in ("output", "parameter")
-    )
-    for group, dependencies in (("Outputs", ""), ("InitialUnknowns", " ".join(known))):
-        node = SubElement(structure, group)
-        for index in outputs:
-            SubElement(node, "Unknown", index=index, dependencies=dependencies)
+    outputs = [(str(index), port) for index, port in enumerate(variables, 1) if port.causality == "output"]
+    known = " ".join(str(index) for index, port in enumerate(variables, 1) if port.causality == "parameter")
+    group = SubElement(structure, "Outputs")
+    for index, _ in outputs:
+        SubElement(group, "Unknown", index=index, dependencies="")
+    group = SubElement(structure, "InitialUnknowns")
+    for index, port in outputs:
+        of_all = port.name.startswith(UNCONNECTED)
+        SubElement(group, "Unknown", {"index": index, **({} if of_all else {"dependencies": known})})

@@ -118,6 +118,11 @@ class ComponentModel:
     output_kernel: Callable[..., None]
     link_output_kernel: Callable[..., None] | None = None
 
+    @classmethod
+    def reads(cls, config: Mapping[str, Any]) -> list[str]:
+        """Dotted keys and tables of the vehicle table that a model with this config reads, see ``fmus.numbers``."""
+        return []
+
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """Parameters that need not be constant in a native FMU with the checked parameters ``p``."""
         raise NotImplementedError

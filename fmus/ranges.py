@@ -9,6 +9,7 @@ point, and where doubles no longer resolve the smaller parts of the vehicle besi
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import pi, sin
 from typing import Any, NamedTuple
 
 Bounds = tuple[float, float]
@@ -67,6 +68,27 @@ VEHICLE = (
     PlausibleRange("material.relaxation_time", "s", (0.0, 1e-2), (0.0, 1e3),
                    "metals 1e-7 to 1e-5 s, rubber a millisecond"),
 )  # fmt: skip
+
+
+def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a sentence for each number of a vehicle table, or of tables of it, that no vehicle can have."""
+    sprocket, section, idler = (vehicle.get(name) or {} for name in ("sprocket", "section", "idler"))
+    if {"outer_radius", "teeth"} <= {*sprocket} and "pitch" in (vehicle.get("track") or {}):
+        pitch_radius = vehicle["track"]["pitch"] / (2.0 * sin(pi / sprocket["teeth"]))
+        if sprocket["outer_radius"] <= pitch_radius:
+            yield (
+                f"sprocket.outer_radius = {sprocket['outer_radius']} m"
+                f" must exceed the pitch radius {pitch_radius:.4f} m"
+            )
+    yield from range_violations(vehicle, VEHICLE, "possible")
+    x = ((vehicle.get("right") or {}).get("idler") or {}).get("x")
+    if x is not None and idler["x"] * x < 0.0:
+        yield f"right.idler.x = {x} m: must be on the side of the sprocket that idler.x is on"
+    if section and section["torsion"] > (polar := section["bending"] + section["lateral_bending"]):
+        yield (
+            f"section.torsion = {section['torsion']} m^4 must not exceed the polar moment"
+            f" bending + lateral_bending = {polar:.4g} m^4"
+        )
 
 
 def impossible_sections(vehicle: Mapping[str, Any]) -> Iterator[str]:

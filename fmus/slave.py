@@ -36,6 +36,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 
+from fmus import numbers
 from fmus.cache import cache_folder, check_trust, reporting_errors, unlogged_warnings
 from fmus.defaults import check_names, check_value, configured_ports, experiment
 from fmus.description import document
@@ -43,6 +44,7 @@ from fmus.jit import compiled_before
 from fmus.model import InvalidParameter, ModelProtocol, StepFailed, finite, flaw_of_state
 from fmus.phases import ALLOWED, InstancePhase, not_allowed, refused_step
 from fmus.ports import LINKS_ARRAY, Port, variables
+from fmus.ranges import contradictions
 from fmus.same_build import SameBuild
 from fmus.saved import SlaveState, from_bytes, to_bytes
 from fmus.sources import source_hash
@@ -133,9 +135,10 @@ class Slave(Fmi2Slave):
             model = Model
 
     The FMU's resources also hold ``config.json`` (the argument of the model; under ``parameters`` the defaults of the
-    FMU's parameters, see ``defaults``) and ``build.txt`` (hash of the packed ``fmus`` sources). All FMUs of a process
-    share the ``fmus`` of the first one, also after its folder was deleted (see ``same_build``); an FMU of another build
-    is refused, because it would silently run the wrong code.
+    FMU's parameters, see ``defaults``), ``numbers.json`` (meanings of the numbers in it, which are parameters too, see
+    ``numbers``), ``shape.txt`` (digest of what is no parameter) and ``build.txt`` (hash of the packed ``fmus``
+    sources). All FMUs of a process share the ``fmus`` of the first one, also after its folder was deleted (see
+    ``same_build``); an FMU of another build is refused, because it would silently run the wrong code.
     """
 
     model: type[ModelProtocol]
@@ -166,13 +169,16 @@ class Slave(Fmi2Slave):
         packed = (resources / "build.txt").read_text().strip()
         if packed != BUILD:
             raise _build_mismatch(packed, type(self).__name__)
-        config = (resources / "config.json").read_bytes()
-        self.guid = str(uuid.UUID(bytes=hashlib.sha256(f"{BUILD} {type(self)}".encode() + config).digest()[:16]))
-        model_config = json.loads(config)
+        shape = (resources / "shape.txt").read_text()
+        self.guid = str(uuid.UUID(bytes=hashlib.sha256(f"{BUILD} {type(self)} {shape}".encode()).digest()[:16]))
+        model_config = json.loads((resources / "config.json").read_bytes())
         self._experiment = experiment(model_config)
-        self._model = type(self).model(model_config)
-        check_names(self._model.ports, model_config)
-        self._sort_ports(configured_ports(self._model.ports, model_config), self._model.link_ports)
+        self._model, self._config = type(self).model(model_config), model_config
+        meanings = json.loads((resources / numbers.MEANINGS).read_bytes())
+        ports = (*self._model.ports, *numbers.ports(model_config, meanings, self._model.ports))
+        check_names(ports, model_config)
+        self._numbers = numbers.values(model_config)  # those of the model
+        self._sort_ports(configured_ports(ports, model_config), self._model.link_ports)
         self._stale, self._links_stale = True, False
         self._start_values: dict[str, float | int | str] = {}  # parameters of the last initialisation
 
@@ -359,12 +365,22 @@ class Slave(Fmi2Slave):
     def _initialise(self) -> None:
         parameters = self._parameter_values(self._values, self._integer_values, self._string_values)
         self._start_values = {}  # of a model that failed to start
-        self._model.initialise(parameters)
+        self._start(parameters)
         self._start_values = parameters
         self._status = OK
         self._forward_warnings()
         self._refresh()
         self._stale = False
+
+    def _start(self, parameters: Mapping[str, float | int | str]) -> None:
+        """Initialise the model, which is made anew for other numbers than those that it has."""
+        chosen = {name: parameters[name] for name in self._numbers}
+        if chosen != self._numbers:
+            config = numbers.with_values(self._config, chosen)
+            for complaint in contradictions(config.get("vehicle", {})):
+                raise InvalidParameter(complaint)
+            self._model, self._numbers = type(self).model(config), chosen
+        self._model.initialise(parameters)
 
     def _not_finite(self, values: NDArray[np.float64], place: slice, when: str) -> StepFailed:
         first = int(np.flatnonzero(~np.isfinite(values))[0])
@@ -473,22 +489,23 @@ class Slave(Fmi2Slave):
 
     def _restore_model(self, state: SlaveState) -> None:
         """Restore the model, started with other parameters if need be; where that fails it is the one before."""
-        model, started_with = self._model, self._start_values
+        model, started_with, own = self._model, self._start_values, self._numbers
         before = model.state.copy(), model.counters.copy()
         parameters = self._parameter_values(state.values, state.integers[1:], state.strings)
         restarts = parameters != started_with
         try:
             if restarts:
-                model.initialise(parameters)
-            if flaw := flaw_of_state(model, state.state):
+                self._start(parameters)
+            if flaw := flaw_of_state(self._model, state.state):
                 raise Refused(f"these bytes are not a saved state of this FMU: {flaw}")
         except BaseException:
+            self._model, self._numbers = model, own
             if restarts and started_with:
                 model.initialise(started_with)
                 model.state[:], model.counters[:] = before
             raise
         self._start_values = parameters
-        model.state[:], model.counters[:] = state.state, state.counters
+        self._model.state[:], self._model.counters[:] = state.state, state.counters
 
     _fmu_state_to_bytes = staticmethod(to_bytes)
     _fmu_state_from_bytes = staticmethod(from_bytes)

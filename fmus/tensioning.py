@@ -15,6 +15,7 @@ import scipy  # loads its parts when they are used
 
 from fmus.cache import cached_result
 from fmus.components import model_of
+from fmus.drawn_wheels import drawn
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.layout import belt_length
 from fmus.physics.chain.report import T_MEAN
@@ -50,7 +51,7 @@ class _Track:
     def __init__(self, config: Mapping[str, Any], name: str, links: Links) -> None:
         self.config, self.links = config, links
         self.index = next(i for i, wheel in enumerate(config["track"]["wheels"]) if wheel["name"] == name)
-        self.drawn = float(config["track"]["wheels"][self.index]["position"][0])
+        self.drawn, self.height = drawn(config["vehicle"], config["track"]["wheels"])[self.index]["position"]
         self.outwards = 1.0 if self.drawn > 0.0 else -1.0  # away from the sprocket
         self.found: dict[float, tuple[float, float]] = {}  # by place: mean tension, push outwards, N
 
@@ -59,7 +60,7 @@ class _Track:
         if x not in self.found:
             track = self.config["track"]
             wheels = [dict(wheel) for wheel in track["wheels"]]
-            wheels[self.index]["position"] = [x, wheels[self.index]["position"][1]]
+            wheels[self.index]["position"] = [x, self.height]
             kind, parameters = self.links
             model = model_of(kind)({**self.config, "track": {**track, "wheels": wheels}, "link_outputs": False})
             defaults = {port.name: port.start for port in model.ports if port.causality == "parameter"}

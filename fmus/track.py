@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fmus.track_steps as steps
-from fmus import link_outputs
+from fmus import drawn_wheels, link_outputs
 from fmus.defaults import configured_ports, parameter_values
 from fmus.jit import plain
 from fmus.model import NO_ROTATION, TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter, StepFailed
@@ -233,11 +233,29 @@ class TrackModel(ComponentModel):
     method: ImplicitMethod  # of the implicit integrator
     work: Any  # scratch arrays
 
+    @classmethod
+    def reads(cls, config: Mapping[str, Any]) -> list[str]:
+        """See ``ComponentModel``."""
+        track = config["track"]
+        wheels, ground = track["wheels"], bool(track["ground"])
+        shaped = ["teeth", "pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"]
+        return [
+            *(f"track.{key}" for key in ("pitch", "mass", "inertia", "face", "width", "lateral")),
+            *(f"sprocket.{key}" for key in (shaped if wheels or ground else shaped[:1])),
+            *drawn_wheels.keys(wheels),
+            *(("road_wheel.radius", "road_wheel.z") if ground or not wheels else ()),
+            "guide.clearance",
+            "contact",
+        ]
+
     def __init__(self, config: Mapping[str, Any]) -> None:
-        """Make a track from the resolved config (keys vehicle, track, link_outputs) and allocate its arrays."""
+        """Make a track from the resolved config (keys vehicle, track, link_outputs) and allocate its arrays.
+
+        Wheels of ``track.wheels`` have a name, a kind ("teeth" or "rim") and a stance ``start``, by default as drawn.
+        """
         self.vehicle = config["vehicle"]
         self.config = config["track"]
-        self.wheel_list = self.config["wheels"]
+        self.wheel_list = drawn_wheels.drawn(self.vehicle, self.config["wheels"])
         self.links_count = int(self.config["links"])
         self.closed = bool(self.config["closed"])
         self.ends_kind = KINDS[self.config["ends"]["kind"]] if self.config.get("ends") else LOOP

@@ -26,7 +26,7 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from fmus.ranges import VEHICLE, range_violations
+from fmus.ranges import contradictions
 from fmus.sides import SIDES, of_side
 
 
@@ -388,32 +388,17 @@ class GuideTable(FrozenTable):  # noqa: D101
 
 
 def _check_consistency(vehicle: Vehicle) -> Vehicle:
-    pitch_radius = vehicle.pitch_radius
-    if vehicle.sprocket.outer_radius <= pitch_radius:
-        raise ValueError(
-            f"sprocket.outer_radius = {vehicle.sprocket.outer_radius} m"
-            f" must exceed the pitch radius {pitch_radius:.4f} m"
-        )
-    for complaint in range_violations(vehicle.model_dump(), VEHICLE, "possible"):
+    table = vehicle.model_dump()
+    for complaint in contradictions(table):
         raise ValueError(complaint)
     for name in vehicle.seat:
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name):
             raise ValueError(f"seat.{name}: a name has small letters, digits and _ alone, a letter first")
-    left, right = (of_side(vehicle.model_dump(), side) for side in SIDES)
+    left, right = (of_side(table, side) for side in SIDES)
     for name in ("road_wheel", "return_roller"):
         here, there = (len((table[name] or {}).get("x", ())) for table in (left, right))
         if here != there:
             raise ValueError(f"right.{name}.x: has {there} positions, must have {here}, as many as {name}.x")
-    if left["idler"]["x"] * right["idler"]["x"] < 0.0:
-        x = right["idler"]["x"]
-        raise ValueError(f"right.idler.x = {x} m: must be on the side of the sprocket that idler.x is on")
-    section = vehicle.section
-    polar = section.bending + section.lateral_bending
-    if section.torsion > polar:
-        raise ValueError(
-            f"section.torsion = {section.torsion} m^4 must not exceed the polar moment"
-            f" bending + lateral_bending = {polar:.4g} m^4"
-        )
     return vehicle
 
 
@@ -482,6 +467,48 @@ class VehicleTable(FrozenTable):
 
 
 Vehicle = Annotated[VehicleTable, AfterValidator(_check_consistency)]
+
+
+@cache
+def number_meanings() -> dict[str, tuple[str, float | str, float | str, str, str]]:
+    """Meanings of the numbers of a vehicle file, by their keys without indices, see ``fmus.numbers``.
+
+    A key of a seat has no name of the seat: ``seat.position``.
+    """
+    schema = VehicleTable.model_json_schema()
+    return dict(_meanings(schema, schema["$defs"], ""))
+
+
+def _meanings(table: Mapping[str, Any], definitions: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
+    for key, entry in table["properties"].items():
+        node = entry
+        while "unit" not in node:
+            inner = node.get("items") or node.get("additionalProperties") or (node.get("prefixItems") or [None])[0]
+            inner = inner or next((each for each in node.get("anyOf", ()) if each.get("type") != "null"), None)
+            inner = definitions[node["$ref"].rpartition("/")[2]] if "$ref" in node else inner
+            if inner is None or "properties" in node:
+                break
+            node = inner
+        if "properties" in node:
+            yield from _meanings(node, definitions, f"{above}{key}.")
+        elif "unit" in node:
+            unit = node["unit"].replace("^", "").replace(" ", ".")
+            yield f"{above}{key}", (unit, *_bounds(next(iter(node.get("anyOf", ())), node)), entry["description"])
+
+
+def _bounds(number: Mapping[str, Any]) -> tuple[float | str, float | str, str]:
+    """Least and largest value of a number of a schema, and what is allowed in words."""
+    above, least, most = (number.get(bound) for bound in ("exclusiveMinimum", "minimum", "maximum"))
+    below = number.get("exclusiveMaximum")
+    words = [
+        text.format(bound)
+        for text, bound in (("greater than {:g}", above), ("{:g} or more", least), ("{:g} at most", most),
+                            ("less than {:g}", below))
+        if bound is not None
+    ]  # fmt: skip
+    low = least if above is None else math.nextafter(above, math.inf)
+    high = most if below is None else math.nextafter(below, -math.inf)
+    return "-inf" if low is None else low, "inf" if high is None else high, " and ".join(words) or "a finite number"
 
 
 def _short(text: str) -> str:

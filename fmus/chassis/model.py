@@ -109,6 +109,31 @@ class Model(ComponentModel):
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
     start_parameters = *KEYS, "suspension.preload", "tensioner.preload"
 
+    @classmethod
+    def reads(cls, config: Mapping[str, Any]) -> list[str]:
+        """See ``ComponentModel``."""
+        chassis = config["chassis"]
+        ground = chassis.get("ground") or {}
+        bare, hull = bool(ground.get("bare")), bool(ground.get("hull"))
+        body, wheel = ("mass", "inertia", "centre"), ("mass", "spin_inertia", "transverse_inertia", "x", "z")
+        return [
+            "gravity",
+            *(f"chassis.{key}" for key in (*body, *(["hull"] if hull else []))),
+            "sprocket.mass",
+            "sprocket.transverse_inertia",
+            *(f"idler.{key}" for key in (*wheel, "radius", *(["width"] if bare else []))),
+            *(f"road_wheel.{key}" for key in (*wheel, *(["radius"] if ground else []), *(["width"] if bare else []))),
+            *(f"return_roller.{key}" for key in wheel if config["vehicle"].get("return_roller")),
+            "road_arm",
+            "suspension",
+            *(f"tensioner.{key}" for key in ("stiffness", "damping", "preload")),
+            "track.lateral",
+            "right",
+            *(["contact.ground", "track.face"] if ground else []),
+            *(["hitch"] if chassis.get("hitch") else []),
+            *(f"seat.{name}" for name in chassis.get("seats", ())),
+        ]
+
     def __init__(self, config: Mapping[str, Any]) -> None:
         vehicle, sides = config["vehicle"], list(config["chassis"]["sides"])
         if sides not in (["left", "right"], ["left"]):

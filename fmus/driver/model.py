@@ -88,6 +88,23 @@ class Model(ComponentModel):
     warning_sentences = (Sentence("at t = {0:.6g} s the vehicle is {1:.3g} m beside its path"),)
     inputs = STATE
 
+    @classmethod
+    def reads(cls, config: Mapping[str, Any]) -> list[str]:
+        """See ``ComponentModel``."""
+        wheel = ("mass", "transverse_inertia", "x", "z")
+        return [
+            "gravity",
+            *(f"chassis.{key}" for key in ("mass", "inertia", "centre")),
+            *(f"sprocket.{key}" for key in ("mass", "transverse_inertia", "teeth")),
+            *(f"{table}.{key}" for table in ("idler", "road_wheel") for key in (*wheel, "radius")),
+            *(f"return_roller.{key}" for key in wheel if config["vehicle"].get("return_roller")),
+            *(f"road_arm.{key}" for key in ("mass", "pin_inertia", "pivot")),
+            *(f"track.{key}" for key in ("links", "lateral", "pitch", "mass", "face", "width", "tension")),
+            "right",
+            "contact.ground.friction",
+            "contact.ground.friction_velocity",
+        ]
+
     def __init__(self, config: Mapping[str, Any]) -> None:
         vehicle = config["vehicle"]
         x, y, z = (float(part) for part in vehicle["chassis"]["centre"])

@@ -56,6 +56,11 @@ class Model(TrackModel):
     State = State
     element, axes, closure, joints, coordinates = "cable", "fixed", PIN, ELIMINATED, NODAL
 
+    @classmethod
+    def reads(cls, config: Mapping[str, Any]) -> list[str]:
+        """See ``ComponentModel``."""
+        return [*super().reads(config), "section", "material"]
+
     def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of element, material, joints, coordinates, integration and closure."""
         return (

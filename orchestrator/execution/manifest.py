@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import platform
@@ -18,13 +17,13 @@ from typing import Any
 
 from llvmlite.binding import llvm_version_info
 
+from fmus.build import identity
 from orchestrator import __version__
 from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Connection, Recordable, System
 from orchestrator.cosim.observers import STATS, wires
-from orchestrator.files.budget import open_file
 from orchestrator.log import schema
 from orchestrator.log.log_format import INPUTS, TEXTS, UNRECORDED
 from orchestrator.log.recorder import Recorder
@@ -208,12 +207,6 @@ def model_description(fmu: Path) -> bytes:
         return archive.read("modelDescription.xml")
 
 
-def sha256(file: Path) -> str:
-    """Compute the SHA-256 of a file's content; raises OSError."""
-    with open_file(file) as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
 def as_json(data: Any) -> bytes:
     """Encode data as the JSON bytes of an attachment."""
     return json.dumps(data, indent=1, sort_keys=True).encode()
@@ -221,7 +214,7 @@ def as_json(data: Any) -> bytes:
 
 def _file(fmu: Path) -> dict[str, str]:
     name = fmu.name.encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
-    return {"fmu": name, "sha256": sha256(fmu)}
+    return {"fmu": name, "sha256": identity(fmu)}
 
 
 def _version(package: str) -> str:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.build import built_here
+from fmus.build import built_here, identity
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim.base_units import Conversion
@@ -20,13 +20,13 @@ from orchestrator.cosim.graph import Guest, Instance, System
 from orchestrator.cosim.guests.room import Rooms
 from orchestrator.execution import replays
 from orchestrator.execution.loading import open_rooms
-from orchestrator.execution.manifest import NATIVE, as_json, model_description, sha256, system_table
+from orchestrator.execution.manifest import NATIVE, as_json, model_description, system_table
 from orchestrator.log import notices
 from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of, texts_of
 from orchestrator.log.time_series import EVER
-from orchestrator.scene.assembly import assemble, build_parts
+from orchestrator.scene.assembly import all_parameters, assemble, build_parts
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, any_from_table, changed_scene, with_track
@@ -177,7 +177,7 @@ def _given_model(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
     if not fmu.is_file():
         raise BadInput(f"no FMU '{fmu}': give {', '.join(TRACKS)} or an .fmu file")
     try:
-        as_recorded = sha256(fmu) == entry["sha256"]
+        as_recorded = identity(fmu) == entry["sha256"]
     except OSError as error:
         raise BadInput(f"the FMU '{fmu}' cannot be read: {error.strerror}") from None
     known = as_recorded and "scene.json" in log.attachments
@@ -206,11 +206,11 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
     if track is not None and part.kind != TRACKS[track].fmu:
         raise BadInput(f"--with {track}: '{name}' is no track")
     native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE
-    fmu = build_parts([part], native)[0]
-    same_hash = sha256(fmu) == entry["sha256"]
+    fmu, given = build_parts([part], native)[0], all_parameters(part, native)
+    same_hash = identity(fmu) == entry["sha256"]
     if track is not None or settings:
-        as_recorded = same_hash and part.parameters == entry.get("parameters", {})
-        return ReplayModel(fmu, part.parameters, part.stage, scene, as_recorded, native, settings)
+        as_recorded = same_hash and given == entry.get("parameters", {})
+        return ReplayModel(fmu, given, part.stage, scene, as_recorded, native, settings)
     if not same_hash:
         raise BadInput(f"the log was made by another build of {value_text(entry.get('fmu'))}: name an FMU with --with")
     return ReplayModel(fmu, entry.get("parameters", {}), part.stage, scene, True, native)

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from fmus.build import identity
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim.checkpoint import time_of
 from orchestrator.cosim.component import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.branch import branched_scene, transferred_state
-from orchestrator.execution.manifest import NATIVE, sha256
+from orchestrator.execution.manifest import NATIVE
 from orchestrator.execution.prepared_run import Continuation
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import notices
@@ -108,7 +109,7 @@ def _ran_native(log: Log, scene: Scene) -> bool:
     native = log.metadata.get("run", {}).get("fmus") == NATIVE
     for instance in system(assemble(scene), native).instances:
         entry = entries.get(instance.name, {})
-        if instance.fmu is None or entry.get("sha256") != sha256(instance.fmu):
+        if instance.fmu is None or entry.get("sha256") != identity(instance.fmu):
             built = value_text(entry.get("fmu"))
             raise BadInput(f"the log was made by another build of {built}: its states do not fit")
     return native

@@ -16,13 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.build import identity
 from fmus.cache import cache_folder, private_folder, read_checked, write_checked
 from fmus.saved import from_bytes
 from fmus.vehicle import BadInput
 from orchestrator.cosim import checkpoint
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.narration import Narration
-from orchestrator.execution.manifest import sha256
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.log_format import CHECKPOINT
 from orchestrator.log.reader import Log
@@ -61,7 +61,7 @@ def states_at(scene: Scene, time: float, narration: Narration | None = None) -> 
 
 def _key(scene: Scene) -> str:
     """Hash of the scene and of its FMUs."""
-    fmus = [sha256(instance.fmu) for instance in system(assemble(placed(scene))).instances if instance.fmu]
+    fmus = [identity(instance.fmu) for instance in system(assemble(placed(scene))).instances if instance.fmu]
     return hashlib.sha256(json.dumps([scene.resolved(), fmus], sort_keys=True).encode()).hexdigest()[:24]
 
 

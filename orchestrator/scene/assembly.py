@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.build import Product, build_all
+from fmus.build import Product, build_shapes, parameters
 from fmus.equilibrium import stances
 from fmus.vehicle import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
@@ -19,6 +19,7 @@ from orchestrator.scene.parts import (
     DRIVE,
     DRIVER,
     SIDES,
+    SPROCKET,
     Parameters,
     Part,
     chassis_config,
@@ -29,7 +30,6 @@ from orchestrator.scene.parts import (
     driven_connections,
     driver_parameters,
     rig_track_config,
-    sprocket,
     standing_track_config,
     start_parameters,
     track_config,
@@ -138,7 +138,11 @@ def system(assembly: Assembly, native: bool = False) -> System:
         user_instance(fmus[part.name], ends, added)
         if part.name in fmus
         else Instance(
-            part.name, files[part.name], part.parameters, part.stage, input_conversions(part.name, ends, added)
+            part.name,
+            files[part.name],
+            all_parameters(part, native),
+            part.stage,
+            input_conversions(part.name, ends, added),
         )
         for part in assembly.parts
     )
@@ -146,14 +150,19 @@ def system(assembly: Assembly, native: bool = False) -> System:
 
 
 def build_parts(parts: Sequence[Part], native: bool) -> list[Path]:
-    """Paths of the FMUs of the parts; ``native`` as in ``system``."""
+    """Paths of FMUs of the parts, with ``all_parameters``; ``native`` as in ``system``."""
     if not native:
-        return build_all([(part.kind, part.config, None) for part in parts])
+        return build_shapes([(part.kind, part.config, None) for part in parts])
     from fmus.native.pack import with_constants  # loads compilers, which only native builds need
 
     return build_native_all(
         [(part.kind, with_constants(part.kind, part.config, part.parameters), None) for part in parts]
     )
+
+
+def all_parameters(part: Part, native: bool) -> Parameters:
+    """Parameters of a part in the FMU of ``build_parts``: its numbers and what the scene sets."""
+    return part.parameters if native else {**parameters(part.kind, part.config), **part.parameters}
 
 
 def build_native_all(
@@ -200,7 +209,7 @@ def _bench(scene: BenchScene) -> Assembly:
         scene,
         links=bench.links,
         closed=False,
-        wheels=[sprocket()],
+        wheels=[SPROCKET],
         gravity=0.0,
         ends=ends,
         transverse_damping=bench.transverse_damping,

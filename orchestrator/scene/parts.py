@@ -13,7 +13,7 @@ from fmus.ports import motion_ports, wrench_ports
 from fmus.stance import Stance
 from fmus.standing import ground_level, standing_pose
 from fmus.track_choices import HHT, TRACKS
-from fmus.vehicle import ReturnRollerTable, RoadWheelTable
+from fmus.vehicle import ReturnRollerTable, RoadWheelTable, VehicleTable
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.fmu_table import FmuTable
@@ -180,27 +180,18 @@ def _ground_shape(scene: VehicleScene) -> dict[str, Any]:
 def rig_track_config(scene: RigScene) -> dict[str, Any]:
     """Config of the track of a rig."""
     rig = scene.rig
-    wheels = [sprocket(), rim("idler", scene.vehicle.idler.radius, -rig.axle_distance, 0.0)]
-    return track_config(scene, links=rig.links, closed=True, wheels=wheels, gravity=0.0, tension=rig.tension)
+    idler = scene.vehicle.idler.model_copy(update={"x": -rig.axle_distance, "z": 0.0})
+    vehicle = scene.vehicle.model_copy(update={"idler": idler})
+    wheels = [SPROCKET, rim("idler")]
+    return track_config(scene, vehicle, links=rig.links, closed=True, wheels=wheels, gravity=0.0)
 
 
 def vehicle_track_config(scene: VehicleScene, side: str) -> dict[str, Any]:
     """Config of the track of a side of a vehicle, round its wheels as drawn."""
     vehicle = scene.vehicle.of_side(side)
-    wheels = [
-        sprocket(),
-        *_rims("road_wheel", vehicle.road_wheel),
-        rim("idler", vehicle.idler.radius, vehicle.idler.x, vehicle.idler.z),
-        *_rims("return_roller", vehicle.return_roller),
-    ]
-    config = track_config(
-        scene,
-        links=vehicle.track.links,
-        closed=True,
-        wheels=wheels,
-        ground=True,
-        tension=vehicle.track.tension,
-    )
+    wheels = [SPROCKET, *_rims("road_wheel", vehicle.road_wheel), rim("idler")]
+    wheels += _rims("return_roller", vehicle.return_roller)
+    config = track_config(scene, vehicle, links=vehicle.track.links, closed=True, wheels=wheels, ground=True)
     config["track"] |= _ground_shape(scene)
     if scene.ground.soil is not None:
         config["track"]["soil"] = scene.ground.soil.model_dump()
@@ -209,6 +200,7 @@ def vehicle_track_config(scene: VehicleScene, side: str) -> dict[str, Any]:
 
 def track_config(
     scene: Scene,
+    vehicle: VehicleTable | None = None,
     *,
     links: int,
     closed: bool,
@@ -217,11 +209,10 @@ def track_config(
     gravity: float | None = None,
     ends: dict[str, Any] | None = None,
     transverse_damping: float = 0.0,
-    tension: float = 0.0,
 ) -> dict[str, Any]:
-    """Config of a track: vehicle, wheels, ends, ground, and the ``tension`` by which its idler is placed."""
+    """Config of a track: ``vehicle`` (default: the scene's), wheels, ends and ground."""
     return {
-        "vehicle": scene.vehicle.model_dump(),
+        "vehicle": (vehicle or scene.vehicle).model_dump(),
         "track": {
             "links": links,
             "closed": closed,
@@ -230,7 +221,6 @@ def track_config(
             "gravity": scene.vehicle.gravity if gravity is None else gravity,
             "ends": ends,
             "transverse_damping": transverse_damping,
-            "tension": tension,
         },
         "link_outputs": scene.track.link_outputs,
     }
@@ -324,21 +314,17 @@ def _slope(scene: VehicleScene) -> Parameters:
     return {**standing_pose(scene.vehicle.model_dump(), start.position, start.heading, ground)}
 
 
-def sprocket() -> dict[str, Any]:
-    """Sprocket in the config of a track, at its origin."""
-    return {"name": "sprocket", "kind": "teeth", "position": [0.0, 0.0]}
+SPROCKET = {"name": "sprocket", "kind": "teeth"}  # in the config of a track
 
 
-def rim(name: str, radius: float, x: float, z: float) -> dict[str, Any]:
-    """Smooth wheel in the config of a track, m."""
-    return {"name": name, "kind": "rim", "radius": radius, "position": [x, z]}
+def rim(name: str) -> dict[str, Any]:
+    """Smooth wheel in the config of a track."""
+    return {"name": name, "kind": "rim"}
 
 
 def _rims(name: str, wheels: RoadWheelTable | ReturnRollerTable | None) -> list[dict[str, Any]]:
     """Smooth wheels of one kind, numbered from the front."""
-    if wheels is None:
-        return []
-    return [rim(f"{name}[{i}]", wheels.radius, x, wheels.z) for i, x in enumerate(wheels.x, 1)]
+    return [rim(f"{name}[{i + 1}]") for i in range(len(wheels.x))] if wheels else []
 
 
 def wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:
