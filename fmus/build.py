@@ -85,7 +85,7 @@ def build_all(products: Sequence[Product], folder: Path | None = None) -> list[P
 
     def built(product: Product, shape: Path) -> Path:
         kind, config, name = product
-        packed = _packed(kind, config)
+        packed = packed_config(kind, config)
         key = hashlib.sha256(f"{shape.parent.name} {_json(packed, kind)}".encode()).hexdigest()[:24]
         return build_once(key, f"{name or kind}.fmu", lambda: _with_numbers(shape, kind, packed), folder)
 
@@ -99,18 +99,18 @@ def build_shapes(products: Sequence[Product]) -> list[Path]:
     """
     shells = []
     for kind, config, _ in products:
-        own = {key: value for key, value in _packed(kind, config).items() if key not in (KEY, EXPERIMENT)}
+        own = {key: value for key, value in packed_config(kind, config).items() if key not in (KEY, EXPERIMENT)}
         shells.append(Shell(ROOT / KINDS[kind], own, kind, numbers.shape(own)))
     return build_shells(shells)
 
 
 def parameters(kind: str, config: Mapping[str, Any]) -> dict[str, float | int | str]:
     """Values of all parameters of the FMU of a kind of component, by name; raises BuildFailed."""
-    ports = _configured(kind, _packed(kind, config))
+    ports = _configured(kind, packed_config(kind, config))
     return {port.name: port.start for port in ports if port.causality == "parameter"}
 
 
-def _packed(kind: str, config: Mapping[str, Any]) -> dict[str, Any]:
+def packed_config(kind: str, config: Mapping[str, Any]) -> dict[str, Any]:
     """What an FMU holds of a config: the keys of the vehicle that the model reads."""
     if kind not in KINDS:
         raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
@@ -208,14 +208,15 @@ def _is_cached(key: str, shell: Shell) -> bool:
         return False
 
 
-def build_once(key: str, file: str, pack: Callable[[], bytes], folder: Path | None = None) -> Path:
-    """Path of the FMU ``file`` in the cache, or in ``folder``.
+def build_once(key: str, file: str, pack: Callable[[], bytes], folder: Path | None = None, kind: str = "fmus") -> Path:
+    """Path of the FMU ``file``, or of another ``kind`` of file, in the cache, or in ``folder``.
 
-    ``pack`` returns its bytes; it is called unless the cache has the file under ``key``. Raises BuildFailed.
+    ``pack`` returns its bytes; it is called unless the cache has the file under ``key``. A checksum follows them in the
+    cache. Raises BuildFailed.
     """
 
     def cached_in(cache: Path) -> Path:
-        path = private_folder(cache / "fmus" / key) / file
+        path = private_folder(cache / kind / key) / file
         if read_checked(path) is None:
             content = pack()
             if read_checked(path) is None:  # another process may have built the same: its file stays

@@ -84,7 +84,8 @@ def not_given(steps, u, i):
 class FreeParameters(NamedTuple):
     """Parameters that stay settable in a native FMU: only ``start_kernel`` is computed again when they change."""
 
-    numbers: Mapping[str, str]  # place in the parts ("law.mu") -> expression of parameters ("{parameter} * 2.0")
+    # Place in the parts ("law.mu") -> expression ("{parameter} * 2.0 * <number of the config>")
+    numbers: Mapping[str, str]
     start_only: tuple[str, ...] = ()  # parameters that only ``start_kernel`` reads
 
 

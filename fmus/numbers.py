@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from math import inf
 from typing import Any
 
 from fmus.ports import ANY, Port, Range
@@ -69,11 +68,11 @@ def places(config: Mapping[str, Any]) -> dict[str, Path]:
     for key in OF_CHAINS:
         found |= {_name(path[1:]): path for path in _floats(chain.get(key), ("track", key))}
     for k, wheel in enumerate(chain.get("wheels", ())):
-        above = ("track", "wheels", k, "start")
+        above: Path = ("track", "wheels", k, "start")
         found |= _stance(wheel["name"], wheel.get("start", ()), above)
     for key in OF_HULLS:
-        above = ("chassis", "start", key)
-        found |= {f"rest.{_name(path[2:])}": path for path in _floats((hull.get("start") or {}).get(key), above)}
+        start = (hull.get("start") or {}).get(key)
+        found |= {f"rest.{_name(path[2:])}": path for path in _floats(start, ("chassis", "start", key))}
     if isinstance(hull.get("push"), float):
         found["tensioner.push"] = ("chassis", "push")
     if isinstance(drive.get("inertia"), float):
@@ -127,7 +126,7 @@ def _port(name: str, value: float, meanings: Mapping[str, Meaning]) -> Port:
 
 def _bound(text: float | str) -> float:
     """Bound of a range; JSON has no infinity."""
-    return {"-inf": -inf, "inf": inf}[text] if isinstance(text, str) else text
+    return float(text)
 
 
 def _floats(value: Any, path: Path) -> Iterator[Path]:

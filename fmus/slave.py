@@ -374,7 +374,7 @@ class Slave(Fmi2Slave):
 
     def _start(self, parameters: Mapping[str, float | int | str]) -> None:
         """Initialise the model, which is made anew for other numbers than those that it has."""
-        chosen = {name: parameters[name] for name in self._numbers}
+        chosen = {name: float(parameters[name]) for name in self._numbers}
         if chosen != self._numbers:
             config = numbers.with_values(self._config, chosen)
             for complaint in contradictions(config.get("vehicle", {})):

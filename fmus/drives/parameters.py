@@ -98,7 +98,7 @@ def free_numbers(values: Mapping[str, Any], demanded: bool, path: str, prefix: s
     engine = _engine(values, prefix)
     if engine.time.size:
         ratio = f"{{{prefix}gear.ratio}}"
-        numbers[f"{path}.steepest_slope"] = f"{ratio} * {ratio} * {_steepest_slope(engine)!r}"
+        numbers[f"{path}.steepest_slope"] = f"{ratio} * {ratio} * <{_steepest_slope(engine)!r}>"
     numbers[f"{path}.with_acceleration"] = "{extrapolation}"
     if demanded:
         numbers[f"{path}.lag"] = "{demand.lag}"

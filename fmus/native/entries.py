@@ -18,7 +18,7 @@ import numba
 from numba import carray, types
 
 from fmus.model import ComponentModel
-from fmus.native.freeze import DerivedNumber, Frozen
+from fmus.native.freeze import NUMBERED, DerivedNumber, Frozen
 from fmus.ports import Port
 
 FLOATS, WHOLE, TRUTHS = (types.CPointer(each) for each in (types.float64, types.int64, types.boolean))
@@ -56,10 +56,23 @@ class EntryPoint(NamedTuple):
 
 
 class Entries(NamedTuple):
-    """Functions and memory blocks of a component's library."""
+    """Functions of a component's library, not yet compiled, and its memory blocks."""
 
-    entries: tuple[EntryPoint, ...]
-    frozen: Frozen  # its parts as memory blocks
+    source: str  # of the functions; equal for all components of a shape
+    space: dict[str, Any]  # names in it
+    frozen: Frozen  # parts of the component as memory blocks
+
+    def compiled(self) -> tuple[EntryPoint, ...]:
+        """Compile the functions."""
+        exec(self.source, self.space)
+        signatures = {"start": START, "step": STEP, "show": SHOW, "show_links": SHOW}
+        known = {name: types_ for name, types_ in signatures.items() if name != "show_links" or self.has_links}
+        return tuple(EntryPoint(name, _compiled(self.space[name], types_)) for name, types_ in known.items())
+
+    @property
+    def has_links(self) -> bool:
+        """Whether there are outputs of links."""
+        return self.space["link_output_kernel"] is not None
 
 
 def free_names(free: Any) -> set[str]:
@@ -70,7 +83,7 @@ def free_names(free: Any) -> set[str]:
 def entries(
     model: ComponentModel, numbers: Mapping[str, str], reals: Sequence[Port], choices: Sequence[Port], outputs: int
 ) -> Entries:
-    """Compile the entries of an initialised model with ``outputs`` Real outputs besides those of links.
+    """Entries of an initialised model with ``outputs`` Real outputs besides those of links.
 
     ``numbers``: see ``fmus.model.FreeParameters``; ``reals``, ``choices``: the Real and String parameters in order,
     with the values of the model. Raises TypeError if the parts lack a number or cannot be written down.
@@ -81,7 +94,8 @@ def entries(
         port.name: f"{letter}[{i}]" for letter, row in (("p", reals), ("c", choices)) for i, port in enumerate(row)
     }
     texts = {place: re.sub(r"{([^}]+)}", lambda name: known[name[1]], how) for place, how in numbers.items()}
-    derived = {place: DerivedNumber(text, eval(text, {"p": p, "c": c})) for place, text in texts.items()}
+    values = {place: eval(text.translate(NUMBERED), {"p": p, "c": c}) for place, text in texts.items()}
+    derived = {place: DerivedNumber(text, values[place]) for place, text in texts.items()}
 
     frozen = Frozen(model.state, model.counters, derived)
     parts, output_parts, link_output_parts = map(
@@ -106,12 +120,8 @@ def entries(
     )
     space: dict[str, Any] = {**frozen.classes, "carray": carray}
     for name in ("start_kernel", "step_kernel", "output_kernel", "link_output_kernel"):
-        space[name] = getattr(model, name)
-    exec(source, space)
-    signatures = {"start": START, "step": STEP, "show": SHOW, **({"show_links": SHOW} if model.link_ports else {})}
-    return Entries(
-        tuple(EntryPoint(name, _compiled(space[name], types_)) for name, types_ in signatures.items()), frozen
-    )
+        space[name] = getattr(model, name) if model.link_ports or name != "link_output_kernel" else None
+    return Entries(source, space, frozen)
 
 
 def _compiled(function: Callable[..., int], signature: Any) -> Any:

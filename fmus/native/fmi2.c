@@ -20,8 +20,8 @@ EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
 EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                                      const fmi2CallbackFunctions *call, fmi2Boolean visible, fmi2Boolean logging) {
-    Instance *c = create(name, guid, call ? *call : (Host){0}, logging);
-    (void)resources, (void)visible;
+    Instance *c = create(name, guid, resources, call ? *call : (Host){0}, logging);
+    (void)visible;
     if (!c || type == fmi2CoSimulation) return c;
     refuse(c, "this FMU is one for co-simulation");
     release(c);

@@ -18,8 +18,8 @@ EXPORT fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String toke
                                                 fmi3Boolean early, const fmi3ValueReference intermediate[], size_t n,
                                                 fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
                                                 fmi3IntermediateUpdateCallback update) {
-    Instance *c = create(name, token, (Host){log, environment}, logging);
-    (void)resources, (void)visible, (void)early, (void)intermediate, (void)update;
+    Instance *c = create(name, token, resources, (Host){log, environment}, logging);
+    (void)visible, (void)early, (void)intermediate, (void)update;
     if (!c || !(events || n)) return c;
     refuse(c, events ? "this FMU has no event mode" : "this FMU has no intermediate update");
     release(c);

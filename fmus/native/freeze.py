@@ -1,12 +1,14 @@
 """Parts of a component as source text: arrays become slices of memory blocks, numbers entries of them.
 
 State and counters are blocks of their own; views of them stay views. All other arrays, constants and scratch alike, and
-all other numbers go into one block a type; numbers that follow from free parameters become expressions. A named tuple
-is written as a call of its class.
+all other numbers go into one block a type, scratch as zeros; numbers that follow from free parameters become
+expressions. A named tuple is written as a call of its class. The text holds no number, so that it is equal for all
+components of a shape.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -15,12 +17,14 @@ from numpy.typing import NDArray
 
 LINE = 8  # floats of a cache line: an array begins with one
 BLOCKS = {"float64": "f", "int64": "k", "bool": "z"}
+NUMBERED = str.maketrans("<>", "()")  # around numbers of an expression, which go into the block f
+SCRATCH = "work"  # name in the parts of what a step writes before it reads it
 
 
 class DerivedNumber(NamedTuple):
     """Number that follows from free parameters."""
 
-    text: str  # expression in ``p`` and ``c``
+    text: str  # expression in ``p``, ``c`` and numbers <...>
     value: float | int  # with the parameters of the model
 
 
@@ -36,6 +40,7 @@ class Frozen:
         self._free, self._matched = free, set[str]()
         self._addresses = {id(_root(state)): ("x", 0, _root(state)), id(_root(counters)): ("n", 0, _root(counters))}
         self._numbers: dict[str, list[float | int | bool]] = {letter: [] for letter in BLOCKS.values()}
+        self._scratch: dict[tuple[str, int], int] = {}  # block and first place -> size of arrays in SCRATCH alone
         self.classes: dict[str, type] = {}
 
     def text(self, value: Any, place: str = "") -> str:
@@ -50,9 +55,9 @@ class Frozen:
             if value != expected:
                 raise TypeError(f"{place} is {value}, but {text} is {expected}")
             self._matched.add(place)
-            return text
+            return re.sub(r"<([^>]+)>", lambda number: self._number(float(number[1])), text)
         if isinstance(value, np.ndarray):
-            return self._array(value)
+            return self._array(value, SCRATCH in place.split("."))
         if isinstance(value, tuple):
             fields = getattr(value, "_fields", range(len(value)))
             parts = zip(fields, value, strict=True)
@@ -72,14 +77,18 @@ class Frozen:
     def block(self, letter: str) -> NDArray[Any]:
         """Initial content of the block of a type."""
         kind = next(np.dtype(name) for name, each in BLOCKS.items() if each == letter)
-        return np.array(self._numbers[letter] or [0], dtype=kind)
+        block = np.array(self._numbers[letter] or [0], dtype=kind)
+        for (of, first), size in self._scratch.items():
+            if of == letter == "f":
+                block[first : first + size] = 0
+        return block
 
     def _number(self, value: Any) -> str:
         letter = BLOCKS[np.result_type(type(value)).name]
         self._numbers[letter].append(value)
         return f"{letter}[{len(self._numbers[letter]) - 1}]"
 
-    def _array(self, array: NDArray[Any]) -> str:
+    def _array(self, array: NDArray[Any], scratch: bool) -> str:
         root = _root(array)
         if not array.flags.c_contiguous:
             raise TypeError("an array of a component's parts must be contiguous")
@@ -87,8 +96,11 @@ class Frozen:
             numbers = self._numbers[BLOCKS[root.dtype.name]]
             numbers += [0] * (-len(numbers) % LINE)
             self._addresses[id(root)] = BLOCKS[root.dtype.name], len(numbers), root
+            self._scratch[BLOCKS[root.dtype.name], len(numbers)] = root.size
             numbers += root.ravel().tolist()
         letter, first, _ = self._addresses[id(root)]
+        if not scratch:
+            self._scratch.pop((letter, first), None)
         first += (array.ctypes.data - root.ctypes.data) // array.itemsize if array.size else 0
         text = f"{letter}[{first}:{first + array.size}]"
         return text if array.ndim == 1 else f"{text}.reshape({array.shape})"

@@ -1,18 +1,13 @@
-"""Data of a component for the shell: ``model.h``, and its memory blocks as an object file."""
+"""Data of a shape of a component for the shell: ``model.h``."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
-
-import llvmlite.binding as llvm
 
 from fmus.native.arrays import ArrayVariable
-from fmus.native.emit import ANY
-from fmus.native.freeze import Frozen
-from fmus.native.platform import Platform
+from fmus.native.numbers_file import FILE, MAGIC, VERSION, longest
 from fmus.phases import ALLOWED, ALLOWED_FMI3, JUMP, LATE, RESOLUTION, ROUNDING, SHORT, InstancePhase, not_allowed
 from fmus.ports import Port
 from fmus.sentences import GAPS, Sentence
@@ -24,7 +19,6 @@ def quoted(texts: Iterable[str]) -> str:
 
 
 def header(
-    guid: str,
     variables: Sequence[Port],
     link_ports: int,
     sizes: Mapping[str, int],
@@ -32,7 +26,7 @@ def header(
     sentences: Mapping[str, Sequence[Sentence]],
     arrays: Sequence[ArrayVariable] | None = None,
 ) -> str:
-    """Text of ``model.h``, for FMI 3.0 if ``arrays`` are given, else for FMI 2.0.
+    """Text of ``model.h`` without the digest of the shape, for FMI 3.0 if ``arrays`` are given, else for FMI 2.0.
 
     ``sizes``: lengths of the blocks x, n, f, k, z; ``indices``: see ``fmus.model.ModelProtocol``; ``sentences``: tables
     of texts by name.
@@ -46,22 +40,22 @@ def header(
         "INPUT": inputs, "OUTPUT": outputs, "LINK": link_ports, "REAL": len(reals), "VARIABLE": len(variables),
         "PARAMETER": len(parameters), "STRING": len(strings),
         "STATE": sizes["x"], "COUNTER": sizes["n"], "F": sizes["f"], "K": sizes["k"], "Z": sizes["z"],
-        "INDEX": len(indices), "WARNING": len(warnings), "MESSAGES": (1 + len(warnings)) * (GAPS + 1),
+        "LONGEST_NUMBERS": longest(sizes, len(reals), len(strings)), "INDEX": len(indices),
+        "WARNING": len(warnings), "MESSAGES": (1 + len(warnings)) * (GAPS + 1),
     }  # fmt: skip
     checks = [f"{{ {place}, {count} }}, " for place, count in indices]
     lines = [
-        f"#define GUID {json.dumps(guid)}",
         f"#define LINKS {int(link_ports > 0)}",
         f"enum {{ {', '.join(f'N_{name} = {value}' for name, value in numbers.items())}, MESSAGE_SIZE = {GAPS + 1} }};",
-        f"static const double START[] = {{ {', '.join(float(port.start).hex() for port in reals)} }};",
+        f"#define NUMBERS_FILE {json.dumps(FILE)}",
+        f"#define NUMBERS_MAGIC {json.dumps(MAGIC.decode())}",
+        f"enum {{ NUMBERS_VERSION = {VERSION} }};",
         f"static const char *const NAME[] = {{ {quoted(port.name for port in variables)} }};",
         f"static const Range RANGE[] = {{ {', '.join([*map(_range, parameters), '{ 0, 0, 0, 0 }'])} }};",
         f"static const Index INDEX[] = {{ {''.join(checks)}{{ 0, 0 }} }};",
         *_choices(strings),
         *_phases(ALLOWED if arrays is None else ALLOWED_FMI3),
         *([] if arrays is None else _arrays(arrays)),
-        *(f"extern const {kind} image_{name}[];" for name, kind in
-          {"x": "double", "n": "int64_t", "f": "double", "k": "int64_t", "z": "char"}.items()),
         *(line for table, rows in sentences.items() for line in _sentences(table, rows)),
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
@@ -96,13 +90,12 @@ def _phases(allowed: Mapping[str, Sequence[InstancePhase]]) -> list[str]:
 
 def _choices(strings: Sequence[Port]) -> list[str]:
     """Tables of the String parameters: their choices, or their one value if they are constant."""
-    lines, rows = [], ["{ 0, 0, 0, 0 }"]
+    lines, rows = [], ["{ 0, 0, 0 }"]
     for i, port in reversed(list(enumerate(strings))):
         free = port.causality == "parameter"
         known = port.choices if free else (str(port.start),)
         lines.append(f"static const char *const CHOICE_{i}[] = {{ {quoted(known)} }};")
-        place = known.index(str(port.start))
-        rows.insert(0, f"{{ {int(free)}, {place}, {len(known)}, CHOICE_{i} }}")
+        rows.insert(0, f"{{ {int(free)}, {len(known)}, CHOICE_{i} }}")
     return [*lines, f"static const Choice CHOICE[] = {{ {', '.join(rows)} }};"]
 
 
@@ -117,16 +110,3 @@ def _sentences(table: str, sentences: Sequence[Sentence]) -> list[str]:
         for i, sentence in enumerate(sentences)
     ]
     return [*lines, f"static const Sentence {table}[] = {{ {', '.join(entries or ['{ 0, 0 }'])} }};"]
-
-
-def image(frozen: Frozen, state: Any, counters: Any, platform: Platform) -> bytes:
-    """Object file with the initial content of the blocks, named ``image_x`` and so on."""
-    blocks = {"x": state, "n": counters, **{letter: frozen.block(letter) for letter in "fkz"}}
-    text = [f'target triple = "{platform.triple}"']
-    for name, block in blocks.items():
-        content = "".join(f"\\{byte:02x}" for byte in block.tobytes()) or "\\00"
-        size = max(block.nbytes, 1)
-        text.append(f'@image_{name} = hidden constant [{size} x i8] c"{content}", align 64')
-    target = llvm.Target.from_triple(platform.triple)
-    machine = target.create_target_machine(cpu=ANY, reloc="pic", codemodel="small")
-    return bytes(machine.emit_object(llvm.parse_assembly("\n".join(text))))

@@ -21,7 +21,7 @@ typedef int Status;
 
 typedef struct { const char *text, *const *names; } Sentence;
 typedef struct { int free; double least, most; const char *text; } Range; /* of a Real parameter */
-typedef struct { int free, start, count; const char *const *names; } Choice; /* of a String parameter */
+typedef struct { int free, count; const char *const *names; } Choice; /* of a String parameter */
 typedef struct { int place, count; } Index; /* of an array, in the state */
 #include "model.h"
 
@@ -52,7 +52,18 @@ typedef struct { /* everything that changes during a run: saving it is copying i
     int64_t counter[N_COUNTER + 1], choice[N_STRING + 1];
     double value[N_REAL + 1], now; /* end of the last step, s; NaN: not known */
     int32_t phase, stale, links_stale, status;
+    uint64_t numbers; /* checksum of the numbers of the instance that it belongs to */
 } Data;
+
+typedef struct { char magic[8]; uint64_t version, length, sum; char shape[72]; } NumbersHead;
+typedef struct { /* of a file of numbers */
+    unsigned char *content;
+    uint32_t sum;
+    const double *start, *x; /* start values of all Reals; initial content of the blocks */
+    const int64_t *choice, *n, *k;
+    const char *z, *f; /* the latter in pieces */
+    int64_t pieces;
+} Numbers;
 
 typedef struct {
     Data d;
@@ -64,6 +75,7 @@ typedef struct {
     double *f;
     int64_t *k;
     char *z, *name;
+    Numbers numbers;
     const Kernels *run;
     Host host;
     int logging;
@@ -111,6 +123,8 @@ static Status refuse_with(Instance *c, Sentence sentence, double first, double s
     fill(text, sizeof text, sentence, (double[]){first, second});
     return refuse(c, "%s", text);
 }
+
+#include "numbers.h"
 
 static int forbidden(Instance *c, int call) { /* 1: the phase does not allow this call of the table in phases.py */
     const char *sentence = NOT_ALLOWED[call][c->d.phase];
@@ -183,11 +197,17 @@ static int initialise(Instance *c) {
     struct raised *e = 0;
     char text[LONGEST];
     if (unacceptable(c)) return 1;
-    memcpy(d->state, image_x, sizeof d->state);
-    memcpy(d->counter, image_n, N_COUNTER * sizeof *d->counter);
-    memcpy(c->f, image_f, N_F * sizeof *c->f);
-    memcpy(c->k, image_k, N_K * sizeof *c->k);
-    memcpy(c->z, image_z, N_Z);
+    memcpy(d->state, c->numbers.x, sizeof d->state);
+    memcpy(d->counter, c->numbers.n, N_COUNTER * sizeof *d->counter);
+    memset(c->f, 0, N_F * sizeof *c->f);
+    const char *at = c->numbers.f;
+    for (int64_t i = 0; i < c->numbers.pieces; i++) {
+        const int64_t *piece = (const int64_t *)at;
+        memcpy(c->f + piece[0], at + 16, (size_t)piece[1] * sizeof *c->f);
+        at += 16 + 8 * piece[1];
+    }
+    memcpy(c->k, c->numbers.k, N_K * sizeof *c->k);
+    memcpy(c->z, c->numbers.z, N_Z);
     memset(c->messages, 0, sizeof c->messages);
     memcpy(c->started_with, d->value + FIRST_PARAMETER, sizeof c->started_with);
     memcpy(c->chosen, d->choice, sizeof c->chosen);
@@ -245,8 +265,9 @@ static Status advance(Instance *c, double t, double h) {
 
 static void begin(Instance *c) {
     memset(&c->d, 0, sizeof c->d);
-    memcpy(c->d.value, START, sizeof START);
-    for (int i = 0; i < N_STRING; i++) c->d.choice[i] = CHOICE[i].start;
+    memcpy(c->d.value, c->numbers.start, N_REAL * sizeof *c->d.value);
+    memcpy(c->d.choice, c->numbers.choice, N_STRING * sizeof *c->d.choice);
+    c->d.numbers = c->numbers.sum;
     c->d.stale = 1;
     c->d.now = c->start = c->stop = NAN;
 }
@@ -265,10 +286,12 @@ static void release(Instance *c) {
     deallocate(c->k);
     deallocate(c->z);
     free(c->name);
+    free(c->numbers.content);
     deallocate(c);
 }
 
-static Instance *create(const char *name, const char *token, Host host, int logging) { /* 0: refused */
+/* 0: refused; resources: URI of FMI 2.0, path of FMI 3.0 */
+static Instance *create(const char *name, const char *token, const char *resources, Host host, int logging) {
     Instance *c = allocate(sizeof *c);
     if (!c) return 0;
     memset(c, 0, sizeof *c);
@@ -280,11 +303,12 @@ static Instance *create(const char *name, const char *token, Host host, int logg
     c->k = allocate(N_K * sizeof *c->k);
     c->z = allocate(N_Z);
     if (c->name) strcpy(c->name, name ? name : "");
-    if (c->name && c->f && c->k && c->z && token && !strcmp(token, GUID)) {
+    int known = token && !strcmp(token, GUID);
+    if (c->name && c->f && c->k && c->z && known && read_numbers(c, resources)) {
         begin(c);
         return c;
     }
-    if (!token || strcmp(token, GUID))
+    if (!known)
         refuse(c, "the guid %s is not %s, which this FMU has", token ? token : "(none)", GUID);
     release(c);
     return 0;
@@ -346,7 +370,7 @@ static Status settable(Instance *c, unsigned v, int is_free, int is_same) { /* r
 }
 
 static Status settable_real(Instance *c, int64_t at, double value) {
-    if (at >= FIRST_PARAMETER) return settable(c, (unsigned)at, RANGE[at - FIRST_PARAMETER].free, value == START[at]);
+    if (at >= FIRST_PARAMETER) return settable(c, (unsigned)at, RANGE[at - FIRST_PARAMETER].free, value == c->numbers.start[at]);
     if (at >= N_INPUT) return refuse(c, "an output cannot be set (%s or one set with it)", NAME[at]);
     return STATUS_OK;
 }
@@ -404,6 +428,7 @@ static int impossible(const Data *s) { /* 1: no instance has this state */
 static Status set_state(Instance *c, const void *from) {
     const Data *s = from;
     if (!s) return refuse(c, "this is not a state of an FMU of this build");
+    if (s->numbers != c->numbers.sum) return refuse(c, "the state is one of an instance with other numbers");
     if (impossible(s)) return refuse(c, "these bytes are not a saved state of this FMU: values that it cannot have");
     if (!s->stale && (c->d.stale || memcmp(c->started_with, s->value + FIRST_PARAMETER, sizeof c->started_with) ||
                       memcmp(c->chosen, s->choice, sizeof c->chosen))) { /* blocks of another start, or of none */

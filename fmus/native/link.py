@@ -26,7 +26,7 @@ def sources(fmi: int) -> tuple[Path, ...]:
 
 def headers(fmi: int) -> tuple[Path, ...]:
     """Files that ``sources`` include, but ``model.h``."""
-    return HERE / f"fmi{fmi}.h", HERE / "instance.h"
+    return HERE / f"fmi{fmi}.h", HERE / "instance.h", HERE / "numbers.h"
 
 
 class NoCompiler(RuntimeError):

@@ -1,4 +1,4 @@
-"""Build of native FMUs: library and description of a component, packed; steps as in README.md."""
+"""Build of native FMUs: a library for a shape of a component, and its numbers beside it; steps as in README.md."""
 
 from __future__ import annotations
 
@@ -7,25 +7,30 @@ import json
 import tempfile
 import uuid
 from collections.abc import Mapping, Sequence
+from functools import cache, lru_cache, partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import tostring
 
-from fmus.build import BuildFailed, archive, build_once
+from fmus import numbers
+from fmus.build import DESCRIPTION, DIGITS, SHAPE, BuildFailed, archive, build_once, packed_config
+from fmus.cache import CHECKSUM
 from fmus.components import KINDS, model_of
-from fmus.defaults import KEY, check_names, configured_ports, experiment, parameter_values
+from fmus.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment, parameter_values
 from fmus.description import document
 from fmus.documentation import documentation, key_parts, readme_beside
-from fmus.native import fmi3_description, terminals
-from fmus.native.arrays import arrays
+from fmus.model import InvalidParameter
+from fmus.native import fmi3_description, numbers_file, terminals
+from fmus.native.arrays import ArrayVariable, arrays
 from fmus.native.emit import LEVELS, emit
-from fmus.native.entries import entries, free_names
-from fmus.native.header import header, image
+from fmus.native.entries import Entries, entries, free_names
+from fmus.native.header import header
 from fmus.native.link import NoCompiler, compiler, compiler_release, headers, link, sources
 from fmus.native.platform import LINUX, WINDOWS, Platform
-from fmus.ports import variables
+from fmus.ports import Port, variables
 from fmus.sources import ROOT, source_hash
+from fmus.vehicle import number_meanings
 
 NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the entries rely on
 INCLUDED = ("numba",)  # distributions of which a library has compiled functions
@@ -33,6 +38,13 @@ CATEGORIES = {
     "logStatusWarning": "Messages of a step that was done but needs a look.",
     "logStatusError": "Messages of a call that failed.",
 }
+
+
+class NativeFmu(NamedTuple):
+    """FMU of a shape, and the folder that is its resources for the numbers of a config."""
+
+    fmu: Path
+    resources: Path
 
 
 def build_native(
@@ -48,35 +60,31 @@ def build_native(
     The FMU needs libc alone. ``windows`` adds a library for Windows to that for Linux. ``fmi``: 2 or 3, for FMI 2.0
     or 3.0. Parameters in ``config`` are start values, and constants if they are not free. Raises BuildFailed.
     """
-    if kind not in KINDS:
-        raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
-    if not version("numba").startswith(NUMBA):
-        known = ", ".join(f"{each}x" for each in NUMBA)
-        raise BuildFailed(f"native FMUs are made with numba {known}, whose insides they know, not {version('numba')}")
     platforms = (LINUX, WINDOWS) if windows else (LINUX,)
-    try:
-        config_text = json.dumps(config, sort_keys=True, allow_nan=False)
-        compiler_parts = [*(part for each in platforms for part in compiler(each)[1:]), compiler_release()]
-    except (TypeError, ValueError) as error:
-        raise BuildFailed(f"the configuration of {kind} is not JSON: {error}") from None
-    except NoCompiler as error:
-        raise BuildFailed(str(error)) from None
-    parts = [
-        *key_parts(readme_beside(ROOT / KINDS[kind]), INCLUDED),
-        "native",
-        version("numba"),
-        version("llvmlite"),
-        *compiler_parts,
-        source_hash(),
-        *(each.read_text(encoding="utf-8") for each in (*sources(fmi), *headers(fmi))),
-        kind,
-        config_text,
-    ]
-    digest = hashlib.sha256("\0".join(parts).encode())
-    guid = str(uuid.UUID(bytes=digest.digest()[:16]))
-    return build_once(
-        digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, guid, platforms, fmi), folder
-    )
+    tools = _tools(fmi, platforms)
+    config = packed_config(kind, config)
+    texts = [*key_parts(readme_beside(ROOT / KINDS[kind]), INCLUDED), *tools, kind, _json(kind, config)]
+    return build_once(_digest(texts)[:DIGITS], f"{name or kind}.fmu",
+                      lambda: _Component(kind, config, fmi, tools).fmu(platforms), folder)  # fmt: skip
+
+
+def build_native_shape(kind: str, config: Mapping[str, Any]) -> NativeFmu:
+    """FMU of the shape of a component, with any numbers, and the numbers of a config; see ``build_native``.
+
+    An instance with these resources is one of the FMU of ``build_native``. Raises BuildFailed.
+    """
+    tools, config = _tools(2, (LINUX,)), packed_config(kind, config)
+    own = {key: value for key, value in config.items() if key != EXPERIMENT}
+
+    @cache
+    def component() -> _Component:
+        return _Component(kind, own, 2, tools)
+
+    key = _digest([*tools, kind, _json(kind, own)])[:DIGITS]
+    file = build_once(key, numbers_file.FILE, lambda: component().numbers(), None, "numbers")
+    shape = numbers_file.shape_of(file)
+    fmu = build_once(shape[:DIGITS], f"{kind}.fmu", lambda: component().fmu((LINUX,)), None)
+    return NativeFmu(fmu, file.parent)
 
 
 def targets_windows() -> bool:
@@ -91,7 +99,7 @@ def targets_windows() -> bool:
 def with_constants(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> dict[str, Any]:
     """Config with the parameters that are not free, so that components alike in them share an FMU."""
     values = {**config.get(KEY, {}), **parameters}
-    model = _model(kind, {**config, KEY: values})
+    model = _model(kind, packed_config(kind, {**config, KEY: values}))
     free = free_names(model.free_parameters(parameter_values(model.ports, values)))
     constants = {name: value for name, value in parameters.items() if name not in free}
     return {**config, KEY: {**config.get(KEY, {}), **constants}}
@@ -101,74 +109,122 @@ def _model(kind: str, config: Mapping[str, Any]) -> Any:
     return model_of(kind)(config)
 
 
-def _pack(
-    kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[Platform] = (LINUX,), fmi: int = 2
-) -> bytes:
-    model = _model(kind, config)
-    check_names(model.ports, config)
-    ports = configured_ports(model.ports, config)
-    values = parameter_values(ports, {})
-    free = model.free_parameters(values)
-    model.initialise(values)
-    row = variables(ports)
-    outputs = sum(port.causality == "output" for port in row.reals)
-    real_parameters = [port for port in row.reals if port.causality == "parameter"]
-    compiled = entries(model, free.numbers, real_parameters, row.strings, outputs - model.link_ports)
-    free_ones = free_names(free)
-    ports = tuple(
-        port._replace(causality="local") if port.causality == "parameter" and port.name not in free_ones else port
-        for port in row.row
-    )
-    float64s = arrays([port for port in ports if isinstance(port.start, float)]) if fmi == 3 else None
-    sizes = {
-        "x": model.state.size,
-        "n": model.counters.size,
-        **{each: compiled.frozen.block(each).size for each in "fkz"},
-    }
-    with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
-        place = Path(stage)
-        (place / "model.h").write_text(
-            header(
-                guid,
-                ports,
-                model.link_ports,
-                sizes,
-                model.indices,
-                {"FAILURE": model.failures, "WARNING": model.warning_sentences, "REFUSED": model.refusals},
-                float64s,
-            ),
-            encoding="utf-8",
+def _digest(texts: Sequence[str]) -> str:
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
+
+
+def _json(kind: str, config: Mapping[str, Any]) -> str:
+    try:
+        return json.dumps(config, sort_keys=True, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise BuildFailed(f"the configuration of {kind} is not JSON: {error}") from None
+
+
+@lru_cache(maxsize=8)
+def _tools(fmi: int, platforms: tuple[Platform, ...]) -> tuple[str, ...]:
+    """What a library is made of besides a component: versions and sources; raises BuildFailed."""
+    if not version("numba").startswith(NUMBA):
+        known = ", ".join(f"{each}x" for each in NUMBA)
+        raise BuildFailed(f"native FMUs are made with numba {known}, whose insides they know, not {version('numba')}")
+    try:
+        compilers = [*(part for each in platforms for part in compiler(each)[1:]), compiler_release()]
+    except NoCompiler as error:
+        raise BuildFailed(str(error)) from None
+    files = (each.read_text(encoding="utf-8") for each in (*sources(fmi), *headers(fmi)))
+    return "native", version("numba"), version("llvmlite"), *compilers, source_hash(), *files
+
+
+class _Component:
+    """Initialised component with a packed config: its numbers, and its FMU; raises BuildFailed."""
+
+    def __init__(self, kind: str, config: Mapping[str, Any], fmi: int, tools: Sequence[str]) -> None:
+        self.kind, self.config, self.fmi = kind, config, fmi
+        self.model = model = _model(kind, config)
+        try:
+            known = (*model.ports, *numbers.ports(config, number_meanings(), model.ports))
+            check_names(known, config)
+            ports = configured_ports(known, config)
+        except InvalidParameter as error:
+            raise BuildFailed(f"cannot build {kind}: {error}") from None
+        values = parameter_values(ports, {})
+        free = model.free_parameters(values)
+        model.initialise(values)
+        row = variables(ports)
+        outputs = sum(port.causality == "output" for port in row.reals)
+        reals = [port for port in row.reals if port.causality == "parameter"]
+        self.entries: Entries = entries(model, free.numbers, reals, row.strings, outputs - model.link_ports)
+        names = free_names(free)
+        self.ports: tuple[Port, ...] = tuple(
+            port._replace(causality="local") if port.causality == "parameter" and port.name not in names else port
+            for port in row.row
         )
+        self.reals = len(row.reals)
+        self.arrays: list[ArrayVariable] | None = arrays(list(self.ports[: self.reals])) if fmi == 3 else None
+        blocks = {letter: self.entries.frozen.block(letter).size for letter in "fkz"}
+        self.header = header(
+            self.ports,
+            model.link_ports,
+            {"x": model.state.size, "n": model.counters.size, **blocks},
+            model.indices,
+            {"FAILURE": model.failures, "WARNING": model.warning_sentences, "REFUSED": model.refusals},
+            self.arrays,
+        )
+        self.shape = _digest([*tools, kind, self.header, self.entries.source])
+
+    @property
+    def guid(self) -> str:
+        """Identifier of the FMUs of the shape."""
+        return str(uuid.UUID(self.shape[:32]))
+
+    def numbers(self) -> bytes:
+        """Content of the file of numbers."""
+        blocks = {"x": self.model.state, "n": self.model.counters}
+        return numbers_file.encode(self.shape, self.ports, self.entries.frozen, blocks)
+
+    def fmu(self, platforms: Sequence[Platform]) -> bytes:
+        """Archive of the FMU with its own numbers."""
+        fmi3 = self.arrays is not None
         libraries = {}
         for platform in platforms:
-            library = place / f"{kind}{platform.suffix}"
-            parts = {"image": image(compiled.frozen, model.state, model.counters, platform)}
-            parts |= {prefix: emit(compiled.entries, prefix, platform) for prefix in LEVELS}
-            objects = [place / f"{platform.folder}.{part}.o" for part in parts]
-            for path, content in zip(objects, parts.values(), strict=True):
-                path.write_bytes(content)
+            library = f"{self.kind}{platform.suffix}"
+            key = _digest([self.shape, platform.target])[:DIGITS]
+            file = build_once(key, library, partial(self._library, platform), None, "libraries")
+            content = file.read_bytes()[:-CHECKSUM]
+            libraries[f"binaries/{platform.fmi3_folder if fmi3 else platform.folder}/{library}"] = content
+        description = self._description()
+        files = {DESCRIPTION: description, **libraries}
+        files |= documentation(description, readme_beside(ROOT / KINDS[self.kind]), INCLUDED)
+        files |= {f"resources/{numbers_file.FILE}": self.numbers(), f"resources/{SHAPE}": self.shape.encode()}
+        return archive(files | (terminals.files(self.arrays) if self.arrays is not None else {}))
+
+    def _library(self, platform: Platform) -> bytes:
+        with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
+            place = Path(stage)
+            head = f"#define GUID {json.dumps(self.guid)}\n#define SHAPE {json.dumps(self.shape)}\n"
+            (place / "model.h").write_text(head + self.header, encoding="utf-8")
+            library, objects = place / f"{self.kind}{platform.suffix}", []
+            compiled = self.entries.compiled()
+            for prefix in LEVELS:
+                objects.append(place / f"{platform.folder}.{prefix}.o")
+                objects[-1].write_bytes(emit(compiled, prefix, platform))
             try:
-                link(objects, place, library, platform, fmi)
+                link(objects, place, library, platform, self.fmi)
             except NoCompiler as error:
                 raise BuildFailed(str(error)) from None
-            folder = platform.fmi3_folder if fmi == 3 else platform.folder
-            libraries[f"binaries/{folder}/{library.name}"] = library.read_bytes()
-    about: dict[str, Any] = {
-        "guid": guid,
-        "text": (type(model).__doc__ or kind).strip().splitlines()[0],
-        "tool": f"cotrack, native by numba {version('numba')}",
-        "categories": CATEGORIES,
-        "experiment": experiment(config),
-    }
-    reals = [port for port in ports if isinstance(port.start, float)]
-    if float64s is None:
-        continuous = sum(port.causality in ("input", "output") for port in reals)
-        root = document(kind, variables=ports, reals=len(reals), continuous=continuous, **about)
-    else:
-        root = fmi3_description.document(kind, arrays=float64s, others=ports[len(reals) :], **about)
-    description = bytes(tostring(root, encoding="utf-8", xml_declaration=True))
-    files = {"modelDescription.xml": description, **libraries}
-    files |= documentation(description, readme_beside(ROOT / KINDS[kind]), INCLUDED)
-    if float64s is not None:
-        files |= terminals.files(float64s)
-    return archive(files)
+            return library.read_bytes()
+
+    def _description(self) -> bytes:
+        about: dict[str, Any] = {
+            "guid": self.guid,
+            "text": (type(self.model).__doc__ or self.kind).strip().splitlines()[0],
+            "tool": f"cotrack, native by numba {version('numba')}",
+            "categories": CATEGORIES,
+            "experiment": experiment(self.config),
+        }
+        if self.arrays is None:
+            continuous = sum(port.causality in ("input", "output") for port in self.ports[: self.reals])
+            root = document(self.kind, variables=self.ports, reals=self.reals, continuous=continuous, **about)
+        else:
+            others = self.ports[self.reals :]
+            root = fmi3_description.document(self.kind, arrays=self.arrays, others=others, **about)
+        return bytes(tostring(root, encoding="utf-8", xml_declaration=True))

@@ -200,8 +200,8 @@ class Model(TrackModel):
             numbers |= {"link.element.tau": tau, "scheme.tolerance": f"{{tolerance}} * {BEAM_PART!r}"}
         else:
             young, s = p["material.youngs_modulus"], self.vehicle["section"]
-            numbers["link.element.nuA"] = f"{tau} * {young * s['area']!r}"
-            numbers["link.element.nuI"] = f"{tau} * {young * s['bending']!r}"
+            numbers["link.element.nuA"] = f"{tau} * <{young * s['area']!r}>"
+            numbers["link.element.nuI"] = f"{tau} * <{young * s['bending']!r}>"
         return free._replace(numbers={**free.numbers, **numbers})
 
     def _work(self, links_module: Any) -> Work:

@@ -91,7 +91,7 @@ class Component(AbstractContextManager["Component"]):
     itself holds it. Every failure raises ComponentFailed, with the message that the FMU logged, if any.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913, the terms of an instance
         self,
         fmu: Path,
         name: str,
@@ -103,14 +103,16 @@ class Component(AbstractContextManager["Component"]):
         units: Mapping[str, str] = NO_CONVERSIONS,
         guest: Guest | None = None,
         room: Room | None = None,
+        resources: Path | None = None,
     ) -> None:
         """Load and instantiate an FMU.
 
         ``guid``: another one than that of its description, which it should refuse. ``discrete``: connected variables
-        that are no Reals, which follow them in the arrays. ``conversions``, ``units`` and ``guest``: as of
-        ``graph.Instance``. ``room``: process in which it is loaded, instead of this one.
+        that are no Reals, which follow them in the arrays. ``conversions``, ``units``, ``guest`` and ``resources``: as
+        of ``graph.Instance``. ``room``: process in which it is loaded, instead of this one.
         """
         self.name = name
+        self._resources = resources
         self._guest, self._remote = guest, GuestLibrary(room, self._receive) if room is not None else None
         self._discrete, self.conversions, self.converted_units = discrete, conversions, units
         self.texts = Texts()  # of its String outputs
@@ -201,7 +203,8 @@ class Component(AbstractContextManager["Component"]):
                 self._library = fmi2_library.load(folder, identifier)
             except Exception as error:
                 raise ComponentFailed(f"cannot load the binary of '{fmu}': {error}") from None
-            handle, self._free = fmi2_library.instantiate(self._library, folder, self.name, guid, self._receive)
+            given = self._library, folder, self.name, guid, self._receive, self._resources
+            handle, self._free = fmi2_library.instantiate(*given)
         if not handle:
             raise ComponentFailed(f"{self.name}: {self._first_error() or 'the FMU cannot be instantiated'}")
         self._mixed = self._mixed_exchange() if self._is_mixed else None

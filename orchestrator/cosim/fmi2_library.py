@@ -46,8 +46,13 @@ def load(folder: Path, identifier: str) -> Any:
     return made.dll
 
 
-def instantiate(library: Any, folder: Path, name: str, guid: str, hear: Hear) -> tuple[int | None, Callable[[], None]]:
-    """Return the handle of a new instance, None if it refuses, and the function that frees it; ``hear``: its logger."""
+def instantiate(
+    library: Any, folder: Path, name: str, guid: str, hear: Hear, resources: Path | None = None
+) -> tuple[int | None, Callable[[], None]]:
+    """Return the handle of a new instance, None if it refuses, and the function that frees it.
+
+    ``hear``: its logger; ``resources``: its resources, default those in the ``folder`` of the FMU.
+    """
     environment = id(hear)
     _hearers[environment] = hear
     functions = fmi2CallbackFunctions()
@@ -60,7 +65,7 @@ def instantiate(library: Any, folder: Path, name: str, guid: str, hear: Hear) ->
         name.encode(),
         1,  # co-simulation
         guid.encode(),
-        _location(folder / "resources").encode(),
+        _location(resources or folder / "resources").encode(),
         byref(functions),
         False,
         True,  # logging on: without it the FMU sends no messages

@@ -42,6 +42,7 @@ class Instance(NamedTuple):
     conversions: Mapping[str, Conversion] = NO_CONVERSIONS
     units: Mapping[str, str] = NO_CONVERSIONS  # of outputs with a conversion
     guest: Guest | None = None  # None: a component of ours
+    resources: Path | None = None  # folder with the numbers of the instance; None: those of the FMU
 
 
 class Connection(NamedTuple):

@@ -88,6 +88,7 @@ def load_components(
                 units=instance.units,
                 guest=instance.guest,
                 room=placed_in.get(instance.name),
+                resources=instance.resources,
             )
         )
         for instance in graph.instances

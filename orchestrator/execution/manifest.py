@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
@@ -22,7 +23,7 @@ from orchestrator import __version__
 from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import Connection, Recordable, System
+from orchestrator.cosim.graph import Connection, Instance, Recordable, System
 from orchestrator.cosim.observers import STATS, wires
 from orchestrator.log import schema
 from orchestrator.log.log_format import INPUTS, TEXTS, UNRECORDED
@@ -116,6 +117,7 @@ def system_table(graph: System, components: Mapping[str, Any] | None = None) -> 
             {
                 "name": instance.name,
                 **({} if instance.fmu is None else _file(instance.fmu)),
+                **({} if instance.fmu is None or instance.guest else {"numbers": numbers_digest(instance)}),
                 "parameters": dict(instance.parameters),
                 "stage": instance.stage,
                 **({"conversions": dict(instance.conversions)} if instance.conversions else {}),
@@ -131,6 +133,14 @@ def system_table(graph: System, components: Mapping[str, Any] | None = None) -> 
 def _connection(connection: Connection) -> dict[str, Any]:
     """Table of a connection; its transformations are among the conversions of its target."""
     return {name: value for name, value in connection._asdict().items() if name != "transformations"}
+
+
+def numbers_digest(instance: Instance) -> str:
+    """SHA-256 of the numbers of an instance of ours: its parameters, and those of its resources."""
+    digest = hashlib.sha256(json.dumps(dict(instance.parameters), sort_keys=True).encode())
+    for file in () if instance.resources is None else sorted(instance.resources.iterdir()):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def _start_inputs(component: Any) -> dict[str, Any]:

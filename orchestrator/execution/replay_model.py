@@ -36,7 +36,7 @@ OF_THE_USER = "'{}' was an FMU of the user, and a file that a log names is not r
 
 
 class ReplayModel(NamedTuple):
-    """FMU and parameters of the component that is stepped in a replay."""
+    """FMU, parameters and numbers of the component that is stepped in a replay."""
 
     fmu: Path
     parameters: replays.Parameters
@@ -44,6 +44,7 @@ class ReplayModel(NamedTuple):
     scene: SystemScene | None  # None for a given FMU
     as_recorded: bool  # True if FMU and parameters are those of the log
     native: bool = False
+    resources: Path | None = None  # folder with its numbers, see ``graph.Instance``
     settings: Sequence[str] = ()  # KEY=VALUE, changes of the scene in the log
 
 
@@ -69,7 +70,7 @@ class Replay(NamedTuple):
         if path.exists() and path.samefile(log.path):
             raise BadInput(f"{path} is the log itself: give another name")
         own = self.component.conversions, self.component.converted_units
-        instance = Instance(name, model.fmu, dict(self.parameters), model.stage, *own)
+        instance = Instance(name, model.fmu, dict(self.parameters), model.stage, *own, resources=model.resources)
         attachments = {
             "system.json": as_json(system_table(System((instance,), ()), {name: self.component})),
             f"{name}.modelDescription.xml": model_description(model.fmu),
@@ -129,6 +130,7 @@ def open_replay(
                 discrete={*outputs, *_names(log, f"/{name}/in")},
                 conversions={variable: own[variable] for variable in outputs if variable in own},
                 units=entry.get("units", {}),
+                resources=model.resources,
             ) as component,
         ):
             component.know_texts(texts_of(log))
@@ -206,14 +208,14 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
     if track is not None and part.kind != TRACKS[track].fmu:
         raise BadInput(f"--with {track}: '{name}' is no track")
     native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE
-    fmu, given = build_parts([part], native)[0], all_parameters(part, native)
+    (fmu, resources), given = build_parts([part], native)[0], all_parameters(part, native)
     same_hash = identity(fmu) == entry["sha256"]
     if track is not None or settings:
         as_recorded = same_hash and given == entry.get("parameters", {})
-        return ReplayModel(fmu, given, part.stage, scene, as_recorded, native, settings)
+        return ReplayModel(fmu, given, part.stage, scene, as_recorded, native, resources, settings)
     if not same_hash:
         raise BadInput(f"the log was made by another build of {value_text(entry.get('fmu'))}: name an FMU with --with")
-    return ReplayModel(fmu, entry.get("parameters", {}), part.stage, scene, True, native)
+    return ReplayModel(fmu, entry.get("parameters", {}), part.stage, scene, True, native, resources)
 
 
 def _scene(log: Log) -> SystemScene:

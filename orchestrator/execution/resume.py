@@ -16,7 +16,7 @@ from orchestrator.cosim.checkpoint import time_of
 from orchestrator.cosim.component import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.branch import branched_scene, transferred_state
-from orchestrator.execution.manifest import NATIVE
+from orchestrator.execution.manifest import NATIVE, numbers_digest
 from orchestrator.execution.prepared_run import Continuation
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import notices
@@ -109,7 +109,8 @@ def _ran_native(log: Log, scene: Scene) -> bool:
     native = log.metadata.get("run", {}).get("fmus") == NATIVE
     for instance in system(assemble(scene), native).instances:
         entry = entries.get(instance.name, {})
-        if instance.fmu is None or entry.get("sha256") != identity(instance.fmu):
+        known = instance.fmu is not None and entry.get("sha256") == identity(instance.fmu)
+        if not known or entry.get("numbers") != numbers_digest(instance):
             built = value_text(entry.get("fmu"))
             raise BadInput(f"the log was made by another build of {built}: its states do not fit")
     return native

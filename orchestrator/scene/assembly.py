@@ -127,7 +127,7 @@ def _assembled(scene: Scene) -> Assembly:
 def system(assembly: Assembly, native: bool = False) -> System:
     """Build the FMUs of an assembly, each distinct one once, and return it as a graph; FMUs of the user are as given.
 
-    ``native``: build native FMUs; parts that differ by free parameters only share one.
+    ``native``: build native FMUs; parts of a shape share one.
     """
     own = [part for part in assembly.parts if part.fmu is None]
     files = dict(zip((part.name for part in own), build_parts(own, native), strict=True))
@@ -139,25 +139,32 @@ def system(assembly: Assembly, native: bool = False) -> System:
         if part.name in fmus
         else Instance(
             part.name,
-            files[part.name],
+            files[part.name].fmu,
             all_parameters(part, native),
             part.stage,
             input_conversions(part.name, ends, added),
+            resources=files[part.name].resources,
         )
         for part in assembly.parts
     )
     return System(instances, (*assembly.connections, *typed(added, ends)))
 
 
-def build_parts(parts: Sequence[Part], native: bool) -> list[Path]:
-    """Paths of FMUs of the parts, with ``all_parameters``; ``native`` as in ``system``."""
-    if not native:
-        return build_shapes([(part.kind, part.config, None) for part in parts])
-    from fmus.native.pack import with_constants  # loads compilers, which only native builds need
+class BuiltPart(NamedTuple):
+    """FMU of a part, and the folder with its numbers, where they are no parameters."""
 
-    return build_native_all(
-        [(part.kind, with_constants(part.kind, part.config, part.parameters), None) for part in parts]
-    )
+    fmu: Path
+    resources: Path | None = None
+
+
+def build_parts(parts: Sequence[Part], native: bool) -> list[BuiltPart]:
+    """FMUs of the parts, for instances with ``all_parameters``; ``native`` as in ``system``."""
+    if not native:
+        return [BuiltPart(file) for file in build_shapes([(part.kind, part.config, None) for part in parts])]
+    from fmus.native.pack import build_native_shape, with_constants  # loads compilers, which only native builds need
+
+    configs = [with_constants(part.kind, part.config, part.parameters) for part in parts]
+    return [BuiltPart(*build_native_shape(part.kind, each)) for part, each in zip(parts, configs, strict=True)]
 
 
 def all_parameters(part: Part, native: bool) -> Parameters:
