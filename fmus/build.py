@@ -111,7 +111,7 @@ def parameters(kind: str, config: Mapping[str, Any]) -> dict[str, float | int | 
 
 
 def packed_config(kind: str, config: Mapping[str, Any]) -> dict[str, Any]:
-    """What an FMU holds of a config: the keys of the vehicle that the model reads."""
+    """Config as an FMU has it: of the vehicle, the keys that its model reads."""
     if kind not in KINDS:
         raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
     return numbers.packed(config, model_of(kind).reads(config))

@@ -71,7 +71,7 @@ def contacts(
         profile,
         vehicle["guide"]["clearance"],
         int(ground is not None),
-        ground_shape(vehicle, ground or {}, parameters),
+        GroundShape(0.0) if ground is None else ground_shape(vehicle, ground, parameters),
         STANDING,
         laws["sprocket"],
         laws["wheel"],

@@ -114,6 +114,7 @@ class ComponentModel:
     state: Floats
     counters: NDArray[np.int64]
     link_ports = 0
+    unconnected: Floats = np.zeros(0)  # start values of the inputs of mounts: one that has them is moved by nothing
     start_kernel: Callable[..., int]
     step_kernel: Callable[..., int]
     output_kernel: Callable[..., None]
@@ -238,6 +239,7 @@ class ModelProtocol(Protocol):
     state: Floats
     counters: NDArray[np.int64]  # values of the Integer outputs, in port order
     indices: tuple[tuple[int, int], ...]  # (place in the state, entries) of the indices that the state holds
+    unconnected: Floats  # see ``ComponentModel``
 
     def __init__(self, config: Mapping) -> None:
         """Make a model from ``config``, the resolved JSON that the build packed beside the component."""

@@ -379,7 +379,9 @@ class Slave(Fmi2Slave):
             config = numbers.with_values(self._config, chosen)
             for complaint in contradictions(config.get("vehicle", {})):
                 raise InvalidParameter(complaint)
-            self._model, self._numbers = type(self).model(config), chosen
+            model = type(self).model(config)
+            model.unconnected[:] = self._model.unconnected  # the start values that the host knows
+            self._model, self._numbers = model, chosen
         self._model.initialise(parameters)
 
     def _not_finite(self, values: NDArray[np.float64], place: slice, when: str) -> StepFailed:

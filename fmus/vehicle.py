@@ -446,13 +446,6 @@ class VehicleTable(FrozenTable):
     guide: GuideTable
     """guide horns, which keep the track under the wheels"""
 
-    @property
-    def pitch_radius(self) -> float:
-        """Radius of the circle through the pins of a chain that wraps the sprocket as a polygon, m."""
-        from math import pi, sin
-
-        return self.track.pitch / (2.0 * sin(pi / self.sprocket.teeth))
-
     def of_side(self, side: str) -> VehicleTable:
         """The table that describes a side."""
         return VehicleTable.model_validate(of_side(self.model_dump(), side)) if self.right else self

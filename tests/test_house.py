@@ -310,12 +310,12 @@ def depends_on_the_processor(source: str) -> list[str]:
     return found
 
 
-# Bounds of frequencies, of which nine digits enter the longest stable step (``chain/flexible/explicit.py``); powers of
-# units; powers of 2: products in a kernel, constants of the functions; whether a sum of squares is finite; the spline
-# of a path, whose tridiagonal solve calls no BLAS (``test_processors.py``).
+# Bounds of frequencies, of which nine digits enter the longest stable step (``chain/flexible/explicit.py``); a radius
+# that is checked, not used; powers of 2: products in a kernel, constants of the functions; whether a sum of squares is
+# finite; the spline of a path, whose tridiagonal solve calls no BLAS (``test_processors.py``).
 EXEMPT = {
     "physics/ancf/element.py", "physics/chain/flexible/free_axes.py", "physics/chain/flexible/closing.py",
-    "physics/integrate/adams.py", "vehicle.py", "physics/elementary.py", "model.py", "driver/path.py",
+    "physics/integrate/adams.py", "ranges.py", "physics/elementary.py", "model.py", "driver/path.py",
 }  # fmt: skip
 
 

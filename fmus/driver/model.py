@@ -128,8 +128,8 @@ class Model(ComponentModel):
             Port("solver.steps", "output", "1", "steps since the start", 0),
             *parameters,
         )
-        self._unconnected = np.array([port.start for port in self.ports[:STATE]])
-        self._rest_motion = self._unconnected.copy()
+        self.unconnected = np.array([port.start for port in self.ports[:STATE]])
+        self._rest_motion = self.unconnected.copy()
         self._law: ControlLaw
         self._path: Path = NONE
         self.state: Floats = np.zeros(WIDTH)
@@ -145,7 +145,7 @@ class Model(ComponentModel):
             x=self._path.x.copy(), y=self._path.y.copy(), heading=self._path.heading.copy()
         )
         self.begin(values, Parts(
-            self._law, self._footing, self._path, world_path, empty_plan(self._path), self._centre, self._unconnected,
+            self._law, self._footing, self._path, world_path, empty_plan(self._path), self._centre, self.unconnected,
             self._rest_motion, np.zeros(self.inputs), self.state, self.counters,
         ))  # fmt: skip
 

@@ -49,6 +49,13 @@ def shape_of(file: Path) -> str:
         return str(HEAD.unpack(stream.read(HEAD.size))[-1].rstrip(b"\0").decode())
 
 
+def starts(file: Path) -> list[float]:
+    """Start values of all Reals, and what else is behind them, in a file of numbers; raises OSError."""
+    content = file.read_bytes()
+    values: list[float] = np.frombuffer(content, "<f8", (len(content) - HEAD.size) // 8, HEAD.size).tolist()
+    return values
+
+
 def longest(sizes: Mapping[str, int], reals: int, strings: int) -> int:
     """Most bytes behind the head, from the lengths of the blocks."""
     pieces = sizes["f"] // GAP + 1

@@ -41,10 +41,11 @@ CATEGORIES = {
 
 
 class NativeFmu(NamedTuple):
-    """FMU of a shape, and the folder that is its resources for the numbers of a config."""
+    """FMU of a shape, the folder that is its resources for the numbers of a config, and its start values."""
 
     fmu: Path
     resources: Path
+    starts: Sequence[float]  # of its Reals, in their order
 
 
 def build_native(
@@ -84,7 +85,7 @@ def build_native_shape(kind: str, config: Mapping[str, Any]) -> NativeFmu:
     file = build_once(key, numbers_file.FILE, lambda: component().numbers(), None, "numbers")
     shape = numbers_file.shape_of(file)
     fmu = build_once(shape[:DIGITS], f"{kind}.fmu", lambda: component().fmu((LINUX,)), None)
-    return NativeFmu(fmu, file.parent)
+    return NativeFmu(fmu, file.parent, numbers_file.starts(file))
 
 
 def targets_windows() -> bool:
@@ -122,7 +123,7 @@ def _json(kind: str, config: Mapping[str, Any]) -> str:
 
 @lru_cache(maxsize=8)
 def _tools(fmi: int, platforms: tuple[Platform, ...]) -> tuple[str, ...]:
-    """What a library is made of besides a component: versions and sources; raises BuildFailed."""
+    """Versions and sources that a library is made of, besides a component; raises BuildFailed."""
     if not version("numba").startswith(NUMBA):
         known = ", ".join(f"{each}x" for each in NUMBA)
         raise BuildFailed(f"native FMUs are made with numba {known}, whose insides they know, not {version('numba')}")

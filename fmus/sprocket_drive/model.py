@@ -80,8 +80,8 @@ class Model(ComponentModel):
             Port("solver.evaluations", "output", "1", "evaluations of the spin's equation since the start", 0),
             *self._parameters,
         )
-        self._unconnected = np.array([port.start for port in self.ports[:STATE]])
-        self.rest_motion = self._unconnected.copy()
+        self.unconnected = np.array([port.start for port in self.ports[:STATE]])
+        self.rest_motion = self.unconnected.copy()
         self.inputs = STATE + WRENCH + self._demanded
         self.state: Floats = np.zeros(WIDTH)
         self.counters = np.zeros(2, dtype=np.int64)
@@ -92,7 +92,7 @@ class Model(ComponentModel):
         self.drive = drive_parameters(values, self.inertia, DEMAND if self._demanded else "")
         self.counters[:] = 0
         inputs = np.zeros(self.inputs)
-        parts = Parts(self.drive, self._mount, self._unconnected, self.rest_motion, inputs, self.state, self.counters)
+        parts = Parts(self.drive, self._mount, self.unconnected, self.rest_motion, inputs, self.state, self.counters)
         self.begin(values, parts)
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:

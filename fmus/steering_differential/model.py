@@ -128,8 +128,8 @@ class Model(ComponentModel):
         )
         inputs = [port.start for port in self.ports if port.causality == "input"]
         self.inputs = len(inputs)
-        self._unconnected = np.array(inputs)
-        self._rest_motions = self._unconnected.copy()
+        self.unconnected = np.array(inputs)
+        self._rest_motions = self.unconnected.copy()
         self.gearbox: Gearbox
         self.state: Floats = np.zeros(SIZE)
         self.counters = np.zeros(2, dtype=np.int64)
@@ -145,7 +145,7 @@ class Model(ComponentModel):
         self.counters[:] = 0
         inputs = np.zeros(self.inputs)
         parts = Parts(
-            self.gearbox, self._mounts, self._unconnected, self._rest_motions, inputs, self.state, self.counters
+            self.gearbox, self._mounts, self.unconnected, self._rest_motions, inputs, self.state, self.counters
         )
         self.begin(values, parts)
 

@@ -104,12 +104,13 @@ class Component(AbstractContextManager["Component"]):
         guest: Guest | None = None,
         room: Room | None = None,
         resources: Path | None = None,
+        starts: Sequence[float] = (),
     ) -> None:
         """Load and instantiate an FMU.
 
         ``guid``: another one than that of its description, which it should refuse. ``discrete``: connected variables
-        that are no Reals, which follow them in the arrays. ``conversions``, ``units``, ``guest`` and ``resources``: as
-        of ``graph.Instance``. ``room``: process in which it is loaded, instead of this one.
+        that are no Reals, which follow them in the arrays. ``conversions``, ``units``, ``guest``, ``resources`` and
+        ``starts``: as of ``graph.Instance``. ``room``: process in which it is loaded, instead of this one.
         """
         self.name = name
         self._resources = resources
@@ -133,6 +134,8 @@ class Component(AbstractContextManager["Component"]):
         if room is None and is_fmi3(self.description):
             raise ComponentFailed(f"'{fmu}' is an FMU of FMI 3.0: it runs in a process of its own only")
         self._sort_variables()
+        if len(starts):
+            self.u[: self._u[1]] = starts[: self._u[1]]
         self._load(folder, fmu, guid or self.description.guid or "", elements)
 
     def _sort_variables(self) -> None:

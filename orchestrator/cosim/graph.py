@@ -43,6 +43,7 @@ class Instance(NamedTuple):
     units: Mapping[str, str] = NO_CONVERSIONS  # of outputs with a conversion
     guest: Guest | None = None  # None: a component of ours
     resources: Path | None = None  # folder with the numbers of the instance; None: those of the FMU
+    starts: Sequence[float] = ()  # start values of its Reals, inputs first; empty: those of the FMU
 
 
 class Connection(NamedTuple):

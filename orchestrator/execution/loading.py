@@ -89,6 +89,7 @@ def load_components(
                 guest=instance.guest,
                 room=placed_in.get(instance.name),
                 resources=instance.resources,
+                starts=instance.starts,
             )
         )
         for instance in graph.instances

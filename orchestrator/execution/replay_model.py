@@ -26,7 +26,7 @@ from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of, texts_of
 from orchestrator.log.time_series import EVER
-from orchestrator.scene.assembly import all_parameters, assemble, build_parts
+from orchestrator.scene.assembly import BuiltPart, all_parameters, assemble, build_parts
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, any_from_table, changed_scene, with_track
@@ -44,7 +44,7 @@ class ReplayModel(NamedTuple):
     scene: SystemScene | None  # None for a given FMU
     as_recorded: bool  # True if FMU and parameters are those of the log
     native: bool = False
-    resources: Path | None = None  # folder with its numbers, see ``graph.Instance``
+    numbers: BuiltPart | None = None  # its FMU with its numbers
     settings: Sequence[str] = ()  # KEY=VALUE, changes of the scene in the log
 
 
@@ -70,7 +70,14 @@ class Replay(NamedTuple):
         if path.exists() and path.samefile(log.path):
             raise BadInput(f"{path} is the log itself: give another name")
         own = self.component.conversions, self.component.converted_units
-        instance = Instance(name, model.fmu, dict(self.parameters), model.stage, *own, resources=model.resources)
+        instance = Instance(
+            name,
+            model.fmu,
+            dict(self.parameters),
+            model.stage,
+            *own,
+            resources=model.numbers and model.numbers.resources,
+        )
         attachments = {
             "system.json": as_json(system_table(System((instance,), ()), {name: self.component})),
             f"{name}.modelDescription.xml": model_description(model.fmu),
@@ -130,7 +137,8 @@ def open_replay(
                 discrete={*outputs, *_names(log, f"/{name}/in")},
                 conversions={variable: own[variable] for variable in outputs if variable in own},
                 units=entry.get("units", {}),
-                resources=model.resources,
+                resources=model.numbers and model.numbers.resources,
+                starts=model.numbers.starts if model.numbers else (),
             ) as component,
         ):
             component.know_texts(texts_of(log))
@@ -208,14 +216,15 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
     if track is not None and part.kind != TRACKS[track].fmu:
         raise BadInput(f"--with {track}: '{name}' is no track")
     native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE
-    (fmu, resources), given = build_parts([part], native)[0], all_parameters(part, native)
+    numbers, given = build_parts([part], native)[0], all_parameters(part, native)
+    fmu = numbers.fmu
     same_hash = identity(fmu) == entry["sha256"]
     if track is not None or settings:
         as_recorded = same_hash and given == entry.get("parameters", {})
-        return ReplayModel(fmu, given, part.stage, scene, as_recorded, native, resources, settings)
+        return ReplayModel(fmu, given, part.stage, scene, as_recorded, native, numbers, settings)
     if not same_hash:
         raise BadInput(f"the log was made by another build of {value_text(entry.get('fmu'))}: name an FMU with --with")
-    return ReplayModel(fmu, entry.get("parameters", {}), part.stage, scene, True, native, resources)
+    return ReplayModel(fmu, entry.get("parameters", {}), part.stage, scene, True, native, numbers)
 
 
 def _scene(log: Log) -> SystemScene:

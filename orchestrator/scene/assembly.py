@@ -144,6 +144,7 @@ def system(assembly: Assembly, native: bool = False) -> System:
             part.stage,
             input_conversions(part.name, ends, added),
             resources=files[part.name].resources,
+            starts=files[part.name].starts,
         )
         for part in assembly.parts
     )
@@ -151,10 +152,11 @@ def system(assembly: Assembly, native: bool = False) -> System:
 
 
 class BuiltPart(NamedTuple):
-    """FMU of a part, and the folder with its numbers, where they are no parameters."""
+    """FMU of a part, and where its numbers are no parameters the folder with them, and its start values."""
 
     fmu: Path
     resources: Path | None = None
+    starts: Sequence[float] = ()
 
 
 def build_parts(parts: Sequence[Part], native: bool) -> list[BuiltPart]:

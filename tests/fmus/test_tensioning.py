@@ -9,6 +9,7 @@ import random_vehicles
 from scipy.optimize import brentq
 
 from fmus import tensioning
+from fmus.drawn_wheels import drawn
 from fmus.physics.chain import layout
 from fmus.physics.chain.report import T_MEAN
 from fmus.track_flexible.model import Model as Flexible
@@ -66,7 +67,8 @@ def scene_of(k, links="rigid", **settings):
 def track_of(scene):
     """Config of the left track."""
     config = vehicle_track_config(scene, "left")
-    return {**config, "track": {key: value for key, value in config["track"].items() if key != "terrain"}}
+    track = {key: value for key, value in config["track"].items() if key != "terrain"}
+    return {**config, "track": {**track, "wheels": drawn(config["vehicle"], track["wheels"])}}
 
 
 def laid(config, x, kind=Flexible):
@@ -95,8 +97,8 @@ def half_a_tooth_off(monkeypatch):
 def test_a_chain_laid_out_anew_is_the_one_that_was_tightened(k, monkeypatch):
     """The same tension at each place of the idler, laid out there or followed from the slack side."""
     config = track_of(scene_of(k))
-    drawn = next(w["position"][0] for w in config["track"]["wheels"] if w["name"] == "idler")
-    places = drawn + 0.01 * np.arange(-3, 3) * np.sign(drawn)
+    first = next(w["position"][0] for w in config["track"]["wheels"] if w["name"] == "idler")
+    places = first + 0.01 * np.arange(-3, 3) * np.sign(first)
     followed, tensions = laid(config, places[0]), []
     for x in places:
         rows = followed.start_rows.copy()

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fmus.drawn_wheels import drawn
 from mirror.record import Floats, Part
 
 
@@ -59,8 +60,9 @@ def wheels(part: Part) -> Wheels:
     k = len(part.t)
     origin, attitude = start_frame(part.parameters)
     lateral = np.array([0.0, float(part.parameters["start.lateral"]), 0.0])
-    drawn = [(w, [w["position"][0], 0.0, w["position"][1]]) for w in part.config["track"]["wheels"]]
-    poses = [place_and_attitude(w.get("start", place)) for w, place in drawn]
+    table = {wheel["name"]: wheel for wheel in drawn(part.config["vehicle"], part.config["track"]["wheels"])}
+    places = [(w, [w["position"][0], 0.0, w["position"][1]]) for w in table.values()]
+    poses = [place_and_attitude(w.get("start", place)) for w, place in places]
     arrays = [np.zeros((k, len(names), 3)) for _ in range(5)]
     for m, name in enumerate(names):
         place, wheel_attitude = poses[m]

@@ -21,6 +21,7 @@ import pytest
 from fmus import components
 from fmus.slave import BUILD, Slave
 from fmus.track_choices import TRACKS
+from fmus.vehicle import number_meanings
 from mirror import chassis_checks, drive_checks, driver_checks, joined_checks, runs, track_checks
 from mirror.check import FAULTS, Check, View
 from orchestrator.scene import gallery
@@ -189,6 +190,8 @@ def shell(kind: str, config: dict, folder: Path) -> Slave:
     folder.mkdir(parents=True)
     (folder / "config.json").write_text(json.dumps(config))
     (folder / "build.txt").write_text(BUILD)
+    (folder / "shape.txt").write_text("")
+    (folder / "numbers.json").write_text(json.dumps(number_meanings()))
     return type(kind, (Slave,), {"model": components.model_of(kind), "__doc__": kind})(
         instance_name=kind, resources=str(folder), visible=False
     )

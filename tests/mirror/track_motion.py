@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fmus.drawn_wheels import drawn
 from mirror.check import View, forward
 from mirror.motion import rotation_of
 from mirror.record import Floats
@@ -54,7 +55,7 @@ def pin_travel(view: View) -> tuple[Floats, Floats]:
     c, (turn, _) = view.chain, attitude(view)
     matrix = turn.as_matrix()
     local = np.einsum("tji,tnj->tni", matrix, c.pins - view.wheels.centre[:, :1])
-    places = np.array([wheel["position"] for wheel in view.track["wheels"]])
+    places = np.array([wheel["position"] for wheel in drawn(view.part.config["vehicle"], view.track["wheels"])])
     x, z, far, height = local[..., 0], local[..., 2], places[:, 0].min(), places[:, 1].mean()
     runs = []
     for upper in (True, False):

@@ -14,6 +14,7 @@ from fmus.link_outputs import INTERVAL
 from fmus.loaded import component_ports
 from fmus.sources import source_hash
 from fmus.track_choices import TRACKS
+from fmus.vehicle import number_meanings
 from orchestrator.cli import main
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
@@ -44,6 +45,8 @@ def description(kind, config, folder):
     """Root element of the modelDescription.xml of the FMU, without a build."""
     (folder / "config.json").write_text(json.dumps(config))
     (folder / "build.txt").write_text(source_hash())
+    (folder / "shape.txt").write_text("")
+    (folder / "numbers.json").write_text(json.dumps(number_meanings()))
     shell = getattr(import_module("fmus." + KINDS[kind].removesuffix(".py").replace("/", ".")), kind)
     return shell(instance_name=kind, resources=str(folder)).to_xml()
 
