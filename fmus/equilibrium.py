@@ -31,6 +31,7 @@ from fmus.chassis.observe import put_sides
 from fmus.driver.skid import footing
 from fmus.jit import plain
 from fmus.model import InvalidParameter, StepFailed
+from fmus.numbers import packed
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.report import T_MEAN
 from fmus.physics.elementary import sin
@@ -42,6 +43,7 @@ from fmus.sources import source_hash
 from fmus.stance import Stance, roll_pitch_quaternion, stance
 from fmus.standing import ground_level
 from fmus.start import LEVEL, StartPose
+from fmus.tensioning import without_motion
 from fmus.track_flexible.model import Model as Cables
 from fmus.track_rigid.model import Model as RigidLinks
 from fmus.vehicle import BadInput
@@ -84,7 +86,19 @@ def equilibrium(
     hull that does not lean sideways, only the left half is solved. The result is cached for this build. Raises
     BadInput.
     """
-    request = [source_hash(), chassis, tracks, slope]
+    # what the search reads: of rigid links, on which a hull may lean, also friction
+    leans = slope[1] != 0.0 or is_asymmetric(chassis, tuple(tracks))
+    uneven = any("terrain" in track.config["track"] for track in tracks.values())
+    if not (leans or uneven or chassis["chassis"].get("ground")):
+        chassis = {**chassis, "vehicle": without_motion(chassis["vehicle"])}
+        tracks = {
+            side: track._replace(config={**track.config, "vehicle": without_motion(track.config["vehicle"])})
+            for side, track in tracks.items()
+        }
+    read = {
+        side: (packed(track.config, Cables.reads(track.config)), track.parameters) for side, track in tracks.items()
+    }
+    request = [source_hash(), packed(chassis, Chassis.reads(chassis)), read, slope]
     try:
         solution = cached_result("places", "equilibrium", request, lambda: _at_rest(chassis, tracks, slope))
     except (InvalidParameter, StepFailed) as error:

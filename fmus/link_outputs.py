@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 from fmus.physics.chain.on_links import NONE, WITH_GROUND, WITH_JOINT, WITH_SLIDING, WITH_WHEELS, LinkForcesShape
@@ -76,7 +77,8 @@ def on_links_shape(groups: Sequence[str], pins: int) -> LinkForcesShape:
     return (pins, columns) if columns else NONE
 
 
-def ports(groups: Sequence[str], links: int, pins: int) -> list[Port]:
+@cache
+def ports(groups: tuple[str, ...], links: int, pins: int) -> list[Port]:
     """Output ports of the groups, of links 1 to ``links`` and pins 1 to ``pins``."""
     output_ports = []
     for group in (GROUPS[name] for name in groups):

@@ -17,6 +17,7 @@ from fmus.cache import cached_result
 from fmus.components import model_of
 from fmus.drawn_wheels import drawn
 from fmus.model import InvalidParameter, StepFailed
+from fmus.numbers import packed
 from fmus.physics.chain.layout import belt_length
 from fmus.physics.chain.report import T_MEAN
 from fmus.sources import source_hash
@@ -40,9 +41,22 @@ def tension_wheel(
     not stretch. The result is cached for this build. Raises BadInput when the chain cannot carry that tension, to
     0.1 %, with the wheel within 60 mm of its drawn place (links of 152.4 mm; others in proportion).
     """
-    request = [source_hash(), config, name, tension, links]
-    x, push = cached_result("places", "place", request, lambda: _search(config, name, tension, keys, links))
+    read = packed(config, model_of(CABLES[0]).reads(config))
+    if links == CABLES:
+        read["vehicle"] = without_motion(read["vehicle"])
+    request = [source_hash(), read, name, tension, links]
+    x, push = cached_result("places", "place", request, lambda: _search(read, name, tension, keys, links))
     return x, push
+
+
+def without_motion(vehicle: Mapping[str, Any]) -> dict[str, Any]:
+    """Vehicle table without friction and damping of contacts, which a chain of cables at rest has no use for.
+
+    What is found for such a chain is the same to the bit for all of them.
+    """
+    laws = {pair: {**law, "damping": 0.0, "friction": 0.0, "friction_velocity": 1.0}
+            for pair, law in vehicle["contact"].items()}  # fmt: skip
+    return {**vehicle, "contact": laws}
 
 
 class _Track:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Collection, Iterator, Mapping
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from orchestrator.log.message_records import LOG_TIME, Messages, Records, record
 from orchestrator.log.schema import Bytes
 
 CACHED_BYTES = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
+SMALL = 32 << 20  # packed bytes of a log whose chunks are all kept: results pass over it a dozen times
 _TIME = struct.Struct("<Q")
 _SPAN = struct.Struct("<QQ")  # begins a chunk: first and last time in it, ns
 
@@ -47,13 +49,14 @@ class Chunks:
         first, last = self.spans.get(part, (1e-9 * t, 1e-9 * t))
         self.spans[part] = min(first, 1e-9 * t), max(last, 1e-9 * t)
 
-    def read(self, offset: int, topics: Collection[str] | None = None, keep: bool = True) -> list[Messages]:
+    def read(self, offset: int, topics: Collection[str] | None = None, keep: bool = False) -> list[Messages]:
         """Return the message records of a chunk, one ``Messages`` per channel; raises LogUnreadable.
 
-        ``topics`` selects (None: all). ``keep``: keep the unpacked chunk in memory while there is room.
+        ``topics`` selects (None: all). ``keep``: keep the unpacked chunk in memory while there is room, as those
+        of a small log are in any case.
         """
         try:
-            content, records = self.unpacked.get(offset) or self._unpack(offset, keep)
+            content, records = self.unpacked.get(offset) or self._unpack(offset, keep or self._is_small)
             return [
                 _messages(content, channel, records[number])
                 for number, channel in self._channels.items()
@@ -63,6 +66,10 @@ class Chunks:
             raise LogUnreadable(
                 f"{self._file.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
             ) from None
+
+    @cached_property
+    def _is_small(self) -> bool:
+        return sum(map(self._file.packed_size, self.spans)) <= SMALL
 
     def rows_of(self, number: int) -> Iterator[NDArray[np.uint8]]:
         """Yield the message records (m, bytes) of a channel that is not ours, chunk by chunk; raises LogUnreadable."""

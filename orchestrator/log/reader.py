@@ -1,8 +1,8 @@
 """Reader of a log, whole or cut off: every complete message as arrays with the recorded bits.
 
 ``complete`` and ``faults`` tell what is missing. Contents are checked against their CRCs when they are read. ``decode``
-keeps its result in memory; ``stream``, ``select``, ``ends`` and ``blocks`` keep nothing, so that a long log needs no
-more memory.
+keeps its result in memory; ``stream``, ``select``, ``ends`` and ``blocks`` keep the unpacked chunks of a small log
+alone, so that a long log needs no more memory.
 """
 
 from __future__ import annotations
@@ -269,7 +269,7 @@ class Log(AbstractContextManager["Log"]):
         """Count the messages of each topic; raises LogUnreadable."""
         counts = dict.fromkeys(self.topics, 0)
         for offset in self._chunks.spans:
-            for messages in self._chunks.read(offset, counts, keep=False):
+            for messages in self._chunks.read(offset, counts):
                 counts[messages.topic] += len(messages.rows)
         return counts
 
@@ -313,13 +313,13 @@ class Log(AbstractContextManager["Log"]):
     def chunks(self) -> Iterator[list[Messages]]:
         """Yield the messages of each chunk by topic, as recorded; raises LogUnreadable at a damaged chunk."""
         for offset in self._chunks.spans:
-            yield self._chunks.read(offset, keep=False)
+            yield self._chunks.read(offset)
 
     def intact(self) -> Iterator[Messages]:
         """Yield all messages, chunk by chunk and by topic; damaged chunks are left out and go to ``faults``."""
         for offset in self._chunks.spans:
             try:
-                yield from self._chunks.read(offset, keep=False)
+                yield from self._chunks.read(offset)
             except LogUnreadable as damage:
                 self._file.add_fault(str(damage))
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fmus.drawn_wheels import drawn
 from mirror import soft
 from mirror.ground import Ground
 from mirror.links import UP, Chain
@@ -316,7 +317,7 @@ def touch(chain: Chain, wheels: Wheels, covering: bool = False) -> Touch:
     part, vehicle = chain.part, chain.vehicle
     laws = {pair: Law.of(part.parameters, vehicle["contact"], pair) for pair in ("sprocket", "wheel", "ground")}
     outline, sums = Outline(vehicle), _ContactSums(chain, wheels)
-    for m, wheel in enumerate(part.config["track"]["wheels"]):
+    for m, wheel in enumerate(drawn(vehicle, part.config["track"]["wheels"])):
         toothed = wheel["kind"] == "teeth"
         if toothed and not covering:
             teeth(sums, laws["sprocket"], m, outline)

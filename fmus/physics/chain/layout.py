@@ -7,6 +7,7 @@ run, so tangent x lateral axis is the outward normal, and a vehicle driving forw
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from math import ceil
 
 import numpy as np
@@ -27,10 +28,15 @@ def _directions(angles: Floats) -> Floats:
     return np.stack([of_each(cos, angles), of_each(sin, angles)], axis=1)
 
 
+@cache
+def _rim(samples: int) -> Floats:
+    """Unit vectors (samples, 2) round a circle."""
+    return _directions(-(2.0 * np.pi * np.arange(samples) / samples))
+
+
 def _belt(centres: Floats, radii: Floats, start: Floats | None, samples: int) -> Floats:
     """Convex belt (k, 2) round circles as a polyline, over the bottom first; begins at ``start`` (2), or foremost."""
-    angle = 2.0 * np.pi * np.arange(samples) / samples
-    rim = _directions(-angle)
+    rim = _rim(samples)
     points = (centres[:, None, :] + radii[:, None, None] * rim[None]).reshape(-1, 2)
     try:
         corners = scipy.spatial.ConvexHull(points).vertices
