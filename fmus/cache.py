@@ -17,6 +17,7 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -76,7 +77,15 @@ def private_folder(place: Path) -> Path:
     check_trust(place, *place.parents[:2])
     make_folder(place)
     check_trust(place, *place.parents[:2])  # another user may have been faster
+    mark_used(place)
     return place
+
+
+def mark_used(folder: Path) -> None:
+    """Set the time of a folder to now, unless it is less than an hour ago, see ``fmus.cache_limit``."""
+    with suppress(OSError):
+        if time.time() - folder.stat().st_mtime > 3600.0:
+            os.utime(folder)
 
 
 def check_trust(*folders: Path) -> None:
@@ -142,6 +151,7 @@ def read_checked(file: Path) -> bytes | None:
     except FileNotFoundError:
         return None
     content = stored[:-CHECKSUM]
+    mark_used(file.parent)
     return content if trusted and stored[-CHECKSUM:] == _checksum(file, content) else None
 
 

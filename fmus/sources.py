@@ -33,15 +33,25 @@ def search_path(first: Path) -> str:
 
 def source_hash(root: Path = ROOT) -> str:
     """Hash of all Python sources of a tree, by relative path and content; it identifies a build."""
-    stats = ((path, path.stat()) for path in sources(root))
-    return _hash_of(root, tuple((path, stat.st_mtime_ns, stat.st_size) for path, stat in stats))
+    return _hash_of(root, tuple(sorted(_states(os.fspath(root)))))
+
+
+def _states(folder: str) -> Iterator[tuple[str, int, int]]:
+    """Yield path, time of the last change in ns, and size of each Python source below a folder: a run asks often."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_dir():
+                yield from _states(entry.path)
+            elif entry.name.endswith(".py"):
+                status = entry.stat()
+                yield entry.path, status.st_mtime_ns, status.st_size
 
 
 @lru_cache(maxsize=4)
-def _hash_of(root: Path, files: tuple[tuple[Path, int, int], ...]) -> str:
-    """Hash of the ``files`` (path, time of the last change in ns, size) of a tree, computed again when one changes."""
+def _hash_of(root: Path, files: tuple[tuple[str, int, int], ...]) -> str:
+    """Hash of the Python sources of a tree, computed again when one of the ``files`` (see ``_states``) changes."""
     digest = hashlib.sha256()
-    for path, _, _ in files:
+    for path in sources(root):
         digest.update(path.relative_to(root).as_posix().encode() + b"\0")
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()

@@ -17,10 +17,12 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from fmus.cache_limit import keep_limit
 from fmus.vehicle import BadInput
 from orchestrator import __version__
 from orchestrator.cli import log_commands, printed
 from orchestrator.cli.analysis_commands import analyse, plot
+from orchestrator.cli.cache_commands import cache
 from orchestrator.cli.check_commands import check
 from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, print_message, print_notices, show_usage
 from orchestrator.cli.result_commands import compare, replay, report
@@ -40,7 +42,7 @@ app = typer.Typer(
 app.add_typer(log_commands.app, name="log")
 COMMANDS: tuple[Callable[..., None], ...] = (
     scenes, vehicles, keys, schema, new, show, build, ssp, check, run, resume, replay, compare,
-    view, analyse, plot, report, study, sweep, truth, warm,
+    view, analyse, plot, report, study, sweep, truth, warm, cache,
 )  # fmt: skip
 for command in COMMANDS:
     app.command()(command)
@@ -104,6 +106,7 @@ def main(command: Callable[..., Any] = app) -> None:
         status = print_message(*message_and_status(error))
     if status == 130:  # typer's status for Ctrl-C
         status = print_message("interrupted", 1)
+    keep_limit()
     for stream in (sys.stdout, sys.stderr):
         try:
             if stream is not None:
