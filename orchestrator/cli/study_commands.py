@@ -77,7 +77,8 @@ def conduct(
     from orchestrator.studies.store import Store
 
     try:
-        with narration.suppressed(), progress_bar(name, len(cases)) as done:
+        told = getattr(module, "told", lambda rows: "")
+        with narration.suppressed(), progress_bar(name, len(cases), told) as done:
             rows = pool.run(cases, workers, scheduler, Store(output / "cases"), done)
         files = module.write(output, name, rows, module.TITLE)
     except OSError as error:
@@ -115,15 +116,20 @@ def sweep(
     keep_logs: Annotated[bool, typer.Option("--keep-logs", help="keep the logs of all runs in DIR/logs")] = False,
     workers: Annotated[int, typer.Option("--workers", metavar="N", help="processes", min=1)] = 2,
     scheduler: Scheduler = None,
+    figures: Annotated[
+        list[str] | None,
+        typer.Option("--for", metavar="FIGURE", help="a measure, an analysis, or max:SIGNAL, as columns; repeatable"),
+    ] = None,
 ) -> None:
     """Run a scene with every combination of varied settings; write a table with a row for each run, and a picture.
 
-    Values may have units: 20:40:3 kN. Started again with the same folder, the sweep continues where it was
-    interrupted. Exit 1 if a run fails or leaves its energy balance open; checks that are not met are in the table.
+    Values may have units: 20:40:3 kN, or 20,30,40 kN. Started again with the same folder, the sweep continues where it
+    was interrupted. Exit 1 if a run fails or leaves its energy balance open; checks that are not met are in the table.
     """
     from orchestrator.studies.parameter_sweep import plan
     from orchestrator.studies.variations import Design
 
     design = Design.of(vary, sample, seed)
-    planned = plan(design, scene, output, track, with_vehicle(vehicle, settings), native, estimate, keep_logs)
+    common = with_vehicle(vehicle, settings)
+    planned = plan(design, scene, output, track, common, native, estimate, keep_logs, figures or ())
     conduct("sweep", planned, planned.cases, output, workers, scheduler)

@@ -29,13 +29,15 @@ from orchestrator.results.whole_file import atomic_write
 from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import SHORT_KEYS, Scene, load
 from orchestrator.scene.settings import pairs
-from orchestrator.studies import Case, files, pool
+from orchestrator.studies import Case, files, pool, wanted_figures
 from orchestrator.studies.row import Row
 from orchestrator.studies.store import Store
 from orchestrator.studies.sweep_picture import draw
 from orchestrator.studies.variations import Design
+from orchestrator.studies.wanted_figures import Wanted
 
 NOT_MET = "checks not met"
+TOLD = 3  # figures of a case that are said as it finishes
 HIDDEN = ("log", "warnings", "wall_time", "estimated error of ")  # in the whole table alone
 UNITS = {"wall_time": "s", **{name: in_si(unit) for name, (_, unit, _) in LABELS.items()}}
 
@@ -54,6 +56,7 @@ def sweep(  # noqa: PLR0913, the options of the command
     keep_logs: bool = False,
     workers: int = 1,
     scheduler: str | None = None,
+    figures: Sequence[str] = (),
 ) -> Table:
     """Run a scene for all values of ``vary``; return the table that it writes into the folder ``output``.
 
@@ -61,14 +64,14 @@ def sweep(  # noqa: PLR0913, the options of the command
 
     An interrupted sweep of the same folder continues. ``sample``: number of points of a Latin hypercube over the ranges
     ``KEY=a:b``. Several ``workers`` are processes, for which a script needs ``if __name__ == "__main__":``;
-    ``scheduler``: address of a Dask cluster. A case that fails is a row whose note is the reason. Raises BadInput
-    before the first run.
+    ``scheduler``: address of a Dask cluster. ``figures``: further ones, see ``wanted_figures``. A case that fails is a
+    row whose note is the reason. Raises BadInput before the first run.
     """
     folder = Path(output)
     if isinstance(vary, Mapping):
         vary = [f"{key}={','.join(map(str, values))}" for key, values in vary.items()]
     design = Design.of(vary, sample, seed)
-    planned = plan(design, scene, folder, track, settings, native, estimate, keep_logs)
+    planned = plan(design, scene, folder, track, settings, native, estimate, keep_logs, figures)
     rows = pool.run(planned.cases, workers, scheduler, Store(folder / "cases"))
     planned.write(folder, "sweep", rows, planned.TITLE)
     return planned.whole_table(rows)
@@ -83,18 +86,20 @@ def plan(
     native: bool = False,
     estimated: bool = True,
     keep_logs: bool = False,
+    figures: Sequence[str] = (),
 ) -> Sweep:
     """Load the scene of every case, then make the folder; raises BadInput, also for the folder of another sweep."""
-    common = dict(pairs(settings))
+    wanted = wanted_figures.parsed(figures)
+    common = wanted_figures.settings(wanted, dict(pairs(settings)))
     fixed = {SHORT_KEYS.get(key, key) for key in common} | ({"track.model"} if track else set())
     for one in design.variations:
         if SHORT_KEYS.get(one.key, one.key) in fixed:
             raise BadInput(f"--vary {one.text}: its key is set by another option")
     scenes = [load(scene, track, common | dict(pairs(design.settings(point)))) for point in design.points]
-    identity = json.dumps([native, estimated, *(one.resolved() for one in scenes)])
+    identity = json.dumps([native, estimated, *figures, *(one.resolved() for one in scenes)])
     digest = hashlib.sha256(identity.encode()).hexdigest()
     stated = {"track": scenes[0].variant, "settings": {key: str(value) for key, value in sorted(common.items())}}
-    options = {"native": native, "estimated": estimated}
+    options = {"native": native, "estimated": estimated, "for": [*figures]}
     _claim(folder, {"scene": scenes[0].name, **design.stated(), **stated, **options, "digest": digest})
     if keep_logs:
         make_folder(folder / "logs")
@@ -102,7 +107,9 @@ def plan(
     for number, (loaded, point) in enumerate(zip(scenes, design.points, strict=True), 1):
         log = folder.absolute() / "logs" / f"{number}.mcap" if keep_logs else None
         name = ", ".join(design.settings(point))
-        cases.append(Case(loaded.name, name, run_case, (loaded, native, estimated, log), loaded.run.stop, math.inf))
+        cases.append(
+            Case(loaded.name, name, run_case, (loaded, native, estimated, log, wanted), loaded.run.stop, math.inf)
+        )
     return Sweep(design, cases)
 
 
@@ -136,19 +143,20 @@ def _differences(held: Mapping[str, Any], definition: Mapping[str, Any]) -> str:
     return "; ".join(found) or "a setting, a file or cotrack itself has changed"
 
 
-def run_case(scene: Scene, native: bool, estimated: bool, log: Path | None) -> list[Row]:
+def run_case(scene: Scene, native: bool, estimated: bool, log: Path | None, wanted: Sequence[Wanted] = ()) -> list[Row]:
     """Row of a run, whose log is deleted unless it has a path. Raises KeyboardInterrupt and as ``simulate`` does."""
     interrupt = Interrupt()
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = log or Path(folder) / "run.mcap"
         result = simulate(scene, path, estimated=estimated, native=native, interrupt=interrupt)
+        further, missing = wanted_figures.figures(result["log"], wanted) if wanted and "log" in result else ({}, [])
     if interrupt.requested:  # a case that a signal has cut short is not finished
         raise KeyboardInterrupt
     energy, error = result["energy"], result["error"] or {"message": ""}
     unknown = f"estimated error: not known, {error['message']}" if error["message"] else ""
-    note = "; ".join(filter(None, (result["message"], unknown)))
+    note = "; ".join(filter(None, (result["message"], unknown, *missing)))
     ok = result["status"] == "ok" and not summary.energy_warning(energy)
-    return [Row("", "", _figures(result, energy, error) | {"log": log and f"logs/{log.name}"}, ok, note)]
+    return [Row("", "", _figures(result, energy, error) | further | {"log": log and f"logs/{log.name}"}, ok, note)]
 
 
 def _figures(result: dict[str, Any], energy: dict[str, Any] | None, error: dict[str, Any]) -> dict[str, Any]:
@@ -177,6 +185,14 @@ class Sweep:
     TITLE: ClassVar[str] = "Sweep"
     design: Design
     cases: list[Case]
+
+    def told(self, rows: Sequence[Row]) -> str:
+        """What is said of a case as it finishes: its first figures, or why it failed."""
+        (row,) = rows
+        if row.figures.get("status") != "ok":
+            return f": failed: {row.note}"
+        shown = [(name, row.figures[name]) for name in LABELS if isinstance(row.figures.get(name), float)]
+        return ": " + ", ".join(f"{name.replace('_', ' ')} {value:.5g} {UNITS[name]}" for name, value in shown[:TOLD])
 
     def table(self, rows: Sequence[Row], title: str = "") -> Table:
         """Table of varied keys, outcome, observables, values of checks, estimated error and energy residual."""

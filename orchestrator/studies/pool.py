@@ -11,6 +11,7 @@ import multiprocessing
 import os
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, as_completed
@@ -30,6 +31,7 @@ from orchestrator.studies.row import Row
 from orchestrator.studies.store import Store
 
 ROOT = str(Path(__file__).resolve().parents[2])  # folder of our packages
+LONG = 5.0  # s, after which the time left is told
 SCHEDULER_TIMEOUT = "10 s"  # timeout of a Dask scheduler
 
 Rows = list[Row]
@@ -53,9 +55,11 @@ def run(
     workers: int = 1,
     scheduler: str | None = None,
     store: Store | None = None,
-    done: Callable[[Case], None] = lambda case: None,
+    done: Callable[[Case, Rows], None] = lambda case, rows: None,
 ) -> Rows:
-    """Run all cases; return their rows in order. One worker is this process. Raises BadInput.
+    """Run all cases; return their rows in order. One worker is this process, more than there are processors none.
+
+    Raises BadInput.
 
     BadInput: the scheduler cannot be reached.
     """
@@ -64,12 +68,12 @@ def run(
         stored = store.get(case) if store else None
         if stored is not None:
             rows_of[k] = stored
-            done(case)
+            done(case, stored)
     remaining = sorted(set(range(len(cases))) - set(rows_of), key=lambda k: -cases[k].seconds)
     if scheduler is not None:
         finished = _on_cluster(cases, remaining, scheduler)
     elif workers > 1:
-        finished = _in_processes(cases, remaining, workers)
+        finished = _in_processes(cases, remaining, min(workers, processors()))
     else:
         finished = ((k, attempt(cases[k]), True) for k in sorted(remaining))
     for k, answer, is_final in finished:
@@ -77,8 +81,13 @@ def run(
         rows_of[k] = [Row(case.item, case.name, ok=False, note=answer)] if isinstance(answer, str) else answer
         if store and is_final:
             store.put(case, rows_of[k])
-        done(case)
+        done(case, rows_of[k])
     return [row for k in range(len(cases)) for row in rows_of[k]]
+
+
+def processors() -> int:
+    """Number of processors that this process may use: more workers would take turns, with the memory of all."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _in_processes(cases: Sequence[Case], remaining: Sequence[int], workers: int) -> FinishedCases:
@@ -159,9 +168,14 @@ def _single_threads() -> Iterator[None]:
 
 
 @contextmanager
-def progress_bar(title: str, count: int) -> Iterator[Callable[[Case], None]]:
-    """Callback for each finished case: a progress bar if stderr is a terminal, else one line each."""
-    console, done = Console(stderr=True), itertools.count(1)
+def progress_bar(
+    title: str, count: int, told: Callable[[Rows], str] = lambda rows: ""
+) -> Iterator[Callable[[Case, Rows], None]]:
+    """Callback for each finished case: a progress bar if stderr is a terminal, else one line each.
+
+    ``told``: what is said of the rows of a case.
+    """
+    console, done, began = Console(stderr=True), itertools.count(1), time.monotonic()
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
         TextColumn("{task.fields[last]}"),
@@ -169,9 +183,12 @@ def progress_bar(title: str, count: int) -> Iterator[Callable[[Case], None]]:
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(title, total=count, last="")
 
-        def tell(case: Case) -> None:
+        def tell(case: Case, rows: Rows) -> None:
             bar.update(task, advance=1, last=case.name)
-            if not console.is_terminal:
-                console.print(f"{next(done)}/{count} {case.name}", markup=False, highlight=False, soft_wrap=True)
+            number, spent = next(done), time.monotonic() - began
+            left = f"; {spent / number * (count - number):.0f} s left" if spent > LONG and number < count else ""
+            text = f"{number}/{count} {case.name}{told(rows)}{left}"
+            if told(rows) or not console.is_terminal:
+                console.print(text, markup=False, highlight=False, soft_wrap=True)
 
         yield tell

@@ -15,6 +15,8 @@ from orchestrator.studies.variations import Design, Variation
 
 MOST_CURVES = 8  # that a legend names
 MOST_MAPS = 4  # of a figure
+PREFIXED = ("N", "J", "W", "Pa", "N m", "N.m")  # units that are shown with a prefix
+COLOURS = ("viridis", "plasma", "cividis", "cool")  # of curves, by the key that they are curves over
 ACROSS = 4  # panes in a line, unless a figure has more
 
 Record = Mapping[str, Any]  # of a case, by key of the columns
@@ -23,7 +25,8 @@ Record = Mapping[str, Any]  # of a case, by key of the columns
 def draw(design: Design, table: Table, title: str) -> Picture:
     """Draw the columns of numbers behind the varied keys, panes over every key and maps for each."""
     records, variations = table.records(), design.variations
-    drawn = [column for column in table.columns[len(variations) :] if _has_numbers(records, column.key)]
+    drawn = [column for column in table.columns[len(variations) :] if _varies(records, column.key)]
+    scales = {column.key: _scale(records, column) for column in drawn}
     numbers = [one for one in variations if one.is_number]
     words = [one for one in variations if not one.is_number]
     combinations = list(product(*([value.shown for value in one.values] for one in words)))
@@ -37,47 +40,72 @@ def draw(design: Design, table: Table, title: str) -> Picture:
         pane.set_axis_off()
     for line, column in zip(panes, drawn, strict=False):
         for pane, one in zip(line, variations, strict=False):
-            _draw_curves(pane, design, one, records, column)
+            _draw_curves(pane, design, one, records, column, scales[column.key])
             if column is drawn[0] and 1 < len(pane.lines) <= MOST_CURVES:
                 pane.legend(fontsize=7)
-        values = [_number(record[column.key]) for record in records]
+        factor, head = scales[column.key]
+        values = [factor * _number(record[column.key]) for record in records]
         for pane, combination in zip(line[len(variations) :], maps, strict=True):
             chosen = [each for each in records if tuple(each[one.key] for one in words) == combination]
-            mesh = _draw_map(pane, design, numbers, chosen, column)
+            mesh = _draw_map(pane, design, numbers, chosen, column, factor)
             mesh.set_clim(np.nanmin(values), np.nanmax(values))  # one scale for all maps of a figure
             figure.colorbar(mesh, ax=pane)
-            pane.set_title(", ".join([column.head, *map(str, combination)]), fontsize=9)
+            pane.set_title(", ".join([head, *map(str, combination)]), fontsize=9)
     figure.suptitle(title, fontsize=12)
     return figure
 
 
-def _has_numbers(records: Sequence[Record], key: str) -> bool:
-    return any(isinstance(record[key], float) and math.isfinite(record[key]) for record in records)
+def _varies(records: Sequence[Record], key: str) -> bool:
+    """Whether there are numbers under a key, and not all the same."""
+    values = {record[key] for record in records if isinstance(record[key], float) and math.isfinite(record[key])}
+    return len(values) > 1
+
+
+def _scale(records: Sequence[Record], column: Column) -> tuple[float, str]:
+    """Factor of the numbers of a column, and its heading with the prefix of the unit that they are shown in."""
+    largest = max(abs(_number(record[column.key])) for record in records if isinstance(record[column.key], float))
+    if column.unit in PREFIXED:
+        for factor, prefix in ((1e-9, "G"), (1e-6, "M"), (1e-3, "k")):
+            if largest * factor >= 1.0:
+                return factor, column.head.removesuffix(column.unit) + prefix + column.unit
+    return 1.0, column.head
 
 
 def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def _draw_curves(pane: Any, design: Design, x: Variation, records: Sequence[Record], column: Column) -> None:
-    """Draw a figure over a key, a curve for each combination of the other keys; sampled points are dots."""
+def _draw_curves(
+    pane: Any, design: Design, x: Variation, records: Sequence[Record], column: Column, scale: tuple[float, str]
+) -> None:
+    """Draw a figure over a key, a curve for each combination of the other keys; sampled points are dots.
+
+    A colour means the same combination in all panes over that key, and is none of those over another key.
+    """
+    factor, head = scale
     others = [one for one in design.variations if one is not x and not one.ends]
     curves: dict[str, list[Record]] = {}
     for record in sorted(records, key=lambda record: record[x.key]) if x.is_number else records:
         name = ", ".join(f"{one.key.rpartition('.')[2]} = {cell_text(record[one.key], '.6g')}" for one in others)
         curves.setdefault(name, []).append(record)
-    for name, curve in curves.items():
-        values = [_number(record[column.key]) for record in curve]
-        pane.plot([record[x.key] for record in curve], values, "o" if design.sample else "o-", markersize=4, label=name)
+    from matplotlib import colormaps  # loaded where a picture is drawn
+
+    colours = colormaps[COLOURS[design.variations.index(x) % len(COLOURS)]]
+    for k, (name, curve) in enumerate(curves.items()):
+        values, style = [factor * _number(record[column.key]) for record in curve], "o" if design.sample else "o-"
+        colour = colours(0.15 + 0.7 * k / max(len(curves) - 1, 1))
+        pane.plot([record[x.key] for record in curve], values, style, markersize=4, label=name, color=colour)
     pane.set_xlabel(x.head, fontsize=8)
-    pane.set_ylabel(column.head, fontsize=8)
+    pane.set_ylabel(head, fontsize=8)
     pane.grid(color="0.93")
 
 
-def _draw_map(pane: Any, design: Design, keys: Sequence[Variation], records: Sequence[Record], column: Column) -> Any:
+def _draw_map(
+    pane: Any, design: Design, keys: Sequence[Variation], records: Sequence[Record], column: Column, factor: float
+) -> Any:
     """Draw a figure over two keys: cells of a grid, or sampled points; return what a colour bar needs."""
     x, y = ([record[one.key] for record in records] for one in keys)
-    values = [_number(record[column.key]) for record in records]
+    values = [factor * _number(record[column.key]) for record in records]
     pane.set_xlabel(keys[0].head, fontsize=8)
     pane.set_ylabel(keys[1].head, fontsize=8)
     if design.sample:
