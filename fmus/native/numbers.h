@@ -25,8 +25,9 @@ static int digit(char c) { /* hexadecimal; -1: it is none */
     return (c | 32) >= 'a' && (c | 32) <= 'f' ? (c | 32) - 'a' + 10 : -1;
 }
 
-/* Path of the file of numbers, from the URI of FMI 2.0 or the path of FMI 3.0; 0: it is too long. */
-static int numbers_path(const char *resources, char *path) {
+/* Path of the file of numbers, from the URI of FMI 2.0 or the path of FMI 3.0; 0: it is too long. Some hosts give a URI
+   with characters that they should have encoded: then it is not to be decoded. */
+static int numbers_path(const char *resources, int encoded, char *path) {
     size_t n = 0;
     const char *from = resources;
     int is_uri = !strncmp(from, "file:", 5);
@@ -41,7 +42,7 @@ static int numbers_path(const char *resources, char *path) {
 #endif
     }
     for (; *from && n < LONGEST - sizeof NUMBERS_FILE - 1; from++) {
-        int escaped = is_uri && *from == '%' && digit(from[1]) >= 0 && digit(from[2]) >= 0;
+        int escaped = is_uri && encoded && *from == '%' && digit(from[1]) >= 0 && digit(from[2]) >= 0;
         path[n++] = escaped ? (char)(digit(from[1]) * 16 + digit(from[2])) : *from;
         if (escaped) from += 2;
     }
@@ -83,11 +84,12 @@ static int read_numbers(Instance *c, const char *resources) {
         refuse(c, "no resource location is given: the numbers of this FMU are in its resources, %s", NUMBERS_FILE);
         return 0;
     }
-    if (!numbers_path(resources, path)) {
+    if (!numbers_path(resources, 0, path) || !numbers_path(resources, 1, path)) {
         refuse(c, "the path of the resources is too long: the numbers of this FMU are there, %s", NUMBERS_FILE);
         return 0;
     }
     FILE *file = open_file(path);
+    if (!file && numbers_path(resources, 0, path) && !(file = open_file(path))) numbers_path(resources, 1, path);
     if (!file || fread(&head, sizeof head, 1, file) != 1) {
         if (file) fclose(file);
         refuse(c, "the numbers of this FMU cannot be read: '%s'", path);

@@ -1,0 +1,301 @@
+"""Every number of a vehicle is a parameter of the FMUs that read it; one FMU serves all vehicles of its shape."""
+
+from __future__ import annotations
+
+import re
+import struct
+import zipfile
+from functools import cache
+from xml.etree.ElementTree import fromstring
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fmus import numbers
+from fmus.build import BuildFailed, build_shapes, packed_config, parameters
+from fmus.components import model_of
+from fmus.native import numbers_file
+from fmus.native.pack import build_native, build_native_shape
+from fmus.ranges import contradictions
+from fmus.vehicle import number_meanings
+from orchestrator.cosim import fmi2_library
+from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.model_description import loadable
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
+from orchestrator.scene.scene import load
+
+H = 1e-3
+ELSEWHERE = {  # numbers of a vehicle file that are parameters of no FMU, and why
+    "longest_step": "a choice of the master",
+    "tensioner.travel": "a limit that results are held against",
+    "sprocket.spin_inertia": "of a drive, whose number it is",
+    "return_roller.width": "seen in pictures alone",
+    "hitch.x": "of a scene that tows", "hitch.z": "of a scene that tows",
+    "seat.position": "of a scene with a seat",
+    "chassis.hull": "of a scene whose hull touches the ground",
+    "idler.width": "of a wheel without a track", "road_wheel.width": "of a wheel without a track",
+}  # fmt: skip
+MOVED = {"SprocketDrive": {"mode": "torque", "torque.drive": 100.0}}
+IDLE = {  # numbers that change nothing in the first steps, and why
+    "guide.clearance",  # more than the play of a chain that stands straight
+    "track.lateral",  # the default of start.lateral
+    "idler.radius",  # of a chassis: the limit of the idler's way
+    "road_wheel.x[2]", "road_wheel.x[3]", "road_wheel.x[4]",  # of a track: inside the belt; its wheels are at rest.*
+}  # fmt: skip
+
+
+@cache
+def parts(name="straight", kind="rigid", *settings):
+    scene = placed(load(name, kind, [*settings]))
+    return {part.name: part for part in assemble(scene).parts}
+
+
+@cache
+def config_of(part_name, *scene):
+    part = parts(*scene)[part_name]
+    return part.kind, packed_config(part.kind, part.config)
+
+
+def own_keys(*scene):
+    """Keys of a vehicle file, without indices, that are parameters of the components of a scene."""
+    found = set()
+    for part in parts(*scene).values():
+        config = packed_config(part.kind, part.config)
+        names = {*numbers.places(config), *(port.name for port in model_of(part.kind)(config).ports)}
+        found |= {name.removeprefix("rest.").partition("[")[0] for name in names}
+    return found
+
+
+def test_every_number_of_a_vehicle_file_is_a_parameter_of_a_component():
+    known = own_keys("straight", "flexible") | own_keys("straight", "rigid") | own_keys("turn", "rigid")
+    known |= own_keys("serpentine", "rigid") | own_keys("marder", "rigid") | own_keys("robot", "rigid")
+    known = {"seat.position" if name.startswith("seat.") else name for name in known}
+    right = {key for key in number_meanings() if key.startswith("right.")}  # of a vehicle with unequal sides
+    assert set(number_meanings()) - known - right == set(ELSEWHERE) - known
+    table = {"idler": {"x": 1.0}, "right": {"idler": {"x": 1.1}, "tensioner": {"preload": 2.0}}}
+    assert {"right.idler.x", "right.tensioner.preload"} <= {*numbers.places({"vehicle": table})}
+
+
+def test_a_component_has_no_numbers_that_it_does_not_read():
+    """A key that is read and not listed would raise a KeyError: configs hold the listed ones alone."""
+    assert "chassis.mass" not in numbers.places(config_of("left_track")[1])
+    assert "track.mass" not in numbers.places(config_of("chassis")[1])
+    assert not [name for name in numbers.places(config_of("left_drive")[1]) if name.startswith("chassis.")]
+
+
+@pytest.mark.parametrize("part_name", ["chassis", "left_track", "left_drive"])
+def test_every_number_is_read(part_name):
+    """Another value changes the start or the first steps."""
+    kind, config = config_of(part_name)
+
+    def course(config):
+        model = model_of(kind)(config)
+        starts = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+        model.initialise({**starts, **MOVED.get(kind, {})})
+        u = np.array([port.start for port in model.ports[: model.inputs]])
+        if kind == "Chassis":
+            u += 100.0 * np.sin(np.arange(len(u)))
+        y = np.zeros(sum(port.causality == "output" and isinstance(port.start, float) for port in model.ports))
+        y = y[: len(y) - model.link_ports]
+        rows = []
+        for k in range(3):
+            model.step(k * H, H, u)
+            model.outputs(y)
+            rows.append(y.copy())
+        return np.concatenate([*rows, model.state, u])
+
+    usual, idle = course(config), set()
+    for name, value in numbers.values(config).items():
+        other = numbers.with_values(config, {name: value * 1.01 + 1e-4 * (value == 0.0)})
+        if not any(contradictions(other.get("vehicle", {}))) and np.array_equal(course(other), usual):
+            idle.add(name)
+    assert idle <= {*IDLE, *MOVED.get(kind, {})}
+
+
+TEN = (
+    "vehicle.chassis.mass=12500", "vehicle.chassis.inertia=[3500, 12000, 13000]", "vehicle.suspension.stiffness=1.1e5",
+    "vehicle.suspension.damping=6e3", "vehicle.contact.ground.friction=0.5", "vehicle.contact.wheel.friction=0.2",
+    "vehicle.contact.sprocket.friction=0.1", "vehicle.contact.wheel.stiffness=3e6", "vehicle.tensioner.stiffness=2e6",
+    "vehicle.gravity=9.0",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("part_name", ["chassis", "left_track", "left_drive"])
+def test_a_host_that_sets_ten_keys_has_the_bits_of_a_scene_that_sets_them(part_name):
+    """It sets them in the FMU of another vehicle; one more number off shows."""
+    usual, other = (parts("straight", "rigid", *settings)[part_name] for settings in ((), TEN))
+    (fmu,) = build_shapes([(usual.kind, usual.config, None)])
+    assert build_shapes([(other.kind, other.config, None)]) == [fmu]
+    wanted = {**parameters(other.kind, other.config), **other.parameters}
+    assert wanted != {**parameters(usual.kind, usual.config), **usual.parameters}
+
+    model = model_of(other.kind)(packed_config(other.kind, other.config))
+    u = np.array([float(port.start) for port in model.ports[: model.inputs]])
+
+    def outputs(given):
+        with Component(fmu, part_name) as component:
+            component.u[:] = u
+            component.initialise(given)
+            for k in range(5):
+                component.write()
+                component.step(k * H, H)
+                component.read()
+            component.read_links()
+            return np.concatenate([component.y, component.y_links])
+
+    model.initialise(wanted)
+    model.unconnected[:] = 0.0  # no mount has these start values
+    for k in range(5):
+        model.step(k * H, H, u)
+    y = np.zeros(sum(port.causality == "output" and isinstance(port.start, float) for port in model.ports))
+    model.outputs(y[: len(y) - model.link_ports])
+    model.link_outputs(y[len(y) - model.link_ports :])
+    assert np.array_equal(outputs(wanted), y)
+    off = {"chassis": {"chassis.mass": 12600.0}, "left_track": {"track.mass": 1.02 * wanted.get("track.mass", 0.0)}}
+    off["left_drive"] = {"start.angle": 0.01}
+    assert not np.array_equal(outputs({**wanted, **off[part_name]}), y)
+
+
+def test_numbers_that_exclude_each_other_are_refused_at_the_end_of_initialisation():
+    part = parts()["left_track"]
+    (fmu,) = build_shapes([(part.kind, part.config, None)])
+    with Component(fmu, "track") as component:
+        wanted = {**parameters(part.kind, part.config), **part.parameters}
+        said = "track: sprocket.outer_radius = 0.1 m must exceed the pitch radius 0.2[0-9]* m"
+        with pytest.raises(ComponentFailed, match=said):
+            component.initialise({**wanted, "sprocket.outer_radius": 0.1})
+        with pytest.raises(ComponentFailed, match=r"track\.mass = -1: must be greater than 0"):
+            component.initialise({**wanted, "track.mass": -1.0})
+        component.initialise(wanted)
+
+
+LEAVES = st.floats(allow_nan=False, allow_infinity=False, width=32) | st.integers(0, 9) | st.text("ab", max_size=2)
+KEYS = st.text("abc", min_size=1, max_size=2)
+
+
+@given(st.recursive(LEAVES, lambda at: st.lists(at, max_size=3) | st.dictionaries(KEYS, at, max_size=3)))
+def test_numbers_are_the_floats_and_nothing_else(table):
+    config = {"vehicle": {"t": table}}
+    found = numbers.values(config)
+    assert numbers.with_values(config, found) == numbers.with_values(config, {})
+    moved = numbers.with_values(config, {name: value + 1.0 for name, value in found.items()})
+    assert numbers.shape(moved) == numbers.shape(config)
+    assert numbers.values(moved) == {name: value + 1.0 for name, value in found.items()}
+
+
+def test_the_description_states_unit_bounds_and_meaning():
+    part = parts()["chassis"]
+    (fmu,) = build_shapes([(part.kind, part.config, None)])
+    with zipfile.ZipFile(fmu) as archive:
+        root = fromstring(archive.read("modelDescription.xml"))
+    variables = {variable.get("name"): variable for variable in root.iter("ScalarVariable")}
+    mass = variables["chassis.mass"]
+    assert (mass.get("causality"), mass.get("variability"), mass.get("description")) == (
+        "parameter", "fixed", "mass of the hull",
+    )  # fmt: skip
+    assert (mass[0].get("unit"), float(mass[0].get("min"))) == ("kg", 0.0)
+    assert variables["chassis.inertia[2]"][0].get("unit") == "kg.m2"
+    assert {unit.get("name") for unit in root.iter("Unit")} >= {"kg", "kg.m2"}
+
+
+# --- native FMUs -----------------------------------------------------------------------------------
+
+
+@cache
+def drive(inertia=9.0, **more):
+    config = {"drive": {"inertia": inertia, "mount": [0.0, 0.0, 0.0], **more}}
+    return "SprocketDrive", config
+
+
+def library(fmu):
+    with zipfile.ZipFile(fmu) as archive:
+        (name,) = [name for name in archive.namelist() if name.endswith(".so")]
+        return archive.read(name)
+
+
+def test_native_fmus_of_a_shape_have_one_library():
+    usual, other, demanded = (build_native(*each) for each in (drive(), drive(11.0), drive(9.0, demanded=True)))
+    assert library(usual) == library(other) != library(demanded)
+    assert usual.read_bytes() != other.read_bytes()
+    assert build_native_shape(*drive(11.0)).fmu == build_native_shape(*drive()).fmu
+
+
+def begun(fmu, hear, resources):
+    folder = loadable(fmu).folder
+    description = loadable(fmu).description
+    given = folder, "drive", description.guid, hear, resources
+    return fmi2_library.instantiate(fmi2_library.load(folder, "SprocketDrive"), *given)
+
+
+def spin_after(fmu, resources):
+    """Speed of a drive after five steps of a torque."""
+    with Component(fmu, "drive", resources=resources) as component:
+        component.initialise({"mode": "torque", "torque.drive": 100.0})
+        for k in range(5):
+            component.write()
+            component.step(k * H, H)
+        component.read()
+        return component.y[component.outputs.index("speed")]
+
+
+def test_a_file_of_numbers_makes_an_instance_one_of_another_fmu():
+    shape = build_native_shape(*drive())
+    other = build_native_shape(*drive(11.0))
+    speeds = [spin_after(shape.fmu, each.resources) for each in (shape, other)]
+    assert speeds[0] / speeds[1] == pytest.approx(11.0 / 9.0, rel=1e-9)
+    assert speeds[1] == spin_after(build_native(*drive(11.0)), None)
+
+
+def test_a_wrong_file_of_numbers_is_a_sentence(tmp_path):
+    fmu, resources, _ = build_native_shape(*drive())
+    whole = (resources / numbers_file.FILE).read_bytes()
+    content = whole[: numbers_file.HEAD.size + struct.unpack_from("<Q", whole, 16)[0]]
+    foreign = (build_native_shape(*drive(9.0, demanded=True)).resources / numbers_file.FILE).read_bytes()
+    cases = {
+        "is damaged": [content[:-1], content[:-9] + b"\1" + content[-8:], content[:24] + b"\0" + content[25:]],
+        "is no file of numbers of this version": [b"x" + content[1:], content[:8] + b"\2" + content[9:]],
+        "holds the numbers of another kind of FMU": [foreign],
+        "cannot be read": [b"", content[:50]],
+    }
+    for number, (said, files) in enumerate(cases.items()):
+        for k, each in enumerate(files):
+            folder = tmp_path / f"{number}{k}"
+            folder.mkdir()
+            (folder / numbers_file.FILE).write_bytes(each)
+            heard = []
+            handle, free = begun(fmu, lambda status, message, category, heard=heard: heard.append(message), folder)
+            free()
+            assert not handle, said
+            assert said in heard[0]
+    heard = []
+    handle, _ = begun(fmu, lambda status, message, category: heard.append(message), tmp_path / "nowhere")
+    assert not handle
+    assert re.search(r"the numbers of this FMU cannot be read: '.*/nowhere/numbers.bin'", heard[0])
+
+
+@pytest.mark.parametrize("name", ["a b", "ü%20", "x" * 200])
+def test_resources_are_found_by_any_path(tmp_path, name):
+    fmu, resources, _ = build_native_shape(*drive())
+    folder = tmp_path / name
+    folder.mkdir()
+    (folder / numbers_file.FILE).write_bytes((resources / numbers_file.FILE).read_bytes())
+    assert spin_after(fmu, folder) == spin_after(fmu, resources)
+
+
+def test_a_state_of_other_numbers_is_refused():
+    fmu, resources, _ = build_native_shape(*drive())
+    with Component(fmu, "drive", resources=resources) as one:
+        one.initialise({})
+        state = one.dump(one.save())
+    with Component(fmu, "drive", resources=build_native_shape(*drive(11.0)).resources) as other:
+        other.initialise({})
+        with pytest.raises(ComponentFailed, match="the state is one of an instance with other numbers"):
+            other.restore(other.load(state))
+
+
+def test_a_config_that_no_vehicle_can_have_is_not_built():
+    with pytest.raises(BuildFailed, match=r"drive\.inertia = -1\.0 kg m2 must be positive"):
+        build_shapes([(*drive(-1.0), None)])
