@@ -62,8 +62,8 @@ def build_native(
     or 3.0. Parameters in ``config`` are start values, and constants if they are not free. Raises BuildFailed.
     """
     platforms = (LINUX, WINDOWS) if windows else (LINUX,)
-    tools = _tools(fmi, platforms)
     config = packed_config(kind, config)
+    tools = _tools(fmi, platforms)
     texts = [*key_parts(readme_beside(ROOT / KINDS[kind]), INCLUDED), *tools, kind, _json(kind, config)]
     return build_once(_digest(texts)[:DIGITS], f"{name or kind}.fmu",
                       lambda: _Component(kind, config, fmi, tools).fmu(platforms), folder)  # fmt: skip

@@ -184,11 +184,12 @@ def test_threads_disturb_nothing():
 def test_a_thousand_instances_leave_no_memory_behind():
     with begun(CHASSIS) as component:
         library, guid = component._library, component.description.guid.encode()
+        place = (unpack(native(CHASSIS)) / "resources").as_uri().encode()
     library.fmi2Instantiate.restype = ctypes.c_void_p
 
     def cycles(count):
         for _ in range(count):
-            instance = ctypes.c_void_p(library.fmi2Instantiate(b"a", 1, guid, b"", None, 0, 0))
+            instance = ctypes.c_void_p(library.fmi2Instantiate(b"a", 1, guid, place, None, 0, 0))
             assert instance
             assert library.fmi2EnterInitializationMode(instance) == library.fmi2ExitInitializationMode(instance) == 0
             library.fmi2FreeInstance(instance)
@@ -279,12 +280,14 @@ def test_what_is_missing_is_a_sentence(monkeypatch):
     changed = {**part.config, "parameters": {"speed.end": 4.0}}
     with monkeypatch.context() as patch:
         patch.setattr(pack, "version", lambda name: "1.0")
+        pack._tools.cache_clear()
         with pytest.raises(BuildFailed, match=r"made with numba 0\.6x, whose insides they know, not 1\.0"):
             build_native(part.kind, changed)
     monkeypatch.setattr(link, "find_spec", lambda name: None)
     with pytest.raises(BuildFailed, match="libraries for Windows need the compiler ziglang"):
         build_native(part.kind, changed, windows=True)
     monkeypatch.setattr(shutil, "which", lambda name: None)
+    pack._tools.cache_clear()
     with pytest.raises(BuildFailed, match=r"native FMUs need a C compiler: pip install .* -e '\.\[native\]'"):
         build_native(part.kind, changed)
     with pytest.raises(BuildFailed, match="no kind of component is called 'Nothing'"):

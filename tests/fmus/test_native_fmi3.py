@@ -269,7 +269,8 @@ def test_all_functions_of_the_standard_are_there_with_their_types(tmp_path):
     sizes = {"x": 1, "n": 0, "f": 1, "k": 1, "z": 1}
     reals = [*motion_ports("S", "input"), *wrench_ports("S", "output")]
     sentences = dict.fromkeys(("FAILURE", "WARNING", "REFUSED"), ())
-    (tmp_path / "model.h").write_text(header("guid", reals, 0, sizes, (), sentences, arrays(reals)))
+    head = '#define GUID "guid"\n#define SHAPE "shape"\n'
+    (tmp_path / "model.h").write_text(head + header(reals, 0, sizes, (), sentences, arrays(reals)))
     standard = FMPY / "c-code"
     command = [*compiler(), "-std=c11", "-Werror", f"-I{tmp_path}", f"-I{HERE}", "-c", "-o", str(tmp_path / "all.o")]
     functions = ["-DFMI3_H", "-include", str(standard / "fmi3Functions.h"), str(HERE / "fmi3.c")]
@@ -413,7 +414,7 @@ def test_reals_that_differ_stay_scalars():
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_outputs_of_links_are_arrays(group):
-    links = link_outputs.ports([group], 4, 5)
+    links = link_outputs.ports((group,), 4, 5)
     of = GROUPS[group]
     (array,) = arrays(links)
     assert array.name == f"{of.owner}.{of.signal}"
