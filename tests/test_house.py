@@ -59,10 +59,10 @@ GENERIC = [
     "execution/replays.py",
 ]
 DOORS = {
-    "fmus.ahead", "fmus.build", "fmus.cache", "fmus.defaults", "fmus.equilibrium", "fmus.ground", "fmus.ground_keys",
-    "fmus.link_outputs", "fmus.loaded", "fmus.vehicle", "fmus.ports", "fmus.ranges", "fmus.saved", "fmus.sides",
-    "fmus.soils", "fmus.stance", "fmus.standing", "fmus.tensioning", "fmus.track_choices", "fmus.monolith.model",
-    "fmus.native.pack",
+    "fmus.ahead", "fmus.build", "fmus.cache", "fmus.cache_limit", "fmus.defaults", "fmus.equilibrium", "fmus.ground",
+    "fmus.ground_keys", "fmus.link_outputs", "fmus.loaded", "fmus.vehicle", "fmus.ports", "fmus.ranges", "fmus.saved",
+    "fmus.sides", "fmus.soils", "fmus.stance", "fmus.standing", "fmus.tensioning", "fmus.track_choices",
+    "fmus.monolith.model", "fmus.native.pack",
 }  # fmt: skip
 PROOF = ROOT / "tests"
 TO_PHYSICS = ORCHESTRATOR / "studies" / "limits.py"  # predicts the limit of a link's highest frequency

@@ -187,7 +187,7 @@ class Sweep:
     cases: list[Case]
 
     def told(self, rows: Sequence[Row]) -> str:
-        """What is said of a case as it finishes: its first figures, or why it failed."""
+        """Text about a case as it finishes: its first figures, or why it failed."""
         (row,) = rows
         if row.figures.get("status") != "ok":
             return f": failed: {row.note}"

@@ -116,9 +116,8 @@ def _list(text: str, key: str, parts: Sequence[str]) -> Variation:
         return Variation(text, key, "", tuple(Value(part, part) for part in texts))
     units = [found[2] for found in quantities if found]
     if units[-1] and not any(units[:-1]):  # "10,20,30 kN"
-        quantities = [
-            _QUANTITY.fullmatch(f"{part} {units[-1]}") for part in (*texts[:-1], texts[-1][: -len(units[-1])])
-        ]
+        whole = [*(f"{part} {units[-1]}" for part in texts[:-1]), texts[-1]]
+        quantities = [_QUANTITY.fullmatch(part) for part in whole]
     unit = _unit(text, [found[2] or "" for found in quantities if found])
     return Variation(text, key, unit, tuple(Value(found[0], float(found[1])) for found in quantities if found))
 

@@ -20,6 +20,10 @@ from short_run import last
 import orchestrator as offered
 from fmus.vehicle import BadInput
 from orchestrator.execution import summary
+from orchestrator.log.reader import Log
+from orchestrator.results import measures
+from orchestrator.results.analyses import joints
+from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.table import Column, Table
 from orchestrator.studies import files, parameter_sweep, sweep_picture
 from orchestrator.studies.variations import MOST, Design
@@ -54,6 +58,7 @@ def test_a_grid_has_every_combination_in_exact_decimals():
     ("text", "numbers", "settings"),
     [
         ("k=20 kN,25 kN", [20.0, 25.0], ["20 kN", "25 kN"]),
+        ("k=20,22.5, 25 kN", [20.0, 22.5, 25.0], ["20 kN", "22.5 kN", "25 kN"]),
         ("k=20 kN:40 kN:2", [20.0, 40.0], ["20 kN", "40 kN"]),
         ("k=1:-1:3", [1.0, 0.0, -1.0], ["1", "0", "-1"]),
         ("k=1e-3:1e-2:2", [1e-3, 1e-2], ["0.001", "0.01"]),
@@ -88,7 +93,11 @@ def test_a_latin_hypercube_is_that_of_scipy():
         (("x=",), "must be KEY=a:b:n or KEY=x,y,z"),
         (("x=1,,2",), "a value is empty"),
         (("x=1,1",), "a value is given twice"),
-        (("x=1,2 kN",), "all numbers must have one unit"),
+        (("x=1 N,2 kN",), "all numbers must have one unit"),
+        (("x=1,2 N,3 kN",), "all numbers must have one unit"),
+        (("chain.span=0.7,0.8", "--for", "sga"), "--for sga: did you mean 'sag'"),
+        (("chain.span=0.7,0.8", "--for", "max"), "--for max: needs a signal, as max:left_track.tension.max"),
+        (("chain.span=0.7,0.8", "--for", "joints:chain"), "an analysis is given by its name alone"),
         (("x=1 N:2 kN:3",), "all numbers must have one unit"),
         (("x=1:2:0",), f"a whole number from 1 to {MOST}"),
         (("x=1:2:-3",), "a whole number from 1"),
@@ -435,3 +444,40 @@ def test_no_map_of_three_numbers_and_no_figure_of_failures():
     design = Design.of(["a=1,2"])
     table = Table("", (Column("a", "a"), Column("status", "status"), Column("y", "y")), [(1.0, "failed", None)] * 2)
     assert sweep_picture.draw(design, table, "Sweep").axes[0].lines[:] == []
+
+
+def test_no_figure_of_a_constant_and_units_with_a_prefix():
+    design = Design.of(["a=1,2"])
+    columns = (Column("a", "a"), Column("c", "c"), Column("f", "f, N", unit="N"), Column("m", "m, m", unit="m"))
+    figure = sweep_picture.draw(design, Table("", columns, [(1.0, 3.0, 5e4, 2e3), (2.0, 3.0, 6e4, 3e3)]), "Sweep")
+    drawn = [pane for pane in figure.axes if pane.lines]
+    assert [pane.get_ylabel() for pane in drawn] == ["f, kN", "m, m"]
+    np.testing.assert_allclose(drawn[0].lines[0].get_ydata(), [50.0, 60.0])
+
+
+def test_a_colour_has_one_meaning():
+    over_a, over_b, _ = picture(["a=1:3:3", "b=5,4"])[0].axes[:3]
+    colours = [{line.get_color() for line in pane.lines} for pane in (over_a, over_b)]
+    assert [len(each) for each in colours] == [2, 3]
+    assert not colours[0] & colours[1]
+
+
+# --- further figures ---
+
+
+def test_further_figures_are_those_of_the_log(cotrack, tmp_path):
+    wanted = ("--for", "sag", "--for", "max:chain.tension.max", "--for", "joints", "--for", "ride")
+    options = (*CHAIN, "--no-estimate", "--keep-logs", *SPANS)
+    status, _, err = cotrack("sweep", "hanging_chain", *wanted, *options, "-o", "found")
+    assert status == 0, err
+    assert "1/2 chain.span=0.7: tension max 699.25 N, " in err
+    for number, row in enumerate(rows_of(tmp_path / "found"), 1):
+        with Log(tmp_path / "found" / "logs" / f"{number}.mcap") as log:
+            run = RunData(log)
+            _, tension = run.signal("chain.tension.max")
+            assert float(row["max:chain.tension.max, N"]) == tension.max()
+            assert float(row["sag, m"]) == measures.sag(run, "", EVER)
+            largest = joints.of(run).table().records()
+        heads = [head for head in row if head.startswith("joints ") and head.endswith("largest, kN")]
+        assert sorted(float(row[head]) for head in heads) == sorted(each["largest"] for each in largest)
+        assert row["note"].startswith("ride: ")
