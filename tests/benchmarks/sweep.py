@@ -1,4 +1,4 @@
-"""Throughput of a sweep: runs of ``straight`` at other speeds, in as many processes as there are processors."""
+"""Throughput of sweeps: runs of ``straight`` with other numbers, in as many processes as there are processors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ from orchestrator.studies import Case, pool
 from orchestrator.studies.row import Row
 from tests.benchmarks import own
 
-SCENE, TRACKS = "straight", ("flexible", "rigid")
+SCENE = "straight"
+SWEEPS = (  # links, sort of FMUs, varied key, its range
+    ("flexible", False, "drive.speed", (4.0, 6.0)), ("rigid", False, "drive.speed", (4.0, 6.0)),
+    ("rigid", True, "vehicle.contact.ground.friction", (0.3, 0.6)),
+    ("rigid", True, "vehicle.chassis.mass", (1.1e4, 1.2e4)), ("rigid", True, "vehicle.track.tension", (1.2e4, 1.8e4)),
+)  # fmt: skip
 RUNS, QUICK_RUNS = 8, 2
 QUICK = ("run.stop=0.1 s", "drive.ramp_start=0 s")
 COLUMNS = (
@@ -30,20 +35,24 @@ COLUMNS = (
 
 
 def measure(quick: bool, repeats: int) -> list[Table]:
-    """Throughput with both track models; ``repeats`` is not used, because a sweep repeats its scene."""
-    rows = [row(track, QUICK_RUNS if quick else RUNS, QUICK if quick else ()) for track in TRACKS]
+    """Throughput of all sweeps; ``repeats`` is not used, because a sweep repeats its scene."""
+    rows = [row(*each, QUICK_RUNS if quick else RUNS, QUICK if quick else ()) for each in SWEEPS]
     note = (
-        "Python FMUs, steps and log of the scene, no estimate; from the start of the worker processes to their end,"
-        " with imports, loading and evaluation."
+        "Steps and log of the scene, no estimate; from the start of the worker processes to their end,"
+        " with imports, loading and evaluation; the native libraries are there."
     )
-    return [Table.of_records(f"A sweep over the speed of `{SCENE}`", COLUMNS, rows, (note,))]
+    return [Table.of_records(f"Sweeps of `{SCENE}`", COLUMNS, rows, (note,))]
 
 
-def row(track: str, runs: int, settings: Sequence[str]) -> dict[str, Any]:
-    """Throughput of one track model; raises RuntimeError if a run fails."""
+def row(
+    track: str, native: bool, key: str, ends: tuple[float, float], runs: int, settings: Sequence[str]
+) -> dict[str, Any]:
+    """Throughput of a sweep; raises RuntimeError if a run fails."""
     own.scene(SCENE, track, settings)  # compiles what the search for the idler's place needs
-    speeds = [4.0 + 2.0 * k / runs for k in range(runs)]  # m/s
-    cases = [Case(SCENE, f"{speed} m/s", simulated, (track, (*settings, f"drive.speed={speed}"))) for speed in speeds]
+    if native:
+        simulated(track, native, settings)  # links the libraries
+    values = [ends[0] + (ends[1] - ends[0]) * k / runs for k in range(runs)]
+    cases = [Case(SCENE, f"{key} = {x}", simulated, (track, native, (*settings, f"{key}={x}"))) for x in values]
     workers = len(os.sched_getaffinity(0))
     wall, processors = time.perf_counter(), _children()
     rows = pool.run(cases, max(2, workers))
@@ -53,18 +62,19 @@ def row(track: str, runs: int, settings: Sequence[str]) -> dict[str, Any]:
         raise RuntimeError(failed[0])
     seconds = sum(each["seconds"] for each in rows)
     return {
-        "track": track,
-        "sweep": f"{runs} runs, {seconds:g} s in all, {max(2, workers)} processes",
+        "track": f"{track}, {'native' if native else 'Python'}",
+        "sweep": f"{key}: {runs} runs, {seconds:g} s in all, {max(2, workers)} processes",
         "by_processor": seconds / processors,
         "by_wall": seconds / wall,
         "cpu": 1e3 * processors / seconds,
     }
 
 
-def simulated(track: str, settings: Sequence[str]) -> list[Row]:
+def simulated(track: str, native: bool, settings: Sequence[str]) -> list[Row]:
     """Run of a sweep: its simulated time, s; raises RuntimeError."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        summary = simulate(load(SCENE, track, [*settings, "expect={}"]), Path(folder) / "run.mcap")
+        scene = load(SCENE, track, [*settings, "expect={}"])
+        summary = simulate(scene, Path(folder) / "run.mcap", native=native)
     if summary["status"] != "ok":
         raise RuntimeError(summary["message"])
     return [Row("", "", {"seconds": summary["simulated_time"]})]

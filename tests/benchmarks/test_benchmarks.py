@@ -171,10 +171,10 @@ def test_a_pair_needs_both_sides(monkeypatch):
 
 @pytest.mark.long
 def test_a_sweep_counts_what_its_processes_take():
-    row = sweep.row("rigid", 3, (*sweep.QUICK, "run.step=1 ms"))
+    row = sweep.row("rigid", False, "drive.speed", (4.0, 6.0), 3, (*sweep.QUICK, "run.step=1 ms"))
     wall = 0.3 / row["by_wall"]
     processors = 0.3 / row["by_processor"]
-    assert row["sweep"] == f"3 runs, 0.3 s in all, {max(2, len(os.sched_getaffinity(0)))} processes"
+    assert row["sweep"] == f"drive.speed: 3 runs, 0.3 s in all, {max(2, len(os.sched_getaffinity(0)))} processes"
     assert 1.0 < processors < 1.1 * wall * os.cpu_count(), "three processes import and load for a third of a second"
     assert row["cpu"] == pytest.approx(1e3 * processors / 0.3)
 
