@@ -56,7 +56,7 @@ def structure_document(
         for output, into in zip(connection.outputs, connection.inputs, strict=True)
     ]
     for component in components:
-        _add_component(elements, component, {into for _, _, target, into in pairs if target == component.name})
+        _add_component(elements, component, {into for _, _, target, into in pairs if target == component.name}, name)
     if pairs:
         wiring = SubElement(system, _tag("ssd:Connections"))
         for pair in pairs:
@@ -72,7 +72,7 @@ def _tag(name: str) -> str:
     return f"{{{NAMESPACES[letters]}}}{local}"
 
 
-def _add_component(parent: Element, component: StructuredComponent, connected: Collection[str]) -> None:
+def _add_component(parent: Element, component: StructuredComponent, connected: Collection[str], system: str) -> None:
     element = SubElement(
         parent,
         _tag("ssd:Component"),
@@ -92,11 +92,12 @@ def _add_component(parent: Element, component: StructuredComponent, connected: C
     if component.values:
         bindings = SubElement(element, _tag("ssd:ParameterBindings"))
         values = SubElement(SubElement(bindings, _tag("ssd:ParameterBinding")), _tag("ssd:ParameterValues"))
-        values.append(_parameter_set(component))
+        values.append(_parameter_set(component, system))
 
 
-def _parameter_set(component: StructuredComponent) -> Element:
-    root = Element(_tag("ssv:ParameterSet"), version=VERSION, name=component.name)
+def _parameter_set(component: StructuredComponent, name: str) -> Element:
+    """Values of a component in a set of a name that all components share: some tools choose the sets of one name."""
+    root = Element(_tag("ssv:ParameterSet"), version=VERSION, name=name)
     parameters = SubElement(root, _tag("ssv:Parameters"))
     for name, value in component.values.items():
         SubElement(SubElement(parameters, _tag("ssv:Parameter"), name=name), _tag("ssv:Real"), value=repr(value))

@@ -53,7 +53,7 @@ def test_structure_and_values_are_valid(structure):
     description, values = schema("Description"), schema("ParameterValues")
     description.assertValid(structure)
     sets = structure.findall(".//ssv:ParameterSet", NAMESPACES)
-    assert len(sets) == 3
+    assert [one.get("name") for one in sets] == ["rig"] * 3  # some tools take the sets of one name
     for one in sets:
         values.assertValid(etree.ElementTree(one))
     structure.find(".//ssd:Connector", NAMESPACES).set("kind", "entrance")
