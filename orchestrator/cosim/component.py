@@ -113,7 +113,7 @@ class Component(AbstractContextManager["Component"]):
         ``starts``: as of ``graph.Instance``. ``room``: process in which it is loaded, instead of this one.
         """
         self.name = name
-        self._resources = resources
+        self._resources, self._starts = resources, starts
         self._guest, self._remote = guest, GuestLibrary(room, self._receive) if room is not None else None
         self._discrete, self.conversions, self.converted_units = discrete, conversions, units
         self.texts = Texts()  # of its String outputs
@@ -426,7 +426,9 @@ class Component(AbstractContextManager["Component"]):
 
     def _set_parameter(self, name: str, value: float | int | str) -> None:
         if name in self.constants:
-            constant = self.constants[name]
+            variable = self._variables[name]
+            own = len(self._starts) and variable.type == "Real"  # value references are places among the starts
+            constant = self._starts[variable.valueReference] if own else self.constants[name]
             if value != (constant if isinstance(value, str) else float(constant)):
                 raise ComponentFailed(f"{self.name}: '{name}' = {value}: it is a constant of this FMU, {constant}")
             return

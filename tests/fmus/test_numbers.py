@@ -17,7 +17,7 @@ from fmus import numbers
 from fmus.build import BuildFailed, build_shapes, packed_config, parameters
 from fmus.components import model_of
 from fmus.native import numbers_file
-from fmus.native.pack import build_native, build_native_shape
+from fmus.native.pack import build_native, build_native_shape, with_constants
 from fmus.ranges import contradictions
 from fmus.vehicle import number_meanings
 from orchestrator.cosim import fmi2_library
@@ -247,6 +247,23 @@ def test_a_file_of_numbers_makes_an_instance_one_of_another_fmu():
     speeds = [spin_after(shape.fmu, each.resources) for each in (shape, other)]
     assert speeds[0] / speeds[1] == pytest.approx(11.0 / 9.0, rel=1e-9)
     assert speeds[1] == spin_after(build_native(*drive(11.0)), None)
+
+
+def test_constants_are_those_of_the_numbers():
+    """A grade is a constant of a native track: each instance of the shape has its own."""
+    fmus = []
+    for grade in ("0.05", "0.1"):
+        scene = ("climb", "rigid", f"ground.grade={grade}")
+        part = parts(*scene)["left_track"]
+        fmu, resources, starts = build_native_shape(part.kind, with_constants(part.kind, part.config, part.parameters))
+        fmus.append(fmu)
+        with Component(fmu, "track", resources=resources, starts=starts) as component:
+            component.initialise(part.parameters)
+            with pytest.raises(
+                ComponentFailed, match=r"'start\.slope\.pitch' = 0\.3: it is a constant of this FMU, -0\.0"
+            ):
+                component.initialise({"start.slope.pitch": 0.3})
+    assert fmus[0] == fmus[1]
 
 
 def test_a_wrong_file_of_numbers_is_a_sentence(tmp_path):
