@@ -12,8 +12,7 @@ from functools import partial
 from graphlib import TopologicalSorter
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+import scipy  # loads its parts when they are used
 
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.graph import Connection, Instance
@@ -33,6 +32,8 @@ def initialise(
 
     ``times``: start and stop, s. Raises ComponentFailed, also for a loop whose start values do not settle.
     """
+    if not instances:
+        return
     done = dict(earlier)
     by_name = {instance.name: instance for instance in instances}
     fed = [one for one in connections if one.target in by_name]
@@ -65,8 +66,8 @@ def _in_order_of_flow(names: Sequence[str], connections: Sequence[Connection]) -
     place = {name: k for k, name in enumerate(names)}
     edges = {(place[one.source], place[one.target]) for one in connections if one.source in place}
     rows, columns = zip(*edges, strict=True) if edges else ((), ())
-    matrix = coo_matrix((np.ones(len(edges)), (rows, columns)), shape=(len(names), len(names)))
-    labels = connected_components(matrix, connection="strong")[1].tolist()
+    matrix = scipy.sparse.coo_matrix((np.ones(len(edges)), (rows, columns)), shape=(len(names), len(names)))
+    labels = scipy.sparse.csgraph.connected_components(matrix, connection="strong")[1].tolist()
     groups: dict[int, list[str]] = {}
     for name in names:
         groups.setdefault(labels[place[name]], []).append(name)
