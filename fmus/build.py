@@ -95,7 +95,7 @@ def build_all(products: Sequence[Product], folder: Path | None = None) -> list[P
 def build_shapes(products: Sequence[Product]) -> list[Path]:
     """Paths of FMUs of the shapes of products, in order, whose parameters have any values; see ``build_all``.
 
-    An instance with all ``parameters`` of a product set is one of the FMU of the product. Raises BuildFailed.
+    An instance with all ``start_values`` of a product is one of the FMU of the product. Raises BuildFailed.
     """
     shells = []
     for kind, config, _ in products:
@@ -104,10 +104,18 @@ def build_shapes(products: Sequence[Product]) -> list[Path]:
     return build_shells(shells)
 
 
-def parameters(kind: str, config: Mapping[str, Any]) -> dict[str, float | int | str]:
-    """Values of all parameters of the FMU of a kind of component, by name; raises BuildFailed."""
+class StartValues(NamedTuple):
+    """Start values of the FMU of a component."""
+
+    parameters: dict[str, float | int | str]  # all, by name
+    inputs: list[float]  # in their order
+
+
+def start_values(kind: str, config: Mapping[str, Any]) -> StartValues:
+    """Start values of the FMU of a kind of component with a config; raises BuildFailed."""
     ports = _configured(kind, packed_config(kind, config))
-    return {port.name: port.start for port in ports if port.causality == "parameter"}
+    parameters = {port.name: port.start for port in ports if port.causality == "parameter"}
+    return StartValues(parameters, [float(port.start) for port in ports if port.causality == "input"])
 
 
 def packed_config(kind: str, config: Mapping[str, Any]) -> dict[str, Any]:

@@ -56,7 +56,8 @@ def packed(config: Mapping[str, Any], reads: Sequence[str]) -> dict[str, Any]:
             source, target = source.get(key) or {}, target.setdefault(key, {})
         if last in source:
             target[last] = source[last]
-    return {**config, "vehicle": vehicle} if "vehicle" in config else dict(config)
+    others = {key: value for key, value in config.items() if key != "vehicle"}
+    return {"vehicle": vehicle, **others} if vehicle else others
 
 
 def places(config: Mapping[str, Any]) -> dict[str, Path]:

@@ -209,6 +209,7 @@ class Slave(Fmi2Slave):
         self._parameters = slice(self._links.stop, len(self._reals))
         self._values = np.array([float(p.start) for p in self._reals])
         self._u, self._y = self._values[self._inputs], self._values[self._outputs]
+        self._described_inputs = self._u.copy()
         self._y_new, self._links_new = np.zeros(count), np.zeros(link_ports)
         address, size = self._values[self._links].ctypes.data, self._links_new.nbytes
         self._array = [*(ctypes.c_int32(half).value for half in (address & 0xFFFFFFFF, address >> 32)), size]
@@ -379,10 +380,12 @@ class Slave(Fmi2Slave):
             config = numbers.with_values(self._config, chosen)
             for complaint in contradictions(config.get("vehicle", {})):
                 raise InvalidParameter(complaint)
-            model = type(self).model(config)
-            model.unconnected[:] = self._model.unconnected  # the start values that the host knows
-            self._model, self._numbers = model, chosen
-        self._model.initialise(parameters)
+            self._model, self._numbers = type(self).model(config), chosen
+        model, n = self._model, self._model.unconnected.size
+        described = self._described_inputs[:n]  # a host that sets other start values has those of these numbers
+        as_described = np.array_equal(self._u[:n], described)
+        model.unconnected[:] = described if as_described else [port.start for port in model.ports[:n]]
+        model.initialise(parameters)
 
     def _not_finite(self, values: NDArray[np.float64], place: slice, when: str) -> StepFailed:
         first = int(np.flatnonzero(~np.isfinite(values))[0])

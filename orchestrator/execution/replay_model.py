@@ -26,7 +26,7 @@ from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of, texts_of
 from orchestrator.log.time_series import EVER
-from orchestrator.scene.assembly import BuiltPart, all_parameters, assemble, build_parts
+from orchestrator.scene.assembly import BuiltPart, assemble, build_parts
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, any_from_table, changed_scene, with_track
@@ -216,8 +216,8 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
     if track is not None and part.kind != TRACKS[track].fmu:
         raise BadInput(f"--with {track}: '{name}' is no track")
     native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE
-    numbers, given = build_parts([part], native)[0], all_parameters(part, native)
-    fmu = numbers.fmu
+    numbers = build_parts([part], native)[0]
+    fmu, given = numbers.fmu, numbers.parameters
     same_hash = identity(fmu) == entry["sha256"]
     if track is not None or settings:
         as_recorded = same_hash and given == entry.get("parameters", {})

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.build import Product, build_shapes, parameters
+from fmus.build import Product, build_shapes, start_values
 from fmus.equilibrium import stances
 from fmus.vehicle import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
@@ -140,7 +140,7 @@ def system(assembly: Assembly, native: bool = False) -> System:
         else Instance(
             part.name,
             files[part.name].fmu,
-            all_parameters(part, native),
+            files[part.name].parameters,
             part.stage,
             input_conversions(part.name, ends, added),
             resources=files[part.name].resources,
@@ -152,26 +152,30 @@ def system(assembly: Assembly, native: bool = False) -> System:
 
 
 class BuiltPart(NamedTuple):
-    """FMU of a part, and where its numbers are no parameters the folder with them, and its start values."""
+    """FMU of a part, and what makes an instance of it this part."""
 
     fmu: Path
-    resources: Path | None = None
-    starts: Sequence[float] = ()
+    parameters: Parameters  # its numbers, where they are parameters, and what the scene sets
+    starts: Sequence[float]  # start values of its Reals, inputs first
+    resources: Path | None = None  # folder with its numbers, where they are no parameters
 
 
 def build_parts(parts: Sequence[Part], native: bool) -> list[BuiltPart]:
-    """FMUs of the parts, for instances with ``all_parameters``; ``native`` as in ``system``."""
+    """FMUs of the parts; ``native`` as in ``system``."""
     if not native:
-        return [BuiltPart(file) for file in build_shapes([(part.kind, part.config, None) for part in parts])]
+        files = build_shapes([(part.kind, part.config, None) for part in parts])
+        values = [start_values(part.kind, part.config) for part in parts]
+        return [
+            BuiltPart(file, {**own.parameters, **part.parameters}, own.inputs)
+            for part, file, own in zip(parts, files, values, strict=True)
+        ]
     from fmus.native.pack import build_native_shape, with_constants  # loads compilers, which only native builds need
 
     configs = [with_constants(part.kind, part.config, part.parameters) for part in parts]
-    return [BuiltPart(*build_native_shape(part.kind, each)) for part, each in zip(parts, configs, strict=True)]
-
-
-def all_parameters(part: Part, native: bool) -> Parameters:
-    """Parameters of a part in the FMU of ``build_parts``: its numbers and what the scene sets."""
-    return part.parameters if native else {**parameters(part.kind, part.config), **part.parameters}
+    built = [build_native_shape(part.kind, config) for part, config in zip(parts, configs, strict=True)]
+    return [
+        BuiltPart(own.fmu, part.parameters, own.starts, own.resources) for part, own in zip(parts, built, strict=True)
+    ]
 
 
 def build_native_all(

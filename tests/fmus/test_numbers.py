@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fmus import numbers
-from fmus.build import BuildFailed, build_shapes, packed_config, parameters
+from fmus.build import BuildFailed, build_shapes, packed_config, start_values
 from fmus.components import model_of
 from fmus.native import numbers_file
 from fmus.native.pack import build_native, build_native_shape, with_constants
@@ -23,7 +23,7 @@ from fmus.vehicle import number_meanings
 from orchestrator.cosim import fmi2_library
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.model_description import loadable
-from orchestrator.scene.assembly import assemble
+from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
@@ -129,8 +129,8 @@ def test_a_host_that_sets_ten_keys_has_the_bits_of_a_scene_that_sets_them(part_n
     usual, other = (parts("straight", "rigid", *settings)[part_name] for settings in ((), TEN))
     (fmu,) = build_shapes([(usual.kind, usual.config, None)])
     assert build_shapes([(other.kind, other.config, None)]) == [fmu]
-    wanted = {**parameters(other.kind, other.config), **other.parameters}
-    assert wanted != {**parameters(usual.kind, usual.config), **usual.parameters}
+    wanted = {**start_values(other.kind, other.config).parameters, **other.parameters}
+    assert wanted != {**start_values(usual.kind, usual.config).parameters, **usual.parameters}
 
     model = model_of(other.kind)(packed_config(other.kind, other.config))
     u = np.array([float(port.start) for port in model.ports[: model.inputs]])
@@ -147,7 +147,6 @@ def test_a_host_that_sets_ten_keys_has_the_bits_of_a_scene_that_sets_them(part_n
             return np.concatenate([component.y, component.y_links])
 
     model.initialise(wanted)
-    model.unconnected[:] = 0.0  # no mount has these start values
     for k in range(5):
         model.step(k * H, H, u)
     y = np.zeros(sum(port.causality == "output" and isinstance(port.start, float) for port in model.ports))
@@ -159,11 +158,36 @@ def test_a_host_that_sets_ten_keys_has_the_bits_of_a_scene_that_sets_them(part_n
     assert not np.array_equal(outputs({**wanted, **off[part_name]}), y)
 
 
+def test_a_mount_that_nothing_moves_is_at_its_own_place():
+    """In an FMU of any numbers, with the start values of its own or with those of the description."""
+    drives = {x: ("SprocketDrive", {"drive": {"inertia": 9.0, "mount": [x, 0.0, 0.0]}}) for x in (0.0, -2.0, 3.0)}
+    for x, drive in drives.items():
+        (fmu,) = build_shapes([(*drive, None)])
+        values = start_values(*drive)
+        assert values.inputs[0] == x
+        for starts in (values.inputs, ()):
+            with Component(fmu, "drive", starts=starts) as component:
+                component.initialise(values.parameters)
+                component.step(0.0, H)
+                component.read()
+                assert component.y[component.outputs.index("sprocket.position.x")] == x
+
+
+def test_what_is_recorded_of_a_part_does_not_depend_on_the_fmu_that_the_cache_has(fresh_cache):
+    """Inputs that nothing feeds have the start values of the part."""
+    part = parts("rig", "rigid")["idler_drive"]
+    (other,) = build_shapes([("SprocketDrive", {"drive": {**part.config["drive"], "mount": [7.0, 0.0, 0.0]}}, None)])
+    (built,) = build_parts([part], native=False)
+    assert built.fmu == other
+    with Component(built.fmu, part.name, starts=built.starts) as component:
+        assert component.u[0] == part.config["drive"]["mount"][0] != 7.0
+
+
 def test_numbers_that_exclude_each_other_are_refused_at_the_end_of_initialisation():
     part = parts()["left_track"]
     (fmu,) = build_shapes([(part.kind, part.config, None)])
     with Component(fmu, "track") as component:
-        wanted = {**parameters(part.kind, part.config), **part.parameters}
+        wanted = {**start_values(part.kind, part.config).parameters, **part.parameters}
         said = "track: sprocket.outer_radius = 0.1 m must exceed the pitch radius 0.2[0-9]* m"
         with pytest.raises(ComponentFailed, match=said):
             component.initialise({**wanted, "sprocket.outer_radius": 0.1})
@@ -315,4 +339,4 @@ def test_a_state_of_other_numbers_is_refused():
 
 def test_a_config_that_no_vehicle_can_have_is_not_built():
     with pytest.raises(BuildFailed, match=r"drive\.inertia = -1\.0 kg m2 must be positive"):
-        build_shapes([(*drive(-1.0), None)])
+        start_values(*drive(-1.0))
