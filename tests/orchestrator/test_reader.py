@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from recorded import ATTACHMENTS, METADATA, STEP, TOPICS, record, record_in_chunks, values
 
-from orchestrator.log import log_format
+from orchestrator.log import chunk_reader, log_format
 from orchestrator.log.bitwise import first_difference
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log, NoSuchSignal
@@ -205,7 +205,9 @@ def test_who_knows_mcap_and_protobuf():
     assert users == {"mcap": mcap, "google.protobuf": {"schema.py"}}
 
 
-def test_what_is_selected_is_what_is_read_and_is_not_kept(chunked):
+@pytest.mark.parametrize("small", [0, 1 << 30])
+def test_what_is_selected_is_what_is_read_and_is_kept_of_a_small_log_alone(chunked, monkeypatch, small):
+    monkeypatch.setattr(chunk_reader, "SMALL", small)
     with Log(chunked) as log, Log(chunked) as whole:
         for topic, about in log.topics.items():
             series, columns = whole.read(topic), [len(about.names) - 1, 0]
@@ -219,7 +221,7 @@ def test_what_is_selected_is_what_is_read_and_is_not_kept(chunked):
             assert np.array_equal(ends.t, series.t[[0, -1]])
             assert np.array_equal(ends.values, series.values[[0, -1]])
             assert log.lengths()[topic] == len(series.t)
-        assert not log._chunks.unpacked
+        assert bool(log._chunks.unpacked) == bool(small)
         with pytest.raises(NoSuchSignal, match="no topic '/left/out'"):
             log.select({"/left/out": [0]})
 
