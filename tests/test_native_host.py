@@ -11,6 +11,7 @@ from time import perf_counter
 
 import numpy as np
 import pytest
+from fmpy.fmi2 import FMU2Slave
 from vehicle_in_process import InProcess
 
 from fmus.build import build_all
@@ -174,10 +175,14 @@ def test_times_of_kinds_in_hosts(tmp_path, capsys):
         for part, *both in zip(assembly.parts, files, ours, strict=True):
             if part.name not in ("right_track", "right_drive"):
                 pairs[part.name] = [stack.enter_context(Component(file, part.name)) for file in both]
+                for component, file in zip(pairs[part.name], both, strict=True):
+                    component.file = file
         spent = {name: ([], []) for name in pairs}
         for pair in pairs.values():
             for component in pair:
                 component.initialise({})
+                identifier, place = component.description.coSimulation.modelIdentifier, str(unpack(component.file))
+                component._fmu = FMU2Slave(guid="", modelIdentifier=identifier, unzipDirectory=place, instanceName="")
                 component._fmu.component = component._handle  # fmpy's own calls with their wrappers
         references = {
             name: [[{v.name: v.valueReference for v in pair[0].description.modelVariables}[port] for port in ports]

@@ -5,6 +5,7 @@
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #if defined _WIN32
 #include <windows.h>
 #define dlopen(path, how) ((void *)LoadLibraryA(path))
@@ -26,6 +27,15 @@ static void *symbol(void *library, const char *name) {
     return found;
 }
 
+/* Resources of the FMU whose library is at path, PLACE/binaries/PLATFORM/NAME. */
+static const char *resources_of(const char *path) {
+    static char place[2048];
+    size_t n = strlen(path);
+    for (int levels = 0; n && levels < 3; n--) levels += path[n - 1] == '/' || path[n - 1] == '\\';
+    snprintf(place, sizeof place, "%.*s/resources/", (int)n, path);
+    return place;
+}
+
 int main(int argc, char **argv) {
     void *library = argc > 8 ? dlopen(argv[1], RTLD_NOW) : 0;
     void *(*make)(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *, size_t, void *,
@@ -41,7 +51,7 @@ int main(int argc, char **argv) {
     uint32_t v[MOST], first = (uint32_t)strtoul(argv[6], 0, 10);
     FILE *file = fopen(argv[3], "wb");
     bool event, stop, early;
-    if (n > MOST || m > MOST || !file || !(c = make("one", argv[2], 0, 0, 1, 0, 0, 0, 0, 0, say, 0))) return 3;
+    if (n > MOST || m > MOST || !file || !(c = make("one", argv[2], resources_of(argv[1]), 0, 1, 0, 0, 0, 0, 0, say, 0))) return 3;
     for (uint32_t i = 0; i < n; i++) v[i] = first + i;
     for (int i = 9; i + 1 < argc; i += 2) {
         uint32_t reference = (uint32_t)strtoul(argv[i], 0, 10);

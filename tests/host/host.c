@@ -52,6 +52,15 @@ static double now(void) {
     return 1e6 * (double)t.tv_sec + 1e-3 * (double)t.tv_nsec;
 }
 
+/* Resources of the FMU whose library is at path, PLACE/binaries/PLATFORM/NAME. */
+static const char *resources_of(const char *path) {
+    static char place[2048];
+    size_t n = strlen(path);
+    for (int levels = 0; n && levels < 3; n--) levels += path[n - 1] == '/' || path[n - 1] == '\\';
+    snprintf(place, sizeof place, "%.*s/resources/", (int)n, path);
+    return place;
+}
+
 static void load(const char *path, const char *guid) {
     void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
     Instance *a = &all[n];
@@ -66,7 +75,7 @@ static void load(const char *path, const char *guid) {
     a->set = (int (*)(void *, const unsigned *, size_t, const double *))symbol(library, "fmi2SetReal");
     a->get = (int (*)(void *, const unsigned *, size_t, double *))symbol(library, "fmi2GetReal");
     a->step = (int (*)(void *, double, double, int))symbol(library, "fmi2DoStep");
-    a->c = instantiate("instance", 1, guid, "", &callbacks, 0, 0);
+    a->c = instantiate("instance", 1, guid, resources_of(path), &callbacks, 0, 0);
     if (!a->c || enter(a->c) || leave(a->c)) exit(4);
     size_t size = (size_t)(a->inputs + a->outputs);
     a->vr = malloc((size + 1) * sizeof *a->vr);
