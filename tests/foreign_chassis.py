@@ -53,10 +53,9 @@ def parameters(graph: System, vehicle: Mapping[str, Any]) -> dict[str, float]:
 
 def _places(graph: System) -> tuple[dict[str, Any], float]:
     """Places of wheels and mounts at the start, m, and pitch of the hull: start values of a left track, mirrored."""
-    track = next(instance.fmu for instance in graph.instances if instance.name == "left_track")
-    starts = {
-        each.name: float(each.start) for each in description_of(track).modelVariables if each.causality == "input"
-    }
+    track = next(instance for instance in graph.instances if instance.name == "left_track")
+    inputs = (each.name for each in description_of(track.fmu).modelVariables if each.causality == "input")
+    starts = dict(zip(inputs, track.starts, strict=False))
     places = {}
     for name in dict.fromkeys(name.partition(".")[0] for name in starts):
         x, y, z = (starts[f"{name}.position.{axis}"] for axis in "xyz")

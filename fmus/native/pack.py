@@ -26,7 +26,7 @@ from fmus.native.arrays import ArrayVariable, arrays
 from fmus.native.emit import LEVELS, emit
 from fmus.native.entries import Entries, entries, free_names
 from fmus.native.header import header
-from fmus.native.link import NoCompiler, compiler, compiler_release, headers, link, sources
+from fmus.native.link import FLAGS, NoCompiler, compiler, compiler_release, headers, link, sources
 from fmus.native.platform import LINUX, WINDOWS, Platform
 from fmus.ports import Port, variables
 from fmus.sources import ROOT, source_hash
@@ -132,7 +132,7 @@ def _tools(fmi: int, platforms: tuple[Platform, ...]) -> tuple[str, ...]:
     except NoCompiler as error:
         raise BuildFailed(str(error)) from None
     files = (each.read_text(encoding="utf-8") for each in (*sources(fmi), *headers(fmi)))
-    return "native", version("numba"), version("llvmlite"), *compilers, source_hash(), *files
+    return "native", version("numba"), version("llvmlite"), *compilers, *FLAGS, source_hash(), *files
 
 
 class _Component:

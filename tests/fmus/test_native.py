@@ -18,10 +18,10 @@ from fmpy.validation import validate_fmu
 from native_cases import CHAIN, CHASSIS, DRIVE, FEW, MANY, SOIL, STEPS, H, begun, follow, native, ran
 
 from fmus.build import BuildFailed
+from fmus.cache import CHECKSUM
 from fmus.model import StepFailed
 from fmus.native import link, pack
 from fmus.native.pack import build_native, with_constants
-from fmus.native.platform import LINUX, WINDOWS
 from fmus.physics.contact.soil.rut import MADE
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.fmu_files import unpack
@@ -216,13 +216,20 @@ def test_a_wrong_guid_is_refused():
         slave.instantiate()
 
 
-@pytest.mark.long
-def test_equal_sources_give_equal_bytes():
-    part = ran(DRIVE).part
+def made(part, **parameters):
+    """Bytes of the FMU of a part."""
     config = with_constants(part.kind, part.config, part.parameters)
-    one, other = (pack._pack(part.kind, config, "a") for _ in range(2))
-    assert one == other
-    assert one != pack._pack(part.kind, {**config, "parameters": {"speed.end": 3.0}}, "a")
+    return build_native(part.kind, {**config, "parameters": {**config["parameters"], **parameters}}).read_bytes()
+
+
+@pytest.mark.long
+def test_equal_sources_give_equal_bytes(monkeypatch, tmp_path):
+    part, contents = ran(DRIVE).part, []
+    for cache in ("one", "other"):
+        monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / cache))
+        contents.append(made(part)[:-CHECKSUM])
+    assert contents[0] == contents[1]
+    assert contents[0] != made(part, **{"speed.end": 3.0})[:-CHECKSUM]
 
 
 @pytest.mark.study
@@ -233,12 +240,15 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, m
     A library chooses when it is instantiated; one without a choice has the kernels for any processor.
     """
     run = ran(case)
-    config = with_constants(run.part.kind, run.part.config, run.part.parameters)
-    monkeypatch.setattr(link, "FLAGS", (*link.FLAGS, "-DONLY_ANY_PROCESSOR"))
-    file = tmp_path / "any.fmu"
-    file.write_bytes(pack._pack(run.part.kind, config, "any"))
+    usual, file = native(case), tmp_path / "any.fmu"
+    with monkeypatch.context() as patch:
+        for module in (link, pack):
+            patch.setattr(module, "FLAGS", (*link.FLAGS, "-DONLY_ANY_PROCESSOR"))
+        pack._tools.cache_clear()
+        file.write_bytes(made(run.part)[:-CHECKSUM])
+    pack._tools.cache_clear()
     assert (unpack(file) / f"binaries/linux64/{run.part.kind}.so").read_bytes() != (
-        unpack(native(case)) / f"binaries/linux64/{run.part.kind}.so"
+        unpack(usual) / f"binaries/linux64/{run.part.kind}.so"
     ).read_bytes()
     with Component(file, case.part) as component:
         component.initialise(run.part.parameters)
@@ -251,7 +261,8 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, m
 def test_a_library_for_windows_needs_what_windows_has():
     pytest.importorskip("ziglang")
     part = ran(DRIVE).part
-    content = pack._pack(part.kind, with_constants(part.kind, part.config, part.parameters), "a", (LINUX, WINDOWS))
+    file = build_native(part.kind, with_constants(part.kind, part.config, part.parameters), windows=True)
+    content = file.read_bytes()
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = archive.namelist()
         library = archive.read(f"binaries/win64/{part.kind}.dll")
