@@ -381,10 +381,11 @@ class Slave(Fmi2Slave):
             for complaint in contradictions(config.get("vehicle", {})):
                 raise InvalidParameter(complaint)
             self._model, self._numbers = type(self).model(config), chosen
-        model, n = self._model, self._model.unconnected.size
-        described = self._described_inputs[:n]  # a host that sets other start values has those of these numbers
-        as_described = np.array_equal(self._u[:n], described)
-        model.unconnected[:] = described if as_described else [port.start for port in model.ports[:n]]
+        model = self._model
+        if self._numbers and (n := model.unconnected.size):
+            described = self._described_inputs[:n]  # a host that sets other start values has those of these numbers
+            as_described = np.array_equal(self._u[:n], described)
+            model.unconnected[:] = described if as_described else [port.start for port in model.ports[:n]]
         model.initialise(parameters)
 
     def _not_finite(self, values: NDArray[np.float64], place: slice, when: str) -> StepFailed:

@@ -114,15 +114,15 @@ class Model(ComponentModel):
         """See ``ComponentModel``."""
         chassis = config["chassis"]
         ground = chassis.get("ground") or {}
-        bare, hull = bool(ground.get("bare")), bool(ground.get("hull"))
+        hull = bool(ground.get("hull"))
         body, wheel = ("mass", "inertia", "centre"), ("mass", "spin_inertia", "transverse_inertia", "x", "z")
         return [
             "gravity",
             *(f"chassis.{key}" for key in (*body, *(["hull"] if hull else []))),
             "sprocket.mass",
             "sprocket.transverse_inertia",
-            *(f"idler.{key}" for key in (*wheel, "radius", *(["width"] if bare else []))),
-            *(f"road_wheel.{key}" for key in (*wheel, *(["radius"] if ground else []), *(["width"] if bare else []))),
+            *(f"idler.{key}" for key in (*wheel, "radius", *(["width"] if ground else []))),
+            *(f"road_wheel.{key}" for key in (*wheel, *(["radius", "width"] if ground else []))),
             *(f"return_roller.{key}" for key in wheel if config["vehicle"].get("return_roller")),
             "road_arm",
             "suspension",
