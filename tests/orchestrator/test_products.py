@@ -131,12 +131,9 @@ def test_plain_names_are_those_of_the_standard_scene():
 STOPS = ("drive.ramp_time=5 ms", "drive.stop=6 ms", "drive.stop_time=5 ms")
 
 
-def outputs(scene, parts, graph, change=lambda name, parameters: parameters):
+def outputs(scene, graph, change=lambda name, parameters: parameters):
     """All outputs of 20 coupled steps; ``change`` replaces the parameters that are set on a part."""
-    instances = tuple(
-        instance._replace(parameters=change(instance.name, part.parameters))
-        for instance, part in zip(graph.instances, parts, strict=True)
-    )
+    instances = tuple(one._replace(parameters=change(one.name, one.parameters)) for one in graph.instances)
     h, rows = 1e-3, []
     with ExitStack() as stack:
         components = load_components(graph._replace(instances=instances), scene.run.times, stack)
@@ -165,13 +162,13 @@ def test_fmus_of_a_scene_do_what_the_scene_does(name, kind, settings, telling, t
     products = ordinary._replace(
         instances=tuple(i._replace(fmu=f, starts=()) for i, f in zip(ordinary.instances, files, strict=True))
     )
-    run = outputs(scene, assembly.parts, ordinary)
-    assert np.array_equal(outputs(scene, assembly.parts, products, lambda *_: {}), run)
+    run = outputs(scene, ordinary)
+    assert np.array_equal(outputs(scene, products, lambda *_: {}), run)
     key, value = telling
-    off = outputs(scene, assembly.parts, products, lambda _, own: {key: value} if key in own else {})
+    off = outputs(scene, products, lambda _, own: {key: value} if key in own else {})
     assert not np.array_equal(off, run)
     if kind == "beam":  # and the FMUs of runs do not without their parameters
-        assert not np.array_equal(outputs(scene, assembly.parts, ordinary, lambda *_: {}), run)
+        assert not np.array_equal(outputs(scene, ordinary, lambda *_: {}), run)
 
 
 def test_build_takes_settings_and_refuses_what_no_fmu_can_have(monkeypatch, capsys, tmp_path):
