@@ -63,11 +63,14 @@ def _entries(cache: Path) -> Iterator[Entry]:
 
 
 def _size(folder: str) -> int:
-    total = 0
-    for above, _, files in os.walk(folder):
-        for name in files:
-            with suppress(OSError):
-                total += os.lstat(os.path.join(above, name)).st_size
+    total, folders = 0, [folder]  # a list, because ``os.walk`` of Python 3.11 recurses and fails in a deep folder
+    while folders:
+        with suppress(OSError), os.scandir(folders.pop()) as files:
+            for file in files:
+                if file.is_dir(follow_symlinks=False):
+                    folders.append(file.path)
+                else:
+                    total += file.stat(follow_symlinks=False).st_size
     return total
 
 
@@ -93,7 +96,7 @@ def prune(most: float, recent: float = RECENT) -> list[Entry]:
         if size <= most or now - entry.used < recent:
             break
         gone = entry.folder.with_name(f"{uuid.uuid4().hex[:12]}.removed")  # at once, for others
-        with suppress(OSError):
+        with suppress(OSError, RecursionError):
             entry.folder.rename(gone)
             shutil.rmtree(gone, ignore_errors=True)
             size -= entry.size

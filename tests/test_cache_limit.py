@@ -1,6 +1,8 @@
 """The cache is kept below its largest size; what was used longest ago goes first, and nothing of others."""
 
+import inspect
 import os
+import sys
 import time
 
 import pytest
@@ -35,6 +37,21 @@ def test_what_was_used_longest_ago_goes_first(filled):
     assert [folder.exists() for folder in filled] == [False] * 4 + [True] * 6
     assert {file.parent.name for file in cache_folder().rglob("kept")} == {"0123456789abcdef01234567", "mine", "ahead"}
     assert not list(cache_folder().rglob("*.removed"))
+
+
+def test_a_folder_deeper_than_the_stack_is_measured(filled):
+    deep = filled[3]
+    for _ in range(200):
+        deep = deep / "d"
+        deep.mkdir()
+    (deep / "file").write_bytes(bytes(300))
+    most = sys.getrecursionlimit()
+    sys.setrecursionlimit(len(inspect.stack(0)) + 100)
+    try:
+        found = {entry.folder: entry.size for entry in cache_limit.entries()}
+    finally:
+        sys.setrecursionlimit(most)
+    assert found == {folder: 1300 if folder == filled[3] else 1000 for folder in filled}
 
 
 def test_what_was_used_in_the_last_day_stays(filled):
