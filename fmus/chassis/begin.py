@@ -3,22 +3,39 @@
 from __future__ import annotations
 
 from fmus.chassis.dynamics import ROOT, energies, is_fixed
-from fmus.chassis.tree import unpacked
+from fmus.chassis.tree import unpacked, with_sprockets
 from fmus.jit import allocating, kernel
 from fmus.stance import part_at_rest
 from fmus.start import AFTER_POSE, FRAME, lay_frame
 
 PRELOADS = AFTER_POSE  # index of the preloads in ``p``: of suspension springs, of tensioners
+NUMBERS = (  # numbers of the vehicle table that follow the preloads in ``p``
+    "gravity",
+    "chassis.mass",
+    "chassis.inertia[1]",
+    "chassis.inertia[2]",
+    "chassis.inertia[3]",
+    "sprocket.mass",
+    "sprocket.transverse_inertia",
+    "suspension.stiffness",
+    "suspension.damping",
+    "tensioner.stiffness",
+    "tensioner.damping",
+)
+GRAVITY, MASS, INERTIA, SPROCKET, SUSPENSION, TENSIONER = (PRELOADS + 2 + k for k in (0, 1, 2, 5, 7, 9))
 
 
 @allocating
 def begin(c, messages, p):
-    """See ``fmus.model.ComponentModel``; p: the start pose, then the preloads, N."""
+    """See ``fmus.model.ComponentModel``; p: the start pose, then the preloads, N, then NUMBERS, SI."""
+    set_masses(c.packed, p)
     tree, x, start = unpacked(c.packed), c.state, c.start
     n = tree.is_arm.size
     x[:] = 0.0
     for k in range(n):
         if not is_fixed(tree, k):
+            spring = SUSPENSION if tree.is_arm[k] == 1 else TENSIONER
+            tree.stiffness[k], tree.damping[k] = p[spring], p[spring + 1]
             tree.preload[k] = p[PRELOADS] if tree.is_arm[k] == 1 else p[PRELOADS + 1] - c.missing_preload[2 * k // n]
         x[ROOT + k] = c.leaves[k]
     hull = part_at_rest(p, c.hull)
@@ -30,6 +47,22 @@ def begin(c, messages, p):
     start[FRAME + 3] = energies(tree, x)[1]
     _lay_contact_frame(c.contacts, p)
     return 0
+
+
+@allocating
+def set_masses(packed, p):
+    """Set gravity and the masses of a packed tree, see ``begin``."""
+    tree = unpacked(packed)
+    moments = p[INERTIA], p[INERTIA + 1], p[INERTIA + 2]
+    mounts, centre, inertia = tree.sprocket, tree.centre, tree.inertia
+    mass = with_sprockets(p[MASS], moments, p[SPROCKET], p[SPROCKET + 1], mounts, centre, inertia)
+    leaves = tree.is_arm.size // 2  # of a side: arms, the idler, rollers
+    arms = 0
+    for k in range(leaves):
+        arms += tree.is_arm[k]
+    arm, idler, roller = tree.leaf_mass[0], tree.leaf_mass[arms], tree.leaf_mass[leaves - 1]
+    packed.body[0], packed.body[1] = p[GRAVITY], mass
+    packed.body[2] = mass + 2 * (arms * arm + idler + (leaves - 1 - arms) * roller)
 
 
 @kernel

@@ -30,6 +30,7 @@ ENERGY_SUMS = 2  # energies in the state: dissipated energy, work of the wrenche
 
 FINE, NOT_FINITE, BROKEN_QUATERNION, OUT_OF_REACH = 0, 1, 2, 3  # faults; the number of the leaf is added to the last
 TURNED_TOO_FAR, MOVED_TOO_FAR, TOO_LONG = 3, 4, 5  # further failures of a step, after the first faults
+LEAST_UNREST = 0.2  # m/s2, of the hull in the first step from an equilibrium; on slopes 0.1, where friction sets in
 
 
 class Parts(NamedTuple):
@@ -43,6 +44,7 @@ class Parts(NamedTuple):
     hull: Stance  # of the hull at the start
     leaves: np.ndarray  # (n) coordinates of the leaves at the start
     missing_preload: tuple[float, float]  # preload that the left and the right tensioner lack, N
+    rests: int  # 1: starts in an equilibrium with tracks; 0: in the drawn position
     sides: int  # sides that have ports
     state: np.ndarray
     counters: np.ndarray  # (2) int: solver.steps, solver.evaluations
@@ -313,6 +315,7 @@ def step(c, messages, t, h, u):
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
     tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
+    begins = c.rests == 1 and c.counters[0] == 0
     begin_step(c.hitch, c.seats, x, tree.rotation, t)
     steps_done, code = advance(c, x, u, h / steps, steps)
     end_step(c.seats, x, tree.rotation, h)
@@ -320,7 +323,17 @@ def step(c, messages, t, h, u):
     if code == FINE:
         c.counters[0] += steps
         c.counters[1] += len(RK4.b) * steps
+        if begins:
+            warn_of_unrest(messages[1], x, h)
     return step_failure(tree, code, x, messages[0])
+
+
+@kernel
+def warn_of_unrest(message, x, h):
+    """Write a warning where the hull, at rest h s ago, moves: the start is no equilibrium of these numbers."""
+    acceleration = np.sqrt(x[7] ** 2 + x[8] ** 2 + x[9] ** 2) / h
+    if acceleration > LEAST_UNREST:
+        message[0], message[1] = 1.0, acceleration
 
 
 @kernel

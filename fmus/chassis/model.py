@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fmus.chassis.begin import begin
+from fmus import numbers
+from fmus.chassis.begin import NUMBERS, begin
 from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts, step, step_failure
 from fmus.chassis.fittings import Fittings
 from fmus.chassis.observe import write_outputs
@@ -107,7 +108,13 @@ class Model(ComponentModel):
     """
 
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
-    start_parameters = *KEYS, "suspension.preload", "tensioner.preload"
+    start_parameters = *KEYS, "suspension.preload", "tensioner.preload", *NUMBERS
+    warning_sentences = (
+        Sentence(
+            "the vehicle does not start in equilibrium: the hull accelerates at {0:.2g} m/s2 in the first step, because"
+            " a number or a preload is another than that of rest.*, or the wrenches of its tracks are missing"
+        ),
+    )
 
     @classmethod
     def reads(cls, config: Mapping[str, Any]) -> list[str]:
@@ -142,6 +149,8 @@ class Model(ComponentModel):
         self._packed = packed(tree(vehicle, len(sides)))
         self.tree = unpacked(self._packed)
         self._vehicle, self._ground = vehicle, config["chassis"].get("ground")
+        known = numbers.values(config)
+        self._numbers: dict[str, Any] = {name: known[name] for name in NUMBERS}
         self._contacts: Any = None
         x, y, z = map(float, vehicle["chassis"]["centre"])
         self._centre = x, y, z
@@ -210,10 +219,11 @@ class Model(ComponentModel):
         left, right = (float(config.get("push", 0.0)) if side in bare else 0.0 for side in SIDES)
         own = [of_side(self._vehicle, side)["tensioner"]["preload"] for side in SIDES]
         self._missing_preload = left, right + (own[0] - own[1])
+        self._rests = int(config.get("start") is not None)
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at rest at the start pose; raises InvalidParameter."""
-        values = parameter_values(self.ports, parameters)
+        values = self._numbers | parameter_values(self.ports, parameters)
         if self._ground:
             from fmus.chassis.contacts import contacts
 
@@ -221,7 +231,7 @@ class Model(ComponentModel):
         self.counters[:] = 0
         parts = Parts(
             self._packed, self._contacts, values["step"], self._start, self._centre, self._hull, self._leaves,
-            self._missing_preload, len(self.sides), self.state, self.counters, self._stages,
+            self._missing_preload, self._rests, len(self.sides), self.state, self.counters, self._stages,
             self._fittings.hitch(values), self._fittings.seats(),
         )  # fmt: skip
         self.begin(values, parts)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.jit import allocating
+from fmus.jit import allocating, kernel, plain
 from fmus.physics.arrays import Floats
 from fmus.physics.elementary import hypot
 from fmus.return_rollers import return_rollers
@@ -84,7 +84,9 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     mounts = np.array([[0.0, lateral, 0.0], [0.0, -lateral, 0.0]]) - origin
     on_arm, on_chassis = np.array(spring["on_arm"]) - pivot, np.array(spring["on_chassis"]) - pivot
 
-    mass, centre, inertia = _with_sprockets(body, sprocket, mounts)
+    centre, inertia = np.zeros(3), np.zeros((3, 3))
+    masses = body["mass"], body["inertia"], sprocket["mass"], sprocket["transverse_inertia"]
+    mass = plain(with_sprockets)(*masses, mounts, centre, inertia)
     leaf_mass = wheel["mass"] + arm["mass"]
     # arm and wheel: point masses at a distance of half an arm, on the line of the arm
     reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
@@ -148,23 +150,35 @@ def _hinges(table: Mapping[str, Any]) -> Floats:
     return np.array([*arms, [idler["x"], lateral, idler["z"]], *([x, lateral, roller["z"]] for x in roller["x"])])
 
 
-def _with_sprockets(
-    body: Mapping[str, Any], sprocket: Mapping[str, Any], mounts: Floats
-) -> tuple[float, Floats, Floats]:
-    """Mass, kg, centre (3), m, inertia (3, 3), kg m2, of the chassis with sprockets on the mounts (2, 3)."""
-    inertia = np.diag(body["inertia"]).astype(float)
-    mass = body["mass"] + 2 * sprocket["mass"]
-    centre = sprocket["mass"] * mounts.sum(axis=0) / mass
-    for m, r in ((body["mass"], -centre), *((sprocket["mass"], mount - centre) for mount in mounts)):
-        inertia += m * ((r * r).sum() * np.eye(3) - np.outer(r, r))
-    inertia += np.diag([2.0, 0.0, 2.0]) * sprocket["transverse_inertia"]
-    return mass, centre, inertia
+@kernel
+def with_sprockets(mass, moments, sprocket_mass, transverse_inertia, mounts, centre, inertia):
+    """Mass, kg, of the chassis with sprockets on the mounts (2, 3), m.
+
+    ``moments``: principal moments of inertia of the chassis alone, kg m2. Writes the centre of mass (3), m, and the
+    inertia about it (3, 3), kg m2, without the sprockets' spin.
+    """
+    whole = mass + 2 * sprocket_mass
+    for i in range(3):
+        centre[i] = sprocket_mass * (mounts[0, i] + mounts[1, i]) / whole
+        for j in range(3):
+            inertia[i, j] = moments[i] if i == j else 0.0
+    for body in range(3):  # parallel axes: chassis, left, right sprocket
+        m = mass if body == 0 else sprocket_mass
+        side, at = max(body - 1, 0), 1.0 if body > 0 else 0.0
+        r = at * mounts[side, 0] - centre[0], at * mounts[side, 1] - centre[1], at * mounts[side, 2] - centre[2]
+        square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+        for i in range(3):
+            for j in range(3):
+                inertia[i, j] += m * ((square if i == j else 0.0) - r[i] * r[j])
+    inertia[0, 0] += 2.0 * transverse_inertia
+    inertia[2, 2] += 2.0 * transverse_inertia
+    return whole
 
 
 class PackedTree(NamedTuple):
     """Tree as four arrays: passing these to a kernel takes a third of the time of passing a ``VehicleTree``."""
 
-    body: Floats  # (n + 23,) numbers that belong to no leaf; mirror
+    body: Floats  # (n + 23,) numbers that belong to no leaf, gravity and the masses first; mirror
     leaves: Floats  # (n, 20)
     integers: Integers  # (2, n + 2) is_arm, filled up with 0; input_index
     work: Floats  # (60 + 7 n,) work arrays

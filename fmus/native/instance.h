@@ -10,7 +10,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#if defined _WIN32
+#if defined _WIN32 /* its headers have names of model.h, so they come first */
+#include <malloc.h>
+#include <windows.h>
 #define EXPORT __declspec(dllexport)
 #else
 #define EXPORT __attribute__((visibility("default")))
@@ -273,7 +275,6 @@ static void begin(Instance *c) {
 }
 
 #if defined _WIN32
-#include <malloc.h>
 static void *allocate(size_t size) { return _aligned_malloc(size, 64); }
 static void deallocate(void *place) { _aligned_free(place); }
 #else

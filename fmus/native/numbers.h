@@ -1,7 +1,6 @@
 /* Numbers of an FMU: the file numbers.bin of its resources, written by numbers_file.py, which has its layout. Included
    by instance.h, after the type Instance. */
 #if defined _WIN32
-#include <windows.h>
 static FILE *open_file(const char *path) {
     wchar_t wide[LONGEST];
     return MultiByteToWideChar(CP_UTF8, 0, path, -1, wide, LONGEST) ? _wfopen(wide, L"rb") : 0;

@@ -96,8 +96,9 @@ class Model(ComponentModel):
         self.begin(values, parts)
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
-        """All parameters but tables of points."""
-        return FreeParameters(free_numbers(p, self._demanded, "drive"), self.start_parameters)
+        """All parameters but tables of points, and the spin inertia."""
+        inertia = {"drive.inertia": "{sprocket.spin_inertia}"}
+        return FreeParameters(free_numbers(p, self._demanded, "drive") | inertia, self.start_parameters)
 
     @property
     def shafts(self) -> tuple[DriveParameters, ...]:

@@ -2,8 +2,8 @@
 
 Source: System Structure and Parameterization 1.0 (Modelica Association, 2019).
 
-Every instance has an FMU of its own, whose defaults are its parameters. A tool that ignores the parameter values of the
-archive therefore has the right side of the vehicle at its place.
+Every instance has an FMU of its own, whose defaults are its parameters. A tool that ignores the parameter sets of the
+archive therefore has the right vehicle, and the right side of it at its place.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from xml.etree.ElementTree import Element, fromstring
 from markdown_it import MarkdownIt
 
 from fmus.build import Product, archive, build_all
-from fmus.link_outputs import INTERVAL
 from fmus.vehicle import BadInput
 from orchestrator import __version__
 from orchestrator.files.replacing import replacing
@@ -39,8 +38,8 @@ documentation.
 {rows}
 
 - **Communication step**: {step} s in the scene, to {stop} s.
-- **Parameters**: the defaults of each FMU are those of its component. The numbers that can be changed stand in
-  `SystemStructure.ssd` too.
+- **Parameters**: the defaults of each FMU are those of its component. `SystemStructure.ssd` has all of them too, a
+  parameter set of the name `{name}` for each component.
 - **Exchange**: cotrack steps the tracks first, with the motion of the wheels at the beginning of the step, then the
   drives, then the chassis, both with the mean wrenches that the tracks have just computed: second order. A tool that
   exchanges all values at once passes every wrench on one step late: first order, so choose a smaller step there.
@@ -59,17 +58,8 @@ def write_ssp(scene: Scene, file: Path, native: bool = True) -> None:
     assembly = assemble(scene)
     products: list[Product] = [(part.kind, product_config(scene, part), part.name) for part in assembly.parts]
     files = {name: path.read_bytes() for name, path in _build(products, native).items()}
-    components = []
-    for part in assembly.parts:
-        source = f"resources/{part.name}.fmu"
-        description = _description(files[source])
-        settable = {
-            variable.get("name")
-            for variable in description.iter("ScalarVariable")
-            if variable.get("causality") == "parameter" and variable.find("Real") is not None
-        }
-        values = {name: float(value) for name, value in part.parameters.items() if name in settable - {INTERVAL}}
-        components.append(StructuredComponent(part.name, source, description, values))
+    sources = {part.name: f"resources/{part.name}.fmu" for part in assembly.parts}
+    components = [StructuredComponent(name, source, _description(files[source])) for name, source in sources.items()]
     tool = f"cotrack {__version__}"
     files[SCENE] = json.dumps(scene.resolved(), indent=1, sort_keys=True).encode()
     files[DOCUMENT_NAME] = structure_document(

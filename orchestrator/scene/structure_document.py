@@ -5,7 +5,7 @@ Source: System Structure and Parameterization 1.0 (Modelica Association, 2019), 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
@@ -26,7 +26,6 @@ class StructuredComponent(NamedTuple):
     name: str
     source: str  # path in the archive
     description: Element  # root of its modelDescription.xml
-    values: Mapping[str, float]  # parameters of type Real, by name
 
 
 def structure_document(
@@ -39,6 +38,8 @@ def structure_document(
 ) -> bytes:
     """SystemStructure.ssd: outputs, parameters and connected inputs are connectors, with units.
 
+    The start values of all parameters are a parameter set of each component, so that a system of FMUs of the same
+    shapes becomes this one by its document alone. All sets have the name of the system: some tools choose by name.
     Outputs of links are left out: there are 700 to a track. Inputs without a connection are left out too, because some
     tools set every input connector to zero.
 
@@ -89,19 +90,14 @@ def _add_component(parent: Element, component: StructuredComponent, connected: C
             connector = SubElement(connectors, _tag("ssd:Connector"), name=name, kind=causality)
             unit = kind.get("unit")
             SubElement(connector, _tag(f"ssc:{kind.tag}"), {"unit": unit} if unit else {})
-    if component.values:
-        bindings = SubElement(element, _tag("ssd:ParameterBindings"))
-        values = SubElement(SubElement(bindings, _tag("ssd:ParameterBinding")), _tag("ssd:ParameterValues"))
-        values.append(_parameter_set(component, system))
-
-
-def _parameter_set(component: StructuredComponent, name: str) -> Element:
-    """Values of a component in a set of a name that all components share: some tools choose the sets of one name."""
-    root = Element(_tag("ssv:ParameterSet"), version=VERSION, name=name)
-    parameters = SubElement(root, _tag("ssv:Parameters"))
-    for name, value in component.values.items():
-        SubElement(SubElement(parameters, _tag("ssv:Parameter"), name=name), _tag("ssv:Real"), value=repr(value))
-    return root
+    bindings = SubElement(element, _tag("ssd:ParameterBindings"))
+    values = SubElement(SubElement(bindings, _tag("ssd:ParameterBinding")), _tag("ssd:ParameterValues"))
+    chosen = SubElement(values, _tag("ssv:ParameterSet"), version=VERSION, name=system)
+    parameters = SubElement(chosen, _tag("ssv:Parameters"))
+    for variable in component.description.iter("ScalarVariable"):
+        if variable.get("causality") == "parameter":
+            parameter = SubElement(parameters, _tag("ssv:Parameter"), name=variable.get("name", ""))
+            SubElement(parameter, _tag(f"ssv:{variable[0].tag}"), value=variable[0].get("start", ""))
 
 
 def _add_units(root: Element, components: Sequence[StructuredComponent]) -> None:

@@ -258,7 +258,7 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, m
     np.testing.assert_array_equal(links, run.links[:40])
 
 
-@pytest.mark.study
+@pytest.mark.long
 def test_a_library_for_windows_needs_what_windows_has():
     pytest.importorskip("ziglang")
     part = ran(DRIVE).part

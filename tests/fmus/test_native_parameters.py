@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from native_cases import CHASSIS, DRIVE, FEW, MANY, H, begun, native, ran
 
+from fmus import numbers
 from fmus.components import KINDS
 from fmus.model import InvalidParameter
 from fmus.native.pack import with_constants
+from fmus.stance import part_at_rest
+from fmus.track import start_stance
 from fmus.track_choices import TRACKS
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.scene.assembly import assemble
@@ -29,7 +34,7 @@ LAWS = {f"contact.{pair}.{key}": value for pair in ("sprocket", "wheel", "ground
 OTHERS = {  # other values of all free parameters, by kind
     "SprocketDrive": {
         **PLACE, **MOTOR, "start.lateral": 0.1, "start.angle": 0.3, "mode": "controller", "extrapolation": "velocity",
-        "demand.lag": 0.2,
+        "demand.lag": 0.2, "sprocket.spin_inertia": 15.0,
     },
     "SteeringDifferential": {
         **PLACE, **{f"{shaft}.{name}": value for shaft in ("propulsion", "steering") for name, value in MOTOR.items()},
@@ -37,7 +42,10 @@ OTHERS = {  # other values of all free parameters, by kind
     },
     "Chassis": {
         **PLACE, "step": 4e-4, "suspension.preload": 9e3, "tensioner.preload": 2.1e4, "hitch.load.force": 2e4,
-        "hitch.load.ramp.start": 0.005, "hitch.load.ramp.end": 0.03,
+        "hitch.load.ramp.start": 0.005, "hitch.load.ramp.end": 0.03, "gravity": 9.7, "chassis.mass": 5600.0,
+        "chassis.inertia[1]": 1800.0, "chassis.inertia[2]": 10900.0, "chassis.inertia[3]": 11300.0,
+        "sprocket.mass": 440.0, "sprocket.transverse_inertia": 9.0, "suspension.stiffness": 1.1e5,
+        "suspension.damping": 9e3, "tensioner.stiffness": 1.1e6, "tensioner.damping": 1.2e4,
     },
     "Driver": {
         **PLACE, "heading": 0.2, "speed.start": 1.0, "speed.end": 2.0, "ramp.start": 0.01, "ramp.end": 0.05,
@@ -62,7 +70,7 @@ def others(case):
     """Other values of all free parameters of a part."""
     part = ran(case).part
     constant = with_constants(part.kind, part.config, dict(part.parameters) | OTHERS[part.kind])["parameters"]
-    known = {port.name for port in ran(case).member.model.ports}
+    known = {port.name for port in ran(case).member.model.ports} | {*numbers.places(part.config)}
     return {name: value for name, value in OTHERS[part.kind].items() if name not in constant and name in known}
 
 
@@ -70,8 +78,9 @@ def assert_free(case):
     """Assert that an FMU with other parameters set equals a model that was initialised with them."""
     run, parameters = ran(case), others(case)
     assert len(parameters) > 5
-    model = type(run.member.model)(run.part.config)
-    own = {port.name: port.start for port in model.ports if port.causality == "parameter"} | run.part.parameters
+    model = type(run.member.model)(numbers.with_values(run.part.config, parameters))
+    own = {port.name: port.start for port in run.member.model.ports if port.causality == "parameter"}
+    own |= numbers.values(run.part.config) | run.part.parameters
     model.initialise(own | parameters)
     links = np.zeros(model.link_ports)
     with begun(case) as component:
@@ -80,7 +89,7 @@ def assert_free(case):
         y = np.zeros_like(component.y)
         model.outputs(y)
         np.testing.assert_array_equal(component.y, y)
-        assert not np.array_equal(y, usual)
+        assert np.array_equal(y, usual) == ("start.position.x" not in parameters), "laws of contact act in steps alone"
         state = component.save()
         u = still(run, model, y)
         for k in range(20):
@@ -115,10 +124,12 @@ def still(run, model, y):
     wheels = [port.name.rpartition(".position")[0] for port in model.ports
               if port.causality == "input" and port.name.endswith(".position.x")]  # fmt: skip
     if run.part.kind.startswith("Track"):
-        x, z = np.array([wheel["position"] for wheel in model.wheel_list]).T
-        return np.concatenate(
-            [model.pose.point_at_rest(a, model._parameters["start.lateral"], b) for a, b in zip(x, z, strict=True)]
-        )
+        motions = [np.array(part_at_rest(model.pose, start_stance(wheel))) for wheel in model.wheel_list]
+        lateral = model.pose.point_at_rest(0.0, model._parameters["start.lateral"], 0.0)[:3]
+        aside = np.array(lateral) - model.pose.point_at_rest(0.0, 0.0, 0.0)[:3]
+        for motion in motions:
+            motion[:3] += aside
+        return np.concatenate(motions)
     u = run.u[-1].copy()
     if wheels:  # a mount or a hull: near the output position
         u[:3] = y[:3]
@@ -152,6 +163,30 @@ def test_what_free_parameters_cannot_be_is_refused_as_in_the_model(case, paramet
         type(run.member.model)(run.part.config).initialise(run.part.parameters | parameters)
     with Component(native(case), "part") as component, pytest.raises(ComponentFailed, match=said):
         component.initialise(run.part.parameters | parameters)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.05])
+def test_a_mass_that_is_set_alone_is_said_once(factor):
+    """More mass m on the springs of the start falls with m g over the mass of the hull, to which leaves add a part."""
+    run = ran(CHASSIS)
+    mass = {"chassis.mass": factor * numbers.values(run.part.config)["chassis.mass"]}
+    model, messages = type(run.member.model)(numbers.with_values(run.part.config, mass)), []
+    model.initialise(run.part.parameters)
+    with Component(native(CHASSIS), "chassis", lambda name, status, text: messages.append(text)) as component:
+        component.initialise(run.part.parameters | mass)
+        for k in range(3):
+            model.step(k * H, H, run.u[k])
+            component.u[:] = run.u[k]
+            component.write()
+            component.step(k * H, H)
+            component.read()
+    warnings, tree = model.warnings(), model.tree
+    assert warnings == messages
+    assert len(warnings) == (factor != 1.0)
+    for warning in warnings:
+        push = (1.0 - 1.0 / factor) * mass["chassis.mass"] * tree.gravity
+        said = float(re.search(r"the hull accelerates at (\S+) m/s2 in the first step", warning)[1])
+        assert push / tree.total_mass < said < push / tree.mass
 
 
 def test_choices_are_refused_by_what_there_is():

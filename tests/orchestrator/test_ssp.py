@@ -92,11 +92,13 @@ def test_connections_connectors_and_values_are_those_of_the_scene(rig, structure
             assert etree.QName(connector[0]).localname == variable[0].tag
             assert connector[0].get("unit") == variable[0].get("unit")
         values = component.findall(".//ssv:Parameter", NAMESPACES)
-        given = {value.get("name"): float(value[0].get("value")) for value in values}
-        reals = {name: value for name, value in part.parameters.items() if isinstance(value, float)}
-        reals.pop("link_outputs.interval", None)
-        assert given == reals
-        assert given == {name: float(variables[name][0].get("start")) for name in given}
+        given = {value.get("name"): value[0].get("value") for value in values}
+        assert given == {
+            name: variable[0].get("start") for name, variable in variables.items()
+            if variable.get("causality") == "parameter"
+        }  # fmt: skip
+        own = {name: value for name, value in part.parameters.items() if name != "link_outputs.interval"}
+        assert own == {name: type(value)(given[name]) for name, value in own.items()}
     experiment = structure.find("ssd:DefaultExperiment", NAMESPACES)
     assert float(experiment.get("stopTime")) == 1.5
 
@@ -170,6 +172,65 @@ def test_a_host_exchanges_as_jacobi_with_held_inputs(tool, package, vehicle, env
     with Log(tmp_path / "jacobi.mcap") as log:
         ours = [log.signal(f"chassis.{name}")[1][-1] for name in ("chassis.position.x", "speed")]
     assert shown == pytest.approx(ours, rel=1e-9)
+
+
+OTHER = {
+    "chassis.mass": 6000.0, "chassis.inertia": [1.8e3, 1.1e4, 1.1e4], "gravity": 9.7, "suspension.stiffness": 9e5,
+    "suspension.damping": 1.4e4, "tensioner.stiffness": 9e5, "contact.ground.friction": 0.5,
+    "contact.wheel.friction": 0.25, "contact.sprocket.friction": 0.2, "contact.wheel.stiffness": 2e6,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def other(vehicle, tmp_path_factory):
+    """Archive of another vehicle of the same shapes, and one with the first one's FMUs and the document of this one."""
+    folder = tmp_path_factory.mktemp("ssp")
+    settings = [f"vehicle.{key}={value}" for key, value in OTHER.items()]
+    write_ssp(load("turn", "rigid", ["run.stop=0.1 s", *settings]), folder / "own.ssp", native=False)
+    with (
+        zipfile.ZipFile(folder / "own.ssp") as own,
+        zipfile.ZipFile(vehicle) as first,
+        zipfile.ZipFile(folder / "set.ssp", "w", zipfile.ZIP_DEFLATED) as mixed,
+    ):
+        for name in first.namelist():
+            mixed.writestr(name, (own if name == "SystemStructure.ssd" else first).read(name))
+    return folder
+
+
+@pytest.mark.long
+def test_a_document_makes_another_vehicle_of_fmus_of_its_shapes(vehicle, other, tmp_path, cotrack):
+    rows = []
+    for file in (vehicle, other / "own.ssp", other / "set.ssp"):
+        with zipfile.ZipFile(file) as archive, zipfile.ZipFile(tmp_path / file.name, "w") as bare:
+            for name in archive.namelist():
+                if name != "resources/scene.json":  # by which cotrack would step it
+                    bare.writestr(name, archive.read(name))
+        log = tmp_path / f"{file.stem}.mcap"
+        status, _, err = cotrack("run", tmp_path / file.name, "--log", log, "--stop", "0.02", "--step", "1ms")
+        assert status == 0, err
+        with Log(log) as read:
+            rows.append([read.signal(f"chassis.{name}")[1] for name in ("chassis.position.z", "speed", "pitch")])
+    assert np.array_equal(rows[1], rows[2])
+    assert not np.array_equal(rows[0], rows[1])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("tool", "package"), [("libcosim", "libcosimpy"), ("Ecos", "ecospy")])
+def test_a_host_applies_the_sets_to_all_components(tool, package, vehicle, other, environment, tmp_path):
+    """The set of another vehicle makes it of these FMUs, to the bit; Ecos takes the name of the set."""
+    pytest.importorskip(package)
+    script = script_of_page(tool).replace("(4000)", "(20)").replace(".init()", '.init(parameter_set="turn")')
+    said = []
+    for file in (vehicle, other / "own.ssp", other / "set.ssp"):
+        folder = tmp_path / file.stem
+        folder.mkdir()
+        shutil.copy(file, folder / "vehicle.ssp")
+        done = subprocess.run(
+            [sys.executable, "-c", script], cwd=folder, env=environment, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        said.append(done.stdout.splitlines()[-1])
+    assert said[1] == said[2] != said[0]
 
 
 @pytest.mark.long
