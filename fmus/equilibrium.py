@@ -109,8 +109,15 @@ def equilibrium(
 def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
     """Stances of the places of a chassis at the start, by name (``left.idler``), from its config.
 
-    They are in the vehicle frame, but y counts from the plane of the track.
+    They are in the vehicle frame, but y counts from the plane of the track. Cached for this build, as compiling or
+    loading a kernel takes a second.
     """
+    request = [source_hash(), packed(chassis, Chassis.reads(chassis))]
+    found = cached_result("places", "stances", request, lambda: _stances(chassis))
+    return {name: stance(numbers) for name, numbers in found.items()}
+
+
+def _stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
     vehicle = chassis["vehicle"]
     whole_config = {**chassis["chassis"], "sides": ["left", "right"]}
     model, lateral = Chassis({"vehicle": vehicle, "chassis": whole_config}), vehicle["track"]["lateral"]

@@ -6,11 +6,14 @@ import ast
 import hashlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from importlib.util import resolve_name
 from pathlib import Path
 from threading import Lock
+from typing import NamedTuple
+
+from fmus.cache import cached_result
 
 ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
 PARSING = Lock()  # Python 3.11 counts the depth of a tree for all threads together
@@ -66,15 +69,40 @@ def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
             yield from _statements(handler.body)
 
 
+class _Source(NamedTuple):
+    digest: bytes
+    imports: Sequence[str]
+
+
 @cache
-def _imports(path: Path, package: str) -> tuple[str, ...]:
-    """Absolute names that the source at ``path`` imports; of ``from a import b`` both ``a`` and ``a.b``.
+def _source(path: Path, package: str) -> _Source:
+    """Digest of a source of a package, and what it imports: read once in a process."""
+    content = path.read_bytes()
+    known = _own_imports().get(path.relative_to(ROOT).as_posix()) if path.is_relative_to(ROOT) else None
+    return _Source(hashlib.sha256(content).digest(), _imports(content, package) if known is None else known)
+
+
+@cache
+def _own_imports() -> Mapping[str, Sequence[str]]:
+    """Imports of all sources below ROOT by relative path, parsed once for a build: parsing takes half a second."""
+
+    def parsed() -> dict[str, list[str]]:
+        files = ((path, path.relative_to(ROOT)) for path in sources())
+        return {name.as_posix(): _imports(path.read_bytes(), ".".join([ROOT.name, *name.parent.parts]))
+                for path, name in files}  # fmt: skip
+
+    imports: Mapping[str, Sequence[str]] = cached_result("contents", "imports", [source_hash()], parsed)
+    return imports
+
+
+def _imports(content: bytes, package: str) -> list[str]:
+    """Absolute names that a source of a package imports; of ``from a import b`` both ``a`` and ``a.b``.
 
     The modules that a class names by ``implemented_in`` are among them.
     """
     names_found: list[str] = []
     with PARSING:
-        tree = ast.parse(path.read_bytes())
+        tree = ast.parse(content)
     for statement in _statements(tree.body):
         if isinstance(statement, ast.Import):
             names_found += [alias.name for alias in statement.names]
@@ -86,7 +114,7 @@ def _imports(path: Path, package: str) -> tuple[str, ...]:
             calls = [each for each in statement.decorator_list if ast.unparse(each).startswith("implemented_in(")]
             names = [ast.literal_eval(keyword.value) for call in calls for keyword in call.keywords]  # type: ignore[attr-defined]
             names_found += [resolve_name(name, package) for name in names]
-    return tuple(names_found)
+    return names_found
 
 
 @cache
@@ -110,12 +138,14 @@ def reachable_hash(module: str, path: Path) -> str:
     packages = {module.partition(".")[0], "fmus"}
     folder = path.parents[module.count(".") + (path.name == "__init__.py")]
     paths: dict[str, Path] = {module: path}
+    digests: dict[str, bytes] = {}
     pending = [module]
     while pending:
         name = pending.pop()
         source = paths[name]
         package = name if source.name == "__init__.py" else name.rpartition(".")[0]
-        for imported in (package, *_imports(source, package)):
+        digests[name], imports = _source(source, package)
+        for imported in (package, *imports):
             parts = imported.split(".")
             if parts[0] not in packages:
                 continue
@@ -125,6 +155,6 @@ def reachable_hash(module: str, path: Path) -> str:
                     paths[parent] = source_path
                     pending.append(parent)
     digest = hashlib.sha256()
-    for name in sorted(paths):
-        digest.update(name.encode() + b"\0" + hashlib.sha256(paths[name].read_bytes()).digest())
+    for name in sorted(digests):
+        digest.update(name.encode() + b"\0" + digests[name])
     return digest.hexdigest()

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import tostring
 
 from fmus import numbers
 from fmus.build import DESCRIPTION, DIGITS, SHAPE, BuildFailed, archive, build_once, packed_config
-from fmus.cache import CHECKSUM
+from fmus.cache import CHECKSUM, cached_result
 from fmus.components import KINDS, model_of
 from fmus.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment, parameter_values
 from fmus.description import document
@@ -100,9 +100,14 @@ def targets_windows() -> bool:
 def with_constants(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> dict[str, Any]:
     """Config with the parameters that are not free, so that components alike in them share an FMU."""
     values = {**config.get(KEY, {}), **parameters}
-    model = _model(kind, packed_config(kind, {**config, KEY: values}))
-    free = free_names(model.free_parameters(parameter_values(model.ports, values)))
-    constants = {name: value for name, value in parameters.items() if name not in free}
+    packed = packed_config(kind, {**config, KEY: values})
+
+    def free() -> list[str]:
+        model = _model(kind, packed)
+        return sorted(free_names(model.free_parameters(parameter_values(model.ports, values))))
+
+    known = set(cached_result("numbers", "free", [source_hash(), kind, packed], free))
+    constants = {name: value for name, value in parameters.items() if name not in known}
     return {**config, KEY: {**config.get(KEY, {}), **constants}}
 
 

@@ -71,6 +71,8 @@ def require_pairs(
     where: str, parts: Sequence[Part], fmus: Mapping[str, Replacement], connections: Sequence[Connection]
 ) -> Iterator[tuple[str, str]]:
     """Warnings about connections of the user, as part and sentence; raises BadInput if the ends do not fit."""
+    if not connections:
+        return
     ends = ends_of(parts, fmus)
     places = {part.name: f"{where}: {part.name}" for part in parts} | {name: fmu.where for name, fmu in fmus.items()}
     for connection in connections:

@@ -26,6 +26,9 @@ def save(
         with atomic_write(folder / file) as temporary:
             temporary.write_text(text, encoding="utf-8")
     pictures = [folder / f"{stem}.png", folder / f"{stem}.svg"] if picture else []
+    if picture:  # lay it out once for both files
+        picture.draw_without_rendering()
+        picture.set_layout_engine("none")
     for path in pictures:
         with atomic_write(path) as temporary:
             picture.savefig(temporary)

@@ -142,7 +142,7 @@ def test_reachable_sources_follow_every_kind_of_import(tmp_path, monkeypatch, cl
 
     def fingerprint():
         sources.reachable_hash.cache_clear()
-        sources._imports.cache_clear()
+        sources._source.cache_clear()
         return sources.reachable_hash("reach.start", package / "start.py")
 
     first = fingerprint()
@@ -168,6 +168,7 @@ def test_a_kernel_is_hashed_with_its_callees_when_its_package_was_loaded_from_el
         sys.modules["parts"].__path__ = [str(folder)]
         hashes.append(sources.reachable_hash.__wrapped__("parts.caller", caller))
     (parts / "parts" / "deep" / "callee.py").write_text("factor = 3\n")
+    sources._source.cache_clear()  # of this process
     hashes.append(sources.reachable_hash.__wrapped__("parts.caller", caller))
     assert hashes[0] == hashes[1] != hashes[2]
 

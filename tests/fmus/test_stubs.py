@@ -74,7 +74,7 @@ def test_an_edit_behind_any_stub_is_another_kernel(tmp_path):
 
     def fingerprint(module: str) -> str:
         sources.reachable_hash.cache_clear()
-        sources._imports.cache_clear()
+        sources._source.cache_clear()
         return sources.reachable_hash(module, tmp_path.joinpath(*module.split(".")).with_suffix(".py"))
 
     choices = dispatched()
@@ -86,7 +86,7 @@ def test_an_edit_behind_any_stub_is_another_kernel(tmp_path):
         assert fingerprint(stub) != before, chosen
         path.write_text(text, encoding="utf-8")
     sources.reachable_hash.cache_clear()
-    sources._imports.cache_clear()
+    sources._source.cache_clear()
 
 
 STUB = """
