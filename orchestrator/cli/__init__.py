@@ -6,6 +6,8 @@ is open; 2 on bad input.
 
 from __future__ import annotations
 
+import atexit
+import gc
 import logging
 import os
 import signal
@@ -107,6 +109,7 @@ def main(command: Callable[..., Any] = app) -> None:
     if status == 130:  # typer's status for Ctrl-C
         status = print_message("interrupted", 1)
     keep_limit()
+    atexit.register(gc.freeze)  # otherwise the interpreter goes through all objects of the libraries: half a second
     for stream in (sys.stdout, sys.stderr):
         try:
             if stream is not None:

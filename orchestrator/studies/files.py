@@ -28,7 +28,7 @@ def save(
     pictures = [folder / f"{stem}.png", folder / f"{stem}.svg"] if picture else []
     if picture:  # lay it out once for both files
         picture.draw_without_rendering()
-        picture.set_layout_engine("none")
+        picture.set_layout_engine(None)
     for path in pictures:
         with atomic_write(path) as temporary:
             picture.savefig(temporary)

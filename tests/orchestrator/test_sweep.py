@@ -14,6 +14,7 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.stats import qmc
 from short_run import last
 
@@ -383,7 +384,7 @@ def test_cases_can_be_sent_to_other_machines(tmp_path):
 
 
 def test_tables_and_pictures_are_written_whole_or_not_at_all(tmp_path):
-    class Full:
+    class Full(Figure):
         """Picture for which the disk has no room."""
 
         def savefig(self, path):
