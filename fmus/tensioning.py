@@ -26,6 +26,7 @@ from fmus.vehicle import BadInput
 REACH, PITCH = 0.06, 0.1524  # m: largest distance of the wheel from its drawn place, for links of this pitch
 ACCEPTED = 1e-3  # relative difference of the tension from the wanted one
 PARTS = 16  # of the largest distance, by which the range ends earlier where the chain cannot rest
+SECANTS, BEYOND = 4, 1.2  # most steps towards the wanted tension, and how far they go past what a secant gives
 Links = tuple[str, Mapping[str, Any]]  # kind of component of a track, and its parameters other than the defaults
 CABLES: Links = ("TrackFlexible", {})
 
@@ -93,14 +94,34 @@ class _Track:
 
     def place(self, tension: float, reach: float) -> float:
         """Place of a tension, N, at most ``reach``, m, from the drawn one, or nearest to it; raises StepFailed."""
-        low, high = self.end(-reach), self.end(reach)
-        if tension == 0.0:
-            return low if self.outwards > 0.0 else high
-        if (self.tension(low) - tension) * (self.tension(high) - tension) < 0.0:
-            x = round(float(scipy.optimize.brentq(lambda x: self.tension(x) - tension, low, high, xtol=1e-8)), 8)
-            if self.carries(x, tension):
-                return x
+        for bracket in (self.near, self.far):
+            low, high = bracket(tension, reach)
+            if tension == 0.0 and bracket == self.far:
+                return low if self.outwards > 0.0 else high
+            if (self.tension(low) - tension) * (self.tension(high) - tension) < 0.0:
+                x = float(scipy.optimize.brentq(lambda x: self.tension(x) - tension, low, high, xtol=1e-9))
+                if self.carries(x := round(x, 8), tension):
+                    return x
         return min(self.found, key=lambda x: abs(self.found[x][0] - tension))
+
+    def far(self, tension: float, reach: float) -> tuple[float, float]:
+        """Both ends of the range of places."""
+        return self.end(-reach), self.end(reach)
+
+    def near(self, tension: float, reach: float) -> tuple[float, float]:
+        """Places with the tension between them, by a few secants from the drawn place; equal if they find none."""
+        x, lacking = self.drawn, tension - self.tension(self.drawn)
+        end = self.end(self.outwards * (reach if lacking > 0.0 else -reach))
+        way = (end - x) / PARTS
+        with suppress(InvalidParameter, StepFailed):
+            for _ in range(SECANTS):
+                if abs(x + way - self.drawn) > abs(end - self.drawn):
+                    break
+                x, before, left = x + way, x, tension - self.tension(x + way)
+                if left * lacking < 0.0:
+                    return min(x, before), max(x, before)
+                way, lacking = way * BEYOND * left / (lacking - left or left), left
+        return self.drawn, self.drawn
 
     def carries(self, x: float, tension: float) -> bool:
         """Whether the chain has that tension, N, with the wheel at x; 0 is slack."""

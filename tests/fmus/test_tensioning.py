@@ -54,6 +54,19 @@ def test_a_cache_that_cannot_be_used_costs_time_only(monkeypatch, tmp_path):
     assert tensioning.tension_wheel(CONFIG, "idler", 1e4) == pytest.approx((-5.0, 3.0))
 
 
+@pytest.mark.parametrize("tension", [8e3, 2.7e4])
+def test_few_equilibria_find_the_place_that_the_whole_range_gives(tension, monkeypatch):
+    """A bracket near the drawn place saves equilibria, and the place is the same."""
+    near = tensioning._Track(CONFIG, "idler", tensioning.CABLES)
+    far = tensioning._Track(CONFIG, "idler", tensioning.CABLES)
+    monkeypatch.setattr(far, "near", lambda tension, reach: (far.drawn, far.drawn))
+    places = [track.place(tension, tensioning.REACH) for track in (near, far)]
+    assert places[0] == pytest.approx(places[1], abs=1.01e-8)
+    assert near.tension(places[0]) == pytest.approx(tension, abs=0.1)
+    assert len(near.found) <= 10
+    assert len(near.found) <= len(far.found) - 2
+
+
 ASKED = 1e-3  # relative difference of tensions
 REAR = (16, 52, 83)  # random vehicles with the sprocket at the rear, on which pins are easily laid on teeth
 
@@ -191,7 +204,8 @@ def test_the_range_of_the_search_is_that_of_the_m113_in_pitches(monkeypatch):
         monkeypatch.setattr(tensioning._Track, "end", lambda self, way, asked=asked: asked.append(way) or self.drawn)
         with pytest.raises(BadInput, match=f"within {1e3 * reach:.3g} mm"):
             tensioning._search(track_of(scene), "idler", 1e7, "vehicle.track", tensioning.CABLES)
-        assert asked == pytest.approx([-reach, reach], rel=1e-14)
+        assert asked[1:] == pytest.approx([-reach, reach], rel=1e-14)
+        assert abs(asked[0]) == pytest.approx(reach, rel=1e-14), "of the search near the drawn place"
 
 
 def test_a_belt_that_does_not_fit_is_refused_with_the_place_that_would():
