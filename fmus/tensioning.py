@@ -94,10 +94,10 @@ class _Track:
 
     def place(self, tension: float, reach: float) -> float:
         """Place of a tension, N, at most ``reach``, m, from the drawn one, or nearest to it; raises StepFailed."""
+        if tension == 0.0:
+            return self.end(-self.outwards * reach)
         for bracket in (self.near, self.far):
             low, high = bracket(tension, reach)
-            if tension == 0.0 and bracket == self.far:
-                return low if self.outwards > 0.0 else high
             if (self.tension(low) - tension) * (self.tension(high) - tension) < 0.0:
                 x = float(scipy.optimize.brentq(lambda x: self.tension(x) - tension, low, high, xtol=1e-9))
                 if self.carries(x := round(x, 8), tension):

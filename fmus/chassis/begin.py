@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fmus.chassis.dynamics import ROOT, energies, is_fixed
-from fmus.chassis.tree import unpacked, with_sprockets
+from fmus.chassis.tree import unpacked, with_leaves, with_sprockets
 from fmus.jit import allocating, kernel
 from fmus.stance import part_at_rest
 from fmus.start import AFTER_POSE, FRAME, lay_frame
@@ -22,7 +22,12 @@ NUMBERS = (  # numbers of the vehicle table that follow the preloads in ``p``
     "tensioner.stiffness",
     "tensioner.damping",
 )
-GRAVITY, MASS, INERTIA, SPROCKET, SUSPENSION, TENSIONER = (PRELOADS + 2 + k for k in (0, 1, 2, 5, 7, 9))
+# indices in ``p``; what belongs together follows
+GRAVITY, MASS, INERTIA, SPROCKET, SUSPENSION, TENSIONER = (
+    PRELOADS + 2 + NUMBERS.index(name)
+    for name in ("gravity", "chassis.mass", "chassis.inertia[1]", "sprocket.mass", "suspension.stiffness",
+                 "tensioner.stiffness")
+)  # fmt: skip
 
 
 @allocating
@@ -56,13 +61,7 @@ def set_masses(packed, p):
     moments = p[INERTIA], p[INERTIA + 1], p[INERTIA + 2]
     mounts, centre, inertia = tree.sprocket, tree.centre, tree.inertia
     mass = with_sprockets(p[MASS], moments, p[SPROCKET], p[SPROCKET + 1], mounts, centre, inertia)
-    leaves = tree.is_arm.size // 2  # of a side: arms, the idler, rollers
-    arms = 0
-    for k in range(leaves):
-        arms += tree.is_arm[k]
-    arm, idler, roller = tree.leaf_mass[0], tree.leaf_mass[arms], tree.leaf_mass[leaves - 1]
-    packed.body[0], packed.body[1] = p[GRAVITY], mass
-    packed.body[2] = mass + 2 * (arms * arm + idler + (leaves - 1 - arms) * roller)
+    packed.body[0], packed.body[1], packed.body[2] = p[GRAVITY], mass, with_leaves(mass, tree.is_arm, tree.leaf_mass)
 
 
 @kernel

@@ -88,6 +88,8 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     masses = body["mass"], body["inertia"], sprocket["mass"], sprocket["transverse_inertia"]
     mass = plain(with_sprockets)(*masses, mounts, centre, inertia)
     leaf_mass = wheel["mass"] + arm["mass"]
+    is_arm = leaves(1, 0, 0).astype(np.int64)
+    leaf_masses = leaves(leaf_mass, idler["mass"], roller["mass"])
     # arm and wheel: point masses at a distance of half an arm, on the line of the arm
     reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
     length_squared = float((pivot * pivot).sum())
@@ -97,14 +99,14 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     return VehicleTree(
         gravity=float(vehicle["gravity"]),
         mass=mass,
-        total_mass=mass + 2 * (arms * leaf_mass + idler["mass"] + rollers * roller["mass"]),
+        total_mass=plain(with_leaves)(mass, is_arm, leaf_masses),
         centre=centre,
         inertia=inertia,
-        is_arm=leaves(1, 0, 0).astype(np.int64),
+        is_arm=is_arm,
         hinge=hinge,
         arm=leaves(-pivot, (0.0, 0.0), (0.0, 0.0)),
         fraction=leaves((wheel["mass"] + 0.5 * arm["mass"]) / leaf_mass, 1.0, 1.0),
-        leaf_mass=leaves(leaf_mass, idler["mass"], roller["mass"]),
+        leaf_mass=leaf_masses,
         across=leaves(arm["pin_inertia"] + reduced * length_squared, 0.0, 0.0),
         along=leaves((arm["pin_inertia"] - arm["long_inertia"]) / length_squared + reduced, 0.0, 0.0),
         transverse=leaves(wheel["transverse_inertia"], idler["transverse_inertia"], roller["transverse_inertia"]),
@@ -173,6 +175,16 @@ def with_sprockets(mass, moments, sprocket_mass, transverse_inertia, mounts, cen
     inertia[0, 0] += 2.0 * transverse_inertia
     inertia[2, 2] += 2.0 * transverse_inertia
     return whole
+
+
+@kernel
+def with_leaves(mass, is_arm, leaf_mass):
+    """Mass of the vehicle, kg, from that of the chassis with sprockets and those of the leaves (n)."""
+    leaves, arms = is_arm.size // 2, 0  # of a side: arms, the idler, rollers
+    for k in range(leaves):
+        arms += is_arm[k]
+    side = arms * leaf_mass[0] + leaf_mass[arms] + (leaves - 1 - arms) * leaf_mass[leaves - 1]
+    return mass + 2 * side
 
 
 class PackedTree(NamedTuple):

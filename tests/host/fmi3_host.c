@@ -13,6 +13,7 @@
 #else
 #include <dlfcn.h>
 #endif
+#include "resources.h"
 
 enum { MOST = 4096 };
 
@@ -25,15 +26,6 @@ static void *symbol(void *library, const char *name) {
     void *found = library ? dlsym(library, name) : 0;
     if (!found) fprintf(stderr, "there is no %s\n", name), exit(2);
     return found;
-}
-
-/* Resources of the FMU whose library is at path, PLACE/binaries/PLATFORM/NAME. */
-static const char *resources_of(const char *path) {
-    static char place[2048];
-    size_t n = strlen(path);
-    for (int levels = 0; n && levels < 3; n--) levels += path[n - 1] == '/' || path[n - 1] == '\\';
-    snprintf(place, sizeof place, "%.*s/resources/", (int)n, path);
-    return place;
 }
 
 int main(int argc, char **argv) {

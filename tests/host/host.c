@@ -16,6 +16,7 @@
 #else
 #include <dlfcn.h>
 #endif
+#include "resources.h"
 
 enum { INSTANCES = 16, CONNECTIONS = 4096 };
 
@@ -50,15 +51,6 @@ static double now(void) {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
     return 1e6 * (double)t.tv_sec + 1e-3 * (double)t.tv_nsec;
-}
-
-/* Resources of the FMU whose library is at path, PLACE/binaries/PLATFORM/NAME. */
-static const char *resources_of(const char *path) {
-    static char place[2048];
-    size_t n = strlen(path);
-    for (int levels = 0; n && levels < 3; n--) levels += path[n - 1] == '/' || path[n - 1] == '\\';
-    snprintf(place, sizeof place, "%.*s/resources/", (int)n, path);
-    return place;
 }
 
 static void load(const char *path, const char *guid) {
