@@ -111,8 +111,8 @@ class Model(ComponentModel):
     start_parameters = *KEYS, "suspension.preload", "tensioner.preload", *NUMBERS
     warning_sentences = (
         Sentence(
-            "the vehicle does not start in equilibrium: the hull accelerates at {0:.2g} m/s2 in the first step, because"
-            " a number or a preload is another than that of rest.*, or the wrenches of its tracks are missing"
+            "the vehicle does not start in equilibrium: the hull rises or falls with {0:.2g} m/s2 in the first step,"
+            " because a number or a preload is another than that of rest.*, or its tracks did not carry it"
         ),
     )
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from fmus.build import start_values
 from fmus.vehicle import BadInput, path_text, value_text
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
 from orchestrator.scene.archive.structure import Structure, read_structure
@@ -16,6 +17,8 @@ from orchestrator.scene.assembly import Assembly, assemble
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.gallery import hint
 from orchestrator.scene.pair import Pair
+from orchestrator.scene.parts import Part
+from orchestrator.scene.products import product_config
 from orchestrator.scene.scene import Scene, changed_scene, from_table, load_any
 from orchestrator.scene.settings import pairs
 from orchestrator.scene.ssp import SCENE
@@ -94,7 +97,7 @@ def _own_scene(structure: Structure, where: str) -> Scene | None:
         raise BadInput(f"{where}: {SCENE} is not placed")
     assembly = assemble(scene)  # its FMUs are replaced by those of the archive, never files elsewhere
     if _is_that(structure, assembly):
-        return from_table({**table, "fmu": _fmus(structure, assembly)}, where)
+        return from_table({**table, "fmu": _fmus(structure, scene, assembly)}, where)
     sentence = "%s: parts or connections are not those of its scene: it runs as a free system"
     logging.getLogger("cotrack").warning(sentence, where)
     return None
@@ -110,14 +113,11 @@ def _is_that(structure: Structure, assembly: Assembly) -> bool:
     return structure.fmus.keys() == parts and set(structure.connections) == pairs_of_assembly
 
 
-def _fmus(structure: Structure, assembly: Assembly) -> dict[str, Any]:
-    """Tables of the FMUs; parameter values that the scene has as well follow the scene, if that is changed."""
-    return {
-        part.name: {
-            "file": str(structure.fmus[part.name]),
-            "parameters": {
-                name: value for name, value in structure.values[part.name].items() if part.parameters.get(name) != value
-            },
-        }
-        for part in assembly.parts
-    }
+def _fmus(structure: Structure, scene: Scene, assembly: Assembly) -> dict[str, Any]:
+    """Tables of the FMUs; parameter values that the scene's FMUs have as well follow the scene, if that is changed."""
+
+    def changed(part: Part) -> dict[str, Any]:
+        own = start_values(part.kind, product_config(scene, part)).parameters if part.kind else part.parameters
+        return {name: value for name, value in structure.values[part.name].items() if own.get(name) != value}
+
+    return {part.name: {"file": str(structure.fmus[part.name]), "parameters": changed(part)} for part in assembly.parts}
