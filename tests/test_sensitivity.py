@@ -191,19 +191,19 @@ def test_a_key_changes_what_is_computed(key, kind):
 @pytest.mark.long
 def test_a_mass_that_does_nothing_is_found(monkeypatch):
     """A mass without effect is found: a chassis and links that ignore their mass in the table."""
-    from fmus.chassis import model as chassis
+    from fmus import numbers
     from fmus.track_flexible import model as flexible
 
-    tree, cables = chassis.tree, flexible.Model._cables
+    values, cables = numbers.values, flexible.Model._cables
 
-    def kept(vehicle, *rest):
-        return tree({**vehicle, "chassis": {**vehicle["chassis"], "mass": 5489.24}}, *rest)
+    def kept(config):
+        return {**values(config), "chassis.mass": 5489.24}
 
     def light(self, *rest):
         self.vehicle = {**self.vehicle, "track": {**self.vehicle["track"], "mass": 18.02}}
         return cables(self, *rest)
 
-    for key, plant in (("vehicle.chassis.mass", (chassis, "tree", kept)),
+    for key, plant in (("vehicle.chassis.mass", (numbers, "values", kept)),
                        ("vehicle.track.mass", (flexible.Model, "_cables", light))):  # fmt: skip
         assert effect(key, "cable") > ROUNDING
         with monkeypatch.context() as planted:

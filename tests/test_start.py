@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fmus.drawn_wheels import drawn
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
@@ -29,7 +30,7 @@ def test_wheels_stand_where_their_tracks_were_laid(tmp_path, model, height, pitc
     for part in assemble(scene).parts:
         if part.kind.startswith("Track"):
             lateral = part.parameters["start.lateral"]
-            for wheel in part.config["track"]["wheels"]:
+            for wheel in drawn(part.config["vehicle"], part.config["track"]["wheels"]):
                 assert ("start" in wheel) == (height == 0.0), "a raised vehicle must start as drawn"
                 ahead, over = wheel["start"][0:3:2] if "start" in wheel else wheel["position"]
                 forward = np.cos(pitch) * ahead + np.sin(pitch) * over
