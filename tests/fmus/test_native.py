@@ -6,6 +6,7 @@ import ctypes
 import io
 import re
 import shutil
+import subprocess
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -17,11 +18,12 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 from native_cases import CHAIN, CHASSIS, DRIVE, FEW, MANY, SOIL, STEPS, H, begun, follow, native, ran
 
-from fmus.build import BuildFailed
+from fmus.build import BuildFailed, packed_config
 from fmus.cache import CHECKSUM
 from fmus.model import StepFailed
 from fmus.native import link, pack
 from fmus.native.pack import build_native, with_constants
+from fmus.native.platform import LINUX, WINDOWS
 from fmus.physics.contact.soil.rut import MADE
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.fmu_files import unpack
@@ -258,7 +260,20 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, m
     np.testing.assert_array_equal(links, run.links[:40])
 
 
-@pytest.mark.long
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_c_sources_compile_for_windows(fmi, tmp_path):
+    """Its headers have names of their own, as GUID; the whole library takes minutes."""
+    pytest.importorskip("ziglang")
+    part = ran(DRIVE).part
+    component = pack._Component(part.kind, packed_config(part.kind, part.config), fmi, pack._tools(fmi, (LINUX,)))
+    names = f'#define GUID "{component.guid}"\n#define SHAPE "{component.shape}"\n'
+    (tmp_path / "model.h").write_text(names + component.header)
+    command = [*link.compiler(WINDOWS), "-std=c11", "-fsyntax-only", f"-I{tmp_path}", *map(str, link.sources(fmi))]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.study
 def test_a_library_for_windows_needs_what_windows_has():
     pytest.importorskip("ziglang")
     part = ran(DRIVE).part
