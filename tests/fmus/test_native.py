@@ -268,9 +268,11 @@ def test_the_c_sources_compile_for_windows(fmi, tmp_path):
     component = pack._Component(part.kind, packed_config(part.kind, part.config), fmi, pack._tools(fmi, (LINUX,)))
     names = f'#define GUID "{component.guid}"\n#define SHAPE "{component.shape}"\n'
     (tmp_path / "model.h").write_text(names + component.header)
-    command = [*link.compiler(WINDOWS), "-std=c11", "-fsyntax-only", f"-I{tmp_path}", *map(str, link.sources(fmi))]
+    target = tmp_path / "shell.obj"
+    command = [*link.compiler(WINDOWS), "-std=c11", "-c", f"-I{tmp_path}", str(link.sources(fmi)[0]), "-o", str(target)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+    assert target.stat().st_size > 0
 
 
 @pytest.mark.study
