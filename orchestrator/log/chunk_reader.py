@@ -24,15 +24,15 @@ _SPAN = struct.Struct("<QQ")  # begins a chunk: first and last time in it, ns
 class Chunks:
     """Chunks of one log.
 
-    ``spans``: offset in the file -> first and last time in the chunk, s. ``unpacked``: offset -> content
-    and places of the messages, for the chunks in memory.
+    ``spans``: offset in the file -> first and last time in the chunk, s. ``unpacked``: offset -> messages, for the
+    chunks in memory.
     """
 
     def __init__(self, file: ContainerReader, channels: Mapping[int, RecordedChannel]) -> None:
         self._file = file
         self._channels = channels
         self.spans: dict[int, tuple[float, float]] = {}
-        self.unpacked: dict[int, tuple[Bytes, dict[int, Records]]] = {}
+        self.unpacked: dict[int, list[Messages]] = {}
         self._room = CACHED_BYTES
 
     def add(self, offset: int) -> None:
@@ -56,12 +56,10 @@ class Chunks:
         of a small log are in any case.
         """
         try:
-            content, records = self.unpacked.get(offset) or self._unpack(offset, keep or self._is_small)
-            return [
-                _messages(content, channel, records[number])
-                for number, channel in self._channels.items()
-                if number in records and (topics is None or channel.topic in topics)
-            ]
+            kept = self.unpacked.get(offset)
+            if kept is None:
+                return self._unpack(offset, topics, keep or self._is_small)
+            return kept if topics is None else [messages for messages in kept if messages.topic in topics]
         except DAMAGE as damage:
             raise LogUnreadable(
                 f"{self._file.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
@@ -82,17 +80,23 @@ class Chunks:
             except DAMAGE as damage:
                 raise LogUnreadable(f"{self._file.path}: the chunk at byte {offset} is damaged ({damage})") from None
 
-    def _unpack(self, offset: int, keep: bool) -> tuple[Bytes, dict[int, Records]]:
-        """Return the content of a chunk and its records by channel; raises one of DAMAGE."""
+    def _unpack(self, offset: int, topics: Collection[str] | None, keep: bool) -> list[Messages]:
+        """Return the message records of topics of a chunk; raises one of DAMAGE."""
         content = np.frombuffer(self._file.content(offset), np.uint8)
         most = most_records(self._file.packed_size(offset))
         records = records_by_channel(content, self._file.message_offsets(offset), most, self._channels)
+        keep = keep and len(content) <= self._room
+        messages = [
+            _messages(content, channel, records[number])
+            for number, channel in self._channels.items()
+            if number in records and (keep or topics is None or channel.topic in topics)
+        ]
         if not keep:
             self._file.release_record(offset)
-        elif len(content) <= self._room:  # topics are read one after another, so a kept chunk is unpacked once
-            self._room -= len(content)
-            self.unpacked[offset] = content, records
-        return content, records
+            return messages
+        self._room -= len(content)  # topics are read one after another, so a kept chunk is unpacked once
+        self.unpacked[offset] = messages
+        return [one for one in messages if topics is None or one.topic in topics]
 
 
 def _messages(content: Bytes, channel: RecordedChannel, records: Records) -> Messages:
