@@ -3,8 +3,7 @@
 A folder ``cache/kind/key`` has the mode 0700. A file ends with a checksum over its kind, key, name and
 content and is replaced as
 a whole. Nothing is read from a folder that others can write into. Without a cache everything works, but takes longer.
-``orchestrator/kernels/cache.py`` repeats the functions that the master needs, which imports nothing of ``fmus``; a test
-compares them.
+It knows the standard library alone, because the master, which imports nothing else of ``fmus``, uses it too.
 """
 
 from __future__ import annotations

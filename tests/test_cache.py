@@ -1,7 +1,6 @@
 """The cache mends or builds again any damaged file, and folders that others can write are not used."""
 
 import errno
-import inspect
 import json
 import logging
 import os
@@ -19,7 +18,6 @@ from conftest import build_toy
 from damaged_files import DAMAGES, POSIX, damage, forget_notices
 
 import fmus.cache
-import orchestrator.kernels.cache
 from fmus.jit import _Overloads
 from fmus.vehicle import BadInput
 from orchestrator.cosim.fmu_files import unpack
@@ -29,13 +27,6 @@ from orchestrator.execution.truth import FIGURES, LOGS, _hashes, truth
 from orchestrator.scene.scene import load
 
 _nothing_said_yet = pytest.fixture(autouse=True)(forget_notices)
-
-
-def test_both_packages_say_the_same():
-    for name, one in vars(orchestrator.kernels.cache).items():
-        if getattr(one, "__module__", None) == "orchestrator.kernels.cache":
-            assert inspect.getsource(one) == inspect.getsource(getattr(fmus.cache, name)), name
-    assert orchestrator.kernels.cache.OTHERS == fmus.cache.OTHERS
 
 
 # --- files -----------------------------------------------------------------------------------------
@@ -278,7 +269,7 @@ def full(tmp_path, monkeypatch):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
         put(file, content)
 
-    for module in ("fmus.cache", "orchestrator.kernels.cache", "orchestrator.cosim.fmu_files"):
+    for module in ("fmus.cache", "orchestrator.cosim.fmu_files"):
         monkeypatch.setattr(f"{module}.write", write)
     return place
 
@@ -289,8 +280,8 @@ def test_without_a_cache_fmus_are_built_and_unpacked_for_this_process(full, capl
     assert build_toy() == fmu
     folder = unpack(fmu)
     assert as_packed(fmu, folder) == []
-    for place, module in ((fmu, fmus.cache), (folder, orchestrator.kernels.cache)):
-        assert place.is_relative_to(module.temporary_folder())
+    assert fmu.is_relative_to(fmus.cache.temporary_folder())
+    assert folder.is_relative_to(fmus.cache.temporary_folder())
     (record,) = caplog.records
     assert record.levelno == logging.WARNING
     assert record.getMessage().startswith(

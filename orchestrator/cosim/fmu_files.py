@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from pathlib import Path
 
+from fmus.cache import cache_folder, make_folder, private_folder, temporary_folder, write
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.files.budget import (
     DESCRIBED,
@@ -21,7 +22,6 @@ from orchestrator.files.budget import (
     open_file,
 )
 from orchestrator.files.replacing import replacing
-from orchestrator.kernels.cache import cache_folder, make_folder, private_folder, temporary_folder, write
 
 DESCRIPTION = "modelDescription.xml"
 PIECE = 1 << 20  # bytes unpacked at once
