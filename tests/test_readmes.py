@@ -40,7 +40,12 @@ class Listed(NamedTuple):
 
 
 LISTS = {
-    "scenes": Listed("README.md", r"^\| scene \| content \|\n\| --- \| --- \|\n((?:\|.*\n)+)", gallery.names(), ROW),
+    "scenes": Listed(
+        "orchestrator/gallery/README.md",
+        r"^\| scene \| content \|\n\| --- \| --- \|\n((?:\|.*\n)+)",
+        gallery.names(),
+        ROW,
+    ),
     "analyses": Listed("orchestrator/commands.md", r"^cotrack analyse LOG (\S+)$", ANALYSES),
     "definitions of analyses": Listed("orchestrator/analyses.md", r"^## ([a-z-]+)$", ANALYSES),
     "commands of studies": Listed("orchestrator/commands.md", r"^cotrack study ([a-z-]+)", STUDIES),
