@@ -22,10 +22,21 @@ from fmus.jit import plain
 from fmus.model import NO_ROTATION, TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter, StepFailed
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import adaptive, state
-from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
 from fmus.physics.chain.explicit import slopes
 from fmus.physics.chain.implicit import ImplicitMethod
-from fmus.physics.chain.kinds import pin_places
+from fmus.physics.chain.integration import (
+    HELD,
+    LOOP,
+    PINNED,
+    PINS_OPEN,
+    PULLED,
+    SINGULAR,
+    STALLED,
+    STEP_TOO_SHORT,
+    UNSTABLE,
+    Environment,
+)
+from fmus.physics.chain.interface import pin_places
 from fmus.physics.chain.layout import (
     catenary,
     chain_of_angles,
@@ -37,7 +48,6 @@ from fmus.physics.chain.layout import (
     regular_polygon,
     rescaled,
 )
-from fmus.physics.chain.outcome import PINS_OPEN, SINGULAR, STALLED, STEP_TOO_SHORT, UNSTABLE
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.elementary import hypot, sin
 from fmus.physics.integrate import generalized_alpha, hht

@@ -10,11 +10,10 @@ from fmus.jit import allocating, kernel
 from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, SLOPES, STRESS, TENSION, WHEELS
 from fmus.model import no_rotation, not_given, too_many_steps
 from fmus.physics.chain import adaptive, on_links
-from fmus.physics.chain.communication_step import CommunicationStep
-from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.explicit import march
 from fmus.physics.chain.implicit import advance
-from fmus.physics.chain.kinds import fibres, observe_links, pin_axes, slopes
+from fmus.physics.chain.integration import CommunicationStep, Environment
+from fmus.physics.chain.interface import fibres, observe_links, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
 from fmus.physics.chain.state import FORGOTTEN

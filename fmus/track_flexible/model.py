@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from fmus.jit import implementation
 from fmus.model import Floats, FreeParameters, InvalidParameter, StepFailed
 from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain import state
-from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.explicit import NOTHING, stable
 from fmus.physics.chain.flexible.places import coordinate_indices, straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
@@ -23,7 +22,7 @@ from fmus.physics.chain.flexible.release import EVALUATE, RELEASED, REST, Evalua
 from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import Work, work
 from fmus.physics.chain.implicit import ImplicitMethod
-from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
+from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, IntegrationOutcome
 from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import POSITIVE, Port, Range
@@ -123,7 +122,7 @@ class Model(TrackModel):
         self._nodal_link = self.link
         axial = young * self.vehicle["section"]["area"]
         self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # axial, N
-        self.kit = kit(type(self.link))
+        self.kit = implementation("elements")(type(self.link))
         kind = element, axes, closed_by, ELIMINATED, NODAL  # every chain starts so, see ``begin_run``
         if kind != (self.element, self.axes, self.closure, self.joints, self.coordinates):
             self.element, self.axes, self.closure, self.joints, self.coordinates = kind

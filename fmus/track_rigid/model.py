@@ -9,8 +9,8 @@ import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.chain import state
-from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.implicit import ImplicitMethod
+from fmus.physics.chain.integration import HELD, PINNED
 from fmus.physics.chain.rigid.equilibrium import settle
 from fmus.physics.chain.rigid.explicit import LIMIT, longest
 from fmus.physics.chain.rigid.joints import count, to_joint_coordinates

@@ -7,7 +7,7 @@ import pytest
 import test_track_flexible
 import test_track_rigid
 
-from fmus.physics.chain.flexible.elements import flatten
+from fmus.physics.chain.flexible.interface import flatten
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.rolling import evaluate_contacts
 from fmus.physics.chain.sums import CONTACT, LOSSES, PATCH_POWER

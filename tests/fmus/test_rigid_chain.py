@@ -7,9 +7,9 @@ import pytest
 from m113 import MASS, TRACK, P
 
 from fmus import track_steps
-from fmus.physics.chain.environment import LOOP, Environment
 from fmus.physics.chain.explicit import slopes
 from fmus.physics.chain.implicit import ImplicitMethod
+from fmus.physics.chain.integration import LOOP, Environment
 from fmus.physics.chain.layout import close_exactly
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import pin_motion

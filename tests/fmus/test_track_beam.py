@@ -15,7 +15,7 @@ from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.explicit import NOTHING
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN
 from fmus.physics.integrate.generalized_alpha import Slopes
 from orchestrator.cosim.component import Component

@@ -18,7 +18,7 @@ from fmus.physics.chain.flexible.cable_nodes import gather
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.explicit import NOTHING
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN, STRESS, T_MAX, T_MEAN, T_MIN
 from fmus.physics.integrate.generalized_alpha import Slopes
 from tests.validation.ancf import joints, loads, mesh, statics

@@ -7,7 +7,6 @@ import numpy as np
 from fmus import track_steps
 from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.environment import HELD, LOOP, Environment
 from fmus.physics.chain.explicit import slopes
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.assembly import evaluate
@@ -21,7 +20,8 @@ from fmus.physics.chain.flexible.state import shapes as flexible_shapes
 from fmus.physics.chain.flexible.state import views as flexible_views
 from fmus.physics.chain.flexible.work import work as flexible_work
 from fmus.physics.chain.implicit import ImplicitMethod
-from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.integration import HELD, LOOP, Environment
+from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import COUNTERS, GRAVITY, KINETIC, REPORT
 from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate import adams, generalized_alpha, hht, runge_kutta

@@ -8,9 +8,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from fmus.jit import plain
-from fmus.physics.chain.communication_step import CommunicationStep
-from fmus.physics.chain.environment import HELD, LOOP, Environment
 from fmus.physics.chain.explicit import march, slopes
+from fmus.physics.chain.integration import HELD, LOOP, CommunicationStep, Environment
 from fmus.physics.chain.rigid import jointed
 from fmus.physics.chain.rigid.explicit import accelerations
 from fmus.physics.chain.rigid.joints import count, to_joint_coordinates, to_poses

@@ -8,9 +8,9 @@ import numpy as np
 
 from fmus import track_steps
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.environment import HELD, LOOP, Environment
 from fmus.physics.chain.explicit import slopes
 from fmus.physics.chain.implicit import ImplicitMethod
+from fmus.physics.chain.integration import HELD, LOOP, Environment
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import pin_motion
 from fmus.physics.chain.rigid.explicit import accelerations

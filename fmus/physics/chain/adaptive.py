@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from fmus.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.explicit import FAR
-from fmus.physics.chain.kinds import accelerate, derivative, observe, project, speed, stage_joints
-from fmus.physics.chain.outcome import DONE, PINS_OPEN, SINGULAR, STEP_TOO_SHORT, UNSTABLE, IntegrationOutcome
+from fmus.physics.chain.integration import DONE, PINS_OPEN, SINGULAR, STEP_TOO_SHORT, UNSTABLE, IntegrationOutcome
+from fmus.physics.chain.interface import accelerate, derivative, observe, project, speed, stage_joints
 from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, LOST, PATCH_DEFECT, REJECTED, STEPS, TRAVEL, WORK
 from fmus.physics.chain.state import copy, integrated_views, store_evaluation
 from fmus.physics.chain.sums import END_POWER, LOSSES, PATCH_POWER, SUMS
@@ -21,8 +21,7 @@ from fmus.physics.integrate.adams import LEAST, Adams, accept, accurate, correct
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.communication_step import CommunicationStep
-    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.integration import CommunicationStep, Environment
     from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
 
 SUMMED_ENTRIES = SUMS - LOSSES + 3  # summed entries of the report: losses by cause, and three more

@@ -12,8 +12,8 @@ import numpy as np
 
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.kinds import accelerate, derivative, first_speed, observe, project, speed, stage_joints
-from fmus.physics.chain.outcome import DONE, PINS_OPEN, SINGULAR, UNSTABLE, IntegrationOutcome
+from fmus.physics.chain.integration import DONE, PINS_OPEN, SINGULAR, UNSTABLE, IntegrationOutcome
+from fmus.physics.chain.interface import accelerate, derivative, first_speed, observe, project, speed, stage_joints
 from fmus.physics.chain.report import EVALUATIONS, STEPS, TRAVEL, WORK, accumulate
 from fmus.physics.chain.state import add_share, copy, integrated_views, store_evaluation
 from fmus.physics.chain.sums import END_POWER
@@ -21,8 +21,7 @@ from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.communication_step import CommunicationStep
-    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.integration import CommunicationStep, Environment
     from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
 
 FAR = 1e9  # m and m/s: a motion beyond counts as unstable

@@ -13,18 +13,16 @@ import numpy as np
 
 from fmus.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.kinds import end_work, first_speed, newton, newton_joints, observe, speed
-from fmus.physics.chain.outcome import DONE, IntegrationOutcome
+from fmus.physics.chain.integration import DONE, IntegrationOutcome
+from fmus.physics.chain.interface import commit_contacts, end_work, first_speed, newton, newton_joints, observe, speed
 from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, accumulate
 from fmus.physics.chain.short_steps import is_short, keep_auxiliary_values, set_length
 from fmus.physics.chain.state import copy, store_evaluation
-from fmus.physics.chain.touch import commit_contacts
 from fmus.physics.integrate.generalized_alpha import WITHOUT_MEMORY, GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.communication_step import CommunicationStep
-    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.integration import CommunicationStep, Environment
     from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
 
 LEAST = 1e-4  # smallest part of a step that is tried

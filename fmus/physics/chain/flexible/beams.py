@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import allocating, implemented_in, kernel
+from fmus.jit import allocating, implemented_in, namesake
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, section_vectors
 from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
@@ -42,7 +42,7 @@ PIN_AXIS = [4]  # index in a pin of its axis' y component, 1 at rest
 
 
 @implemented_in(
-    dynamics=".dynamics", elements=".beams", axes=".fixed_axes", joints=".eliminated_joints", faces=".beam_faces",
+    dynamics=".dynamics", elements=".beams", faces=".beam_faces",
     guides="..guides",
 )  # fmt: skip
 class Beams(NamedTuple):
@@ -59,28 +59,21 @@ class Beams(NamedTuple):
     closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
 
 
-@kernel
+@namesake
 def gather(links: Beams, q: Floats, i: int, j: int, e: Floats) -> None:
-    """See ``elements``."""
     coordinates(q, i, j, e)
 
 
-@kernel
+@namesake
 def layout(links: Beams) -> LinkLayout:
-    """See ``elements``."""
     return LAYOUT
 
 
-@kernel
+@namesake
 def lever(links: Beams) -> tuple[float, float, float, float, float, float]:
-    """See ``elements``: by the pin's middle, or by its ends as they rotate and stretch."""
+    """By the pin's middle, or by its ends as they rotate and stretch."""
     half = 0.5 * links.element.width
     return 1.0, 1.0, 1.0, half, half, half
-
-
-@kernel
-def flatten(links: Beams, w: Work) -> None:
-    """See ``elements``: unchanged."""
 
 
 @allocating
@@ -118,8 +111,7 @@ def outer_and_inner(links: Beams, w: Work) -> tuple[float, float]:
     return outer, inner
 
 
-@kernel
+@namesake
 def pin_axis(links: Beams, q: Floats) -> Vector:
-    """See ``elements``."""
     along = vector(q, 3)
     return scale(1.0 / np.sqrt(dot(along, along)), along)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel
+from fmus.jit import implemented_in, namesake
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, mean_curvature, section_force, tension
 from fmus.physics.arrays import Floats, Four, Vector
@@ -24,7 +24,7 @@ from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.link_layout import layout_of_halves
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.work import Work
 
@@ -57,8 +57,7 @@ PIN_AXIS: list[int] = []  # index in a pin of its axis' y component, 1 at rest; 
 
 
 @implemented_in(
-    dynamics=".dynamics", elements=".cables", axes=".fixed_axes", joints=".eliminated_joints", faces=".cable_faces",
-    guides="..unguided",
+    dynamics=".dynamics", elements=".cables", faces=".cable_faces",
 )  # fmt: skip
 class Cables(NamedTuple):
     """Parameters of a chain of equal links."""
@@ -73,32 +72,24 @@ class Cables(NamedTuple):
     closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
 
 
-@kernel
+@namesake
 def gather(links: Cables, q: Floats, i: int, j: int, e: Floats) -> None:
-    """See ``elements``."""
     coordinates(q, i, j, e)
 
 
-@kernel
+@namesake
 def layout(links: Cables) -> LinkLayout:
-    """See ``elements``."""
     return LAYOUT
 
 
-@kernel
+@namesake
 def lever(links: CableLinks) -> Four:
-    """See ``elements``: the size of a correction is the motion of the pin."""
+    """The size of a correction is the motion of the pin."""
     return 1.0, 1.0, 1.0, 0.0
 
 
-@kernel
-def flatten(links: Cables, w: Work) -> None:
-    """See ``elements``: unchanged."""
-
-
-@kernel
+@namesake
 def axial(links: CableLinks, w: Work) -> tuple[float, float]:
-    """See ``elements``."""
     first, second = end_moments(links.element, w.e)
     bending_stress = max(first, second) * links.outer_fibre / links.second_moment
     axial_stress = tension(links.element, w.e) / links.area
@@ -107,15 +98,14 @@ def axial(links: CableLinks, w: Work) -> tuple[float, float]:
     )
 
 
-@kernel
+@namesake
 def outer_and_inner(links: CableLinks, w: Work) -> tuple[float, float]:
-    """See ``elements``; a cable's curvature is linear, so its mean is that at the middle."""
+    """A cable's curvature is linear, so its mean is that at the middle."""
     axial_stress = tension(links.element, w.e) / links.area
     bending_stress = links.element.EI * mean_curvature(links.element, w.e) * links.outer_fibre / links.second_moment
     return axial_stress - bending_stress, axial_stress + bending_stress
 
 
-@kernel
+@namesake
 def pin_axis(links: CableLinks, q: Floats) -> Vector:
-    """See ``elements``."""
     return 0.0, 1.0, 0.0

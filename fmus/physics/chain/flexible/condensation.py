@@ -18,19 +18,19 @@ import numpy as np
 from fmus.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.flexible.closing import add_spring
-from fmus.physics.chain.flexible.elements import layout, lever
+from fmus.physics.chain.flexible.interface import layout, lever
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import pin_loads
+from fmus.physics.chain.integration import HELD, PINNED
 from fmus.physics.inverse import invert
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.state import Motion
     from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel
+from fmus.jit import implemented_in, kernel, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
@@ -21,7 +21,6 @@ from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
     PIN_AXIS,
     Cables,
     axial,
-    flatten,
     lever,
     outer_and_inner,
     pin_axis,
@@ -50,13 +49,11 @@ def coordinates(q: Floats, i: int, j: int, e: Floats) -> None:
         e[0, k], e[1, k], e[2, k], e[3, k] = q[i, k], q[i, 3 + k], q[j, k], q[j, 3 + k]
 
 
-@kernel
+@namesake
 def gather(links: ConstrainedCables, q: Floats, i: int, j: int, e: Floats) -> None:
-    """See ``elements``."""
     coordinates(q, i, j, e)
 
 
-@kernel
+@namesake
 def layout(links: ConstrainedCables) -> LinkLayout:
-    """See ``elements``."""
     return LAYOUT

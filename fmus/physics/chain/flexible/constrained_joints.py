@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import kernel, namesake
 from fmus.physics import block_cyclic
 from fmus.physics.arrays import Floats
 from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.elements import layout
+from fmus.physics.chain.flexible.interface import layout
 from fmus.physics.chain.flexible.link_layout import node
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.speed import chain_speed
@@ -31,7 +31,7 @@ from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.inverse import invert
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State
     from fmus.physics.chain.flexible.work import Work
     from fmus.physics.chain.protocols import Carrier
@@ -71,9 +71,8 @@ def _first(links: FlexibleLinks) -> int:
     return 0 if links.closed == 1 and links.closing is None else 1
 
 
-@kernel
+@namesake
 def factor(links: FlexibleLinks, w: Work) -> int:
-    """See ``joints``."""
     indices, D, U, L, n = layout(links), w.joints.S[0], w.joints.S[1], w.joints.S[2], links.n
     m, last = len(indices.shared), 2 * n - 1
     for i in range(n):
@@ -101,9 +100,8 @@ def factor(links: FlexibleLinks, w: Work) -> int:
     return block_cyclic.factor(D, U, L, w.joints.factors, links.closed == 1)
 
 
-@kernel
+@namesake
 def solve(links: FlexibleLinks, w: Work) -> None:
-    """See ``joints``."""
     W, multipliers, y, n, b = w.joints.W, w.joints.multipliers, w.joints.y, links.n, w.b
     m, last = len(layout(links).shared), 2 * n - 1
     for i in range(n):
@@ -138,18 +136,16 @@ def solve(links: FlexibleLinks, w: Work) -> None:
             b[2 * i + 1, r] -= y[m + r]
 
 
-@kernel
+@namesake
 def misfit(links: FlexibleLinks, q: Floats, w: Work) -> None:
-    """See ``joints``."""
     gap, indices = w.joints.gap, layout(links)
     for j in range(links.n):
         for k in range(len(indices.shared)):
             gap[j, k] = q[2 * j, indices.pin[k]] - q[2 * j - 1, indices.pin[k]] if j >= _first(links) else 0.0
 
 
-@kernel
+@namesake
 def project(links: FlexibleLinks, s: State, w: Work) -> None:
-    """See ``joints``."""
     for q in (s.q, s.v):
         w.b[:] = 0.0
         w.own[:] = 0.0
@@ -158,9 +154,8 @@ def project(links: FlexibleLinks, s: State, w: Work) -> None:
         correct(links, w, Motion(q, w.change[1], w.change[1]), AS_THEY_ARE, np.inf)
 
 
-@kernel
-def speed(links: FlexibleLinks, carrier: Carrier, s: State, w: Work) -> float:
-    """See ``joints``."""
+@namesake
+def pin_speed(links: FlexibleLinks, carrier: Carrier, s: State, w: Work) -> float:
     places, rates, pins = w.joints.places, w.joints.rates, links.n if links.closed == 1 else links.n + 1
     for j in range(pins):
         i = node(layout(links), 2 * links.n, j)

@@ -10,18 +10,18 @@ from fmus.jit import allocating
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.joints import factor, solve
+from fmus.physics.chain.flexible.interface import factor, solve
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.outcome import DONE, STALLED, IntegrationOutcome
+from fmus.physics.chain.integration import DONE, STALLED, IntegrationOutcome
 from fmus.physics.chain.state import copy
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State
     from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
 
 

@@ -9,32 +9,32 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import kernel, namesake
 from fmus.physics.ancf.element import highest_frequency
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible import pin_forces
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.axes import (
+from fmus.physics.chain.flexible.closing import square_of_frequency
+from fmus.physics.chain.flexible.condensation import correct
+from fmus.physics.chain.flexible.interface import (
     accelerate_origin,
     axes_rates,
     lateral_bending_frequency,
+    misfit,
     orthogonalise,
     solve_accelerations,
 )
-from fmus.physics.chain.flexible.closing import square_of_frequency
-from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.joints import misfit
-from fmus.physics.chain.flexible.joints import project as project_joints
+from fmus.physics.chain.flexible.interface import project as project_joints
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.state import copy_rows
 from fmus.physics.elementary import hypot
 from fmus.physics.integrate.generalized_alpha import Slopes
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State
     from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
 
 # step times highest frequency, within the stability region of the method for lightly damped modes
@@ -61,9 +61,8 @@ def accelerations(links: FlexibleLinks, contacts: Contacts | None, env: Environm
     correct(links, w, Motion(change, w.change[1], w.change[1], s.axes), NOTHING, np.inf)
 
 
-@kernel
+@namesake
 def derivative(links: FlexibleLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, k: Floats) -> int:
-    """See ``kinds``."""
     accelerations(links, contacts, env, s, w)
     n, width = s.q.size, s.q.shape[1]
     for i in range(s.q.shape[0]):
@@ -74,23 +73,20 @@ def derivative(links: FlexibleLinks, contacts: Contacts | None, env: Environment
     return -1
 
 
-@kernel
+@namesake
 def accelerate(links: FlexibleLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``."""
     accelerations(links, contacts, env, s, w)
     copy_rows(w.change[0], s.vdot)
 
 
-@kernel
+@namesake
 def stage_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``."""
     copy_rows(w.change[0], s.vdot)
     pin_forces.stage_joints(links, env, s, w)
 
 
-@kernel
+@namesake
 def project(links: FlexibleLinks, s: State, w: Work) -> int:
-    """See ``kinds``."""
     orthogonalise(links, s)
     project_joints(links, s, w)
     return -1

@@ -15,15 +15,14 @@ from fmus.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain import contact_points as at
-from fmus.physics.chain.faces import begin_link, locate, locate_pin, locate_section, pin_positions, pin_velocities
-from fmus.physics.chain.flexible.axes import motion_with_axes, start_frame_vector
-from fmus.physics.chain.flexible.elements import layout
+from fmus.physics.chain.flexible.interface import layout, motion_with_axes, start_frame_vector
 from fmus.physics.chain.flexible.link_layout import node
+from fmus.physics.chain.interface import begin_link, locate, locate_pin, locate_section, pin_positions, pin_velocities
 from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force
 from fmus.physics.vector import add, cross, dot, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import Motion
     from fmus.physics.chain.flexible.work import Work
 

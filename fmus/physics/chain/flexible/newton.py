@@ -9,23 +9,22 @@ import numpy as np
 from fmus.jit import allocating, noalias
 from fmus.physics.arrays import Integers
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.axes import correct_axes, finish_axes, predict_axes, solve_pins
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.joints import factor, misfit
+from fmus.physics.chain.flexible.interface import correct_axes, factor, finish_axes, misfit, predict_axes, solve_pins
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
+from fmus.physics.chain.integration import DONE, SINGULAR, STALLED
+from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
 from fmus.physics.chain.state import copy_rows
-from fmus.physics.chain.touch import add_last_correction
 from fmus.physics.integrate.generalized_alpha import auxiliary, slopes
 from fmus.physics.point import sharpen
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State
     from fmus.physics.chain.flexible.work import Work
     from fmus.physics.chain.implicit import ImplicitMethod
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
 
 CHORD = 1e-4  # correction below which the iteration matrix is kept, m

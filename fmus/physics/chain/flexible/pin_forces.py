@@ -15,32 +15,33 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
+from fmus.jit import kernel, namesake
 from fmus.physics.ancf.element import axis_count, total_mass, vector_count
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible import inertia
-from fmus.physics.chain.flexible.axes import (
+from fmus.physics.chain.flexible.interface import (
     absolute_accelerations,
     along_axes,
+    in_space,
+    layout,
     omitted_accelerations,
     start_frame_vector,
 )
-from fmus.physics.chain.flexible.elements import in_space, layout
 from fmus.physics.chain.flexible.link_layout import ends
+from fmus.physics.chain.integration import PINNED
 from fmus.physics.chain.on_links import JOINT
 from fmus.physics.vector import add, put, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State
     from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.integration import Environment
 
 
-@kernel
+@namesake
 def newton_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``; at a last pin, the force on its support."""
+    """At a last pin, the force on its support."""
     forces = w.on_links
     if forces.shape[1] <= JOINT:
         return
@@ -90,9 +91,9 @@ def _in_space(t: Floats, dims: int) -> Vector:
     return (t[0], t[1], t[2]) if dims == 3 else (t[0], 0.0, t[1])
 
 
-@kernel
+@namesake
 def stage_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``: residuals of an evaluation without accelerations, plus the inertia forces."""
+    """Residuals of an evaluation without accelerations, plus the inertia forces."""
     forces, n, half = w.on_links, links.n, vector_count(links.element) // 2
     if forces.shape[1] <= JOINT:
         return

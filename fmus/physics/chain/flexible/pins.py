@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.chain.environment import HELD, PINNED, PULLED
-from fmus.physics.chain.flexible.elements import layout
+from fmus.physics.chain.flexible.interface import layout
 from fmus.physics.chain.flexible.link_layout import node
+from fmus.physics.chain.integration import HELD, PINNED, PULLED
 from fmus.physics.chain.sums import END_POWER, JOINTS
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import Motion
     from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.integration import Environment
 
 
 @kernel

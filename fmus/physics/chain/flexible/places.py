@@ -13,7 +13,7 @@ from fmus.physics.chain.flexible.link_layout import ends
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
 
 
 def coordinate_indices(kit: ModuleType, q: Floats, rows: int, links: int) -> Integers:

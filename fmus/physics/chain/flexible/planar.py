@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel
+from fmus.jit import implemented_in, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - interface
 from fmus.physics.chain.flexible.link_layout import layout_of_halves
@@ -37,27 +37,25 @@ class PlanarCables(Cables):
     __slots__ = ()
 
 
-@kernel
+@namesake
 def gather(links: PlanarCables, q: Floats, i: int, j: int, e: Floats) -> None:
-    """See ``elements``."""
     coordinates(q, i, j, e)
 
 
-@kernel
+@namesake
 def layout(links: PlanarCables) -> LinkLayout:
-    """See ``elements``."""
     return LAYOUT
 
 
-@kernel
+@namesake
 def lever(links: PlanarCables) -> tuple[float, float]:
-    """See ``elements``: the size of a correction is the motion of the pin."""
+    """The size of a correction is the motion of the pin."""
     return 1.0, 1.0
 
 
-@kernel
+@namesake
 def flatten(links: PlanarCables, w: Work) -> None:
-    """See ``elements``: centre and axis of a wheel are projected onto the plane."""
+    """Centre and axis of a wheel are projected onto the plane."""
     rows, flat = w.wheels, w.flat
     for k in range(rows.shape[0]):
         for i in range(rows.shape[1]):

@@ -10,24 +10,23 @@ from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.condensation import clear, condense
 from fmus.physics.chain.flexible.dynamics import newton_joints, observe
-from fmus.physics.chain.flexible.elements import layout
 from fmus.physics.chain.flexible.equilibrium import settle
 from fmus.physics.chain.flexible.explicit import NOTHING, accelerations
 from fmus.physics.chain.flexible.inertia import add_mass
-from fmus.physics.chain.flexible.joints import factor
+from fmus.physics.chain.flexible.interface import factor, layout
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
+from fmus.physics.chain.integration import DONE, SINGULAR, IntegrationOutcome
+from fmus.physics.chain.interface import commit_contacts
 from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.state import copy_rows, store_first_evaluation
-from fmus.physics.chain.touch import commit_contacts
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State
     from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 

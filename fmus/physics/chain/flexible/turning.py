@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from fmus.jit import implemented_in, kernel
+from fmus.jit import implemented_in, namesake
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible import cables
@@ -29,7 +29,7 @@ FREE = SIZE  # size of the state of the axes
 
 
 @implemented_in(
-    dynamics=".dynamics", elements=".turning", axes=".free_axes", joints=".eliminated_joints", faces=".turning_faces",
+    dynamics=".dynamics", elements=".turning", axes=".free_axes", faces=".turning_faces",
     guides="..guides",
 )  # fmt: skip
 class TurningCables(NamedTuple):
@@ -48,30 +48,21 @@ class TurningCables(NamedTuple):
     closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
 
 
-@kernel
+@namesake
 def gather(links: TurningCables, q: Floats, i: int, j: int, e: Floats) -> None:
-    """See ``elements``."""
     coordinates(q, i, j, e)
 
 
-@kernel
+@namesake
 def layout(links: TurningCables) -> LinkLayout:
-    """See ``elements``."""
     return LAYOUT
 
 
-@kernel
-def flatten(links: TurningCables, w: Work) -> None:
-    """See ``elements``: done by ``axes.wheels_to_axes``."""
-
-
-@kernel
+@namesake
 def axial(links: TurningCables, w: Work) -> tuple[float, float]:
-    """See ``elements``."""
     return cables.axial(links, w)
 
 
-@kernel
+@namesake
 def outer_and_inner(links: TurningCables, w: Work) -> tuple[float, float]:
-    """See ``elements``."""
     return cables.outer_and_inner(links, w)

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import kernel, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.on_links import JOINT
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid.closing import strain_energy
-from fmus.physics.chain.rigid.explicit import accelerate, derivative, project  # noqa: F401 - reached by dispatch
+from fmus.physics.chain.rigid.explicit import derivative, project  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.rigid.newton import newton  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.speed import chain_speed
 from fmus.physics.chain.state import copy_rows
@@ -21,34 +21,31 @@ from fmus.physics.rigid import body
 from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State
     from fmus.physics.chain.rigid.work import Work
 
 
-@kernel
+@namesake
 def end_work(links: RigidLinks, env: Environment, h: float, s: State, w: Work) -> float:
-    """See ``kinds``; by the powers at the start and at the end of the step."""
+    """By the powers at the start and at the end of the step."""
     return 0.5 * h * (s.sums[END_POWER] + w.sums[END_POWER])
 
 
-@kernel
+@namesake
 def speed(links: RigidLinks, env: Environment, s: State, w: Work) -> float:
-    """See ``kinds``."""
     pin_motion(links, s, w)
     return chain_speed(w.pins[0], w.pins[1], links.ends.closed, carrier(w.wheels, env.mount))
 
 
-@kernel
+@namesake
 def first_speed(links: RigidLinks, env: Environment, s: State, w: Work, report: Floats) -> float:
-    """See ``kinds``."""
     return speed(links, env, s, w)
 
 
-@kernel
+@namesake
 def observe(links: RigidLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
-    """See ``kinds``."""
     n = s.q.shape[0]
     copy_rows(w.along, s.along)
     low, high, mean, kinetic, place = np.inf, -np.inf, 0.0, 0.0, (0.0, 0.0, 0.0)
@@ -93,9 +90,9 @@ def stretching(links: RigidLinks, env: Environment, s: State, i: int, k: int) ->
     return before - (1.0 if first else 0.5) * s.load[i, k], after + (1.0 if last else 0.5) * s.load[j, k]
 
 
-@kernel
+@namesake
 def newton_joints(links: RigidLinks, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``; at a last pin, the force on its support."""
+    """At a last pin, the force on its support."""
     n, force = s.q.shape[0], w.on_links
     if force.shape[1] > JOINT:
         for i in range(n):
@@ -106,9 +103,8 @@ def newton_joints(links: RigidLinks, env: Environment, s: State, w: Work) -> Non
                     force[n, JOINT + k] = -after
 
 
-@kernel
+@namesake
 def stage_joints(links: RigidLinks, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``."""
     newton_joints(links, env, s, w)
 
 
@@ -127,9 +123,9 @@ def pin_motion(links: RigidLinks, s: State, w: Work) -> None:
             w.pins[1, j, k] = s.v[i, k] + end * (A[k, 1] * o2 - A[k, 2] * o1)
 
 
-@kernel
+@namesake
 def pin_axes(links: RigidLinks, s: State, w: Work, axis: Floats) -> None:
-    """See ``kinds``: the axes of the links that begin there."""
+    """The axes of the links that begin there."""
     n = s.q.shape[0]
     for j in range(axis.shape[0]):
         A = w.system.A[min(j, n - 1)]
@@ -138,9 +134,8 @@ def pin_axes(links: RigidLinks, s: State, w: Work, axis: Floats) -> None:
             axis[j, k] = A[k, 1]
 
 
-@kernel
+@namesake
 def slopes(links: RigidLinks, s: State, w: Work, slope: Floats) -> None:
-    """See ``kinds``."""
     for i in range(slope.shape[0]):
         A = w.system.A[i]
         body.rotation(s.q[i], A)
@@ -148,28 +143,26 @@ def slopes(links: RigidLinks, s: State, w: Work, slope: Floats) -> None:
             slope[i, k] = slope[i, 3 + k] = A[k, 0]
 
 
-@kernel
+@namesake
 def fibres(links: RigidLinks, s: State, w: Work, stress: Floats) -> None:
-    """See ``kinds``: zero, rigid links have none."""
+    """Zero, rigid links have none."""
     for i in range(stress.shape[0]):
         for k in range(2):
             stress[i, k] = 0.0
 
 
-@kernel
+@namesake
 def pin_places(links: RigidLinks, s: State, w: Work, place: Floats) -> None:
-    """See ``kinds``."""
     pin_motion(links, s, w)
     for j in range(place.shape[0]):
         for k in range(3):
             place[j, k] = w.pins[0, j, k]
 
 
-@kernel
+@namesake
 def observe_links(
     links: RigidLinks, env: Environment, s: State, w: Work, tension: Floats, stress: Floats, place: Floats
 ) -> None:
-    """See ``kinds``."""
     tensions(links, env, s, w, tension)
     for i in range(stress.size):
         stress[i] = 0.0

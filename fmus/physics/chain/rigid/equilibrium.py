@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.outcome import DONE, STALLED, IntegrationOutcome
+from fmus.physics.chain.integration import DONE, STALLED, IntegrationOutcome
 from fmus.physics.chain.rigid.links import residual
 from fmus.physics.chain.rigid.newton import largest_residual, newton, settle_rates
 from fmus.physics.chain.state import copy
@@ -17,8 +17,8 @@ from fmus.physics.vector import dot
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
     from fmus.physics.chain.implicit import ImplicitMethod
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import allocating, kernel
+from fmus.jit import allocating, kernel, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.links import pins, residual
@@ -24,7 +24,7 @@ from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import ClosingSpring
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State
@@ -83,9 +83,8 @@ def accelerations(links: RigidLinks, contacts: Contacts | None, env: Environment
     return -1
 
 
-@kernel
+@namesake
 def derivative(links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, k: Floats) -> int:
-    """See ``kinds``."""
     normalise(s)
     failed = accelerations(links, contacts, env, s, w)
     rates(s, k)
@@ -109,11 +108,6 @@ def normalise(s: State) -> None:
         norm = np.sqrt(s.q[i, 3] ** 2 + s.q[i, 4] ** 2 + s.q[i, 5] ** 2 + s.q[i, 6] ** 2)
         for j in range(3, 7):
             s.q[i, j] /= norm
-
-
-@kernel
-def accelerate(links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``."""
 
 
 @kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
+from fmus.jit import kernel, namesake
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.contact_points import record
 from fmus.physics.chain.rigid.arms import add_force, axis, joined, lever, rate
@@ -12,98 +12,63 @@ from fmus.physics.chain.rigid.last_correction import add_last_correction  # noqa
 from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.faces import ContactPoint
+    from fmus.physics.chain.contact_points import ContactPoint
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State
     from fmus.physics.chain.rigid.work import Work
     from fmus.physics.contact.face import ContactForce, Sinking
 
 
-@kernel
+@namesake
 def count(links: RigidLinks, x: State) -> tuple[int, int]:
-    """See ``faces``."""
     return x.q.shape[0], x.lam.shape[0]
 
 
-@kernel
+@namesake
 def lateral_points(links: RigidLinks) -> tuple[int, float]:
-    """See ``faces``."""
     return 2, links.lateral
 
 
-@kernel
+@namesake
 def length(links: RigidLinks) -> float:
-    """See ``faces``."""
     return 2.0 * links.half
 
 
-@kernel
+@namesake
 def depth_below_pins(links: RigidLinks, x: State, i: int) -> float:
-    """See ``faces``."""
     return links.face + 2.0 * links.half
 
 
-@kernel
+@namesake
 def pin_positions(links: RigidLinks, x: State, w: Work, i: int) -> tuple[Vector, Vector]:
-    """See ``faces``."""
     r, l = vector(x.q[i], 0), scale(links.half, axis(w.system.A[i], 0))
     return add(r, scale(-1.0, l)), add(r, l)
 
 
-@kernel
+@namesake
 def pin_velocities(links: RigidLinks, x: State, w: Work, i: int) -> tuple[Vector, Vector]:
-    """See ``faces``."""
     A, v = w.system.A[i], x.v[i]
     return rate(A, v, -links.half, 0.0, 0.0), rate(A, v, links.half, 0.0, 0.0)
 
 
-@kernel
-def to_ground(links: RigidLinks, x: State, w: Work, p: Vector, v: Vector) -> tuple[Vector, Vector]:
-    """See ``faces``."""
-    return p, v
-
-
-@kernel
-def from_ground(links: RigidLinks, x: State, w: Work, force: ContactForce, tangent: bool) -> ContactForce:
-    """See ``faces``."""
-    return force
-
-
-@kernel
-def begin_contacts(links: RigidLinks, x: State, w: Work) -> None:
-    """See ``faces``."""
-
-
-@kernel
-def begin_link(links: RigidLinks, x: State, w: Work, i: int) -> None:
-    """See ``faces``."""
-
-
-@kernel
+@namesake
 def locate_section(links: RigidLinks, x: State, w: Work, i: int, xi: float, z: float) -> tuple[float, float]:
-    """See ``faces``."""
     return (2.0 * xi - 1.0) * links.half, z
 
 
-@kernel
+@namesake
 def locate(
     links: RigidLinks, x: State, w: Work, i: int, section: tuple[float, float], y: float
 ) -> tuple[Vector, Vector]:
-    """See ``faces``; leaves the lever, m, in ``w.lever``."""
+    """Leaves the lever, m, in ``w.lever``."""
     A, (lx, z) = w.system.A[i], section
     l = lever(A, lx, y, z)
     w.lever[0], w.lever[1], w.lever[2] = l
     return add(vector(x.q[i], 0), l), rate(A, x.v[i], lx, y, z)
 
 
-@kernel
-def finish_section(links: RigidLinks, w: Work, i: int, tangent: bool) -> None:
-    """See ``faces``."""
-
-
-@kernel
+@namesake
 def position_slope(links: RigidLinks, x: State, w: Work, i: int) -> Vector:
-    """See ``faces``."""
     return scale(2.0 * links.half, axis(w.system.A[i], 0))
 
 
@@ -136,15 +101,14 @@ def add_rate_matrix(links: RigidLinks, w: Work, i: int, force: ContactForce, sin
             K[3 + k, j] -= by_rate * by * (N[0, k] * r[0] + N[1, k] * r[1] + N[2, k] * r[2])
 
 
-@kernel
+@namesake
 def record_point(links: RigidLinks, w: Work, point: ContactPoint, force: ContactForce, sinking: Sinking) -> None:
-    """See ``faces``."""
     record(w.points, point, force, sinking)
 
 
-@kernel
+@namesake
 def locate_pin(links: RigidLinks, x: State, w: Work, i: int, y: float) -> tuple[Vector, Vector]:
-    """See ``faces``: a point of the link that begins there; for the last pin, of the one that ends there."""
+    """A point of the link that begins there; for the last pin, of the one that ends there."""
     before, after = joined(x.q.shape[0], links.ends.closed, i)
     k, end = (after, -links.half) if after >= 0 else (before, links.half)
     A = w.system.A[k]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel
+from fmus.jit import implemented_in, kernel, namesake
 from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.chain.rigid import closing, dynamics
 from fmus.physics.chain.rigid.arms import axis
@@ -24,7 +24,7 @@ from fmus.physics.rigid import augmented, body, recursive
 from fmus.physics.vector import dot
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.state import State
     from fmus.physics.chain.rigid.work import Work
@@ -39,9 +39,8 @@ class JointedLinks(NamedTuple):
     links: RigidLinks  # parameters of the links
 
 
-@kernel
+@namesake
 def derivative(links: JointedLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, k: Floats) -> int:
-    """See ``kinds``."""
     rigid = links.links
     to_poses(rigid, s, w)
     failed = accelerations(rigid, contacts, env, s, w)
@@ -291,30 +290,21 @@ def _push(links: RigidLinks, f: tuple[float, float], s: State, w: Work) -> None:
         x[rate + i] += _response(f, t, i, 1) - (_response(f, t, i - 1, 1) if i > 0 else 0.0)
 
 
-@kernel
-def accelerate(links: JointedLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``."""
-
-
-@kernel
+@namesake
 def stage_joints(links: JointedLinks, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``."""
     dynamics.stage_joints(links.links, env, s, w)
 
 
-@kernel
+@namesake
 def speed(links: JointedLinks, env: Environment, s: State, w: Work) -> float:
-    """See ``kinds``."""
     return dynamics.speed(links.links, env, s, w)
 
 
-@kernel
+@namesake
 def first_speed(links: JointedLinks, env: Environment, s: State, w: Work, report: Floats) -> float:
-    """See ``kinds``."""
     return dynamics.speed(links.links, env, s, w)
 
 
-@kernel
+@namesake
 def observe(links: JointedLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
-    """See ``kinds``."""
     dynamics.observe(links.links, env, s, w, report)

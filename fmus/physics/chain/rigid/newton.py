@@ -12,19 +12,19 @@ import numpy as np
 
 from fmus.jit import allocating, kernel, noalias
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
+from fmus.physics.chain.integration import DONE, SINGULAR, STALLED
+from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
 from fmus.physics.chain.rigid.links import residual
 from fmus.physics.chain.rigid.rates import close_rates
 from fmus.physics.chain.state import copy_rows
-from fmus.physics.chain.touch import add_last_correction
 from fmus.physics.integrate.generalized_alpha import auxiliary, slopes
 from fmus.physics.point import sharpen
 from fmus.physics.rigid import augmented, body
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
     from fmus.physics.chain.implicit import ImplicitMethod
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State

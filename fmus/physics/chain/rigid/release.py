@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 from fmus.jit import allocating, kernel
 from fmus.physics.arrays import Floats
+from fmus.physics.chain.interface import commit_contacts
 from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.rigid.dynamics import newton_joints, observe
 from fmus.physics.chain.rigid.explicit import CORRECTIONS, accelerations, displace, project
 from fmus.physics.chain.rigid.links import pins
 from fmus.physics.chain.state import store_first_evaluation
-from fmus.physics.chain.touch import commit_contacts
 from fmus.physics.rigid import augmented
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State
