@@ -12,15 +12,19 @@ from fmus.model import Floats, FreeParameters, InvalidParameter, StepFailed
 from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain import state
-from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
-from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.physics.chain.flexible.explicit import NOTHING, stable
-from fmus.physics.chain.flexible.places import coordinate_indices, straight
-from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.physics.chain.flexible.release import EVALUATE, RELEASED, REST, Evaluation, Rest, release, start_released
-from fmus.physics.chain.flexible.state import Motion, State, shapes
-from fmus.physics.chain.flexible.work import Work, work
+from fmus.physics.chain.flexible.dynamics import NOTHING, stable
+from fmus.physics.chain.flexible.initial_state import (
+    EVALUATE,
+    RELEASED,
+    REST,
+    Evaluation,
+    Rest,
+    release,
+    start_released,
+)
+from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, coordinate_indices, straight
+from fmus.physics.chain.flexible.state import Motion, State, Work, shapes, work
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, IntegrationOutcome
 from fmus.physics.elementary import atan2
@@ -44,7 +48,6 @@ REST_ACCELERATION = 1e-4  # that residual over the mass of a link, m/s2
 LAST_PSEUDO_STEP = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
 TILTS = 2  # corrections of the roll of free axes at rest
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
-ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # number of coordinates of a pin
 BEAM_PART = 0.1  # part of the tolerance that holds for beams, whose sections strain by more than their pins move
 TOLERANCE_RANGE = Range(POSITIVE.least, 1e-5, "greater than 0 and 1e-05 at most")
 
@@ -63,7 +66,7 @@ class Model(TrackModel):
     def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of element, material, joints, coordinates, integration and closure."""
         return (
-            *parameters.link_kind_ports(tuple(ELEMENTS)),
+            *parameters.link_kind_ports(tuple(PIN_WIDTH)),
             *parameters.material_ports(vehicle["material"]),
             *parameters.coordinate_ports(),
             *integrator_ports(),
@@ -85,11 +88,11 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.axes_state import SIZE
 
             axes = SIZE
-        width = ELEMENTS[self.element]
+        width = PIN_WIDTH[self.element]
         if self.joints == CONSTRAINED:
-            from fmus.physics.chain.flexible.constrained import NODE as OWN
+            from fmus.physics.chain.flexible.constrained import NODE
 
-            width = OWN
+            width = NODE
         return shapes(
             width,
             self.mesh,

@@ -11,14 +11,12 @@ from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.chain import state
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import HELD, PINNED
-from fmus.physics.chain.rigid.equilibrium import settle
 from fmus.physics.chain.rigid.explicit import LIMIT, longest
+from fmus.physics.chain.rigid.initial_state import open_closing_pin, settle, start_released, write_outputs
 from fmus.physics.chain.rigid.joints import count, to_joint_coordinates
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import TOLERANCE
-from fmus.physics.chain.rigid.release import open_closing_pin, start_released, write_outputs
-from fmus.physics.chain.rigid.state import State, shapes
-from fmus.physics.chain.rigid.work import work
+from fmus.physics.chain.rigid.state import State, shapes, work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.ports import Port

@@ -9,7 +9,7 @@ import pytest
 from test_track_flexible import LINKS, TABLE, at_rest, carrier, parameters, wheels
 
 from fmus.physics.chain.flexible.axes_state import from_axes
-from fmus.physics.chain.flexible.last_correction import add_last_correction
+from fmus.physics.chain.flexible.node_faces import add_last_correction
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.on_links import GROUND, WHEELS
 from fmus.physics.chain.report import GROUND as REPORT_GROUND

@@ -16,8 +16,7 @@ from fmus.physics.chain.rigid.dynamics import pin_motion
 from fmus.physics.chain.rigid.explicit import accelerations
 from fmus.physics.chain.rigid.links import RigidLinks, pins, place
 from fmus.physics.chain.rigid.newton import TOLERANCE
-from fmus.physics.chain.rigid.state import shapes, views
-from fmus.physics.chain.rigid.work import work
+from fmus.physics.chain.rigid.state import shapes, views, work
 from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends

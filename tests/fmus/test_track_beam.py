@@ -13,7 +13,7 @@ from fmus.model import InvalidParameter
 from fmus.physics.ancf import beam as library
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.explicit import NOTHING
+from fmus.physics.chain.flexible.dynamics import NOTHING
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN

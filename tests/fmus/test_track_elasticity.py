@@ -14,9 +14,9 @@ from fmus.physics.ancf import cable, cable_engineering, cable_general, element
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.flexible.cable_nodes import gather
+from fmus.physics.chain.flexible.cables import coordinates as of_link
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.explicit import NOTHING
+from fmus.physics.chain.flexible.dynamics import NOTHING
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN, STRESS, T_MAX, T_MEAN, T_MIN
@@ -41,7 +41,7 @@ def coordinates(model) -> np.ndarray:
     """Coordinates of all links, shape (n, 4, 3)."""
     e = np.zeros((model.links_count, 4, 3))
     for i in range(model.links_count):
-        gather(model.s.q, i, (i + 1) % model.nodes, e[i])
+        of_link(model.s.q, i, (i + 1) % model.nodes, e[i])
     return e
 
 

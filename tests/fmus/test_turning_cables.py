@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from test_track_flexible import TABLE, make, wheels
 
 from fmus.physics.chain.flexible.axes_state import OMEGA, OMEGA_RATE, ORIGIN
-from fmus.physics.chain.flexible.places import coordinate_indices
+from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.report import KINETIC, STRAIN
 from fmus.physics.integrate.generalized_alpha import Slopes

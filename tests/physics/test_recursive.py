@@ -14,8 +14,7 @@ from fmus.physics.chain.rigid import jointed
 from fmus.physics.chain.rigid.explicit import accelerations
 from fmus.physics.chain.rigid.joints import count, to_joint_coordinates, to_poses
 from fmus.physics.chain.rigid.links import RigidLinks, place
-from fmus.physics.chain.rigid.state import shapes, views
-from fmus.physics.chain.rigid.work import work
+from fmus.physics.chain.rigid.state import shapes, views, work
 from fmus.physics.chain.state import size
 from fmus.physics.rigid import pin, recursive
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends

@@ -35,8 +35,7 @@ from fmus.physics.vector import dot, scale
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
-    from fmus.physics.chain.flexible.state import Motion, State
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Motion, State, Work
     from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes

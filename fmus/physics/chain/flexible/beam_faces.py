@@ -12,9 +12,9 @@ from fmus.jit import kernel, namesake
 from fmus.physics.ancf.beam import shape
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.interface import layout
-from fmus.physics.chain.flexible.last_correction import add_last_correction  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
+    add_last_correction,
     begin_contacts,
     begin_link,
     count,
@@ -27,8 +27,7 @@ from fmus.physics.vector import add, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.beams import Beams
-    from fmus.physics.chain.flexible.state import Motion
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Motion, Work
     from fmus.physics.contact.face import ContactForce, Sinking
 
 

@@ -15,9 +15,9 @@ from fmus.jit import kernel, namesake
 from fmus.physics.ancf.cable import axis_count, shape, shape_slope
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.interface import in_space, layout
-from fmus.physics.chain.flexible.last_correction import add_last_correction  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.link_layout import node
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
+    add_last_correction,
     begin_contacts,
     begin_link,
     count,
@@ -29,8 +29,7 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by 
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.cables import CableLinks, Cables
-    from fmus.physics.chain.flexible.state import Motion
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Motion, Work
     from fmus.physics.contact.face import ContactForce, Sinking
 
 

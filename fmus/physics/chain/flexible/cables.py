@@ -14,19 +14,33 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from fmus.jit import implemented_in, namesake
+from fmus.jit import implemented_in, kernel, namesake
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, mean_curvature, section_force, tension
 from fmus.physics.arrays import Floats, Four, Vector
-from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - interface
-from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.physics.chain.flexible.link_layout import layout_of_halves
+from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, layout_of_halves
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Work
+
+
+NODE = PIN_WIDTH["cable"]
+
+
+@kernel
+def coordinates(q: Floats, i: int, j: int, e: Floats) -> None:
+    """Element coordinates ``e`` (4, 3) of the link from pin ``i`` to pin ``j`` of ``q`` (nodes, 8)."""
+    for k in range(3):
+        e[0, k] = q[i, k]
+        e[2, k] = q[j, k]
+    e[1, 0], e[1, 1], e[1, 2] = q[i, 5], q[i, 7], q[i, 6]
+    e[3, 0], e[3, 1], e[3, 2] = q[j, 3], q[j, 7], q[j, 4]
+
+
+if TYPE_CHECKING:
 
     class CableLinks(FlexibleLinks, Protocol):
         """Parameters of a chain of cables, whether its axes are fixed or turn: ``Cables``, ``TurningCables``."""

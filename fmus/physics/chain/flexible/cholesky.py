@@ -23,20 +23,19 @@ import numpy as np
 from fmus.jit import implemented_in, kernel, namesake
 from fmus.physics import cholesky_cyclic
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.flexible import dynamics, pin_forces
+from fmus.physics.chain.flexible import dynamics, pins
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.explicit import NOTHING
+from fmus.physics.chain.flexible.dynamics import NOTHING
+from fmus.physics.chain.flexible.initial_state import condense_mass
 from fmus.physics.chain.flexible.interface import layout
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import keep_symmetric
-from fmus.physics.chain.flexible.release import condense_mass
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.on_links import JOINT
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
-    from fmus.physics.chain.flexible.state import State
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import State, Work
     from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
 
@@ -174,7 +173,7 @@ def accelerate(links: CholeskyLinks, contacts: Contacts | None, env: Environment
 def stage_joints(links: CholeskyLinks, env: Environment, s: State, w: Work) -> None:
     if w.on_links.shape[1] > JOINT:
         _nodal(links, w.change[1], s.p[1], s.vdot, s.v, w)
-        pin_forces.stage_joints(links.links, env, s, w)
+        pins.stage_joints(links.links, env, s, w)
 
 
 @namesake

@@ -22,8 +22,7 @@ from fmus.physics.chain.sums import JOINTS
 if TYPE_CHECKING:
     from fmus.physics.ancf.element import Element
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.state import Motion
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Motion, Work
 
 
 class ClosingSpring(NamedTuple):

@@ -28,8 +28,7 @@ from fmus.physics.inverse import invert
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.state import Motion
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Motion, Work
     from fmus.physics.chain.integration import Environment
     from fmus.physics.integrate.generalized_alpha import Slopes
 

@@ -45,9 +45,8 @@ from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.flexible.state import Motion, State
+    from fmus.physics.chain.flexible.state import Motion, State, TurningWork
     from fmus.physics.chain.flexible.turning import TurningCables
-    from fmus.physics.chain.flexible.work import TurningWork
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.integrate.generalized_alpha import Slopes
 

@@ -17,15 +17,14 @@ from fmus.jit import dispatch, kernel
 from fmus.physics import block_cyclic
 from fmus.physics.ancf.element import axis_count, vector_count
 from fmus.physics.arrays import Floats, Vector
+from fmus.physics.chain.carrier import chain_speed
 from fmus.physics.chain.flexible import inertia
-from fmus.physics.chain.speed import chain_speed
 
 if TYPE_CHECKING:
     from fmus.physics.ancf.element import Element
     from fmus.physics.chain.flexible.closing import ClosingSpring
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.state import Motion, State
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Motion, State, Work
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.protocols import Carrier
     from fmus.physics.integrate.generalized_alpha import Slopes

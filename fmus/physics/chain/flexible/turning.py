@@ -14,15 +14,22 @@ from fmus.physics.ancf.cable import Cable
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.axes_state import SIZE
-from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - interface
-from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
-from fmus.physics.chain.flexible.cables import AXES, ELEMENT, PIN_AXIS, PLANE, lever, pin_axis  # noqa: F401 - interface
+from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
+    AXES,
+    ELEMENT,
+    NODE,
+    PIN_AXIS,
+    PLANE,
+    coordinates,
+    lever,
+    pin_axis,
+)
 from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.link_layout import with_common_unknowns
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Work
 
 LAYOUT = with_common_unknowns(cables.LAYOUT, 2)  # roll and yaw of the axes
 FREE = SIZE  # size of the state of the axes

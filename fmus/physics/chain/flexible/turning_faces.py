@@ -17,8 +17,8 @@ from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.flexible.axes_state import OMEGA, ORIGIN, ROLL, VELOCITY, YAW, from_axes, to_axes
 from fmus.physics.chain.flexible.cable_faces import position_slope  # noqa: F401 - reached by dispatch
-from fmus.physics.chain.flexible.last_correction import add_last_correction  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
+    add_last_correction,
     begin_contacts,
     begin_link,
     count,
@@ -31,9 +31,8 @@ from fmus.physics.contact.face import ContactForce
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.flexible.state import Motion
+    from fmus.physics.chain.flexible.state import Motion, TurningWork
     from fmus.physics.chain.flexible.turning import TurningCables
-    from fmus.physics.chain.flexible.work import TurningWork
     from fmus.physics.contact.face import Sinking
 
 # sums over the points of a section, each times y to 0 and 1: number, f, g = df / d position + by_rate df / d rate

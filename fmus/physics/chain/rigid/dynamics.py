@@ -8,13 +8,12 @@ import numpy as np
 
 from fmus.jit import kernel, namesake
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.carrier import carrier
+from fmus.physics.chain.carrier import carrier, chain_speed
 from fmus.physics.chain.on_links import JOINT
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid.closing import strain_energy
 from fmus.physics.chain.rigid.explicit import derivative, project  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.rigid.newton import newton  # noqa: F401 - reached by dispatch
-from fmus.physics.chain.speed import chain_speed
 from fmus.physics.chain.state import copy_rows
 from fmus.physics.chain.sums import END_POWER
 from fmus.physics.rigid import body
@@ -23,8 +22,7 @@ from fmus.physics.vector import add, dot, scale, vector
 if TYPE_CHECKING:
     from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.rigid.links import RigidLinks
-    from fmus.physics.chain.rigid.state import State
-    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.chain.rigid.state import State, Work
 
 
 @namesake

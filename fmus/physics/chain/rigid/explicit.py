@@ -16,8 +16,7 @@ from fmus.jit import allocating, kernel, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.links import pins, residual
-from fmus.physics.chain.rigid.newton import GAP
-from fmus.physics.chain.rigid.rates import set_mass
+from fmus.physics.chain.rigid.newton import GAP, set_mass
 from fmus.physics.chain.state import add_share, copy, copy_rows
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
@@ -27,8 +26,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
-    from fmus.physics.chain.rigid.state import State
-    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.chain.rigid.state import State, Work
 
 LIMIT = 5e-5  # largest step, s
 CORRECTIONS = 4  # most corrections of the projection

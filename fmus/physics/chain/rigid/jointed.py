@@ -26,8 +26,7 @@ from fmus.physics.vector import dot
 if TYPE_CHECKING:
     from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
-    from fmus.physics.chain.rigid.state import State
-    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.chain.rigid.state import State, Work
     from fmus.physics.rigid.augmented import Ends
     from fmus.physics.rigid.recursive import ArticulatedBodies
 

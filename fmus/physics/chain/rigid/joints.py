@@ -18,8 +18,7 @@ from fmus.physics.rigid import body
 
 if TYPE_CHECKING:
     from fmus.physics.chain.rigid.links import RigidLinks
-    from fmus.physics.chain.rigid.state import State
-    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.chain.rigid.state import State, Work
 
 
 def count(links: int, held: bool) -> int:

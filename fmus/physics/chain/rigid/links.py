@@ -16,8 +16,7 @@ from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.interface import evaluate_contacts
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.arms import add_force, axis, lever, rate
-from fmus.physics.chain.rigid.state import State
-from fmus.physics.chain.rigid.work import Work
+from fmus.physics.chain.rigid.state import State, Work
 from fmus.physics.chain.sums import END_POWER, JOINTS
 from fmus.physics.elementary import atan2, cos, of_each, sin
 from fmus.physics.rigid import augmented, body, pin
