@@ -30,7 +30,7 @@ from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, IntegrationOu
 from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import POSITIVE, Port, Range
-from fmus.track import TrackModel, integrator_coefficients, integrator_ports, not_at_rest
+from fmus.track import TrackModel, not_at_rest
 from fmus.track_choices import (
     ADAMS,
     CHOLESKY,
@@ -40,8 +40,8 @@ from fmus.track_choices import (
     NODAL,
     conflict_of_links,
 )
-from fmus.track_closure import PIN, SPRING, closure_ports
 from fmus.track_flexible import parameters
+from fmus.track_parameters import PIN, SPRING, closure_ports, integrator_coefficients, integrator_ports
 
 REST_RESIDUAL = 1e-3  # residual of static equilibrium, N, or if that is less:
 REST_ACCELERATION = 1e-4  # that residual over the mass of a link, m/s2

@@ -20,9 +20,9 @@ from fmus.physics.chain.rigid.state import State, shapes, work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.ports import Port
-from fmus.track import TrackModel, integrator_coefficients, integrator_ports, not_at_rest
+from fmus.track import TrackModel, not_at_rest
 from fmus.track_choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
-from fmus.track_closure import SPRING, closure_ports
+from fmus.track_parameters import SPRING, closure_ports, integrator_coefficients, integrator_ports
 
 REST = ImplicitMethod(BACKWARD, 1e-11, False)  # integrator towards static equilibrium
 

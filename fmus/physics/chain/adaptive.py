@@ -53,7 +53,7 @@ def march(
 
     ``m`` from ``adams``: ``m.x`` the state at the start of a step, ``m.y`` its argument, ``m.k`` rates; the first
     entries of ``s.flat`` are the coordinates at ``m.y``. Flexible links require their factored mass in ``w``
-    (``flexible.release``); ``report`` and ``counters`` as in ``report``.
+    (``flexible.initial_state``); ``report`` and ``counters`` as in ``report``.
     After a failure ``s`` is invalid. For the separate arguments see ``implicit``.
     """
     rows, h, longest = step

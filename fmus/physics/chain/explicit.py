@@ -46,9 +46,9 @@ def march(
 ) -> IntegrationOutcome:
     """Integrate over the communication ``step``, in equal internal steps.
 
-    ``k`` from ``slopes``; flexible links require their factored mass in ``w`` (``flexible.release``). Mean wrenches and
-    impulses have the weights of the momentum; ``report`` and ``counters`` as in ``report``. After a failure ``s`` is
-    invalid. For the separate arguments see ``implicit``.
+    ``k`` from ``slopes``; flexible links require their factored mass in ``w`` (``flexible.initial_state``). Mean
+    wrenches and impulses have the weights of the momentum; ``report`` and ``counters`` as in ``report``. After a
+    failure ``s`` is invalid. For the separate arguments see ``implicit``.
     """
     rows, h, longest = step
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)

@@ -1,4 +1,4 @@
-"""Contact of guide horns, for links that can leave their plane; sibling for other links: ``unguided``."""
+"""Contact of guide horns, for links that can leave their plane; none by default."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class CommunicationStep(NamedTuple):
 
 # Newton did not converge; the iteration matrix is singular; the motion is no longer finite; the pins came apart; no
 # step is short enough for its tolerances
-DONE, STALLED, SINGULAR, UNSTABLE, PINS_OPEN, STEP_TOO_SHORT = range(6)
+DONE, STALLED, SINGULAR, UNSTABLE, PINS_OPEN, STEP_TOO_SHORT = CAUSES = range(6)
 
 
 class IntegrationOutcome(NamedTuple):

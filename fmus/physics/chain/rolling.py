@@ -1,6 +1,6 @@
 """Contacts of a chain, for any kind of link: rims, guides and ground at the faces, teeth at the pins.
 
-Faces and forces are those of ``fmus.physics.contact``; ``faces`` dispatches to the contact points of each kind of link
+Faces and forces are those of ``fmus.physics.contact``; ``interface`` leads to the contact points of each kind of link
 and the action of forces there. Points are at two places along a covered part (Gauss) and at one or two across.
 """
 

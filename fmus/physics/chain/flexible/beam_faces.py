@@ -1,4 +1,4 @@
-"""Faces of beams; see ``faces``. Motion: q, v (nodes, 18), see ``beam_nodes``.
+"""Faces of beams; see ``chain.interface``. Motion: q, v (nodes, 18), see ``beams``.
 
 A material point of a beam is linear in its coordinates, x = S(xi, y, z) e, so a contact force f acts as S^T f and its
 derivatives as S^T g S, without any moment left out, at any rotation. The points are those of rigid links.

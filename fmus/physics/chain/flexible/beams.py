@@ -4,7 +4,7 @@ A node (pin) has 18 coordinates, vectors of three: position r and gradient r_y a
 r_x and r_z of the link that ends there; r_x and r_z of the link that begins there. That is the pin of paper (3),
 eliminated: its axis is a vector of the links' own, so it turns with them. The twelve of r_x and r_z belong to one link
 each, so every Newton step condenses them link by link and leaves a cyclic block tridiagonal system of 6 x 6 blocks.
-Sibling with the same names: ``cables``; dispatched by ``elements``.
+Sibling with the same names: ``cables``; chosen by ``interface``.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def lever(links: Beams) -> tuple[float, float, float, float, float, float]:
 
 @allocating
 def axial(links: Beams, w: Work) -> tuple[float, float]:
-    """See ``elements``; stress from Green's strains at the axis' Gauss points and the section's corners."""
+    """Stress is from Green's strains at the axis' Gauss points and the section's corners."""
     N, G, (across, up) = np.empty((5, 8)), np.empty((5, 3)), radii(links.element)
     y, z = 0.5 * links.element.width / across, links.outer_fibre / up
     stress = 0.0
@@ -109,7 +109,7 @@ def axial(links: Beams, w: Work) -> tuple[float, float]:
 
 @allocating
 def outer_and_inner(links: Beams, w: Work) -> tuple[float, float]:
-    """See ``elements``; at the middle of the width."""
+    """At the middle of the width."""
     N, G, up = np.empty((5, 8)), np.empty((5, 3)), links.outer_fibre / radii(links.element)[1]
     outer = inner = 0.0
     for p in range(GAUSS):

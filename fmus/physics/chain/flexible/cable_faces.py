@@ -1,4 +1,4 @@
-"""Faces of cable elements, in space or in their own plane; see ``faces``.
+"""Faces of cable elements, in space or in their own plane; see ``chain.interface``.
 
 Motion: q, v (nodes, 8 or 6). In the plane y is zero and forces along y are left out; ``up`` is the index of z. Contact
 points are on the faces of a link, outside or inside the centreline along the normal r_x x e_y. The change of

@@ -1,6 +1,6 @@
 """Chain of cable elements joined by pins: coordinates of pins and outputs of links.
 
-Siblings with the same names: ``planar`` and ``beams``; dispatched by ``elements``.
+Siblings with the same names: ``planar`` and ``beams``; chosen by ``interface``.
 
 A node (pin) has 8 coordinates: position x, y, z, m; slope of the link that ends there along x and z; slope of the link
 that begins there along x and z; the shared slope along the joint axis y. That is the pin of paper (2), eliminated.

@@ -1,4 +1,4 @@
-"""Flexible links in Cholesky coordinates for ``kinds``; sibling: ``dynamics``.
+"""Flexible links in Cholesky coordinates for integrators; sibling: ``dynamics``.
 
 With the constant mass M = B B^T of the mesh, p = B^T q has the mass 1 (paper, section 6; Yakoub, Shabana, Use of
 Cholesky coordinates and the absolute nodal coordinate formulation in the computer simulation of flexible multibody

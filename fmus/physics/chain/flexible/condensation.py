@@ -5,7 +5,7 @@ Of an element's coordinates its own, x, couple with no other link; those shared,
     K_xx x + K_xy y = r_x,   K_yx x + K_yy y = r_y   =>   (K_yy - K_yx K_xx^-1 K_xy) y = r_y - K_yx K_xx^-1 r_x
 
 The remaining system of the pins is cyclic and block tridiagonal with m x m blocks. Unknowns common to all links, as the
-rotation of their axes, are shared too and give it border rows and columns (``free_axes``). Elements (``elements``)
+rotation of their axes, are shared too and give it border rows and columns (``free_axes``). Elements (``interface``)
 differ in their ``link_layout``; its sizes m and n are lengths of tuples, so that loops over them unroll.
 """
 

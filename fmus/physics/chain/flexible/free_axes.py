@@ -1,4 +1,4 @@
-"""Axes that turn with a chain of cables, and the unknowns of their yaw and roll; see ``axes``.
+"""Axes that turn with a chain of cables, and the unknowns of their yaw and roll; see ``interface``.
 
 The pins of a chain share their direction, the y axis. Only contacts turn the chain, so the virtual work of a rotation
 of all that the axes carry is zero: the moment of inertia forces, weight and contacts about x and z of the axes
@@ -277,7 +277,7 @@ def solve_pins(links: TurningCables, w: TurningWork, fresh: bool) -> None:
 def _solve_rotation(links: TurningCables, x: Motion, w: TurningWork, by_acceleration: float) -> tuple[float, float]:
     """Solve for the step of roll and yaw, rad, and correct the solutions of the pins and of the links.
 
-    ``by_acceleration`` as in ``axes.couple_inertia``; with 1, of a mass matrix, the steps are accelerations, rad/s2.
+    ``by_acceleration`` as in ``couple_inertia``; with 1, of a mass matrix, the steps are accelerations, rad/s2.
     """
     a, y, own, border, Z = w.axes, w.b, w.own, w.axes.border, w.axes.response
     t0, t1 = (
@@ -391,7 +391,7 @@ def orthogonalise(links: TurningCables, s: State) -> None:
 
 
 def lateral_bending_frequency(links: TurningCables) -> float:
-    """See ``axes``: of elements with shared slopes, all in phase; a single one (the ends) is stiffer."""
+    """Of elements with shared slopes, all in phase; a single one (the ends) is stiffer."""
     c, M = links.element, np.zeros((4, 4))
     mass(c, M)
     K = np.array(linear(c._replace(EI=c.EI + links.excess_EI), 0.0, 0.0))

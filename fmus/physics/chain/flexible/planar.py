@@ -2,8 +2,8 @@
 
 A node (pin) has 6 coordinates: position x, z, m; slope of the link that ends there; slope of the link that begins
 there. The slopes belong to one link each and are condensed link by link, which leaves 2 x 2 blocks (x and z of each
-pin). In the plane the cable's y coordinates are zero and stay so: this is the same chain, to rounding. Dispatched by
-``elements``.
+pin). In the plane the cable's y coordinates are zero and stay so: this is the same chain, to rounding. Chosen by
+``interface``.
 """
 
 from __future__ import annotations

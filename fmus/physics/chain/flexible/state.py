@@ -43,7 +43,7 @@ class State(NamedTuple):
     on_links_aux: np.ndarray  # (k, c) auxiliary forces
     on_links_sum: np.ndarray  # (k, c) impulses since the interval began
     span: np.ndarray  # (2) time since then, s, and steps left of the interval
-    lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``short_steps``
+    lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``implicit``
     sums: np.ndarray  # (SUMS) of the last evaluation, see ``sums``
     soil: np.ndarray  # (points, k) memory of the ground at the contact points; (0, 0) on hard ground
     rut: np.ndarray  # (k) rut of the chain, see ``contact.soil.rut``; (0) on hard ground
@@ -192,7 +192,7 @@ def _contact_points(most: int, nodes: int, width: int) -> ContactPoints:
 
 
 def _joints(links: int, m: int) -> ConstrainedJoints:
-    """Return the arrays of pin equations, see ``constrained_joints.joints``."""
+    """Return the arrays of pin equations, see ``constrained.joints``."""
     from fmus.physics.chain.flexible.constrained import joints
 
     return joints(links, m)

@@ -2,7 +2,7 @@
 
 All pins are along the y axis of these axes, whose yaw and roll are two unknowns of the chain (``free_axes``). Its
 faces are those of links with a width (``turning_faces``). Cables have the same bending stiffness about both axes; the
-excess stiffness of a section about its normal acts between the links and the axes. Dispatched by ``elements``.
+excess stiffness of a section about its normal acts between the links and the axes. Chosen by ``interface``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Faces of cables in turning axes; see ``faces``.
+"""Faces of cables in turning axes; see ``chain.interface``.
 
 Motion: q, v (nodes, 8), axes; vectors are along the axes. A link has a width: a point is at r + z n + y (j - b t), with
 the tangent t in the plane of the axes, the normal n = t x j, the pin axis j and the yaw b = r_x.j / |r_x| of the link

@@ -1,4 +1,4 @@
-"""Rigid links for ``kinds``, and their outputs; sibling: ``flexible.dynamics``."""
+"""Rigid links for integrators, and their outputs; sibling: ``flexible.dynamics``."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ def displace(s: State, w: Work) -> None:
 
 @allocating
 def project(links: RigidLinks, s: State, w: Work) -> int:
-    """Close the pins in position, then in velocity, with the factors of the last stage; see ``kinds``."""
+    """Close the pins in position, then in velocity, with the factors of the last stage."""
     y, ends, gap, worst = w.system, closing.ends_without_pin(links), np.inf, 0
     normalise(s)
     y.r[:] = 0.0

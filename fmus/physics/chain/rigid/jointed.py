@@ -1,4 +1,4 @@
-"""Rigid links in joint coordinates for ``kinds``: the recursive formulation; sibling: ``dynamics``.
+"""Rigid links in joint coordinates for integrators: the recursive formulation; sibling: ``dynamics``.
 
 A pin that closes the chain is a constraint between its first and its last link. Of its five equations two are
 independent: all pins are parallel, so the gap along the pins and the two tilts are zero in any joint coordinates. The
@@ -214,7 +214,7 @@ def _rates(links: RigidLinks, s: State, w: Work, k: Floats) -> None:
 
 @kernel
 def project(links: JointedLinks, s: State, w: Work) -> int:
-    """Close the loop in position, then in velocity, by impulses in its pin; see ``kinds``.
+    """Close the loop in position, then in velocity, by impulses in its pin.
 
     They use the mobility of the last stage. Joint coordinates keep all other pins closed.
     """

@@ -38,7 +38,7 @@ class State(NamedTuple):
     on_links_aux: np.ndarray  # (k, c) auxiliary forces
     on_links_sum: np.ndarray  # (k, c) impulses since the interval began
     span: np.ndarray  # (2) time since then, s, and steps left of the interval
-    lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``short_steps``
+    lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``implicit``
     sums: np.ndarray  # (SUMS) of the last evaluation, see ``sums``
     lam: np.ndarray  # (p, 5) multipliers of the pins, N and N m
     load: np.ndarray  # (p, 3) present force of teeth and damping on each pin, N: half on either link
