@@ -21,8 +21,8 @@ from fmus.defaults import configured_ports, parameter_values
 from fmus.jit import plain
 from fmus.model import ComponentModel, FreeParameters, InvalidParameter, StepFailed
 from fmus.physics.arrays import Floats
-from fmus.physics.chain import adaptive, state
-from fmus.physics.chain.explicit import slopes
+from fmus.physics.chain import state
+from fmus.physics.chain.explicit import adams, slopes
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import (
     HELD,
@@ -378,7 +378,7 @@ class TrackModel(ComponentModel):
         if self.integrator == EXPLICIT:
             return steps.explicit, slopes(self.s)
         if self.integrator == ADAMS:
-            return steps.adams, adaptive.adams(self.s, *self.tolerances)
+            return steps.adams, adams(self.s, *self.tolerances)
         return steps.implicit, self.method
 
     def contact_partners(self, p: Mapping[str, Any]) -> Any:

@@ -9,8 +9,8 @@ import numpy as np
 from fmus.jit import allocating, kernel
 from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, SLOPES, STRESS, TENSION, WHEELS
 from fmus.model import no_rotation, not_given, too_many_steps
-from fmus.physics.chain import adaptive, on_links
-from fmus.physics.chain.explicit import march
+from fmus.physics.chain import on_links
+from fmus.physics.chain.explicit import march, march_adaptively
 from fmus.physics.chain.implicit import advance
 from fmus.physics.chain.integration import CommunicationStep, Environment
 from fmus.physics.chain.interface import fibres, observe_links, pin_axes, slopes
@@ -167,7 +167,7 @@ def adams(c, messages, t, h, u):
     if refusal:
         return refusal
     on_links.begin_interval(c.s, common.interval)
-    return _failure(c, messages, t, h, adaptive.march(
+    return _failure(c, messages, t, h, march_adaptively(
         c.link, c.contacts, c.environment, c.scheme, CommunicationStep(common.rows, h, common.longest),
         c.s, c.work, c.report, common.counters,
     ))  # fmt: skip

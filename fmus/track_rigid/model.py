@@ -11,9 +11,9 @@ from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.chain import state
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import HELD, PINNED
-from fmus.physics.chain.rigid.explicit import LIMIT, longest
+from fmus.physics.chain.rigid.dynamics import LIMIT, longest
 from fmus.physics.chain.rigid.initial_state import open_closing_pin, settle, start_released, write_outputs
-from fmus.physics.chain.rigid.joints import count, to_joint_coordinates
+from fmus.physics.chain.rigid.jointed import count, to_joint_coordinates
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import TOLERANCE
 from fmus.physics.chain.rigid.state import State, shapes, work

@@ -12,8 +12,7 @@ from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import LOOP, Environment
 from fmus.physics.chain.layout import close_exactly
 from fmus.physics.chain.report import COUNTERS, REPORT
-from fmus.physics.chain.rigid.dynamics import pin_motion
-from fmus.physics.chain.rigid.explicit import accelerations
+from fmus.physics.chain.rigid.dynamics import accelerations, pin_motion
 from fmus.physics.chain.rigid.links import RigidLinks, pins, place
 from fmus.physics.chain.rigid.newton import TOLERANCE
 from fmus.physics.chain.rigid.state import shapes, views, work

@@ -1,4 +1,4 @@
-"""What a kind of link provides: functions for integrators and contacts, chosen by the class of ``links``.
+"""Interface of a kind of link: functions for integrators and contacts, chosen by the class of ``links``.
 
 Groups: ``dynamics``, for integrators (``flexible.dynamics``, ``flexible.cholesky``, ``rigid.dynamics``,
 ``rigid.jointed``); ``faces``, for rolling contact (``flexible.cable_faces``, ``turning_faces``, ``beam_faces``,

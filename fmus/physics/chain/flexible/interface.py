@@ -1,4 +1,4 @@
-"""What a kind of flexible link provides, chosen by the class of ``links``; see ``jit.dispatch``.
+"""Interface of a kind of flexible link: functions chosen by the class of ``links``; see ``jit.dispatch``.
 
 Groups: ``elements`` (``cables``, ``planar``, ``turning``, ``constrained``, ``beams``); ``axes``, of the coordinates,
 which turn with the chain (``free_axes``) or, by default, are those of the track's start; ``joints``, pin equations with

@@ -14,8 +14,7 @@ from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.integration import DONE, STALLED, IntegrationOutcome
 from fmus.physics.chain.interface import commit_contacts
 from fmus.physics.chain.report import SUMMED
-from fmus.physics.chain.rigid.dynamics import newton_joints, observe
-from fmus.physics.chain.rigid.explicit import CORRECTIONS, accelerations, displace, project
+from fmus.physics.chain.rigid.dynamics import CORRECTIONS, accelerations, displace, newton_joints, observe, project
 from fmus.physics.chain.rigid.links import pins, residual
 from fmus.physics.chain.rigid.newton import largest_residual, newton, settle_rates
 from fmus.physics.chain.state import copy, store_first_evaluation

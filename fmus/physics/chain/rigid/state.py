@@ -26,7 +26,7 @@ class State(NamedTuple):
     """Views into the flat state: n links, p pins, m wheels."""
 
     flat: np.ndarray  # (size) all of the following
-    joints: np.ndarray  # (k) joint coordinates and their rates (``joints``), k = 0 in the augmented formulation
+    joints: np.ndarray  # (k) joint coordinates and their rates (``jointed``), k = 0 in the augmented formulation
     q: np.ndarray  # (n, 7) poses: centre of mass, m, quaternion
     v: np.ndarray  # (n, 6) velocity, m/s, angular velocity in body axes, rad/s
     a: np.ndarray  # (n, 6) auxiliary accelerations, m/s2 and rad/s2
