@@ -7,19 +7,13 @@ rotation of a step, the angular velocity and its derivative follow the generalis
 and accelerations do, with R = R(before) exp(psi). The axes do not pitch; their origin follows the middle of the wheels,
 and no force depends on it. In an explicit step, accelerations follow from the same border with the mass alone. Wheels
 are transformed to the axes; ground forces act in the frame of the start.
-
-The module is long because ``axes`` dispatches all its functions to one module.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-import scipy  # loads its parts when they are used
-
 from fmus.jit import kernel, namesake
-from fmus.physics.ancf.cable import linear, mass
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.block_cyclic import solve
 from fmus.physics.chain.flexible import inertia
@@ -35,12 +29,12 @@ from fmus.physics.chain.flexible.axes_state import (
     VELOCITY,
     YAW,
     from_axes,
+    rotate,
     to_axes,
 )
 from fmus.physics.chain.flexible.condensation import eliminate
 from fmus.physics.chain.flexible.interface import gather
 from fmus.physics.chain.on_links import WHEELS
-from fmus.physics.elementary import cos, sin
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
@@ -148,30 +142,6 @@ def along_axes(links: TurningCables, s: State, v: Vector) -> Vector:
 
 
 @namesake
-def add_lateral_bending(links: TurningCables, w: TurningWork, r: Floats, tangent: bool) -> None:
-    """The bending about the normal, of the y components alone."""
-    e, l, s = w.e, links.element.l, links.excess_EI / links.element.l
-    d = (e[2, 1] - e[0, 1]) / l
-    end = s * (6.0 * (e[1, 1] + e[3, 1]) - 12.0 * d) / l
-    r[0, 1] += end
-    r[1, 1] += s * (4.0 * e[1, 1] + 2.0 * e[3, 1] - 6.0 * d)
-    r[2, 1] -= end
-    r[3, 1] += s * (2.0 * e[1, 1] + 4.0 * e[3, 1] - 6.0 * d)
-    if tangent:
-        own_end, other_end, mixed = 4.0 * s, 2.0 * s, 6.0 * s / l
-        ends = 2.0 * mixed / l
-        rows = (
-            (ends, mixed, -ends, mixed),
-            (mixed, own_end, -mixed, other_end),
-            (-ends, -mixed, ends, -mixed),
-            (mixed, other_end, -mixed, own_end),
-        )
-        for a in range(4):
-            for b in range(4):
-                w.K[3 * a + 1, 3 * b + 1] += rows[a][b]
-
-
-@namesake
 def couple_inertia(links: TurningCables, w: TurningWork, by_acceleration: float) -> None:
     """M (axis x e)."""
     K, M = w.K, w.M
@@ -212,7 +182,7 @@ def predict_axes(links: TurningCables, method: ImplicitMethod, h: float, s: Stat
         a1 = auxiliary(c, a0, acceleration[2 * k], acceleration[2 * k])
         w.axes.psi[k] = h * rate[2 * k] + h * h * ((0.5 - c.beta) * a0 + c.beta * a1)
         f[OMEGA + 2 * k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
-    _rotate(f, w.before.axes, w.axes.psi)
+    rotate(f, w.before.axes, w.axes.psi)
     # the origin by the same method, so that forces balance the chain's momentum; implicit: stable at any step
     o, v, a, a0 = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, ACCELERATION), vector(f, AUXILIARY_ORIGIN)
     a1 = auxiliary(c, a0[0], a[0], 0.0), auxiliary(c, a0[1], a[1], 0.0), auxiliary(c, a0[2], a[2], 0.0)
@@ -237,23 +207,6 @@ def _origin_acceleration(f: Floats, w: TurningWork, o: Vector, v: Vector) -> Vec
         offset = add(offset, scale(-1.0 / wheels, vector(w.wheels[k], 0)))
         relative_velocity = add(relative_velocity, scale(-1.0 / wheels, vector(w.wheels[k], 3)))
     return add(scale(-FOLLOWING_RATE * FOLLOWING_RATE, offset), scale(-2.0 * FOLLOWING_RATE, relative_velocity))
-
-
-@kernel
-def _rotate(f: Floats, before: Floats, psi: Floats) -> None:
-    """Write R = R(before) exp(psi) to ``f`` (SIZE), Rodrigues' formula; ``psi`` (2), rad, about x and z."""
-    x, z = psi[0], psi[1]
-    square = x * x + z * z
-    s, c = 1.0 - square / 6.0, 0.5 - square / 24.0  # sin(a)/a, (1 - cos a)/a^2; a step turns by milliradians
-    if square > 1e-4:
-        a = np.sqrt(square)
-        s, c = sin(a) / a, (1.0 - cos(a)) / square
-    for i in range(3):
-        r0, r1, r2 = before[3 * i], before[3 * i + 1], before[3 * i + 2]
-        # row r: r + s r [psi x] + c r [psi x]^2 with psi = (x, 0, z)
-        f[3 * i] = r0 * (1.0 - c * z * z) + r1 * s * z + r2 * c * x * z
-        f[3 * i + 1] = r1 * (1.0 - c * square) - r0 * s * z + r2 * s * x
-        f[3 * i + 2] = r2 * (1.0 - c * x * x) + r0 * c * x * z - r1 * s * x
 
 
 @namesake
@@ -317,7 +270,7 @@ def correct_axes(links: TurningCables, x: Motion, w: TurningWork, by: Slopes) ->
     f[OMEGA + 2] -= by.v * yaw
     f[OMEGA_RATE] -= by.vdot * roll
     f[OMEGA_RATE + 2] -= by.vdot * yaw
-    _rotate(f, w.before.axes, a.psi)
+    rotate(f, w.before.axes, a.psi)
     return ROTATION_LEVER * max(abs(roll), abs(yaw))
 
 
@@ -390,17 +343,6 @@ def orthogonalise(links: TurningCables, s: State) -> None:
         put(f, 3 * i, row)
 
 
-def lateral_bending_frequency(links: TurningCables) -> float:
-    """Of elements with shared slopes, all in phase; a single one (the ends) is stiffer."""
-    c, M = links.element, np.zeros((4, 4))
-    mass(c, M)
-    K = np.array(linear(c._replace(EI=c.EI + links.excess_EI), 0.0, 0.0))
-    if links.closed and links.closing is None:
-        shared = np.vstack([np.eye(2), np.eye(2)])
-        K, M = shared.T @ K @ shared, shared.T @ M @ shared
-    return np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[-1])
-
-
 @namesake
 def absolute_rates(links: TurningCables, x: State, w: TurningWork) -> None:
     """Components along the axes."""
@@ -426,14 +368,6 @@ def start_frame_position(links: TurningCables, s: State, p: Vector) -> Vector:
 @namesake
 def start_frame_vector(links: TurningCables, s: State, v: Vector) -> Vector:
     return from_axes(s.axes, v)
-
-
-@namesake
-def lateral_bending_energy(links: TurningCables, w: TurningWork) -> float:
-    e, s = w.e, links.excess_EI / links.element.l
-    d = (e[2, 1] - e[0, 1]) / links.element.l
-    first, second = 4.0 * e[1, 1] + 2.0 * e[3, 1] - 6.0 * d, 6.0 * d - 2.0 * e[1, 1] - 4.0 * e[3, 1]
-    return s / 6.0 * (first * first + first * second + second * second)
 
 
 @namesake

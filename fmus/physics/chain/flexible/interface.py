@@ -120,7 +120,7 @@ def inertia_and_weight(links: FlexibleLinks, x: Motion, w: Work, weight: Vector,
     inertia.weigh(weight, links.element.l, rows // 2, dims, r)
 
 
-@dispatch("axes", default=True)
+@dispatch("elements", default=True)
 def add_lateral_bending(links: FlexibleLinks, w: Work, r: Floats, tangent: bool) -> None:
     """Add the link's bending about its normal, as far as the element lacks it.
 
@@ -193,7 +193,7 @@ def orthogonalise(links: FlexibleLinks, s: State) -> None:
     """Orthogonalise the axes after an explicit step."""
 
 
-@dispatch("axes", default=True)
+@dispatch("elements", default=True)
 def lateral_bending_frequency(links: FlexibleLinks) -> float:
     """Highest frequency of the chain in lateral bending, rad/s; not for kernels."""
     return 0.0
@@ -245,7 +245,7 @@ def start_frame_vector(links: FlexibleLinks, s: State, v: Vector) -> Vector:
     return v
 
 
-@dispatch("axes", default=True)
+@dispatch("elements", default=True)
 def lateral_bending_energy(links: FlexibleLinks, w: Work) -> float:
     """Strain energy of the lateral bending, J."""
     return 0.0

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+import scipy  # loads its parts when they are used
+
 from fmus.jit import implemented_in, namesake
-from fmus.physics.ancf.cable import Cable
+from fmus.physics.ancf.cable import Cable, linear, mass
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.axes_state import SIZE
@@ -29,7 +32,7 @@ from fmus.physics.chain.flexible.link_layout import with_common_unknowns
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.state import Work
+    from fmus.physics.chain.flexible.state import TurningWork, Work
 
 LAYOUT = with_common_unknowns(cables.LAYOUT, 2)  # roll and yaw of the axes
 FREE = SIZE  # size of the state of the axes
@@ -73,3 +76,46 @@ def axial(links: TurningCables, w: Work) -> tuple[float, float]:
 @namesake
 def outer_and_inner(links: TurningCables, w: Work) -> tuple[float, float]:
     return cables.outer_and_inner(links, w)
+
+
+@namesake
+def add_lateral_bending(links: TurningCables, w: TurningWork, r: Floats, tangent: bool) -> None:
+    """The bending about the normal, of the y components alone."""
+    e, l, s = w.e, links.element.l, links.excess_EI / links.element.l
+    d = (e[2, 1] - e[0, 1]) / l
+    end = s * (6.0 * (e[1, 1] + e[3, 1]) - 12.0 * d) / l
+    r[0, 1] += end
+    r[1, 1] += s * (4.0 * e[1, 1] + 2.0 * e[3, 1] - 6.0 * d)
+    r[2, 1] -= end
+    r[3, 1] += s * (2.0 * e[1, 1] + 4.0 * e[3, 1] - 6.0 * d)
+    if tangent:
+        own_end, other_end, mixed = 4.0 * s, 2.0 * s, 6.0 * s / l
+        ends = 2.0 * mixed / l
+        rows = (
+            (ends, mixed, -ends, mixed),
+            (mixed, own_end, -mixed, other_end),
+            (-ends, -mixed, ends, -mixed),
+            (mixed, other_end, -mixed, own_end),
+        )
+        for a in range(4):
+            for b in range(4):
+                w.K[3 * a + 1, 3 * b + 1] += rows[a][b]
+
+
+def lateral_bending_frequency(links: TurningCables) -> float:
+    """Of elements with shared slopes, all in phase; a single one (the ends) is stiffer."""
+    c, M = links.element, np.zeros((4, 4))
+    mass(c, M)
+    K = np.array(linear(c._replace(EI=c.EI + links.excess_EI), 0.0, 0.0))
+    if links.closed and links.closing is None:
+        shared = np.vstack([np.eye(2), np.eye(2)])
+        K, M = shared.T @ K @ shared, shared.T @ M @ shared
+    return np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[-1])
+
+
+@namesake
+def lateral_bending_energy(links: TurningCables, w: TurningWork) -> float:
+    e, s = w.e, links.excess_EI / links.element.l
+    d = (e[2, 1] - e[0, 1]) / links.element.l
+    first, second = 4.0 * e[1, 1] + 2.0 * e[3, 1] - 6.0 * d, 6.0 * d - 2.0 * e[1, 1] - 4.0 * e[3, 1]
+    return s / 6.0 * (first * first + first * second + second * second)
