@@ -14,7 +14,7 @@ from fmus.physics.ancf import cable, cable_engineering, cable_general, element
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.flexible.cables import coordinates as of_link
+from fmus.physics.chain.flexible.cables import gather
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.dynamics import NOTHING
 from fmus.physics.chain.flexible.state import Motion
@@ -41,7 +41,7 @@ def coordinates(model) -> np.ndarray:
     """Coordinates of all links, shape (n, 4, 3)."""
     e = np.zeros((model.links_count, 4, 3))
     for i in range(model.links_count):
-        of_link(model.s.q, i, (i + 1) % model.nodes, e[i])
+        gather(model.link, model.s.q, i, (i + 1) % model.nodes, e[i])
     return e
 
 

@@ -10,7 +10,7 @@ from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.explicit import slopes
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.cables import coordinates
+from fmus.physics.chain.flexible.cables import gather
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.dynamics import accelerations
 from fmus.physics.chain.flexible.initial_state import factor_mass
@@ -134,8 +134,8 @@ class Flexible:
         mass(self.links.element, self.w.M)
         for i in range(self.links.n):
             j = (i + 1) % len(self.s.q)
-            coordinates(self.s.q, i, j, e)
-            coordinates(self.s.v, i, j, v)
+            gather(self.links, self.s.q, i, j, e)
+            gather(self.links, self.s.v, i, j, v)
             total += np.cross(e, self.w.M @ v).sum(axis=0)
         return total
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import allocating, implemented_in, kernel, namesake
+from fmus.jit import allocating, implemented_in, namesake
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, section_vectors
 from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
@@ -30,15 +30,6 @@ if TYPE_CHECKING:
 NODE = PIN_WIDTH["beam"]  # r, r_y; r_x, r_z of the ending link; r_x, r_z of the beginning link
 BEGIN = np.array([0, 12, 3, 15])  # indices of a beginning link's r, r_x, r_y, r_z in its first pin
 END = np.array([0, 6, 3, 9])  # indices of an ending link's in its second pin
-
-
-@kernel
-def coordinates(q: Floats, i: int, j: int, e: Floats) -> None:
-    """Element coordinates ``e`` (8, 3) of the link from pin ``i`` to pin ``j`` of ``q`` (nodes, 18)."""
-    for a in range(4):
-        for k in range(3):
-            e[a, k] = q[i, BEGIN[a] + k]
-            e[4 + a, k] = q[j, END[a] + k]
 
 
 LAYOUT = layout_of_halves(
@@ -74,7 +65,10 @@ class Beams(NamedTuple):
 
 @namesake
 def gather(links: Beams, q: Floats, i: int, j: int, e: Floats) -> None:
-    coordinates(q, i, j, e)
+    for a in range(4):
+        for k in range(3):
+            e[a, k] = q[i, BEGIN[a] + k]
+            e[4 + a, k] = q[j, END[a] + k]
 
 
 @namesake

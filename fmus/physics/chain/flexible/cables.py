@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel, namesake
+from fmus.jit import implemented_in, namesake
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, mean_curvature, section_force, tension
 from fmus.physics.arrays import Floats, Four, Vector
@@ -28,16 +28,6 @@ if TYPE_CHECKING:
 
 
 NODE = PIN_WIDTH["cable"]
-
-
-@kernel
-def coordinates(q: Floats, i: int, j: int, e: Floats) -> None:
-    """Element coordinates ``e`` (4, 3) of the link from pin ``i`` to pin ``j`` of ``q`` (nodes, 8)."""
-    for k in range(3):
-        e[0, k] = q[i, k]
-        e[2, k] = q[j, k]
-    e[1, 0], e[1, 1], e[1, 2] = q[i, 5], q[i, 7], q[i, 6]
-    e[3, 0], e[3, 1], e[3, 2] = q[j, 3], q[j, 7], q[j, 4]
 
 
 if TYPE_CHECKING:
@@ -87,8 +77,12 @@ class Cables(NamedTuple):
 
 
 @namesake
-def gather(links: Cables, q: Floats, i: int, j: int, e: Floats) -> None:
-    coordinates(q, i, j, e)
+def gather(links: CableLinks, q: Floats, i: int, j: int, e: Floats) -> None:
+    for k in range(3):
+        e[0, k] = q[i, k]
+        e[2, k] = q[j, k]
+    e[1, 0], e[1, 1], e[1, 2] = q[i, 5], q[i, 7], q[i, 6]
+    e[3, 0], e[3, 1], e[3, 2] = q[j, 3], q[j, 7], q[j, 4]
 
 
 @namesake

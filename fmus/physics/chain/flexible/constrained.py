@@ -62,16 +62,10 @@ class ConstrainedCables(Cables):
     __slots__ = ()
 
 
-@kernel
-def coordinates(q: Floats, i: int, j: int, e: Floats) -> None:
-    """Element coordinates ``e`` (4, 3) of the link with the nodes ``i`` and ``j`` of ``q`` (nodes, 6)."""
-    for k in range(3):
-        e[0, k], e[1, k], e[2, k], e[3, k] = q[i, k], q[i, 3 + k], q[j, k], q[j, 3 + k]
-
-
 @namesake
 def gather(links: ConstrainedCables, q: Floats, i: int, j: int, e: Floats) -> None:
-    coordinates(q, i, j, e)
+    for k in range(3):
+        e[0, k], e[1, k], e[2, k], e[3, k] = q[i, k], q[i, 3 + k], q[j, k], q[j, 3 + k]
 
 
 @namesake

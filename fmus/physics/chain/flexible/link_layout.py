@@ -79,7 +79,7 @@ def coordinate_indices(kit: ModuleType, q: Floats, rows: int, links: int) -> Int
     """
     numbers, e = np.arange(q.size, dtype=float).reshape(q.shape), np.empty((links, rows, len(kit.AXES)))
     for i in range(links):
-        kit.coordinates(numbers, *plain(ends)(kit.LAYOUT, len(q), i), e[i])
+        plain(kit.gather)(None, numbers, *plain(ends)(kit.LAYOUT, len(q), i), e[i])
     return e.astype(np.int64)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel, namesake
+from fmus.jit import implemented_in, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - interface
 from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, layout_of_halves
@@ -23,14 +23,6 @@ if TYPE_CHECKING:
 
 
 NODE = PIN_WIDTH["planar"]
-
-
-@kernel
-def coordinates(q: Floats, i: int, j: int, e: Floats) -> None:
-    """Element coordinates ``e`` (4, 2) of the link from pin ``i`` to pin ``j`` of ``q`` (nodes, 6)."""
-    for k in range(2):
-        e[0, k], e[1, k] = q[i, k], q[i, 4 + k]
-        e[2, k], e[3, k] = q[j, k], q[j, 2 + k]
 
 
 LAYOUT = layout_of_halves(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5], fixed=2)
@@ -49,7 +41,9 @@ class PlanarCables(Cables):
 
 @namesake
 def gather(links: PlanarCables, q: Floats, i: int, j: int, e: Floats) -> None:
-    coordinates(q, i, j, e)
+    for k in range(2):
+        e[0, k], e[1, k] = q[i, k], q[i, 4 + k]
+        e[2, k], e[3, k] = q[j, k], q[j, 2 + k]
 
 
 @namesake

@@ -23,8 +23,10 @@ from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
     NODE,
     PIN_AXIS,
     PLANE,
-    coordinates,
+    axial,
+    gather,
     lever,
+    outer_and_inner,
     pin_axis,
 )
 from fmus.physics.chain.flexible.closing import ClosingSpring
@@ -32,7 +34,7 @@ from fmus.physics.chain.flexible.link_layout import with_common_unknowns
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.state import TurningWork, Work
+    from fmus.physics.chain.flexible.state import TurningWork
 
 LAYOUT = with_common_unknowns(cables.LAYOUT, 2)  # roll and yaw of the axes
 FREE = SIZE  # size of the state of the axes
@@ -59,23 +61,8 @@ class TurningCables(NamedTuple):
 
 
 @namesake
-def gather(links: TurningCables, q: Floats, i: int, j: int, e: Floats) -> None:
-    coordinates(q, i, j, e)
-
-
-@namesake
 def layout(links: TurningCables) -> LinkLayout:
     return LAYOUT
-
-
-@namesake
-def axial(links: TurningCables, w: Work) -> tuple[float, float]:
-    return cables.axial(links, w)
-
-
-@namesake
-def outer_and_inner(links: TurningCables, w: Work) -> tuple[float, float]:
-    return cables.outer_and_inner(links, w)
 
 
 @namesake
