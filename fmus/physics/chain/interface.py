@@ -165,10 +165,6 @@ def add_last_correction(links: FacedLinks, x: Motion, w: ChainWork) -> None:
     """
 
 
-# a stub has no body, also where it returns a number
-# mypy: disable-error-code="empty-body"
-
-
 @dispatch("guides", default=True)
 def evaluate_guides(
     links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool

@@ -97,10 +97,6 @@ def in_space(links: FlexibleLinks, a: Floats) -> Vector:
     return (a[0], a[1], a[2]) if axis_count(links.element) == 3 else (a[0], 0.0, a[1])
 
 
-# the stubs of ``dispatch`` have no bodies
-# mypy: disable-error-code="empty-body"
-
-
 @dispatch("axes", default=True)
 def wheels_to_axes(links: FlexibleLinks, x: Motion, w: Work, tangent: bool) -> None:
     """Prepare an evaluation: the wheels ``w.wheels`` relative to the axes into ``w.flat``; zero the border."""
@@ -255,10 +251,6 @@ def lateral_bending_energy(links: FlexibleLinks, w: Work) -> float:
 def rotary_energy(links: FlexibleLinks, x: State) -> float:
     """Kinetic energy of the links' mass beside their centrelines, J."""
     return 0.0
-
-
-# the stubs of ``dispatch`` have no bodies
-# mypy: disable-error-code="empty-body"
 
 
 @dispatch("joints", default=True)
