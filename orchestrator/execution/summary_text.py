@@ -9,7 +9,7 @@ from orchestrator.results.energy import KINDS
 from orchestrator.results.given_parts import SHOWN
 from orchestrator.results.table import without_rounding
 from orchestrator.results.units import figure, scaled, size
-from orchestrator.results.validity.exceedance import Exceedance
+from orchestrator.results.validity.limits import Exceedance
 
 LABELS = {  # of the observables: name, unit, digits
     "distance": ("distance along the start heading", "m", 5),

@@ -13,7 +13,7 @@ from orchestrator.results.ground_mesh import MOST, PRECISION, bends, ground_mesh
 from orchestrator.results.ground_surface import ground
 from orchestrator.results.page import player
 from orchestrator.results.run_data import RunData
-from orchestrator.results.validity import penetration
+from orchestrator.results.validity import chain_checks
 from orchestrator.results.views import film, foxglove_scene, projected, side_view
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.solids import Reach
@@ -171,7 +171,7 @@ def depths_apart(log, bodies, poses, surface):
 
 def test_the_deepest_place_is_the_ground_where_it_is(shown):
     log, _, _ = shown
-    depth = penetration.depths(RunData(log), "left_track", 0.02)["ground"]
+    depth = chain_checks.depths(RunData(log), "left_track", 0.02)["ground"]
     recorded = max(log.sample([f"left_track.link[{i + 1}].ground.depth" for i in range(64)], np.array([0.02]))[0])
     assert recorded > 8e-3
     assert depth == pytest.approx(recorded, abs=3e-3)

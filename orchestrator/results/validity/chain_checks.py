@@ -1,18 +1,20 @@
-"""Entries for deep penetration, relative to the sizes of the bodies."""
+"""Checks of links: deep penetration, compression, steps too long for the contacts."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from math import sqrt
+from typing import Any
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.ground_surface import gives_way, ground
-from orchestrator.results.run_data import RunData, Window
+from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.results.unanswered import UNANSWERED
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.exceedance import Exceedance, exceedances
+from orchestrator.results.validity.limits import WARNING, Exceedance, exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
 
 NEAR = 0.25  # s: longest interval between records of pins
@@ -20,12 +22,12 @@ ALONG = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the way from pin to pin
 EXPLAINS = 0.85  # of a depth: a rim or the ground this deep at the nearest record of pins is its cause
 
 
-def signals(run: RunData) -> Iterator[str]:
+def penetration_signals(run: RunData) -> Iterator[str]:
     """Signals of the largest depth."""
     yield from (f"{track}.penetration.max" for track in run.tracks)
 
 
-def find(piece: Piece) -> Iterator[Exceedance]:
+def penetration(piece: Piece) -> Iterator[Exceedance]:
     """Entries for contacts that are deep relative to the thickness of a link; raises Missing."""
     face = hull.vehicle_number(piece.run, "track", "face")
     for track in piece.run.tracks:
@@ -86,3 +88,71 @@ def _distance(pins: Floats) -> float:
     side = np.roll(pins, -1, axis=0) - pins
     share = np.clip(-np.sum(pins * side, axis=1) / np.sum(side * side, axis=1), 0.0, 1.0)
     return float(np.linalg.norm(pins + share[:, None] * side, axis=1).min())
+
+
+def compression_signals(run: RunData) -> Iterator[str]:
+    """Signals of the least tension."""
+    yield from (f"{track}.tension.min" for track in run.tracks)
+
+
+def compression(piece: Piece) -> Iterator[Exceedance]:
+    """Entries for tracks whose links are under more thrust than their weight holds down; raises Missing.
+
+    The thrust must last longer than HELD.
+    """
+    limit = thrust(piece.run)
+    for track in piece.run.tracks:
+        t, tension = piece.signal(f"{track}.tension.min")
+        yield from exceedance("compression", track, "", *trailing_minimum(t, -tension, limits.HELD), limit)
+
+
+def thrust(run: RunData) -> float:
+    """Thrust that links between two road wheels bear without lifting, N; raises Missing."""
+    weight = (
+        hull.vehicle_number(run, "track", "mass")
+        * hull.vehicle_number(run, "gravity")
+        / hull.vehicle_number(run, "track", "pitch")
+    )
+    x = run.scene["vehicle"]["road_wheel"]["x"]
+    if run.scene.get("assembly") != "vehicle" or len(x) < 2:
+        raise Missing("links that push lie between road wheels")
+    span = float(np.abs(np.diff(x)).max())
+    return weight * span**2 / (8.0 * limits.RISE)
+
+
+def trailing_minimum(t: Floats, values: Floats, time: float) -> tuple[Floats, Floats]:
+    """Minimum over the ``time``, s, before each instant; the first instants have no value."""
+    if len(t) < 2 or t[-1] - t[0] < time:
+        return t[:0], values[:0]
+    count = max(1, round(time / float(np.median(np.diff(t)))))
+    windows = np.lib.stride_tricks.sliding_window_view(values, min(count, len(values)))
+    return t[count - 1 :], windows.min(axis=1)
+
+
+IMPLICIT = (None, "generalized_alpha", "hht")  # explicit integrators limit their steps themselves
+INTERNAL = 1e-3  # s, default of a track
+
+
+def contact_step(piece: Piece) -> Iterator[Exceedance]:
+    """Entries for the scene of the run."""
+    yield from contact_steps_of_scene(piece.run.scene)
+
+
+def contact_steps_of_scene(scene: Mapping[str, Any]) -> Iterator[Exceedance]:
+    """Entries for links in the internal step and wheels in the communication step.
+
+    Steps that follow an error estimate are left out.
+    """
+    run, track, vehicle = (scene.get(key) or {} for key in ("run", "track", "vehicle"))
+    if run.get("variable") or scene.get("assembly") not in ("vehicle", "rig", "bench"):
+        return
+    stiffness = {pair: vehicle["contact"][pair]["stiffness"] for pair in ("wheel", "ground", "sprocket")}
+    internal = min(track.get("step") or INTERNAL, run["step"])
+    # link between a road wheel and the ground: both springs act on its mass
+    link = sqrt((stiffness["wheel"] + stiffness["ground"]) / vehicle["track"]["mass"]) * internal
+    # lightest body on the exchanged wrenches, in contact with the pins or links of its wrap
+    wrap = 0.5 * vehicle["sprocket"]["teeth"]
+    wheel = sqrt(wrap * stiffness["wheel"] / vehicle["idler"]["mass"]) * run["step"]
+    for place, value in (("link", link if track.get("integrator") in IMPLICIT else 0.0), ("idler", wheel)):
+        if value > limits.STEP:
+            yield Exceedance("contact_step", "tracks", 0.0, place, value, limits.STEP, WARNING)
