@@ -16,7 +16,7 @@ from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, beside, check_window
 from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, WithOption, measured_file
 from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Option, module_of
-from orchestrator.results.page.words import and_list
+from orchestrator.results.page.embedded import and_list
 
 if TYPE_CHECKING:
     from orchestrator.results.measured_record import MeasuredSignal

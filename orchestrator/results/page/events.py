@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from orchestrator.results.analyses import events
 from orchestrator.results.analyses.unloaded import LIFTED, SETTLING, TOUCHES, UnloadedInterval, is_settling
+from orchestrator.results.page.embedded import and_list, instance, quantity, text, wheel, wheel_name
 from orchestrator.results.page.motion import AT_REST
 from orchestrator.results.page.section import PageSection, Pair, table
-from orchestrator.results.page.words import and_list, instance, quantity, text, wheel, wheel_name
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number, percent
 from orchestrator.results.validity.ledger import validity

@@ -1,19 +1,149 @@
-"""Sections with the difference of a run from its reference, and with provenance and limits of the page."""
+"""Sections on how far to trust a run: checks, estimated error, difference from a reference, provenance."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from html import escape
+from typing import Any
+
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
+from orchestrator.results import measures
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
 from orchestrator.results.given_parts import given_parts
+from orchestrator.results.page.embedded import and_list, instance, plain, quantity, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
-from orchestrator.results.page.exactness import SENSITIVE
 from orchestrator.results.page.section import PageSection, Pair, table
-from orchestrator.results.page.words import instance, quantity, text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.thinned import BINS
 from orchestrator.results.units import number, percent
+
+CHECKS_HEAD = ("Check", "Value", "Expected", "Tolerance", "Verdict")
+
+
+def checks(pair: Pair) -> PageSection:
+    """Section with the value, expectation and verdict of each check."""
+    evaluation = pair.run
+    expected = evaluation.run.scene.get("expect")
+    rows = [_check_row(name, check, expected) for name, check in evaluation.summary.checks.items()]
+    left_out = [text(plain(name)) for name in evaluation.summary.after_end]
+    if rows:
+        html = "<p>Made anew from this record when the page was written. Ratios and counts have no unit.</p>"
+        html += table(CHECKS_HEAD, rows, "checks")
+    else:
+        html = ""
+    if evaluation.summary.note:
+        html += f"<p>Checks were not made: {text(evaluation.summary.note)}.</p>"
+    elif not rows:
+        html += "<p>This record names no check to make. The page shows what happened, not whether it is right.</p>"
+    if left_out and not evaluation.summary.note:
+        html += (
+            f"<p>Not made, because the record does not reach the end of what they look at: {and_list(left_out)}.</p>"
+        )
+    return PageSection("checks", "Checks", "Did the checks hold?", html, {})
+
+
+def _check_row(name: str, check: Any, expected: Any) -> tuple[str, ...]:
+    entry = expected.get(name) if isinstance(expected, dict) else None
+    note = f'<br><span class="muted">{text(check["note"])}</span>' if check["note"] else ""
+    return (
+        f"<b>{text(name.replace('_', ' '))}</b><br><span class='muted'>{_subject(entry)}</span>{_reason(entry)}{note}",
+        number(check["value"], 6),
+        number(check["expected"], 6),
+        f"\N{PLUS-MINUS SIGN} {number(check['tolerance'], 3)}",
+        '<span class="pill good">met</span>' if check["ok"] else '<span class="pill bad">not met</span>',
+    )
+
+
+def _measure(check: Any) -> Callable[..., Any] | None:
+    return measures.NAMES.get(str(check.get("measure"))) if isinstance(check, dict) else None
+
+
+def _paragraphs(measure: Callable[..., Any]) -> list[str]:
+    """Paragraphs of a measure's docstring: its meaning and, after that, the reason of its bounds."""
+    return [" ".join(part.split()) for part in (measure.__doc__ or "").split("\n\n")]
+
+
+def _reason(check: Any) -> str:
+    """Reason of a check's bounds, HTML; empty if its measure does not give one."""
+    measure = _measure(check)
+    reasons = _paragraphs(measure)[1:] if measure else []
+    return "".join(f'<br><span class="muted why">{escape(part.replace("``", ""))}</span>' for part in reasons)
+
+
+def _subject(check: Any) -> str:
+    """Measured quantity and window of a check, HTML."""
+    if not isinstance(check, dict):
+        return ""
+    measure = _measure(check)
+    if measure is not None:
+        what = text(_paragraphs(measure)[0].partition("; raises ")[0].rstrip("."))
+    else:
+        what = f"{text(check.get('reduce', ''))} of {text(check.get('signal', ''))}"
+    of = f", {text(check['of'])}" if check.get("of") else ""
+    try:
+        start, end = float(check.get("from") or 0.0), check.get("to")
+        when = f"; {number(start)} to {number(float(end))} s" if end is not None else f"; from {number(start)} s on"
+    except (TypeError, ValueError):
+        when = ""
+    return f"{what}{of}{when}"
+
+
+ABOUT = (
+    "RMS over the run, by runs with steps twice as long. An error is relative to the observable's own RMS, or to a"
+    " floor where that is small. The largest of those that count is the error of the run. Coupling is the part of the"
+    " communication step, integration that of the steps inside components; they have signs and may cancel, so that the"
+    " whole is smaller than each. What many links or both drives have is one vector, the error in its unit its length."
+)
+SENSITIVE = "instant by instant, sensitive: does not count"
+
+
+def exactness(pair: Pair) -> PageSection:
+    """Section with a row for each observable, or the reason why there is none."""
+    error = pair.run.result("error")
+    rows = _error_rows(error.get("observables")) if isinstance(error, dict) else []
+    if rows:
+        head = "Observable", "Relative", "Coupling", "Integration", "Estimated error"
+        html = f"<p>{ABOUT}</p>{table(head, rows, 'numbers')}"
+    else:
+        message = text(error.get("message") or "") if isinstance(error, dict) else ""
+        reason = message or "no coarser run was made beside it (<code>cotrack run</code> makes one by default)"
+        html = f"<p>The error of this run was not estimated: {reason}.</p>"
+    return PageSection("exactness", "Error", "How large is the error of its steps?", html, {})
+
+
+def _error_rows(observables: Any) -> list[tuple[str, ...]]:
+    """Rows of observables, decisive ones first, the largest error first; without errors that are no numbers."""
+    named = observables.items() if isinstance(observables, dict) else ()
+    numeric = [
+        (name, observable)
+        for name, observable in named
+        if isinstance(observable, dict) and _is_number(observable.get("total"))
+    ]
+    return [
+        (
+            text(name.replace("_", " "))
+            + ("" if observable.get("decisive") else f"<br><span class='muted'>{SENSITIVE}</span>"),
+            f"<b>{percent(observable['total'], 2)}</b>"
+            if observable.get("decisive")
+            else percent(observable["total"], 2),
+            *(
+                percent(observable[part], 2) if _is_number(observable.get(part)) else ""
+                for part in ("coupling", "integration")
+            ),
+            quantity(observable["absolute"], str(observable.get("unit", "")).replace("N m", "N.m"), 3)
+            if _is_number(observable.get("absolute"))
+            else "",
+        )
+        for name, observable in sorted(numeric, key=lambda item: (not item[1].get("decisive"), -item[1]["total"]))
+    ]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
 
 WORDS = {"good": "complete", "fair": "not whole", "bad": "not complete"}
 RECOVERED = "recovered from a broken log"  # message of ``cotrack log recover``
