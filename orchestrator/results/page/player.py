@@ -12,13 +12,13 @@ from orchestrator.results.ground_surface import GroundSurface, gives_way
 from orchestrator.results.page.embedded import floats, shorts
 from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.run_data import RunData
-from orchestrator.results.views.arrows import scale_arrow
 from orchestrator.results.views.bodies import EVERY, Bodies, BodyPose, LinkPoses, Poses
 from orchestrator.results.views.colours import PART
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, section, side_camera
 from orchestrator.results.views.ruts import ground_at, untouched
 from orchestrator.results.views.shapes import DRAWN, HullBody, LinkPart, in_world
+from orchestrator.results.views.solids import scale_arrow
 
 RATE = 25.0  # pictures a second at most
 MOST = 500  # pictures in all

@@ -19,7 +19,6 @@ from orchestrator.results.ground_surface import gives_way
 from orchestrator.results.picture import check_name
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import force_of_a_metre, ground_arrows, has_forces, scale_arrow, with_heads
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
 from orchestrator.results.views.projected import (
     NOTHING,
@@ -36,7 +35,14 @@ from orchestrator.results.views.projected import (
     section,
 )
 from orchestrator.results.views.ruts import ground_at, inside, ruts_of, untouched
-from orchestrator.results.views.solids import Reach
+from orchestrator.results.views.solids import (
+    Reach,
+    force_of_a_metre,
+    ground_arrows,
+    has_forces,
+    scale_arrow,
+    with_heads,
+)
 from orchestrator.results.whole_file import atomic_write
 
 if TYPE_CHECKING:
