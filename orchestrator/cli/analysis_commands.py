@@ -65,9 +65,8 @@ def analyse(
 ) -> None:
     """Print the table of an analysis; write it, or all its numbers, into a file."""
     from orchestrator.log.reader import Log
-    from orchestrator.results.picture import PICTURES
+    from orchestrator.results.output_files import PICTURES, atomic_write, check_output
     from orchestrator.results.run_data import RunData, Window
-    from orchestrator.results.whole_file import atomic_write, check_output
 
     module = module_of(what)
     analysis = ANALYSES[what]

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from orchestrator.log.reader import NoSuchSignal
-from orchestrator.results import measures, turning, unanswered
+from orchestrator.results import measures, run_data, turning
 from orchestrator.results.analyses import phases
 from orchestrator.results.energy import ledger
-from orchestrator.results.given_parts import given_parts
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.user_parts import given_parts
 from orchestrator.results.validity.ledger import validity
 from orchestrator.results.validity.limits import FAILURE, Exceedance
 from orchestrator.scene.scene import ChainScene, VehicleScene
@@ -229,7 +229,7 @@ def _number_or_reason(evaluate: Callable[[], float], measure: str | None = None)
     except (KeyError, ValueError, ZeroDivisionError):  # the scene has nothing to measure
         return float("nan"), f"'{measure}' finds nothing to measure in this scene and window"
     except Exception as error:
-        return float("nan"), unanswered.reason(error)
+        return float("nan"), run_data.reason(error)
     return value, "" if np.isfinite(value) else "no finite number comes out of what was recorded"
 
 

@@ -6,9 +6,9 @@ from typing import Any
 
 from orchestrator.execution import summary
 from orchestrator.results.energy import KINDS
-from orchestrator.results.given_parts import SHOWN
 from orchestrator.results.table import without_rounding
 from orchestrator.results.units import figure, scaled, size
+from orchestrator.results.user_parts import SHOWN
 from orchestrator.results.validity.limits import Exceedance
 
 LABELS = {  # of the observables: name, unit, digits

@@ -23,9 +23,9 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary_text import LABELS
 from orchestrator.files.budget import DOCUMENT, read_file
 from orchestrator.log.extra import NotInstalled, library
+from orchestrator.results.output_files import atomic_write
 from orchestrator.results.table import Column, Table
 from orchestrator.results.units import in_si
-from orchestrator.results.whole_file import atomic_write
 from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import SHORT_KEYS, Scene, load
 from orchestrator.scene.settings import pairs

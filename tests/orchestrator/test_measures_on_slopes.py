@@ -9,7 +9,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import measures, turning
 from orchestrator.results.analyses import slip
-from orchestrator.results.ground_axes import component, ground_axes, split
+from orchestrator.results.ground_under_vehicle import component, ground_axes, split
 from orchestrator.results.page.document import document
 from orchestrator.results.page.evaluation import evaluate
 from orchestrator.results.run_data import Missing, RunData, Window

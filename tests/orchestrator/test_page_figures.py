@@ -14,12 +14,12 @@ from page_logs import embedded, page, signal, vehicle_log, written
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorded_system import description_of
 from orchestrator.results.analyses import wheel_loads
+from orchestrator.results.approximations import TimeEnvelope
 from orchestrator.results.energy import Ledger, ledger
 from orchestrator.results.page import balance
 from orchestrator.results.page.balance import losses, sentence, sources
 from orchestrator.results.page.embedded import quantity
 from orchestrator.results.run_data import EVER, RunData
-from orchestrator.results.thinned import TimeEnvelope
 from orchestrator.results.units import number, percent
 
 vehicle = pytest.fixture(scope="module")(vehicle_log)

@@ -18,7 +18,7 @@ from orchestrator.log.export import export
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, WHOLE, verify
-from orchestrator.results.answered import answers
+from orchestrator.results.answer_comparison import answers
 from orchestrator.results.difference import differences
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views.flat_views import draw_side

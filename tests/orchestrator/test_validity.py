@@ -16,7 +16,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results import measures, unanswered
+from orchestrator.results import measures, run_data
 from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import heading
 from orchestrator.results.page.evaluation import RunSummary, attempt, evaluate
@@ -506,7 +506,7 @@ def test_a_kind_that_breaks_is_counted_and_fails_a_test(tmp_path, monkeypatch, e
     monkeypatch.setitem(ledger.CHECKS, "creep", ledger.CHECKS["creep"]._replace(find=broken))
     with Log(path) as log, pytest.raises(type(error)):
         ledger.validity(RunData(log))
-    monkeypatch.setattr(unanswered, "FAULTS_RAISE", False)
+    monkeypatch.setattr(run_data, "FAULTS_RAISE", False)
     said = f"1 of {len(ledger.CHECKS)} kinds of validity not looked at: creep: {type(error).__name__}: {error}"
     with Log(path) as log:
         found = ledger.validity(RunData(log))
@@ -524,7 +524,7 @@ def test_a_section_that_breaks_fails_a_test(monkeypatch):
     missing = []
     with pytest.raises(ZeroDivisionError):
         attempt(lambda: 1 / 0, missing)
-    monkeypatch.setattr(unanswered, "FAULTS_RAISE", False)
+    monkeypatch.setattr(run_data, "FAULTS_RAISE", False)
     attempt(lambda: 1 / 0, missing)
     attempt(lambda: [][0], missing)
     assert missing == ["ZeroDivisionError: division by zero", "IndexError: list index out of range"]

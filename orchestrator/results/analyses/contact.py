@@ -9,8 +9,8 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, hull, link_records
 from orchestrator.results.analyses.envelope import PlaceBins
-from orchestrator.results.analyses.extremes import Extreme, larger
 from orchestrator.results.analyses.link_loads import LinkLoads, sliced
+from orchestrator.results.analyses.link_records import Extreme, larger
 from orchestrator.results.rotation import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table

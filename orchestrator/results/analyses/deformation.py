@@ -114,7 +114,7 @@ def of(run: RunData, track: str = "", window: Window = EVER, at: Sequence[float]
 
 def picture(deformation: Deformation, output: Path, link: int) -> None:
     """Draw figures 18 and 19 for one link at each instant; raises BadInput."""
-    from orchestrator.results.picture import new_figure, save_figure
+    from orchestrator.results.output_files import new_figure, save_figure
 
     if not 1 <= link <= deformation.displacement.shape[1]:
         raise BadInput(f"--link {link}: {deformation.track} has the links 1 to {deformation.displacement.shape[1]}")

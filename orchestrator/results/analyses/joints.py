@@ -8,7 +8,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, hull, link_records, links
-from orchestrator.results.analyses.extremes import Extreme, larger, smaller
+from orchestrator.results.analyses.link_records import Extreme, larger, smaller
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import link_records
-from orchestrator.results.analyses.extremes import Extreme, larger, smaller
-from orchestrator.results.link_columns import POSITION, TENSION, columns
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
-from orchestrator.results.thinned import Curve, Peak, TimeEnvelope
+from orchestrator.results.analyses.link_records import Extreme, larger, smaller
+from orchestrator.results.approximations import Curve, Peak, TimeEnvelope
+from orchestrator.results.run_data import EVER, POSITION, TENSION, Missing, RunData, Window, columns
 
 SLICES = 240  # most intervals of time of a map
 SIGNALS = {"tension": TENSION, "stress": "link[*].stress", "force": "joint[*].force"}

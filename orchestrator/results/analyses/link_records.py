@@ -12,8 +12,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.catalogue import recorder_of
-from orchestrator.results.link_columns import POSITION, columns
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
+from orchestrator.results.run_data import EVER, POSITION, Missing, RunData, Window, columns, record_durations
 
 SIZE = 200  # records in memory at once
 GROUPS = {  # signals by the group of ``track.link_outputs`` that contains them
@@ -132,3 +131,33 @@ def _columns(run: RunData, track: str, signal: str) -> np.ndarray:
         how = f"; record it with the group '{group}' of track.link_outputs in the scene{option}" if group else ""
         raise Missing(f"{run.log.path} holds no '{track}.{signal}'{how}")
     return found
+
+
+ALIKE = 1e-9  # relative difference of values that differ by rounding only
+
+
+class Extreme(NamedTuple):
+    """Largest value of any member."""
+
+    value: float
+    t: float  # s
+    member: int  # number of the link or pin, from 1
+
+
+def larger(known: Extreme | None, t: Floats, values: Floats) -> Extreme | None:
+    """Larger of a known extreme and the largest of finite values (m, members) at times (m,), s.
+
+    Of values that are equal but for rounding, the first one counts.
+    """
+    finite = np.where(np.isfinite(values), values, -np.inf)
+    most = finite.max(initial=-np.inf)
+    if not np.isfinite(most) or (known and not most > known.value + ALIKE * abs(known.value)):
+        return known
+    row, column = np.argwhere(finite >= most - ALIKE * abs(most))[0]
+    return Extreme(float(finite[row, column]), float(t[row]), int(column) + 1)
+
+
+def smaller(known: Extreme | None, t: Floats, values: Floats) -> Extreme | None:
+    """Smaller of a known extreme and the smallest of finite values; see ``larger``."""
+    found = larger(known and known._replace(value=-known.value), t, -values)
+    return found and found._replace(value=-found.value)

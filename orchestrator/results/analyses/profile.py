@@ -10,8 +10,7 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, contact, link_records
 from orchestrator.results.analyses.link_loads import LinkLoads
-from orchestrator.results.link_columns import POSITION, TENSION, columns
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, POSITION, TENSION, Missing, RunData, Window, columns
 
 
 class Profile(NamedTuple):

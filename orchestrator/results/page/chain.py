@@ -16,11 +16,11 @@ from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.analyses.phases import Phase, phase_name
 from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.analyses.spectrum import Spectrum
+from orchestrator.results.approximations import Curve, Peak
 from orchestrator.results.page.embedded import and_list, instance, plain, quantity, side, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, heat, lines, table
 from orchestrator.results.run_data import RunData, Window, mean
-from orchestrator.results.thinned import Curve, Peak
 from orchestrator.results.units import hours, number, percent
 
 INSTANTS = 4  # evenly spaced instants of profiles

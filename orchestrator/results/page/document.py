@@ -11,6 +11,7 @@ from typing import Any
 from orchestrator.log.extra import library
 from orchestrator.results.analyses.fatigue import StressLifeLine
 from orchestrator.results.measured_difference import MeasuredComparison
+from orchestrator.results.output_files import atomic_write
 from orchestrator.results.page import heading
 from orchestrator.results.page.balance import ending, energy
 from orchestrator.results.page.chain import fatigue, orders, tension
@@ -25,7 +26,6 @@ from orchestrator.results.page.section import PageSection, Pair
 from orchestrator.results.page.trust import checks, comparison, exactness, provenance
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number
-from orchestrator.results.whole_file import atomic_write
 
 SUFFIXES = (".html", ".htm")
 # the page and its library must not request anything from other machines

@@ -11,12 +11,12 @@ from orchestrator.results.analyses.link_loads import SIGNALS
 from orchestrator.results.analyses.link_records import has
 from orchestrator.results.analyses.unloaded import starts_as_drawn
 from orchestrator.results.energy import Ledger
-from orchestrator.results.given_parts import GivenPart, given_parts
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.page.balance import supply
 from orchestrator.results.page.embedded import instance, quantity, text, wheel
 from orchestrator.results.page.evaluation import ALIKE, Evaluation
 from orchestrator.results.units import number, percent
+from orchestrator.results.user_parts import GivenPart, given_parts
 from orchestrator.results.validity.ledger import validity
 
 OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right

@@ -6,12 +6,12 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.curves import CurveCollector, SignalCurve
+from orchestrator.results.approximations import BINS, Curve
 from orchestrator.results.measured_difference import WHOLE, SignalDifference
 from orchestrator.results.measured_record import MeasuredSignal
 from orchestrator.results.page.embedded import quantity, text
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, table
 from orchestrator.results.run_data import EVER, RunData, Window, within
-from orchestrator.results.thinned import BINS, Curve
 from orchestrator.results.units import number, percent
 
 HEAD = ("Signal", "Window", "RMS", "Relative", "Mean", "Largest", "Correlation", "Instants")

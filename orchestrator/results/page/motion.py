@@ -7,15 +7,14 @@ from collections.abc import Callable
 import numpy as np
 
 from orchestrator.results import turning
-from orchestrator.results.analyses.curves import SignalCurve
+from orchestrator.results.analyses.curves import GROUND_SPEED, MOMENT, YAW_RATE, SignalCurve, radius
 from orchestrator.results.analyses.phases import HELD, Phase, phase_name, rounded
-from orchestrator.results.analyses.turn_curves import GROUND_SPEED, MOMENT, YAW_RATE, radius
+from orchestrator.results.approximations import Curve
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.page.embedded import instance, quantity, side, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Chart, Content, PageSection, Pair, Trace, lines, table
 from orchestrator.results.run_data import EVER, RunData, Window
-from orchestrator.results.thinned import Curve
 from orchestrator.results.units import number
 
 AT_REST = 1e-6  # m/s

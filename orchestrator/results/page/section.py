@@ -11,10 +11,10 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.circuit import Stretch
 from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.analyses.fatigue import StressLifeLine
+from orchestrator.results.approximations import Curve, Peak
 from orchestrator.results.measured_difference import MeasuredComparison
 from orchestrator.results.page.embedded import floats, text
 from orchestrator.results.page.evaluation import Evaluation
-from orchestrator.results.thinned import Curve, Peak
 from orchestrator.results.units import scaled
 
 Chart = dict[str, Any]

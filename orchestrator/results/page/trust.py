@@ -10,15 +10,15 @@ from typing import Any
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.results import measures
+from orchestrator.results.approximations import BINS
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
-from orchestrator.results.given_parts import given_parts
 from orchestrator.results.page.embedded import and_list, instance, plain, quantity, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.run_data import RunData
-from orchestrator.results.thinned import BINS
 from orchestrator.results.units import number, percent
+from orchestrator.results.user_parts import given_parts
 
 CHECKS_HEAD = ("Check", "Value", "Expected", "Tolerance", "Verdict")
 

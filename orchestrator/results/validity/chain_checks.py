@@ -11,8 +11,7 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.ground_surface import gives_way, ground
-from orchestrator.results.run_data import Missing, RunData, Window
-from orchestrator.results.unanswered import UNANSWERED
+from orchestrator.results.run_data import UNANSWERED, Missing, RunData, Window
 from orchestrator.results.validity import limits
 from orchestrator.results.validity.limits import WARNING, Exceedance, exceedance, exceedances
 from orchestrator.results.validity.piece import Piece

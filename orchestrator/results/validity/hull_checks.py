@@ -9,8 +9,8 @@ import numpy as np
 from fmus.sides import of_side
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
-from orchestrator.results.ground_axes import POSE
 from orchestrator.results.ground_surface import gives_way, ground, on_terrain
+from orchestrator.results.ground_under_vehicle import POSE
 from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.validity import limits

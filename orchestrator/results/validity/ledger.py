@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import NamedTuple
 
-from orchestrator.results.run_data import EVER, RunData, Window
+from orchestrator.results.run_data import EVER, UNANSWERED, RunData, Window, reason
 from orchestrator.results.table import Table
-from orchestrator.results.unanswered import UNANSWERED, reason
 from orchestrator.results.validity import chain_checks, hull_checks, sprocket_checks, track_checks
 from orchestrator.results.validity.limits import FAILURE, WARNING, Exceedance
 from orchestrator.results.validity.piece import Piece, pieces

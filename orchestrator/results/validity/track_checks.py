@@ -12,9 +12,8 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.slip import towards
 from orchestrator.results.analyses.unloaded import is_settling, off_ground
-from orchestrator.results.ground_axes import component, ground_axes, pose_signals
 from orchestrator.results.ground_surface import gives_way
-from orchestrator.results.pressed_ground import pressed_by
+from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
 from orchestrator.results.run_data import EVER, Missing, RunData, record_durations
 from orchestrator.results.validity import limits
 from orchestrator.results.validity.limits import WARNING, Exceedance, excess

@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.ground_surface import GroundSurface, ground
-from orchestrator.results.link_columns import POSITION, columns
 from orchestrator.results.rotation import body_axis, link_axes
-from orchestrator.results.run_data import RunData
+from orchestrator.results.run_data import POSITION, RunData, columns
 from orchestrator.results.units import size as size_of
 from orchestrator.results.views.colours import LINK_COLOURS, Scale
 from orchestrator.results.views.pose_columns import PoseColumns, Slot, has_motion, nearest

@@ -16,7 +16,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_mesh import GroundMesh
 from orchestrator.results.ground_surface import gives_way
-from orchestrator.results.picture import check_name
+from orchestrator.results.output_files import atomic_write, check_name
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.views import colours
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
@@ -43,7 +43,6 @@ from orchestrator.results.views.solids import (
     scale_arrow,
     with_heads,
 )
-from orchestrator.results.whole_file import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.collections import LineCollection

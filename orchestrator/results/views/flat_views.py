@@ -12,7 +12,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_surface import GroundSurface, gives_way
-from orchestrator.results.picture import PICTURES, check_name, new_figure, save_figure
+from orchestrator.results.output_files import PICTURES, check_name, new_figure, save_figure
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses

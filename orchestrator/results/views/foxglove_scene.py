@@ -22,7 +22,7 @@ from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import events
-from orchestrator.results.picture import check_name
+from orchestrator.results.output_files import atomic_write, check_name
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
@@ -42,7 +42,6 @@ from orchestrator.results.views.solids import (
     scale_on_hull,
     sheet,
 )
-from orchestrator.results.whole_file import atomic_write
 
 RATE = 50.0  # instants a second
 WORLD = "world"

@@ -15,8 +15,7 @@ import numpy as np
 
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.analyses import link_records, profile, wheel_loads
-from orchestrator.results.link_columns import POSITION, TENSION
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import POSITION, TENSION, Missing, RunData, Window
 from orchestrator.results.units import size
 from orchestrator.results.views.pose_columns import LONGEST, matched_times
 

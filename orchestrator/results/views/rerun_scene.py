@@ -24,7 +24,7 @@ from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.analyses import events
 from orchestrator.results.ground_mesh import GroundHole
-from orchestrator.results.picture import check_name
+from orchestrator.results.output_files import atomic_write, check_name
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
@@ -46,7 +46,6 @@ from orchestrator.results.views.solids import (
     scale_on_hull,
     sheet,
 )
-from orchestrator.results.whole_file import atomic_write
 
 RATE = 50.0  # instants a second
 TIMELINE = "time"
