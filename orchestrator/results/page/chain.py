@@ -17,6 +17,7 @@ from orchestrator.results.analyses.phases import Phase, phase_name
 from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.analyses.spectrum import Spectrum
 from orchestrator.results.approximations import Curve, Peak
+from orchestrator.results.observables import OBSERVABLES
 from orchestrator.results.page.embedded import and_list, instance, plain, quantity, side, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, heat, lines, table
@@ -184,7 +185,7 @@ def orders(pair: Pair) -> PageSection | None:
     tensions = [f"{track}.tension.max" for track in run.run.tracks]
     for key, title, signals in (
         ("torque", "Torque of the drives", [f"{prefix}torque" for prefix in run.drives]),
-        ("tension", "Largest link tension", tensions),
+        ("tension", OBSERVABLES["tension_max"].title, tensions),
     ):
         if spectra := _spectra(run, signals):
             drawn = _traces(signals, spectra)

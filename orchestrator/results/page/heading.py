@@ -12,6 +12,7 @@ from orchestrator.results.analyses.link_records import has
 from orchestrator.results.analyses.unloaded import starts_as_drawn
 from orchestrator.results.energy import Ledger
 from orchestrator.results.ground_surface import on_terrain
+from orchestrator.results.observables import OBSERVABLES
 from orchestrator.results.page.balance import supply
 from orchestrator.results.page.embedded import instance, quantity, text, wheel
 from orchestrator.results.page.evaluation import ALIKE, Evaluation
@@ -164,6 +165,14 @@ def verdict(evaluation: Evaluation) -> Assessment:
 
 
 KMH = 3.6
+PEAKS = {  # largest values of a run, in the order of tiles
+    "top_speed": "Top speed",
+    "tension": OBSERVABLES["tension_max"].title,
+    "stress": "Largest link stress",
+    "wheel_load": "Largest wheel load",
+    "ground_force": "Largest force of the ground on a track",
+}
+OF_TRACKS = {"tension": "tension.max", "stress": "stress.max", "ground_force": "ground.force.z"}  # signals of a track
 COMING_TO_REST = 0.5  # s: a vehicle that starts as drawn does not rest on its tracks yet
 
 
@@ -180,17 +189,17 @@ def figures(evaluation: Evaluation) -> dict[str, Any]:
     """Key figures in SI units, without those that the log does not hold."""
     figures: dict[str, Any] = {}
     tracks = evaluation.run.tracks
-    for key, names, extreme in (
-        ("top_speed", ["chassis.speed"], "largest"),
-        ("top_speed", [f"{track}.speed" for track in tracks], "largest"),
-        ("tension", [f"{track}.tension.max" for track in tracks], "most"),
-        ("stress", [f"{track}.stress.max" for track in tracks], "most"),
-        ("ground_force", [f"{track}.ground.force.z" for track in tracks], "most"),
-        ("wheel_load", [name for name in evaluation.signals if name.endswith(".load")], "most"),
-    ):
+    signals = {
+        "top_speed": ["chassis.speed"]
+        if "chassis.speed" in evaluation.signals
+        else [f"{each}.speed" for each in tracks],
+        **{key: [f"{track}.{name}" for track in tracks] for key, name in OF_TRACKS.items()},
+        "wheel_load": [name for name in evaluation.signals if name.endswith(".load")],
+    }
+    for key, names in signals.items():
         known = {name: evaluation.signals[name] for name in names if name in evaluation.signals}
-        if known and key not in figures:
-            figures[key] = _peak(known, extreme)
+        if known:
+            figures[key] = _peak(known, "largest" if key == "top_speed" else "most")
     if "chassis.distance" in evaluation.signals:
         figures["distance"] = {"value": evaluation.run.ends("chassis.distance")[1], "unit": "m"}
     if figures.get("stress", {}).get("value") == 0.0:
@@ -249,7 +258,9 @@ def _motion(figures: dict[str, Any]) -> list[Tile]:
         fast = f"{number(abs(speed['value']) * KMH, 3)} km/h, " if hull else ""
         back = ", backwards" if hull and speed["value"] < 0.0 else ""
         note = f"{fast}at {number(speed['t'])} s{back}"
-        tiles.append(Tile("Top speed" if hull else "Top chain speed", quantity(abs(speed["value"]), "m/s"), note))
+        tiles.append(
+            Tile(PEAKS["top_speed"] if hull else "Top chain speed", quantity(abs(speed["value"]), "m/s"), note)
+        )
     if distance := figures.get("distance"):
         tiles.append(Tile("Distance", quantity(distance["value"], "m"), "along the heading at the start"))
     return tiles
@@ -258,15 +269,15 @@ def _motion(figures: dict[str, Any]) -> list[Tile]:
 def _loads(evaluation: Evaluation, figures: dict[str, Any]) -> list[Tile]:
     tiles = []
     if tension := figures.get("tension"):
-        tiles.append(Tile("Largest link tension", quantity(tension["value"], "N"), _place(tension)))
+        tiles.append(Tile(PEAKS["tension"], quantity(tension["value"], "N"), _place(tension)))
     if stress := figures.get("stress"):
         note = f"tension and bending, {_place(stress)}"
-        tiles.append(Tile("Largest link stress", quantity(stress["value"], "Pa"), note))
+        tiles.append(Tile(PEAKS["stress"], quantity(stress["value"], "Pa"), note))
     if load := figures.get("wheel_load"):
         note = f"{wheel(load['signal'].removesuffix('.load'))}, at {number(load['t'])} s"
         if load["t"] < COMING_TO_REST and starts_as_drawn(evaluation.run):
             note += f", as the vehicle comes to rest{_later(evaluation)}"
-        tiles.append(Tile("Largest wheel load", quantity(load["value"], "N"), note))
+        tiles.append(Tile(PEAKS["wheel_load"], quantity(load["value"], "N"), note))
     if carried := figures.get("carried"):
         force = quantity(carried["ground_force"], "N") if "ground_force" in carried else ""
         if "weight" not in carried:

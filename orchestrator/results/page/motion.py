@@ -11,6 +11,7 @@ from orchestrator.results.analyses.curves import GROUND_SPEED, MOMENT, YAW_RATE,
 from orchestrator.results.analyses.phases import HELD, Phase, phase_name, rounded
 from orchestrator.results.approximations import Curve
 from orchestrator.results.ground_surface import on_terrain
+from orchestrator.results.observables import OBSERVABLES
 from orchestrator.results.page.embedded import instance, quantity, side, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Chart, Content, PageSection, Pair, Trace, lines, table
@@ -109,7 +110,7 @@ PHASES_NOTE = (
 )
 PHASES_HEAD = (
     "Phase", "From, s", "To, s", "Way, m", "Speed, m/s", "Yaw rate, rad/s", "Radius, m", "Power, kW",
-    "Slip left / right, m/s", "Largest link tension",
+    "Slip left / right, m/s", OBSERVABLES["tension_max"].title,
 )  # fmt: skip
 
 
