@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, link_records
+from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.ground_surface import GroundSurface, gives_way, ground, on_terrain
 from orchestrator.results.run_data import EVER, POSITION, Missing, RunData, Window
 
@@ -88,7 +88,7 @@ def pressed_by(run: RunData, track: str, window: Window = EVER) -> Pressed:
         raise Missing(f"the ground of {run.log.path} is hard: tracks leave no rut")
     sizes = [hull.vehicle_number(run, "track", key) for key in ("pitch", "width", "face")]
     pressed = Pressed(np.zeros(0, int), np.zeros(0), np.zeros(0))
-    for block in link_records.records(run, track, window, POSITION):
+    for block in record_blocks.records(run, track, window, POSITION):
         cell, first, depth = _in_ground(surface, sizes, block.t, block.values[0])
         cell, index, inverse = np.unique(np.append(pressed.cell, cell), return_index=True, return_inverse=True)
         deepest = np.zeros(len(cell))

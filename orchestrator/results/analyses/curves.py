@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import common_steps, hull, slip, wheel_loads
-from orchestrator.results.analyses.common_steps import common_values
+from orchestrator.results.analyses import hull, record_blocks, slip, wheel_loads
 from orchestrator.results.analyses.phases import TURNS
+from orchestrator.results.analyses.record_blocks import common_values
 from orchestrator.results.approximations import PARTS, Curve, Integrals, MovingMean, Peak, TimeEnvelope
 from orchestrator.results.energy import STORED
 from orchestrator.results.ground_under_vehicle import pose_signals, split
@@ -52,7 +52,7 @@ def drives(run: RunData) -> list[str]:
 
 def of(run: RunData, signals: Iterable[str]) -> dict[str, SignalCurve]:
     """Curves of the outputs, "instance.variable", that the log has and that are numbers; raises LogUnreadable."""
-    wanted = common_steps.columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
+    wanted = record_blocks.named_columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
     gathered = {topic: CurveCollector(run, len(places)) for topic, places in wanted.items()}
     for piece in run.log.stream(wanted):
         for topic, series in piece.items():
@@ -87,7 +87,7 @@ def energies(run: RunData) -> dict[str, Curve]:
     }
     envelope = TimeEnvelope(*run.span, len(ENERGIES))
     first: Floats | None = None
-    for t, values in common_steps.blocks(run, [*parts]):
+    for t, values in record_blocks.common_blocks(run, [*parts]):
         total = np.zeros((len(t), len(ENERGIES)))
         for column, (k, copies) in zip(values.T, parts.values(), strict=True):
             total[:, k] += copies * column

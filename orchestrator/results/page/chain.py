@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import fatigue as analysis
-from orchestrator.results.analyses import hull, link_loads, link_records, profile, spectrum
+from orchestrator.results.analyses import hull, link_loads, profile, record_blocks, spectrum
 from orchestrator.results.analyses.fatigue import FIBRES, TrackFatigue
 from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.analyses.phases import Phase, phase_name
@@ -324,7 +324,7 @@ def _by_link(values: Floats) -> Curve:
 
 
 def _recorded(run: RunData, track: str) -> bool:
-    return all(link_records.has(run, track, f"link[*].fibre.{fibre}") for fibre in FIBRES)
+    return all(record_blocks.has(run, track, f"link[*].fibre.{fibre}") for fibre in FIBRES)
 
 
 def _fatigue_row(found: TrackFatigue) -> tuple[str, ...]:

@@ -19,11 +19,10 @@ from orchestrator.results.page.embedded import script, text
 from orchestrator.results.page.evaluation import Evaluation, RunSummary, attempt, evaluate
 from orchestrator.results.page.events import event_section
 from orchestrator.results.page.loads import loads
-from orchestrator.results.page.measured import measured
 from orchestrator.results.page.motion import drive, motion, phases, turn
 from orchestrator.results.page.player import player as player_of
 from orchestrator.results.page.section import PageSection, Pair
-from orchestrator.results.page.trust import checks, comparison, exactness, provenance
+from orchestrator.results.page.trust import checks, comparison, exactness, measured, provenance
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orchestrator.results.analyses import events
-from orchestrator.results.analyses.unloaded import LIFTED, SETTLING, TOUCHES, UnloadedInterval, is_settling
+from orchestrator.results.analyses.wheel_loads import LIFTED, SETTLING, TOUCHES, UnloadedInterval, is_settling
 from orchestrator.results.page.embedded import and_list, instance, quantity, text, wheel, wheel_name
 from orchestrator.results.page.heading import PEAKS
 from orchestrator.results.page.motion import AT_REST

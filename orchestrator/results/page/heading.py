@@ -8,8 +8,8 @@ from fmus.ground_keys import SHAPES, SLOPES
 from orchestrator.results.analyses import link_loads
 from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.analyses.link_loads import SIGNALS
-from orchestrator.results.analyses.link_records import has
-from orchestrator.results.analyses.unloaded import starts_as_drawn
+from orchestrator.results.analyses.record_blocks import has
+from orchestrator.results.analyses.wheel_loads import starts_as_drawn
 from orchestrator.results.energy import Ledger
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.observables import OBSERVABLES

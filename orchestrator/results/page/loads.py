@@ -9,7 +9,7 @@ import numpy as np
 from orchestrator.results.analyses import contact, wheel_loads
 from orchestrator.results.analyses.events import lifted
 from orchestrator.results.analyses.profile import Profile
-from orchestrator.results.analyses.unloaded import SETTLING, is_settling, starts_as_drawn
+from orchestrator.results.analyses.wheel_loads import SETTLING, is_settling, starts_as_drawn
 from orchestrator.results.approximations import Curve
 from orchestrator.results.page.chain import profiles
 from orchestrator.results.page.embedded import and_list, instance, plain, quantity, text, wheel, wheel_name

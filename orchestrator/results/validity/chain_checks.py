@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, link_records
+from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.ground_surface import gives_way, ground
 from orchestrator.results.run_data import UNANSWERED, Missing, RunData, Window
 from orchestrator.results.validity import limits
@@ -51,7 +51,7 @@ def deepest(run: RunData, track: str, t: float, depth: float) -> str:
 
 def depths(run: RunData, track: str, t: float) -> dict[str, float]:
     """Depths, m, of rims and ground in the links at the record nearest to a time, s; raises Missing."""
-    blocks = list(link_records.records(run, track, Window(t - NEAR, t + NEAR), "joint[*].position"))
+    blocks = list(record_blocks.records(run, track, Window(t - NEAR, t + NEAR), "joint[*].position"))
     times = np.concatenate([block.t for block in blocks])
     nearest = int(np.abs(times - t).argmin())
     pins = np.concatenate([block.values[0] for block in blocks])[nearest]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, link_records
+from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.energy import WrenchPort
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import Missing, RunData, pitch_radius
@@ -146,7 +146,7 @@ def tooth_jump(piece: Piece) -> Iterator[Exceedance]:
         t, teeth = drift(piece, track)
         if np.ptp(teeth) < SUSPECT:
             continue
-        if link_records.has(piece.run, track, "joint[*].position"):
+        if record_blocks.has(piece.run, track, "joint[*].position"):
             yield from _by_pins(piece, track)
         else:
             found = exceedance("tooth_jump", track, "sprocket", t, np.abs(teeth), CERTAIN, FAILURE)

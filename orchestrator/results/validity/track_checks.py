@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.slip import towards
-from orchestrator.results.analyses.unloaded import is_settling, off_ground
+from orchestrator.results.analyses.wheel_loads import is_settling, off_ground
 from orchestrator.results.ground_surface import gives_way
 from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
 from orchestrator.results.run_data import EVER, Missing, RunData, record_durations

@@ -20,8 +20,15 @@ from orchestrator.results.run_data import POSITION, RunData, columns
 from orchestrator.results.units import size as size_of
 from orchestrator.results.views.colours import LINK_COLOURS, Scale
 from orchestrator.results.views.pose_columns import PoseColumns, Slot, has_motion, nearest
-from orchestrator.results.views.scene_table import drawn_scene
-from orchestrator.results.views.shapes import HullBody, TrackBody, WheelBody, hull_body, track_body, wheel_body
+from orchestrator.results.views.shapes import (
+    HullBody,
+    TrackBody,
+    WheelBody,
+    drawn_scene,
+    hull_body,
+    track_body,
+    wheel_body,
+)
 
 WHEELS = ("sprocket", "road_wheel", "idler", "return_roller")
 AXIS, GROUND = "joint[*].axis", LINK_COLOURS["ground"].signal

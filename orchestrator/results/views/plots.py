@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import EVER, Floats
-from orchestrator.results.analyses import link_records, profile, wheel_loads
+from orchestrator.results.analyses import profile, record_blocks, wheel_loads
 from orchestrator.results.run_data import POSITION, TENSION, Missing, RunData, Window
 from orchestrator.results.units import size
 from orchestrator.results.views.pose_columns import LONGEST, matched_times
@@ -117,7 +117,7 @@ def chain_profiles(run: RunData) -> list[ChainProfile]:
     """Return the profiles of tracks whose links' tensions and places a log holds."""
     profiles = []
     for track in run.tracks:
-        if all(link_records.has(run, track, signal) for signal in (TENSION, POSITION)):
+        if all(record_blocks.has(run, track, signal) for signal in (TENSION, POSITION)):
             with suppress(Missing):
                 first = next(profile.tensions(run, track))
                 parts = [f"{part.name} {part.start:z.1f} to {part.end:z.1f} m" for part in first.stretches]
