@@ -21,7 +21,7 @@ from orchestrator.results.rotation import body_axis
 POSITION, TENSION = "joint[*].position", "link[*].tension"  # *: number of the link or pin, from 1
 
 
-def columns(names: Sequence[str], signal: str) -> np.ndarray:
+def link_columns(names: Sequence[str], signal: str) -> np.ndarray:
     """Columns (n,), for a vector (n, 3), of a signal of links 1, 2, ... in a topic; empty for none."""
     column_of_name = {name: column for column, name in enumerate(names)}
     parts = [""] if signal.replace("*", "1") in column_of_name else [".x", ".y", ".z"]
@@ -209,7 +209,7 @@ class RunData:
         if topic not in self.log.topics:
             raise Missing(f"the log has no outputs per link of '{track}'")
         names = self.log.topics[topic].names
-        pins, links = (columns(names, signal) for signal in (POSITION, TENSION))
+        pins, links = (link_columns(names, signal) for signal in (POSITION, TENSION))
         for signal, columns in ((POSITION, pins), (TENSION, links)):
             if not columns.size:
                 raise Missing(f"the log has no '{track}.{signal}'")

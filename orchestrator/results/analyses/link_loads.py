@@ -11,7 +11,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import record_blocks
 from orchestrator.results.analyses.record_blocks import Extreme, larger, smaller
 from orchestrator.results.approximations import Curve, Peak, TimeEnvelope
-from orchestrator.results.run_data import EVER, POSITION, TENSION, Missing, RunData, Window, columns
+from orchestrator.results.run_data import EVER, POSITION, TENSION, Missing, RunData, Window, link_columns
 
 SLICES = 240  # most intervals of time of a map
 SIGNALS = {"tension": TENSION, "stress": "link[*].stress", "force": "joint[*].force"}
@@ -58,7 +58,7 @@ def of(run: RunData, track: str) -> LinkLoads:
     if by_link is None or slackest is None:
         raise Missing(f"the log holds no tension of the links of '{track}'")
     recorded = {name: extreme for name, extreme in most.items() if extreme}
-    pins = len(columns(run.log.topics[topic].names, POSITION))
+    pins = len(link_columns(run.log.topics[topic].names, POSITION))
     return LinkLoads(track, t, middle, by_link.upper, recorded, slackest, pins)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, contact, record_blocks
 from orchestrator.results.analyses.link_loads import LinkLoads
-from orchestrator.results.run_data import EVER, POSITION, TENSION, Missing, RunData, Window, columns
+from orchestrator.results.run_data import EVER, POSITION, TENSION, Missing, RunData, Window, link_columns
 
 
 class Profile(NamedTuple):
@@ -35,7 +35,7 @@ class Tensions(NamedTuple):
 
 def tensions(run: RunData, track: str, window: Window = EVER) -> Iterator[Tensions]:
     """Tensions by place in the link records of a window, in blocks; raises Missing, LogUnreadable."""
-    if record_blocks.count(run, track) != len(columns(run.log.topics[f"/{track}/links"].names, POSITION)):
+    if record_blocks.count(run, track) != len(link_columns(run.log.topics[f"/{track}/links"].names, POSITION)):
         for block in record_blocks.records(run, track, window, POSITION, TENSION):
             length = np.linalg.norm(np.diff(block.values[0], axis=1), axis=2)
             yield Tensions(block.t, np.cumsum(length, axis=1) - 0.5 * length, block.values[1], [])

@@ -12,7 +12,16 @@ from fmus.vehicle import BadInput
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.catalogue import recorder_of
-from orchestrator.results.run_data import BLOCK, EVER, POSITION, Missing, RunData, Window, columns, record_durations
+from orchestrator.results.run_data import (
+    BLOCK,
+    EVER,
+    POSITION,
+    Missing,
+    RunData,
+    Window,
+    link_columns,
+    record_durations,
+)
 
 SIZE = 200  # records in memory at once
 GROUPS = {  # signals by the group of ``track.link_outputs`` that contains them
@@ -124,7 +133,7 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
 def _columns(run: RunData, track: str, signal: str) -> np.ndarray:
     """Columns of a signal (n,), of a vector (n, 3); raises Missing."""
     topic = f"/{track}/links"
-    found = columns(run.log.topics[topic].names if topic in run.log.topics else (), signal)
+    found = link_columns(run.log.topics[topic].names if topic in run.log.topics else (), signal)
     if not found.size:
         group = GROUPS.get(signal)
         option = f", or cotrack run --for {recorder_of(group)}" if group and recorder_of(group) else ""

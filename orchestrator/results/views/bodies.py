@@ -16,7 +16,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.ground_surface import GroundSurface, ground
 from orchestrator.results.rotation import body_axis, link_axes
-from orchestrator.results.run_data import POSITION, RunData, columns
+from orchestrator.results.run_data import POSITION, RunData, link_columns
 from orchestrator.results.units import size as size_of
 from orchestrator.results.views.colours import LINK_COLOURS, Scale
 from orchestrator.results.views.pose_columns import PoseColumns, Slot, has_motion, nearest
@@ -324,4 +324,4 @@ class Bodies:
 def _link_columns(names: tuple[str, ...]) -> dict[str, Floats]:
     """Return the columns of a topic by signal of links or pins: (n,) or, for a vector, (n, 3)."""
     wanted = (POSITION, AXIS, *(about.signal for about in LINK_COLOURS.values()))
-    return {signal: columns(names, signal) for signal in wanted}
+    return {signal: link_columns(names, signal) for signal in wanted}
