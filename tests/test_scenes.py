@@ -12,7 +12,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results import measures
-from orchestrator.results.answered import answers
+from orchestrator.results.answer_comparison import answers
 from orchestrator.results.energy import ledger
 from orchestrator.results.measures import third_law
 from orchestrator.results.run_data import RunData, Window

@@ -16,7 +16,7 @@ from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, beside, check_window
 from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, WithOption, measured_file
 from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Option, module_of
-from orchestrator.results.page.words import and_list
+from orchestrator.results.page.embedded import and_list
 
 if TYPE_CHECKING:
     from orchestrator.results.measured_record import MeasuredSignal
@@ -65,9 +65,8 @@ def analyse(
 ) -> None:
     """Print the table of an analysis; write it, or all its numbers, into a file."""
     from orchestrator.log.reader import Log
-    from orchestrator.results.picture import PICTURES
+    from orchestrator.results.output_files import PICTURES, atomic_write, check_output
     from orchestrator.results.run_data import RunData, Window
-    from orchestrator.results.whole_file import atomic_write, check_output
 
     module = module_of(what)
     analysis = ANALYSES[what]

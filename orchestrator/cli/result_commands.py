@@ -92,20 +92,20 @@ def _answer_name(log: Path, component: str, other: str | None, settings: Sequenc
 def _write_answer(log: Path, opened: Any, path: Path, picture: Path | None, window: tuple[float, float]) -> None:
     """Log another model's outputs, print a table of the differences and draw both models."""
     from orchestrator.log.reader import Log
-    from orchestrator.results import answered
+    from orchestrator.results import answer_comparison
 
     name = opened.component.name
     if not opened.answer(path, window[1]):
         exit_with(f"{log} holds no step of '{name}': there is nothing to replay", 1)
     with Log(log) as recorded, Log(path) as answer:
-        answers = answered.answers(recorded, answer, name, window)
+        answers = answer_comparison.answers(recorded, answer, name, window)
     if not answers:
         exit_with(f"log {path}: nothing of '{name}' is there to be compared from {window[0]:g} to {window[1]:g} s", 1)
-    for line in answered.lines(answers):
+    for line in answer_comparison.lines(answers):
         print(printed.plain(line))
     print(f"log {path}")
     if picture is not None:
-        answered.draw(answers, picture, f"{name} of {log.name}, and {path.name} under the same inputs")
+        answer_comparison.draw(answers, picture, f"{name} of {log.name}, and {path.name} under the same inputs")
         print(picture)
 
 
@@ -198,8 +198,7 @@ def _compare_logs(
     """Return the result of a comparison of two runs; draw the growth of their difference."""
     from orchestrator.cli.compared import limits, table
     from orchestrator.log.reader import Log
-    from orchestrator.results.alignment import alignment
-    from orchestrator.results.difference import differences
+    from orchestrator.results.difference import alignment, differences
     from orchestrator.results.divergence import divergence, draw
     from orchestrator.results.run_data import RunData
     from orchestrator.scene.same_scene import require_same_scene

@@ -165,8 +165,8 @@ def truth(
     from orchestrator.execution import truth as module
     from orchestrator.log.reader import Log
     from orchestrator.results.difference import SAME_END, differences_of_logs
-    from orchestrator.results.given_parts import given_parts
     from orchestrator.results.run_data import RunData
+    from orchestrator.results.user_parts import given_parts
     from orchestrator.scene.placing import placed
     from orchestrator.scene.same_scene import require_same_scene
     from orchestrator.scene.scene import load

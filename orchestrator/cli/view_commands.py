@@ -70,10 +70,9 @@ def view(
     if kind == "still" and times and len(times) > 1:
         raise BadInput(f"--seen-from {side}: a still shows one instant, --at is given {len(times)} times")
     if kind == "rerun":
-        from orchestrator.results.views import live as going
         from orchestrator.results.views import rerun_scene
 
-        (going.follow if live else rerun_scene.show)(log, output, colour)
+        (rerun_scene.follow if live else rerun_scene.show)(log, output, colour)
     elif output is None:
         exit_with("-o FILE says what is written; without it there is the viewer: --rerun", 2)
     elif kind == "film":
@@ -107,9 +106,9 @@ def _write(kind: str, log: Path, output: Path, times: list[float], above: bool, 
 
         print(foxglove_scene.write(log, output, colour))
     elif kind == "picture":
-        from orchestrator.results.views import side_view, top_view
+        from orchestrator.results.views import flat_views
 
-        (top_view if above else side_view).draw(log, output, times or None)
+        (flat_views.draw_above if above else flat_views.draw_side)(log, output, times or None)
     else:
         from orchestrator.results.views import film
 

@@ -20,8 +20,7 @@ from fmus.ports import TOLERANCE
 from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import ObservableDifference, differences, observables, worst
-from orchestrator.results.run_data import RunData
-from orchestrator.results.unanswered import UNANSWERED
+from orchestrator.results.run_data import UNANSWERED, RunData
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import TRACK
 from orchestrator.scene.run_tables import VariableStepTable

@@ -13,10 +13,10 @@ from orchestrator.log.reader import Log
 from orchestrator.results.analyses.fatigue import StressLifeLine
 from orchestrator.results.measured_difference import compare_measured
 from orchestrator.results.measured_record import MeasuredFile
+from orchestrator.results.output_files import check_output
 from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.evaluation import RunSummary
 from orchestrator.results.run_data import RunData
-from orchestrator.results.whole_file import check_output
 from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import from_table
 

@@ -31,7 +31,7 @@ from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
-from orchestrator.results.validity import contact_step
+from orchestrator.results.validity import chain_checks
 from orchestrator.scene.assembly import Assembly, assemble, unfit
 from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.scene import Scene, VehicleScene
@@ -174,7 +174,9 @@ def _early_warnings(
     if logger:
         for component, text in sentences:
             logger(component, 1, text)
-        for entry in contact_step.of_scene(run.scene.resolved()):  # the validity ledger lists them as well
+        for entry in chain_checks.contact_steps_of_scene(
+            run.scene.resolved()
+        ):  # the validity ledger lists them as well
             logger(entry.component, 1, entry.sentence)
     return [{"component": component, "text": text, "time": 0.0, "count": 1} for component, text in sentences]
 

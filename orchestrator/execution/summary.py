@@ -10,21 +10,19 @@ from typing import Any
 import numpy as np
 
 from orchestrator.log.reader import NoSuchSignal
-from orchestrator.results import measures, turning, unanswered
+from orchestrator.results import measures, run_data
 from orchestrator.results.analyses import phases
 from orchestrator.results.energy import ledger
-from orchestrator.results.given_parts import given_parts
+from orchestrator.results.observables import OBSERVABLES
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
-from orchestrator.results.validity.exceedance import FAILURE, Exceedance
+from orchestrator.results.user_parts import given_parts
 from orchestrator.results.validity.ledger import validity
+from orchestrator.results.validity.limits import FAILURE, Exceedance
 from orchestrator.scene.scene import ChainScene, VehicleScene
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import Check
-from orchestrator.scene.values import SIDES
 
-LAST = 1.0  # s: without run.window observables are means over the last second, except the next two groups
-OF_THE_RUN = ("tension_max", "distance", "path_error")  # largest value of the run, or difference from start to end
-TIMELESS = ("weight",)
+LAST = 1.0  # s: without run.window observables are means over the last second
 LARGEST_RESIDUAL = 0.05  # share of the work above which an energy residual gives a warning
 
 
@@ -113,7 +111,8 @@ def averaging_window(scene: SystemScene, simulated: float) -> Window:
 def windows(names: Iterable[str], scene: SystemScene, simulated: float) -> dict[str, dict[str, float]]:
     """Return the averaging window of each observable, s."""
     averaged, whole = averaging_window(scene, simulated), Window(0.0, simulated)
-    found = {name: whole if name in OF_THE_RUN else averaged for name in names if name not in TIMELESS}
+    timed = [name for name in names if OBSERVABLES[name].value]
+    found = {name: whole if OBSERVABLES[name].whole else averaged for name in timed}
     return {name: {"from": window.start, "to": window.end} for name, window in found.items()}
 
 
@@ -229,64 +228,39 @@ def _number_or_reason(evaluate: Callable[[], float], measure: str | None = None)
     except (KeyError, ValueError, ZeroDivisionError):  # the scene has nothing to measure
         return float("nan"), f"'{measure}' finds nothing to measure in this scene and window"
     except Exception as error:
-        return float("nan"), unanswered.reason(error)
+        return float("nan"), run_data.reason(error)
     return value, "" if np.isfinite(value) else "no finite number comes out of what was recorded"
 
 
 def observables(run: RunData, scene: SystemScene, simulated: float) -> dict[str, float]:
     """Evaluate the observables of this kind of scene; for their averaging windows see ``windows``."""
     averaged = averaging_window(scene, simulated)
-    if not run.tracks:
-        return {}
-    track = run.tracks[0]
-    functions: dict[str, Callable[[], float]] = {
-        "tension_max": lambda: run.largest([f"{track}.tension.max" for track in run.tracks]),
-        "tension_mean": lambda: float(np.mean([run.mean(f"{each}.tension.mean", averaged) for each in run.tracks])),
-    }
+
+    def value(name: str) -> float:
+        observable = OBSERVABLES[name]
+        if observable.value is None:
+            assert isinstance(scene, VehicleScene)
+            return weight(scene)
+        return observable.value(run, EVER if observable.whole else averaged)
+
+    return {name: _number_or_reason(partial(value, name))[0] for name in (_names(scene) if run.tracks else ())}
+
+
+def _names(scene: SystemScene) -> list[str]:
+    """Return the names of the observables of this kind of scene."""
+    names = ["tension_max", "tension_mean"]
     if isinstance(scene, VehicleScene):
-        vehicle = scene
-        functions |= {
-            "distance": lambda: run.ends("chassis.distance")[1],
-            "speed": lambda: run.mean("chassis.speed", averaged),
-            "settlement": lambda: measures.settlement(run, "", averaged),
-            "ground_force": lambda: measures.ground_force(run, "", averaged),
-            "weight": lambda: weight(vehicle),
-        }
+        names += ["distance", "speed", "settlement", "ground_force", "weight"]
         if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
-            functions["path_error"] = lambda: turning.path_error(run, "", EVER)
-        functions |= (
-            _turning(run, averaged, joined=scene.drive.steering is not None)
-            if scene.turns
-            else {
-                "slip": lambda: measures.slip(run, "", averaged),
-                "pad_slip": lambda: measures.pad_slip(run, "", averaged),
-                "pad_velocity": lambda: float(np.mean([turning.track_slip(run, side, averaged) for side in run.sides])),
-            }
-        )
-    elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
-        functions |= {
-            "sag": lambda: measures.sag(run, "", averaged),
-            "end_tension": lambda: measures.end_tension(run, "", averaged),
-        }
-    else:
-        functions["speed"] = lambda: run.mean(f"{track}.speed", averaged)
-    return {name: _number_or_reason(value)[0] for name, value in functions.items()}
-
-
-def _turning(run: RunData, averaged: Window, joined: bool) -> dict[str, Callable[[], float]]:
-    """Return the functions for the observables of a steered vehicle."""
-    functions: dict[str, Callable[[], float]] = {
-        "yaw_rate": lambda: turning.yaw_rate(run, "", averaged),
-        "turn_radius": lambda: turning.turn_radius(run, "", averaged),
-        "steering_moment": lambda: turning.steering_moment(run, "", averaged),
-    }
-    for name, measure in (("slip", turning.track_slip), ("power", turning.drive_power)):
-        functions |= {f"{name}_{side}": partial(measure, run, side, averaged) for side in SIDES}
-    if joined:
-        for motor in ("propulsion", "steering"):
-            functions[f"power_{motor}"] = partial(turning.drive_power, run, motor, averaged)
-        functions["power_regenerated"] = partial(turning.regenerated_power, run, "", averaged)
-    return functions
+            names.append("path_error")
+        if not scene.turns:
+            return [*names, "slip", "pad_slip", "pad_velocity"]
+        names += ["yaw_rate", "turn_radius", "steering_moment", "slip_left", "slip_right", "power_left", "power_right"]
+        joined = scene.drive.steering is not None
+        return names + (["power_propulsion", "power_steering", "power_regenerated"] if joined else [])
+    if isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
+        return [*names, "sag", "end_tension"]
+    return [*names, "speed"]
 
 
 def weight(scene: VehicleScene) -> float:

@@ -1,4 +1,4 @@
-"""Text of the summary of a run, as people read it (``summary.empty``), with names and units of its observables."""
+"""Text of the summary of a run, as people read it (``summary.empty``), by the table of observables."""
 
 from __future__ import annotations
 
@@ -6,37 +6,11 @@ from typing import Any
 
 from orchestrator.execution import summary
 from orchestrator.results.energy import KINDS
-from orchestrator.results.given_parts import SHOWN
+from orchestrator.results.observables import OBSERVABLES
 from orchestrator.results.table import without_rounding
 from orchestrator.results.units import figure, scaled, size
-from orchestrator.results.validity.exceedance import Exceedance
-
-LABELS = {  # of the observables: name, unit, digits
-    "distance": ("distance along the start heading", "m", 5),
-    "speed": ("speed", "m/s", 4),
-    "settlement": ("settlement", "mm", 4),
-    "ground_force": ("ground carries", "kN", 5),
-    "weight": ("weight", "kN", 5),
-    "slip": ("slip", "%", 2),
-    "pad_slip": ("slip of the pads", "%", 2),
-    "pad_velocity": ("pads slide at", "m/s", 3),
-    "path_error": ("largest distance from the path", "m", 3),
-    "yaw_rate": ("yaw rate", "rad/s", 4),
-    "turn_radius": ("turn radius", "m", 4),
-    "steering_moment": ("steering moment", "kN m", 4),
-    "slip_left": ("slip left", "m/s", 3),
-    "slip_right": ("slip right", "m/s", 3),
-    "power_left": ("power left", "kW", 4),
-    "power_right": ("power right", "kW", 4),
-    "power_propulsion": ("power of propulsion", "kW", 4),
-    "power_steering": ("power of steering", "kW", 4),
-    "power_regenerated": ("power from side to side", "kW", 4),
-    "tension_max": ("largest link tension", "kN", 4),
-    "tension_mean": ("mean link tension", "kN", 4),
-    "sag": ("sag", "m", 6),
-    "end_tension": ("tension at the ends", "kN", 5),
-}
-
+from orchestrator.results.user_parts import SHOWN
+from orchestrator.results.validity.limits import Exceedance
 
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
 
@@ -90,13 +64,15 @@ def _observables(r: dict[str, Any]) -> list[str]:
     """Return a line per averaging window with its finite observables; OF_PHASES only without phases."""
     lines: dict[str, list[str]] = {}
     for key, value in r["observables"].items():
-        name, unit, digits = LABELS[key]
+        observable = OBSERVABLES[key]
         other = r["observables"].get(INSTEAD.get(key, ""), float("nan"))
         if value == value and other != other and not (r["phases"] and key in OF_PHASES):
             where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else ""
             window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}), r["simulated_time"])
-            shown = without_rounding(value / size(unit), unit)
-            lines.setdefault(window, []).append(f"{name} {figure(shown, digits)} {unit}{where}")
+            shown = without_rounding(value / size(observable.unit), observable.unit)
+            lines.setdefault(window, []).append(
+                f"{observable.label} {figure(shown, observable.digits)} {observable.unit}{where}"
+            )
     return [f"{window}: {', '.join(texts)}" for window, texts in lines.items()]
 
 

@@ -24,7 +24,7 @@ from orchestrator.results.analyses.signal_picture import figure_of
 from orchestrator.results.difference import ObservableDifference, differences_of_logs
 from orchestrator.results.measured_difference import MeasuredComparison, compare_measured
 from orchestrator.results.measured_record import MeasuredFile
-from orchestrator.results.picture import save_figure
+from orchestrator.results.output_files import save_figure
 from orchestrator.results.run_data import RunData, Window
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.bitwise import BitDifference, bit_difference, bit_patterns
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats, Series, join_series
-from orchestrator.results.picture import new_figure, save_figure
+from orchestrator.results.output_files import new_figure, save_figure
 
 POINTS = 40  # approximate number of points of a growth curve
 BIN = 32  # messages whose maximum is kept

@@ -15,8 +15,7 @@ from orchestrator.results import turning
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses import slip as slips
 from orchestrator.results.energy import drift, ledger, ports
-from orchestrator.results.ground_axes import component, ground_axes, pose_signals
-from orchestrator.results.pressed_ground import pressed_by
+from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
 from orchestrator.results.run_data import (
     BLOCK,
     EVER,

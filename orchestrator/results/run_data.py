@@ -9,13 +9,28 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log.reader import Log
+from fmus.vehicle import BadInput
+from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.extra import NotInstalled
+from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.time_series import Floats, Series
-from orchestrator.results import link_columns
 from orchestrator.results.ground_surface import on_terrain
-from orchestrator.results.link_columns import POSITION, TENSION
 from orchestrator.results.rotation import body_axis
+
+POSITION, TENSION = "joint[*].position", "link[*].tension"  # *: number of the link or pin, from 1
+
+
+def link_columns(names: Sequence[str], signal: str) -> np.ndarray:
+    """Columns (n,), for a vector (n, 3), of a signal of links 1, 2, ... in a topic; empty for none."""
+    column_of_name = {name: column for column, name in enumerate(names)}
+    parts = [""] if signal.replace("*", "1") in column_of_name else [".x", ".y", ".z"]
+    found: list[list[int]] = []
+    while all(signal.replace("*", str(len(found) + 1)) + part in column_of_name for part in parts):
+        found.append([column_of_name[signal.replace("*", str(len(found) + 1)) + part] for part in parts])
+    whole = np.array(found, int).reshape(-1, len(parts))
+    return whole[:, 0] if len(parts) == 1 else whole
+
 
 Made = TypeVar("Made")
 Mask = NDArray[np.bool_] | bool
@@ -194,7 +209,7 @@ class RunData:
         if topic not in self.log.topics:
             raise Missing(f"the log has no outputs per link of '{track}'")
         names = self.log.topics[topic].names
-        pins, links = (link_columns.columns(names, signal) for signal in (POSITION, TENSION))
+        pins, links = (link_columns(names, signal) for signal in (POSITION, TENSION))
         for signal, columns in ((POSITION, pins), (TENSION, links)):
             if not columns.size:
                 raise Missing(f"the log has no '{track}.{signal}'")
@@ -301,3 +316,16 @@ def _columns(names: Sequence[str], instance: str, prefix: str, parts: str) -> li
         return [names.index(f"{prefix}.{part}") for part in parts]
     except ValueError:
         raise Missing(f"the log has no '{instance}.{prefix}'") from None
+
+
+UNANSWERED = (Missing, NoSuchSignal, NotInstalled, BadInput)  # each is a sentence on what is not there
+FAULTS_RAISE = False  # the tests set it
+
+
+def reason(error: Exception) -> str:
+    """Sentence on an error that ends one of many evaluations; raises LogUnreadable, and in the tests faults of ours."""
+    if isinstance(error, UNANSWERED):
+        return str(error)
+    if FAULTS_RAISE or isinstance(error, LogUnreadable):
+        raise error
+    return f"{type(error).__name__}: {error}"

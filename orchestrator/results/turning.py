@@ -1,7 +1,8 @@
 """Measures of turns: rates, path, forces and power by side, means over a window.
 
 Left turns and vectors to the left are positive. The vehicle's position is the centre of mass of its hull; its axes
-are ahead and left along the ground under it (``ground_axes.py``). ``of`` is a side ("left", "right"), or empty.
+are ahead and left along the ground under it (``ground_under_vehicle.py``). ``of`` is a side ("left", "right"), or
+empty.
 """
 
 from __future__ import annotations
@@ -9,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.results.analyses.slip import mean_lag
-from orchestrator.results.ground_axes import component, ground_axes, pose_signals
 from orchestrator.results.ground_surface import on_terrain
+from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals
 from orchestrator.results.run_data import Floats, Missing, RunData, Window, mean
 
 SIGN = {"left": -1.0, "right": 1.0}  # of the yaw moment of a forward force

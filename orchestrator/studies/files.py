@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from orchestrator.results.picture import new_figure as new_figure
+from orchestrator.results.output_files import atomic_write
+from orchestrator.results.output_files import new_figure as new_figure
 from orchestrator.results.table import Table
-from orchestrator.results.whole_file import atomic_write
 
 Picture = Any  # figure of matplotlib
 

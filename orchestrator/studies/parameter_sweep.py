@@ -20,12 +20,12 @@ from fmus.vehicle import BadInput, path_text, value_text
 from orchestrator.execution import summary
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.simulate import simulate
-from orchestrator.execution.summary_text import LABELS
 from orchestrator.files.budget import DOCUMENT, read_file
 from orchestrator.log.extra import NotInstalled, library
+from orchestrator.results.observables import OBSERVABLES
+from orchestrator.results.output_files import atomic_write
 from orchestrator.results.table import Column, Table
 from orchestrator.results.units import in_si
-from orchestrator.results.whole_file import atomic_write
 from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import SHORT_KEYS, Scene, load
 from orchestrator.scene.settings import pairs
@@ -39,7 +39,7 @@ from orchestrator.studies.wanted_figures import Wanted
 NOT_MET = "checks not met"
 TOLD = 3  # figures of a case that are said as it finishes
 HIDDEN = ("log", "warnings", "wall_time", "estimated error of ")  # in the whole table alone
-UNITS = {"wall_time": "s", **{name: in_si(unit) for name, (_, unit, _) in LABELS.items()}}
+UNITS = {"wall_time": "s", **{name: in_si(one.unit) for name, one in OBSERVABLES.items()}}
 
 
 def sweep(  # noqa: PLR0913, the options of the command
@@ -191,7 +191,7 @@ class Sweep:
         (row,) = rows
         if row.figures.get("status") != "ok":
             return f": failed: {row.note}"
-        shown = [(name, row.figures[name]) for name in LABELS if isinstance(row.figures.get(name), float)]
+        shown = [(name, row.figures[name]) for name in OBSERVABLES if isinstance(row.figures.get(name), float)]
         return ": " + ", ".join(f"{name.replace('_', ' ')} {value:.5g} {UNITS[name]}" for name, value in shown[:TOLD])
 
     def table(self, rows: Sequence[Row], title: str = "") -> Table:

@@ -17,9 +17,8 @@ from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results import measures
 from orchestrator.results.analyses import catalogue
-from orchestrator.results.run_data import EVER, RunData
+from orchestrator.results.run_data import EVER, RunData, reason
 from orchestrator.results.table import Table
-from orchestrator.results.unanswered import reason
 from orchestrator.scene.gallery import hint
 
 

@@ -64,7 +64,7 @@ if __name__ == "__main__":
     from orchestrator.cosim import component  # noqa: F401
     from orchestrator.execution import replay_model, reported, resume, simulate  # noqa: F401
     from orchestrator.results.analyses import power, signal_picture  # noqa: F401
-    from orchestrator.results.views import side_view  # noqa: F401
+    from orchestrator.results.views import flat_views  # noqa: F401
 
     for line in json.load(sys.stdin):
         print(json.dumps(run(line, int(sys.argv[1]), int(sys.argv[2]))), flush=True)

@@ -8,8 +8,7 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results.alignment import alignment
-from orchestrator.results.difference import differences
+from orchestrator.results.difference import alignment, differences
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
 H, STEPS = 0.005, 800

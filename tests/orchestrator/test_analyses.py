@@ -15,9 +15,9 @@ from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import circuit, power, signal_picture
 from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Analysis, analyse, module_of
+from orchestrator.results.approximations import TimeEnvelope
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Table
-from orchestrator.results.thinned import TimeEnvelope
 
 driven = pytest.fixture(scope="module")(driven_log)
 spinning = pytest.fixture(scope="module")(spinning_log)

@@ -6,7 +6,7 @@ import pytest
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results import answered
+from orchestrator.results import answer_comparison
 
 T = 0.001 * np.arange(101)
 FORCE = 100.0 * np.sin(2.0 * np.pi * 20.0 * T)
@@ -32,12 +32,12 @@ def made(tmp_path):
 
 def test_peak_rms_and_parting(made):
     with Log(made[0]) as log, Log(made[1]) as answer:
-        (comparison,) = answered.answers(log, answer, "left_track")
+        (comparison,) = answer_comparison.answers(log, answer, "left_track")
     assert (comparison.signal, comparison.unit, len(comparison.t)) == ("sprocket.force.x", "N", 51)
     assert comparison.peak == pytest.approx((-7.0, 0.05))
     assert comparison.parting_time == pytest.approx(0.04)
     assert comparison.largest == pytest.approx(abs(np.append(FORCE[::2], (FORCE + 3.0)[40::2])).max())
-    row = answered.lines([comparison])[1].split()
+    row = answer_comparison.lines([comparison])[1].split()
     n = np.count_nonzero(T[::2] > 0.0395) - 1
     assert float(row[4]) == pytest.approx(np.sqrt((9.0 * n + 49.0) / 51.0), rel=1e-4)
     assert float(row[2]) == pytest.approx(np.sqrt(np.mean(FORCE[::2] ** 2)), rel=1e-4)
@@ -48,15 +48,15 @@ def test_what_never_parts_says_so(tmp_path):
     near = wrote(tmp_path / "b.mcap", (FORCE + 0.99, T, T))
     far = wrote(tmp_path / "c.mcap", (FORCE + 1.05, T, T))
     with Log(same) as log, Log(near) as one, Log(far) as other:
-        assert np.isnan(answered.answers(log, one, "left_track")[0].parting_time)
-        assert "never" in answered.lines(answered.answers(log, one, "left_track"))[1]
-        assert answered.answers(log, other, "left_track")[0].parting_time == 0.0
+        assert np.isnan(answer_comparison.answers(log, one, "left_track")[0].parting_time)
+        assert "never" in answer_comparison.lines(answer_comparison.answers(log, one, "left_track"))[1]
+        assert answer_comparison.answers(log, other, "left_track")[0].parting_time == 0.0
 
 
 def test_the_picture(made, tmp_path):
     with Log(made[0]) as log, Log(made[1]) as answer:
-        comparisons = answered.answers(log, answer, "left_track")
-    answered.draw(comparisons, tmp_path / "x.png", "one & <other> $x$")
+        comparisons = answer_comparison.answers(log, answer, "left_track")
+    answer_comparison.draw(comparisons, tmp_path / "x.png", "one & <other> $x$")
     assert (tmp_path / "x.png").stat().st_size > 10_000
     with pytest.raises(BadInput, match=r"x\.nothing cannot be written"):
-        answered.draw(comparisons, tmp_path / "x.nothing", "")
+        answer_comparison.draw(comparisons, tmp_path / "x.nothing", "")

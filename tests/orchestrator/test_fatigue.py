@@ -117,9 +117,9 @@ def test_the_worst_link_is_that_of_the_repeated_window(tmp_path):
 @pytest.mark.parametrize("size", [200, 3])
 def test_the_cost_of_the_interval_is_that_of_every_second_record(tmp_path, monkeypatch, size):
     """Of E1049's points every second one leaves ranges 1 and 3 of 3, 4, 7 and 9, by hand, in any blocks."""
-    from orchestrator.results.analyses import link_records
+    from orchestrator.results.analyses import record_blocks
 
-    monkeypatch.setattr(link_records, "SIZE", size)
+    monkeypatch.setattr(record_blocks, "SIZE", size)
     path = stressed(tmp_path / "f.mcap", 1e7 * E1049[:, None] * np.array([1.0, 0.5, 0.3, 0.2]))
     with Log(path) as log:
         found = fatigue.of(RunData(log))
@@ -188,13 +188,13 @@ def test_the_table_has_the_worst_links_and_the_file_all(tmp_path):
 
 
 def test_blocks_of_records_do_not_change_cycles(tmp_path, monkeypatch):
-    from orchestrator.results.analyses import link_records
+    from orchestrator.results.analyses import record_blocks
 
     stress = 1e7 * np.random.default_rng(2).normal(size=(60, 4))
     path = stressed(tmp_path / "f.mcap", stress)
     with Log(path) as log:
         (whole,) = fatigue.of(RunData(log)).tracks
-        monkeypatch.setattr(link_records, "SIZE", 7)
+        monkeypatch.setattr(record_blocks, "SIZE", 7)
         np.testing.assert_array_equal(fatigue.of(RunData(log)).tracks[0].damage_once, whole.damage_once)
 
 

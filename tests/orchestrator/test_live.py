@@ -10,7 +10,7 @@ from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results.views import live, rerun_scene
+from orchestrator.results.views import rerun_scene
 from orchestrator.scene.scene import load
 
 SETTINGS = ("run.stop=0.3", "run.step=1 ms", "run.links=5", "expect={}", "drive.ramp_start=0", "run.checkpoints=false")
@@ -64,20 +64,20 @@ def held(file):
 
 @pytest.mark.long
 def test_a_run_that_goes_on_is_shown_as_far_as_it_came(rig, tmp_path, monkeypatch):
-    monkeypatch.setattr(live, "PERIOD", 0.05)
+    monkeypatch.setattr(rerun_scene, "PERIOD", 0.05)
     monkeypatch.setattr(rerun_scene, "RATE", 1e4)
     rerun_scene.show(rig, tmp_path / "first.rrd")  # imports take longer than this run
-    ends, grown = [], live._grown
+    ends, grown = [], rerun_scene._grown
 
     def noted(path):
         for log, end in grown(path):
             ends.append(end)
             yield log, end
 
-    monkeypatch.setattr(live, "_grown", noted)
+    monkeypatch.setattr(rerun_scene, "_grown", noted)
     writer = threading.Thread(target=again, args=(rig, tmp_path / "run.mcap", 0.04))
     writer.start()
-    live.follow(tmp_path / "run.mcap", tmp_path / "live.rrd")
+    rerun_scene.follow(tmp_path / "run.mcap", tmp_path / "live.rrd")
     writer.join()
     rerun_scene.show(tmp_path / "run.mcap", tmp_path / "whole.rrd")
     assert len({end for end in ends if 0.0 < end < 0.3}) > 2, "the log did not grow between the reads"
@@ -100,36 +100,36 @@ def test_steps_between_two_records_of_links_wait(rig, tmp_path, monkeypatch):
                 log.being_written = end < np.inf
                 yield log, end
 
-    monkeypatch.setattr(live, "_grown", grown)
-    live.follow(rig, tmp_path / "live.rrd")
+    monkeypatch.setattr(rerun_scene, "_grown", grown)
+    rerun_scene.follow(rig, tmp_path / "live.rrd")
     (links, curve), (all_links, all_of_it) = held(tmp_path / "live.rrd"), held(tmp_path / "whole.rrd")
     assert links == all_links
     assert curve == all_of_it
 
 
 def test_a_killed_run_ends_the_view(rig, tmp_path, monkeypatch):
-    monkeypatch.setattr(live, "PERIOD", 0.05)
+    monkeypatch.setattr(rerun_scene, "PERIOD", 0.05)
 
     def killed():
         with pytest.raises(RuntimeError):
             again(rig, tmp_path / "run.mcap", 0.0, end=0.2)
 
     killed()
-    live.follow(tmp_path / "run.mcap", tmp_path / "live.rrd")
+    rerun_scene.follow(tmp_path / "run.mcap", tmp_path / "live.rrd")
     links, _ = held(tmp_path / "live.rrd")
     assert links[-1][0] == pytest.approx(0.2e9, abs=6e6)
 
 
 @pytest.mark.long
 def test_a_run_that_will_replace_an_older_log_is_followed(rig, tmp_path, monkeypatch):
-    monkeypatch.setattr(live, "PERIOD", 0.02)
+    monkeypatch.setattr(rerun_scene, "PERIOD", 0.02)
     path, files = tmp_path / "run.mcap", []
     path.write_bytes(rig.read_bytes())
     writer = threading.Thread(target=again, args=(rig, path, 0.04))
     writer.start()
-    while live.growing_log(path) == path:
+    while rerun_scene.growing_log(path) == path:
         time.sleep(0.001)
-    for log, end in live._grown(path):
+    for log, end in rerun_scene._grown(path):
         files.append((log.path.name, end))
     writer.join()
     assert len({end for name, end in files if name == "run.running.mcap"}) > 2
@@ -138,8 +138,8 @@ def test_a_run_that_will_replace_an_older_log_is_followed(rig, tmp_path, monkeyp
 
 
 def test_where_nothing_comes_it_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(live, "PERIOD", 0.01)
-    monkeypatch.setattr(live, "PATIENCE", 0.05)
+    monkeypatch.setattr(rerun_scene, "PERIOD", 0.01)
+    monkeypatch.setattr(rerun_scene, "PATIENCE", 0.05)
     with pytest.raises(BadInput, match="no run has written a record there"):
-        live.follow(tmp_path / "none.mcap", tmp_path / "live.rrd")
+        rerun_scene.follow(tmp_path / "none.mcap", tmp_path / "live.rrd")
     assert not list(tmp_path.iterdir()), "a half-written file is left"

@@ -9,11 +9,11 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import measures, turning
 from orchestrator.results.analyses import slip
-from orchestrator.results.ground_axes import component, ground_axes, split
+from orchestrator.results.ground_under_vehicle import component, ground_axes, split
 from orchestrator.results.page.document import document
 from orchestrator.results.page.evaluation import evaluate
 from orchestrator.results.run_data import Missing, RunData, Window
-from orchestrator.results.validity import creep
+from orchestrator.results.validity import track_checks
 from orchestrator.results.validity.ledger import validity
 from orchestrator.scene.scene import load
 
@@ -135,12 +135,12 @@ def test_settlement_on_a_slope_is_that_on_level_ground_and_none_where_the_ground
 
 def test_creep_counts_where_the_least_friction_could_hold(runs):
     slope, _ = runs
-    assert creep.least_friction(slope) == 0.3
+    assert track_checks.least_friction(slope) == 0.3
     everywhere = {"x": [-9.0, 9.0], "y": [-9.0, 9.0]}
     slope.scene["ground"]["friction"] = [
         {**everywhere, "factor": 0.5, "coefficient": None}, {**everywhere, "factor": None, "coefficient": 0.2},
     ]  # fmt: skip
-    assert creep.least_friction(slope) == 0.15
+    assert track_checks.least_friction(slope) == 0.15
 
 
 def test_a_slope_has_a_page_without_warnings(runs):

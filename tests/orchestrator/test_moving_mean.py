@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from orchestrator.results.moving_mean import Integrals
-from orchestrator.results.thinned import Curve, TimeEnvelope
+from orchestrator.results.approximations import Curve, Integrals, TimeEnvelope
 
 END = 4.0  # s
 PERIOD = 0.0625

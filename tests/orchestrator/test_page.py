@@ -27,9 +27,8 @@ from orchestrator.execution.repeat_command import command
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results.page.embedded import floats, script
+from orchestrator.results.page.embedded import floats, quantity, script, text
 from orchestrator.results.page.player import UNIT
-from orchestrator.results.page.words import quantity, text
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.units import number
 from orchestrator.scene.scene import load

@@ -14,12 +14,12 @@ from page_logs import embedded, page, signal, vehicle_log, written
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorded_system import description_of
 from orchestrator.results.analyses import wheel_loads
+from orchestrator.results.approximations import TimeEnvelope
 from orchestrator.results.energy import Ledger, ledger
-from orchestrator.results.page import ending
+from orchestrator.results.page import balance
 from orchestrator.results.page.balance import losses, sentence, sources
-from orchestrator.results.page.words import quantity
+from orchestrator.results.page.embedded import quantity
 from orchestrator.results.run_data import EVER, RunData
-from orchestrator.results.thinned import TimeEnvelope
 from orchestrator.results.units import number, percent
 
 vehicle = pytest.fixture(scope="module")(vehicle_log)
@@ -252,14 +252,14 @@ def test_the_ending_has_the_means_of_the_log_and_its_powers_add_up(vehicle, monk
     html = page(vehicle)
     with Log(vehicle) as log:
         run = RunData(log)
-        window = ending.window_of((0.0, 0.06))
+        window = balance.window_of((0.0, 0.06))
         assert (window.start, window.end) == pytest.approx((0.045, 0.06))
         t, speed = run.signal("chassis.speed", window)
         slope = np.average(speed[1:], weights=np.diff(t))
         assert run.mean("chassis.speed", window) == pytest.approx(slope, rel=0.1)
         expected = quantity(run.mean("chassis.speed", window), "m/s")
         assert f"<td>speed of the hull</td><td>{expected}</td>" in html
-        whole = ending.flows(run, EVER)
+        whole = balance.flows(run, EVER)
         books, length = ledger(run), 0.06
     by = {flow.name: flow.power * length for flow in whole}
     assert sum(by.values()) == pytest.approx(books.residual, abs=1e-9 * books.dissipated)

@@ -16,10 +16,10 @@ from orchestrator.results import measures
 from orchestrator.results.analyses import circuit, contact, joints, link_loads, profile, wheel_loads
 from orchestrator.results.analyses import events as happened
 from orchestrator.results.page.document import document
+from orchestrator.results.page.embedded import quantity, text
 from orchestrator.results.page.evaluation import RunSummary, evaluate
 from orchestrator.results.page.events import rows as event_rows
 from orchestrator.results.page.player import UNIT, player
-from orchestrator.results.page.words import quantity, text
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.scene.scene import load
 

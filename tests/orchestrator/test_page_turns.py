@@ -15,10 +15,10 @@ from page_logs import embedded, page, signal, vehicle_log, written
 from orchestrator.execution.reported import report
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.results.page.above import LONGEST, UNIT, above
+from orchestrator.results.page.chain import longest_constant
 from orchestrator.results.page.document import _asset
-from orchestrator.results.page.orders import longest_constant
-from orchestrator.results.page.words import quantity
+from orchestrator.results.page.embedded import quantity
+from orchestrator.results.page.player import LONGEST, UNIT, above
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import hours, number
 from orchestrator.scene.scene import load

@@ -8,7 +8,7 @@ import pytest
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses import phases
-from orchestrator.results.broken_line import breaks
+from orchestrator.results.approximations import breaks
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
 STEP = 2e-3

@@ -16,7 +16,7 @@ from orchestrator.results.ground_surface import ground
 from orchestrator.results.page import player
 from orchestrator.results.rotation import matrices, quaternions
 from orchestrator.results.run_data import RunData
-from orchestrator.results.views import foxglove_scene, projected, rerun_scene, side_view, top_view
+from orchestrator.results.views import flat_views, foxglove_scene, projected, rerun_scene
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.shapes import HORN_SIZE, teeth
 from orchestrator.results.views.solids import across, block, convex, prism, strip
@@ -245,7 +245,7 @@ def test_flat_drawings_place_a_link_and_a_tooth_where_they_were(instant, marked)
         seen = projected.make_camera(eye, 0.4, poses.hull.position[0])
         vertices = np.concatenate(projected.polygons(seen, bodies, poses, 0, (0.0, 1.0)).outlines)
         assert missed(seen.project(np.stack(marked)), vertices) < 1e-9, eye
-    view = side_view.side_view(bodies, poses)
+    view = flat_views.side_view(bodies, poses)
     boxes, rims = view.links["body"].reshape(-1, 2), np.concatenate([outline for _, _, outline in view.wheels])
     corner, horn, tip = view.camera.project(np.stack(marked))
     assert missed([corner], boxes) < 1e-9
@@ -256,7 +256,7 @@ def test_flat_drawings_place_a_link_and_a_tooth_where_they_were(instant, marked)
     lowest = int(poses.links["left_track"].centres[0, :, 2].argmin())
     track, links = bodies.tracks[0], poses.links["left_track"]
     under = links.centres[0, lowest] + links.axes[0, lowest] @ (track.half * [1.0, 1.0, -1.0])
-    assert missed([under[:2]], np.concatenate(top_view.top_view(bodies, poses).links)) < 1e-9
+    assert missed([under[:2]], np.concatenate(flat_views.top_view(bodies, poses).links)) < 1e-9
 
 
 @pytest.mark.parametrize("eye", ["right", "corner"])

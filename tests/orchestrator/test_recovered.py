@@ -14,7 +14,7 @@ from orchestrator.log.tools import RECOVERED, WHOLE, recover, verify
 from orchestrator.results.difference import differences
 from orchestrator.results.energy import ledger
 from orchestrator.results.run_data import Missing, RunData
-from orchestrator.results.views.side_view import draw
+from orchestrator.results.views.flat_views import draw_side
 from orchestrator.scene.scene import load
 
 WINDOWED = ("_mean", "_rms")  # means over a second, which is longer than the rest of the log
@@ -84,7 +84,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
                         verdict = again.verify()
                     assert verdict.equal, verdict.sentence
                     assert verdict.steps == n
-                draw(saved, folder / "view.png")
+                draw_side(saved, folder / "view.png")
     return last_steps
 
 

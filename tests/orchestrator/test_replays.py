@@ -18,10 +18,10 @@ from orchestrator.log.export import export
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, WHOLE, verify
-from orchestrator.results.answered import answers
+from orchestrator.results.answer_comparison import answers
 from orchestrator.results.difference import differences
 from orchestrator.results.run_data import RunData
-from orchestrator.results.views.side_view import draw
+from orchestrator.results.views.flat_views import draw_side
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 
@@ -115,10 +115,10 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
         else:
             assert "scene.json" not in log_of_answer.attachments, "the scene of that FMU is unknown"
     if other == "rigid":
-        draw(answer, tmp_path / "answer.png")
+        draw_side(answer, tmp_path / "answer.png")
     else:
         with pytest.raises(BadInput, match="does not say of which scene"):
-            draw(answer, tmp_path / "answer.png")
+            draw_side(answer, tmp_path / "answer.png")
         with pytest.raises(BadInput, match="name its FMU with --with"), replay_model.open_replay(answer, "chain", None):
             pass
     with replay_model.open_replay(answer, "chain", None if other == "rigid" else str(given)) as again:
@@ -289,14 +289,14 @@ def test_a_log_of_another_version_can_be_drawn(log, tmp_path):
         scene["vehicle"]["sprocket"]["colour"] = "red"
         del scene["vehicle"]["material"], scene["run"]
 
-    draw(altered(log, tmp_path / "older.mcap", older), tmp_path / "older.png")
+    draw_side(altered(log, tmp_path / "older.mcap", older), tmp_path / "older.png")
     for key, value in (("teeth", 10**9), ("outer_radius", "x"), ("pin_radius", float("nan"))):
 
         def wild(system, scene, key=key, value=value):
             scene["vehicle"]["sprocket"][key] = value
 
         with pytest.raises(BadInput, match=rf"scene\.json: vehicle\.sprocket\.{key} = "):
-            draw(altered(log, tmp_path / "wild.mcap", wild), tmp_path / "wild.png")
+            draw_side(altered(log, tmp_path / "wild.mcap", wild), tmp_path / "wild.png")
 
 
 def test_a_run_that_blew_up_is_compared_in_silence(log, tmp_path, recwarn):

@@ -8,9 +8,16 @@ from scipy.spatial.transform import Rotation
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import ride
-from orchestrator.results.analyses.absorbed_power import LIMIT, absorption
-from orchestrator.results.analyses.iso2631 import WD, WK, running_rms, vibration_dose
-from orchestrator.results.analyses.transfer_functions import butterworth, filtered
+from orchestrator.results.analyses.vibration import (
+    LIMIT,
+    WD,
+    WK,
+    absorption,
+    butterworth,
+    filtered,
+    running_rms,
+    vibration_dose,
+)
 from orchestrator.results.energy import ledger
 from orchestrator.results.run_data import Missing, RunData, Window
 

@@ -21,7 +21,7 @@ from orchestrator.log.log_format import CHECKPOINT
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
-from orchestrator.results.page.provenance import completeness
+from orchestrator.results.page.trust import completeness
 
 STEPS = 300
 PROVENANCE = {"created": "2026-01-01", "commit": "abc"}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import orchestrator
-from orchestrator.results.analyses.extremes import Extreme, larger, smaller
+from orchestrator.results.analyses.record_blocks import Extreme, larger, smaller
 from orchestrator.results.table import Column, Table
 from orchestrator.results.units import scaled, size
 

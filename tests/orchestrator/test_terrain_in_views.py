@@ -13,8 +13,8 @@ from orchestrator.results.ground_mesh import MOST, PRECISION, bends, ground_mesh
 from orchestrator.results.ground_surface import ground
 from orchestrator.results.page import player
 from orchestrator.results.run_data import RunData
-from orchestrator.results.validity import penetration
-from orchestrator.results.views import film, foxglove_scene, projected, side_view
+from orchestrator.results.validity import chain_checks
+from orchestrator.results.views import film, flat_views, foxglove_scene, projected
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.solids import Reach
 from orchestrator.scene.scene import load
@@ -171,7 +171,7 @@ def depths_apart(log, bodies, poses, surface):
 
 def test_the_deepest_place_is_the_ground_where_it_is(shown):
     log, _, _ = shown
-    depth = penetration.depths(RunData(log), "left_track", 0.02)["ground"]
+    depth = chain_checks.depths(RunData(log), "left_track", 0.02)["ground"]
     recorded = max(log.sample([f"left_track.link[{i + 1}].ground.depth" for i in range(64)], np.array([0.02]))[0])
     assert recorded > 8e-3
     assert depth == pytest.approx(recorded, abs=3e-3)
@@ -208,9 +208,9 @@ def test_renderers_draw_that_ground(shown, tmp_path, monkeypatch):
             drawn = np.concatenate([outline[:4] for outline in outlines])
             assert max(np.abs(corners - point).sum(axis=1).min() for point in drawn[::40]) < 1e-9
     # side view and player: the section under the track
-    view = side_view.side_view(bodies, poses)
+    view = flat_views.side_view(bodies, poses)
     pane = Figure().subplots()
-    side_view.draw_view(pane, view, surface, (0.0, 1.0), side_view.extent([view]))
+    flat_views.draw_view(pane, view, surface, (0.0, 1.0), flat_views.extent([view]))
     line = next(each for each in pane.collections if each.get_zorder() == 0).get_paths()[0].vertices
     line = line[np.abs(line[:, 1] - line[:, 1].min()) > 1e-9]  # without the lower edge
     at = view.camera.centre + view.near * view.camera.toward + line[:, :1] * view.camera.right

@@ -16,15 +16,15 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results import measures, unanswered
+from orchestrator.results import measures, run_data
 from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import heading
 from orchestrator.results.page.evaluation import RunSummary, attempt, evaluate
 from orchestrator.results.run_data import EVER, Missing, RunData
-from orchestrator.results.validity import contact_step, creep, ledger, limits
-from orchestrator.results.validity.exceedance import recorded_entries
+from orchestrator.results.validity import chain_checks, ledger, limits
+from orchestrator.results.validity.limits import recorded_entries
 from orchestrator.results.validity.piece import LENGTH
-from orchestrator.results.validity.tooth_jump import jumps
+from orchestrator.results.validity.sprocket_checks import jumps
 from orchestrator.scene import gallery
 from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.scene import load
@@ -178,7 +178,7 @@ def test_penetration_has_limits(settled, scaled, limit, severity):
 
 
 def test_a_rim_is_named_by_the_geometry_of_the_pins(settled):
-    from orchestrator.results.validity.penetration import deepest, depths
+    from orchestrator.results.validity.chain_checks import deepest, depths
 
     with Log(settled) as log:
         run = RunData(log)
@@ -477,13 +477,13 @@ def test_a_track_in_the_rut_of_the_other_one(tmp_path, ground, until, lift, cros
 
 @pytest.mark.parametrize("name", gallery.names())
 def test_no_scene_of_the_gallery_has_steps_that_are_too_long(name):
-    assert [*contact_step.of_scene(load(name).resolved())] == []
+    assert [*chain_checks.contact_steps_of_scene(load(name).resolved())] == []
 
 
 @pytest.mark.parametrize(("ms", "long"), [(2.0, False), (2.2, True)])
 def test_a_step_that_is_long_for_a_link_between_wheel_and_ground(ms, long):
     scene = load("settle", "rigid", [f"run.step={ms} ms", f"track.step={ms} ms", f"run.stop={100 * ms} ms"])
-    entries = [*contact_step.of_scene(scene.resolved())]
+    entries = [*chain_checks.contact_steps_of_scene(scene.resolved())]
     assert [entry.place for entry in entries] == ["link"] * long
     if long:
         assert entries[0].value == pytest.approx(np.sqrt(4e6 / 18.02) * ms * 1e-3)
@@ -503,11 +503,11 @@ def test_a_kind_that_breaks_is_counted_and_fails_a_test(tmp_path, monkeypatch, e
         raise error
         yield
 
-    monkeypatch.setattr(creep, "find", broken)
+    monkeypatch.setitem(ledger.CHECKS, "creep", ledger.CHECKS["creep"]._replace(find=broken))
     with Log(path) as log, pytest.raises(type(error)):
         ledger.validity(RunData(log))
-    monkeypatch.setattr(unanswered, "FAULTS_RAISE", False)
-    said = f"1 of {len(ledger.KINDS)} kinds of validity not looked at: creep: {type(error).__name__}: {error}"
+    monkeypatch.setattr(run_data, "FAULTS_RAISE", False)
+    said = f"1 of {len(ledger.CHECKS)} kinds of validity not looked at: creep: {type(error).__name__}: {error}"
     with Log(path) as log:
         found = ledger.validity(RunData(log))
         assert summary.balance(RunData(log))["passed_over"] == [said]
@@ -524,7 +524,7 @@ def test_a_section_that_breaks_fails_a_test(monkeypatch):
     missing = []
     with pytest.raises(ZeroDivisionError):
         attempt(lambda: 1 / 0, missing)
-    monkeypatch.setattr(unanswered, "FAULTS_RAISE", False)
+    monkeypatch.setattr(run_data, "FAULTS_RAISE", False)
     attempt(lambda: 1 / 0, missing)
     attempt(lambda: [][0], missing)
     assert missing == ["ZeroDivisionError: division by zero", "IndexError: list index out of range"]
@@ -602,10 +602,10 @@ def test_other_names_are_refused(allow):
 
 
 def test_kinds_are_siblings():
-    for module in ledger.KINDS:
-        assert [*inspect.signature(module.find).parameters] == ["piece"], module
-        assert [*inspect.signature(module.signals).parameters] == ["run"], module
-        assert module.find.__doc__
+    for name, check in ledger.CHECKS.items():
+        assert [*inspect.signature(check.find).parameters] == ["piece"], name
+        assert [*inspect.signature(check.signals).parameters] == ["run"], name
+        assert check.find.__doc__
     assert set(limits.ALLOWED) < set(limits.KINDS)
 
 

@@ -9,7 +9,7 @@ from short_run import SHORT
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
-from orchestrator.results.views import side_view, top_view
+from orchestrator.results.views import flat_views
 from orchestrator.results.views.bodies import EVERY, Bodies
 from orchestrator.scene.scene import load
 
@@ -22,10 +22,10 @@ def test_view_takes_the_end_as_it_is_written(step, refused):
         recorded = np.arange(k + 1) * float(step)
         end = float(k * Decimal(step))
         above += end > recorded[-1]
-        assert side_view._instants(recorded, recorded[-1], [end]) == [recorded[k]]
-        assert side_view._instants(recorded, recorded[-1], None)[-1] == recorded[k]
+        assert flat_views._moving_instants(recorded, recorded[-1], [end]) == [recorded[k]]
+        assert flat_views._moving_instants(recorded, recorded[-1], None)[-1] == recorded[k]
         with pytest.raises(BadInput, match=f"from 0 to {end:.9g} s"):
-            side_view._instants(recorded, recorded[-1], [end + 1e-3 * float(step)])
+            flat_views._moving_instants(recorded, recorded[-1], [end + 1e-3 * float(step)])
     assert above == refused
 
 
@@ -63,7 +63,7 @@ def test_view_from_above(cotrack, tmp_path):
     with Log("a.mcap") as log:
         bodies = Bodies(RunData(log), EVERY)
         bodies.select_instants([0.0, 0.02])
-        views = [top_view.top_view(bodies, poses) for poses in bodies.blocks(1)]
+        views = [flat_views.top_view(bodies, poses) for poses in bodies.blocks(1)]
         whole = [log.signal(f"left_track.ground.force.{axis}")[1] for axis in "xy"]
     corners = np.concatenate(views[1].links)
     left = corners[corners[:, 1] > 0.0]

@@ -16,9 +16,9 @@ from orchestrator.results.analyses import events, link_loads, profile, wheel_loa
 from orchestrator.results.page import player
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import RunData, Window, within
-from orchestrator.results.views import arrows, chain_profile, film, foxglove_scene, projected, rerun_scene, side_view
+from orchestrator.results.views import film, flat_views, foxglove_scene, projected, rerun_scene, solids
 from orchestrator.results.views.bodies import Bodies
-from orchestrator.results.views.plots import curves, plots
+from orchestrator.results.views.plots import chain_profiles, curves, plots
 from orchestrator.scene.scene import load
 
 driven = pytest.fixture(scope="module")(driven_log)
@@ -63,7 +63,7 @@ def origins_of_views(run):
         def __getattr__(self, name):
             return lambda *_, **options: origins.append(options.get("origin"))
 
-    rerun_scene._arranged(Noted(), Bodies(run, 50.0), plots(run), chain_profile.chain_profiles(run), (0.0, 1.0), True)
+    rerun_scene._arranged(Noted(), Bodies(run, 50.0), plots(run), chain_profiles(run), (0.0, 1.0), True)
     return [origin for origin in origins if origin]
 
 
@@ -270,7 +270,9 @@ def test_a_picture_shows_the_ground_as_it_is(driven):
         links = run.links("left_track", Window(0.02, 0.02))
         bodies = Bodies(run, 1e4, track="left_track")
         bodies.select_instants([0.02])
-        line, _ = projected.section(side_view.side_view(bodies, next(bodies.blocks())).camera, bodies.ground, -4.5, 0.5)
+        line, _ = projected.section(
+            flat_views.side_view(bodies, next(bodies.blocks())).camera, bodies.ground, -4.5, 0.5
+        )
     deep = np.interp(links.forward[0], *line.T) - (links.up[0] - 0.029)
     assert np.ptp(line[:, 1]) == pytest.approx(0.01, abs=1e-6)
     top = line[line[:, 1] > line[:, 1].max() - 1e-9, 0]
@@ -294,8 +296,8 @@ def foot():
 def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
     path, drawn = tmp_path / "folded.mcap", []
     simulate(load("folded_chain", "flexible", ("run.stop=0.01", "chain.links=65", "expect={}")), path)
-    monkeypatch.setattr(side_view, "save_figure", lambda figure, output: drawn.append(figure))
-    side_view.draw(path, tmp_path / "x.png")
+    monkeypatch.setattr(flat_views, "save_figure", lambda figure, output: drawn.append(figure))
+    flat_views.draw_side(path, tmp_path / "x.png")
     (figure,) = drawn
     figure.canvas.draw()
     panes = figure.axes[:-1]  # the last one is the colour scale
@@ -310,9 +312,9 @@ def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
 
 def test_pictures_are_of_instants_in_which_something_moves():
     recorded = np.arange(0, 10.01, 0.1)
-    assert side_view._instants(recorded, 10.0, None, Window(1.0, 4.0)) == pytest.approx([0.0, 2.0, 3.0, 4.0])
-    assert side_view._instants(recorded, 10.0, None) == pytest.approx([3.3, 6.7, 10.0])
-    assert side_view._instants(np.zeros(1), 0.0, None) == [0.0]
+    assert flat_views._moving_instants(recorded, 10.0, None, Window(1.0, 4.0)) == pytest.approx([0.0, 2.0, 3.0, 4.0])
+    assert flat_views._moving_instants(recorded, 10.0, None) == pytest.approx([3.3, 6.7, 10.0])
+    assert flat_views._moving_instants(np.zeros(1), 0.0, None) == [0.0]
 
 
 def test_what_cannot_be_written_is_refused_first(cotrack, hanging, tmp_path, monkeypatch):
@@ -379,13 +381,13 @@ def test_a_run_has_one_colour_scale_in_all_its_pictures(driven, tmp_path):
 
 
 def test_arrows_of_a_round_force_show_the_scale_of_others():
-    assert arrows.scale_arrow(0.999, 20e3) == (0.5, "10 kN")
-    assert arrows.scale_arrow(1.0, 20e3) == (1.0, "20 kN")
-    assert arrows.scale_arrow(0.045, 1e3) == (pytest.approx(0.02), "0.02 kN")
+    assert solids.scale_arrow(0.999, 20e3) == (0.5, "10 kN")
+    assert solids.scale_arrow(1.0, 20e3) == (1.0, "20 kN")
+    assert solids.scale_arrow(0.045, 1e3) == (pytest.approx(0.02), "0.02 kN")
     for links, force in ((64, 20e3), (32, 5e3), (10, 500.0)):  # as the square of the length, rounded
         scene = {"vehicle": {"track": {"pitch": 0.1524}}}
-        assert arrows.force_of_a_metre(SimpleNamespace(tracks=[SimpleNamespace(links=links)], scene=scene)) == force
-    (drawn, short) = arrows.with_heads(np.array([[[0.0, 0.0], [2.0, 0.0]], [[0.0, 0.0], [0.0, 0.03]]]), 0.5)
+        assert solids.force_of_a_metre(SimpleNamespace(tracks=[SimpleNamespace(links=links)], scene=scene)) == force
+    (drawn, short) = solids.with_heads(np.array([[[0.0, 0.0], [2.0, 0.0]], [[0.0, 0.0], [0.0, 0.03]]]), 0.5)
     np.testing.assert_allclose(drawn[[0, 1, 3]], [[0, 0], [2, 0], [2, 0]], atol=1e-15)
     np.testing.assert_allclose(sorted(drawn[[2, 4]].tolist()), [[1.5, -0.25], [1.5, 0.25]], atol=1e-15)
     np.testing.assert_allclose(short[[0, 1, 3]], [[0, 0], [0, 0.03], [0, 0.03]], atol=1e-15)
@@ -417,7 +419,7 @@ def test_a_run_that_blew_up_is_shown_up_to_there(hanging, tmp_path):
         (poses,) = bodies.blocks()
         np.testing.assert_allclose(poses.t, [0.0, 0.1, 0.2], atol=1e-12)
         bodies.select_instants([0.1, 0.4])
-        assert len(side_view._figure(bodies).axes) == 2, "a pane and the colour scale"
+        assert len(flat_views._figure(bodies).axes) == 2, "a pane and the colour scale"
         bodies.select_instants([0.4])
         with pytest.raises(BadInput, match="values of /chain/links are no finite numbers: there is nothing to show"):
             next(bodies.blocks())

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, link_records
+from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, pitch_radius, sprocket_end
 
 NEAR = 0.06  # m: distance outside of a wheel's pitch circle within which the middle of a link lies on the wheel,
@@ -31,7 +31,7 @@ class PlacedRecords(NamedTuple):
     links: Floats  # (m, links) m, middles of links
     joints: Floats  # (m, joints) m, pins
     centres: Floats  # (m, links, 2) m, middles of links ahead of and above the sprocket axle, in hull axes
-    pins: Floats  # (m, joints, 3) m, world; define the axes of forces as in ``link_records``
+    pins: Floats  # (m, joints, 3) m, world; define the axes of forces as in ``record_blocks.py``
     axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, in world
     values: tuple[Floats, ...]  # one per signal, (m, n) or (m, n, 3)
 
@@ -53,8 +53,8 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
     """Signals of links with their places, in blocks; raises Missing, also for open chains."""
     ray: Floats | None = None
     middle = np.zeros(2)
-    port, count = hull.sprocket(run, track), link_records.count(run, track)
-    for block in link_records.records(run, track, window, link_records.POSITION, *signals):
+    port, count = hull.sprocket(run, track), record_blocks.count(run, track)
+    for block in record_blocks.records(run, track, window, record_blocks.POSITION, *signals):
         pins = block.values[0]
         if pins.shape[1] != count:
             raise Missing(f"{run.log.path}: of '{track}' {count} links between {pins.shape[1]} pins make no circuit")

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, hull, link_records
+from orchestrator.results.analyses import circuit, hull, record_blocks
 from orchestrator.results.analyses.envelope import PlaceBins
-from orchestrator.results.analyses.extremes import Extreme, larger
 from orchestrator.results.analyses.link_loads import LinkLoads, sliced
+from orchestrator.results.analyses.record_blocks import Extreme, larger
 from orchestrator.results.rotation import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
@@ -71,12 +71,12 @@ def pressure(pins: Floats, axes: Floats, force: Floats, area: float) -> Floats:
 
 def over_time(run: RunData, loads: LinkLoads) -> PressureMap | None:
     """Pressure under every link over time; None for a track without ground contact. Raises Missing, LogUnreadable."""
-    if not (loads.closed and link_records.has(run, loads.track, SIGNAL)):
+    if not (loads.closed and record_blocks.has(run, loads.track, SIGNAL)):
         return None
     area = pad_area(run)
     envelope, middle = sliced(run, len(loads.t), loads.links)
     peak: Extreme | None = None
-    for block in link_records.records(run, loads.track, EVER, link_records.POSITION, SIGNAL):
+    for block in record_blocks.records(run, loads.track, EVER, record_blocks.POSITION, SIGNAL):
         under = pressure(block.pins, hull.poses(run, loads.track, block.t).axes, block.values[1], area)
         envelope.add(block.t, under)
         peak = larger(peak, block.t, under)

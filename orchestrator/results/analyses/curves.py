@@ -9,15 +9,18 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import common_steps, hull, wheel_loads
+from orchestrator.results.analyses import hull, record_blocks, slip, wheel_loads
+from orchestrator.results.analyses.phases import TURNS
+from orchestrator.results.analyses.record_blocks import common_values
+from orchestrator.results.approximations import PARTS, Curve, Integrals, MovingMean, Peak, TimeEnvelope
 from orchestrator.results.energy import STORED
-from orchestrator.results.moving_mean import Integrals, MovingMean
-from orchestrator.results.run_data import Missing, RunData
-from orchestrator.results.thinned import PARTS, Curve, Peak, TimeEnvelope
+from orchestrator.results.ground_under_vehicle import pose_signals, split
+from orchestrator.results.run_data import EVER, Missing, RunData
+from orchestrator.results.turning import SIGN
 from orchestrator.results.units import number
 
 ENERGIES = {"work": ("work",), "stored": STORED, "lost": ("dissipated", "covered", "towed")}
-TURNS = 1e-3  # rad/s: a slower sprocket stands
+STANDS = 1e-3  # rad/s: a slower sprocket stands
 _DRIVEN = re.compile(r"((?:\w+\.)?)torque")
 
 
@@ -49,7 +52,7 @@ def drives(run: RunData) -> list[str]:
 
 def of(run: RunData, signals: Iterable[str]) -> dict[str, SignalCurve]:
     """Curves of the outputs, "instance.variable", that the log has and that are numbers; raises LogUnreadable."""
-    wanted = common_steps.columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
+    wanted = record_blocks.named_columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
     gathered = {topic: CurveCollector(run, len(places)) for topic, places in wanted.items()}
     for piece in run.log.stream(wanted):
         for topic, series in piece.items():
@@ -84,7 +87,7 @@ def energies(run: RunData) -> dict[str, Curve]:
     }
     envelope = TimeEnvelope(*run.span, len(ENERGIES))
     first: Floats | None = None
-    for t, values in common_steps.blocks(run, [*parts]):
+    for t, values in record_blocks.common_blocks(run, [*parts]):
         total = np.zeros((len(t), len(ENERGIES)))
         for column, (k, copies) in zip(values.T, parts.values(), strict=True):
             total[:, k] += copies * column
@@ -113,7 +116,7 @@ def ripple(run: RunData, drives: Sequence[str], signals: Mapping[str, SignalCurv
     speed = max(speeds, default=0.0)
     try:
         passing = (
-            2.0 * np.pi / (hull.vehicle_number(run, "sprocket", "teeth") * speed) if speed > TURNS else np.inf
+            2.0 * np.pi / (hull.vehicle_number(run, "sprocket", "teeth") * speed) if speed > STANDS else np.inf
         )  # s
     except Missing:
         passing = np.inf
@@ -144,3 +147,32 @@ class CurveCollector:
             for k, (name, unit) in enumerate(zip(names, units, strict=True))
             if (least := extremes.smallest(k)) and (most := extremes.largest(k))
         }
+
+
+YAW_RATE, GROUND_SPEED, MOMENT = "chassis.chassis.angular_velocity.z", "chassis.ground_speed", "chassis.steering_moment"
+
+
+def of_turns(run: RunData) -> dict[str, SignalCurve]:
+    """Speed of the hull along the ground, thrust of each track, "left_track.thrust", and the steering moment of both.
+
+    Left turns are positive (``results/turning.py``). Raises Missing without a vehicle on the ground.
+    """
+    forces = slip.of(run)
+    t, values = common_values(run, [*(f"chassis.chassis.velocity.{axis}" for axis in "xyz"), *pose_signals(run)], EVER)
+    speed, _ = split(run, values[:, :3], values[:, 3:])
+    units = {GROUND_SPEED: "m/s", **{f"{track}.thrust": "N" for track in forces.tracks}}
+    columns = [speed, *forces.thrust.T]
+    if {f"{side}_track" for side in SIGN} == {*forces.tracks}:
+        units[MOMENT] = "N.m"
+        signs = [SIGN[track.removesuffix("_track")] for track in forces.tracks]
+        columns.append(hull.vehicle_number(run, "track", "lateral") * forces.thrust @ signs)
+    gathered = CurveCollector(run, len(columns))
+    gathered.add(t, np.column_stack(columns))
+    return gathered.curves([*units], [*units.values()])
+
+
+def radius(speed: SignalCurve, yaw_rate: SignalCurve, window: float) -> Curve:
+    """Way over change of heading in a window of time, s, m; NaN where the yaw rate is below TURNS."""
+    t, v = speed.moving_mean.over(window)
+    rate = np.abs(np.interp(t, *yaw_rate.moving_mean.over(window)))
+    return Curve(t, np.where(rate > TURNS, v / np.maximum(rate, TURNS), np.nan))

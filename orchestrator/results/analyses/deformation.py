@@ -17,7 +17,7 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, link_records
+from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.rotation import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
@@ -92,7 +92,7 @@ def of(run: RunData, track: str = "", window: Window = EVER, at: Sequence[float]
     track = hull.tracks(run, track)[0]
     length = hull.vehicle_number(run, "track", "pitch")
     wanted = ["joint[*].position", "link[*].slope.first", "link[*].slope.last"]
-    turning = link_records.has(run, track, "joint[*].axis")
+    turning = record_blocks.has(run, track, "joint[*].axis")
     times, values = _nearest(run, track, window, at, [*wanted, *["joint[*].axis"] * turning])
     pins, first, last = values[:3]
     across = values[3] if turning else hull.poses(run, track, times).axes[:, None, :, 1]
@@ -114,7 +114,7 @@ def of(run: RunData, track: str = "", window: Window = EVER, at: Sequence[float]
 
 def picture(deformation: Deformation, output: Path, link: int) -> None:
     """Draw figures 18 and 19 for one link at each instant; raises BadInput."""
-    from orchestrator.results.picture import new_figure, save_figure
+    from orchestrator.results.output_files import new_figure, save_figure
 
     if not 1 <= link <= deformation.displacement.shape[1]:
         raise BadInput(f"--link {link}: {deformation.track} has the links 1 to {deformation.displacement.shape[1]}")
@@ -142,7 +142,7 @@ def _nearest(
     """Times (m,) and signals of the records nearest to ``at``, or of the last one; raises Missing."""
     best: dict[float, tuple[float, tuple[Floats, ...]]] = {}
     last = -np.inf
-    for block in link_records.records(run, track, window, *signals):
+    for block in record_blocks.records(run, track, window, *signals):
         last = float(block.t[-1])
         for t in at or (np.inf,):
             near = int(np.abs(block.t - min(t, last)).argmin())

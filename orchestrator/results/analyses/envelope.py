@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, hull, link_records
+from orchestrator.results.analyses import circuit, hull, record_blocks
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 
@@ -78,9 +78,9 @@ def of(
     The number of bins is ``bins`` or the number of links. The signal may begin with the name of its track. Raises
     Missing, BadInput for several signals.
     """
-    track, signal = link_records.one_signal(run, track, signal, "an envelope")
+    track, signal = record_blocks.one_signal(run, track, signal, "an envelope")
     track = hull.tracks(run, track)[0]
-    unit = link_records.unit(run, track, signal)
+    unit = record_blocks.unit(run, track, signal)
     statistics: PlaceBins | None = None
     lengths: list[Floats] = []
     for block in circuit.records(run, track, window, signal):

@@ -20,7 +20,7 @@ from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, to_si
 from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, link_records
+from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.analyses.catalogue import UNSTRESSED
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
@@ -177,7 +177,7 @@ def of(
     a vector counts by its norm.
     """
     line = StressLifeLine.read(sn) if isinstance(sn, str) else (sn or StressLifeLine()).checked("the S-N line")
-    track, signal = link_records.one_signal(run, track, signal, "fatigue")
+    track, signal = record_blocks.one_signal(run, track, signal, "fatigue")
     signal = f"link[*].{signal}" if signal and "[" not in signal else signal
     model = run.scene.get("track", {}).get("model")
     if not signal and model in TRACKS and not TRACKS[model].stressed:
@@ -191,7 +191,7 @@ def _of_track(run: RunData, track: str, window: Window, line: StressLifeLine, si
     columns: list[tuple[list[Floats], list[Floats]]] = []  # turning points of all records, of every second one
     times: list[float] = []
     count = 0
-    for block in link_records.records(run, track, window, *signals):
+    for block in record_blocks.records(run, track, window, *signals):
         sizes = [each if each.ndim == 2 else np.linalg.norm(each, axis=2) for each in block.values]
         values = np.concatenate(sizes, axis=1)
         if not np.isfinite(values).all():
@@ -215,7 +215,7 @@ def _of_track(run: RunData, track: str, window: Window, line: StressLifeLine, si
     alone, repeated = (
         np.full_like(s, np.nan) if signal else (s / line.stress) ** line.slope for s in (once, equivalent)
     )
-    unit, span = link_records.unit(run, track, signals[0]), Window(times[0], times[-1])
+    unit, span = record_blocks.unit(run, track, signals[0]), Window(times[0], times[-1])
     interval = (span.end - span.start) / max(count - 1, 1)
     return TrackFatigue(track, signal, unit, span, line, alone, repeated, number, largest, equivalent, sparse, interval)
 

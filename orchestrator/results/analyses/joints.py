@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, hull, link_records, links
-from orchestrator.results.analyses.extremes import Extreme, larger, smaller
+from orchestrator.results.analyses import circuit, hull, links, record_blocks
+from orchestrator.results.analyses.record_blocks import Extreme, larger, smaller
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 
@@ -51,7 +51,7 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> JointForces:
     names = hull.tracks(run, track)
     extremes = np.array([_extremes(run, name, window) for name in names])
     parts = tuple(_parts(run, name, each[3], each[5]) for name, each in zip(names, extremes, strict=True))
-    steps = max(link_records.interval(run, name) for name in names)
+    steps = max(record_blocks.interval(run, name) for name in names)
     return JointForces._make([names, *(extremes[:, k] for k in range(6)), parts, steps * _step(run)])
 
 

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import link_records
-from orchestrator.results.analyses.extremes import Extreme, larger, smaller
-from orchestrator.results.link_columns import POSITION, TENSION, columns
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
-from orchestrator.results.thinned import Curve, Peak, TimeEnvelope
+from orchestrator.results.analyses import record_blocks
+from orchestrator.results.analyses.record_blocks import Extreme, larger, smaller
+from orchestrator.results.approximations import Curve, Peak, TimeEnvelope
+from orchestrator.results.run_data import EVER, POSITION, TENSION, Missing, RunData, Window, link_columns
 
 SLICES = 240  # most intervals of time of a map
 SIGNALS = {"tension": TENSION, "stress": "link[*].stress", "force": "joint[*].force"}
@@ -43,13 +42,13 @@ class LinkLoads(NamedTuple):
 def of(run: RunData, track: str) -> LinkLoads:
     """Loads of the links of a track; raises Missing, LogUnreadable."""
     topic = f"/{track}/links"
-    kinds = [name for name, signal in SIGNALS.items() if name == "tension" or link_records.has(run, track, signal)]
+    kinds = [name for name, signal in SIGNALS.items() if name == "tension" or record_blocks.has(run, track, signal)]
     t = run.log.select({topic: []})[topic].t if topic in run.log.topics else np.empty(0)
     if not np.isfinite(t).all():
         raise Missing(f"times of the links of '{track}' are no finite numbers")
     most: dict[str, Extreme | None] = {}
     slackest, by_link, middle = None, None, np.empty(0)
-    for block in link_records.records(run, track, EVER, *(SIGNALS[name] for name in kinds)):
+    for block in record_blocks.records(run, track, EVER, *(SIGNALS[name] for name in kinds)):
         sizes = dict(zip(kinds, map(_size, block.values), strict=True))
         if by_link is None:
             by_link, middle = sliced(run, len(t), sizes["tension"].shape[1])
@@ -59,7 +58,7 @@ def of(run: RunData, track: str) -> LinkLoads:
     if by_link is None or slackest is None:
         raise Missing(f"the log holds no tension of the links of '{track}'")
     recorded = {name: extreme for name, extreme in most.items() if extreme}
-    pins = len(columns(run.log.topics[topic].names, POSITION))
+    pins = len(link_columns(run.log.topics[topic].names, POSITION))
     return LinkLoads(track, t, middle, by_link.upper, recorded, slackest, pins)
 
 
@@ -80,17 +79,17 @@ def tensions_in(run: RunData, track: str, span: tuple[float, float], like: LinkL
     NaN where none was recorded. Raises Missing, LogUnreadable.
     """
     envelope = TimeEnvelope(*span, like.links, len(like.middle))
-    for block in link_records.records(run, track, Window(*span), TENSION):
+    for block in record_blocks.records(run, track, Window(*span), TENSION):
         envelope.add(block.t, block.values[0])
     return envelope.upper
 
 
 def curves(run: RunData, track: str, links: Sequence[int]) -> dict[int, dict[str, tuple[Curve, Peak]]]:
     """Curves of the loads of some links of a track, with their peaks; raises LogUnreadable."""
-    kinds = [name for name, signal in SIGNALS.items() if link_records.has(run, track, signal)]
+    kinds = [name for name, signal in SIGNALS.items() if record_blocks.has(run, track, signal)]
     members = [link - 1 for link in links]
     envelope = TimeEnvelope(*run.span, len(kinds) * len(members))
-    for block in link_records.records(run, track, EVER, *(SIGNALS[name] for name in kinds)):
+    for block in record_blocks.records(run, track, EVER, *(SIGNALS[name] for name in kinds)):
         sizes = [_size(values) for values in block.values]
         chosen = [
             values[:, k] if k < values.shape[1] else np.full(len(block.t), np.nan) for k in members for values in sizes
@@ -109,7 +108,7 @@ def loads_at(run: RunData, loads: LinkLoads, name: str, t: float) -> tuple[float
     Raises Missing, LogUnreadable.
     """
     nearest = loads.t[np.abs(loads.t - t).argmin()]
-    block = next(link_records.records(run, loads.track, Window(nearest, nearest), SIGNALS[name]))
+    block = next(record_blocks.records(run, loads.track, Window(nearest, nearest), SIGNALS[name]))
     return float(block.t[0]), _size(block.values[0])[0]
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, link_records
+from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.rotation import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import ROUNDING, Table
@@ -93,19 +93,19 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> LinkForces:
 
 def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForces]:
     """Forces on links in blocks of records, so long runs need no more memory; raises Missing."""
-    kinds = [kind for kind, signal in KINDS.items() if link_records.has(run, track, signal)]
-    fibres = link_records.has(run, track, "link[*].fibre.outer")
+    kinds = [kind for kind, signal in KINDS.items() if record_blocks.has(run, track, signal)]
+    fibres = record_blocks.has(run, track, "link[*].fibre.outer")
     if not kinds and not fibres:
         raise Missing(f"{run.log.path} holds no force and no fibre stress of the links of '{track}'")
-    signals = [link_records.POSITION, *(KINDS[kind] for kind in kinds)]
-    signals += ["joint[*].axis"] * link_records.has(run, track, "joint[*].axis")
+    signals = [record_blocks.POSITION, *(KINDS[kind] for kind in kinds)]
+    signals += ["joint[*].axis"] * record_blocks.has(run, track, "joint[*].axis")
     signals += ["link[*].fibre.outer", "link[*].fibre.inner"] * fibres
-    links = link_records.count(run, track)
+    links = record_blocks.count(run, track)
     area, bending, fibre = (
         hull.vehicle_number(run, "section", key) if fibres else 1.0 for key in ("area", "bending", "outer_fibre")
     )
     modulus = bending / fibre
-    for block in link_records.records(run, track, window, *signals):
+    for block in record_blocks.records(run, track, window, *signals):
         values = dict(zip(signals, block.values, strict=True))
         across = values.get("joint[*].axis")
         if across is None:  # pins stay across the hull within the play of the guides

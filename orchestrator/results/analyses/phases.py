@@ -1,6 +1,6 @@
 """Phases of a run: rest, acceleration, steady motion, turn and braking, with figures for each.
 
-Speed and yaw rate of the hull are approximated by straight pieces (``results/broken_line.py``), which follow a ramp
+Speed and yaw rate of the hull are approximated by straight pieces (``results/approximations.py``), which follow a ramp
 and leave out ringing. Each piece has a state:
 
     speed      grows or falls: its size changes by more than RATE; else the vehicle rests or moves on
@@ -27,10 +27,10 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, slip
-from orchestrator.results.broken_line import LineFitter, breaks
+from orchestrator.results.approximations import LineFitter, breaks
 from orchestrator.results.energy import without_energies
-from orchestrator.results.ground_axes import pose_signals, split
 from orchestrator.results.ground_surface import on_terrain
+from orchestrator.results.ground_under_vehicle import pose_signals, split
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
 from orchestrator.results.table import Table, without_rounding
 from orchestrator.results.units import figure

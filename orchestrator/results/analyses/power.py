@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses.common_steps import RECOVER, columns
+from orchestrator.results.analyses.record_blocks import RECOVER, named_columns
 from orchestrator.results.energy import Block, WrenchPort, ports
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, vectors
 from orchestrator.results.table import Table
@@ -149,7 +149,7 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[Power]:
     ]
     names += drives
     names += [f"chassis.chassis.{part}.{axis}" for part in MOTION for axis in "xyz"] if hull else []
-    columns_read = columns(run, names)
+    columns_read = named_columns(run, names)
     sparse = [topic for topic in columns_read if run.log.topics[topic].every > 1]
     if sparse:
         raise Missing(

@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, contact, link_records
+from orchestrator.results.analyses import circuit, contact, record_blocks
 from orchestrator.results.analyses.link_loads import LinkLoads
-from orchestrator.results.link_columns import POSITION, TENSION, columns
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, POSITION, TENSION, Missing, RunData, Window, link_columns
 
 
 class Profile(NamedTuple):
@@ -36,8 +35,8 @@ class Tensions(NamedTuple):
 
 def tensions(run: RunData, track: str, window: Window = EVER) -> Iterator[Tensions]:
     """Tensions by place in the link records of a window, in blocks; raises Missing, LogUnreadable."""
-    if link_records.count(run, track) != len(columns(run.log.topics[f"/{track}/links"].names, POSITION)):
-        for block in link_records.records(run, track, window, POSITION, TENSION):
+    if record_blocks.count(run, track) != len(link_columns(run.log.topics[f"/{track}/links"].names, POSITION)):
+        for block in record_blocks.records(run, track, window, POSITION, TENSION):
             length = np.linalg.norm(np.diff(block.values[0], axis=1), axis=2)
             yield Tensions(block.t, np.cumsum(length, axis=1) - 0.5 * length, block.values[1], [])
         return
@@ -56,7 +55,7 @@ def of(run: RunData, loads: LinkLoads, t: float) -> Profile:
     if not loads.closed:
         block = next(tensions(run, loads.track, Window(nearest, nearest)))
         return Profile(nearest, block.place[0], block.tension[0], np.empty(0), None, [])
-    grounded = link_records.has(run, loads.track, contact.SIGNAL)
+    grounded = record_blocks.has(run, loads.track, contact.SIGNAL)
     window = Window(float(loads.t[max(k - 1, 0)]), nearest)  # axes of forces need the record before
     links = next(circuit.records(run, loads.track, window, TENSION, *[contact.SIGNAL] * grounded))
     order = np.argsort(links.links[-1])

@@ -10,10 +10,18 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses.absorbed_power import absorption
-from orchestrator.results.analyses.iso2631 import HEALTH, WD, WK, running_rms, vibration_dose
 from orchestrator.results.analyses.spectrum import FEWEST, resample_evenly
-from orchestrator.results.analyses.transfer_functions import TransferFunction, butterworth, filtered
+from orchestrator.results.analyses.vibration import (
+    HEALTH,
+    WD,
+    WK,
+    TransferFunction,
+    absorption,
+    butterworth,
+    filtered,
+    running_rms,
+    vibration_dose,
+)
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
 from orchestrator.results.table import Table
@@ -70,7 +78,7 @@ class SeatRide(NamedTuple):
 
     @property
     def absorbed_power(self) -> float:
-        """Vertical absorbed power, W, by the rational filter (``absorbed_power.py``)."""
+        """Vertical absorbed power, W, by the rational filter (``vibration.py``)."""
         return float(np.mean(self.absorbed**2))
 
     def rows(self) -> Iterator[tuple[str | float, ...]]:

@@ -1,7 +1,7 @@
 """Pictures of signals: over time, frequency or tooth order, or as a map of a family.
 
 A picture shows some thousand instants. Longer records are reduced to the least and largest value of equal intervals
-of time (curves, ``thinned.py``) or to means of several records (maps), so a long log needs little memory.
+of time (curves, ``approximations.py``) or to means of several records (maps), so a long log needs little memory.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from orchestrator.log.reader import Log
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, spectrum
+from orchestrator.results.approximations import TimeEnvelope
 from orchestrator.results.measured_record import MeasuredSignal
+from orchestrator.results.output_files import atomic_write, check_output
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, within
-from orchestrator.results.thinned import TimeEnvelope
 from orchestrator.results.units import scaled
-from orchestrator.results.whole_file import atomic_write, check_output
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

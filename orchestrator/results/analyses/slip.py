@@ -12,8 +12,8 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
-from orchestrator.results.analyses.common_steps import common_values
-from orchestrator.results.ground_axes import component, ground_axes, pose_signals
+from orchestrator.results.analyses.record_blocks import common_values
+from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
 from orchestrator.results.table import Table
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import common_steps, hull
+from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
 from orchestrator.results.table import Table
 
@@ -89,7 +89,7 @@ def of(
         raise BadInput("a spectrum needs --signal NAME: 'cotrack log info --signals LOG' says which there are")
     if shape not in SHAPES:
         raise BadInput(f"--shape {shape}: must be {' or '.join(SHAPES)}")
-    chosen = common_steps.columns(run, [signals] if isinstance(signals, str) else signals)
+    chosen = record_blocks.named_columns(run, [signals] if isinstance(signals, str) else signals)
     if len(chosen) != 1:
         raise Missing(f"the signals are on {len(chosen)} topics: a spectrum needs signals of one, with common times")
     ((topic, columns),) = chosen.items()

@@ -1,18 +1,125 @@
-"""Loads of road wheels: upward force of the track on each, in hull axes."""
+"""Loads of road wheels: upward force of the track on each, in hull axes.
+
+Intervals without load: one rule for lifted wheels and tracks off the ground.
+
+An interval begins with the step in which the load is below LIFTED of the mean load of all members, and ends with the
+step in which it exceeds TOUCHES times that threshold. Loads between do not change the state, so a load near one value
+counts once.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import common_steps
-from orchestrator.results.analyses.unloaded import TOUCHES, UnloadedIntervals, unloaded_intervals
+from orchestrator.results.analyses import record_blocks
 from orchestrator.results.rotation import body_axis
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, means, record_durations
 from orchestrator.results.table import Table
+
+LIFTED = 0.02  # threshold over the mean load of all members
+TOUCHES = 2.0  # upper over lower threshold
+SETTLING = 0.1  # s: a vehicle that starts as drawn does not rest on its tracks and wheels yet
+
+Blocks = Iterator[tuple[Floats, Floats]]  # times (m,), s, and loads (m, members), N, in blocks
+
+
+class UnloadedInterval(NamedTuple):
+    """Interval without load."""
+
+    start: float  # s, of its first step
+    end: float  # s, of its last step, or of the end of the run
+    time: float  # s, total of its steps
+    begins: bool  # False if it begins with the first step
+    ends: bool  # False if it lasts until the end of the run
+    load: float  # N, at its end; NaN without one
+
+
+class UnloadedIntervals(NamedTuple):
+    """Intervals of all members."""
+
+    threshold: float  # N, lower threshold
+    by_member: dict[str, list[UnloadedInterval]]  # by name, in order of time
+
+
+def switches(low: NDArray[np.bool_], high: NDArray[np.bool_], state: bool) -> Iterator[tuple[int, bool]]:
+    """Begin (``low``) and end (``high``) of a state in samples (m,); samples between keep the state."""
+    known = np.flatnonzero(low | high)
+    changes = np.diff(low[known], prepend=state)
+    yield from zip(known[changes].tolist(), low[known[changes]].tolist(), strict=True)
+
+
+def starts_as_drawn(run: RunData) -> bool:
+    """True if a vehicle starts as drawn, not in equilibrium."""
+    return run.scene.get("assembly") == "vehicle" and run.scene.get("start", {}).get("state") != "equilibrium"
+
+
+def is_settling(run: RunData, t: float) -> bool:
+    """True if a vehicle still settles on its tracks at a time, s."""
+    return starts_as_drawn(run) and t <= SETTLING
+
+
+def unloaded_intervals(names: tuple[str, ...], blocks: Callable[[], Blocks]) -> UnloadedIntervals:
+    """Intervals without load of the members ``names``; ``blocks`` is called twice; non-finite loads are left out."""
+    total, duration = np.zeros(len(names)), np.zeros(len(names))
+    for _, weights, loads in _weighed(blocks()):
+        known = np.isfinite(loads) & np.isfinite(weights)[:, None]
+        weights = np.where(np.isfinite(weights), weights, 0.0)
+        total += weights @ np.where(known, loads, 0.0)
+        duration += weights @ known
+    seen = duration > 0.0
+    least = LIFTED * float(np.mean(total[seen] / duration[seen])) if seen.any() else 0.0
+    finished: dict[str, list[UnloadedInterval]] = {name: [] for name in names}
+    if not least > 0.0:
+        return UnloadedIntervals(least, finished)
+    open_intervals: dict[str, UnloadedInterval] = {}  # intervals that still last
+    first = True
+    for t, weights, loads in _weighed(blocks()):
+        for name, values in zip(names, loads.T, strict=True):
+            low, high, done = values < least, values > TOUCHES * least, 0
+            if first and low[0]:
+                open_intervals[name] = UnloadedInterval(float(t[0]), np.nan, 0.0, False, False, np.nan)
+            for k, begins in switches(low, high, name in open_intervals):
+                if begins:
+                    open_intervals[name] = UnloadedInterval(float(t[k]), np.nan, 0.0, True, False, np.nan)
+                else:
+                    interval = open_intervals.pop(name)
+                    time = interval.time + float(weights[done:k].sum())
+                    finished[name].append(
+                        interval._replace(end=float(t[k]), time=time, ends=True, load=float(values[k]))
+                    )
+                done = k
+            if name in open_intervals:
+                open_intervals[name] = open_intervals[name]._replace(
+                    end=float(t[-1]), time=open_intervals[name].time + float(weights[done:].sum())
+                )
+        first = False
+    for name, interval in open_intervals.items():
+        finished[name].append(interval)
+    return UnloadedIntervals(least, finished)
+
+
+def _weighed(blocks: Blocks) -> Iterator[tuple[Floats, Floats, Floats]]:
+    """Times, weights (m,), s, and loads."""
+    last: float | None = None
+    for t, loads in blocks:
+        if len(t):
+            yield t, record_durations(t, last), loads
+            last = float(t[-1])
+
+
+def off_ground(run: RunData, window: Window = EVER) -> UnloadedIntervals:
+    """Intervals without ground contact of each track, by the vertical ground force."""
+    names = tuple(track for track in run.tracks if run.has(f"{track}.ground.force.z"))
+    signals = [f"{name}.ground.force.z" for name in names]
+    return run.compute_once(
+        f"tracks off the ground, {window}",
+        lambda _: unloaded_intervals(names, lambda: record_blocks.common_blocks(run, signals, window)),
+    )
 
 
 class WheelLoads(NamedTuple):
@@ -24,7 +131,7 @@ class WheelLoads(NamedTuple):
     most: Floats  # (wheels,) N
     rms: Floats  # (wheels,) N, deviation from the mean
     lifted: Floats  # (wheels,) share of time without load
-    threshold: float  # N, a smaller load counts as lifted (``unloaded.py``)
+    threshold: float  # N, a smaller load counts as lifted
 
     def table(self) -> Table:
         """Table with a row for each wheel."""
@@ -60,14 +167,14 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[tuple[Floats, Floats
     signals = [f"{name}.force.{axis}" for name in wheels for axis in "xyz"]
     turned = run.has("chassis.chassis.orientation.w")
     signals += [f"chassis.chassis.orientation.{part}" for part in "wxyz"] if turned else []
-    for t, values in common_steps.blocks(run, signals, window):
+    for t, values in record_blocks.common_blocks(run, signals, window):
         force, orientation = np.split(values, [3 * len(wheels)], axis=1)
         up = body_axis(orientation, 2) if turned else np.tile([0.0, 0.0, 1.0], (len(t), 1))
         yield t, np.einsum("mki,mi->mk", force.reshape(len(t), len(wheels), 3), up)
 
 
 def lifted(run: RunData, window: Window = EVER) -> UnloadedIntervals:
-    """Intervals in which road wheels are lifted (``unloaded.py``), by wheel; raises Missing."""
+    """Intervals in which road wheels are lifted, by wheel; raises Missing."""
     return run.compute_once(
         f"lifted wheels, {window}", lambda run: unloaded_intervals(names(run), lambda: blocks(run, window))
     )

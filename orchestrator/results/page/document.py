@@ -11,29 +11,20 @@ from typing import Any
 from orchestrator.log.extra import library
 from orchestrator.results.analyses.fatigue import StressLifeLine
 from orchestrator.results.measured_difference import MeasuredComparison
-from orchestrator.results.page import heading, key_figures
-from orchestrator.results.page.balance import energy
-from orchestrator.results.page.checks import checks
-from orchestrator.results.page.embedded import script
-from orchestrator.results.page.ending import ending
+from orchestrator.results.output_files import atomic_write
+from orchestrator.results.page import heading
+from orchestrator.results.page.balance import ending, energy
+from orchestrator.results.page.chain import fatigue, orders, tension
+from orchestrator.results.page.embedded import script, text
 from orchestrator.results.page.evaluation import Evaluation, RunSummary, attempt, evaluate
 from orchestrator.results.page.events import event_section
-from orchestrator.results.page.exactness import exactness
-from orchestrator.results.page.fatigue import fatigue
 from orchestrator.results.page.loads import loads
-from orchestrator.results.page.measured import measured
-from orchestrator.results.page.motion import drive, motion
-from orchestrator.results.page.orders import orders
-from orchestrator.results.page.phases import phases
+from orchestrator.results.page.motion import drive, motion, phases, turn
 from orchestrator.results.page.player import player as player_of
-from orchestrator.results.page.provenance import comparison, provenance
 from orchestrator.results.page.section import PageSection, Pair
-from orchestrator.results.page.tension import tension
-from orchestrator.results.page.turn import turn
-from orchestrator.results.page.words import text
+from orchestrator.results.page.trust import checks, comparison, exactness, measured, provenance
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number
-from orchestrator.results.whole_file import atomic_write
 
 SUFFIXES = (".html", ".htm")
 # the page and its library must not request anything from other machines
@@ -74,7 +65,7 @@ def document(
 
     ``compared``: difference of the run from measured signals; ``line``: S-N line of the fatigue.
     """
-    figures = key_figures.figures(run)
+    figures = heading.figures(run)
     pair = Pair(run, reference, figures, compared, line)
     player = _player(run, reference)
     version = re.search(r"plotly\.js v([\d.]+)", plots[:400])
@@ -141,7 +132,7 @@ def _pieces(
     tiles = "".join(
         f'<div class="tile"><div class="label">{tile.label}</div><div class="value {tile.kind}">{tile.value}</div>'
         f'<div class="note">{tile.note}</div></div>'
-        for tile in key_figures.tiles(run, figures)
+        for tile in heading.tiles(run, figures)
     )
     setting = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in heading.setting(run))
     contents = "".join(f'<a href="#{part.key}">{part.name}</a>' for part in parts)

@@ -1,15 +1,17 @@
-"""Arrays as base64 and tables as JSON inside a page."""
+"""Contents of a log inside a page: names and values as HTML text, arrays as base64, tables as JSON."""
 
 from __future__ import annotations
 
 import base64
+import html
 import json
 from typing import Any
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.units import finite
+from orchestrator.results.table import without_rounding
+from orchestrator.results.units import finite, number, scaled
 
 
 def floats(values: Floats) -> str:
@@ -30,3 +32,51 @@ def script(table: Any) -> str:
     """JSON for a script element, without "<", "&" and NaN, so that the element cannot end in it."""
     content = json.dumps(finite(table), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return content.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+MOST = 300  # characters of a text from a log
+
+
+def text(value: Any) -> str:
+    """Text of any origin, escaped for HTML and cut at MOST characters."""
+    printable = "".join(c if c.isprintable() else " " for c in str(value))
+    return html.escape(printable if len(printable) <= MOST else f"{printable[:MOST]} ...")
+
+
+def quantity(value: float, unit: str, digits: int = 4) -> str:
+    """Value with its unit, "27.78 kN", escaped for HTML; rounding is 0."""
+    value = without_rounding(value, unit)
+    factor, name = scaled(value, unit)
+    return f"{number(value / factor, digits)} {text(name)}".strip()
+
+
+def plain(name: str) -> str:
+    """Name of a component or track in words, not escaped."""
+    return name.replace("_", " ").replace(".", " ")
+
+
+def instance(name: str) -> str:
+    """Name of a component or track in words, escaped for HTML."""
+    return text(plain(name))
+
+
+def side(name: str) -> str:
+    """Side of a component or track, "left" or "right", else its name in words; not escaped."""
+    words = plain(name).split()
+    return next((word for word in words if word in ("left", "right")), " ".join(words))
+
+
+def wheel_name(name: str) -> str:
+    """Name of a wheel in words, "wheel 2" for "road_wheel[2]", not escaped."""
+    return name.replace("road_wheel[", "wheel ").replace("[", " ").replace("]", "").replace("_", " ")
+
+
+def wheel(name: str) -> str:
+    """Wheel and track in words for "left_track.road_wheel[2]", escaped for HTML."""
+    track, _, wheel_variable = name.partition(".")
+    return f"{text(wheel_name(wheel_variable))}, {instance(track)}"
+
+
+def and_list(parts: list[str]) -> str:
+    """Parts of a sentence, the last two joined by "and"."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""

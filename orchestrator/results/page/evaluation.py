@@ -7,14 +7,13 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
-from orchestrator.results.analyses import curves, link_loads, phases, turn_curves, wheel_loads
+from orchestrator.results.analyses import curves, link_loads, phases, wheel_loads
 from orchestrator.results.analyses.curves import Ripple, SignalCurve
 from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.analyses.phases import Phase
+from orchestrator.results.approximations import Curve
 from orchestrator.results.energy import Ledger, ledger
-from orchestrator.results.run_data import RunData
-from orchestrator.results.thinned import Curve
-from orchestrator.results.unanswered import reason
+from orchestrator.results.run_data import RunData, reason
 
 Made = TypeVar("Made")
 ALIKE = 1e-6  # relative difference of values that count as equal
@@ -111,7 +110,7 @@ def evaluate(run: RunData, summary: RunSummary) -> Evaluation:
             chains[track] = loads
     run_phases = attempt(lambda: phases.of(run).phases, missing) if "chassis.speed" in signals else None
     if any(phase.turning for phase in run_phases or ()):
-        signals |= attempt(lambda: turn_curves.of(run), missing) or {}
+        signals |= attempt(lambda: curves.of_turns(run), missing) or {}
     return Evaluation(
         run, summary, signals, drives, chains, attempt(lambda: ledger(run), missing),
         attempt(lambda: curves.energies(run), missing) or {}, curves.ripple(run, drives, signals),

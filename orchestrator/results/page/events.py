@@ -5,22 +5,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orchestrator.results.analyses import events
-from orchestrator.results.analyses.unloaded import LIFTED, SETTLING, TOUCHES, UnloadedInterval, is_settling
+from orchestrator.results.analyses.wheel_loads import LIFTED, SETTLING, TOUCHES, UnloadedInterval, is_settling
+from orchestrator.results.page.embedded import and_list, instance, quantity, text, wheel, wheel_name
+from orchestrator.results.page.heading import PEAKS
 from orchestrator.results.page.motion import AT_REST
 from orchestrator.results.page.section import PageSection, Pair, table
-from orchestrator.results.page.words import and_list, instance, quantity, text, wheel, wheel_name
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number, percent
 from orchestrator.results.validity.ledger import validity
 
 SHOWN = 40  # rows, and warnings
-PEAKS = (  # key figure, and its name as an event
-    ("top_speed", "Top speed"),
-    ("tension", "Largest link tension"),
-    ("stress", "Largest link stress"),
-    ("wheel_load", "Largest wheel load"),
-    ("ground_force", "Largest force of the ground on a track"),
-)
 
 
 class EventRow(NamedTuple):
@@ -128,7 +122,7 @@ def _rejection_rows(run: RunData) -> list[EventRow]:
 def _peak_rows(pair: Pair) -> list[EventRow]:
     """Rows of the largest values of the run."""
     event_rows = []
-    for key, what in PEAKS:
+    for key, what in PEAKS.items():
         peak = pair.figures.get(key)
         if peak and abs(peak["value"]) > AT_REST:
             track, _, variable = peak["signal"].partition(".")

@@ -1,15 +1,23 @@
-"""Heading of a page: title, settings of the run, and its verdict."""
+"""Head of a page: title, settings of the run, verdict, and key figures as numbers and as tiles."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 from fmus.ground_keys import SHAPES, SLOPES
-from orchestrator.results.given_parts import GivenPart, given_parts
+from orchestrator.results.analyses import link_loads
+from orchestrator.results.analyses.curves import SignalCurve
+from orchestrator.results.analyses.link_loads import SIGNALS
+from orchestrator.results.analyses.record_blocks import has
+from orchestrator.results.analyses.wheel_loads import starts_as_drawn
+from orchestrator.results.energy import Ledger
 from orchestrator.results.ground_surface import on_terrain
-from orchestrator.results.page.evaluation import Evaluation
-from orchestrator.results.page.words import instance, text
+from orchestrator.results.observables import OBSERVABLES
+from orchestrator.results.page.balance import supply
+from orchestrator.results.page.embedded import instance, quantity, text, wheel
+from orchestrator.results.page.evaluation import ALIKE, Evaluation
 from orchestrator.results.units import number, percent
+from orchestrator.results.user_parts import GivenPart, given_parts
 from orchestrator.results.validity.ledger import validity
 
 OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
@@ -154,3 +162,180 @@ def verdict(evaluation: Evaluation) -> Assessment:
         )
     grade, word = ("good", "As expected") if checks and not skipped_count else ("fair", "Finished")
     return Assessment(grade, word, f"The run finished; {check_counts}.")
+
+
+KMH = 3.6
+PEAKS = {  # largest values of a run, in the order of tiles
+    "top_speed": "Top speed",
+    "tension": OBSERVABLES["tension_max"].title,
+    "stress": "Largest link stress",
+    "wheel_load": "Largest wheel load",
+    "ground_force": "Largest force of the ground on a track",
+}
+OF_TRACKS = {"tension": "tension.max", "stress": "stress.max", "ground_force": "ground.force.z"}  # signals of a track
+COMING_TO_REST = 0.5  # s: a vehicle that starts as drawn does not rest on its tracks yet
+
+
+class Tile(NamedTuple):
+    """Key figure, HTML."""
+
+    label: str
+    value: str
+    note: str
+    kind: str = ""  # "words" for a value that is no number
+
+
+def figures(evaluation: Evaluation) -> dict[str, Any]:
+    """Key figures in SI units, without those that the log does not hold."""
+    figures: dict[str, Any] = {}
+    tracks = evaluation.run.tracks
+    signals = {
+        "top_speed": ["chassis.speed"]
+        if "chassis.speed" in evaluation.signals
+        else [f"{each}.speed" for each in tracks],
+        **{key: [f"{track}.{name}" for track in tracks] for key, name in OF_TRACKS.items()},
+        "wheel_load": [name for name in evaluation.signals if name.endswith(".load")],
+    }
+    for key, names in signals.items():
+        known = {name: evaluation.signals[name] for name in names if name in evaluation.signals}
+        if known:
+            figures[key] = _peak(known, "largest" if key == "top_speed" else "most")
+    if "chassis.distance" in evaluation.signals:
+        figures["distance"] = {"value": evaluation.run.ends("chassis.distance")[1], "unit": "m"}
+    if figures.get("stress", {}).get("value") == 0.0:
+        del figures["stress"]  # rigid links
+    for key in ("tension", "stress"):
+        if key in figures:
+            figures[key] |= _bearer(evaluation, figures[key], key)
+    if evaluation.ledger:
+        figures["energy"] = evaluation.ledger._asdict() | {"unit": "J"}
+    wall, duration = evaluation.result("wall_time"), evaluation.run.span[1] - evaluation.run.span[0]
+    if isinstance(wall, (int, float)) and wall > 0.0:
+        figures["real_time_factor"] = {"value": duration / wall, "wall_time": wall}
+    error = evaluation.result("error")
+    if isinstance(error, dict):
+        figures["error"] = {"value": error.get("total"), "message": error.get("message", "")}
+    for key in ("weight", "ground_force"):
+        if (value := evaluation.summary.observables.get(key)) is not None and value == value:
+            figures.setdefault("carried", {})[key] = value
+    return figures
+
+
+def _peak(known: dict[str, SignalCurve], extreme: str) -> dict[str, Any]:
+    """Largest of the peaks of signals; of signals that are equal but for rounding, that of the first."""
+    peaks = {name: getattr(signal, extreme) for name, signal in known.items()}
+    sizes = {name: abs(peak.value) if extreme == "largest" else peak.value for name, peak in peaks.items()}
+    most = max(sizes.values())
+    name = next(name for name, size in sizes.items() if size >= most - ALIKE * abs(most))
+    return {"value": peaks[name].value, "t": peaks[name].t, "signal": name, "unit": known[name].unit}
+
+
+def _bearer(evaluation: Evaluation, peak: dict[str, Any], load: str) -> dict[str, Any]:
+    """Link with the largest load in the record of links nearest to the peak; empty without such records."""
+    loads = evaluation.chains.get(peak["signal"].partition(".")[0])
+    if not loads or not has(evaluation.run, loads.track, SIGNALS[load]):
+        return {}
+    t, values = link_loads.loads_at(evaluation.run, loads, load, peak["t"])
+    best = int(values.argmax())
+    return {"link": best + 1, "link_t": t, "link_value": float(values[best])}
+
+
+def tiles(evaluation: Evaluation, figures: dict[str, Any]) -> list[Tile]:
+    """Tiles of the key figures."""
+    tiles = [*_motion(figures), *_loads(evaluation, figures), *_energy(figures), _error(evaluation, figures)]
+    if pace := figures.get("real_time_factor"):
+        factor = pace["value"]
+        label = "Faster than real time" if factor >= 1.0 else "Share of real time"
+        note = f"{number(pace['wall_time'], 3)} s of computing"
+        tiles.append(Tile(label, f"{number(factor, 3)} \N{MULTIPLICATION SIGN}", note))
+    return tiles
+
+
+def _motion(figures: dict[str, Any]) -> list[Tile]:
+    tiles = []
+    if (speed := figures.get("top_speed")) and abs(speed["value"]) > 1e-6:
+        hull = speed["signal"].startswith("chassis")
+        fast = f"{number(abs(speed['value']) * KMH, 3)} km/h, " if hull else ""
+        back = ", backwards" if hull and speed["value"] < 0.0 else ""
+        note = f"{fast}at {number(speed['t'])} s{back}"
+        tiles.append(
+            Tile(PEAKS["top_speed"] if hull else "Top chain speed", quantity(abs(speed["value"]), "m/s"), note)
+        )
+    if distance := figures.get("distance"):
+        tiles.append(Tile("Distance", quantity(distance["value"], "m"), "along the heading at the start"))
+    return tiles
+
+
+def _loads(evaluation: Evaluation, figures: dict[str, Any]) -> list[Tile]:
+    tiles = []
+    if tension := figures.get("tension"):
+        tiles.append(Tile(PEAKS["tension"], quantity(tension["value"], "N"), _place(tension)))
+    if stress := figures.get("stress"):
+        note = f"tension and bending, {_place(stress)}"
+        tiles.append(Tile(PEAKS["stress"], quantity(stress["value"], "Pa"), note))
+    if load := figures.get("wheel_load"):
+        note = f"{wheel(load['signal'].removesuffix('.load'))}, at {number(load['t'])} s"
+        if load["t"] < COMING_TO_REST and starts_as_drawn(evaluation.run):
+            note += f", as the vehicle comes to rest{_later(evaluation)}"
+        tiles.append(Tile(PEAKS["wheel_load"], quantity(load["value"], "N"), note))
+    if carried := figures.get("carried"):
+        force = quantity(carried["ground_force"], "N") if "ground_force" in carried else ""
+        if "weight" not in carried:
+            tiles.append(Tile("Ground carries", force, ""))
+        else:
+            note = f"ground carries {force}, {_averaged(evaluation)}" if force else ""
+            tiles.append(Tile("Weight", quantity(carried["weight"], "N"), note))
+    return tiles
+
+
+def _averaged(evaluation: Evaluation) -> str:
+    """Averaging window of the ground's force in words."""
+    window = evaluation.summary.windows["ground_force"]
+    return f"mean of {number(window['from'])} to {number(window['to'])} s"
+
+
+def _energy(figures: dict[str, Any]) -> list[Tile]:
+    energy = figures.get("energy")
+    if not energy or not max(abs(energy[name]) for name in ("work", "change", "dissipated")) > 1e-3:
+        return []
+    ledger = Ledger(**{name: energy[name] for name in Ledger._fields})
+    share, left = percent(ledger.residual_relative, 2), quantity(ledger.residual, "J", 3)
+    return [
+        Tile("Energy dissipated", quantity(ledger.dissipated, "J"), f"of {supply(ledger)}"),
+        Tile("Energy unaccounted for", share, f"{left}, an error of the steps"),
+    ]
+
+
+def _later(evaluation: Evaluation) -> str:
+    """Largest wheel load of the rest of the run; thinned curves keep every peak."""
+    later_peaks = [
+        float(signal.curve.y[after].max())
+        for name, signal in evaluation.signals.items()
+        if name.endswith(".load") and (after := signal.curve.t >= COMING_TO_REST).any()
+    ]
+    return f"; {quantity(max(later_peaks), 'N')} at most after {number(COMING_TO_REST)} s" if later_peaks else ""
+
+
+def _place(peak: dict[str, Any]) -> str:
+    """Link, track and time of a peak."""
+    when = f"{instance(peak['signal'].partition('.')[0])}, at {number(peak['t'])} s"
+    return f"link {peak['link']}, {when}" if "link" in peak else when
+
+
+def _error(evaluation: Evaluation, figures: dict[str, Any]) -> Tile:
+    error = figures.get("error")
+    if error is None:
+        return Tile("Estimated error", "not estimated", "no coarser run was made beside it", "words")
+    if not isinstance(error["value"], (int, float)):
+        return Tile("Estimated error", "not known", text(error["message"]), "words")
+    try:
+        parts = {
+            name: observable["total"]
+            for name, observable in evaluation.result("error")["observables"].items()
+            if observable["decisive"]
+        }
+        worst = max(parts, key=lambda name: parts[name])
+    except (LookupError, TypeError, ValueError, AttributeError):  # a closing record of another version
+        return Tile("Estimated error", percent(error["value"], 2), "")
+    note = f"of {text(worst.replace('_', ' '))}, the worst observable (RMS), by runs with steps twice as long"
+    return Tile("Estimated error", percent(error["value"], 2), note)

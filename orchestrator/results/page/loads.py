@@ -9,15 +9,14 @@ import numpy as np
 from orchestrator.results.analyses import contact, wheel_loads
 from orchestrator.results.analyses.events import lifted
 from orchestrator.results.analyses.profile import Profile
-from orchestrator.results.analyses.unloaded import SETTLING, is_settling, starts_as_drawn
-from orchestrator.results.page.charts import Trace, heat, lines
+from orchestrator.results.analyses.wheel_loads import SETTLING, is_settling, starts_as_drawn
+from orchestrator.results.approximations import Curve
+from orchestrator.results.page.chain import profiles
+from orchestrator.results.page.embedded import and_list, instance, plain, quantity, text, wheel, wheel_name
 from orchestrator.results.page.evaluation import ALIKE, Evaluation, attempt
-from orchestrator.results.page.key_figures import COMING_TO_REST
-from orchestrator.results.page.section import Content, PageSection, Pair, table
-from orchestrator.results.page.tension import profiles
-from orchestrator.results.page.words import and_list, instance, plain, quantity, text, wheel, wheel_name
+from orchestrator.results.page.heading import COMING_TO_REST
+from orchestrator.results.page.section import Content, PageSection, Pair, Trace, heat, lines, table
 from orchestrator.results.run_data import Window
-from orchestrator.results.thinned import Curve
 from orchestrator.results.units import number
 
 TOUCHED = 1e-3  # of the largest pressure

@@ -1,17 +1,21 @@
-"""Sections with the motion of hull and chain, and with the drives."""
+"""Sections with the motion of hull and chain, phases, turns, and drives."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from orchestrator.results.analyses.curves import SignalCurve
+from orchestrator.results import turning
+from orchestrator.results.analyses.curves import GROUND_SPEED, MOMENT, YAW_RATE, SignalCurve, radius
+from orchestrator.results.analyses.phases import HELD, Phase, phase_name, rounded
+from orchestrator.results.approximations import Curve
 from orchestrator.results.ground_surface import on_terrain
-from orchestrator.results.page.charts import Chart, Trace, lines
-from orchestrator.results.page.evaluation import attempt
-from orchestrator.results.page.section import Content, PageSection, Pair
-from orchestrator.results.page.words import quantity, side
-from orchestrator.results.run_data import EVER
-from orchestrator.results.thinned import Curve
+from orchestrator.results.observables import OBSERVABLES
+from orchestrator.results.page.embedded import instance, quantity, side, text
+from orchestrator.results.page.evaluation import Evaluation, attempt
+from orchestrator.results.page.section import Chart, Content, PageSection, Pair, Trace, lines, table
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.units import number
 
 AT_REST = 1e-6  # m/s
@@ -98,3 +102,129 @@ def drive(pair: Pair) -> PageSection | None:
         chart = pair.over_time("slip", "mm/s", [line.scaled_by(1e3) for line in slips])
         content.add_figure("slip", chart, "Slip on the ground", SLIP)
     return content.as_section("drive", "Drive", "What did the drives do?")
+
+
+PHASES_NOTE = (
+    "Found from speed and yaw rate of the hull. Speed, power of the drives, slip of the links on the ground and yaw"
+    f" rate are means over the phase, in brackets the largest yaw rate, over {HELD:g} s. To the left is positive."
+)
+PHASES_HEAD = (
+    "Phase", "From, s", "To, s", "Way, m", "Speed, m/s", "Yaw rate, rad/s", "Radius, m", "Power, kW",
+    "Slip left / right, m/s", OBSERVABLES["tension_max"].title,
+)  # fmt: skip
+
+
+def phases(pair: Pair) -> PageSection | None:
+    """Section with the phases of the run and its reference; None without the motion of a hull."""
+    if not pair.run.phases:
+        return None
+    html = f"<p class='muted'>{PHASES_NOTE}</p>{_phases_table(pair.run)}"
+    if pair.reference and pair.reference.phases:
+        html += f"<h3>Of the reference</h3>{_phases_table(pair.reference)}"
+    return PageSection("phases", "Phases", "What did it do, and when?", html, {})
+
+
+def _phases_table(evaluation: Evaluation) -> str:
+    return table(PHASES_HEAD, [_phase_row(phase) for phase in evaluation.phases], "phases")
+
+
+def _phase_row(phase: Phase) -> tuple[str, ...]:
+    speed = f"{phase.speed:.3f}"
+    if phase.kind in ("acceleration", "braking"):
+        speed += f"<br><span class='muted'>{rounded(phase.speed_start)} to {rounded(phase.speed_end)}</span>"
+    slips = " / ".join(f"{slip:.3f}" for slip in (phase.slip_left, phase.slip_right) if slip == slip)
+    tension = f"{quantity(phase.tension, 'N')}<br><span class='muted'>{instance(phase.tension_track)}, at"
+    tension += f" {number(phase.tension_t)} s</span>"
+    name, _, turning = phase_name(phase).partition(", ")
+    cells = (
+        f"<b>{text(name)}</b>" + (f"<br><span class='muted'>{text(turning)}</span>" if turning else ""),
+        number(phase.start),
+        number(phase.end),
+        f"{phase.way:.2f}",
+        speed,
+        f"{phase.yaw_rate:.3f} ({phase.yaw_rate_most:.3f})" if phase.turning else "",
+        number(phase.radius, 3) if phase.turning else "",
+        f"{phase.power / 1e3:.2f}" if phase.power == phase.power else "",
+        slips,
+        tension if phase.tension_track else "",
+    )
+    return tuple(cell.replace("-0.000", "0.000").replace("-", "\N{MINUS SIGN}") for cell in cells)
+
+
+Measure = Callable[[RunData, str, Window], float]
+PATH = "driver.path.lateral_error"
+SIDES_NOTE = (
+    "Means over the phases in which the vehicle turns. To the left is positive, for moment and yaw rate"
+    " anticlockwise from above. The centre of rotation is where the hull has no lateral velocity."
+)
+SIDES_HEAD = ("Phase", "From, s", "To, s", "Steering moment", "Centre ahead", "", "Thrust", "Slip", "Power")
+
+
+def turn(pair: Pair) -> PageSection | None:
+    """Section of the turns; None if the run goes straight."""
+    evaluation, content = pair.run, Content()
+    if not evaluation.turns:
+        return None
+    for key, signal, quantity_name, title, note in (
+        ("yaw-rate", YAW_RATE, "yaw rate", "Yaw rate", "Of the hull, about the vertical."),
+        ("moment", MOMENT, "moment", "Steering moment", "Half the track distance times the difference of thrusts."),
+    ):
+        if drawn := pair.lines([(signal, quantity_name)]):
+            known = evaluation.signals[signal]
+            note += f" Largest: {quantity(known.largest.value, known.unit)} at {number(known.largest.t)} s."
+            content.add_figure(key, pair.over_time(quantity_name, known.unit, drawn), title, note)
+    if chart := _radius(pair):
+        note = f"Way over change of heading in {number(_window(evaluation))} s, while the vehicle turns."
+        content.add_figure("radius", chart, "Radius", note)
+    if thrusts := pair.lines([(f"{track}.thrust", side(track)) for track in evaluation.run.tracks]):
+        chart = pair.over_time("thrust", "N", thrusts)
+        content.add_figure(
+            "thrust", chart, "Thrust of the tracks", "Force of the ground on each, ahead along the hull."
+        )
+    if drawn := pair.lines([(PATH, "distance")]):
+        chart = pair.over_time("to the left", evaluation.signals[PATH].unit, drawn)
+        content.add_figure("path", chart, "Distance from the driver's path", "To the left is positive.")
+    content.as_grid()
+    content.html += f"<h3>By side</h3><p class='muted'>{SIDES_NOTE}</p>{_by_side(evaluation)}"
+    return PageSection("turn", "Turn", "How did it turn?", content.html, content.charts)
+
+
+def _window(evaluation: Evaluation) -> float:
+    """Time of the means in a radius, s."""
+    return max(HELD, evaluation.ripple.window)
+
+
+def _radius(pair: Pair) -> Chart | None:
+    """Chart of the radius over time; None without the motion of the hull."""
+    drawn = []
+    for evaluation, name in ((pair.run, "run"), (pair.reference, "reference")):
+        if evaluation and {GROUND_SPEED, YAW_RATE} <= evaluation.signals.keys():
+            signals = evaluation.signals
+            curve = radius(signals[GROUND_SPEED], signals[YAW_RATE], _window(pair.run))
+            drawn.append(Trace(name, curve, 0, reference=evaluation is pair.reference))
+    if not any(np.isfinite(trace.curve.y).any() for trace in drawn):
+        return None
+    return lines("radius", "m", drawn) | {"log": True}
+
+
+def _by_side(evaluation: Evaluation) -> str:
+    """Table of means by phase and side, HTML."""
+    return table(SIDES_HEAD, [_sides_row(evaluation, phase) for phase in evaluation.turns], "phases")
+
+
+def _sides_row(evaluation: Evaluation, phase: Phase) -> tuple[str, ...]:
+    run, window = evaluation.run, Window(phase.start, phase.end)
+
+    def mean(measure: Measure, of: str, unit: str) -> str:
+        value = attempt(lambda: measure(run, of, window), [])
+        return "" if value is None else quantity(value, unit)
+
+    def sides(measure: Measure, unit: str) -> str:
+        return "<br>".join(mean(measure, of, unit) for of in turning.SIGN)
+
+    return (
+        f"<b>{text(phase_name(phase))}</b>", number(phase.start), number(phase.end),
+        mean(turning.steering_moment, "", "N.m"), mean(turning.rotation_centre, "", "m"),
+        "<br>".join(turning.SIGN), sides(turning.propulsion, "N"), sides(turning.track_slip, "m/s"),
+        sides(turning.drive_power, "W"),
+    )  # fmt: skip

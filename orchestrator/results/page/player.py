@@ -1,24 +1,24 @@
-"""Pictures of one track from the side, for the player of the page."""
+"""Pictures for the player of the page: one track from the side, the vehicle from above."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_surface import GroundSurface, gives_way
-from orchestrator.results.page.above import above
 from orchestrator.results.page.embedded import floats, shorts
 from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.run_data import RunData
-from orchestrator.results.views.bodies import EVERY, Bodies, BodyPose, Poses
+from orchestrator.results.views.bodies import EVERY, Bodies, BodyPose, LinkPoses, Poses
 from orchestrator.results.views.colours import PART
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, section, side_camera
 from orchestrator.results.views.ruts import ground_at, untouched
 from orchestrator.results.views.shapes import DRAWN, HullBody, LinkPart, in_world
+from orchestrator.results.views.solids import scale_arrow
 
 RATE = 25.0  # pictures a second at most
 MOST = 500  # pictures in all
@@ -178,4 +178,44 @@ def _sections(bodies: Bodies, cameras: list[Camera], t: Floats, low: Floats, hig
     return {
         **table(ground_at(bodies, instant) for instant in t.tolist()),
         **({} if before is None else {"untouched": table([before] * len(cameras))}),
+    }
+
+
+LONGEST = 0.7  # m: arrow of the largest force
+ROOM = 0.5  # m round the tracks
+
+
+def above(run: RunData, t: Floats) -> dict[str, Any] | None:
+    """Lower runs of both tracks at the records nearest to times (m,), s, as a JSON table.
+
+    Places and arrows are relative to the hull's centre of mass, in world axes, m. None without a hull, or without the
+    forces of the ground on links. Raises LogUnreadable, and ValueError if poses were not recorded.
+    """
+    bodies = Bodies(run, EVERY)
+    bodies.select_instants(t)
+    blocks = [*bodies.blocks()]
+    hulls = [poses.hull for poses in blocks if poses.hull is not None]
+    if not hulls or any(links.ground is None for poses in blocks for links in poses.links.values()):
+        return None
+
+    def of_links(values: Callable[[LinkPoses], Any]) -> Any:
+        return np.concatenate([np.hstack([values(links) for links in poses.links.values()]) for poses in blocks])
+
+    hull = np.concatenate([pose.position[:, :2] for pose in hulls])
+    ahead = np.concatenate([body_axis(pose.orientation, 0) for pose in hulls])
+    lower = of_links(lambda links: links.axes[..., 2, 2] < 0.0)
+    feet = of_links(lambda links: links.centres[..., :2])[lower] - np.repeat(hull, lower.sum(axis=1), axis=0)
+    force = of_links(lambda links: np.asarray(links.ground)[..., :2])[lower]
+    largest = float(np.linalg.norm(force, axis=1).max()) or 1.0
+    return {
+        "hull": floats(hull),
+        "heading": floats(np.arctan2(ahead[:, 1], ahead[:, 0])),
+        "counts": lower.sum(axis=1).tolist(),
+        "feet": shorts(feet, UNIT),
+        "arrows": shorts(force * LONGEST / largest, UNIT),
+        "unit": UNIT,
+        "largest": largest,
+        "scale": scale_arrow(LONGEST, largest / LONGEST)._asdict(),
+        "half": (bodies.tracks[0].half[:2]).tolist(),
+        "reach": float(np.abs(feet).max()) + ROOM,
     }

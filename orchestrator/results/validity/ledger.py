@@ -2,40 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import NamedTuple
 
-from orchestrator.results.run_data import EVER, RunData, Window
+from orchestrator.results.run_data import EVER, UNANSWERED, RunData, Window, reason
 from orchestrator.results.table import Table
-from orchestrator.results.unanswered import UNANSWERED, reason
-from orchestrator.results.validity import (
-    belly,
-    compression,
-    contact_step,
-    creep,
-    crossed_rut,
-    idler_travel,
-    lanes,
-    lift,
-    penetration,
-    seats,
-    tooth_jump,
-)
-from orchestrator.results.validity.exceedance import FAILURE, WARNING, Exceedance
-from orchestrator.results.validity.piece import pieces
+from orchestrator.results.validity import chain_checks, hull_checks, sprocket_checks, track_checks
+from orchestrator.results.validity.limits import FAILURE, WARNING, Exceedance
+from orchestrator.results.validity.piece import Piece, pieces
 
-KINDS = (
-    contact_step, penetration, seats, tooth_jump, idler_travel, compression, creep, lift, belly, crossed_rut, lanes,
-)  # fmt: skip
+
+class ValidityCheck(NamedTuple):
+    """Check of one kind of limit."""
+
+    find: Callable[[Piece], Iterator[Exceedance]]  # entries of a piece of the run; raises Missing
+    signals: Callable[[RunData], Iterator[str]] = lambda run: iter(())  # that the pieces hold for it
+
+
+CHECKS = {
+    "contact_step": ValidityCheck(chain_checks.contact_step),
+    "penetration": ValidityCheck(chain_checks.penetration, chain_checks.penetration_signals),
+    "seats": ValidityCheck(sprocket_checks.seats, sprocket_checks.pin_signals),
+    "tooth_jump": ValidityCheck(sprocket_checks.tooth_jump, sprocket_checks.pin_signals),
+    "idler_travel": ValidityCheck(hull_checks.idler_travel, hull_checks.idler_travel_signals),
+    "compression": ValidityCheck(chain_checks.compression, chain_checks.compression_signals),
+    "creep": ValidityCheck(track_checks.creep, track_checks.creep_signals),
+    "lift": ValidityCheck(track_checks.lift),
+    "belly": ValidityCheck(hull_checks.belly, hull_checks.belly_signals),
+    "crossed_rut": ValidityCheck(track_checks.crossed_rut, track_checks.crossed_rut_signals),
+    "lanes": ValidityCheck(hull_checks.lanes, hull_checks.lanes_signals),
+}
 
 
 class Validity(NamedTuple):
     """Entries of a run."""
 
     entries: tuple[Exceedance, ...]  # in order of time
-    unchecked: dict[str, str]  # reason by module that could not look because of what the log lacks
-    broken: dict[str, str]  # error by module that has a fault
+    unchecked: dict[str, str]  # reason by check that could not look because of what the log lacks
+    broken: dict[str, str]  # error by check that has a fault
 
     @property
     def failures(self) -> tuple[Exceedance, ...]:
@@ -46,7 +51,7 @@ class Validity(NamedTuple):
     def passed_over(self) -> list[str]:
         """Sentence on the kinds with a fault."""
         faults = "; ".join(f"{name.replace('_', ' ')}: {error}" for name, error in self.broken.items())
-        return [f"{len(self.broken)} of {len(KINDS)} kinds of validity not looked at: {faults}"] if faults else []
+        return [f"{len(self.broken)} of {len(CHECKS)} kinds of validity not looked at: {faults}"] if faults else []
 
     def table(self) -> Table:
         """Table with a row for each entry."""
@@ -68,12 +73,11 @@ def _validity(run: RunData, window: Window) -> Validity:
     entries: list[Exceedance] = []
     unchecked: dict[str, str] = {}
     broken: dict[str, str] = {}
-    names = chain.from_iterable(kind.signals(run) for kind in KINDS)
+    names = chain.from_iterable(check.signals(run) for check in CHECKS.values())
     for piece in pieces(run, names, window):
-        for kind in KINDS:
-            name = kind.__name__.rpartition(".")[2]
+        for name, check in CHECKS.items():
             try:
-                entries += kind.find(piece)
+                entries += check.find(piece)
             except UNANSWERED as problem:
                 unchecked[name] = str(problem)
             except Exception as fault:

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from orchestrator.log.time_series import Floats, Series
-from orchestrator.results.analyses import link_records
+from orchestrator.results.analyses import record_blocks
 from orchestrator.results.run_data import Missing, RunData, Window
 
 Made = TypeVar("Made")
@@ -49,7 +49,7 @@ class Piece:
 
     def pins(self, track: str) -> tuple[Floats, Floats]:
         """Times (m,) and positions of pins (m, pins, 3), m, world; read on demand; raises Missing."""
-        blocks = [*link_records.records(self.run, track, self.window, "joint[*].position")]
+        blocks = [*record_blocks.records(self.run, track, self.window, "joint[*].position")]
         return np.concatenate([block.t for block in blocks]), np.concatenate([block.values[0] for block in blocks])
 
 

@@ -15,14 +15,20 @@ from numpy.typing import ArrayLike
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.ground_surface import GroundSurface, ground
-from orchestrator.results.link_columns import POSITION, columns
 from orchestrator.results.rotation import body_axis, link_axes
-from orchestrator.results.run_data import RunData
+from orchestrator.results.run_data import POSITION, RunData, link_columns
 from orchestrator.results.units import size as size_of
 from orchestrator.results.views.colours import LINK_COLOURS, Scale
 from orchestrator.results.views.pose_columns import PoseColumns, Slot, has_motion, nearest
-from orchestrator.results.views.scene_table import drawn_scene
-from orchestrator.results.views.shapes import HullBody, TrackBody, WheelBody, hull_body, track_body, wheel_body
+from orchestrator.results.views.shapes import (
+    HullBody,
+    TrackBody,
+    WheelBody,
+    drawn_scene,
+    hull_body,
+    track_body,
+    wheel_body,
+)
 
 WHEELS = ("sprocket", "road_wheel", "idler", "return_roller")
 AXIS, GROUND = "joint[*].axis", LINK_COLOURS["ground"].signal
@@ -318,4 +324,4 @@ class Bodies:
 def _link_columns(names: tuple[str, ...]) -> dict[str, Floats]:
     """Return the columns of a topic by signal of links or pins: (n,) or, for a vector, (n, 3)."""
     wanted = (POSITION, AXIS, *(about.signal for about in LINK_COLOURS.values()))
-    return {signal: columns(names, signal) for signal in wanted}
+    return {signal: link_columns(names, signal) for signal in wanted}

@@ -16,10 +16,9 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_mesh import GroundMesh
 from orchestrator.results.ground_surface import gives_way
-from orchestrator.results.picture import check_name
+from orchestrator.results.output_files import atomic_write, check_name
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import force_of_a_metre, ground_arrows, has_forces, scale_arrow, with_heads
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
 from orchestrator.results.views.projected import (
     NOTHING,
@@ -36,8 +35,14 @@ from orchestrator.results.views.projected import (
     section,
 )
 from orchestrator.results.views.ruts import ground_at, inside, ruts_of, untouched
-from orchestrator.results.views.solids import Reach
-from orchestrator.results.whole_file import atomic_write
+from orchestrator.results.views.solids import (
+    Reach,
+    force_of_a_metre,
+    ground_arrows,
+    has_forces,
+    scale_arrow,
+    with_heads,
+)
 
 if TYPE_CHECKING:
     from matplotlib.collections import LineCollection

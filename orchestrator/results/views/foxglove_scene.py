@@ -22,19 +22,26 @@ from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import events
-from orchestrator.results.picture import check_name
+from orchestrator.results.output_files import atomic_write, check_name
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import ground_arrows, legend, scale_on_hull
 from orchestrator.results.views.bodies import Bodies, Poses
-from orchestrator.results.views.chain_profile import ChainProfile, chain_profiles, tensions
 from orchestrator.results.views.colours import Scale
-from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
+from orchestrator.results.views.plots import LOADS, MOTION, ChainProfile, Plot, chain_profiles, curves, plots, tensions
 from orchestrator.results.views.ruts import floors, hole
 from orchestrator.results.views.shapes import HullBody, WheelBody, spokes
-from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, convex, prism, sheet
-from orchestrator.results.whole_file import atomic_write
+from orchestrator.results.views.solids import (
+    UPRIGHT,
+    Reach,
+    Triangles,
+    convex,
+    ground_arrows,
+    legend,
+    prism,
+    scale_on_hull,
+    sheet,
+)
 
 RATE = 50.0  # instants a second
 WORLD = "world"

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results.views.plots import LONGEST
 
+LONGEST = 1e9  # s: later times are damage
 SAME = 1e-9  # s: tolerance of equal times
 
 

@@ -1,9 +1,13 @@
-"""Run in the viewer Rerun or in its file: bodies in space, ground forces, curves and events."""
+"""Run in the viewer Rerun or in its file: bodies in space, ground forces, curves and events.
+
+A finished run is shown whole. Of a live one new records of its log are sent periodically until it ends.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,25 +17,35 @@ from typing import Any
 import numpy as np
 
 from fmus.vehicle import BadInput
+from orchestrator.log.container_writer import growing_log
 from orchestrator.log.events_topic import WARNINGS, Event
 from orchestrator.log.extra import library
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.analyses import events
 from orchestrator.results.ground_mesh import GroundHole
-from orchestrator.results.picture import check_name
+from orchestrator.results.output_files import atomic_write, check_name
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import ground_arrows, legend, scale_on_hull
-from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
-from orchestrator.results.views.chain_profile import ChainProfile, chain_profiles, tensions
+from orchestrator.results.views.bodies import Bodies, BodyPose, NoInstant, Poses
 from orchestrator.results.views.colours import Scale
-from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
+from orchestrator.results.views.plots import LOADS, MOTION, ChainProfile, Plot, chain_profiles, curves, plots, tensions
 from orchestrator.results.views.ruts import floors, hole
 from orchestrator.results.views.shapes import TrackBody, WheelBody, spokes
-from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, block, convex, faceted, prism, sheet
-from orchestrator.results.whole_file import atomic_write
+from orchestrator.results.views.solids import (
+    UPRIGHT,
+    Reach,
+    Triangles,
+    block,
+    convex,
+    faceted,
+    ground_arrows,
+    legend,
+    prism,
+    scale_on_hull,
+    sheet,
+)
 
 RATE = 50.0  # instants a second
 TIMELINE = "time"
@@ -285,3 +299,70 @@ def _eye(bodies: Bodies) -> tuple[Floats, Floats]:
     heading = bodies.scene["start"]["heading"]
     ahead, left = np.array([np.cos(heading), np.sin(heading), 0]), np.array([-np.sin(heading), np.cos(heading), 0])
     return middle + size * (0.7 * ahead - 1.1 * left + np.array([0.0, 0.0, 0.6])), middle
+
+
+PERIOD = 0.25  # s: longest time between writes of a recorder
+PATIENCE = 60.0  # s, for the first records: a run may have to compile before it starts
+AFTER = 1e-6  # s: least time after the last sent record that counts as new
+MARGIN = 1.5  # colour scale over the largest value of the first records
+
+
+def follow(path: Path, output: Path | None = None, colour: str | None = None) -> None:
+    """Show a log that is being written, in the viewer or as a file of Rerun, from its start on.
+
+    A finished log is shown once, whole. Raises BadInput if no records arrive, or if the log cannot be drawn or the file
+    cannot be written, and NotInstalled.
+    """
+    with opened(path, output) as scene:
+        sent, reach, scale, started = float("-inf"), Reach(), (0.0, 1.0), False
+        for log, end in _grown(path):
+            if end <= sent:
+                continue
+            run = RunData(log)
+            side_plots = plots(run)
+            try:
+                bodies = Bodies(run, RATE, colour, (sent + AFTER, end))
+            except NoInstant:  # there are steps, but no link record yet
+                if log.being_written:
+                    continue
+                if not started:
+                    raise
+                scene.send_curves(run, side_plots, (sent + AFTER, end))
+                continue
+            if not started:
+                low, high = bodies.colour_range()
+                scale, started = (low, MARGIN * high), True
+                scene.start(bodies, side_plots, scale)
+            grown = reach.with_bodies(bodies)
+            scene.send_shapes(bodies, grown, before=reach if sent >= 0.0 else None)
+            scene.send_poses(bodies, scale)
+            scene.send_curves(run, side_plots, (sent + AFTER, end))
+            sent, reach = end, grown
+
+
+def _grown(path: Path) -> Iterator[tuple[Log, float]]:
+    """Yield the log, reopened whenever it may have grown, and the time, s, up to which it has all topics."""
+    began, any_record = time.monotonic(), False
+    while True:
+        opened_at, going, file = time.monotonic(), True, growing_log(path)
+        try:
+            with Log(file) as log:
+                going = log.being_written
+                end = _common(log) if going else float("inf")
+                any_record |= end > 0.0
+                yield log, end
+        except LogUnreadable:  # missing, or only its header so far
+            if any_record and growing_log(path) == file:  # else the run has just ended and replaced the older log
+                raise
+        if not going:
+            return
+        if not any_record and opened_at - began > PATIENCE:
+            raise BadInput(f"{path}: no run has written a record there for {PATIENCE:g} s")
+        time.sleep(max(PERIOD - (time.monotonic() - opened_at), 0.0))
+
+
+def _common(log: Log) -> float:
+    """Return the last time, s, that every topic has reached; -inf if one is empty."""
+    topics = [topic for topic in log.topics if topic.endswith(("/in", "/out", "/links"))]
+    ends = [log.ends(topic).t for topic in topics]
+    return min((float(t[-1]) if len(t) else float("-inf") for t in ends), default=float("-inf"))

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
+from orchestrator.results.output_files import atomic_write
 from orchestrator.results.table import Column, Table
-from orchestrator.results.whole_file import atomic_write
 from orchestrator.studies import Case, files
 from orchestrator.studies.mobility import drawbar, grade, half_rounds, pressure, roughness, step_and_gap, turning
 from orchestrator.studies.mobility.finding import Finding

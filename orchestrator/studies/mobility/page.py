@@ -9,8 +9,8 @@ from importlib.resources import files
 from typing import Any
 
 from orchestrator.results.page.document import POLICY
+from orchestrator.results.page.embedded import text
 from orchestrator.results.page.section import table as html_table
-from orchestrator.results.page.words import text
 from orchestrator.results.table import Table, cell_text
 
 

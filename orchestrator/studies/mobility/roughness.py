@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.results.analyses import ride
-from orchestrator.results.analyses.absorbed_power import LIMIT
+from orchestrator.results.analyses.vibration import LIMIT
 from orchestrator.results.run_data import Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Case, files

@@ -18,10 +18,10 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, deformation, hull
 from orchestrator.results.ground_surface import GroundSurface
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.results.views import side_view
+from orchestrator.results.views import flat_views
 from orchestrator.results.views.bodies import EVERY, Bodies
 from orchestrator.results.views.colours import MAP
-from orchestrator.results.views.side_view import SideView
+from orchestrator.results.views.flat_views import SideView
 from tests.validation.paper.conventions import (
     FIRST,
     INSTANT,
@@ -213,7 +213,7 @@ def _configuration(logs: dict[Model, Path]) -> Any:
     for model, run in _opened(logs):
         bodies = Bodies(run, EVERY, "tension", track=TRACK)
         bodies.select_instants([INSTANT])
-        views[model] = side_view.side_view(bodies, next(bodies.blocks(1))), bodies.ground
+        views[model] = flat_views.side_view(bodies, next(bodies.blocks(1))), bodies.ground
     return _panes(views)
 
 
@@ -227,7 +227,7 @@ def _panes(views: dict[Model, tuple[SideView, GroundSurface | None]]) -> Any:
     page = Page(figsize=(9.0, 2.3 * len(views) + 0.5), layout="constrained")
     panes: Any = page.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
     for pane, (model, (view, ground)) in zip(panes, views.items(), strict=True):
-        side_view.draw_view(pane, view, ground, scale, side_view.extent([view]))
+        flat_views.draw_view(pane, view, ground, scale, flat_views.extent([view]))
         place = view.pins[FIRST - 1]
         pane.plot(*place, "o", color="C3", markersize=5, fillstyle="none")
         pane.annotate("first joint", place, (6, 6), textcoords="offset points", color="C3", fontsize=8)

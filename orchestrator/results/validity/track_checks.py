@@ -1,28 +1,31 @@
-"""Entries for vehicles that creep as they stand, or in their brakes, and for tracks that spin, slide or race."""
+"""Checks of tracks on the ground: creep, spin, slide, lift, the other track's rut."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull
+from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.slip import towards
-from orchestrator.results.ground_axes import component, ground_axes, pose_signals
-from orchestrator.results.run_data import Missing, RunData, record_durations
+from orchestrator.results.analyses.wheel_loads import is_settling, off_ground
+from orchestrator.results.ground_surface import gives_way
+from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
+from orchestrator.results.run_data import EVER, Missing, RunData, record_durations
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.exceedance import WARNING, Exceedance, excess
+from orchestrator.results.validity.limits import WARNING, Exceedance, excess
 from orchestrator.results.validity.piece import Piece
-from orchestrator.results.validity.sprocket_pins import shaft, tracks_on_sprockets
+from orchestrator.results.validity.sprocket_checks import shaft, tracks_on_sprockets
 
 STANDS = 0.1  # rad/s of a sprocket: brakes fade below, unless drive.brake_speed is given
 TURNS = 0.02  # rad/s of the hull: a turning vehicle slides sideways, and its tracks slip by nature
 YAW, VELOCITY = "chassis.chassis.angular_velocity.z", "chassis.chassis.velocity"
 
 
-def signals(run: RunData) -> Iterator[str]:
+def creep_signals(run: RunData) -> Iterator[str]:
     """Signals: speed, slip and ground force of tracks, sprocket speeds, motion and place of the hull."""
     yield from (YAW, *(f"{VELOCITY}.{axis}" for axis in "xyz"), *pose_signals(run))
     for track in tracks_on_sprockets(run):
@@ -30,7 +33,7 @@ def signals(run: RunData) -> Iterator[str]:
         yield from (f"{track}.{name}" for name in ("speed", "slip", *(f"ground.force.{axis}" for axis in "xyz")))
 
 
-def find(piece: Piece) -> Iterator[Exceedance]:
+def creep(piece: Piece) -> Iterator[Exceedance]:
     """One entry a track, of what lasts for STANDING seconds, by means over them; raises Missing.
 
     A track creeps if it stands and slides though friction could hold what pulls at it: the ground's force less what
@@ -97,3 +100,46 @@ def least_friction(run: RunData) -> float:
         [friction]
         + [region["coefficient"] if region["factor"] is None else friction * region["factor"] for region in regions]
     )
+
+
+def crossed_rut_signals(run: RunData) -> Iterator[str]:
+    """Travel of the tracks, for the times of the pieces; positions of pins are read on demand."""
+    if gives_way(run.scene):
+        yield from (f"{track}.travel" for track in run.tracks)
+
+
+def crossed_rut(piece: Piece) -> Iterator[Exceedance]:
+    """Entry for the first place that two tracks have pressed; raises Missing."""
+    run = piece.run
+    if gives_way(run.scene) and len(run.tracks) == 2:
+        entry = run.compute_once("crossed rut", _crossing)
+        if entry is not None and piece.window.start <= entry.time <= piece.window.end:
+            yield entry
+
+
+def _crossing(run: RunData) -> Exceedance | None:
+    """Entry for the track that comes second, with the depth of the other's rut; None where the ways are apart."""
+    one, other = (pressed_by(run, track) for track in run.tracks)
+    _, i, j = np.intersect1d(one.cell, other.cell, assume_unique=True, return_indices=True)
+    if not i.size:
+        return None
+    after = one.first[i] > other.first[j]
+    times, depth = np.maximum(one.first[i], other.first[j]), np.where(after, other.depth[j], one.depth[i])
+    k = int(times.argmin())
+    return Exceedance(
+        "crossed_rut", run.tracks[0 if after[k] else 1], float(times[k]), "", float(depth.max()), limits.RUT, WARNING
+    )
+
+
+def lift(piece: Piece) -> Iterator[Exceedance]:
+    """Entries for members without load for longer than LIFT, within the piece."""
+    run = piece.run
+    intervals_by_member = dict(off_ground(run, EVER).by_member)
+    with suppress(Missing):
+        intervals_by_member |= wheel_loads.lifted(run, EVER).by_member
+    for name, intervals in intervals_by_member.items():
+        component, _, place = name.partition(".")
+        for interval in intervals:
+            inside = interval.start <= piece.window.end and interval.end >= piece.window.start
+            if inside and interval.time > limits.LIFT and not is_settling(run, interval.end):
+                yield Exceedance("lift", component, interval.start, place, interval.time, limits.LIFT, WARNING)

@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats
-from orchestrator.results.picture import new_figure, save_figure
+from orchestrator.results.output_files import new_figure, save_figure
 from orchestrator.results.run_data import mean
 
 PARTED = 0.01  # of the largest value: two answers that differ by more have parted

@@ -1,4 +1,4 @@
-"""Recorded signals of the links and pins of a track, in blocks of records."""
+"""Recorded signals in blocks: of the links and pins of a track by record, of instances with common steps."""
 
 from __future__ import annotations
 
@@ -12,8 +12,16 @@ from fmus.vehicle import BadInput
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.catalogue import recorder_of
-from orchestrator.results.link_columns import POSITION, columns
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
+from orchestrator.results.run_data import (
+    BLOCK,
+    EVER,
+    POSITION,
+    Missing,
+    RunData,
+    Window,
+    link_columns,
+    record_durations,
+)
 
 SIZE = 200  # records in memory at once
 GROUPS = {  # signals by the group of ``track.link_outputs`` that contains them
@@ -125,10 +133,80 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
 def _columns(run: RunData, track: str, signal: str) -> np.ndarray:
     """Columns of a signal (n,), of a vector (n, 3); raises Missing."""
     topic = f"/{track}/links"
-    found = columns(run.log.topics[topic].names if topic in run.log.topics else (), signal)
+    found = link_columns(run.log.topics[topic].names if topic in run.log.topics else (), signal)
     if not found.size:
         group = GROUPS.get(signal)
         option = f", or cotrack run --for {recorder_of(group)}" if group and recorder_of(group) else ""
         how = f"; record it with the group '{group}' of track.link_outputs in the scene{option}" if group else ""
         raise Missing(f"{run.log.path} holds no '{track}.{signal}'{how}")
     return found
+
+
+ALIKE = 1e-9  # relative difference of values that differ by rounding only
+
+
+class Extreme(NamedTuple):
+    """Largest value of any member."""
+
+    value: float
+    t: float  # s
+    member: int  # number of the link or pin, from 1
+
+
+def larger(known: Extreme | None, t: Floats, values: Floats) -> Extreme | None:
+    """Larger of a known extreme and the largest of finite values (m, members) at times (m,), s.
+
+    Of values that are equal but for rounding, the first one counts.
+    """
+    finite = np.where(np.isfinite(values), values, -np.inf)
+    most = finite.max(initial=-np.inf)
+    if not np.isfinite(most) or (known and not most > known.value + ALIKE * abs(known.value)):
+        return known
+    row, column = np.argwhere(finite >= most - ALIKE * abs(most))[0]
+    return Extreme(float(finite[row, column]), float(t[row]), int(column) + 1)
+
+
+def smaller(known: Extreme | None, t: Floats, values: Floats) -> Extreme | None:
+    """Smaller of a known extreme and the smallest of finite values; see ``larger``."""
+    found = larger(known and known._replace(value=-known.value), t, -values)
+    return found and found._replace(value=-found.value)
+
+
+RECOVER = "'cotrack log recover' leaves those of all"
+
+
+def named_columns(run: RunData, names: Sequence[str]) -> dict[str, list[int]]:
+    """Topics and columns of signals by name, "*" for anything; raises NoSuchSignal."""
+    chosen = run.log.choose(patterns) if (patterns := [name for name in names if "*" in name]) else {}
+    for name in names:
+        if "*" not in name:  # a full name needs no pattern search
+            topic, column = run.log.find(name)
+            chosen.setdefault(topic, []).append(column)
+    return {topic: sorted(set(chosen[topic])) for topic in run.log.topics if topic in chosen}
+
+
+def common_values(run: RunData, names: Sequence[str], window: Window) -> tuple[Floats, Floats]:
+    """Times (m,) and values (m, names) of signals with common steps; raises Missing, NoSuchSignal."""
+    columns_by_topic = named_columns(run, names)
+    series_by_topic = run.log.select(columns_by_topic, window)
+    t = next(iter(series_by_topic.values())).t
+    if not all(np.array_equal(series.t, t) for series in series_by_topic.values()):
+        raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
+    if not len(t):
+        raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
+    places = [run.log.find(name) for name in names]
+    return t, np.stack(
+        [series_by_topic[topic].values[:, columns_by_topic[topic].index(column)] for topic, column in places], axis=1
+    )
+
+
+def common_blocks(run: RunData, names: Sequence[str], window: Window = EVER) -> Iterator[tuple[Floats, Floats]]:
+    """Times (m,) and values (m, names) in blocks of steps, as far as all signals go; raises Missing, NoSuchSignal."""
+    columns_by_topic = named_columns(run, names)
+    places = [(topic, columns_by_topic[topic].index(column)) for topic, column in map(run.log.find, names)]
+    for block in run.log.blocks(columns_by_topic, BLOCK, window=window) if columns_by_topic else ():
+        count = min(len(series.t) for series in block.values())
+        t = next(iter(block.values())).t[:count]
+        if not all(np.array_equal(series.t[:count], t) for series in block.values()):
+            raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
+        yield t, np.stack([block[topic].values[:count, k] for topic, k in places], axis=1)

@@ -1,4 +1,4 @@
-"""Position of pins relative to their sprocket."""
+"""Checks of pins on their sprocket: deep in its teeth, or over them by a jump of the chain."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull
+from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.energy import WrenchPort
 from orchestrator.results.rotation import matrices
-from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.run_data import Missing, RunData, pitch_radius
+from orchestrator.results.validity import limits
+from orchestrator.results.validity.limits import FAILURE, Exceedance, exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
 
 HULL = "chassis.chassis.orientation"
@@ -23,7 +25,7 @@ def tracks_on_sprockets(run: RunData) -> tuple[str, ...]:
     return tuple(track for track in run.tracks if hull.sprocket(run, track) is not None)
 
 
-def signals(run: RunData) -> Iterator[str]:
+def pin_signals(run: RunData) -> Iterator[str]:
     """Signals: positions of the axles, sprocket angles, chain travel, pose of the hull."""
     yield from (f"{HULL}.{part}" for part in "wxyz")
     for track in tracks_on_sprockets(run):
@@ -113,3 +115,73 @@ def _interpolated(t: Floats, times: Floats, values: Floats) -> Floats:
     if not len(times):
         raise Missing("nothing was recorded in this window")
     return np.stack([np.interp(t, times, column) for column in values.T], axis=1)
+
+
+def seats(piece: Piece) -> Iterator[Exceedance]:
+    """Entries for pins of tracks with recorded pins; raises Missing."""
+    radius = hull.vehicle_number(piece.run, "sprocket", "pin_radius")
+    seated = pitch_radius(piece.run.scene["vehicle"])
+    most = radius * limits.PIN_WARNING, radius * limits.PIN_FAILURE
+    for track in tracks_on_sprockets(piece.run):
+        if not (piece.signal(f"{track}.penetration.max")[1] > most[0]).any():  # no contact is deeper
+            continue
+        t, distance, _ = polar(piece, track)
+        deepest = distance.argmin(axis=1)
+        depth = seated - distance.min(axis=1)
+        for entry, worst in exceedances("penetration", track, t, depth, *most):
+            pin = int(deepest[np.searchsorted(t, worst)]) + 1
+            yield entry._replace(place=f"sprocket, pin {pin}")
+
+
+SUSPECT, CERTAIN = 0.4, 1.0  # teeth, see ``drift``
+SEATED = 0.5  # of the height of a tooth above the pitch circle: closer pins sit in a gap
+
+
+def tooth_jump(piece: Piece) -> Iterator[Exceedance]:
+    """First jump of each track, and its largest shift in teeth; raises Missing.
+
+    Pins are read where the travel suggests a jump; without records of pins the travel decides.
+    """
+    for track in tracks_on_sprockets(piece.run):
+        t, teeth = drift(piece, track)
+        if np.ptp(teeth) < SUSPECT:
+            continue
+        if record_blocks.has(piece.run, track, "joint[*].position"):
+            yield from _by_pins(piece, track)
+        else:
+            found = exceedance("tooth_jump", track, "sprocket", t, np.abs(teeth), CERTAIN, FAILURE)
+            yield from (entry._replace(limit=limits.JUMP) for entry in found)
+
+
+def _by_pins(piece: Piece, track: str) -> Iterator[Exceedance]:
+    teeth = round(hull.vehicle_number(piece.run, "sprocket", "teeth"))
+    circle = pitch_radius(piece.run.scene["vehicle"])
+    top = hull.vehicle_number(piece.run, "sprocket", "outer_radius") + hull.vehicle_number(
+        piece.run, "sprocket", "pin_radius"
+    )
+    t, distance, angle = polar(piece, track)
+    jumps_found = [*jumps(angle * teeth / (2.0 * np.pi), distance, circle + SEATED * (top - circle))]
+    for record, pin, shift in jumps_found[:1]:
+        most = max(shift for _, _, shift in jumps_found)
+        yield Exceedance("tooth_jump", track, float(t[record]), f"sprocket, pin {pin + 1}", most, limits.JUMP, FAILURE)
+
+
+def jumps(gaps: Floats, distance: Floats, seated: float) -> Iterator[tuple[int, int, float]]:
+    """Record, deepest pin and shift in teeth after each jump of pins (m, n), given their gap numbers.
+
+    The number of a pin less that of its gap is equal for all seated pins, as a chain turns with its sprocket. In each
+    record the deepest pin decides, if its distance from the axle, m, is less than ``seated``. Pins are numbered round
+    the chain.
+    """
+    pins = gaps.shape[1]
+    deepest = distance.argmin(axis=1)
+    rows = np.flatnonzero(distance[np.arange(len(deepest)), deepest] < seated)
+    if not len(rows):
+        return
+    pin = deepest[rows]
+    neighbours = gaps[rows[0], [(pin[0] + 1) % pins, pin[0] - 1]]
+    along = np.sign(np.nanmean((neighbours - gaps[rows[0], pin[0]]) * [1.0, -1.0]))
+    pin_less_gap = gaps[rows, pin] - along * pin
+    number = np.unwrap(np.round(pin_less_gap - pin_less_gap[0]), period=pins)  # modulo the closed chain
+    for k in np.flatnonzero(np.diff(number)) + 1:
+        yield int(rows[k]), int(pin[k]), float(abs(number[k] - number[0]))

@@ -1,0 +1,157 @@
+"""Checks of links: deep penetration, compression, steps too long for the contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull, record_blocks
+from orchestrator.results.ground_surface import gives_way, ground
+from orchestrator.results.run_data import UNANSWERED, Missing, RunData, Window
+from orchestrator.results.validity import limits
+from orchestrator.results.validity.limits import WARNING, Exceedance, exceedance, exceedances
+from orchestrator.results.validity.piece import Piece
+
+NEAR = 0.25  # s: longest interval between records of pins
+ALONG = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the way from pin to pin
+EXPLAINS = 0.85  # of a depth: a rim or the ground this deep at the nearest record of pins is its cause
+
+
+def penetration_signals(run: RunData) -> Iterator[str]:
+    """Signals of the largest depth."""
+    yield from (f"{track}.penetration.max" for track in run.tracks)
+
+
+def penetration(piece: Piece) -> Iterator[Exceedance]:
+    """Entries for contacts that are deep relative to the thickness of a link; raises Missing."""
+    face = hull.vehicle_number(piece.run, "track", "face")
+    for track in piece.run.tracks:
+        t, depth = piece.signal(f"{track}.penetration.max")
+        most = face * limits.LINK_WARNING, face * limits.LINK_FAILURE
+        for entry, worst in exceedances("penetration", track, t, depth, *most):
+            yield entry._replace(place=deepest(piece.run, track, worst, entry.value))
+
+
+def deepest(run: RunData, track: str, t: float, depth: float) -> str:
+    """Wheel or ground with penetration ``depth``, m, at a time, s; empty without records of pins.
+
+    Depths that neither rims nor ground explain belong to the sprocket, whose teeth have their own outline.
+    """
+    try:
+        depth_by_name = depths(run, track, t)
+    except UNANSWERED:
+        return ""
+    name = max(depth_by_name, key=lambda key: depth_by_name[key], default="")
+    return name if name and depth_by_name[name] > EXPLAINS * depth else "sprocket"
+
+
+def depths(run: RunData, track: str, t: float) -> dict[str, float]:
+    """Depths, m, of rims and ground in the links at the record nearest to a time, s; raises Missing."""
+    blocks = list(record_blocks.records(run, track, Window(t - NEAR, t + NEAR), "joint[*].position"))
+    times = np.concatenate([block.t for block in blocks])
+    nearest = int(np.abs(times - t).argmin())
+    pins = np.concatenate([block.values[0] for block in blocks])[nearest]
+    pose = hull.poses(run, track, times[nearest : nearest + 1])
+    axes, face = pose.axes[0][:, [0, 2]], hull.vehicle_number(run, "track", "face")
+    depth_by_name = {}
+    for name in wheels(run, track):
+        centre = run.vector_at(track, "in", f"{name}.position", float(times[nearest]))
+        radius = hull.vehicle_number(run, name.partition("[")[0], "radius")
+        depth_by_name[name] = radius + face - _distance((pins - centre) @ axes)
+    floor = None if gives_way(run.scene) else run.compute_once("ground", lambda _: ground(run.scene))
+    if floor is not None:
+        places = pins
+        if floor.terrain:  # it may rise between pins
+            places = np.concatenate([pins + share * (np.roll(pins, -1, axis=0) - pins) for share in ALONG])
+        under = floor.height_under(places) - places[:, 2]
+        if floor.terrain:
+            under = under * floor.normals(places)[:, 2]
+        depth_by_name["ground"] = float(under.max()) + face
+    return depth_by_name
+
+
+def wheels(run: RunData, track: str) -> list[str]:
+    """Names of a track's wheels with rims."""
+    topic = run.log.topics.get(f"/{track}/in")
+    names = [name.removesuffix(".position.x") for name in topic.names] if topic else []
+    rims = "idler", "road_wheel[", "return_roller["
+    return [name for name in dict.fromkeys(names) if name.startswith(rims) and "." not in name]
+
+
+def _distance(pins: Floats) -> float:
+    """Least distance of the sides of a closed polygon (n, 2) from the origin, m."""
+    side = np.roll(pins, -1, axis=0) - pins
+    share = np.clip(-np.sum(pins * side, axis=1) / np.sum(side * side, axis=1), 0.0, 1.0)
+    return float(np.linalg.norm(pins + share[:, None] * side, axis=1).min())
+
+
+def compression_signals(run: RunData) -> Iterator[str]:
+    """Signals of the least tension."""
+    yield from (f"{track}.tension.min" for track in run.tracks)
+
+
+def compression(piece: Piece) -> Iterator[Exceedance]:
+    """Entries for tracks whose links are under more thrust than their weight holds down; raises Missing.
+
+    The thrust must last longer than HELD.
+    """
+    limit = thrust(piece.run)
+    for track in piece.run.tracks:
+        t, tension = piece.signal(f"{track}.tension.min")
+        yield from exceedance("compression", track, "", *trailing_minimum(t, -tension, limits.HELD), limit)
+
+
+def thrust(run: RunData) -> float:
+    """Thrust that links between two road wheels bear without lifting, N; raises Missing."""
+    weight = (
+        hull.vehicle_number(run, "track", "mass")
+        * hull.vehicle_number(run, "gravity")
+        / hull.vehicle_number(run, "track", "pitch")
+    )
+    x = run.scene["vehicle"]["road_wheel"]["x"]
+    if run.scene.get("assembly") != "vehicle" or len(x) < 2:
+        raise Missing("links that push lie between road wheels")
+    span = float(np.abs(np.diff(x)).max())
+    return weight * span**2 / (8.0 * limits.RISE)
+
+
+def trailing_minimum(t: Floats, values: Floats, time: float) -> tuple[Floats, Floats]:
+    """Minimum over the ``time``, s, before each instant; the first instants have no value."""
+    if len(t) < 2 or t[-1] - t[0] < time:
+        return t[:0], values[:0]
+    count = max(1, round(time / float(np.median(np.diff(t)))))
+    windows = np.lib.stride_tricks.sliding_window_view(values, min(count, len(values)))
+    return t[count - 1 :], windows.min(axis=1)
+
+
+IMPLICIT = (None, "generalized_alpha", "hht")  # explicit integrators limit their steps themselves
+INTERNAL = 1e-3  # s, default of a track
+
+
+def contact_step(piece: Piece) -> Iterator[Exceedance]:
+    """Entries for the scene of the run."""
+    yield from contact_steps_of_scene(piece.run.scene)
+
+
+def contact_steps_of_scene(scene: Mapping[str, Any]) -> Iterator[Exceedance]:
+    """Entries for links in the internal step and wheels in the communication step.
+
+    Steps that follow an error estimate are left out.
+    """
+    run, track, vehicle = (scene.get(key) or {} for key in ("run", "track", "vehicle"))
+    if run.get("variable") or scene.get("assembly") not in ("vehicle", "rig", "bench"):
+        return
+    stiffness = {pair: vehicle["contact"][pair]["stiffness"] for pair in ("wheel", "ground", "sprocket")}
+    internal = min(track.get("step") or INTERNAL, run["step"])
+    # link between a road wheel and the ground: both springs act on its mass
+    link = sqrt((stiffness["wheel"] + stiffness["ground"]) / vehicle["track"]["mass"]) * internal
+    # lightest body on the exchanged wrenches, in contact with the pins or links of its wrap
+    wrap = 0.5 * vehicle["sprocket"]["teeth"]
+    wheel = sqrt(wrap * stiffness["wheel"] / vehicle["idler"]["mass"]) * run["step"]
+    for place, value in (("link", link if track.get("integrator") in IMPLICIT else 0.0), ("idler", wheel)):
+        if value > limits.STEP:
+            yield Exceedance("contact_step", "tracks", 0.0, place, value, limits.STEP, WARNING)

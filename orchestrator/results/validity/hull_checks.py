@@ -1,0 +1,123 @@
+"""Checks of the hull: in the ground, its idlers beyond their travel, beside or askew to a ground's lanes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fmus.sides import of_side
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull
+from orchestrator.results.ground_surface import gives_way, ground, on_terrain
+from orchestrator.results.ground_under_vehicle import POSE
+from orchestrator.results.rotation import body_axis, matrices
+from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.validity import limits
+from orchestrator.results.validity.limits import FAILURE, WARNING, Exceedance, exceedance
+from orchestrator.results.validity.piece import Piece
+from orchestrator.results.validity.sprocket_checks import HULL
+
+PLACE = "chassis.chassis.position"
+FORCE = "chassis.ground.force"
+
+
+def belly_signals(run: RunData) -> Iterator[str]:
+    """Signals: pose of the hull of a vehicle, force of the ground on it."""
+    if run.scene.get("assembly") == "vehicle":
+        yield from (f"{HULL}.{part}" for part in "wxyz")
+        yield from (f"{name}.{axis}" for name in (PLACE, FORCE) for axis in "xyz")
+
+
+def belly(piece: Piece) -> Iterator[Exceedance]:
+    """Entry for the deepest corner of the hull below the undeformed ground; raises Missing."""
+    scene = piece.run.scene
+    soft, chassis = gives_way(scene), (scene.get("vehicle") or {}).get("chassis") or {}
+    if scene.get("assembly") != "vehicle" or not (soft or chassis.get("hull")):
+        return
+    t, places = piece.vector(PLACE)
+    depth = depths(piece.run, places, piece.vector(HULL, "wxyz")[1]).max(axis=1)
+    if soft:
+        kind, limit, severity = "belly", limits.BELLY, FAILURE
+    elif (scene.get("ground") or {}).get("hull"):
+        kind, limit, severity = "hull", limits.HULL * hull.vehicle_number(piece.run, "track", "face"), WARNING
+        # a corner beside a wall is less deep than the wall is high: the force bounds the depth, too
+        force = np.linalg.norm(piece.vector(FORCE)[1], axis=1)
+        depth = np.minimum(depth, force / hull.vehicle_number(piece.run, "contact", "ground", "stiffness"))
+    else:
+        kind, limit, severity = "hull", 0.0, WARNING
+    yield from exceedance(kind, "chassis", "", t, depth, limit, severity)
+
+
+def depths(run: RunData, places: Floats, orientation: Floats) -> Floats:
+    """Depths (m, corners), m, of the corners of a hull at ``places`` (m, 3) with these quaternions (m, 4)."""
+    chassis, surface = run.scene["vehicle"]["chassis"], run.compute_once("ground", lambda _: ground(run.scene))
+    if surface is None or not chassis["hull"]:
+        raise Missing("the vehicle's hull has no corners")
+    arms = np.array(chassis["hull"]) - chassis["centre"]
+    corners = places[:, None] + np.einsum("mij,kj->mki", matrices(orientation), arms)
+    return np.asarray(surface.height_under(corners) - corners[..., 2])
+
+
+TRAVEL = 0.1  # m, for older vehicle tables without this key
+
+
+def idler_travel_signals(run: RunData) -> Iterator[str]:
+    """Signals: positions of the idlers, pose of the hull."""
+    yield from (f"{HULL}.{part}" for part in "wxyz")
+    for name in ("chassis.chassis.position", *_idlers(run)):
+        yield from (f"{name}.{axis}" for axis in "xyz")
+
+
+def idler_travel(piece: Piece) -> Iterator[Exceedance]:
+    """Entries for idlers that are further from their start position than the travel; raises Missing."""
+    run = piece.run
+    try:
+        travel = hull.vehicle_number(run, "tensioner", "travel")
+    except Missing:
+        travel = TRAVEL
+    if "vehicle" not in run.scene:
+        raise Missing("the log has no vehicle")
+    for name in _idlers(run):
+        vehicle = of_side(run.scene["vehicle"], name.split(".")[1])
+        drawn = vehicle.get("idler", {}).get("x", np.nan)
+        t, place = piece.vector(name)
+        ahead = body_axis(piece.vector(HULL, "wxyz")[1], 0)
+        x = np.einsum("mi,mi->m", place - piece.vector("chassis.chassis.position")[1], ahead)
+        travelled = np.abs(x + run.scene["vehicle"]["chassis"]["centre"][0] - drawn)
+        idler = name.removeprefix("chassis.").removesuffix(".position")
+        yield from exceedance("idler_travel", "chassis", idler, t, travelled, travel)
+
+
+def _idlers(run: RunData) -> list[str]:
+    names = [f"chassis.{side}.idler.position" for side in ("left", "right")]
+    return [name for name in names if run.has(f"{name}.x")]
+
+
+def lanes_signals(run: RunData) -> Iterator[str]:
+    """Signals: heading and place of the hull."""
+    yield from POSE if on_terrain(run.scene) else ()
+
+
+def lanes(piece: Piece) -> Iterator[Exceedance]:
+    """Entries for a vehicle askew on roughness along x, and for one whose tracks leave their lanes; raises Missing."""
+    run, scene = piece.run, piece.run.scene
+    rough, waves = ((scene.get("ground") or {}).get(key) or {} for key in ("rough", "washboard"))
+    rough = {} if rough.get("isotropic") else rough
+    apart = (rough, not rough.get("correlated")), (waves, waves.get("phase"))
+    lanes = [ground["start"] for ground, two in apart if ground and two]
+    if not rough and not lanes:
+        return
+    t, pose = piece.columns([*POSE])
+    reach = np.abs(np.subtract(scene["vehicle"]["road_wheel"]["x"], scene["vehicle"]["chassis"]["centre"][0])).max()
+    askew, y, x = np.abs(np.sin(pose[:, 0])), np.abs(pose[:, 2]), pose[:, 1] + reach  # x of the foremost wheels along x
+    found = []
+    if rough:
+        found.append(("askew", np.where(x > rough["start"], 1.0 - np.sqrt(1.0 - askew * askew), 0.0), limits.ASKEW))
+    if lanes:
+        from fmus.ground import BLEND  # loads the kernels of a terrain
+
+        inner = hull.vehicle_number(run, "track", "lateral") - 0.5 * hull.vehicle_number(run, "track", "width")
+        found.append(("lanes", np.where(x > min(lanes), y + reach * askew + BLEND - inner, 0.0), limits.LANE))
+    for kind, values, limit in found:
+        yield from exceedance(kind, "chassis", "", t, values, limit)
