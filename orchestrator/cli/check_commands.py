@@ -16,7 +16,7 @@ from orchestrator.cli import printed
 from orchestrator.cli.common import narration
 
 if TYPE_CHECKING:
-    from orchestrator.fmu_check.verdict import Verdict
+    from orchestrator.fmu_check.instance import Verdict
 
 
 def check(

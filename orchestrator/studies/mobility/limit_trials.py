@@ -57,10 +57,10 @@ def on_hard_ground(scene: str, friction: float, halvings: int) -> list[Row]:
             climbed, chain = float((x[-1] - x[0]) / (t[-1] - t[0])), f"its chain at {speed:.2g} m/s"
             return "" if climbed > MOVES * speed else f"at the end it moves at {climbed:.2g} m/s, {chain}"
 
-        tables = {"ground": {"grade": slope}, "drive": vehicle.drive(speed, ramp)}
-        return trial_scene(vehicle, f"grade of {slope:.4g}", end, friction=friction, **tables), judged
+        title, drive = f"grade of {slope:.4g}", vehicle.drive(speed, ramp)
+        return trial_scene(vehicle, title, end, friction=friction, ground={"grade": slope}, drive=drive), judged
 
-    limit = search(attempt, 0.7 * friction, 1.06 * friction, halvings=halvings)
+    limit = search(attempt, 0.7 * friction, 1.06 * friction, halvings)
     return _slope(limit._replace(doubts=""), theory.Bracket(0.9 * friction, friction))
 
 
@@ -80,7 +80,7 @@ def on_soil(scene: str, soil: str, halvings: int) -> list[Row]:
         return trial_scene(vehicle, title, end, ground=ground, drive=vehicle.drive(speed, ramp), run=allowed), judged
 
     bracket = _slopes(vehicle, soil)
-    return _slope(search(attempt, 0.25 * bracket.high, 1.1 * bracket.high, halvings=halvings), bracket)
+    return _slope(search(attempt, 0.25 * bracket.high, 1.1 * bracket.high, halvings), bracket)
 
 
 def _slopes(vehicle: Vehicle, soil: str) -> theory.Bracket:
@@ -107,7 +107,7 @@ def _slope(limit: Limit, bracket: theory.Bracket) -> list[Row]:
 
 FRICTION = 1.0  # of tracks that grip the edge
 SPEED = 0.35  # of the pace
-STEP, GAP, ON_HULL = OBSTACLES = "step", "gap", "gap, on the hull"
+OBSTACLES = STEP, GAP, ON_HULL = "step", "gap", "gap, on the hull"
 ALLOWED = {"allow": ["penetration", "tooth_jump"]}  # of edges under single links; reported as notes
 AHEAD = 0.3  # of the contact length: the obstacle's distance from the tracks
 
@@ -120,7 +120,7 @@ def crossed(scene: str, obstacle: str, halvings: int) -> list[Row]:
     def attempt(size: float) -> Attempt:
         return _obstacle(vehicle, obstacle, size), lambda run: _failure(run, vehicle, obstacle, size)
 
-    limit = search(attempt, 0.7 * bracket.low, 2.0 * bracket.high, halvings=halvings)
+    limit = search(attempt, 0.7 * bracket.low, 2.0 * bracket.high, halvings)
     reached = not limit.failed < 0.9 * bracket.low  # the limit is between the value that passed and that which failed
     return _row("passed", limit, bracket, 1.0, reached, f"crossed: {limit.doubts}")
 
@@ -163,8 +163,8 @@ def _last(run: RunData, signal: str) -> float:
 
 def _row(passed: str, limit: Limit, bracket: theory.Bracket, factor: float, ok: bool, doubted: str) -> list[Row]:
     """Row of a limit beside theory's; ``passed``: key of the passed value; ``doubted``: note if that has doubts."""
-    named = {passed: limit.passed, "failed": limit.failed, "low": bracket.low, "high": bracket.high}
-    figures = {key: factor * value for key, value in named.items()} | {"runs": limit.runs}
+    named: dict[str, float] = {passed: limit.passed, "failed": limit.failed, "low": bracket.low, "high": bracket.high}
+    figures = {**{key: factor * value for key, value in named.items()}, "runs": limit.runs}
     return [Row("", "", figures, ok, "; ".join(filter(None, [limit.reason, doubted if limit.doubts else ""])))]
 
 
@@ -208,10 +208,10 @@ def _columns(item: str, passed: str, unit: str, form: str) -> tuple[Column, ...]
 
 def _slope_runs(quick: bool) -> list[tuple[str, Callable[..., list[Row]], tuple[Any, ...], float]]:
     """Hard ground of each friction, and each soil."""
-    chosen, halvings = slice(1 if quick else None), 3 if quick else 5
+    count, halvings = (1, 3) if quick else (None, 5)
     return [
-        *((f"friction {mu:g}", on_hard_ground, (mu, halvings), 40.0) for mu in FRICTIONS[chosen]),
-        *((soil, on_soil, (soil, halvings), 60.0) for soil in SOILS[chosen]),
+        *((f"friction {mu:g}", on_hard_ground, (mu, halvings), 40.0) for mu in FRICTIONS[:count]),
+        *((soil, on_soil, (soil, halvings), 60.0) for soil in SOILS[:count]),
     ]
 
 

@@ -184,7 +184,9 @@ def bisect(passes: Callable[[float], str], low: float, high: float, count: int) 
     return Limit(low, high, count + 2, least)
 
 
-def search(attempt: Callable[[float], tuple[Scene, Callable[[TrialRun], str]]], *ends: float, halvings: int) -> Limit:
+def search(
+    attempt: Callable[[float], tuple[Scene, Callable[[TrialRun], str]]], low: float, high: float, halvings: int
+) -> Limit:
     """Limit of a value by ``bisect``; ``attempt`` gives the scene of a value and why its run is no success, if so."""
     doubts: dict[float, str] = {}
 
@@ -197,7 +199,7 @@ def search(attempt: Callable[[float], tuple[Scene, Callable[[TrialRun], str]]], 
         except RuntimeError as failure:
             return str(failure)
 
-    limit = bisect(passes, *ends, halvings)
+    limit = bisect(passes, low, high, halvings)
     return limit._replace(doubts=doubts.get(limit.passed, ""))
 
 
