@@ -28,7 +28,7 @@ def info(
     """Print the contents of a log and the status of its run."""
     from orchestrator.execution import summary_text
     from orchestrator.log import tools
-    from orchestrator.log.log_format import checkpoint_step
+    from orchestrator.log.log_metadata import checkpoint_step
 
     summary = tools.info(log)
     points = {name: size for name, size in summary.attachments.items() if checkpoint_step(name) is not None}

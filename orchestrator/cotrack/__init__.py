@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from orchestrator.execution.reported import report
     from orchestrator.interface.calls import run
     from orchestrator.interface.recorded_run import Run
-    from orchestrator.log.export import export
-    from orchestrator.log.frames import to_arrow, to_pandas, to_polars, to_xarray
+    from orchestrator.log.export import export, to_arrow, to_pandas, to_polars, to_xarray
     from orchestrator.log.reader import Log
     from orchestrator.results.analyses.catalogue import analyse
     from orchestrator.results.difference import differences_of_logs as compare

@@ -26,7 +26,7 @@ from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Connection, Instance, Recordable, System
 from orchestrator.cosim.observers import STATS, wires
 from orchestrator.log import schema
-from orchestrator.log.log_format import INPUTS, TEXTS, UNRECORDED
+from orchestrator.log.log_metadata import INPUTS, TEXTS, UNRECORDED
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.system_scene import SystemScene
 

@@ -22,7 +22,7 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.execution.states import States
-from orchestrator.log.wire import Rule
+from orchestrator.log.time_series import Rule
 from orchestrator.scene.assembly import Assembly, assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fmus.vehicle import BadInput
-from orchestrator.log.log_format import BRANCHED
+from orchestrator.log.log_metadata import BRANCHED
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load

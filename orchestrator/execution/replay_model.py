@@ -22,7 +22,7 @@ from orchestrator.execution import replays
 from orchestrator.execution.loading import open_rooms
 from orchestrator.execution.manifest import NATIVE, as_json, model_description, system_table
 from orchestrator.log import notices
-from orchestrator.log.log_format import BRANCHED
+from orchestrator.log.log_metadata import BRANCHED
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of, texts_of
 from orchestrator.log.time_series import EVER

@@ -20,7 +20,7 @@ from orchestrator.execution.manifest import NATIVE, numbers_digest
 from orchestrator.execution.prepared_run import Continuation
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import notices
-from orchestrator.log.log_format import BRANCHED, CHECKPOINT, checkpoint_step
+from orchestrator.log.log_metadata import BRANCHED, CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.recorder import Recorder

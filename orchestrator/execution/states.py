@@ -24,7 +24,7 @@ from orchestrator.cosim import checkpoint
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.log_format import CHECKPOINT
+from orchestrator.log.log_metadata import CHECKPOINT
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed

@@ -16,7 +16,7 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.execution import reported, summary, summary_text
-from orchestrator.log.frames import columns_of, to_pandas
+from orchestrator.log.export import columns_of, to_pandas
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import catalogue

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from fmus.vehicle import BadInput
-from orchestrator.log.events_topic import WARNINGS, Event
 from orchestrator.log.extra import library
+from orchestrator.log.message_records import WARNINGS, Event
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.analyses import events

@@ -9,7 +9,7 @@ from fmus.monolith.model import LONGEST, Monolith, initialised_model
 from fmus.saved import from_bytes
 from orchestrator.cosim import checkpoint
 from orchestrator.execution.monolithic import parts_of
-from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
+from orchestrator.log.log_metadata import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.assembly import assemble
