@@ -15,8 +15,8 @@ from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.results.analyses.catalogue import ANALYSES
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
-from orchestrator.scene.run_tables import CouplingTable
 from orchestrator.scene.scene import load
+from orchestrator.scene.tables import CouplingTable
 from orchestrator.studies import STUDIES
 from tests.validation.__main__ import STUDIES as VALIDATIONS
 

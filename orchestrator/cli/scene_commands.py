@@ -153,9 +153,9 @@ def keys(
 
 def schema(kind: Kind) -> None:
     """Print the JSON schema of a scene or vehicle file, with which editors complete and check TOML."""
-    from orchestrator.scene import toml_schema
+    from orchestrator.scene import keys
 
-    print(json.dumps(toml_schema.SCHEMAS[kind](), indent=1))
+    print(json.dumps(keys.SCHEMAS[kind](), indent=1))
 
 
 def new(

@@ -20,8 +20,8 @@ from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.manifest import STATS_PERIOD
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.log.recorder import Recorder
-from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.system_scene import SystemScene
+from orchestrator.scene.tables import RunTable
 
 REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
 

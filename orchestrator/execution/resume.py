@@ -25,8 +25,8 @@ from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, system
-from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.scene import Scene, from_table
+from orchestrator.scene.tables import RunTable
 
 
 def resume(

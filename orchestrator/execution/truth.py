@@ -27,8 +27,8 @@ from orchestrator.execution import monolithic
 from orchestrator.results.difference import INTERVAL, ObservableDifference, differences_of_logs
 from orchestrator.scene import assembly, parts, placing
 from orchestrator.scene.placing import placed
-from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.scene import Scene
+from orchestrator.scene.tables import RunTable
 
 ORDER = 2
 SAMPLING = 1e-3  # s between outputs

@@ -14,13 +14,12 @@ from typing import Any
 
 from fmus.vehicle import BadInput, path_text, value_text, vehicle
 from orchestrator.files.replacing import replacing
-from orchestrator.scene import gallery, points
+from orchestrator.scene import data_files, gallery
 from orchestrator.scene.fmu_table import set_folder
 from orchestrator.scene.keys import OVERRIDES, REQUIRED, Key, facts, scene_keys, table_of, vehicle_keys
-from orchestrator.scene.run_tables import short_coupling
 from orchestrator.scene.scene import load
-from orchestrator.scene.settings import CHOSEN, NAMED
-from orchestrator.scene.toml_text import toml_text
+from orchestrator.scene.settings import CHOSEN, NAMED, toml_text
+from orchestrator.scene.tables import short_coupling
 from orchestrator.scene.track_table import short_track
 
 Table = dict[str, Any]  # raw table of a file
@@ -55,7 +54,7 @@ def scene_text(source: str) -> str:
     """Commented scene file that resolves as a scene of the gallery or a file, save for its name; raises BadInput."""
     assembly = load(source).assembly
     _, table = gallery.read(source)
-    points.read(table, Path(source).parent, source)
+    data_files.read_files(table, Path(source).parent, source)
     set_folder(table, Path(source).parent)
     table["track"] = short_track(table["track"])
     if "coupling" in table["run"]:

@@ -18,7 +18,7 @@ from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
-from orchestrator.scene.start_tables import VehicleStartTable
+from orchestrator.scene.tables import VehicleStartTable
 from orchestrator.scene.values import Side
 
 NOTHING = 1e-12  # rounding errors of heights and slopes, m

@@ -16,18 +16,21 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, Force, Vehicle, first_error, foremost, path_text, value_text
 from orchestrator.results.analyses.catalogue import UNSTRESSED, described
-from orchestrator.scene import gallery, points
+from orchestrator.scene import data_files, gallery
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable, VehicleDriveTable
-from orchestrator.scene.fmu_table import FmuTable, require_instance_name, set_folder
-from orchestrator.scene.free_scene import FreeScene
+from orchestrator.scene.fmu_table import FmuTable, pair_of, require_instance_name, set_folder
 from orchestrator.scene.ground_tables import GroundTable, LevelGroundTable
-from orchestrator.scene.pair import pair_of
-from orchestrator.scene.recording import ASSUMED_SPEED
-from orchestrator.scene.run_tables import short_coupling
 from orchestrator.scene.settings import keys, merge_tables, near_keys, pairs, set_key
-from orchestrator.scene.start_tables import StartTable, VehicleStartTable
-from orchestrator.scene.system_scene import SystemScene
-from orchestrator.scene.tables import BenchTable, ChainTable, RigTable, refuse_reduced_measures
+from orchestrator.scene.system_scene import ASSUMED_SPEED, FreeScene, SystemScene
+from orchestrator.scene.tables import (
+    BenchTable,
+    ChainTable,
+    RigTable,
+    StartTable,
+    VehicleStartTable,
+    refuse_reduced_measures,
+    short_coupling,
+)
 from orchestrator.scene.track_table import TrackModelTable, short_track
 from orchestrator.scene.values import OR_FALSE, SIDES, SOLVED, Side, TrackName
 
@@ -369,7 +372,7 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
     Settings are ``KEY=VALUE`` texts as of ``--set``, or a table as ``{"vehicle.track.mass": 20, "run.stop": "3 s"}``.
     """
     name, table = gallery.read(scene)
-    points.read(table, Path(scene).parent, f"{name}.toml")
+    data_files.read_files(table, Path(scene).parent, f"{name}.toml")
     set_folder(table, Path(scene).parent)
     changes = pairs(settings)
     kind = _kind(table, f"{name}.toml")
@@ -378,7 +381,7 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
     vehicle_file = _complete_table(table, f"{name}.toml", track, changes) if issubclass(kind, Scene) else ""
     for key, value in changes:
         set_key(table, key, value)
-    points.read(table, Path(), f"{name}.toml")
+    data_files.read_files(table, Path(), f"{name}.toml")
     refuse_reduced_measures(table.get("expect"), f"{name}.toml")
     loaded = any_from_table({"name": name, **table}, f"{name}.toml", vehicle_file)
     return _with_suitable_step(loaded.read_from("", dict(pairs(settings))))

@@ -13,11 +13,19 @@ from fmus.vehicle import BadInput
 from orchestrator.execution.checked_signals import require_signals
 from orchestrator.results import measures
 from orchestrator.scene import commented, gallery
-from orchestrator.scene.keys import OVERRIDES, facts, key_text, measure_keys, page, scene_keys, vehicle_keys
+from orchestrator.scene.keys import (
+    OVERRIDES,
+    facts,
+    key_text,
+    measure_keys,
+    page,
+    scene_keys,
+    scene_schema,
+    vehicle_keys,
+    vehicle_schema,
+)
 from orchestrator.scene.scene import KINDS, load
-from orchestrator.scene.settings import entries, keys, near_keys
-from orchestrator.scene.toml_schema import scene_schema, vehicle_schema
-from orchestrator.scene.toml_text import toml_text
+from orchestrator.scene.settings import entries, keys, near_keys, toml_text
 
 ORCHESTRATOR = Path(gallery.__file__).parents[1]
 KEYS = {key.key: key for key in scene_keys()}

@@ -18,8 +18,7 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import Scene, from_table, load
-from orchestrator.scene.settings import file_part, keys
-from orchestrator.scene.toml_text import toml_text
+from orchestrator.scene.settings import file_part, keys, toml_text
 
 BARE = """
 title = "a chain"

@@ -13,7 +13,7 @@ from orchestrator.scene.archive.document import VERSIONS, child, number, units_o
 from orchestrator.scene.archive.elements import Element, components, opened, read_system, system_of
 from orchestrator.scene.archive.flow import End, Link, Stream, links
 from orchestrator.scene.archive.values import Scalar, start_values
-from orchestrator.scene.pair import Pair
+from orchestrator.scene.fmu_table import Pair
 
 LONGEST_WAY = 100  # connections from an output to an input
 
