@@ -98,8 +98,8 @@ def ssp(
 
     The FMUs are native ones, for Linux, and for Windows if the compiler ziglang is installed.
     """
+    from orchestrator.scene.products import write_ssp
     from orchestrator.scene.scene import load
-    from orchestrator.scene.ssp import write_ssp
 
     if output.suffix != ".ssp":
         raise BadInput(f"{output}: the name of the archive must end in .ssp")

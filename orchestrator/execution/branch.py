@@ -14,7 +14,8 @@ from fmus.ground_keys import SLOPES, is_plane
 from fmus.saved import SlaveState, from_bytes, to_bytes
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import Component
-from orchestrator.scene.scene import Scene, changed_scene, with_track
+from orchestrator.scene.kinds import Scene
+from orchestrator.scene.scene import changed_scene, with_track
 
 MAY_CHANGE = ("run.stop", "run.checkpoints", "run.allow")  # keys of ``run`` that a branch may change
 

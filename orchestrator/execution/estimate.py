@@ -23,8 +23,8 @@ from orchestrator.results.difference import ObservableDifference, differences, o
 from orchestrator.results.run_data import RunData
 from orchestrator.results.unanswered import UNANSWERED
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import TRACK
-from orchestrator.scene.scene import Scene
 from orchestrator.scene.tables import VariableStepTable
 
 SHARE = 1.0 / math.sqrt(3.0)  # error over difference: between 1 (order 1) and 1/3 (order 2)

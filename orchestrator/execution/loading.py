@@ -15,8 +15,8 @@ from orchestrator.cosim.guests.room import Room, Rooms, Wanted
 from orchestrator.cosim.model_description import loadable
 from orchestrator.execution import start_values
 from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene
 from orchestrator.scene.system_scene import SystemScene
 
 LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one

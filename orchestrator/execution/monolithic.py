@@ -24,8 +24,8 @@ from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.execution.states import States
 from orchestrator.log.time_series import Rule
 from orchestrator.scene.assembly import Assembly, assemble, system
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene
 
 
 class MonolithComponent:

@@ -25,7 +25,8 @@ from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, system
-from orchestrator.scene.scene import Scene, from_table
+from orchestrator.scene.kinds import Scene
+from orchestrator.scene.scene import from_table
 from orchestrator.scene.tables import RunTable
 
 

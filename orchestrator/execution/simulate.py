@@ -33,9 +33,9 @@ from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step
 from orchestrator.scene.assembly import Assembly, assemble, unfit
-from orchestrator.scene.ranges import implausible_numbers
-from orchestrator.scene.scene import Scene, VehicleScene
+from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.system_scene import SystemScene
+from orchestrator.scene.values import implausible_numbers
 
 NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be replayed or resumed"
 OTHER_KERNELS = "cables have turning axes, whose kernels are others and compile for minutes the first time"

@@ -27,8 +27,8 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.log_metadata import CHECKPOINT
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene
 
 
 class States(NamedTuple):

@@ -17,7 +17,7 @@ from orchestrator.results.given_parts import given_parts
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.results.validity.ledger import validity
-from orchestrator.scene.scene import ChainScene, VehicleScene
+from orchestrator.scene.kinds import ChainScene, VehicleScene
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import Check
 from orchestrator.scene.values import SIDES

@@ -12,6 +12,7 @@ from fmus.vehicle import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.fmu_table import Pair, joined, pair_of, require_free_inputs
 from orchestrator.scene.gallery import hint
+from orchestrator.scene.kinds import BenchScene, ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import (
     AXLE,
     CHASSIS,
@@ -45,7 +46,7 @@ from orchestrator.scene.replacement import (
     typed,
     user_instance,
 )
-from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, Scene, VehicleScene, with_track
+from orchestrator.scene.scene import with_track
 from orchestrator.scene.system_scene import FreeScene, SystemScene
 
 HITCH_FORCE = [("chassis", f"hitch.force.{axis}") for axis in "xyz"]  # input of a part that an FMU of the user may feed

@@ -21,10 +21,11 @@ from orchestrator.results import measures
 from orchestrator.results.table import Table
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.data_files import UNITS
-from orchestrator.scene.ranges import SCENE
-from orchestrator.scene.scene import KINDS, Scene, load
+from orchestrator.scene.kinds import Scene
+from orchestrator.scene.scene import KINDS, load
 from orchestrator.scene.settings import Schema, entries, toml_text
 from orchestrator.scene.track_table import TrackModelTable
+from orchestrator.scene.values import SCENE_RANGES
 
 
 class TomlSchema(GenerateJsonSchema):
@@ -74,7 +75,7 @@ def scene_schema() -> Schema:
         table["required"].remove("name")
         if whole := table["properties"].get("vehicle"):
             whole["anyOf"] = [{"type": "string"}, {"$ref": whole.pop("$ref")}]
-        _add_ranges(table, tables, SCENE)
+        _add_ranges(table, tables, SCENE_RANGES)
     return {
         "$schema": TomlSchema.schema_dialect,
         "title": "scene",

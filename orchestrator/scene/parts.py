@@ -17,7 +17,7 @@ from fmus.vehicle import ReturnRollerTable, RoadWheelTable, VehicleTable
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.fmu_table import FmuTable
-from orchestrator.scene.scene import RigScene, Scene, VehicleScene
+from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
 from orchestrator.scene.tables import VehicleStartTable
 from orchestrator.scene.values import Side
 

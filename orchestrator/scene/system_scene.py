@@ -14,9 +14,9 @@ from pydantic import Field, PrivateAttr, field_validator, model_validator
 from fmus.ranges import range_violations
 from fmus.vehicle import FrozenTable
 from orchestrator.scene.fmu_table import FmuTable, Pair, pair_of, require_free_inputs, require_instance_name
-from orchestrator.scene.ranges import SCENE
 from orchestrator.scene.settings import file_part
 from orchestrator.scene.tables import Check, RunTable
+from orchestrator.scene.values import SCENE_RANGES
 
 SAMPLES = 10  # records while one tooth passes
 NYQUIST = 2  # below, the frequency of the teeth is aliased
@@ -87,7 +87,7 @@ class SystemScene(FrozenTable):
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Self:
-        for complaint in range_violations(self.model_dump(exclude={"vehicle", "expect"}), SCENE, "possible"):
+        for complaint in range_violations(self.model_dump(exclude={"vehicle", "expect"}), SCENE_RANGES, "possible"):
             raise ValueError(complaint)
         return self
 

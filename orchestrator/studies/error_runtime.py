@@ -16,7 +16,8 @@ from fmus.track_choices import TRACKS
 from orchestrator.execution.estimate import estimate
 from orchestrator.execution.truth import ORDER, require_known, truth
 from orchestrator.results.difference import differences_of_logs, worst
-from orchestrator.scene.scene import ChainScene, load
+from orchestrator.scene.kinds import ChainScene
+from orchestrator.scene.scene import load
 from orchestrator.studies import Case
 from orchestrator.studies.row import Row
 from orchestrator.studies.runs import record, sampled

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from orchestrator.execution import summary
 from orchestrator.results import measures
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.scene.scene import ChainScene, RigScene, Scene, VehicleScene
+from orchestrator.scene.kinds import ChainScene, RigScene, Scene, VehicleScene
 
 Expectation = tuple[float, float, float]  # value, expected, tolerance
 

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from orchestrator.scene.scene import RigScene, load
+from orchestrator.scene.kinds import RigScene
+from orchestrator.scene.scene import load
 
 
 class Family(NamedTuple):

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import highest_frequency
 from orchestrator.execution import summary
-from orchestrator.scene.scene import Scene, VehicleScene
+from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.studies.oscillator import Oscillator, radius
 
 LONGEST = 0.5  # s

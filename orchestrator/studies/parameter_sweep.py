@@ -26,8 +26,9 @@ from orchestrator.log.extra import NotInstalled, library
 from orchestrator.results.table import Column, Table
 from orchestrator.results.units import in_si
 from orchestrator.results.whole_file import atomic_write
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.products import make_folder
-from orchestrator.scene.scene import SHORT_KEYS, Scene, load
+from orchestrator.scene.scene import SHORT_KEYS, load
 from orchestrator.scene.settings import pairs
 from orchestrator.studies import Case, files, pool, wanted_figures
 from orchestrator.studies.row import Row

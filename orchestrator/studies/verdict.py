@@ -18,7 +18,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.validity.limits import ALLOWED
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.kinds import Scene
 from orchestrator.studies.expectations import EXPECTATIONS
 from orchestrator.studies.row import Row
 

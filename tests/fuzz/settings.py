@@ -9,9 +9,9 @@ from typing import Any
 
 from fmus.ranges import VEHICLE
 from orchestrator.scene import gallery
-from orchestrator.scene.ranges import SCENE
 from orchestrator.scene.scene import KINDS, load
 from orchestrator.scene.settings import keys
+from orchestrator.scene.values import SCENE_RANGES
 from tests.fuzz import values
 
 RUN = {"hanging_chain": ("flexible", "rigid")}  # scenes that are run, others are shown: their kernels are loaded
@@ -41,7 +41,7 @@ def _known(scene: str) -> tuple[tuple[str, ...], dict[str, Any]]:
 @cache
 def _ends() -> dict[str, tuple[float, ...]]:
     """Ends of the possible and plausible ranges, by key."""
-    ranges = [(f"vehicle.{one.key}", one) for one in VEHICLE] + [(one.key, one) for one in SCENE]
+    ranges = [(f"vehicle.{one.key}", one) for one in VEHICLE] + [(one.key, one) for one in SCENE_RANGES]
     return {key: (*one.plausible, *one.possible) for key, one in ranges}
 
 

@@ -14,11 +14,12 @@ from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import describe
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
-from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.same_scene import require_same_scene
-from orchestrator.scene.scene import Scene, from_table, load
+from orchestrator.scene.scene import from_table, load
 from orchestrator.scene.settings import file_part, keys, toml_text
+from orchestrator.scene.values import implausible_numbers
 
 BARE = """
 title = "a chain"

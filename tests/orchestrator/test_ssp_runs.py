@@ -13,8 +13,9 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary import LARGEST_RESIDUAL, verdict
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
-from orchestrator.scene.scene import Scene, load, load_any
-from orchestrator.scene.ssp import write_ssp
+from orchestrator.scene.kinds import Scene
+from orchestrator.scene.products import write_ssp
+from orchestrator.scene.scene import load, load_any
 from orchestrator.scene.ssp_scene import load_ssp
 from orchestrator.scene.system_scene import FreeScene
 

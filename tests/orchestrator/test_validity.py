@@ -26,8 +26,8 @@ from orchestrator.results.validity.exceedance import recorded_entries
 from orchestrator.results.validity.piece import LENGTH
 from orchestrator.results.validity.tooth_jump import jumps
 from orchestrator.scene import gallery
-from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.scene import load
+from orchestrator.scene.values import implausible_numbers
 
 TEETH, LINKS = 10, 64
 EVERY = 5e-3  # s, between records of pins

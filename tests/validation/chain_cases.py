@@ -17,18 +17,7 @@ from orchestrator.studies import Case
 from orchestrator.studies.row import Row
 from tests.validation.ancf import dynamics, loads, statics
 from tests.validation.compared import checked, of_order
-from tests.validation.meshes import (
-    AREA,
-    PITCH,
-    SECOND,
-    SHOE,
-    STEEL,
-    TRACK,
-    angular_momentum,
-    chain,
-    spinning,
-    velocity,
-)
+from tests.validation.meshes import AREA, PITCH, SECOND, SHOE, STEEL, TRACK, angular_momentum, chain, spinning, velocity
 from tests.validation.orders import order_of, rate_of
 from tests.validation.rods import EXPLICIT, IMPLICIT, MASS, G, Rods, of_angles
 

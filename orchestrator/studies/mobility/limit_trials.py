@@ -17,7 +17,7 @@ from typing import Any
 from fmus.soils import law_of
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.kinds import Scene
 from orchestrator.studies import files
 from orchestrator.studies.mobility import theory
 from orchestrator.studies.mobility.soil_trials import SOILS

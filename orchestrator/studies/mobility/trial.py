@@ -11,7 +11,8 @@ from fmus.vehicle import BadInput, VehicleTable
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
 from orchestrator.results.table import Column
-from orchestrator.scene.scene import Scene, VehicleScene, from_table, load
+from orchestrator.scene.kinds import Scene, VehicleScene
+from orchestrator.scene.scene import from_table, load
 from orchestrator.studies import Case, files
 from orchestrator.studies.mobility.theory import ends
 from orchestrator.studies.row import Row

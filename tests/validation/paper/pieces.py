@@ -28,7 +28,7 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.execution.states import states_at
 from orchestrator.log.time_series import Floats
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.kinds import Scene
 from orchestrator.studies.row import Row
 from tests.validation.paper.links import storage
 from tests.validation.paper.models import CLOSED, RIGID_SPRING, named, scene

@@ -13,8 +13,8 @@ from orchestrator.log.log_metadata import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene
 
 __all__ = ["LONGEST", "model", "saved", "whole"]
 

@@ -13,10 +13,11 @@ from xml.etree.ElementTree import Element as Node
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, conversion
 from orchestrator.cosim.fmu_files import unpack
-from orchestrator.scene.archive.document import (
+from orchestrator.scene.archive.elements import (
     FLOATS,
     INTEGER,
     WHOLES,
+    Element,
     Place,
     child,
     children,
@@ -27,8 +28,7 @@ from orchestrator.scene.archive.document import (
     truth,
     units_of,
 )
-from orchestrator.scene.archive.elements import Element
-from orchestrator.scene.archive.flow import End, Link, Stream
+from orchestrator.scene.archive.structure import End, Link, Stream
 
 Scalar = bool | int | float | str  # value of a variable
 Values = dict[str, dict[str, Scalar]]  # by the path of a component and variable
