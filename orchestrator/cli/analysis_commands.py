@@ -12,9 +12,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fmus.vehicle import BadInput
-from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, beside, check_window
-from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, WithOption, measured_file
+from orchestrator.cli import common
+from orchestrator.cli.common import (
+    ClockOption,
+    LogPath,
+    MapOption,
+    ShiftOption,
+    WithOption,
+    beside,
+    check_window,
+    measured_file,
+)
 from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Option, module_of
 from orchestrator.results.page.words import and_list
 
@@ -95,7 +103,7 @@ def analyse(
         print(json.dumps(_as_json(log, what, table)))
         return
     for line in str(table).splitlines():
-        print(printed.plain(line))
+        print(common.plain(line))
     if output:
         print(output)
 
@@ -129,7 +137,7 @@ def _given_options(options: Sequence[Option], given: Mapping[str, Any]) -> dict[
 
 
 def _as_json(log: Path, what: str, table: Table) -> dict[str, Any]:
-    rows = [{name: printed.finite(cell) for name, cell in row.items()} for row in table.records()]
+    rows = [{name: common.finite(cell) for name, cell in row.items()} for row in table.records()]
     units = {column.key.strip(): column.unit for column in table.columns}
     return {"log": str(log), "what": what, "title": table.title, "units": units, "rows": rows, "notes": table.notes}
 
@@ -185,9 +193,9 @@ def plot(
             record = read_shifted(RunData(log), source, Window(start, end))
         measured = record.signals
         if shift == FIND:
-            print(printed.plain(f"{file}: {record.shift:.6g} s added to its times"))
+            print(common.plain(f"{file}: {record.shift:.6g} s added to its times"))
         for note in record.notes:
-            print(printed.plain(note))
+            print(common.plain(note))
     signal_picture.draw(
         logs, signals, target, Window(start, end), frequency=spectrum, order=order, waterfall=waterfall, place=place,
         at=at or (), measured=measured,

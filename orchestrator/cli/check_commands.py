@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fmus.vehicle import BadInput
-from orchestrator.cli import printed
+from orchestrator.cli import common
 from orchestrator.cli.common import narration
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def _print_table(fmu: Path, verdicts: Mapping[str, Verdict]) -> None:
     wrong = sum(bool(verdict.faults) for verdict in verdicts.values())
     print(f"{fmu}: " + (f"something is wrong in {wrong} of {len(verdicts)} checks" if wrong else "nothing is wrong"))
     for name, verdict in verdicts.items():
-        print(f"  {name:{max(map(len, verdicts))}}  {verdict.result:14}  {printed.plain(verdict.detail)}")
+        print(f"  {name:{max(map(len, verdicts))}}  {verdict.result:14}  {common.plain(verdict.detail)}")
 
 
 def _as_json(fmu: Path, verdicts: Mapping[str, Verdict]) -> dict[str, object]:

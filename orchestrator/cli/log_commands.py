@@ -10,9 +10,8 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, beside
-from orchestrator.cli.printed import plain
+from orchestrator.cli import common
+from orchestrator.cli.common import LogPath, beside, plain
 from orchestrator.results.validity.exceedance import recorded_entries
 
 JsonOption = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
@@ -59,7 +58,7 @@ def info(
         f"  seal {opened.seal or 'none'}{', which does not hold' * bool(opened.seal and summary.seal_faults)}",
     ]
     if as_json:
-        print(json.dumps(printed.finite(_info_as_json(summary))))
+        print(json.dumps(common.finite(_info_as_json(summary))))
         return
     for line in lines:
         print(plain(line))

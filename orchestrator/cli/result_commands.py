@@ -13,9 +13,19 @@ import typer
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
-from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, Settings, check_window, exit_with, log_warning
-from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, WithOption, measured_file
+from orchestrator.cli import common
+from orchestrator.cli.common import (
+    ClockOption,
+    LogPath,
+    MapOption,
+    Settings,
+    ShiftOption,
+    WithOption,
+    check_window,
+    exit_with,
+    log_warning,
+    measured_file,
+)
 from orchestrator.results.analyses.catalogue import SN_HELP
 
 if TYPE_CHECKING:
@@ -67,10 +77,10 @@ def replay(
             verdicts[name] = opened.verify((start, end))
     if as_json:
         results = {name: _verdict_as_json(verdict) for name, verdict in verdicts.items()}
-        print(json.dumps(printed.finite(results[names[0]] if component and len(names) == 1 else results)))
+        print(json.dumps(common.finite(results[names[0]] if component and len(names) == 1 else results)))
     else:
         for name, verdict in verdicts.items():
-            print(printed.plain(verdict.sentence if len(names) == 1 else f"{name}: {verdict.sentence}"))
+            print(common.plain(verdict.sentence if len(names) == 1 else f"{name}: {verdict.sentence}"))
     sys.exit(0 if verdicts and all(verdict.equal for verdict in verdicts.values()) else 1)
 
 
@@ -102,7 +112,7 @@ def _write_answer(log: Path, opened: Any, path: Path, picture: Path | None, wind
     if not answers:
         exit_with(f"log {path}: nothing of '{name}' is there to be compared from {window[0]:g} to {window[1]:g} s", 1)
     for line in answered.lines(answers):
-        print(printed.plain(line))
+        print(common.plain(line))
     print(f"log {path}")
     if picture is not None:
         answered.draw(answers, picture, f"{name} of {log.name}, and {path.name} under the same inputs")
@@ -162,10 +172,10 @@ def compare(
         result = _compare_logs((run, reference), different, window, align, allowed or (), bitwise, picture)
         text = lines(result)
     if as_json:
-        print(json.dumps(printed.finite(result)))
+        print(json.dumps(common.finite(result)))
     else:
         for line in text:
-            print(printed.plain(line))
+            print(common.plain(line))
     sys.exit(0 if result["ok"] else 1)
 
 
@@ -244,7 +254,7 @@ def report(
     shows both runs and a table lists their differences. With a CSV file of measured signals, a section
     draws them with those of the run and lists the differences by phase.
     """
-    from orchestrator.execution.reported import report as write
+    from orchestrator.execution.log_report import report as write
 
     write(log, output, reference, different, measured_file(file, mapped, clock, shift), sn)
     print(output)

@@ -11,8 +11,8 @@ from typing import Any, Literal, NamedTuple, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.component_warnings import ComponentWarning
+from orchestrator.cosim.model_description import Conversion
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]

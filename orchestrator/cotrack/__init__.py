@@ -15,7 +15,7 @@ import orchestrator
 from orchestrator import OFFERED, __version__
 
 if TYPE_CHECKING:
-    from orchestrator.execution.reported import report
+    from orchestrator.execution.log_report import report
     from orchestrator.interface.calls import run
     from orchestrator.interface.recorded_run import Run
     from orchestrator.log.export import export, to_arrow, to_pandas, to_polars, to_xarray

@@ -1,4 +1,4 @@
-"""What all scenes share: name, duration, steps, recording, checks; the free system of FMUs of the user.
+"""Scenes of FMUs: what all share (name, duration, steps, recording, checks), and the free system of FMUs of the user.
 
 Links are recorded often enough for their teeth: these excite them periodically, and slow sampling aliases that motion.
 """

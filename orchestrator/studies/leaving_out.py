@@ -38,8 +38,7 @@ from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import CHASSIS, TRACK, Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
-from orchestrator.studies import Case, files
-from orchestrator.studies.row import Row
+from orchestrator.studies import Case, Row, files
 
 TITLE = "What leaving out saves"
 WORKERS = 1  # timed pairs need the machine for themselves

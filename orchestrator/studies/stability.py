@@ -18,14 +18,13 @@ from typing import Any
 from fmus.vehicle import BadInput
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.scene import load
-from orchestrator.studies import Case, files
-from orchestrator.studies.expectations import EXPECTATIONS
+from orchestrator.studies import Case, Row, files
 from orchestrator.studies.extreme import BISECTED, FAMILIES
 from orchestrator.studies.limits import predicted
-from orchestrator.studies.row import Row
 from orchestrator.studies.verdict import (
     BLOWN,
     CLEAN,
+    EXPECTATIONS,
     MUTE,
     RIGHT,
     VERDICTS,

@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 from short_run import last
 
 from fmus.vehicle import BadInput
-from orchestrator.execution.checked_signals import require_signals
+from orchestrator.execution.loading import require_signals
 from orchestrator.results import measures
 from orchestrator.scene import commented, gallery
 from orchestrator.scene.keys import (

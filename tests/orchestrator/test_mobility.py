@@ -13,13 +13,12 @@ from scipy.optimize import brentq
 
 from fmus.soils import law_of
 from fmus.vehicle import BadInput
-from orchestrator.studies import mobility
+from orchestrator.studies import Row, mobility
 from orchestrator.studies.mobility import limit_trials, soil_trials, theory
 from orchestrator.studies.mobility.limit_trials import STEP_AND_GAP
 from orchestrator.studies.mobility.ride_trials import HALF_ROUNDS
 from orchestrator.studies.mobility.soil_trials import DRAWBAR
 from orchestrator.studies.mobility.trial import bisect, first_crossing, limit_speed, run_up, trial_scene, vehicle_of
-from orchestrator.studies.row import Row
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element as Node
 
 from fmus.vehicle import BadInput, value_text
-from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, conversion
 from orchestrator.cosim.fmu_files import unpack
+from orchestrator.cosim.model_description import UNCHANGED, BaseUnit, Conversion, conversion
 from orchestrator.scene.archive.elements import (
     FLOATS,
     INTEGER,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element as Node
 
 from fmus.vehicle import BadInput, path_text, value_text
-from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, base_unit, conversion
+from orchestrator.cosim.model_description import UNCHANGED, BaseUnit, Conversion, base_unit, conversion
 from orchestrator.scene.archive.elements import (
     SINKS,
     SOURCES,

@@ -17,12 +17,11 @@ from orchestrator.results.page.section import table as html_table
 from orchestrator.results.page.words import text
 from orchestrator.results.table import Column, Table, cell_text
 from orchestrator.results.whole_file import atomic_write
-from orchestrator.studies import Case, files
+from orchestrator.studies import Case, Row, files
 from orchestrator.studies.mobility.limit_trials import GRADE, STEP_AND_GAP
 from orchestrator.studies.mobility.ride_trials import HALF_ROUNDS, ROUGHNESS
 from orchestrator.studies.mobility.soil_trials import DRAWBAR, PRESSURE, TURNING
 from orchestrator.studies.mobility.trial import Finding, Trial, vehicle_of
-from orchestrator.studies.row import Row
 
 TITLE = "Mobility of a vehicle"
 TRIALS = (DRAWBAR, PRESSURE, GRADE, STEP_AND_GAP, ROUGHNESS, HALF_ROUNDS, TURNING)

@@ -18,7 +18,7 @@ from fmus.soils import law_of
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
 from orchestrator.scene.kinds import Scene
-from orchestrator.studies import files
+from orchestrator.studies import Row, files
 from orchestrator.studies.mobility import theory
 from orchestrator.studies.mobility.soil_trials import SOILS
 from orchestrator.studies.mobility.trial import (
@@ -31,7 +31,6 @@ from orchestrator.studies.mobility.trial import (
     trial_scene,
     vehicle_of,
 )
-from orchestrator.studies.row import Row
 
 Attempt = tuple[Scene, Callable[[TrialRun], str]]  # a scene, and why its run is no success
 

@@ -19,7 +19,7 @@ from orchestrator.results.analyses import ride
 from orchestrator.results.analyses.absorbed_power import LIMIT
 from orchestrator.results.run_data import Window
 from orchestrator.results.table import Column
-from orchestrator.studies import files
+from orchestrator.studies import Row, files
 from orchestrator.studies.mobility.trial import (
     FIRM,
     Finding,
@@ -31,7 +31,6 @@ from orchestrator.studies.mobility.trial import (
     trial_scene,
     vehicle_of,
 )
-from orchestrator.studies.row import Row
 
 SPEEDS = (0.5, 1, 2, 3, 4, 5, 6)  # of the pace
 BELLY = "chassis.ground.force.z"

@@ -28,10 +28,9 @@ from orchestrator.results.analyses import circuit
 from orchestrator.results.analyses.contact import SIGNAL, pad_area, pressure
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
-from orchestrator.studies import files
+from orchestrator.studies import Row, files
 from orchestrator.studies.mobility import theory
 from orchestrator.studies.mobility.trial import Finding, Trial, Vehicle, recorded, trial_scene, vehicle_of
-from orchestrator.studies.row import Row
 
 SOILS = ("dry_sand", "lete_sand", "sandy_loam_15", "clayey_soil_38")
 HARD = "hard ground"

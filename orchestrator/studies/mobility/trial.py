@@ -13,9 +13,8 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.table import Column
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.scene import from_table, load
-from orchestrator.studies import Case, files
+from orchestrator.studies import Case, Row, files
 from orchestrator.studies.mobility.theory import ends
-from orchestrator.studies.row import Row
 from orchestrator.studies.runs import logged
 
 FITTINGS = ("hitch", "seat")  # tables of a vehicle that trials need

@@ -12,7 +12,7 @@ from fmus.physics.rigid import pin
 from orchestrator.log.time_series import Floats
 from orchestrator.results.rotation import matrices
 from orchestrator.scene.kinds import Scene
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.paper.models import CLOSED, RIGID, scene
 from tests.validation.paper.states import model
 
