@@ -11,7 +11,7 @@ __version__ = "0.4.0"  # also the version of the distribution
 OFFERED = {  # public name: module, name in the module
     "run": ("interface.calls", "run"),
     "Run": ("interface.recorded_run", "Run"),
-    "scenes": ("scene.gallery", "names"),
+    "scenes": ("scene.scene", "scene_names"),
     "load": ("scene.scene", "load"),
     "Log": ("log.reader", "Log"),
     "export": ("log.export", "export"),

@@ -13,9 +13,8 @@ from fmus.physics.contact.laws import LAWS
 from fmus.track_choices import TRACKS
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.results.analyses.catalogue import ANALYSES
-from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import load, scene_names
 from orchestrator.scene.tables import CouplingTable
 from orchestrator.studies import STUDIES
 from tests.validation.__main__ import STUDIES as VALIDATIONS
@@ -40,7 +39,7 @@ class Listed(NamedTuple):
 
 
 LISTS = {
-    "scenes": Listed("README.md", r"^\| scene \| content \|\n\| --- \| --- \|\n((?:\|.*\n)+)", gallery.names(), ROW),
+    "scenes": Listed("README.md", r"^\| scene \| content \|\n\| --- \| --- \|\n((?:\|.*\n)+)", scene_names(), ROW),
     "analyses": Listed("orchestrator/commands.md", r"^cotrack analyse LOG (\S+)$", ANALYSES),
     "definitions of analyses": Listed("orchestrator/analyses.md", r"^## ([a-z-]+)$", ANALYSES),
     "commands of studies": Listed("orchestrator/commands.md", r"^cotrack study ([a-z-]+)", STUDIES),

@@ -18,10 +18,10 @@ from orchestrator.cli.common import SceneName, Settings, TrackOption, VehicleOpt
 
 def scenes() -> None:
     """List the scenes of the gallery."""
-    from orchestrator.scene import gallery
+    from orchestrator.scene.scene import read_scene, scene_names
 
-    for name in gallery.names():
-        print(f"{name:16} {gallery.read(name)[1]['title']}")
+    for name in scene_names():
+        print(f"{name:16} {read_scene(name)[1]['title']}")
 
 
 def vehicles() -> None:
@@ -112,8 +112,8 @@ def warm(
     scenes: Annotated[list[str] | None, typer.Argument(help="scenes; default the whole gallery")] = None,
 ) -> None:
     """Compile the kernels of scenes before their first run, in one process per core."""
-    from orchestrator.execution.warm import variants
-    from orchestrator.execution.warm import warm as begun
+    from orchestrator.execution.loading import variants
+    from orchestrator.execution.loading import warm as begun
 
     pairs, failed = variants(scenes or ()), 0
     for done, (name, message, seconds) in enumerate(begun(pairs), 1):

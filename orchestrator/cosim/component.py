@@ -34,8 +34,8 @@ from fmpy.fmi2 import fmi2FMUstate
 from numpy.typing import NDArray
 
 from orchestrator.cosim import fmi2_library
-from orchestrator.cosim.component_warnings import ComponentWarning, WarningList
-from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, Guest
+from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, unit_of
+from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, ComponentWarning, Guest, WarningList
 from orchestrator.cosim.graph import ComponentFailed as ComponentFailed
 from orchestrator.cosim.guests.library import GuestLibrary, Opening
 from orchestrator.cosim.guests.room import PRINTED, Room
@@ -49,7 +49,7 @@ from orchestrator.cosim.mixed_exchange import (
     discrete_groups,
     guarded,
 )
-from orchestrator.cosim.model_description import UNCHANGED, Conversion, Elements, base_unit, is_fmi3, loadable, unit_of
+from orchestrator.cosim.model_description import Elements, is_fmi3, loadable
 from orchestrator.kernels.tables import Record, StepCall, record
 
 Floats = NDArray[np.float64]

@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.graph import ComponentFailed, Floats
-from orchestrator.cosim.model_description import Conversion
 
 START = -1.0  # number of the start value of a String
 KINDS = {"Integer": ("Integer", "Enumeration"), "Boolean": ("Boolean",), "String": ("String",)}

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from orchestrator.log.reader import Log
     from orchestrator.results.analyses.catalogue import analyse
     from orchestrator.results.difference import differences_of_logs as compare
-    from orchestrator.scene.gallery import names as scenes
     from orchestrator.scene.scene import load
+    from orchestrator.scene.scene import scene_names as scenes
     from orchestrator.studies.parameter_sweep import sweep
 
 __all__ = [

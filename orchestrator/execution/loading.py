@@ -10,11 +10,16 @@ its inputs ends this in two rounds, so the dependencies that it declares need no
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import subprocess
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import ExitStack
 from functools import partial
 from graphlib import TopologicalSorter
+from pathlib import Path
 
 import numpy as np
 import scipy  # loads its parts when they are used
@@ -23,7 +28,7 @@ from fmus.ahead import start_compilation
 from fmus.loaded import component_ports
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
-from orchestrator.cosim import interval_statistics
+from orchestrator.cosim import observers
 from orchestrator.cosim.component import LINK_FAMILIES, Component, ComponentFailed, Logger
 from orchestrator.cosim.coupling import power_residual
 from orchestrator.cosim.graph import Connection, Instance, System
@@ -32,10 +37,11 @@ from orchestrator.cosim.model_description import loadable
 from orchestrator.log.signal_names import did_you_mean, worded
 from orchestrator.results import measures
 from orchestrator.scene.assembly import assemble, system
-from orchestrator.scene.gallery import hint
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
+from orchestrator.scene.scene import load, scene_names
+from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import SystemScene
 
 STATISTICS = "stats."  # signals of the cost of a component
@@ -75,7 +81,7 @@ def _recorded(scene: SystemScene, part: Part) -> dict[str, str]:
     texts = {port.name: port.text for port in ports if port.causality in causalities and isinstance(port.start, float)}
     if scene.records_statistics:
         links = tuple(name for name in texts if name.startswith(LINK_FAMILIES))
-        texts |= dict.fromkeys(interval_statistics.names(links), "")
+        texts |= dict.fromkeys(observers.statistics_names(links), "")
     return {f"{part.name}.{name}": text for name, text in texts.items()}
 
 
@@ -290,4 +296,32 @@ def _settle(names: Sequence[str], loop: Mapping[str, Component], receive: Callab
             return
     raise ComponentFailed(
         f"the start values of {', '.join(names)}, which feed each other, do not settle: in round {ROUNDS} {moved}"
+    )
+
+
+SHORT_RUN = "run.stop=10 ms"
+
+
+def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """Return pairs of scene and track model, by default of the whole gallery; raises BadInput."""
+    return [(name, track) for name in scenes or scene_names() for track in TRACKS if load(name, track)]
+
+
+def warm(pairs: Sequence[tuple[str, str]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
+    """Run the start of each scene; yields name, error message (empty if it started) and start-up time, s."""
+    workers = min(workers or os.cpu_count() or 1, len(pairs))
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(_run_start, *pair) for pair in pairs]):
+            yield future.result()
+
+
+def _run_start(name: str, track: str) -> tuple[str, str, float]:
+    from orchestrator.execution.simulate import simulate
+
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        summary = simulate(load(name, track, [SHORT_RUN, "expect={}"]), Path(folder) / "run.mcap", estimated=False)
+    return (
+        f"{name}, {track}",
+        "" if summary["status"] == "ok" else str(summary["message"]),
+        float(summary["startup_time"]),
     )

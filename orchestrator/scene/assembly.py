@@ -11,7 +11,6 @@ from fmus.equilibrium import stances
 from fmus.vehicle import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.fmu_table import Pair, joined, pair_of, require_free_inputs
-from orchestrator.scene.gallery import hint
 from orchestrator.scene.kinds import BenchScene, ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import (
     AXLE,
@@ -47,6 +46,7 @@ from orchestrator.scene.replacement import (
     user_instance,
 )
 from orchestrator.scene.scene import with_track
+from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import FreeScene, SystemScene
 
 HITCH_FORCE = [("chassis", f"hitch.force.{axis}") for axis in "xyz"]  # input of a part that an FMU of the user may feed

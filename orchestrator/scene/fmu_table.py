@@ -15,10 +15,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import AfterValidator, Field
 
 from fmus.vehicle import BadInput, FrozenTable, In
+from orchestrator.cosim.base_units import UNCHANGED, Conversion
 from orchestrator.cosim.graph import Connection
-from orchestrator.cosim.model_description import UNCHANGED, Conversion
-from orchestrator.scene.gallery import hint
-from orchestrator.scene.settings import toml_text
+from orchestrator.scene.settings import hint, toml_text
 
 Integer = Annotated[int, Field(ge=-(2**31), le=2**31 - 1)]  # of FMI
 Value = Annotated[

@@ -29,19 +29,18 @@ from orchestrator import __version__
 from orchestrator.cosim.component import LINK_FAMILIES
 from orchestrator.cosim.graph import Connection
 from orchestrator.files.replacing import replacing
-from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import load, scene_names
 
 STANDARD = "straight"  # its FMUs have names without suffix
 
 
 def gallery_products(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = ()) -> list[Product]:
     """Every distinct FMU of the gallery; those of the standard vehicle come first and have no suffix."""
-    ordered = [STANDARD, *(name for name in gallery.names() if name != STANDARD)]
+    ordered = [STANDARD, *(name for name in scene_names() if name != STANDARD)]
     return scene_products([load(name, model, settings) for name in ordered for model in models])
 
 

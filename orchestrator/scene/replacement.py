@@ -23,9 +23,7 @@ from fmus.build import built_here
 from fmus.loaded import component_ports
 from fmus.ports import UNITS, Port
 from fmus.vehicle import BadInput, path_text
-from orchestrator.cosim.component import LINK_FAMILIES, SETTERS, ComponentFailed, description_of
-from orchestrator.cosim.graph import Connection, Guest, Instance
-from orchestrator.cosim.model_description import (
+from orchestrator.cosim.base_units import (
     QUANTITIES,
     UNCHANGED,
     BaseUnit,
@@ -35,6 +33,8 @@ from orchestrator.cosim.model_description import (
     difference,
     unit_of,
 )
+from orchestrator.cosim.component import LINK_FAMILIES, SETTERS, ComponentFailed, description_of
+from orchestrator.cosim.graph import Connection, Guest, Instance
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.parts import Parameters, Part
 

@@ -6,20 +6,77 @@ A scene file names a vehicle, or contains ``[vehicle]`` with a ``base`` and the 
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from fmus.vehicle import BadInput, first_error, foremost, path_text, value_text
-from orchestrator.scene import data_files, gallery
+from fmus.vehicle import BadInput, first_error, foremost, path_text, read_table, value_text
+from orchestrator.files.budget import read_toml
+from orchestrator.scene import data_files
 from orchestrator.scene.fmu_table import set_folder
 from orchestrator.scene.kinds import BenchScene, ChainScene, RigScene, Scene, VehicleScene
-from orchestrator.scene.settings import keys, merge_tables, near_keys, pairs, set_key
+from orchestrator.scene.settings import hint, keys, merge_tables, near_keys, pairs, set_key
 from orchestrator.scene.system_scene import FreeScene, SystemScene
 from orchestrator.scene.tables import refuse_reduced_measures, short_coupling
 from orchestrator.scene.track_table import short_track
+
+# Scenes of older versions without an FMU, and their assembly; the validation now checks these elements and joints.
+OLD_SCENES = {"flexible_pendulum": "pendulum", "elastica": "cantilever", "l_frame": "frame", "sliding_mass": "slider"}
+PLACE = "has no FMU and is validated in a clone of cotrack: python -m tests.validation mechanics --quick -o mechanics"
+
+
+def scene_names() -> list[str]:
+    """Names of the packaged scenes, from simple to complex physics."""
+    folder = resources.files("orchestrator") / "gallery"
+    packaged = {file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")}
+    order = [
+        "hanging_chain", "sprocket_bench", "rig", "settle", "straight", "hard_stop",
+        "released_chain", "folded_chain", "spinning_loop",
+    ]  # fmt: skip
+    return [name for name in order if name in packaged] + sorted(packaged.difference(order))
+
+
+def read_scene(scene: str) -> tuple[str, dict[str, Any]]:
+    """Name and raw table of a scene of the gallery or a TOML file; raises BadInput.
+
+    The path of a vehicle's file in it, relative to the scene's folder, becomes one from the working folder.
+    """
+    path = Path(scene)
+    if path.suffix == ".toml":
+        table = _read_toml(path, "scene")
+        owner, key = (table["vehicle"], "base") if isinstance(table.get("vehicle"), dict) else (table, "vehicle")
+        if isinstance(owner.get(key), str) and Path(owner[key]).suffix == ".toml":
+            owner[key] = str(path.parent / owner[key])
+        return path.stem, table
+    if path.suffix == ".ssp":
+        raise BadInput(f"{path_text(path)}: an SSP archive can be run and shown; here a scene is needed")
+    if scene in scene_names():
+        source = resources.files("orchestrator") / "gallery" / f"{scene}.toml"
+        return scene, tomllib.loads(source.read_text(encoding="utf-8"))
+    if scene in OLD_SCENES:
+        raise BadInput(f"scene '{scene}' {PLACE}")
+    raise BadInput(f"no scene {value_text(scene)}: {hint(scene, scene_names(), 'the gallery has')}")
+
+
+def read_vehicle(name: str) -> dict[str, Any]:
+    """Raw table of a packaged vehicle or of a TOML file; raises BadInput."""
+    path = Path(name)
+    return _read_toml(path, "vehicle") if path.suffix == ".toml" else read_table(name)[0]
+
+
+def _read_toml(path: Path, kind: str) -> dict[str, Any]:
+    try:
+        return read_toml(path)
+    except FileNotFoundError:
+        raise BadInput(f"no {kind} file {path_text(path)}") from None
+    except (OSError, ValueError, RecursionError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise BadInput(f"{path_text(path)}: not a readable TOML file: {reason}") from None
+
 
 NEAREST = 3  # most keys that a message suggests
 # keys that may stand for one of their own, unless their value is a table
@@ -53,7 +110,7 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
 
     Settings are ``KEY=VALUE`` texts as of ``--set``, or a table as ``{"vehicle.track.mass": 20, "run.stop": "3 s"}``.
     """
-    name, table = gallery.read(scene)
+    name, table = read_scene(scene)
     data_files.read_files(table, Path(scene).parent, f"{name}.toml")
     set_folder(table, Path(scene).parent)
     changes = pairs(settings)
@@ -92,8 +149,8 @@ def _kind(table: Mapping[str, Any], where: str) -> type[SystemScene]:
     assembly = table.get("assembly")
     if isinstance(assembly, str) and assembly in KINDS:
         return KINDS[assembly]
-    if assembly in gallery.MOVED.values():
-        raise BadInput(f"{where}: assembly = {value_text(assembly)}: {gallery.PLACE}")
+    if assembly in OLD_SCENES.values():
+        raise BadInput(f"{where}: assembly = {value_text(assembly)}: {PLACE}")
     raise BadInput(f"{where}: assembly = {value_text(assembly)}: must be one of {', '.join(KINDS)}")
 
 
@@ -161,7 +218,7 @@ def changed_scene(resolved: dict[str, Any], settings: Sequence[str] | Mapping[st
 def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
     """Raw vehicle table: read by name, or a table merged over its ``base``."""
     if isinstance(vehicle, str):
-        return gallery.read_vehicle(vehicle)
+        return read_vehicle(vehicle)
     if not isinstance(vehicle, dict):
         raise BadInput(f"{where}: vehicle must be a name, a .toml file or a table with 'base'")
     if "base" not in vehicle:
@@ -170,7 +227,7 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
     base = changes.pop("base")
     if not isinstance(base, str):
         raise BadInput(f"{where}: vehicle.base = {value_text(base)}: must be a name or a .toml file")
-    return merge_tables(gallery.read_vehicle(base), changes)
+    return merge_tables(read_vehicle(base), changes)
 
 
 def _validation_sentence(error: ValidationError, where: str, model: type[SystemScene]) -> str:

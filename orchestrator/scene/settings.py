@@ -6,9 +6,10 @@ import hashlib
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
+from textwrap import shorten
 from typing import Any
 
 from pydantic import BaseModel
@@ -98,6 +99,14 @@ def keys(model: type[BaseModel]) -> tuple[str, ...]:
     """All dotted keys of a model."""
     schema = model.model_json_schema()
     return tuple(key for key, *_ in entries(schema, schema["$defs"]))
+
+
+def hint(name: str, known: Collection[str], introduction: str) -> str:
+    """Suggestion for an unknown name: the nearest known one, or all of them."""
+    near = get_close_matches(name, known, n=1)
+    return (
+        f"did you mean '{near[0]}'?" if near else f"{introduction} {shorten(', '.join(known), 250, placeholder=' ...')}"
+    )
 
 
 def near_keys(key: str, known: Iterable[str]) -> list[str]:

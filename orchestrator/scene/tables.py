@@ -12,7 +12,7 @@ from fmus.vehicle import BadInput, Distance, Force, FrozenTable, In, ratio, valu
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
 from orchestrator.results.validity.limits import ALLOWED
-from orchestrator.scene.gallery import hint
+from orchestrator.scene.settings import hint
 from orchestrator.scene.values import OR_FALSE, Duration, Every, Time, TrackName
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from fmus.vehicle import BadInput
-from orchestrator.scene.gallery import hint
+from orchestrator.scene.settings import hint
 
 
 @dataclass(frozen=True)

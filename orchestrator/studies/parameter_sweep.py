@@ -39,11 +39,10 @@ from orchestrator.results.table import Column, Table
 from orchestrator.results.unanswered import reason
 from orchestrator.results.units import in_si
 from orchestrator.results.whole_file import atomic_write
-from orchestrator.scene.gallery import hint
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import SHORT_KEYS, load
-from orchestrator.scene.settings import pairs
+from orchestrator.scene.settings import hint, pairs
 from orchestrator.studies import Case, Row, files, pool
 from orchestrator.studies.pool import Store
 from orchestrator.studies.sweep_picture import draw

@@ -25,8 +25,8 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.units import figure, number
-from orchestrator.scene import gallery
-from orchestrator.scene.scene import load
+from orchestrator.scene import scene as scene_module
+from orchestrator.scene.scene import load, scene_names
 
 ROOT = Path(__file__).parents[2]
 KEYS = {
@@ -40,7 +40,7 @@ KEYS = {
 def test_scenes_lists_the_gallery(cotrack):
     status, out, _ = cotrack("scenes")
     assert status == 0
-    assert [line.split()[0] for line in out.splitlines()] == gallery.names()
+    assert [line.split()[0] for line in out.splitlines()] == scene_names()
 
 
 def test_vehicles_lists_the_packaged_ones(cotrack):
@@ -67,7 +67,7 @@ def test_show(cotrack):
 
 def test_an_open_ledger_is_not_a_success(cotrack, tmp_path):
     """An open energy balance is a failure: a chain without checks falls 20 cm per step."""
-    text = (Path(gallery.__file__).parents[1] / "gallery" / "released_chain.toml").read_text(encoding="utf-8")
+    text = (Path(scene_module.__file__).parents[1] / "gallery" / "released_chain.toml").read_text(encoding="utf-8")
     (tmp_path / "fall.toml").write_text(text.partition("[expect")[0], encoding="utf-8")
     fall = ("run", "fall.toml", "--no-estimate", "--set", "chain.links=8", "--stop", "0.6", "--json")
     for step, wanted in (("50 ms", 1), ("2 ms", 0)):

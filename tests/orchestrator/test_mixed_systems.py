@@ -12,7 +12,7 @@ from foreign_fmus import Variable, library_of
 from numpy.testing import assert_array_equal
 
 from fmus.vehicle import BadInput
-from orchestrator.cosim.model_description import QUANTITIES, UNCHANGED, Conversion, base_unit, conversion, unit_of
+from orchestrator.cosim.base_units import QUANTITIES, UNCHANGED, Conversion, base_unit, conversion, unit_of
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log

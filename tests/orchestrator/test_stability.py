@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.scene.scene import load
-from orchestrator.studies import Row, extreme, limits, stability, verdict
+from orchestrator.studies import Row, limits, stability, verdict
 from orchestrator.studies.limits import Oscillator, amplification
 from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, with_verdict
 
@@ -137,13 +137,13 @@ def test_cases():
     quick, whole = stability.cases(True), stability.cases(False)
     assert {case.item for case in quick} <= {case.item for case in whole}
     assert len({(case.item, case.name) for case in whole}) == len(whole) > 3 * len(quick) - 10
-    for family in extreme.FAMILIES:
+    for family in stability.FAMILIES:
         assert set(family.quick or ()) <= set(family.values), family.name
         for value in family.values:
             asked = family.expectation if isinstance(family.expectation, str) else family.expectation(value)
             assert asked in verdict.EXPECTATIONS
     for number in (0, 12, 14, 17, 19, 20, 21):  # settings that a scene takes
-        family = extreme.FAMILIES[number]
+        family = stability.FAMILIES[number]
         load(family.scene, family.track, family.settings(family.values[-1]))
 
 

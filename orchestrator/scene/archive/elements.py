@@ -16,10 +16,10 @@ from xml.etree.ElementTree import Element as Node
 from xml.etree.ElementTree import ParseError, fromstring
 
 from fmus.vehicle import BadInput, value_text
+from orchestrator.cosim.base_units import QUANTITIES, UNCHANGED, BaseUnit, Conversion, base_unit, unit_of
 from orchestrator.cosim.component import description_of
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.model_description import QUANTITIES, UNCHANGED, BaseUnit, Conversion, base_unit, unit_of
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
 
 VERSIONS = "1.0", "2.0"

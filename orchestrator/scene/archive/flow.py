@@ -1,6 +1,10 @@
-"""Parameter sets of an archive and their mappings, as start values of FMU variables.
+"""Connections of an archive from connector to connector, what flows through several of them, and start values.
 
-Bindings of a system outweigh those of what is in it, later ones earlier ones (SSP 1.0, ParameterBinding).
+Start and end of a connection say nothing about its direction: that is from the connector that gives to the one that
+takes, seen from the system that they are in.
+
+Parameter sets and their mappings give start values of FMU variables. Bindings of a system outweigh those of what is in
+it, later ones earlier ones (SSP 1.0, ParameterBinding).
 """
 
 from __future__ import annotations
@@ -11,12 +15,15 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element as Node
 
 from fmus.vehicle import BadInput, value_text
+from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, conversion
 from orchestrator.cosim.fmu_files import unpack
-from orchestrator.cosim.model_description import UNCHANGED, BaseUnit, Conversion, conversion
 from orchestrator.scene.archive.elements import (
     FLOATS,
     INTEGER,
+    SINKS,
+    SOURCES,
     WHOLES,
+    Connector,
     Element,
     Place,
     child,
@@ -28,7 +35,135 @@ from orchestrator.scene.archive.elements import (
     truth,
     units_of,
 )
-from orchestrator.scene.archive.structure import End, Link, Stream
+
+ENDS = ("startElement", "startConnector"), ("endElement", "endConnector")
+
+
+class End(NamedTuple):
+    """Connector of an element."""
+
+    element: Element
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.element.path}.{self.name}" if self.element.path else self.name
+
+    @property
+    def connector(self) -> Connector:
+        """Its kind and unit; raises BadInput if there is no such connector."""
+        found = self.element.connector(self.name)
+        if found is None:
+            raise BadInput(f"{self.element.place.where}: there is no connector '{self}'")
+        return found
+
+    def base(self, unit: str) -> BaseUnit | None:
+        """A unit in base units."""
+        return self.element.base(self.name, unit)
+
+
+class Link(NamedTuple):
+    """Connection from one end to another."""
+
+    source: End
+    target: End
+    transformation: Conversion  # after the conversion of units
+    converts: bool  # units are converted
+
+
+class Stream(NamedTuple):
+    """Value on its way through links."""
+
+    end: End
+    total: Conversion = UNCHANGED  # from the value where it began
+    unit: str = ""  # that it has by now; empty: unknown
+    unit_end: End | None = None  # connector by which the unit is defined
+    simple: Conversion | None = UNCHANGED  # transformation behind conversions of units alone; None: before some
+    begin: End | None = None  # where it began, if it has gone through links
+
+    def through(self, link: Link) -> Stream:
+        """The value behind a link; raises BadInput for units that cannot be converted."""
+        stream = self.seen_at(link.source)
+        target = link.target.connector
+        converted, unit_end = UNCHANGED, stream.unit_end
+        if link.converts and stream.unit and target.unit and stream.unit != target.unit and unit_end is not None:
+            converted = converted_units((unit_end, stream.unit), (link.target, target.unit), link)
+        simple = stream.simple
+        if converted != UNCHANGED and simple != UNCHANGED:
+            simple = None
+        if simple is not None:
+            simple = simple.then(link.transformation) if link.converts else None
+        total = stream.total.then(converted).then(link.transformation)
+        unit_end = link.target if target.unit else unit_end
+        return Stream(link.target, total, target.unit or stream.unit, unit_end, simple, self.begin or self.end)
+
+    def seen_at(self, end: End) -> Stream:
+        """The value with the unit of a connector, if that has one."""
+        unit = end.connector.unit
+        return self._replace(unit=unit, unit_end=end) if unit else self
+
+
+def converted_units(one: tuple[End, str], other: tuple[End, str], what: object) -> Conversion:
+    """Conversion from the unit of one connector to that of another; raises BadInput if there is none."""
+    bases = [end.base(unit) for end, unit in (one, other)]
+    for (end, unit), base in zip((one, other), bases, strict=True):
+        if base is None:
+            raise BadInput(f"{end.element.place.where}: '{end}' has the unit '{unit}', which is not defined")
+    assert bases[0] is not None
+    assert bases[1] is not None
+    if bases[0].exponents != bases[1].exponents:
+        where = f"{other[0].element.place.where}: '{other[0]}'"
+        raise BadInput(f"{where} has the unit '{other[1]}', and '{one[0]}' the unit '{one[1]}'")
+    return conversion(*bases)
+
+
+def links(system: Element, outer: Sequence[Element] = ()) -> Iterator[Link]:
+    """Connections of a system and of those in it; raises BadInput."""
+    systems = (*outer, system)
+    for name, element in system.elements.items():
+        if (wanted := element.node.get("dictionary")) is not None:
+            found = next((one.dictionaries[wanted] for one in reversed(systems) if wanted in one.dictionaries), None)
+            if found is None:
+                raise BadInput(f"{system.place.where}: there is no signal dictionary {value_text(wanted)}")
+            system.elements[name] = found
+    for node in children(system.node, "Connections", "Connection"):
+        yield _link(node, system)
+    for element in system.elements.values():
+        yield from links(element, systems) if element.fmu is None else ()
+
+
+def _link(node: Node, system: Element) -> Link:
+    ends = []
+    for of, at in ENDS:
+        element, connector = node.get(of) or None, node.get(at, "")  # OMSimulator writes an empty name of the system
+        if element is not None and element not in system.elements:
+            raise BadInput(f"{system.place.where}: no component {value_text(element)}, which a connection names")
+        ends.append(End(system if element is None else system.elements[element], connector))
+    words = f"{system.place.where}: connection of '{ends[0]}' and '{ends[1]}'"
+    gives = [_gives(end, end.element is system) for end in ends]
+    if gives[0] is None and gives[1] is not None:
+        gives[0] = not gives[1]
+    if gives[1] is None and gives[0] is not None:
+        gives[1] = not gives[0]
+    if gives[0] == gives[1]:
+        kinds = " and ".join(end.connector.kind or "an entry of a signal dictionary" for end in ends)
+        raise BadInput(f"{words}: they are {kinds}: one must give, and one take")
+    source, target = ends if gives[0] else reversed(ends)
+    try:
+        converts = not truth(node.get("suppressUnitConversion"))
+    except ValueError:
+        raise BadInput(f"{words}: suppressUnitConversion must be true or false") from None
+    return Link(source, target, linear(node, words), converts)
+
+
+def _gives(end: End, is_outer: bool) -> bool | None:
+    """Whether a connector gives values, seen from inside the system; None: either."""
+    kind = end.connector.kind
+    if not kind:
+        return None
+    if kind not in (*SOURCES, *SINKS):
+        raise BadInput(f"{end.element.place.where}: '{end}' is of causality {kind}: it can have no connection")
+    return (kind in SOURCES) != is_outer
+
 
 Scalar = bool | int | float | str  # value of a variable
 Values = dict[str, dict[str, Scalar]]  # by the path of a component and variable
