@@ -49,7 +49,7 @@ def resume(
 
     None stands for the last checkpoint and for the scene's stop. The log may be that of an interrupted or killed run.
     The FMUs are built from the scene in the log and must have the recorded hashes. ``settings``, KEY=VALUE: branch
-    off with changed parameters (``branch``). Returns the summary of ``simulate``; raises its errors, LogUnreadable
+    off with changed parameters. Returns the summary of ``simulate``; raises its errors, LogUnreadable
     and BadInput.
     """
     with Log(source) as log:
