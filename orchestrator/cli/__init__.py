@@ -23,14 +23,12 @@ from fmus.cache_limit import keep_limit
 from fmus.vehicle import BadInput
 from orchestrator import __version__
 from orchestrator.cli import common, log_commands
-from orchestrator.cli.analysis_commands import analyse, plot
-from orchestrator.cli.check_commands import check
+from orchestrator.cli.analysis_commands import analyse, plot, view
 from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, print_message, print_notices, show_usage
 from orchestrator.cli.result_commands import compare, replay, report
 from orchestrator.cli.run_commands import resume, run, truth
-from orchestrator.cli.scene_commands import build, cache, keys, new, scenes, schema, show, ssp, vehicles, warm
+from orchestrator.cli.scene_commands import build, cache, check, keys, new, scenes, schema, show, ssp, vehicles, warm
 from orchestrator.cli.study_commands import study, sweep
-from orchestrator.cli.view_commands import view
 
 app = typer.Typer(
     name="cotrack",

@@ -59,8 +59,6 @@ LONGEST_USAGE = 300  # of an error in the command line
 USAGE_ERROR: Any = typer.BadParameter.__base__  # unknown commands and options too; typer has no public name for it
 # Errors of a stream that accepts no more data.
 CLOSED_STREAM = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)
-
-
 TrackModel = StrEnum("TrackModel", [*TRACKS])  # type: ignore[misc]
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="a name of the gallery or a TOML file")]
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]

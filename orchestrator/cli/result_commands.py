@@ -158,7 +158,7 @@ def compare(
     With --map, B is a CSV file of measured signals: a header of names with units as "v [km/h]", a clock, numbers. The
     command prints how much the mapped signals differ, and --allow limits their relative RMS difference.
     """
-    from orchestrator.cli.compared import lines
+    from orchestrator.cli.comparison import lines
     from orchestrator.results.run_data import Window
 
     check_window(start, end)
@@ -183,7 +183,7 @@ def _compare_measured(
     run: Path, measured: MeasuredFile, window: Window, by_phase: bool, allowed: Sequence[str]
 ) -> tuple[dict[str, Any], Iterator[str]]:
     """Return the result of a comparison with a measured record, and its lines of text."""
-    from orchestrator.cli.compared import measured_lines, measured_table
+    from orchestrator.cli.comparison import measured_lines, measured_table
     from orchestrator.log.reader import Log
     from orchestrator.results.measured_difference import compare_measured
     from orchestrator.results.run_data import RunData
@@ -206,7 +206,7 @@ def _compare_logs(
     picture: Path | None,
 ) -> dict[str, Any]:
     """Return the result of a comparison of two runs; draw the growth of their difference."""
-    from orchestrator.cli.compared import limits, table
+    from orchestrator.cli.comparison import limits, table
     from orchestrator.log.reader import Log
     from orchestrator.results.alignment import alignment
     from orchestrator.results.difference import differences

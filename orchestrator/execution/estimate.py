@@ -29,7 +29,6 @@ from orchestrator.scene.tables import VariableStepTable
 
 SHARE = 1.0 / math.sqrt(3.0)  # error over difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
-
 Differences = dict[str, ObservableDifference]  # by observable
 # Records a scene, unless it has a log already, and returns its outcome (``simulate.record_companion``).
 RecordRun = Callable[[Scene, Path], dict[str, Any]]

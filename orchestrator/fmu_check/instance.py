@@ -54,7 +54,6 @@ def listed(names: list[str], most: int = SHOWN) -> str:
 
 
 Floats = NDArray[np.float64]
-
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 STATUS = "OK", "Warning", "Discard", "Error", "Fatal"
 VERSIONS = {"2.0": fmi2, "3.0": fmi3}

@@ -64,23 +64,11 @@ def footing(
 
 
 SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
-
-
 AXLE: Sequence[float] = (0.0, 0.0, 0.0)  # position of the sprocket in the vehicle frame
-
-
 DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages in stepping order: driver, then force sides before motion sides
-
-
 DIFFERENTIAL = "differential"
-
-
 HHT_RADIUS = 0.5  # default spectral radius of hht, its strongest damping
-
-
 POSE = 7  # position and orientation are the first 7 of a wheel's 13 variables; rates follow
-
-
 Parameters = dict[str, float | int | str]
 
 

@@ -20,17 +20,9 @@ from fmus.vehicle import In
 from orchestrator.log.message_records import MOST_STEPS
 
 Duration = Annotated[float, In("s", gt=0)]
-
-
 Time = Annotated[float, In("s", ge=0)]
-
-
 Angle = Annotated[float, In("rad")]
-
-
 Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double cannot resolve contact penetrations
-
-
 Every = Annotated[int, Field(ge=1, le=MOST_STEPS)]
 
 
@@ -41,11 +33,7 @@ else:
 
 
 SOLVED: dict[str, Any] = {"readOnly": True}  # in the JSON schema of a key that a run solves for
-
-
 Side = Literal["left", "right"]
-
-
 SIDES: tuple[Side, Side] = ("left", "right")
 
 
@@ -67,8 +55,6 @@ class OrFalse(GroupedMetadata):
 
 
 OR_FALSE = OrFalse()
-
-
 TURNING = "a sprocket of 0.25 m makes 180 km/h at 200 rad/s"
 CLIMBED = "no vehicle climbs more"
 UNLOADED = "more is rock: a micrometre under a tank"

@@ -27,7 +27,6 @@ from orchestrator.studies import Case, Row, files
 from orchestrator.studies.runs import record, sampled
 
 __all__ = ["TITLE", "WORKERS", "cases", "table", "write"]
-
 TITLE = "Error against run time"
 WORKERS = 1  # timed runs need the machine for themselves
 QUICK = {

@@ -86,7 +86,6 @@ class Store:
 ROOT = str(Path(__file__).resolve().parents[2])  # folder of our packages
 LONG = 5.0  # s, after which the time left is told
 SCHEDULER_TIMEOUT = "10 s"  # timeout of a Dask scheduler
-
 Rows = list[Row]
 CaseResult = Rows | str  # of a case, or the reason of a failure
 FinishedCases = Iterator[tuple[int, CaseResult, bool]]  # number of the case, its answer, True if it is stored

@@ -12,7 +12,7 @@ from short_run import last
 from fmus.vehicle import BadInput
 from orchestrator.execution.loading import require_signals
 from orchestrator.results import measures
-from orchestrator.scene import commented
+from orchestrator.scene import commented_file
 from orchestrator.scene import scene as scene_module
 from orchestrator.scene.keys import (
     OVERRIDES,
@@ -216,7 +216,7 @@ def test_a_commented_scene_resolves_as_its_source(cotrack, check, tmp_path, name
 def test_defaults_in_comments_are_those_of_the_scene(tmp_path, monkeypatch):
     """A commented key of a table that the file has may be uncommented: nothing changes, or another key must be set."""
     monkeypatch.chdir(tmp_path)
-    path = commented.new_file("scene", "own")
+    path = commented_file.new_file("scene", "own")
     lines, same, refused = path.read_text(encoding="utf-8").splitlines(), 0, []
     source, active = load("own.toml").resolved(), True
     for i, line in enumerate(lines):
@@ -261,7 +261,7 @@ def test_points_of_a_source_elsewhere_are_written(tmp_path, monkeypatch):
         toml_lines({**table, "drive": {"mode": "speed", "speed_points": "speed.csv"}})
     )
     monkeypatch.chdir(tmp_path)
-    commented.new_file("scene", "b", "far/a.toml")
+    commented_file.new_file("scene", "b", "far/a.toml")
     assert load("b.toml").drive.speed_points == ((0.0, 0.0), (1.0, 5.0))
 
 
@@ -349,7 +349,7 @@ def test_a_misspelt_key_of_a_file_is_told_the_nearest(tmp_path, monkeypatch, old
     text = (ORCHESTRATOR / "gallery" / "straight.toml").read_text(encoding="utf-8")
     assert old in text
     (tmp_path / "own.toml").write_text(text.replace(old, new, 1))
-    commented.new_file("vehicle", "tank")
+    commented_file.new_file("vehicle", "tank")
     vehicle = (tmp_path / "tank.toml").read_text(encoding="utf-8")
     (tmp_path / "tank.toml").write_text(vehicle.replace("lateral = ", "lateal = "))
     with pytest.raises(BadInput) as caught:

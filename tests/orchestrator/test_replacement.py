@@ -20,7 +20,7 @@ from orchestrator.execution.summary_text import lines
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, system, unfit
-from orchestrator.scene.commented import scene_text
+from orchestrator.scene.commented_file import scene_text
 from orchestrator.scene.placing import placed
 from orchestrator.scene.products import scene_products, write_ssp
 from orchestrator.scene.scene import load
