@@ -16,7 +16,8 @@ from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.scene.scene import Scene, load
+from orchestrator.scene.kinds import Scene
+from orchestrator.scene.scene import load
 
 SEED, COUNT = 34, 60
 STOP = 1.2  # s

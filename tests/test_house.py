@@ -41,14 +41,12 @@ GENERIC = [
     *(
         f"cosim/{name}.py"
         for name in (
-            "interval_statistics",
             "base_units",
             "component",
             "fmi2_library",
             "fmi3_library",
             "fmu_files",
             "model_description",
-            "component_warnings",
             "graph",
             "mixed_exchange",
             "program",

@@ -13,10 +13,9 @@ from fmus.physics.contact.laws import LAWS
 from fmus.track_choices import TRACKS
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.results.analyses.catalogue import ANALYSES
-from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
-from orchestrator.scene.run_tables import CouplingTable
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import load, scene_names
+from orchestrator.scene.tables import CouplingTable
 from orchestrator.studies import STUDIES
 from tests.validation.__main__ import STUDIES as VALIDATIONS
 
@@ -43,7 +42,12 @@ LISTS = {
     "scenes": Listed(
         "orchestrator/gallery/README.md",
         r"^\| scene \| content \|\n\| --- \| --- \|\n((?:\|.*\n)+)",
-        gallery.names(),
+        scene_names(),
+        ROW,
+    ),
+        "orchestrator/gallery/README.md",
+        r"^\| scene \| content \|\n\| --- \| --- \|\n((?:\|.*\n)+)",
+        scene_names(),
         ROW,
     ),
     "analyses": Listed("orchestrator/commands.md", r"^cotrack analyse LOG (\S+)$", ANALYSES),

@@ -16,8 +16,7 @@ from orchestrator.results.answer_comparison import answers
 from orchestrator.results.energy import ledger
 from orchestrator.results.measures import third_law
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.scene import gallery
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import load, scene_names
 
 MODELS = tuple(TRACKS)
 STEERED = "pivot", "serpentine", "brake_turn", "differential"  # in full only as studies: ``turn`` represents them
@@ -41,7 +40,7 @@ def marks(name, model):
 
 CASES = [
     pytest.param(name, model, id=f"{name}-{model}", marks=marks(name, model))
-    for name in gallery.names()
+    for name in scene_names()
     for model in MODELS
 ]
 CLOSES = 0.02  # energy residual over the work

@@ -26,10 +26,9 @@ from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
 from orchestrator.execution.loading import load_components
 from orchestrator.execution.prepared_run import pace_of
-from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import from_table, load
+from orchestrator.scene.scene import from_table, load, scene_names
 from orchestrator.scene.settings import set_key
 from orchestrator.scene.track_table import TrackModelTable
 
@@ -155,7 +154,7 @@ def in_brief(key: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
 def asked() -> dict[str, tuple[str, ...]]:
     """All keys of all scenes of the gallery and of all cases, with the kinds of links they act on."""
     all_keys: set[str] = set()
-    for name in gallery.names():
+    for name in scene_names():
         for model in TRACKS:
             all_keys |= {key for key, _ in flat(load(name, model).resolved())}
     for case in CASES.values():

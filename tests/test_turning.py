@@ -4,6 +4,8 @@ The general theory brackets a run within these bands: it has no links, whose pad
 circle, and no strand tensions, which move load between the wheels.
 """
 
+from importlib import resources
+
 import numpy as np
 import pytest
 from skid_steering import Vehicle, turn
@@ -17,7 +19,6 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import turning
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.same_scene import scene_difference
@@ -300,7 +301,7 @@ def test_free_axes_without_wheels_are_a_sentence():
 def test_points_of_a_file_are_in_the_scene(tmp_path, monkeypatch):
     """Points of a file beside the scene or in the current folder are copied into the resolved scene."""
     (tmp_path / "left.csv").write_text("time,speed\n0,0\n2,8\n")
-    base = (gallery.resources.files("orchestrator") / "gallery" / "turn.toml").read_text()
+    base = (resources.files("orchestrator") / "gallery" / "turn.toml").read_text()
     (tmp_path / "mine.toml").write_text(base.replace('speed = "8 rad/s"', 'speed_points = "left.csv"'))
     scene = load(str(tmp_path / "mine.toml"), "rigid")
     assert scene.drive.left.speed_points == ((0.0, 0.0), (2.0, 8.0))

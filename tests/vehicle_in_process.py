@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from fmus.components import model_of
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 Overrides = Mapping[str, Mapping[str, float | int | str]]

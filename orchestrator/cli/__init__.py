@@ -22,16 +22,13 @@ import typer
 from fmus.cache_limit import keep_limit
 from fmus.vehicle import BadInput
 from orchestrator import __version__
-from orchestrator.cli import log_commands, printed
-from orchestrator.cli.analysis_commands import analyse, plot
-from orchestrator.cli.cache_commands import cache
-from orchestrator.cli.check_commands import check
+from orchestrator.cli import common, log_commands
+from orchestrator.cli.analysis_commands import analyse, plot, view
 from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, print_message, print_notices, show_usage
 from orchestrator.cli.result_commands import compare, replay, report
 from orchestrator.cli.run_commands import resume, run, truth
-from orchestrator.cli.scene_commands import build, keys, new, scenes, schema, show, ssp, vehicles, warm
+from orchestrator.cli.scene_commands import build, cache, check, keys, new, scenes, schema, show, ssp, vehicles, warm
 from orchestrator.cli.study_commands import study, sweep
-from orchestrator.cli.view_commands import view
 
 app = typer.Typer(
     name="cotrack",
@@ -86,7 +83,7 @@ def _stop(number: int, frame: object) -> None:
 def main(command: Callable[..., Any] = app) -> None:
     """Run a command line; an error ends as one sentence, with exit status 2 for bad input."""
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(printed.PlainFormatter())
+    handler.setFormatter(common.PlainFormatter())
     logging.basicConfig(handlers=[handler], level=logging.WARNING)
     for stream in (sys.stdout, sys.stderr):  # file names may hold bytes that are not text
         with suppress(AttributeError):  # a closed stream, or one that is not the system's

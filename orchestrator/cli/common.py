@@ -1,4 +1,4 @@
-"""Arguments, messages and exit status shared by all commands."""
+"""Arguments, options, messages and exit status shared by all commands; text of any origin for the terminal."""
 
 from __future__ import annotations
 
@@ -8,20 +8,50 @@ import os
 import sys
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, path_text
-from orchestrator.cli import printed
 from orchestrator.cosim.narration import Narration
 from orchestrator.log.extra import lacking
 from orchestrator.log.notices import LogNotice
+from orchestrator.results.units import finite as finite
+
+if TYPE_CHECKING:
+    from orchestrator.results.measured_record import MeasuredFile
+
+
+MOST = 10  # lines of a summary
+LONGEST = 1000  # longest printed sentence, characters
+
+
+def plain(text: str) -> str:
+    """Return text of any origin as one line of printable characters, shortened to LONGEST."""
+    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:LONGEST])
+    return shown if len(text) <= LONGEST else f"{shown} ..."
+
+
+def summary(result: dict[str, Any], verbose: bool = False) -> None:
+    """Print the summary of a run, in MOST lines unless it is to be ``verbose`` or more is wrong."""
+    from orchestrator.execution.summary_text import lines
+
+    for line in lines(result, None if verbose else MOST):
+        print(plain(line))
+
+
+class PlainFormatter(logging.Formatter):
+    """Formatter of messages of any origin, each as one line."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line."""
+        return f"cotrack: {plain(record.getMessage())}"
+
 
 FMI_WARNING = 1
 LONGEST_MESSAGE = 380  # characters of an error: names and values of the user may have any length
@@ -29,8 +59,6 @@ LONGEST_USAGE = 300  # of an error in the command line
 USAGE_ERROR: Any = typer.BadParameter.__base__  # unknown commands and options too; typer has no public name for it
 # Errors of a stream that accepts no more data.
 CLOSED_STREAM = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)
-
-
 TrackModel = StrEnum("TrackModel", [*TRACKS])  # type: ignore[misc]
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="a name of the gallery or a TOML file")]
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
@@ -66,7 +94,7 @@ def check_window(start: float, end: float) -> None:
 def print_progress(line: str) -> None:
     """Print one line of progress on stderr."""
     with suppress(OSError, ValueError):  # stderr is closed
-        print(f"... {printed.plain(line)}", file=sys.stderr, flush=True)
+        print(f"... {plain(line)}", file=sys.stderr, flush=True)
 
 
 narration = Narration(print_progress)
@@ -156,7 +184,7 @@ def print_message(message: str, status: int) -> int:
     """Print a message on stderr and return the exit status."""
     if message and sys.stderr is not None:
         with suppress(OSError):  # stderr is closed
-            print(f"cotrack: {printed.plain(message)}", file=sys.stderr)
+            print(f"cotrack: {plain(message)}", file=sys.stderr)
     return status
 
 
@@ -169,3 +197,40 @@ def log_warning(instance: str, status: int, message: str) -> None:
     """Log a component's FMI warning; anything worse ends the run with its own message."""
     if status == FMI_WARNING:
         logging.getLogger("cotrack").warning("%s: %s", instance, message)
+
+
+WithOption = Annotated[
+    Path | None, typer.Option("--with", metavar="FILE.csv", help="measured record, shown beside the run")
+]
+MapOption = Annotated[
+    list[str] | None,
+    typer.Option("--map", metavar="SIGNAL=COLUMN[:UNIT]", help="column of the CSV file for a signal, repeatable"),
+]
+ClockOption = Annotated[
+    str, typer.Option("--clock", metavar="COLUMN[:UNIT]", help="time in the CSV file; default t or time")
+]
+ShiftOption = Annotated[
+    str, typer.Option("--shift", metavar="S|find", help="s added to the file's time; find: least RMS difference")
+]
+
+
+def measured_file(file: Path | None, mapped: Sequence[str] | None, clock: str, shift: str) -> MeasuredFile | None:
+    """Parse the options of a CSV file; None without one.
+
+    Raises BadInput, also for options without a file and a file without a map.
+    """
+    from orchestrator.results.measured_record import MeasuredFile
+
+    columns: dict[str, str] = {}
+    for text in mapped or ():
+        signal, _, column = text.partition("=")
+        if not (signal and column):
+            raise BadInput(f"--map {text}: must be SIGNAL=COLUMN or SIGNAL=COLUMN:UNIT")
+        if signal in columns:
+            raise BadInput(f"--map {text}: '{signal}' has a column already, '{columns[signal]}'")
+        columns[signal] = column
+    if file is None and (columns or clock or shift != "0"):
+        raise BadInput("--map, --clock and --shift belong to the CSV file of a test, which is not given")
+    if file is not None and not columns:
+        raise BadInput("a measured record needs --map SIGNAL=COLUMN, for example --map 'chassis.speed=v'")
+    return None if file is None else MeasuredFile(file, columns, clock, shift)

@@ -9,10 +9,9 @@ from typing import Any
 from fmus.loaded import loaded_contents
 from fmus.track_choices import TRACKS
 from orchestrator.scene.assembly import Assembly, assemble
-from orchestrator.scene.fmu_table import FmuTable
-from orchestrator.scene.pair import ARROW
+from orchestrator.scene.fmu_table import ARROW, FmuTable
+from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, Part
-from orchestrator.scene.scene import Scene, VehicleScene
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import Check
 

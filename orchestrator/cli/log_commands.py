@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
 
-from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, beside
-from orchestrator.cli.printed import plain
+from orchestrator.cli import common
+from orchestrator.cli.common import LogPath, beside, plain
 from orchestrator.results.validity.limits import recorded_entries
 
 JsonOption = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
@@ -26,48 +26,58 @@ def info(
     as_json: JsonOption = False,
 ) -> None:
     """Print the contents of a log and the status of its run."""
-    from orchestrator.execution import summary_text
     from orchestrator.log import tools
-    from orchestrator.log.log_format import checkpoint_step
 
     summary = tools.info(log)
-    points = {name: size for name, size in summary.attachments.items() if checkpoint_step(name) is not None}
-    opened, closing = summary.log, summary.log.closing or {"message": "", "warnings": []}
+    if as_json:
+        print(json.dumps(common.finite(_info_as_json(summary))))
+        return
+    for line in _info_lines(summary):
+        print(plain(line))
+    for topic, entry in summary.log.topics.items() if signals else ():
+        print(plain(f"{topic}:"))
+        for name, unit in zip(entry.names, entry.units, strict=True):
+            print(plain(f"  {name} [{unit}]"))
+
+
+def _info_lines(summary: Any) -> Iterator[str]:
+    """Yield the lines about an ``Info``: file and run, messages of the run, contents, digest and seal."""
+    opened = summary.log
     cut = "still being written" if opened.being_written else "cut off"
-    end = f"{closing['status']} after {closing['steps']} steps" if opened.closing else cut
-    lines = [
-        f"{opened.path}: {opened.size / 1e6:.2f} MB, {summary.start:g} to {summary.end:g} s, {end}",
-        *(f"  {sentence}" for sentence in (closing["message"], *opened.faults, *summary.seal_faults) if sentence),
-        *(f"  {summary_text.warning(entry)}" for entry in closing["warnings"]),
-        *(f"  {summary_text.validity(entry)}" for entry in recorded_entries(closing.get("results", {}))),
-        *(
-            f"  {record}: {', '.join(f'{key} = {value}' for key, value in entries.items())}"
-            for record, entries in opened.metadata.items()
-        ),
-        *(
+    end = f"{opened.closing['status']} after {opened.closing['steps']} steps" if opened.closing else cut
+    yield f"{opened.path}: {opened.size / 1e6:.2f} MB, {summary.start:g} to {summary.end:g} s, {end}"
+    yield from (f"  {sentence}" for sentence in _messages(summary))
+    for record, entries in opened.metadata.items():
+        yield f"  {record}: {', '.join(f'{key} = {value}' for key, value in entries.items())}"
+    for topic, tally in summary.topics.items():
+        yield (
             f"  {topic:22} {len(opened.topics[topic].names):5} signals, {tally.messages:7} messages,"
             f" one step in {opened.topics[topic].every}, {tally.bytes / 1e6:.2f} MB"
-            for topic, tally in summary.topics.items()
-        ),
-        *(f"  {topic:22} {kind} for other tools" for topic, kind in opened.others.items()),
-        *(f"  attached: {name}, {size} bytes" for name, size in summary.attachments.items() if name not in points),
-        *(
-            [f"  {len(points)} checkpoints, {sum(points.values())} bytes: 'cotrack resume' continues from one"]
-            * bool(points)
-        ),
-        f"  digest {summary.digest or 'none: a part is damaged'}",
-        f"  seal {opened.seal or 'none'}{', which does not hold' * bool(opened.seal and summary.seal_faults)}",
-    ]
-    if as_json:
-        print(json.dumps(printed.finite(_info_as_json(summary))))
-        return
-    for line in lines:
-        print(plain(line))
-    if signals:
-        for topic, entry in opened.topics.items():
-            print(plain(f"{topic}:"))
-            for name, unit in zip(entry.names, entry.units, strict=True):
-                print(plain(f"  {name} [{unit}]"))
+        )
+    yield from (f"  {topic:22} {kind} for other tools" for topic, kind in opened.others.items())
+    yield from _attached(summary.attachments)
+    yield f"  digest {summary.digest or 'none: a part is damaged'}"
+    yield f"  seal {opened.seal or 'none'}{', which does not hold' * bool(opened.seal and summary.seal_faults)}"
+
+
+def _messages(summary: Any) -> Iterator[str]:
+    """Yield message, faults, warnings and exceeded limits of the run of an ``Info``."""
+    from orchestrator.execution import summary_text
+
+    closing = summary.log.closing or {"message": "", "warnings": []}
+    yield from filter(None, (closing["message"], *summary.log.faults, *summary.seal_faults))
+    yield from map(summary_text.warning, closing["warnings"])
+    yield from map(summary_text.validity, recorded_entries(closing.get("results", {})))
+
+
+def _attached(attachments: Mapping[str, int]) -> Iterator[str]:
+    """Yield a line for each attachment by its size, bytes, and one for all checkpoints."""
+    from orchestrator.log.log_metadata import checkpoint_step
+
+    points = {name: size for name, size in attachments.items() if checkpoint_step(name) is not None}
+    yield from (f"  attached: {name}, {size} bytes" for name, size in attachments.items() if name not in points)
+    if points:
+        yield f"  {len(points)} checkpoints, {sum(points.values())} bytes: 'cotrack resume' continues from one"
 
 
 def _info_as_json(summary: Any) -> dict[str, Any]:

@@ -13,9 +13,19 @@ import typer
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
-from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, Settings, check_window, exit_with, log_warning
-from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, WithOption, measured_file
+from orchestrator.cli import common
+from orchestrator.cli.common import (
+    ClockOption,
+    LogPath,
+    MapOption,
+    Settings,
+    ShiftOption,
+    WithOption,
+    check_window,
+    exit_with,
+    log_warning,
+    measured_file,
+)
 from orchestrator.results.analyses.catalogue import SN_HELP
 
 if TYPE_CHECKING:
@@ -67,10 +77,10 @@ def replay(
             verdicts[name] = opened.verify((start, end))
     if as_json:
         results = {name: _verdict_as_json(verdict) for name, verdict in verdicts.items()}
-        print(json.dumps(printed.finite(results[names[0]] if component and len(names) == 1 else results)))
+        print(json.dumps(common.finite(results[names[0]] if component and len(names) == 1 else results)))
     else:
         for name, verdict in verdicts.items():
-            print(printed.plain(verdict.sentence if len(names) == 1 else f"{name}: {verdict.sentence}"))
+            print(common.plain(verdict.sentence if len(names) == 1 else f"{name}: {verdict.sentence}"))
     sys.exit(0 if verdicts and all(verdict.equal for verdict in verdicts.values()) else 1)
 
 
@@ -102,7 +112,7 @@ def _write_answer(log: Path, opened: Any, path: Path, picture: Path | None, wind
     if not answers:
         exit_with(f"log {path}: nothing of '{name}' is there to be compared from {window[0]:g} to {window[1]:g} s", 1)
     for line in answer_comparison.lines(answers):
-        print(printed.plain(line))
+        print(common.plain(line))
     print(f"log {path}")
     if picture is not None:
         answer_comparison.draw(answers, picture, f"{name} of {log.name}, and {path.name} under the same inputs")
@@ -148,7 +158,7 @@ def compare(
     With --map, B is a CSV file of measured signals: a header of names with units as "v [km/h]", a clock, numbers. The
     command prints how much the mapped signals differ, and --allow limits their relative RMS difference.
     """
-    from orchestrator.cli.compared import lines
+    from orchestrator.cli.comparison import lines
     from orchestrator.results.run_data import Window
 
     check_window(start, end)
@@ -162,10 +172,10 @@ def compare(
         result = _compare_logs((run, reference), different, window, align, allowed or (), bitwise, picture)
         text = lines(result)
     if as_json:
-        print(json.dumps(printed.finite(result)))
+        print(json.dumps(common.finite(result)))
     else:
         for line in text:
-            print(printed.plain(line))
+            print(common.plain(line))
     sys.exit(0 if result["ok"] else 1)
 
 
@@ -173,7 +183,7 @@ def _compare_measured(
     run: Path, measured: MeasuredFile, window: Window, by_phase: bool, allowed: Sequence[str]
 ) -> tuple[dict[str, Any], Iterator[str]]:
     """Return the result of a comparison with a measured record, and its lines of text."""
-    from orchestrator.cli.compared import measured_lines, measured_table
+    from orchestrator.cli.comparison import measured_lines, measured_table
     from orchestrator.log.reader import Log
     from orchestrator.results.measured_difference import compare_measured
     from orchestrator.results.run_data import RunData
@@ -196,7 +206,7 @@ def _compare_logs(
     picture: Path | None,
 ) -> dict[str, Any]:
     """Return the result of a comparison of two runs; draw the growth of their difference."""
-    from orchestrator.cli.compared import limits, table
+    from orchestrator.cli.comparison import limits, table
     from orchestrator.log.reader import Log
     from orchestrator.results.difference import alignment, differences
     from orchestrator.results.divergence import divergence, draw
@@ -243,7 +253,7 @@ def report(
     shows both runs and a table lists their differences. With a CSV file of measured signals, a section
     draws them with those of the run and lists the differences by phase.
     """
-    from orchestrator.execution.reported import report as write
+    from orchestrator.execution.log_report import report as write
 
     write(log, output, reference, different, measured_file(file, mapped, clock, shift), sn)
     print(output)

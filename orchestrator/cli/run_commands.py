@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from orchestrator.cli import printed
+from orchestrator.cli import common
 from orchestrator.cli.common import (
     LogPath,
     SceneName,
@@ -105,9 +105,9 @@ def run(
         result["message"], status = message_and_status(failure)
     print_message(result["message"], status)
     if as_json:
-        print(json.dumps(printed.finite(result)))
+        print(json.dumps(common.finite(result)))
     elif status != 2:
-        printed.summary(result, verbose)
+        common.summary(result, verbose)
     sys.exit(status)
 
 
@@ -141,9 +141,9 @@ def resume(
     result = go_on(log, path, at, stop, log_warning, narration, settings or ())
     print_message(result["message"], 0)
     if as_json:
-        print(json.dumps(printed.finite(result)))
+        print(json.dumps(common.finite(result)))
     else:
-        printed.summary(result, verbose)
+        common.summary(result, verbose)
     sys.exit(0 if summary.is_passed(result) else 1)
 
 
@@ -206,7 +206,7 @@ def truth(
         "observables": observables,
     }
     if as_json:
-        print(json.dumps(printed.finite(result)))
+        print(json.dumps(common.finite(result)))
         return
     print(f"{'built' if converged.built else 'found'} {converged.log}")
     print(f"  internal step {converged.internal_step:.3g} s, {converged.wall_time:.3g} s of wall time; RMS errors:")

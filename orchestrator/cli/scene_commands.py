@@ -1,26 +1,33 @@
-"""Commands about scenes and own files: list, show, build; keys and their meanings, schemas, commented files."""
+"""Commands about scenes, own files and FMUs: list, show, build, check; keys, schemas, commented files; the cache."""
 
 from __future__ import annotations
 
 import json
 import sys
+import time
+from collections.abc import Mapping
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
-from orchestrator.cli.common import SceneName, Settings, TrackOption, VehicleOption, with_vehicle
+from orchestrator.cli import common
+from orchestrator.cli.common import SceneName, Settings, TrackOption, VehicleOption, narration, with_vehicle
+
+if TYPE_CHECKING:
+    from orchestrator.fmu_check.instance import Verdict
 
 
 def scenes() -> None:
     """List the scenes of the gallery."""
-    from orchestrator.scene import gallery
+    from orchestrator.scene.scene import read_scene, scene_names
 
-    for name in gallery.names():
-        print(f"{name:16} {gallery.read(name)[1]['title']}")
+    for name in scene_names():
+        print(f"{name:16} {read_scene(name)[1]['title']}")
 
 
 def vehicles() -> None:
@@ -98,8 +105,8 @@ def ssp(
 
     The FMUs are native ones, for Linux, and for Windows if the compiler ziglang is installed.
     """
+    from orchestrator.scene.products import write_ssp
     from orchestrator.scene.scene import load
-    from orchestrator.scene.ssp import write_ssp
 
     if output.suffix != ".ssp":
         raise BadInput(f"{output}: the name of the archive must end in .ssp")
@@ -111,8 +118,8 @@ def warm(
     scenes: Annotated[list[str] | None, typer.Argument(help="scenes; default the whole gallery")] = None,
 ) -> None:
     """Compile the kernels of scenes before their first run, in one process per core."""
-    from orchestrator.execution.warm import variants
-    from orchestrator.execution.warm import warm as begun
+    from orchestrator.execution.loading import variants
+    from orchestrator.execution.loading import warm as begun
 
     pairs, failed = variants(scenes or ()), 0
     for done, (name, message, seconds) in enumerate(begun(pairs), 1):
@@ -153,9 +160,9 @@ def keys(
 
 def schema(kind: Kind) -> None:
     """Print the JSON schema of a scene or vehicle file, with which editors complete and check TOML."""
-    from orchestrator.scene import toml_schema
+    from orchestrator.scene import keys
 
-    print(json.dumps(toml_schema.SCHEMAS[kind](), indent=1))
+    print(json.dumps(keys.SCHEMAS[kind](), indent=1))
 
 
 def new(
@@ -167,6 +174,96 @@ def new(
     ] = None,
 ) -> None:
     """Write a commented scene or vehicle file: what the source sets, and as comments all else that may be set."""
-    from orchestrator.scene import commented
+    from orchestrator.scene import commented_file
 
-    print(commented.new_file(kind, name, source))
+    print(commented_file.new_file(kind, name, source))
+
+
+def cache(
+    prune: Annotated[
+        bool, typer.Option("--prune", help="remove what was used longest ago, to the largest size")
+    ] = False,
+    most: Annotated[
+        float | None,
+        typer.Option("--most", metavar="GB", help="largest size; default $COTRACK_CACHE_SIZE, else 4 GB", min=0.0),
+    ] = None,
+) -> None:
+    """Print what the cache folder holds: compiled kernels, built and unpacked FMUs, places of idlers.
+
+    Every command keeps it below its largest size; what was used in the last day stays. With --most, --prune removes
+    that too. What is missing is made again.
+    """
+    from fmus import cache_limit
+    from fmus.cache import cache_folder
+
+    try:
+        limit = cache_limit.limit() if most is None else most * cache_limit.GB
+    except ValueError as error:
+        raise BadInput(str(error)) from None
+    if prune:
+        removed = cache_limit.prune(limit, cache_limit.RECENT if most is None else 0.0)
+        print(f"removed {len(removed)} folders, {_size(sum(entry.size for entry in removed))}")
+    held = cache_limit.entries()
+    print(f"{cache_folder()}: {_size(sum(entry.size for entry in held))} of {_size(limit)} at most")
+    for kind, about in cache_limit.KINDS.items():
+        if own := [entry for entry in held if entry.kind == kind]:
+            oldest = (time.time() - own[0].used) / 86400.0
+            size = _size(sum(entry.size for entry in own))
+            print(f"  {kind:10} {about:32} {len(own):5} folders {size:>9}, the oldest used {oldest:.1f} days ago")
+
+
+def _size(size: float) -> str:
+    return f"{1e-9 * size:.2f} GB" if size >= 1e8 else f"{1e-6 * size:.1f} MB"
+
+
+def check(
+    fmus: Annotated[list[Path], typer.Argument(metavar="FMU...", help="FMUs of FMI 2.0 or 3.0 for co-simulation")],
+    step: Annotated[
+        float | None,
+        typer.Option("--step", metavar="H", help="communication step, s; default the FMU's own, else 1 ms"),
+    ] = None,
+    limit: Annotated[
+        float, typer.Option("--limit", metavar="T", help="time limit of a check, s; 1.2 T for all that hang")
+    ] = 100.0,
+    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+) -> None:
+    """Check any co-simulation FMUs of FMI 2.0 or 3.0: description, units, dependencies, states, steps,
+    calls, memory, and what they leave behind in their process.
+
+    Each check runs in a process of its own, so a crash or a hang of the FMU is a finding. The code of the FMU is run.
+    The exit status is 1 if something is wrong.
+    """
+    from orchestrator.fmu_check import runner
+
+    for name, value in (("--step", step), ("--limit", limit)):
+        if value is not None and not 0.0 < value < float("inf"):
+            raise BadInput(f"{name} {value:g}: must be a finite number greater than 0")
+    for fmu in fmus:
+        runner.require_fmu(fmu)
+    results = {}
+    for fmu in fmus:
+        results[fmu] = runner.verdicts(fmu, step, limit, partial(_begin, fmu.name))
+        if not as_json:
+            _print_table(fmu, results[fmu])
+    if as_json:
+        print(json.dumps({"fmus": [_as_json(fmu, verdicts) for fmu, verdicts in results.items()]}))
+    sys.exit(int(any(verdict.faults for verdicts in results.values() for verdict in verdicts.values())))
+
+
+def _begin(fmu: str, name: str) -> None:
+    narration.set_task(f"{fmu}: {name}")
+
+
+def _print_table(fmu: Path, verdicts: Mapping[str, Verdict]) -> None:
+    wrong = sum(bool(verdict.faults) for verdict in verdicts.values())
+    print(f"{fmu}: " + (f"something is wrong in {wrong} of {len(verdicts)} checks" if wrong else "nothing is wrong"))
+    for name, verdict in verdicts.items():
+        print(f"  {name:{max(map(len, verdicts))}}  {verdict.result:14}  {common.plain(verdict.detail)}")
+
+
+def _as_json(fmu: Path, verdicts: Mapping[str, Verdict]) -> dict[str, object]:
+    checks = {
+        name: {"result": verdict.result, "detail": verdict.detail, "faults": verdict.faults}
+        for name, verdict in verdicts.items()
+    }
+    return {"file": str(fmu), "ok": not any(verdict.faults for verdict in verdicts.values()), "checks": checks}

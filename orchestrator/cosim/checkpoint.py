@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component, ComponentFailed
-from orchestrator.cosim.component_warnings import ComponentWarning
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import Floats
+from orchestrator.cosim.graph import ComponentWarning, Floats
 
 _LENGTH = struct.Struct("<Q")
 _KINDS = ("<f8", "|u1")

@@ -35,8 +35,7 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim import fmi2_library
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, unit_of
-from orchestrator.cosim.component_warnings import ComponentWarning, WarningList
-from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, Guest
+from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, ComponentWarning, Guest, WarningList
 from orchestrator.cosim.graph import ComponentFailed as ComponentFailed
 from orchestrator.cosim.guests.library import GuestLibrary, Opening
 from orchestrator.cosim.guests.room import PRINTED, Room
@@ -55,7 +54,6 @@ from orchestrator.kernels.tables import Record, StepCall, record
 
 Floats = NDArray[np.float64]
 Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a warning only the first of its kind
-
 LINK_FAMILIES = ("link[", "joint[")  # prefixes of per-link outputs, which are read and recorded at their own rate
 ARRAY = ("links.base.lo", "links.base.hi", "links.size")  # address (two words) and bytes of the array of link outputs
 SETTERS: dict[str, tuple[str, Any, Any]] = {  # FMI type: setter, C type, allowed Python types

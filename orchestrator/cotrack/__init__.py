@@ -15,16 +15,15 @@ import orchestrator
 from orchestrator import OFFERED, __version__
 
 if TYPE_CHECKING:
-    from orchestrator.execution.reported import report
+    from orchestrator.execution.log_report import report
     from orchestrator.interface.calls import run
     from orchestrator.interface.recorded_run import Run
-    from orchestrator.log.export import export
-    from orchestrator.log.frames import to_arrow, to_pandas, to_polars, to_xarray
+    from orchestrator.log.export import export, to_arrow, to_pandas, to_polars, to_xarray
     from orchestrator.log.reader import Log
     from orchestrator.results.analyses.catalogue import analyse
     from orchestrator.results.difference import differences_of_logs as compare
-    from orchestrator.scene.gallery import names as scenes
     from orchestrator.scene.scene import load
+    from orchestrator.scene.scene import scene_names as scenes
     from orchestrator.studies.parameter_sweep import sweep
 
 __all__ = [

@@ -22,13 +22,12 @@ from orchestrator.log.reader import Log
 from orchestrator.results.difference import ObservableDifference, differences, observables, worst
 from orchestrator.results.run_data import UNANSWERED, RunData
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import TRACK
-from orchestrator.scene.run_tables import VariableStepTable
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.tables import VariableStepTable
 
 SHARE = 1.0 / math.sqrt(3.0)  # error over difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
-
 Differences = dict[str, ObservableDifference]  # by observable
 # Records a scene, unless it has a log already, and returns its outcome (``simulate.record_companion``).
 RecordRun = Callable[[Scene, Path], dict[str, Any]]

@@ -1,23 +1,89 @@
-"""Loading of a scene's components: place it, build its FMUs, compile what is missing, initialise the instances."""
+"""Loading of a scene's components: check its signals, place it, build its FMUs, compile what is missing, initialise.
+
+Signals that the checks of a scene name are compared with those of its components before anything is built.
+
+FMUs of the user are initialised when those that feed them are, so their order does not matter. FMUs that feed each
+other in a loop are brought into initialisation mode together. There their inputs are set from their outputs, round
+after round, until these stand still (FMI 2.0.4, section 4.2.4: algebraic loops). An FMU whose outputs do not depend on
+its inputs ends this in two rounds, so the dependencies that it declares need not be known.
+"""
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import subprocess
-from collections.abc import Iterable
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import ExitStack
+from functools import partial
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import numpy as np
+import scipy  # loads its parts when they are used
 
 from fmus.ahead import start_compilation
+from fmus.loaded import component_ports
 from fmus.track_choices import TRACKS
-from orchestrator.cosim.component import Component, ComponentFailed, Logger
+from fmus.vehicle import BadInput, value_text
+from orchestrator.cosim import observers
+from orchestrator.cosim.component import LINK_FAMILIES, Component, ComponentFailed, Logger
 from orchestrator.cosim.coupling import power_residual
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.cosim.guests.room import Room, Rooms, Wanted
 from orchestrator.cosim.model_description import loadable
-from orchestrator.execution import start_values
+from orchestrator.log.signal_names import did_you_mean, worded
+from orchestrator.results import measures
 from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.kinds import Scene
+from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.scene import load, scene_names
+from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import SystemScene
+
+STATISTICS = "stats."  # signals of the cost of a component
+
+
+def require_signals(scene: SystemScene) -> None:
+    """Raise BadInput if a check of a scene, of its track model, names a signal that a log of the scene lacks."""
+    checks = {name: check for name, check in scene.expect.items() if check.track in (None, scene.variant)}
+    signals = {name: check.signal for name, check in checks.items() if check.signal is not None}
+    parts = {part.name: part for part in assemble(scene).parts} if signals else {}
+    for name, signal in signals.items():
+        instance = signal.partition(".")[0]
+        if signal.startswith(STATISTICS):
+            continue
+        if instance in parts and parts[instance].fmu is not None:  # a check of what it lacks is not met
+            continue
+        searched = [parts[instance]] if instance in parts else parts.values()
+        known = {one: text for part in searched for one, text in _recorded(scene, part).items()}
+        if signal in known:
+            continue
+        where = f"{scene.where}: expect.{name}.signal = {value_text(signal)}"
+        problem = "no such signal" if instance in parts else f"no component '{instance}'"
+        if found := worded(signal, known, known):
+            near = did_you_mean(found)
+        else:
+            near = hint(signal, known, "there are") if instance in parts else hint(instance, parts, "there are")
+        measure = signal.rpartition(".")[2]
+        raise BadInput(f"{where}: {problem}: {near}{f' Or measure = {measure!r}?' * (measure in measures.NAMES)}")
+
+
+def _recorded(scene: SystemScene, part: Part) -> dict[str, str]:
+    """Signals of a component that a log has, and their descriptions."""
+    if not part.kind:  # an FMU of a free system
+        return {}
+    causalities = ("input", "output") if scene.run.inputs else ("output",)
+    ports = component_ports(part.kind, part.config)
+    texts = {port.name: port.text for port in ports if port.causality in causalities and isinstance(port.start, float)}
+    if scene.records_statistics:
+        links = tuple(name for name in texts if name.startswith(LINK_FAMILIES))
+        texts |= dict.fromkeys(observers.statistics_names(links), "")
+    return {f"{part.name}.{name}": text for name, text in texts.items()}
+
 
 LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
@@ -106,7 +172,7 @@ def load_components(
         components[instance.name].initialise(instance.parameters, 0.0, stop - start)
     initialised = {instance.name: components[instance.name] for instance in own}
     guests = [instance for instance in graph.instances if instance.guest is not None]
-    start_values.initialise(guests, graph.connections, components, initialised, times)
+    initialise(guests, graph.connections, components, initialised, times)
     power_residual.check_bonds(graph.connections, lambda instance, name: components[instance].dimension(name))
     return components
 
@@ -136,3 +202,126 @@ def discrete_variables(connections: Iterable[Connection]) -> dict[str, set[str]]
             found.setdefault(connection.source, set()).update(connection.outputs)
             found.setdefault(connection.target, set()).update(connection.inputs)
     return found
+
+
+ROUNDS = 1000  # of a loop
+STILL = 1e-12  # largest change of an output over its largest value so far, at the end of a loop
+
+
+def initialise(
+    instances: Sequence[Instance],
+    connections: Sequence[Connection],
+    components: Mapping[str, Component],
+    earlier: Mapping[str, Component],
+    times: tuple[float, float],
+) -> None:
+    """Initialise the components of instances; ``earlier`` are those that are initialised already.
+
+    ``times``: start and stop, s. Raises ComponentFailed, also for a loop whose start values do not settle.
+    """
+    if not instances:
+        return
+    done = dict(earlier)
+    by_name = {instance.name: instance for instance in instances}
+    fed = [one for one in connections if one.target in by_name]
+    for group in _in_order_of_flow([*by_name], fed):
+        members = sorted((by_name[name] for name in group), key=lambda one: (-one.stage, one.name))
+
+        def receive(name: str, sources: Mapping[str, Component]) -> None:
+            components[name].start_with(_inputs(name, fed, sources))
+
+        loop = {name: components[name] for name in group}
+        feeds_itself = len(members) > 1 or any(one.source == one.target == group[0] for one in fed)
+        if feeds_itself:
+            for instance in members:
+                receive(instance.name, done)
+                loop[instance.name].enter(instance.parameters, *times)
+            _settle([one.name for one in members], loop, partial(receive, sources=done | loop))
+        for instance in members:
+            if feeds_itself:
+                receive(instance.name, done | loop)
+                loop[instance.name].leave_initialisation()
+            else:
+                receive(instance.name, done)
+                loop[instance.name].initialise(instance.parameters, *times)
+        done |= loop
+
+
+def _in_order_of_flow(names: Sequence[str], connections: Sequence[Connection]) -> list[list[str]]:
+    """Groups of names, each in order; those of one group feed each other, and earlier groups feed later ones."""
+    names = sorted(names)
+    place = {name: k for k, name in enumerate(names)}
+    edges = {(place[one.source], place[one.target]) for one in connections if one.source in place}
+    rows, columns = zip(*edges, strict=True) if edges else ((), ())
+    matrix = scipy.sparse.coo_matrix((np.ones(len(edges)), (rows, columns)), shape=(len(names), len(names)))
+    labels = scipy.sparse.csgraph.connected_components(matrix, connection="strong")[1].tolist()
+    groups: dict[int, list[str]] = {}
+    for name in names:
+        groups.setdefault(labels[place[name]], []).append(name)
+    sorter: TopologicalSorter[int] = TopologicalSorter({label: set() for label in groups})
+    for source, target in sorted(edges):
+        if labels[source] != labels[target]:
+            sorter.add(labels[target], labels[source])
+    return [groups[label] for label in sorter.static_order()]
+
+
+def _inputs(name: str, connections: Sequence[Connection], sources: Mapping[str, Component]) -> dict[str, float]:
+    """Inputs of a component from its sources, as far as these are known."""
+    return {
+        into: float(source.y[source.outputs.index(output)])
+        for connection in connections
+        if connection.target == name and (source := sources.get(connection.source))
+        for output, into in zip(connection.outputs, connection.inputs, strict=True)
+    }
+
+
+def _settle(names: Sequence[str], loop: Mapping[str, Component], receive: Callable[[str], None]) -> None:
+    """Exchange values in initialisation mode until all outputs stand still."""
+    for name in names:
+        loop[name].set_inputs()
+        loop[name].read()
+    largest = {name: abs(loop[name].y) for name in names}
+    for _ in range(ROUNDS):
+        moved = ""
+        for name in names:
+            component, before = loop[name], loop[name].y.copy()
+            receive(name)
+            component.set_inputs()
+            component.read()
+            largest[name] = np.maximum(largest[name], abs(component.y))
+            if (found := np.flatnonzero(abs(component.y - before) > STILL * largest[name])).size:
+                k = int(found[0])
+                moved = f"'{name}.{component.outputs[k]}' was {before[k]:.6g} and then {component.y[k]:.6g}"
+        if not moved:
+            return
+    raise ComponentFailed(
+        f"the start values of {', '.join(names)}, which feed each other, do not settle: in round {ROUNDS} {moved}"
+    )
+
+
+SHORT_RUN = "run.stop=10 ms"
+
+
+def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """Return pairs of scene and track model, by default of the whole gallery; raises BadInput."""
+    return [(name, track) for name in scenes or scene_names() for track in TRACKS if load(name, track)]
+
+
+def warm(pairs: Sequence[tuple[str, str]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
+    """Run the start of each scene; yields name, error message (empty if it started) and start-up time, s."""
+    workers = min(workers or os.cpu_count() or 1, len(pairs))
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(_run_start, *pair) for pair in pairs]):
+            yield future.result()
+
+
+def _run_start(name: str, track: str) -> tuple[str, str, float]:
+    from orchestrator.execution.simulate import simulate
+
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        summary = simulate(load(name, track, [SHORT_RUN, "expect={}"]), Path(folder) / "run.mcap", estimated=False)
+    return (
+        f"{name}, {track}",
+        "" if summary["status"] == "ok" else str(summary["message"]),
+        float(summary["startup_time"]),
+    )

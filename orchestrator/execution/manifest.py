@@ -1,4 +1,9 @@
-"""Contents of a log before step 0: topics, scene, system with the hash of every FMU, metadata."""
+"""Contents of a log that a run writes besides its messages, at the head and at the end.
+
+Before step 0: topics, scene, system with the hash of every FMU, metadata. In the closing record: cost, error estimate
+and validity as JSON texts by name; ``encode_results`` makes them of a summary, ``decode_results`` returns the entries
+of a summary that cannot be computed again.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +22,17 @@ from pathlib import Path
 from typing import Any
 
 from llvmlite.binding import llvm_version_info
+from pydantic import BaseModel, ValidationError, model_validator
 
 from fmus.build import identity
 from orchestrator import __version__
-from orchestrator.cosim import interval_statistics
+from orchestrator.cosim import observers
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Connection, Instance, Recordable, System
 from orchestrator.cosim.observers import STATS, wires
 from orchestrator.log import schema
-from orchestrator.log.log_format import INPUTS, TEXTS, UNRECORDED
+from orchestrator.log.log_metadata import INPUTS, TEXTS, UNRECORDED
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.system_scene import SystemScene
 
@@ -58,9 +64,8 @@ def open_log(
             if component.links:
                 topic = f"/{name}/links/between"
                 units = [component.unit(variable) for variable in component.links]
-                topics[topic] = list(
-                    zip(interval_statistics.names(component.links), units * len(interval_statistics.PARTS), strict=True)
-                )
+                names = observers.statistics_names(component.links)
+                topics[topic] = list(zip(names, units * len(observers.STATISTICS_PARTS), strict=True))
                 every[topic] = every[f"/{name}/links"]
     unrecorded = () if scene.run.inputs else [f"/{name}/in" for name in components]
     if unrecorded:
@@ -232,3 +237,67 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:  # run from its sources
         return "not installed"
+
+
+COST = ("startup_time", "wall_time", "cpu_time", "real_time_factor", "rejected_steps", "components")
+
+
+class ObservableError(BaseModel):
+    """Estimated error of an observable; relative except ``absolute``, which is in ``unit``."""
+
+    unit: str
+    absolute: float
+    coupling: float
+    integration: float | None
+    total: float
+    decisive: bool
+
+
+class ErrorEstimate(BaseModel):
+    """Error estimate of a run (``estimate.estimate``); without a total, ``message`` is the reason."""
+
+    coupling: float | None
+    integration: float | None
+    total: float | None
+    observables: dict[str, ObservableError]
+    without: list[str] = []
+    wall_time: float
+    message: str
+
+    @model_validator(mode="after")
+    def _check_total(self) -> ErrorEstimate:
+        if self.total is not None and not any(one.decisive for one in self.observables.values()):
+            raise ValueError("a total needs a decisive observable")
+        return self
+
+
+class Results(BaseModel):
+    """Results that ``decode_results`` returns; times in s. A log of an earlier version lacks some."""
+
+    startup_time: float = 0.0
+    wall_time: float = 0.0
+    cpu_time: float = 0.0
+    real_time_factor: float = 0.0
+    rejected_steps: int = 0
+    components: dict[str, dict[str, int | float]] = {}
+    error: ErrorEstimate | None = None
+
+
+def encode_results(summary: Mapping[str, Any]) -> dict[str, str]:
+    """Return the results of a summary as JSON texts, without those that are None."""
+    chosen = {
+        **{name: summary[name] for name in COST},
+        "energy_residual": (summary["energy"] or {}).get("residual_relative"),
+        "error": summary["error"],
+        "validity": summary["validity"] or None,
+    }
+    return {name: json.dumps(value) for name, value in chosen.items() if value is not None}
+
+
+def decode_results(results: Mapping[str, str]) -> dict[str, Any]:
+    """Return cost and error estimate as entries of a summary; those of an empty run if the texts are damaged."""
+    try:
+        known = {name: json.loads(text) for name, text in results.items() if name in Results.model_fields}
+        return Results.model_validate(known).model_dump()
+    except (ValidationError, ValueError, RecursionError):
+        return Results().model_dump()

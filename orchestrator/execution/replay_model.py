@@ -22,14 +22,15 @@ from orchestrator.execution import replays
 from orchestrator.execution.loading import open_rooms
 from orchestrator.execution.manifest import NATIVE, as_json, model_description, system_table
 from orchestrator.log import notices
-from orchestrator.log.log_format import BRANCHED
+from orchestrator.log.log_metadata import BRANCHED
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of, texts_of
 from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import BuiltPart, assemble, build_parts
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene, any_from_table, changed_scene, with_track
+from orchestrator.scene.scene import any_from_table, changed_scene, with_track
 from orchestrator.scene.system_scene import SystemScene
 
 OF_THE_USER = "'{}' was an FMU of the user, and a file that a log names is not run: name it with --with"

@@ -20,22 +20,20 @@ from orchestrator.cosim.graph import Recordable
 from orchestrator.cosim.guests.room import Rooms
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
-from orchestrator.execution import estimate, recorded_results, summary
-from orchestrator.execution.checked_signals import require_signals
-from orchestrator.execution.interrupt import Interrupt, interruptible
-from orchestrator.execution.loading import load_scene
+from orchestrator.execution import estimate, manifest, summary
+from orchestrator.execution.loading import load_scene, require_signals
 from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
-from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
-from orchestrator.log.events_topic import Event
+from orchestrator.execution.prepared_run import Continuation, Interrupt, PreparedRun, interruptible, outcome_entries
+from orchestrator.log.message_records import Event
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import chain_checks
 from orchestrator.scene.assembly import Assembly, assemble, unfit
-from orchestrator.scene.ranges import implausible_numbers
-from orchestrator.scene.scene import Scene, VehicleScene
+from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.system_scene import SystemScene
+from orchestrator.scene.values import implausible_numbers
 
 NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be replayed or resumed"
 OTHER_KERNELS = "cables have turning axes, whose kernels are others and compile for minutes the first time"
@@ -131,7 +129,7 @@ def _simulate(
                         record = partial(record_companion, interrupt)
                         result["error"] = estimate.estimate(run.scene, recorder.file, result, record)
                 status, message = _verdict(outcome, result["validity"])
-                recorder.close(status, message, outcome.steps, recorded_results.encode(result), result["warnings"])
+                recorder.close(status, message, outcome.steps, manifest.encode_results(result), result["warnings"])
                 result["seal"] = recorder.seal
                 file = recorder.file if recorder.replaces else path
         except LogFailed as failure:

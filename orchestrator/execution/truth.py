@@ -26,9 +26,9 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.execution import monolithic
 from orchestrator.results.difference import INTERVAL, ObservableDifference, differences_of_logs
 from orchestrator.scene import assembly, parts, placing
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
-from orchestrator.scene.run_tables import RunTable
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.tables import RunTable
 
 ORDER = 2
 SAMPLING = 1e-3  # s between outputs

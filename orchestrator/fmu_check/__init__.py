@@ -1,4 +1,1 @@
-"""Checks of any co-simulation FMU of FMI 2.0 or 3.0, each in a child process.
-
-One module per check, with a function ``check``.
-"""
+"""Checks of any co-simulation FMU of FMI 2.0 or 3.0, each in a child process."""

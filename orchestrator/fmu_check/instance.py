@@ -1,4 +1,4 @@
-"""FMU under examination, and its instances: every call returns its FMI status, all outputs are one array."""
+"""FMU under examination, its instances and verdicts: every call returns its FMI status, all outputs are one array."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ctypes import c_double, c_uint
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,43 @@ from numpy.typing import NDArray
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.model_description import describe
 from orchestrator.fmu_check import fmi2, fmi3
-from orchestrator.fmu_check.verdict import NotApplicable, Refused, listed
+
+SHOWN = 3  # faults in the sentence of a verdict
+
+
+class Verdict(NamedTuple):
+    """Result of a check of an FMU."""
+
+    note: str  # one sentence: facts, or why the check is not applicable
+    faults: tuple[str, ...] = ()  # one sentence each
+    applicable: bool = True
+
+    @property
+    def result(self) -> str:
+        """Return ok, wrong or not applicable."""
+        return "wrong" if self.faults else "ok" if self.applicable else "not applicable"
+
+    @property
+    def detail(self) -> str:
+        """Return the first faults, or the note."""
+        more = len(self.faults) - SHOWN
+        return "; ".join(self.faults[:SHOWN]) + (f"; and {more} more" if more > 0 else "") or self.note
+
+
+class NotApplicable(Exception):
+    """The FMU does not offer what the check needs; the message is one sentence."""
+
+
+class Refused(Exception):
+    """A call that has to succeed was refused; the message is one sentence."""
+
+
+def listed(names: list[str], most: int = SHOWN) -> str:
+    """Return names as text, the first ``most`` of them."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
 
 Floats = NDArray[np.float64]
-
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 STATUS = "OK", "Warning", "Discard", "Error", "Fatal"
 VERSIONS = {"2.0": fmi2, "3.0": fmi3}

@@ -18,32 +18,20 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from orchestrator.cosim.model_description import BadDescription, describe
-from orchestrator.fmu_check import (
-    dependencies,
-    description,
-    memory,
-    non_finite_inputs,
-    odd_steps,
-    phases,
-    repeatability,
-    states,
-    surroundings,
-    units,
-)
-from orchestrator.fmu_check.instance import VERSIONS, Subject
-from orchestrator.fmu_check.verdict import NotApplicable, Refused, Verdict
+from orchestrator.fmu_check import call_checks, description_checks, run_checks
+from orchestrator.fmu_check.instance import VERSIONS, NotApplicable, Refused, Subject, Verdict
 
 CHECKS: dict[str, Callable[[Subject], Verdict]] = {
-    "description": description.check,
-    "units": units.check,
-    "dependencies": dependencies.check,
-    "states": states.check,
-    "repeatability": repeatability.check,
-    "odd steps": odd_steps.check,
-    "non-finite inputs": non_finite_inputs.check,
-    "phases": phases.check,
-    "surroundings": surroundings.check,
-    "memory": memory.check,
+    "description": description_checks.check_description,
+    "units": description_checks.check_units,
+    "dependencies": description_checks.check_dependencies,
+    "states": run_checks.check_states,
+    "repeatability": run_checks.check_repeatability,
+    "odd steps": call_checks.check_odd_steps,
+    "non-finite inputs": call_checks.check_non_finite_inputs,
+    "phases": call_checks.check_phases,
+    "surroundings": run_checks.check_surroundings,
+    "memory": run_checks.check_memory,
 }
 HANGING, LEAST = 1.2, 0.1  # parts of the time limit of a check
 STOPPED = "the process was stopped after"

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fmus.vehicle import BadInput
-from orchestrator.execution import reported, summary, summary_text
-from orchestrator.log.frames import columns_of, to_pandas
+from orchestrator.execution import log_report, summary, summary_text
+from orchestrator.log.export import columns_of, to_pandas
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import catalogue
@@ -119,7 +119,7 @@ class Run:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """The summary, as ``cotrack run --json`` prints it; of an older log without parts of the cost."""
-        return reported.summary_of(self.log)
+        return log_report.summary_of(self.log)
 
     @property
     def ok(self) -> bool:
@@ -195,7 +195,7 @@ class Run:
         page = Path(path) if path is not None else self.log.with_suffix(".html")
         other = reference.log if isinstance(reference, Run) else reference
         source = None if measured is None else MeasuredFile(measured, columns or {}, clock, shift)
-        reported.report(self.log, page, other, measured=source, sn=sn)
+        log_report.report(self.log, page, other, measured=source, sn=sn)
         return page
 
     def compare(self, reference: Run | AnyPath) -> dict[str, ObservableDifference]:

@@ -40,7 +40,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from orchestrator.files.budget import open_file
-from orchestrator.log import content_digest, seal
+from orchestrator.log import seal
 from orchestrator.log.message_records import items_at
 
 try:
@@ -84,7 +84,7 @@ class ContainerWriter:
         _lock(self._stream)
         self._compressor = zstandard.ZstdCompressor(COMPRESSION_LEVEL)
         self._indexed: dict[Opcode, list[Any]] = {opcode: [] for opcode in SUMMARY}  # records of the summary
-        self.contents: dict[str, str] = {}  # digests of attachments, metadata and channels (``content_digest``)
+        self.contents: dict[str, str] = {}  # digests of attachments, metadata and channels (``seal``)
         self._counts: dict[int, int] = {}  # messages of each channel
         self._room = np.empty(0, np.uint8)
         try:
@@ -97,7 +97,7 @@ class ContainerWriter:
         """Write a metadata record (texts by key)."""
         offset = self.size
         self._append(_bytes(Metadata(name, dict(entries))))
-        self.contents[f"metadata:{name}"] = content_digest.of_metadata(entries)
+        self.contents[f"metadata:{name}"] = seal.metadata_digest(entries)
         self._indexed[Opcode.METADATA_INDEX].append(MetadataIndex(offset=offset, length=self.size - offset, name=name))
 
     def attachment(self, name: str, content: bytes) -> None:
@@ -106,7 +106,7 @@ class ContainerWriter:
         record = Attachment(create_time=0, log_time=0, name=name, media_type=kind, data=content)
         offset = self.size
         self._append(_bytes(record))
-        self.contents[f"attachment:{name}"] = content_digest.of_attachment(content)
+        self.contents[f"attachment:{name}"] = seal.attachment_digest(content)
         index = AttachmentIndex(offset, self.size - offset, 0, 0, len(content), name, kind)
         self._indexed[Opcode.ATTACHMENT_INDEX].append(index)
 
@@ -129,7 +129,7 @@ class ContainerWriter:
             self._indexed[Opcode.SCHEMA].append(schema)
         channel = Channel(number, topic, message_encoding, about, schema_id=schema.id)
         self._append(_bytes(channel))
-        self.contents[f"channel:{topic}"] = content_digest.of_channel(channel, schema)
+        self.contents[f"channel:{topic}"] = seal.channel_digest(channel, schema)
         self._indexed[Opcode.CHANNEL].append(channel)
         self._counts[number] = 0
 

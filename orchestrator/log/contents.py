@@ -13,11 +13,11 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 
 from orchestrator.files.budget import most_others
-from orchestrator.log import channel_metadata, closing_record, content_digest, log_format
+from orchestrator.log import log_metadata
 from orchestrator.log import seal as sealing
-from orchestrator.log.chunk_reader import Chunks
 from orchestrator.log.container_reader import DAMAGE, INDEXES, ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.message_records import descriptions
+from orchestrator.log.stream import Chunks
 from orchestrator.log.time_series import Topic
 
 COUNTED = {  # number in the statistics by opcode
@@ -45,11 +45,11 @@ class LogContents:
         self.closing: dict[str, Any] | None = None
         self.seal: sealing.Seal | None = None
         self.seal_at = self.closing_at = 0  # offsets of the seal record and of the closing record
-        self.contents: dict[str, str] = {}  # digests of metadata and channels (``content_digest``)
+        self.contents: dict[str, str] = {}  # digests of metadata and channels (``seal``)
         self.attachments: dict[str, int] = {}  # name -> offset
-        self.recorded: dict[str, channel_metadata.RecordedChannel] = {}
+        self.recorded: dict[str, log_metadata.RecordedChannel] = {}
         self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, channel_metadata.RecordedChannel] = {}
+        self._channels: dict[int, log_metadata.RecordedChannel] = {}
         self.chunks = Chunks(file, self._channels)
         if not (by_index and self._read_summary()):
             self._clear()
@@ -116,11 +116,11 @@ class LogContents:
             self.attachments[self._file.record(Attachment, offset).name] = offset
         elif opcode == Opcode.METADATA:
             record = self._file.record(Metadata, offset)
-            self.contents[f"metadata:{record.name}"] = content_digest.of_metadata(record.metadata)
-            if record.name == log_format.NAME:
+            self.contents[f"metadata:{record.name}"] = sealing.metadata_digest(record.metadata)
+            if record.name == log_metadata.FORMAT:
                 self._check_format(record.metadata)
-            elif record.name == closing_record.NAME:
-                self.closing, self.closing_at = closing_record.decode(record.metadata), offset
+            elif record.name == log_metadata.CLOSING:
+                self.closing, self.closing_at = log_metadata.decode_closing(record.metadata), offset
             elif record.name == sealing.NAME:
                 self.seal, self.seal_at = sealing.decode(record.metadata, most_others(self._file.size)), offset
             else:
@@ -144,8 +144,8 @@ class LogContents:
     def _check_format(self, record: Mapping[str, str]) -> None:
         """Raise LogUnreadable for a log of a newer format."""
         try:
-            log_format.check_version(record)
-        except log_format.TooNew as newer:
+            log_metadata.check_version(record)
+        except log_metadata.TooNew as newer:
             self._file.close()
             raise LogUnreadable(f"{self._file.path} {newer}") from None
 
@@ -153,14 +153,14 @@ class LogContents:
         """Register a channel; one that ``recorder`` did not write goes to ``others``."""
         if channel.id in self._channels:
             return
-        digest = content_digest.of_channel(channel, self._schemas.get(channel.schema_id))
+        digest = sealing.channel_digest(channel, self._schemas.get(channel.schema_id))
         self.contents[f"channel:{channel.topic}"] = digest
         if "places" not in channel.metadata:
             schema = self._schemas.get(channel.schema_id)
             self.others[channel.topic] = schema.name if schema else channel.message_encoding
             self.other_channels[channel.topic] = channel.id
             return
-        recorded = channel_metadata.decode(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
+        recorded = log_metadata.decode_channel(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
         if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:
             raise ValueError(f"{channel.topic} has two different descriptions")
         self._channels[channel.id] = self.recorded[channel.topic] = recorded

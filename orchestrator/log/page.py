@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import RowHead
-from orchestrator.log.channel_metadata import RecordedChannel
+from orchestrator.log.log_metadata import RecordedChannel
 from orchestrator.log.message_records import IDENTITY, LOG_TIME, PREFIX, PUBLISH_TIME, SEQUENCE, prefix, size_of
 from orchestrator.log.schema import LENGTH_AT, TIME_AT
-from orchestrator.log.wire import RULES, Floats, Rule, wired_inputs
+from orchestrator.log.time_series import RULES, Floats, Rule, wired_inputs
 
 CHUNK = 1 << 21  # bytes of messages that make a chunk
 HEAD = len(RowHead._fields)  # words of a row before its values

@@ -24,7 +24,7 @@ from mcap.records import Attachment
 from numpy.typing import NDArray
 
 from orchestrator.files.budget import DOCUMENT, check_size
-from orchestrator.log import content_digest, log_format, notices, seal_check, signal_names
+from orchestrator.log import log_metadata, notices, seal, seal_check, signal_names
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.contents import LogContents
 from orchestrator.log.message_records import Messages
@@ -73,7 +73,8 @@ class Log(AbstractContextManager["Log"]):
         self.complete = self.closing is not None and self._file.ended and not self.faults
         is_cut_off = self.closing is None and bool(self.topics) and not self.being_written
         last = max((end for _, end in self._chunks.spans.values()), default=0.0)
-        self.stripped = is_cut_off and not self._file.is_ours and f"metadata:{log_format.NAME}" not in contents.contents
+        unmarked = f"metadata:{log_metadata.FORMAT}" not in contents.contents
+        self.stripped = is_cut_off and not self._file.is_ours and unmarked
         cut_off = notices.stripped(self.path) if self.stripped else notices.cut_off(self.path, last)
         self.cut_off = cut_off if is_cut_off else ""
         if not unfinished:
@@ -116,7 +117,7 @@ class Log(AbstractContextManager["Log"]):
         except DAMAGE:
             raise LogUnreadable(f"{self.path}: the attachment '{name}' at byte {offset} is damaged") from None
         listed = self.closing and self.closing["contents"].get(f"attachment:{name}")
-        if not self._contents.is_sealed(offset) and listed != content_digest.of_attachment(content):
+        if not self._contents.is_sealed(offset) and listed != seal.attachment_digest(content):
             raise LogUnreadable(f"{self.path} is not as it was sealed: the attachment '{name}' is changed")
         return content
 
@@ -375,14 +376,14 @@ class Log(AbstractContextManager["Log"]):
             found = self._contents.contents.get(name)
             if kind == "attachment" and which in self._attachments:
                 try:
-                    found = content_digest.of_attachment(self.attachment(which))
+                    found = seal.attachment_digest(self.attachment(which))
                 except LogUnreadable as damage:
                     return [str(damage)]
             if kind == "channel" and not found and not self._has_messages(which):
                 continue  # a topic without messages may be left out
             if kind == "messages" and which in self._contents.other_channels:
                 rows = self._chunks.rows_of(self._contents.other_channels[which])
-                found = content_digest.of_messages(rows)
+                found = seal.messages_digest(rows)
             if found != digest:
                 return [f"{beginning}{what} is {'changed' if found else 'missing'}"]
         try:
@@ -410,7 +411,7 @@ class Log(AbstractContextManager["Log"]):
 
     def check_inputs(self) -> None:
         """Raise LogUnreadable if the run did not record its inputs."""
-        if self.metadata.get("run", {}).get(log_format.INPUTS) == log_format.UNRECORDED:
+        if self.metadata.get("run", {}).get(log_metadata.INPUTS) == log_metadata.UNRECORDED:
             raise LogUnreadable(
                 f"{self.path} cannot be replayed or resumed: its inputs were not recorded (run.inputs = false)"
             )

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log import channel_metadata, closing_record, content_digest, events_topic, log_format, notices, schema
+from orchestrator.log import log_metadata, notices, schema, seal
 from orchestrator.log.container_writer import (
     ContainerWriter,
     LogFailed,
@@ -32,11 +32,10 @@ from orchestrator.log.container_writer import (
     log_failed,
     target_of,
 )
-from orchestrator.log.message_records import LONGEST
+from orchestrator.log.message_records import EVENTS_SCHEMA, EVENTS_TOPIC, EVENTS_TYPE, LONGEST, Event, event_records
 from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.time_series import Topic
-from orchestrator.log.wire import Wire
+from orchestrator.log.time_series import Topic, Wire
 
 FAILED = "-failed"  # ending of the log of a failed run beside that of one that ended well
 BACKLOG = 4  # chunks that may wait for the disk before the run waits too
@@ -82,7 +81,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         for number, (topic, variables) in enumerate(topics.items(), 1):
             names, units = tuple(name for name, _ in variables), tuple(unit for _, unit in variables)
             about = Topic(names, units, strides.get(topic, 1), tuple(wired.get(topic, ())))
-            channel = channel_metadata.recorded_channel(topic, about)
+            channel = log_metadata.recorded_channel(topic, about)
             self._channels[topic] = Channel(number, channel, topic not in unrecorded)
         self._pages = {topic: Page([], [channel], with_wired=False) for topic, channel in self._channels.items()}
         self._condition = threading.Condition()
@@ -246,17 +245,17 @@ class Recorder(AbstractContextManager["Recorder"]):
         if self._failure is not None and self._failure is not earlier:
             raise self._failure
 
-    def write_events(self, events: Sequence[events_topic.Event]) -> None:
+    def write_events(self, events: Sequence[Event]) -> None:
         """Write the topic /events, after ``write_remaining``; it is left out if the disk is full."""
         if self._failure is not None:
             return
         number = len(self._channels) + 1
         with suppress(OSError):
-            self._file.channel(number, events_topic.TOPIC, events_topic.TYPE, events_topic.SCHEMA, {}, json=True)
+            self._file.channel(number, EVENTS_TOPIC, EVENTS_TYPE, EVENTS_SCHEMA, {}, json=True)
             if events:
-                rows, times = events_topic.records(number, events)
+                rows, times = event_records(number, events)
                 self._file.chunk([(number, rows, times)], reserve_end=True)
-                self._file.contents[f"messages:{events_topic.TOPIC}"] = content_digest.of_messages([rows])
+                self._file.contents[f"messages:{EVENTS_TOPIC}"] = seal.messages_digest([rows])
 
     def close(
         self,
@@ -282,8 +281,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         try:
             totals = {channel.topic: (channel.messages, channel.hash.hexdigest()) for channel in self._recorded()}
             contents = self._file.contents
-            record = closing_record.encode(status, message, steps, totals, results or {}, warnings, contents)
-            self._file.metadata(closing_record.NAME, record)
+            record = log_metadata.encode_closing(status, message, steps, totals, results or {}, warnings, contents)
+            self._file.metadata(log_metadata.CLOSING, record)
             root = self._file.seal()
             self._file.finish()
             self.seal = root
@@ -314,7 +313,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         types: Mapping[str, str],
     ) -> None:
         """Write all records that precede step 0: format, metadata, attachments, channels; raises OSError."""
-        self._file.metadata(log_format.NAME, {"version": str(log_format.VERSION)})
+        self._file.metadata(log_metadata.FORMAT, {"version": str(log_metadata.FORMAT_VERSION)})
         for name, entries in metadata.items():
             self._file.metadata(name, entries)
         for name, content in attachments.items():
@@ -325,7 +324,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             kind, fields = types.get(topic, schema.type_name(topic)), channel.layout.fields
             if described.setdefault(kind, fields) != fields:  # one kind, but different variables
                 kind = schema.type_name(topic)
-            about, description = channel_metadata.encode(channel.recorded), schema.descriptor(kind, fields)
+            about, description = log_metadata.encode_channel(channel.recorded), schema.descriptor(kind, fields)
             self._file.channel(channel.number, topic, kind, description, about)
 
     def _recorded(self) -> list[Channel]:

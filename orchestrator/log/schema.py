@@ -24,12 +24,10 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
-
 FIRST_NUMBER = 16  # first field number of a variable: tags of 16 to 2047 take two bytes, so values are evenly spaced
 MOST_FIELDS = 8000  # per message: protobuf's decoder keeps a message in 65,535 bytes, 8 per field
 FIXED64, LENGTH_DELIMITED = 1, 2  # protobuf wire types
 TIME_AT, LENGTH_AT = 1, 10  # byte offsets of t and h in every message
-
 _INDEX = re.compile(r"\[(\d+)\]")
 _PLACE = re.compile(r"(\w+)(?:\[(\d+)\])?", re.ASCII)
 

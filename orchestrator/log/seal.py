@@ -3,14 +3,25 @@
 A leaf is a record with its opcode and length; message indexes belong to the leaf of their chunk, and the magic bytes at
 the beginning of the file to the first leaf. The seal record, metadata ``seal``, is the last record of the data and
 holds the root and, so that a part can be checked alone, offset and hash of every leaf.
+
+Digests of contents apart from their places in the file are in the closing record by name: "attachment:NAME",
+"metadata:NAME", "channel:TOPIC", and "messages:/events" beside the digests of all other topics. A file that other
+software has sorted, compressed anew or merged has other bytes, and the same contents.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
+
+import numpy as np
+from mcap.records import Channel, Schema
+from numpy.typing import NDArray
+
+from orchestrator.log.message_records import IDENTITY
 
 NAME = "seal"  # of the metadata record
 ALGORITHM = "RFC 6962, SHA-256"  # in the closing record: the log must have a seal
@@ -59,3 +70,28 @@ def decode(record: Mapping[str, str], most: int) -> Seal:
     if root_of(leaves) != record["root"]:
         raise ValueError("the leaves of the seal do not give its root")
     return Seal(record["root"], offsets, leaves)
+
+
+def attachment_digest(content: bytes) -> str:
+    """Digest of an attached file."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def metadata_digest(entries: Mapping[str, str]) -> str:
+    """Digest of a metadata record, in whatever order its entries are."""
+    return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()
+
+
+def messages_digest(parts: Iterable[NDArray[np.uint8]]) -> str:
+    """Digest of message records (m, bytes) of one topic, whatever the number of its channel is."""
+    digest = hashlib.sha256()
+    for rows in parts:
+        digest.update(np.ascontiguousarray(rows[:, IDENTITY:]).data)
+    return digest.hexdigest()
+
+
+def channel_digest(channel: Channel, schema: Schema | None) -> str:
+    """Digest of the description of a topic, whatever its number in the file is."""
+    kind = [] if schema is None else [schema.name, schema.encoding, schema.data.hex()]
+    about = [channel.topic, channel.message_encoding, sorted(channel.metadata.items()), kind]
+    return hashlib.sha256(json.dumps(about).encode()).hexdigest()

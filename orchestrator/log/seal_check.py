@@ -8,16 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    ChunkIndex,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-)
+from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metadata, MetadataIndex, Schema, Statistics
 
 from orchestrator.log.container_reader import DAMAGE, ContainerReader
 from orchestrator.log.contents import LogContents

@@ -10,9 +10,8 @@ from fmus.build import Product, build_shapes, start_values
 from fmus.equilibrium import stances
 from fmus.vehicle import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
-from orchestrator.scene.free_scene import FreeScene
-from orchestrator.scene.gallery import hint
-from orchestrator.scene.pair import Pair, joined, pair_of, require_free_inputs
+from orchestrator.scene.fmu_table import Pair, joined, pair_of, require_free_inputs
+from orchestrator.scene.kinds import BenchScene, ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import (
     AXLE,
     CHASSIS,
@@ -37,10 +36,18 @@ from orchestrator.scene.parts import (
     vehicle_track_config,
     wheel_connections,
 )
-from orchestrator.scene.replacement import replacements, require_fit
-from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, Scene, VehicleScene, with_track
-from orchestrator.scene.system_scene import SystemScene
-from orchestrator.scene.user_connections import ends_of, input_conversions, require_pairs, typed, user_instance
+from orchestrator.scene.replacement import (
+    ends_of,
+    input_conversions,
+    replacements,
+    require_fit,
+    require_pairs,
+    typed,
+    user_instance,
+)
+from orchestrator.scene.scene import with_track
+from orchestrator.scene.settings import hint
+from orchestrator.scene.system_scene import FreeScene, SystemScene
 
 HITCH_FORCE = [("chassis", f"hitch.force.{axis}") for axis in "xyz"]  # input of a part that an FMU of the user may feed
 

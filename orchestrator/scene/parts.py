@@ -17,8 +17,8 @@ from fmus.vehicle import ReturnRollerTable, RoadWheelTable, VehicleTable
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.fmu_table import FmuTable
-from orchestrator.scene.scene import RigScene, Scene, VehicleScene
-from orchestrator.scene.start_tables import VehicleStartTable
+from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
+from orchestrator.scene.tables import VehicleStartTable
 from orchestrator.scene.values import Side
 
 NOTHING = 1e-12  # rounding errors of heights and slopes, m
@@ -64,23 +64,11 @@ def footing(
 
 
 SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
-
-
 AXLE: Sequence[float] = (0.0, 0.0, 0.0)  # position of the sprocket in the vehicle frame
-
-
 DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages in stepping order: driver, then force sides before motion sides
-
-
 DIFFERENTIAL = "differential"
-
-
 HHT_RADIUS = 0.5  # default spectral radius of hht, its strongest damping
-
-
 POSE = 7  # position and orientation are the first 7 of a wheel's 13 variables; rates follow
-
-
 Parameters = dict[str, float | int | str]
 
 

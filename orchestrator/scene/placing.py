@@ -12,9 +12,9 @@ from fmus.tensioning import CABLES, Links, tension_wheel
 from fmus.vehicle import BadInput, RightIdlerTable, RightTensionerTable
 from orchestrator.results.validity.limits import BELLY
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import Parameters, Part, footing_of, rig_track_config, vehicle_track_config
-from orchestrator.scene.scene import RigScene, Scene, VehicleScene
-from orchestrator.scene.start_tables import EquilibriumTable
+from orchestrator.scene.tables import EquilibriumTable
 from orchestrator.scene.values import SIDES
 
 

@@ -1,24 +1,40 @@
-"""FMUs of the user in place of parts: they fit the connections of the part, or are refused before the first step.
+"""FMUs of the user in a scene: in place of parts, and connected to parts.
 
-A replacement is stepped in the stage of its part. It gets the parameters of the part that it declares by the same name
-and type (the place at the start, a demanded speed), then those of its table ``[fmu.NAME]``. The connections of its part
-carry Reals.
+In place of a part they fit its connections, or are refused before the first step. A replacement is stepped in the stage
+of its part. It gets the parameters of the part that it declares by the same name and type (the place at the start, a
+demanded speed), then those of its table ``[fmu.NAME]``. The connections of its part carry Reals.
+
+Both ends of a connection that the user makes have one type, and Reals one dimension. Integers, Enumerations, Booleans
+and Strings are held over a step. Others see the ports of an FMU in place of a part in the units of the part. An input
+with a connection of the user is converted from the unit of its source; then follows the factor and offset of the
+connection. Values of unknown units are not converted.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from textwrap import shorten
 from typing import Any, NamedTuple
 
+from fmus.build import built_here
 from fmus.loaded import component_ports
 from fmus.ports import UNITS, Port
 from fmus.vehicle import BadInput, path_text
-from orchestrator.cosim.base_units import QUANTITIES, BaseUnit, base_unit, difference, unit_of
-from orchestrator.cosim.component import SETTERS, ComponentFailed, description_of
-from orchestrator.cosim.graph import Connection
+from orchestrator.cosim.base_units import (
+    QUANTITIES,
+    UNCHANGED,
+    BaseUnit,
+    Conversion,
+    base_unit,
+    conversion,
+    difference,
+    unit_of,
+)
+from orchestrator.cosim.component import LINK_FAMILIES, SETTERS, ComponentFailed, description_of
+from orchestrator.cosim.graph import Connection, Guest, Instance
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.parts import Parameters, Part
 
@@ -145,3 +161,167 @@ def _missing(each: Replacement) -> str:
     part_has, fmu_has = (any(name.startswith("energy.") for name in each) for each in (names, there))
     outside = "; it outputs no energies: the energy balance takes what passes its ports as delivered to it"
     return sentence + outside * (part_has and not fmu_has)
+
+
+TYPES = {float: "Real", int: "Integer", str: "String"}  # by the start value of a port
+Ends = Mapping[str, Mapping[str, "End"]]  # by component and variable
+
+
+class End(NamedTuple):
+    """Variable of a component, as others see it."""
+
+    type: str  # of FMI
+    causality: str
+    unit: str  # empty: none
+    base: BaseUnit | None  # None: unknown
+    items: Mapping[int, str]  # of an Enumeration: names by values
+
+
+def ends_of(parts: Sequence[Part], fmus: Mapping[str, Replacement]) -> Ends:
+    """Variables that can be connected, of parts and of the FMUs in place of some of them."""
+    return {part.name: _of_part(part, fmus.get(part.name)) for part in parts}
+
+
+def _of_part(part: Part, fmu: Replacement | None) -> dict[str, End]:
+    """Variables of a part, or of the FMU in its place, whose ports have the units of the part."""
+    ends = {
+        port.name: End(TYPES[type(port.start)], port.causality, port.unit, port_unit(port), {})
+        for port in (component_ports(part.kind, part.config) if part.kind else ())
+    }
+    if fmu is not None:
+        ends = {name: _seen(own_end(fmu, name), ends.get(name)) for name in fmu.variables}
+    return {name: end for name, end in ends.items() if not name.startswith(LINK_FAMILIES)}
+
+
+def own_end(fmu: Replacement, name: str) -> End:
+    """Variable of an FMU in its own unit."""
+    variable: Any = fmu.variables[name]
+    items = variable.declaredType.items if variable.type == "Enumeration" and variable.declaredType else ()
+    names = {int(item.value): item.name for item in items}
+    return End(variable.type, variable.causality, unit_of(variable), base_unit(fmu.description, variable), names)
+
+
+def _seen(own: End, port: End | None) -> End:
+    """Variable of an FMU, in the unit of its part's port if its values are converted to that."""
+    if port is None or own.base is None or _difference(own, port):
+        return own
+    return own._replace(unit=port.unit, base=port.base)
+
+
+def require_pairs(
+    where: str, parts: Sequence[Part], fmus: Mapping[str, Replacement], connections: Sequence[Connection]
+) -> Iterator[tuple[str, str]]:
+    """Warnings about connections of the user, as part and sentence; raises BadInput if the ends do not fit."""
+    if not connections:
+        return
+    ends = ends_of(parts, fmus)
+    places = {part.name: f"{where}: {part.name}" for part in parts} | {name: fmu.where for name, fmu in fmus.items()}
+    for connection in connections:
+        source, target = connection.source, connection.target
+        transformed = dict(connection.transformations)
+        for output, into in zip(connection.outputs, connection.inputs, strict=True):
+            peers = f"{source}.{output}", f"{target}.{into}"
+            given = connected_variable(places[source], ends[source], output, "output", peers[1])
+            connected_variable(places[target], ends[target], into, "input", peers[0])
+            own = own_end(fmus[target], into) if target in fmus else ends[target][into]
+            if sentence := _misfit(own, given, into in transformed, into, peers[0]):
+                raise BadInput(f"{places[target]}: {sentence}")
+            units = [end.unit.replace("1", "") if end.unit == "1" else end.unit for end in (own, given)]
+            if any(units) and not all(units):
+                yield target, f"'{into}' has the unit {units[0] or 'none'}, and {peers[0]} {units[1] or 'none'}"
+
+
+def _misfit(own: End, given: End, transformed: bool, name: str, peer: str) -> str:
+    """Words on why an input cannot get the values of an output; empty if it can."""
+    if given.type != own.type:
+        return f"input '{name}' is of type {own.type}, and {peer} of type {given.type}: only equal types are connected"
+    if own.type == "Real":
+        differs = _difference(own, given) if own.unit and given.unit else ""
+        return f"'{name}' {differs} ({peer})" if differs else ""
+    if transformed:
+        return f"input '{name}' is of type {own.type}: only Reals have a factor or an offset ({peer})"
+    if not given.items.items() <= own.items.items():
+        return f"input '{name}' has the items {_words(own)}, and {peer} {_words(given)}: it needs those of its source"
+    return ""
+
+
+def _words(end: End) -> str:
+    return ", ".join(f"{value} {name}" for value, name in end.items.items())
+
+
+def _difference(one: End, other: End) -> str:
+    return difference(one.unit, one.base, other.unit, other.base)
+
+
+def typed(connections: Sequence[Connection], ends: Ends) -> tuple[Connection, ...]:
+    """Connections of Reals apart from those of other types, which are held."""
+    return tuple(part for connection in connections for part in _by_type(connection, ends[connection.source]))
+
+
+def _by_type(connection: Connection, ends: Mapping[str, End]) -> Iterator[Connection]:
+    for is_real in (True, False):
+        pairs = [
+            pair
+            for pair in zip(connection.outputs, connection.inputs, strict=True)
+            if (ends[pair[0]].type == "Real") == is_real
+        ]
+        if pairs:
+            outputs, inputs = zip(*pairs, strict=True)
+            carries = connection.carries if is_real else "discrete"
+            yield connection._replace(outputs=outputs, inputs=inputs, carries=carries)
+
+
+def user_instance(each: Replacement, ends: Ends, connections: Sequence[Connection]) -> Instance:
+    """Instance of an FMU of the user; ``connections``: those that the user makes."""
+    part, table = each.part, each.part.fmu
+    assert table is not None
+    parameters = {
+        name: _parameter(each, name, value) if each.variables[name].type == "Real" else value
+        for name, value in shared_parameters(each).items()
+    }
+    own = {name: own_end(each, name) for name in each.variables}
+    conversions = dict(_of_ports(each)) | dict(_of_inputs(part.name, own, ends, connections))
+    conversions = {name: one for name, one in conversions.items() if one != UNCHANGED}
+    units = {name: each.ports[name].unit for name in conversions if each.variables[name].causality == "output"}
+    file = Path(table.file)
+    guest = Guest(table.in_process, table.call_limit or math.inf, table.non_finite)
+    terms = conversions, units, None if built_here(file) else guest
+    return Instance(part.name, file, {**parameters, **table.parameters}, part.stage, *terms)
+
+
+def input_conversions(part: str, ends: Ends, connections: Sequence[Connection]) -> dict[str, Conversion]:
+    """Conversions of the inputs that a part of ours gets by connections of the user."""
+    found = _of_inputs(part, ends.get(part, {}), ends, connections)
+    return {name: one for name, one in found if one != UNCHANGED}
+
+
+def _parameter(each: Replacement, name: str, value: float | int | str) -> float | int | str:
+    """Value of a Real parameter of the part in the unit of the FMU."""
+    one = conversion(port_unit(each.ports[name]), base_unit(each.description, each.variables[name]))
+    return value if one == UNCHANGED else one.factor * float(value) + one.offset
+
+
+def _of_ports(each: Replacement) -> Iterator[tuple[str, Conversion]]:
+    """Conversions of the inputs and outputs that an FMU has in common with its part."""
+    for name, port in each.ports.items():
+        variable = each.variables.get(name)
+        if variable is not None and variable.type == "Real" and variable.causality == port.causality:
+            own, needed = base_unit(each.description, variable), port_unit(port)
+            if own is not None and own.exponents == needed.exponents:
+                if port.causality == "output":
+                    yield name, conversion(own, needed)
+                elif port.causality == "input":
+                    yield name, conversion(needed, own)
+
+
+def _of_inputs(
+    target: str, own: Mapping[str, End], ends: Ends, connections: Sequence[Connection]
+) -> Iterator[tuple[str, Conversion]]:
+    """Conversions of the inputs that a component gets by connections of the user; ``own``: in its own units."""
+    for connection in connections:
+        if connection.target == target:
+            transformations = dict(connection.transformations)
+            for output, name in zip(connection.outputs, connection.inputs, strict=True):
+                if own[name].type == "Real":
+                    unit = conversion(ends[connection.source][output].base, own[name].base)
+                    yield name, unit.then(transformations.get(name, UNCHANGED))

@@ -1,19 +1,20 @@
-"""Settings ``KEY=VALUE`` with dotted keys, applied to the tables of a file; all keys of a table."""
+"""Settings ``KEY=VALUE`` with dotted keys, applied to the tables of a file; all keys of a table; values as TOML."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
+from textwrap import shorten
 from typing import Any
 
 from pydantic import BaseModel
 
 from fmus.vehicle import BadInput
-from orchestrator.scene.toml_text import toml_text
 
 Schema = dict[str, Any]  # JSON schema
 CHOSEN = "NAME"  # in place of a part of a key that a file chooses: the names of checks, of parts with an FMU
@@ -100,6 +101,14 @@ def keys(model: type[BaseModel]) -> tuple[str, ...]:
     return tuple(key for key, *_ in entries(schema, schema["$defs"]))
 
 
+def hint(name: str, known: Collection[str], introduction: str) -> str:
+    """Suggestion for an unknown name: the nearest known one, or all of them."""
+    near = get_close_matches(name, known, n=1)
+    return (
+        f"did you mean '{near[0]}'?" if near else f"{introduction} {shorten(', '.join(known), 250, placeholder=' ...')}"
+    )
+
+
 def near_keys(key: str, known: Iterable[str]) -> list[str]:
     """Known keys that an unknown one may mean: a similar one of its table, else all of its name, else a similar one."""
     table, _, name = key.rpartition(".")
@@ -108,3 +117,17 @@ def near_keys(key: str, known: Iterable[str]) -> list[str]:
     if near := get_close_matches(name, siblings, 1):
         return [f"{table}.{near[0]}".lstrip(".")]
     return [one for one in named if one.rpartition(".")[2] == name] or get_close_matches(key, named, 1)
+
+
+def toml_text(value: Any) -> str:
+    """Text of a number, a text, a list or a table, which becomes an inline table."""
+    if isinstance(value, dict):
+        entries = [f"{_key(key)} = {toml_text(entry)}" for key, entry in value.items()]
+        return f"{{ {', '.join(entries)} }}" if entries else "{}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml_text, value))}]"
+    return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else json.dumps(key, ensure_ascii=False)

@@ -14,15 +14,13 @@ from fmus.vehicle import BadInput, path_text, value_text
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
 from orchestrator.scene.archive.structure import Structure, read_structure
 from orchestrator.scene.assembly import Assembly, assemble
-from orchestrator.scene.free_scene import FreeScene
-from orchestrator.scene.gallery import hint
-from orchestrator.scene.pair import Pair
+from orchestrator.scene.fmu_table import Pair
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Part
-from orchestrator.scene.products import product_config
-from orchestrator.scene.scene import Scene, changed_scene, from_table, load_any
-from orchestrator.scene.settings import pairs
-from orchestrator.scene.ssp import SCENE
-from orchestrator.scene.system_scene import SystemScene
+from orchestrator.scene.products import SCENE, product_config
+from orchestrator.scene.scene import changed_scene, from_table, load_any
+from orchestrator.scene.settings import hint, pairs
+from orchestrator.scene.system_scene import FreeScene, SystemScene
 
 ENDING = ".ssp"
 OPEN = "run", "expect", "fmu", "title", "name"  # tables and keys of a scene that an archive leaves open

@@ -1,19 +1,50 @@
-"""Parts that scenes of all kinds share: name, duration, steps, recording, checks."""
+"""Scenes of FMUs: what all share (name, duration, steps, recording, checks), and the free system of FMUs of the user.
+
+Links are recorded often enough for their teeth: these excite them periodically, and slow sampling aliases that motion.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from fmus.ranges import range_violations
 from fmus.vehicle import FrozenTable
-from orchestrator.scene.ranges import SCENE
-from orchestrator.scene.recording import aliasing_warning, links_every
-from orchestrator.scene.run_tables import RunTable
+from orchestrator.scene.fmu_table import FmuTable, Pair, pair_of, require_free_inputs, require_instance_name
 from orchestrator.scene.settings import file_part
-from orchestrator.scene.tables import Check
+from orchestrator.scene.tables import Check, RunTable
+from orchestrator.scene.values import SCENE_RANGES
+
+SAMPLES = 10  # records while one tooth passes
+NYQUIST = 2  # below, the frequency of the teeth is aliased
+LONGEST_INTERVAL = 10  # steps between records in scenes without teeth
+ASSUMED_SPEED = 20.0  # rad/s: assumed top speed of a sprocket driven by torque
+
+
+def links_every(step: float, teeth: float) -> int:
+    """Number of steps of length ``step``, s, between records of links at ``teeth`` per second."""
+    return (
+        LONGEST_INTERVAL
+        if teeth <= 0.0
+        else min(max(math.floor(1.0 / (SAMPLES * teeth * step) + 1e-9), 1), LONGEST_INTERVAL)
+    )
+
+
+def aliasing_warning(every: int, step: float, teeth: float) -> str:
+    """Sentence if recording every so many steps aliases the frequency of the teeth, else empty."""
+    interval = every * step
+    if NYQUIST * teeth * interval <= 1.0:
+        return ""
+    alias = abs(teeth - round(teeth * interval) / interval)
+    enough = links_every(step, teeth)
+    finer = f"run.links = {enough}" if NYQUIST * teeth * enough * step <= 1.0 else "a shorter run.step"
+    return (
+        f"links are recorded every {1e3 * interval:.4g} ms, but up to {teeth:.4g} teeth pass a second: what they do to "
+        f"links shows at {alias:.4g} Hz; {finer} resolves it"
+    )
 
 
 class SystemScene(FrozenTable):
@@ -56,7 +87,7 @@ class SystemScene(FrozenTable):
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Self:
-        for complaint in range_violations(self.model_dump(exclude={"vehicle", "expect"}), SCENE, "possible"):
+        for complaint in range_violations(self.model_dump(exclude={"vehicle", "expect"}), SCENE_RANGES, "possible"):
             raise ValueError(complaint)
         return self
 
@@ -107,3 +138,31 @@ class SystemScene(FrozenTable):
     def resolved(self) -> dict[str, Any]:
         """The scene as plain SI numbers; ``scene.any_from_table`` is the inverse."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+class FreeFmuTable(FmuTable):
+    """FMU of the system."""
+
+    stage: Annotated[int, Field(ge=0, le=1000)] = 0
+    """lower stages step first; FMUs of one stage step at once, with inputs that are extrapolated"""
+
+
+class FreeScene(SystemScene):
+    """FMUs of the user and their connections."""
+
+    assembly: Literal["fmus"]
+    fmu: Annotated[dict[str, FreeFmuTable], Field(min_length=1)]
+    """FMUs by the names of their instances"""
+    connections: tuple[str, ...] = ()
+    """connections of FMUs: "instance.output -> instance.input", or "2 * instance.output + 1 -> instance.input" """
+
+    @model_validator(mode="after")
+    def _check_connections(self) -> FreeScene:
+        for name in self.fmu:
+            require_instance_name(name)
+        require_free_inputs(self.pairs(), self.fmu, ())
+        return self
+
+    def pairs(self) -> list[Pair]:
+        """Connections one by one; raises ValueError."""
+        return [pair_of(text) for text in self.connections]

@@ -1,16 +1,242 @@
-"""Table ``[expect]`` and the tables of assemblies: chain, bench, rig."""
+"""Tables ``[start]``, ``[run]`` and ``[expect]`` of a scene, and those of its assemblies: chain, bench, rig."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from fmus.vehicle import BadInput, Distance, Force, FrozenTable, In, ratio, value_text
+from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results import measures
-from orchestrator.scene.gallery import hint
-from orchestrator.scene.values import Time, TrackName
+from orchestrator.results.validity.limits import ALLOWED
+from orchestrator.scene.settings import hint
+from orchestrator.scene.values import OR_FALSE, Duration, Every, Time, TrackName
+
+if TYPE_CHECKING:
+    Allowed = str
+else:
+    Allowed = Literal[tuple(ALLOWED)]
+from math import pi, remainder
+from typing import Literal
+
+from fmus.vehicle import Length
+from orchestrator.scene.values import SOLVED, Angle, Place
+
+Joint = Annotated[float, Field(allow_inf_nan=False, json_schema_extra={"unit": "rad, m"})]
+
+
+class StartTable(FrozenTable):
+    """Place of the vehicle at the start, world frame."""
+
+    position: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
+    """place of the middle of the sprocket axle line, as drawn"""
+    heading: Angle = 0.0
+    """heading about the vertical, to the left"""
+
+
+class EquilibriumTable(FrozenTable):
+    """Equilibrium position of hull, arms and idlers, from the drawn position (``fmus.equilibrium``)."""
+
+    height: Length
+    """rise of the hull's centre of mass"""
+    roll: Angle
+    """roll of the hull"""
+    pitch: Angle
+    """pitch of the hull"""
+    left: tuple[Joint, ...]
+    """on the left side: angles of the arms, front to rear, rad, and slide of the idler, m"""
+    right: tuple[Joint, ...]
+    """the same on the right side"""
+    lateral: Length = 0.0
+    """shift of the hull, to the left: its road wheels stand over their tracks, on a side slope at the guides"""
+
+
+class VehicleStartTable(StartTable):
+    """Start of a vehicle, which may be raised, pitched, or rolled by half a turn."""
+
+    height: Place = 0.0
+    """sprocket axle above its drawn place"""
+    pitch: Angle = 0.0
+    """rotation about the sprocket axle, nose down positive"""
+    roll: Angle = 0.0
+    """rotation about the long axis, before the pitch: half a turn or none"""
+    state: Literal["equilibrium", "drawn"] | None = None
+    """'equilibrium': at rest on springs and tracks, the default; 'drawn': springs without load, so the vehicle drops,
+    the default of a raised or turned vehicle"""
+    equilibrium: EquilibriumTable | None = Field(default=None, json_schema_extra=SOLVED)
+    """equilibrium of hull, arms and idlers, from the drawn position"""
+
+    @model_validator(mode="after")
+    def _check_rest(self) -> VehicleStartTable:
+        if self.state == "equilibrium" and self.is_displaced:
+            raise ValueError(
+                "state = 'equilibrium' needs height = 0, pitch = 0 and roll = 0: what is raised or turned starts as"
+                " 'drawn'"
+            )
+        return self
+
+    @property
+    def is_displaced(self) -> bool:
+        """True if the vehicle is raised, pitched or rolled."""
+        return (self.height, self.pitch, self.roll) != (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _check_roll(self) -> VehicleStartTable:
+        if abs(remainder(self.roll, pi)) > 1e-9:
+            raise ValueError(
+                f"roll = {self.roll:g} rad must be 0 or half a turn (180 deg): a track is laid out in an upright plane"
+            )
+        return self
+
+    def heading_and_pitch(self) -> tuple[float, float]:
+        """Heading and pitch, rad, with the roll in them: R_z(h) R_y(p) R_x(pi) = R_z(h + pi) R_y(pi - p)."""
+        over = abs(remainder(self.roll, 2.0 * pi)) > 1.0
+        return (self.heading + pi, pi - self.pitch) if over else (self.heading, self.pitch)
+
+
+SchemeName = Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"]
+OPTIONS = {
+    "hold": ("jacobi", "gauss_seidel"),
+    "tolerance": ("iterative",),
+    "iterations": ("iterative",),
+}
+
+
+class CouplingTable(FrozenTable):
+    """Coupling scheme and its options; the scheme's defaults apply to the rest."""
+
+    scheme: SchemeName = "tracks_first"
+    """rule by which inputs over a communication step follow from outputs"""
+    hold: Literal["linear", "constant"] | None = None
+    """inputs are extrapolated to the middle of the step, or held"""
+    tolerance: Annotated[float, ratio(gt=0, lt=1)] | None = None
+    """relative change of inputs that ends the iteration"""
+    iterations: Annotated[int, Field(ge=1)] | None = None
+    """most iterations in a step"""
+
+    @model_validator(mode="after")
+    def _check_options(self) -> CouplingTable:
+        for option in self.options():
+            if self.scheme not in OPTIONS[option]:
+                schemes = " or ".join(OPTIONS[option])
+                raise ValueError(f"{option} is an option of {schemes}, not of {self.scheme}")
+        return self
+
+    def options(self) -> dict[str, Any]:
+        """Given options, without the scheme."""
+        return self.model_dump(exclude={"scheme"}, exclude_none=True)
+
+    def __str__(self) -> str:
+        options = ", ".join(f"{key} = {value}" for key, value in self.options().items())
+        return f"{self.scheme} ({options})" if options else self.scheme
+
+
+class VariableStepTable(FrozenTable):
+    """Communication step controlled by an error estimate; ``run.step`` is the first one."""
+
+    tolerance: Annotated[float, ratio(gt=0, lt=1)]
+    """largest error of a step over the size of what a connection carries, or power residual over the bonds' power"""
+    estimate: Literal["doubling", "power"] = "doubling"
+    """error of a step by a comparison with two half steps, or by the power residual of the ports"""
+    energy: Annotated[float, In("J", gt=0)] | None = None
+    """least reference energy of a power residual"""
+    shortest: Duration = 1e-5
+    """shortest communication step"""
+    longest: Duration = 0.1
+    """longest communication step"""
+
+    @model_validator(mode="after")
+    def _check_order(self) -> VariableStepTable:
+        if self.shortest > self.longest:
+            raise ValueError(f"shortest = {self.shortest:g} s is longer than longest = {self.longest:g} s")
+        if self.energy is not None and self.estimate != "power":
+            raise ValueError(f"energy is an option of estimate = 'power', not of '{self.estimate}'")
+        return self
+
+    def __str__(self) -> str:
+        lengths = f"{self.shortest * 1e3:g} to {self.longest * 1e3:g} ms"
+        return f"{self.estimate}, tolerance {self.tolerance:g}, {lengths}"
+
+
+def short_coupling(value: object) -> object:
+    """Accept the name of a coupling in place of its table."""
+    return {"scheme": value} if isinstance(value, str) else value
+
+
+def _allowed_kinds(allowed: object) -> object:
+    """Kinds of failures of the validity ledger; a single one may be given as a string."""
+    names = [allowed] if isinstance(allowed, str) else allowed
+    if isinstance(names, list | tuple) and all(isinstance(name, str) and name in ALLOWED for name in names):
+        return tuple(name for name in ALLOWED if name in names)
+    raise ValueError(f"must be a list of {', '.join(ALLOWED)}: failures that become warnings")
+
+
+class WindowTable(FrozenTable):
+    """Window of time of the figures that are means."""
+
+    start: Time = Field(0.0, alias="from")
+    """begin of the window"""
+    end: Time | None = Field(None, alias="to")
+    """end of the window; without it the end of the run"""
+
+    @model_validator(mode="after")
+    def _check_order(self) -> WindowTable:
+        if self.end is not None and self.start >= self.end:
+            raise ValueError(f"from = {self.start:g} s must be before to = {self.end:g} s")
+        return self
+
+
+class RunTable(FrozenTable):
+    """Duration, steps and recording of a run."""
+
+    stop: Duration
+    """end of the run, a multiple of step; times in a scene, a log and results count from its start"""
+    start: Annotated[float, In("s")] = 0.0
+    """time of FMUs of users at the start of the run"""
+    step: Duration
+    """communication step H; with a variable step, the first one"""
+    coupling: Annotated[CouplingTable, BeforeValidator(short_coupling, SchemeName | CouplingTable)] = CouplingTable()
+    """coupling of the components, or the name of its scheme alone"""
+    variable: Annotated[VariableStepTable | None, OR_FALSE] = None
+    """control of the communication step by its error; false or no table: all steps have the length step"""
+    inputs: bool = True
+    """inputs and checkpoints are recorded; without them the log can be neither replayed nor resumed"""
+    outputs: Every = 1
+    """communication steps from one record of outputs to the next"""
+    links: Every | None = None
+    """communication steps from one record of link outputs to the next; without it ten records a tooth, 10 at most"""
+    between: bool = False
+    """mean, least and most of link outputs between two records are recorded too"""
+    checkpoints: Annotated[Duration | None, OR_FALSE] = 0.5
+    """time from one checkpoint in the log to the next; false: none"""
+    window: Annotated[WindowTable | None, OR_FALSE] = None
+    """window of the summary's figures that are means; false or no table: the last second"""
+    allow: Annotated[tuple[str, ...], BeforeValidator(_allowed_kinds, Allowed | tuple[Allowed, ...])] = ()
+    """kinds of failures of the validity ledger that become warnings"""
+
+    @model_validator(mode="after")
+    def _check_steps(self) -> RunTable:
+        if self.stop / self.step > MOST_STEPS:
+            raise ValueError(f"stop = {self.stop:g} s is more than {MOST_STEPS} steps of {self.step:g} s")
+        if abs(self.stop / self.step - round(self.stop / self.step)) > 1e-6 or self.stop < self.step:
+            raise ValueError(f"stop = {self.stop:g} s must be a multiple of step = {self.step:g} s")
+        return self
+
+    @property
+    def times(self) -> tuple[float, float]:
+        """Start and stop time of the FMUs, s; no step ends after the stop time, by no rounding."""
+        end = self.start + (self.steps - 1) * self.step + self.step
+        rounding = 0.0 if self.variable is None else 4.0 * math.ulp(end)
+        return self.start, max(self.start + self.stop, end) + rounding
+
+    @property
+    def steps(self) -> int:
+        """Number of communication steps."""
+        return round(self.stop / self.step)
+
 
 MeasureName = Annotated[str, Field(json_schema_extra={"enum": sorted(measures.NAMES)})]
 Checked = Field(allow_inf_nan=False, json_schema_extra={"unit": "that of the signal or measure"})

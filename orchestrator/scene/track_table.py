@@ -14,8 +14,6 @@ from orchestrator.scene.values import Duration, TrackName
 
 Tolerance = Annotated[float, ratio(ge=TOLERANCES.least, le=TOLERANCES.most)]
 AbsoluteTolerance = Annotated[Tolerance, Field(json_schema_extra={"unit": "m, rad, m/s, rad/s"})]
-
-
 Elasticity = Literal["small_deformation", "general", "engineering"]
 
 

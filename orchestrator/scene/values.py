@@ -1,29 +1,28 @@
-"""Value types that several tables of a scene file share."""
+"""Values of the tables of a scene: types that several tables share; ranges, and warnings about implausible numbers.
+
+Ranges are those of ``fmus/ranges.py``; overlapping wheels are warned of as well.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from annotated_types import GroupedMetadata
 from pydantic import BeforeValidator, Field
 
+from fmus.ranges import VEHICLE, PlausibleRange, impossible_sections, range_violations
+from fmus.sides import of_side
 from fmus.track_choices import TRACKS
 from fmus.vehicle import In
 from orchestrator.log.message_records import MOST_STEPS
 
 Duration = Annotated[float, In("s", gt=0)]
-
-
 Time = Annotated[float, In("s", ge=0)]
-
-
 Angle = Annotated[float, In("rad")]
-
-
 Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double cannot resolve contact penetrations
-
-
 Every = Annotated[int, Field(ge=1, le=MOST_STEPS)]
 
 
@@ -34,11 +33,7 @@ else:
 
 
 SOLVED: dict[str, Any] = {"readOnly": True}  # in the JSON schema of a key that a run solves for
-
-
 Side = Literal["left", "right"]
-
-
 SIDES: tuple[Side, Side] = ("left", "right")
 
 
@@ -60,3 +55,122 @@ class OrFalse(GroupedMetadata):
 
 
 OR_FALSE = OrFalse()
+TURNING = "a sprocket of 0.25 m makes 180 km/h at 200 rad/s"
+CLIMBED = "no vehicle climbs more"
+UNLOADED = "more is rock: a micrometre under a tank"
+SCENE_RANGES = (
+    PlausibleRange("run.stop", "s", (1e-4, 1e4), (1e-9, 1e9), "an hour is ten times as long as a test drive"),
+    PlausibleRange(
+        "run.step", "s", (1e-6, 0.2), (1e-12, 10.0), "vehicles need milliseconds, what bends slowly some more"
+    ),
+    PlausibleRange("track.step", "s", (1e-7, 0.02), (1e-12, 10.0), "contacts of links need steps of milliseconds"),
+    *(
+        range_
+        for drive in ("drive", "drive.left", "drive.right", "drive.steering", "idler_drive")
+        for range_ in (
+            PlausibleRange(f"{drive}.speed", "rad/s", (-200.0, 200.0), (-1e5, 1e5), TURNING),
+            PlausibleRange(
+                f"{drive}.torque", "N m", (-2e6, 2e6), (-1e11, 1e11), "a sprocket pulls with the weight at most"
+            ),
+            PlausibleRange(
+                f"{drive}.brake", "N m", (0.0, 2e6), (0.0, 1e11), "a sprocket pulls with the weight at most"
+            ),
+        )
+    ),
+    PlausibleRange("driver.speed", "m/s", (0.0, 40.0), (0.0, 1e3), "tracks run 20 m/s, a few twice that"),
+    PlausibleRange("start.height", "m", (-0.1, 5.0), (-1e6, 1e6), "beyond, it is a crash"),
+    *(
+        PlausibleRange(f"ground.{key}", "m", (-2.0 if key.endswith("rise") else 0.0, 2.0), possible, CLIMBED)
+        for key, possible in {
+            "step.rise": (-1e3, 1e3),
+            "kerb.rise": (-1e3, 1e3),
+            "half_round.radius": (0.0, 1e3),
+            "washboard.amplitude": (0.0, 1e3),
+        }.items()
+    ),
+    PlausibleRange("ground.bump.rise", "m", (0.0, 2.0), (0.0, 1e3), CLIMBED),
+    PlausibleRange("ground.trench.depth", "m", (0.0, 10.0), (0.0, 1e3), "a tank ditch is 3 m deep"),
+    PlausibleRange("ground.trench.width", "m", (0.0, 20.0), (0.0, 1e6), "no vehicle crosses more"),
+    *(
+        PlausibleRange(f"ground.soil.{key}", unit, plausible, possible, reason)
+        for key, unit, plausible, possible, reason in (
+            ("n", "1", (0.05, 2.0), (1e-3, 5.0), "heavy clay has 0.13, snow 1.6"),
+            ("kc", "N/m^(n+1)", (0.0, 1e6), (0.0, 1e12), "tables in kN say 0 to 110"),
+            ("kphi", "N/m^(n+2)", (1e4, 1e8), (0.0, 1e15), "tables in kN say 100 to 5500"),
+            ("cohesion", "Pa", (0.0, 2e5), (0.0, 1e9), "stiff clay has 100 kPa"),
+            ("friction_angle", "rad", (0.0, 0.87), (0.0, 1.5), "dense gravel has 50 degrees"),
+            ("shear_deformation_modulus", "m", (1e-3, 0.2), (1e-6, 10.0), "clay has 6 mm, snow 50, peat 100"),
+            ("k0", "Pa/m", (0.0, 1e11), (0.0, 1e15), UNLOADED),
+            ("Au", "Pa/m^2", (0.0, 1e13), (0.0, 1e17), UNLOADED),
+            ("elastic", "Pa/m", (0.0, 1e11), (0.0, 1e15), UNLOADED),
+            ("damping", "Pa s/m", (0.0, 1e6), (0.0, 1e11), "more bears a tank that sinks by 0.1 m/s"),
+            ("width", "m", (5e-3, 3.0), (1e-4, 100.0), "links of toys and of crawlers"),
+        )
+    ),
+)
+
+
+def implausible_numbers(scene: Mapping[str, Any], where: str) -> list[str]:
+    """One sentence, beginning with ``where``, for each implausible number of a resolved scene."""
+    vehicle = scene.get("vehicle")
+    sentences = [*range_violations(scene, SCENE_RANGES, "plausible")]
+    if isinstance(vehicle, Mapping):
+        sentences += range_violations(vehicle, VEHICLE, "plausible", "vehicle.")
+        step, longest = scene["run"]["step"], vehicle.get("longest_step") or math.inf
+        if step > longest:
+            sentences.append(
+                f"run.step = {1e3 * step:.4g} ms is longer than suits vehicle '{vehicle['name']}', longest_step ="
+                f" {1e3 * longest:.4g} ms: the energy balance may stay open"
+            )
+        sentences += impossible_sections(vehicle)
+        sentences += overlapping_wheels(vehicle) if scene.get("assembly") == "vehicle" else ()
+    return [f"{where}: {sentence}" for sentence in sentences]
+
+
+ROUNDING = 1e-9  # m
+
+
+class _Wheel(NamedTuple):
+    """Wheel of a side as drawn, m."""
+
+    key: str  # of its position
+    radius_key: str
+    x: float
+    z: float
+    radius: float
+
+
+def overlapping_wheels(vehicle: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a sentence about the two wheels of each side that overlap most, of a whole vehicle table.
+
+    Interleaved road wheels, in two planes, do overlap as seen from the side, so this is no mistake for certain.
+    """
+    yield from _overlap(list(_wheels(vehicle, "vehicle.")))
+    if vehicle.get("right"):
+        yield from _overlap(list(_wheels(of_side(vehicle, "right"), "vehicle.right.")))
+
+
+def _wheels(table: Mapping[str, Any], above: str) -> Iterator[_Wheel]:
+    """Wheels of a side with this vehicle table; ``above``: prefix of the keys of their positions."""
+    sprocket, idler = table["sprocket"], table["idler"]
+    yield _Wheel("the sprocket's place", "vehicle.sprocket.outer_radius", 0.0, 0.0, sprocket["outer_radius"])
+    for name in ("road_wheel", "return_roller"):
+        for k, x in enumerate((wheels := table.get(name) or {"x": ()})["x"]):
+            yield _Wheel(f"{above}{name}.x.{k}", f"vehicle.{name}.radius", x, wheels["z"], wheels["radius"])
+    yield _Wheel(f"{above}idler.x", "vehicle.idler.radius", idler["x"], idler["z"], idler["radius"])
+
+
+def _overlap(wheels: Sequence[_Wheel]) -> Iterator[str]:
+    """Yield a sentence about the two wheels that overlap most, if any do."""
+    gap, (a, b) = min((_gap(a, b), (a, b)) for a, b in combinations(wheels, 2))
+    if gap < -ROUNDING:
+        needed = a.radius + b.radius
+        yield (
+            f"{a.key} = {a.x:g} m and {b.key} = {b.x:g} m: these wheels overlap, {needed + gap:.4g} m apart;"
+            f" plausible is at least {needed:.4g} m, {a.radius_key} + {b.radius_key}"
+        )
+
+
+def _gap(a: _Wheel, b: _Wheel) -> float:
+    """Distance between the rims of two wheels, m."""
+    return math.hypot(a.x - b.x, a.z - b.z) - a.radius - b.radius

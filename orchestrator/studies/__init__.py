@@ -8,20 +8,45 @@ A study is a module of this folder with
     table(rows) -> Table
     write(folder, name, rows, title) -> list[Path]      the written files
 
-Cases run in parallel processes or on a Dask cluster (``pool``); finished ones are stored (``store``). Studies of
+Cases run in parallel processes or on a Dask cluster (``pool``); finished ones are stored (``pool.Store``). Studies of
 cotrack itself, its mechanics, its couplings and the paper, are in ``tests/validation``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from fmus.vehicle import BadInput
-from orchestrator.scene.gallery import hint
-from orchestrator.studies.row import Row
+from orchestrator.scene.settings import hint
+
+
+@dataclass(frozen=True)
+class Row:
+    """Result of a case, stored as JSON; figures by column key."""
+
+    item: str  # family, scene or part; empty: that of the case
+    case: str  # what was measured; empty: the name of the case
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    ok: bool | None = None  # False: not as it should be; None: no requirement
+    note: str = ""
+
+    def __getitem__(self, key: str) -> Any:
+        """Figure by key; NaN if missing."""
+        return self.figures.get(key, math.nan)
+
+    def with_figures(self, **figures: Any) -> Row:
+        """Copy of the row with more figures."""
+        return replace(self, figures={**self.figures, **figures})
+
+    def cells(self) -> dict[str, Any]:
+        """All values by column key."""
+        return {**vars(self), **self.figures}
+
 
 STUDIES = {
     "error-runtime": "error against run time of a scene, over steps, integrators and couplings",

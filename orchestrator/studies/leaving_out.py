@@ -34,11 +34,11 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.assembly import Assembly, assemble, system
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import CHASSIS, TRACK, Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene, load
-from orchestrator.studies import Case, files
-from orchestrator.studies.row import Row
+from orchestrator.scene.scene import load
+from orchestrator.studies import Case, Row, files
 
 TITLE = "What leaving out saves"
 WORKERS = 1  # timed pairs need the machine for themselves

@@ -16,7 +16,7 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.recorder import LogFailed
 from orchestrator.results.difference import INTERVAL
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.kinds import Scene
 
 
 @contextmanager

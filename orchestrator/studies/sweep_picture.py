@@ -18,7 +18,6 @@ MOST_MAPS = 4  # of a figure
 PREFIXED = ("N", "J", "W", "Pa", "N m", "N.m")  # units that are shown with a prefix
 COLOURS = ("viridis", "plasma", "cividis", "cool")  # of curves, by the key that they are curves over
 ACROSS = 4  # panes in a line, unless a figure has more
-
 Record = Mapping[str, Any]  # of a case, by key of the columns
 
 

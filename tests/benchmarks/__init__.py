@@ -14,7 +14,7 @@ from typing import Any
 
 from fmus.vehicle import BadInput
 from orchestrator.results.table import Table
-from orchestrator.scene.gallery import hint
+from orchestrator.scene.settings import hint
 from tests.benchmarks import machine
 from tests.benchmarks.against import paired
 from tests.benchmarks.process import Failed, isolated

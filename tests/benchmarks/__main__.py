@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from orchestrator.cli import main, printed
+from orchestrator.cli import common, main
 from tests import benchmarks
 from tests.benchmarks import machine
 
@@ -39,7 +39,7 @@ def measure(
         lambda table: print(table.markdown("###"), flush=True),
     )
     if as_json:
-        print(json.dumps(printed.finite(result)))
+        print(json.dumps(common.finite(result)))
     sys.exit(0 if result["ok"] else 1)
 
 

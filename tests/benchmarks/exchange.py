@@ -18,7 +18,7 @@ from orchestrator.cosim.observers import Logging
 from orchestrator.execution.loading import load_scene
 from orchestrator.execution.manifest import open_log
 from orchestrator.results.table import ABOUT, COST, Column
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.kinds import Scene
 from tests.benchmarks.timing import quiet
 
 COLUMNS = (

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.physics.chain.layout import ovalling, regular_polygon
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Part
-from orchestrator.scene.scene import Scene
 from tests.benchmarks import own
 
 Floats = NDArray[np.float64]

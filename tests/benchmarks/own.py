@@ -10,9 +10,10 @@ from typing import Any
 from fmus.build import KINDS, build
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene, load
+from orchestrator.scene.scene import load
 
 
 def scene(name: str, track: str, settings: Sequence[str]) -> Scene:

@@ -18,7 +18,7 @@ from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.execution.loading import load_scene
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.results.table import ABOUT, COST, Column, Table
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.kinds import Scene
 from tests.benchmarks import own
 from tests.benchmarks.timing import quiet
 

@@ -13,8 +13,7 @@ from typing import Any
 from orchestrator.execution.simulate import simulate
 from orchestrator.results.table import ABOUT, COST, Column, Table
 from orchestrator.scene.scene import load
-from orchestrator.studies import Case, pool
-from orchestrator.studies.row import Row
+from orchestrator.studies import Case, Row, pool
 from tests.benchmarks import own
 
 SCENE = "straight"

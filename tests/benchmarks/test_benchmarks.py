@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fmus.jit import cache_folder
-from orchestrator.log.log_format import CHECKPOINT
+from orchestrator.log.log_metadata import CHECKPOINT
 from orchestrator.log.reader import Log, Series
 from orchestrator.scene.scene import load
 from tests import benchmarks as bench

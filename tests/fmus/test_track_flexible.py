@@ -10,17 +10,7 @@ import pytest
 import fmus.track_rigid.model as track_rigid
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.flexible.cables import LAYOUT
-from fmus.physics.chain.report import (
-    EVALUATIONS,
-    KINETIC,
-    REJECTED,
-    REPORT,
-    SPEED,
-    STEPS,
-    STRAIN,
-    T_MAX,
-    TRAVEL,
-)
+from fmus.physics.chain.report import EVALUATIONS, KINETIC, REJECTED, REPORT, SPEED, STEPS, STRAIN, T_MAX, TRAVEL
 from fmus.physics.wheels import read_states
 from fmus.sentences import GAPS, format_sentence
 from fmus.track_flexible.model import Model

@@ -8,10 +8,9 @@ from functools import cache
 from typing import Any
 
 from fmus.ranges import VEHICLE
-from orchestrator.scene import gallery
-from orchestrator.scene.ranges import SCENE
-from orchestrator.scene.scene import KINDS, load
+from orchestrator.scene.scene import KINDS, load, scene_names
 from orchestrator.scene.settings import keys
+from orchestrator.scene.values import SCENE_RANGES
 from tests.fuzz import values
 
 RUN = {"hanging_chain": ("flexible", "rigid")}  # scenes that are run, others are shown: their kernels are loaded
@@ -41,7 +40,7 @@ def _known(scene: str) -> tuple[tuple[str, ...], dict[str, Any]]:
 @cache
 def _ends() -> dict[str, tuple[float, ...]]:
     """Ends of the possible and plausible ranges, by key."""
-    ranges = [(f"vehicle.{one.key}", one) for one in VEHICLE] + [(one.key, one) for one in SCENE]
+    ranges = [(f"vehicle.{one.key}", one) for one in VEHICLE] + [(one.key, one) for one in SCENE_RANGES]
     return {key: (*one.plausible, *one.possible) for key, one in ranges}
 
 
@@ -83,7 +82,7 @@ def takes_long(text: str) -> bool:
 
 def draw(chance: random.Random) -> dict[str, Any]:
     """A case: a run of few steps, or the inventory of a scene."""
-    scene = chance.choice(("hanging_chain", *gallery.names()))
+    scene = chance.choice(("hanging_chain", *scene_names()))
     settings = [setting(chance, scene) for _ in range(chance.choice((1, 1, 1, 2, 3)))]
     track = chance.choice(RUN.get(scene, ("flexible", "rigid")))
     if scene in RUN and not any(map(takes_long, settings)):

@@ -9,7 +9,7 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from orchestrator.scene import gallery
+from orchestrator.scene.scene import scene_names
 from tests.fuzz import values
 
 ODD_FILES: tuple[Any, ...] = (
@@ -47,7 +47,7 @@ def _changed(text: str, draw: random.Random) -> Any:
 
 def scenes(draw: random.Random) -> dict[str, Any]:
     """A scene file that is shown."""
-    name = draw.choice((*FAST, *gallery.names()))
+    name = draw.choice((*FAST, *scene_names()))
     return {"files": {"s.toml": _changed(_file("scene", name), draw)}, "arguments": ["show", "s.toml"]}
 
 

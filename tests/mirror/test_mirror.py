@@ -24,9 +24,8 @@ from fmus.track_choices import TRACKS
 from fmus.vehicle import number_meanings
 from mirror import chassis_checks, drive_checks, driver_checks, joined_checks, runs, track_checks
 from mirror.check import FAULTS, Check, View
-from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import load, scene_names
 
 # outputs that other tests of this module check: of tracks, of all components
 COUNTED = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
@@ -156,7 +155,7 @@ def test_a_planted_fault_is_noticed(kind, fault):
 
 
 def test_every_kind_of_component_has_checks_and_a_scene():
-    kinds = {part.kind for name in gallery.names() for model in TRACKS for part in assemble(load(name, model)).parts}
+    kinds = {part.kind for name in scene_names() for model in TRACKS for part in assemble(load(name, model)).parts}
     assert set(FMUS) == kinds == set(components.KINDS)
 
 
@@ -250,7 +249,7 @@ def described() -> dict[str, set[str]]:
 
     outputs, seen = defaultdict(set), set()
     with TemporaryDirectory() as folder:
-        for name in gallery.names():
+        for name in scene_names():
             for model in TRACKS:
                 for part in assemble(load(name, model, [runs.ALL])).parts:
                     key = part.kind, json.dumps(part.config, sort_keys=True)

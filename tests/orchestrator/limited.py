@@ -62,7 +62,7 @@ if __name__ == "__main__":
     import scipy.linalg  # noqa: F401
 
     from orchestrator.cosim import component  # noqa: F401
-    from orchestrator.execution import replay_model, reported, resume, simulate  # noqa: F401
+    from orchestrator.execution import log_report, replay_model, resume, simulate  # noqa: F401
     from orchestrator.results.analyses import power, signal_picture  # noqa: F401
     from orchestrator.results.views import flat_views  # noqa: F401
 

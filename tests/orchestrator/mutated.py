@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from mcap.reader import make_reader
 
-from orchestrator.log.closing_record import NAME as CLOSING
 from orchestrator.log.container_writer import ContainerWriter
+from orchestrator.log.log_metadata import CLOSING as CLOSING
 from orchestrator.log.message_records import PREFIX
 from orchestrator.log.reader import Log
 from orchestrator.log.seal import NAME as SEAL

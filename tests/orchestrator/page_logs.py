@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 
-from orchestrator.execution.reported import _judge
+from orchestrator.execution.log_report import _judge
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder

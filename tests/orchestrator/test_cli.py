@@ -14,10 +14,10 @@ import pytest
 from short_run import SHORT, last
 
 from fmus import vehicle as vehicles
-from orchestrator.cli import printed
+from orchestrator.cli import common
 from orchestrator.cli.common import message_and_status
 from orchestrator.execution import summary
-from orchestrator.execution.reported import summary_of
+from orchestrator.execution.log_report import summary_of
 from orchestrator.execution.summary_text import lines
 from orchestrator.log.extra import BROUGHT
 from orchestrator.log.reader import Log
@@ -25,8 +25,8 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.units import figure, number
-from orchestrator.scene import gallery
-from orchestrator.scene.scene import load
+from orchestrator.scene import scene as scene_module
+from orchestrator.scene.scene import load, scene_names
 
 ROOT = Path(__file__).parents[2]
 KEYS = {
@@ -40,7 +40,7 @@ KEYS = {
 def test_scenes_lists_the_gallery(cotrack):
     status, out, _ = cotrack("scenes")
     assert status == 0
-    assert [line.split()[0] for line in out.splitlines()] == gallery.names()
+    assert [line.split()[0] for line in out.splitlines()] == scene_names()
 
 
 def test_vehicles_lists_the_packaged_ones(cotrack):
@@ -67,7 +67,7 @@ def test_show(cotrack):
 
 def test_an_open_ledger_is_not_a_success(cotrack, tmp_path):
     """An open energy balance is a failure: a chain without checks falls 20 cm per step."""
-    text = (Path(gallery.__file__).parents[1] / "gallery" / "released_chain.toml").read_text(encoding="utf-8")
+    text = (Path(scene_module.__file__).parents[1] / "gallery" / "released_chain.toml").read_text(encoding="utf-8")
     (tmp_path / "fall.toml").write_text(text.partition("[expect")[0], encoding="utf-8")
     fall = ("run", "fall.toml", "--no-estimate", "--set", "chain.links=8", "--stop", "0.6", "--json")
     for step, wanted in (("50 ms", 1), ("2 ms", 0)):
@@ -335,12 +335,12 @@ def test_turns_of_the_last_second_are_left_to_phases(capsys):
         "simulated_time": 9.0, "observables": observables, "phases": [turned],
         "windows": summary.windows(observables, load("turn"), 9.0),
     }  # fmt: skip
-    printed.summary(result)
+    common.summary(result)
     out = capsys.readouterr().out
     assert "242.6" not in out
     assert "largest link tension 42 kN in right track at 3.743 s" in out
     assert "3.6 to 6 s: turn right at 1.96 m/s over 4.77 m; yaw rate -0.25 rad/s, -0.31 at most, radius 7.9 m" in out
-    printed.summary(result | {"phases": []})
+    common.summary(result | {"phases": []})
     means = "speed 0 m/s, yaw rate -1e-05 rad/s, turn radius 242.6 m, steering moment 0 kN m, power left 7.5e-07 kW"
     assert f"mean of 8 to 9 s: {means}" in capsys.readouterr().out, "rounding is 0"
 
@@ -413,8 +413,8 @@ def test_ten_lines_hide_nothing_that_is_wrong():
         "energy": energy_of(3e5, 1e5, 0.0, 0.0, 0.0), "components": {"left_track": cost}, "log": "a.mcap", "seal": "ab",
         "simulated_time": 1.0, "real_time_factor": 1.0, "log_bytes": 1,
     }  # fmt: skip
-    short, whole = lines(quiet, printed.MOST), lines(quiet)
-    assert len(short) == printed.MOST == 10
+    short, whole = lines(quiet, common.MOST), lines(quiet)
+    assert len(short) == common.MOST == 10
     assert short[-1] == f"  log a.mcap (0.0 MB); {len(whole) - 10} lines more with --verbose"
     assert [line for line in short[:-1] if line not in whole] == []
     assert any("energy balance: " in line for line in short)
@@ -431,7 +431,7 @@ def test_ten_lines_hide_nothing_that_is_wrong():
             "checks": quiet["checks"] | {"speed": missed}, "warnings": [warned] * 12,
             "validity": [exceeded | {"severity": severity}],
         }  # fmt: skip
-        short, whole = lines(loud, printed.MOST), lines(loud)
+        short, whole = lines(loud, common.MOST), lines(loud)
         assert short[1:15] == whole[1:15]
         assert sum("warning: drive at 1 s, 2 times: slow" in line for line in short) == 12
         assert any("NOT speed = 9" in line for line in short)

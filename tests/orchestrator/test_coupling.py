@@ -22,20 +22,11 @@ from orchestrator.execution import replay_model
 from orchestrator.execution.prepared_run import PreparedRun
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.scene.run_tables import OPTIONS, CouplingTable
 from orchestrator.scene.scene import load
-from orchestrator.studies.oscillator import amplification
+from orchestrator.scene.tables import OPTIONS, CouplingTable
+from orchestrator.studies.limits import amplification
 from tests.validation import coupling as study
-from tests.validation.coupling import (
-    DAMPED,
-    FREE,
-    MEMBERS,
-    VARIANTS,
-    couple,
-    grows,
-    predicted_limit,
-    run_free,
-)
+from tests.validation.coupling import DAMPED, FREE, MEMBERS, VARIANTS, couple, grows, predicted_limit, run_free
 from tests.validation.slaves import coupled, whole
 
 

@@ -10,12 +10,12 @@ import pytest
 from short_run import SHORT, last
 
 from fmus.vehicle import BadInput
-from orchestrator.cli import main, printed
+from orchestrator.cli import common, main
 from orchestrator.execution import precision
 from orchestrator.execution.estimate import _NoEstimate, _with_differences, companions, estimate
+from orchestrator.execution.log_report import summary_of
+from orchestrator.execution.manifest import decode_results
 from orchestrator.execution.precision import Setting, cheapest, fraction, pareto_front
-from orchestrator.execution.recorded_results import decode
-from orchestrator.execution.reported import summary_of
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary_text import lines
 from orchestrator.log.reader import Log, LogUnreadable
@@ -31,8 +31,7 @@ from orchestrator.results.difference import (
 )
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
-from orchestrator.studies import Case, error_runtime, work_precision
-from orchestrator.studies.row import Row
+from orchestrator.studies import Case, Row, error_runtime
 from orchestrator.studies.runs import record
 
 SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.064 s", "run.links=1")
@@ -158,7 +157,7 @@ def test_a_coupled_track_at_its_stable_step_knows_its_coupling_alone(tmp_path, c
     own = summary["error"]
     assert own["integration"] is None
     assert own["total"] == own["coupling"] > 0.0
-    printed.summary(summary)
+    common.summary(summary)
     assert "integration not known" in capsys.readouterr().out
 
 
@@ -228,11 +227,11 @@ def test_the_log_closes_with_error_and_cost(swings):
     assert "\n  estimated error: " in "\n".join(lines(opened))
     with Log(swings[2.0]["log"]) as log:
         texts = log.closing["results"]
-    assert decode(texts) == decode(texts | {"validity": "nonsense"})
-    earlier = decode({name: text for name, text in texts.items() if name in ("wall_time", "error")})
+    assert decode_results(texts) == decode_results(texts | {"validity": "nonsense"})
+    earlier = decode_results({name: text for name, text in texts.items() if name in ("wall_time", "error")})
     assert (earlier["wall_time"], earlier["error"]) == (swings[2.0]["wall_time"], swings[2.0]["error"])
     for odd in ({"error": "1"}, {"error": texts["error"].replace("true", "false")}, {"wall_time": "["}):
-        assert decode(texts | odd) == decode({})
+        assert decode_results(texts | odd) == decode_results({})
 
 
 def test_a_run_too_short_says_so(tmp_path):
@@ -338,11 +337,11 @@ def test_a_study_of_a_small_swing(tmp_path, monkeypatch, capsys):
     assert {tuple(s.settings)[-1] for s in precision.read(tmp_path / "found" / "precision.json")} <= {
         "run.step=2 ms", "run.step=0.5 ms",
     }  # fmt: skip
-    assert len(work_precision.ratios(rows)) >= 4
+    assert len(error_runtime.ratios(rows)) >= 4
 
 
 def test_a_picture_has_a_line_for_any_number_of_track_models():
     figures = {"method": "m", "error": 0.1, "estimate": 0.1, "wall_time": 1.0, "errors": {}, "estimates": {}}
     rows = [Row("swing", model, {**figures, "track": model}) for model in ("flexible", "rigid", "toy")]
-    legend = work_precision.draw(rows, "").legends[0]
+    legend = error_runtime.draw(rows, "").legends[0]
     assert [text.get_text() for text in legend.get_texts()] == ["m", "flexible links", "rigid links", "toy links"]

@@ -14,8 +14,8 @@ from PIL import Image
 from fmus.ground import heights, terrain
 from fmus.ground_keys import is_terrain
 from fmus.vehicle import BadInput
+from orchestrator.scene.data_files import read_heights
 from orchestrator.scene.ground_tables import GroundTable
-from orchestrator.scene.height_files import read
 from orchestrator.scene.scene import load
 
 STEP = "ground.step={x=[3, 4], rise='20 cm'}"
@@ -77,7 +77,7 @@ def test_bad_input_is_refused_in_a_sentence(settings, sentence):
 
 def read_file(path, **keys):
     table = {"ground": {"heightmap": {"heights": path.name, "corner": [0, 0], "spacing": [1, 1], **keys}}}
-    read(table, path.parent, "mine.toml")
+    read_heights(table, path.parent, "mine.toml")
     return table["ground"]["heightmap"]
 
 

@@ -19,8 +19,8 @@ from orchestrator.cosim.guests import room
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
-from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.scene import any_from_table, load
+from orchestrator.scene.tables import RunTable
 
 GUEST = (
     Variable("u", "input"),

@@ -17,7 +17,7 @@ from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import LogFailed
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
-from orchestrator.scene import gallery
+from orchestrator.scene import scene
 
 
 @pytest.mark.parametrize("phase", ["build", "initialise", "warm up"])
@@ -167,7 +167,7 @@ def test_an_error_of_ours_is_a_sentence_too(cotrack, monkeypatch):
     def broken():
         raise ZeroDivisionError("by\nnought")
 
-    monkeypatch.setattr(gallery, "names", broken)
+    monkeypatch.setattr(scene, "scene_names", broken)
     status, _, err = cotrack("scenes")
     assert status == 1
     assert err == "cotrack: internal error: ZeroDivisionError: by\\nnought; run 'cotrack --debug ...' to see where\n"

@@ -10,16 +10,25 @@ from jsonschema import Draft202012Validator
 from short_run import last
 
 from fmus.vehicle import BadInput
-from orchestrator.execution.checked_signals import require_signals
+from orchestrator.execution.loading import require_signals
 from orchestrator.results import measures
-from orchestrator.scene import commented, gallery
-from orchestrator.scene.keys import OVERRIDES, facts, key_text, measure_keys, page, scene_keys, vehicle_keys
-from orchestrator.scene.scene import KINDS, load
-from orchestrator.scene.settings import entries, keys, near_keys
-from orchestrator.scene.toml_schema import scene_schema, vehicle_schema
-from orchestrator.scene.toml_text import toml_text
+from orchestrator.scene import commented_file
+from orchestrator.scene import scene as scene_module
+from orchestrator.scene.keys import (
+    OVERRIDES,
+    facts,
+    key_text,
+    measure_keys,
+    page,
+    scene_keys,
+    scene_schema,
+    vehicle_keys,
+    vehicle_schema,
+)
+from orchestrator.scene.scene import KINDS, load, read_scene, read_vehicle, scene_names
+from orchestrator.scene.settings import entries, keys, near_keys, toml_text
 
-ORCHESTRATOR = Path(gallery.__file__).parents[1]
+ORCHESTRATOR = Path(scene_module.__file__).parents[1]
 KEYS = {key.key: key for key in scene_keys()}
 
 
@@ -116,13 +125,13 @@ def check():
     return messages
 
 
-@pytest.mark.parametrize("name", gallery.names())
+@pytest.mark.parametrize("name", scene_names())
 def test_files_of_the_gallery_fit_the_schema(check, name):
-    assert check("scene", gallery.read(name)[1]) == []
+    assert check("scene", read_scene(name)[1]) == []
 
 
 def test_the_packaged_vehicle_fits_the_schema(check):
-    vehicle = gallery.read_vehicle("m113")
+    vehicle = read_vehicle("m113")
     assert check("vehicle", vehicle) == []
     for key in ("name", "chassis", "gravity"):
         assert check("vehicle", {k: v for k, v in vehicle.items() if k != key}) == [f"{key!r} is a required property"]
@@ -156,7 +165,7 @@ def test_schema_and_command_accept_and_refuse_the_same(check, tmp_path):
     (tmp_path / "speed.csv").write_text("0,0\n1,5\n")
     for values, refused in ((ACCEPTED, False), (REFUSED, True)):
         for key, value in values:
-            table = copy.deepcopy(gallery.read("straight")[1])
+            table = copy.deepcopy(read_scene("straight")[1])
             *path, name = key.split(".")
             place = table
             if path[:1] == ["vehicle"]:
@@ -189,7 +198,7 @@ def test_schema_command(cotrack):
 # --- commented files -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", gallery.names())
+@pytest.mark.parametrize("name", scene_names())
 def test_a_commented_scene_resolves_as_its_source(cotrack, check, tmp_path, name):
     assert cotrack("new", "scene", "own", "--from", name) == (0, "own.toml\n", "")
     source, written = load(name).resolved(), load("own.toml").resolved()
@@ -207,7 +216,7 @@ def test_a_commented_scene_resolves_as_its_source(cotrack, check, tmp_path, name
 def test_defaults_in_comments_are_those_of_the_scene(tmp_path, monkeypatch):
     """A commented key of a table that the file has may be uncommented: nothing changes, or another key must be set."""
     monkeypatch.chdir(tmp_path)
-    path = commented.new_file("scene", "own")
+    path = commented_file.new_file("scene", "own")
     lines, same, refused = path.read_text(encoding="utf-8").splitlines(), 0, []
     source, active = load("own.toml").resolved(), True
     for i, line in enumerate(lines):
@@ -247,12 +256,12 @@ def test_a_commented_vehicle_is_its_source(cotrack, check, tmp_path):
 def test_points_of_a_source_elsewhere_are_written(tmp_path, monkeypatch):
     (tmp_path / "far").mkdir()
     (tmp_path / "far" / "speed.csv").write_text("0,0\n1,5\n")
-    table = gallery.read("straight")[1]
+    table = read_scene("straight")[1]
     (tmp_path / "far" / "a.toml").write_text(
         toml_lines({**table, "drive": {"mode": "speed", "speed_points": "speed.csv"}})
     )
     monkeypatch.chdir(tmp_path)
-    commented.new_file("scene", "b", "far/a.toml")
+    commented_file.new_file("scene", "b", "far/a.toml")
     assert load("b.toml").drive.speed_points == ((0.0, 0.0), (1.0, 5.0))
 
 
@@ -340,7 +349,7 @@ def test_a_misspelt_key_of_a_file_is_told_the_nearest(tmp_path, monkeypatch, old
     text = (ORCHESTRATOR / "gallery" / "straight.toml").read_text(encoding="utf-8")
     assert old in text
     (tmp_path / "own.toml").write_text(text.replace(old, new, 1))
-    commented.new_file("vehicle", "tank")
+    commented_file.new_file("vehicle", "tank")
     vehicle = (tmp_path / "tank.toml").read_text(encoding="utf-8")
     (tmp_path / "tank.toml").write_text(vehicle.replace("lateral = ", "lateal = "))
     with pytest.raises(BadInput) as caught:

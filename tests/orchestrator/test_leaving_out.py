@@ -10,9 +10,8 @@ from orchestrator.cli.inventory import lines, pairs
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
-from orchestrator.studies import leaving_out
+from orchestrator.studies import Row, leaving_out
 from orchestrator.studies.leaving_out import KEYS, MOTION, PairedRun, cases, difference, run
-from orchestrator.studies.row import Row
 
 BRIEF = ("run.stop=20 ms", "track.start=displaced", "chain.links=8")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orchestrator.execution import summary
-from orchestrator.execution.reported import _judge
+from orchestrator.execution.log_report import _judge
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import measures, turning

@@ -3,7 +3,7 @@
 import pytest
 
 from orchestrator.execution.simulate import simulate
-from orchestrator.log import chunk_reader
+from orchestrator.log import stream
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences
 from orchestrator.results.run_data import RunData
@@ -23,7 +23,7 @@ def test_a_long_run_needs_no_more_memory_than_a_short_one():
 
 @pytest.mark.long
 def test_what_is_read_for_a_summary_or_a_difference_is_not_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(chunk_reader, "SMALL", 0)  # the log is none of those that are kept whole
+    monkeypatch.setattr(stream, "SMALL", 0)  # the log is none of those that are kept whole
     path = tmp_path / "log.mcap"
     assert simulate(load("straight", "rigid", ["run.stop=0.1 s", "run.links=1", "expect={}"]), path)["status"] == "ok"
     with Log(path) as log, Log(path) as other:

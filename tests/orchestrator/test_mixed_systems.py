@@ -17,8 +17,8 @@ from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import verify
-from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.scene import any_from_table
+from orchestrator.scene.system_scene import FreeScene
 
 H, STEPS = 0.01, 60
 GEARS = ("low", "high", "road")

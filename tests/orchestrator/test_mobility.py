@@ -13,19 +13,12 @@ from scipy.optimize import brentq
 
 from fmus.soils import law_of
 from fmus.vehicle import BadInput
-from orchestrator.studies import mobility
-from orchestrator.studies.mobility import (
-    drawbar,
-    grade,
-    half_rounds,
-    pressure,
-    step_and_gap,
-    theory,
-    turning,
-)
-from orchestrator.studies.mobility.finding import bisect, first_crossing, limit_speed
-from orchestrator.studies.mobility.trial import run_up, trial, vehicle_of
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row, mobility
+from orchestrator.studies.mobility import limit_trials, soil_trials, theory
+from orchestrator.studies.mobility.limit_trials import STEP_AND_GAP
+from orchestrator.studies.mobility.ride_trials import HALF_ROUNDS
+from orchestrator.studies.mobility.soil_trials import DRAWBAR
+from orchestrator.studies.mobility.trial import bisect, first_crossing, limit_speed, run_up, trial_scene, vehicle_of
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +91,7 @@ def test_the_steepest_slope_of_a_soil(m113):
     angle = brentq(
         lambda a: theory.drawbar(m113.table, law, weight * math.cos(a), 1.0).high - weight * math.sin(a), 0.0, 1.0
     )
-    assert grade._bracket(m113, "dry_sand").high == pytest.approx(math.tan(angle), rel=1e-9)
+    assert limit_trials._slopes(m113, "dry_sand").high == pytest.approx(math.tan(angle), rel=1e-9)
     assert math.tan(angle) < law.tan
 
 
@@ -128,7 +121,7 @@ def test_the_first_crossing():
 
 
 def test_trials_are_of_the_scenes_vehicle(m113):
-    scene = trial(m113, "a trial", 1.0003, friction=0.7, ground={"grade": 0.1}, drive={"mode": "speed"})
+    scene = trial_scene(m113, "a trial", 1.0003, friction=0.7, ground={"grade": 0.1}, drive={"mode": "speed"})
     assert scene.vehicle.contact.ground.friction == 0.7
     assert scene.vehicle.track == m113.table.track
     assert scene.symmetric
@@ -164,7 +157,7 @@ def test_a_vehicle_without_a_seat(tmp_path):
 
 def test_a_quick_study_has_a_case_of_every_trial():
     cases = mobility.cases(True)
-    assert {case.item for case in cases} == {module.NAME for module in mobility.TRIALS}
+    assert {case.item for case in cases} == {trial.name for trial in mobility.TRIALS}
     assert len(cases) < len(mobility.cases(False)) / 2
 
 
@@ -175,10 +168,10 @@ PULL = {
     "settlement": 0.1, "weight": 150.0,
 }  # fmt: skip
 ROWS = [
-    Row(drawbar.NAME, "dry_sand, slip 0.1", {**PULL, "slip": 0.1, "pull": 20.0}, True),
-    Row(drawbar.NAME, "dry_sand, slip 0.4", {**PULL, "slip": 0.4, "pull": 50.0}, True),
-    Row(drawbar.NAME, "dry_sand, slip 0.9", {}, False, "took longer than <1800> s"),
-    Row(step_and_gap.NAME, "step", {"passed": 0.9, "failed": 0.92, "low": 0.6, "high": 1.0, "runs": 7}, True, "stands"),
+    Row(DRAWBAR.name, "dry_sand, slip 0.1", {**PULL, "slip": 0.1, "pull": 20.0}, True),
+    Row(DRAWBAR.name, "dry_sand, slip 0.4", {**PULL, "slip": 0.4, "pull": 50.0}, True),
+    Row(DRAWBAR.name, "dry_sand, slip 0.9", {}, False, "took longer than <1800> s"),
+    Row(STEP_AND_GAP.name, "step", {"passed": 0.9, "failed": 0.92, "low": 0.6, "high": 1.0, "runs": 7}, True, "stands"),
 ]
 
 
@@ -205,12 +198,12 @@ def test_the_summary_interpolates():
 def test_speed_limits_are_those_of_each_ground():
     """Rows in any order; those without a figure, of runs that failed, count as not there."""
     rows = [
-        Row(half_rounds.NAME, "", {"radius": radius, "speed": speed, "peak": radius * speed * 10.0})
+        Row(HALF_ROUNDS.name, "", {"radius": radius, "speed": speed, "peak": radius * speed * 10.0})
         for radius in (0.2, 0.1)
         for speed in (4.0, 1.0, 2.0)
     ]
-    rows.append(Row(half_rounds.NAME, "", {"radius": 0.1, "speed": 3.0}, note="the chain jumps"))
-    found = {finding.measure[-6:]: finding.value for finding in half_rounds.find(rows)}
+    rows.append(Row(HALF_ROUNDS.name, "", {"radius": 0.1, "speed": 3.0}, note="the chain jumps"))
+    found = {finding.measure[-6:]: finding.value for finding in HALF_ROUNDS.find(rows)}
     assert found == {"200 mm": pytest.approx(1.25), "100 mm": pytest.approx(2.5)}
 
 
@@ -220,20 +213,20 @@ def test_speed_limits_are_those_of_each_ground():
 @pytest.mark.study
 def test_trials_on_soil():
     """Pull inside its bracket and from shear that begins anew under each wheel; wheels carry the weight."""
-    (row,) = drawbar.pull("straight", "dry_sand", 0.05)
+    (row,) = soil_trials.pull("straight", "dry_sand", 0.05)
     assert row.ok
     assert row["slip"] == pytest.approx(0.06, abs=0.01)
     assert 0.25 < row["length"] < 0.45
-    assert not drawbar.pull("straight", "clayey_soil_38", 0.9)[0]["pull"] > row["high"]
-    (under,) = pressure.maxima("straight", "dry_sand")
+    assert not soil_trials.pull("straight", "clayey_soil_38", 0.9)[0]["pull"] > row["high"]
+    (under,) = soil_trials.maxima("straight", "dry_sand")
     assert under.ok
     assert under["peak"] > under["mean_maximum"] > 1.5 * under["nominal"]
 
 
 @pytest.mark.study
 def test_trials_of_limits():
-    (row,) = grade.on_hard_ground("straight", 0.3, 3)
+    (row,) = limit_trials.on_hard_ground("straight", 0.3, 3)
     assert row.ok
     assert 28.0 < row["climbed"] < 30.0
-    (row,) = turning.turn("straight", "dry_sand")
+    (row,) = soil_trials.turn("straight", "dry_sand")
     assert row.ok

@@ -23,7 +23,7 @@ from page_logs import (
     written,
 )
 
-from orchestrator.execution.repeat_command import command
+from orchestrator.execution.log_report import command
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder

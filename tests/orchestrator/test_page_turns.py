@@ -12,7 +12,7 @@ import pytest
 from packed import unpacked
 from page_logs import embedded, page, signal, vehicle_log, written
 
-from orchestrator.execution.reported import report
+from orchestrator.execution.log_report import report
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.page.chain import longest_constant

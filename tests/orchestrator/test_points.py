@@ -6,8 +6,8 @@ from math import pi
 import pytest
 
 from fmus.vehicle import BadInput
+from orchestrator.scene.data_files import OF_DRIVER, UNITS, read_files
 from orchestrator.scene.drive_tables import DriverTable, HitchTable, VehicleDriveTable
-from orchestrator.scene.points import OF_DRIVER, UNITS, read
 
 PAIRS = [[0.0, 0.0], [2.0, -8.5], [3e1, 4.0]]
 
@@ -16,7 +16,7 @@ def read_text(tmp_path, text):
     """Points of a driver whose file ``way.csv`` has this text."""
     (tmp_path / "way.csv").write_bytes(text.encode())
     table = {"driver": {"points": "way.csv", "speed": 3.0}}
-    read(table, tmp_path, "mine.toml")
+    read_files(table, tmp_path, "mine.toml")
     return table["driver"]["points"]
 
 
@@ -40,7 +40,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(
         BadInput, match=r"^here: drive\.left\.speed_points = '.*none\.csv': cannot be read: No such file"
     ):
-        read({"drive": {"left": {"speed_points": "none.csv"}}}, tmp_path, "here")
+        read_files({"drive": {"left": {"speed_points": "none.csv"}}}, tmp_path, "here")
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 def test_a_heading_names_the_units(tmp_path, place, key, heading, sizes):
     (tmp_path / "a.csv").write_text(f"{heading}\n0,0\n4,96\n")
     table = {place: {key: "a.csv"}}
-    read(table, tmp_path, "mine.toml")
+    read_files(table, tmp_path, "mine.toml")
     assert table[place][key] == [[0.0, 0.0], pytest.approx([4.0 * sizes[0], 96.0 * sizes[1]], rel=1e-14)]
 
 
@@ -81,7 +81,7 @@ def test_a_heading_names_the_units(tmp_path, place, key, heading, sizes):
 def test_a_heading_with_another_quantity_is_refused(tmp_path, key, heading, reason):
     (tmp_path / "a.csv").write_text(f"{heading}\n0,0\n4,96\n")
     with pytest.raises(BadInput, match=rf"^mine\.toml: drive\.{key} = '.*a\.csv': {reason}"):
-        read({"drive": {key: "a.csv"}}, tmp_path, "mine.toml")
+        read_files({"drive": {key: "a.csv"}}, tmp_path, "mine.toml")
 
 
 def test_units_of_columns_are_those_of_the_keys():
@@ -110,5 +110,5 @@ def test_every_drive_may_name_files(tmp_path, place):
     (tmp_path / "a.csv").write_text("0,0\n2,-8.5\n30,4\n")
     drive = {"points": "a.csv", "torque_points": [[1.0, 2.0]]}
     table = {place[0]: drive} if len(place) == 1 else {place[0]: {place[1]: drive}}
-    read(table, tmp_path, "mine.toml")
+    read_files(table, tmp_path, "mine.toml")
     assert drive == {"points": PAIRS, "torque_points": [[1.0, 2.0]]}

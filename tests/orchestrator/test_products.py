@@ -19,13 +19,12 @@ from orchestrator.cli import main
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
 from orchestrator.execution.loading import load_components
-from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.products import build_to, gallery_products, scene_products
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import load, scene_names
 
-SCENES = gallery.names()
+SCENES = scene_names()
 VARIANTS = {**dict.fromkeys(TRACKS, ()), "beam": ("track.element=beam",)}
 OTHERS = ("marder", "robot", "rear_drive")  # other vehicles, whose equilibria take seconds
 OTHERS += ("climb", "side_slope", "hold", "half_round", "washboard", "rough", "step", "trench")  # or other ground

@@ -11,12 +11,11 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from recorded import ATTACHMENTS, METADATA, STEP, TOPICS, record, record_in_chunks, values
 
-from orchestrator.log import chunk_reader, log_format
-from orchestrator.log.bitwise import first_difference
+from orchestrator.log import log_metadata, stream
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.time_series import Series
+from orchestrator.log.time_series import Series, first_difference
 from orchestrator.log.tools import WHOLE, verify
 
 
@@ -199,15 +198,15 @@ def test_who_knows_mcap_and_protobuf():
             if re.search(rf"^\s*(from|import) {re.escape(package)}\b", path.read_text(), re.MULTILINE):
                 importers.add(path.name)
     mcap = {
-        "container_writer.py", "container_reader.py", "content_digest.py", "contents.py", "message_records.py",
-        "reader.py", "seal_check.py",
+        "container_writer.py", "container_reader.py", "contents.py", "message_records.py",
+        "reader.py", "seal.py", "seal_check.py",
     }  # fmt: skip
     assert users == {"mcap": mcap, "google.protobuf": {"schema.py"}}
 
 
 @pytest.mark.parametrize("small", [0, 1 << 30])
 def test_what_is_selected_is_what_is_read_and_is_kept_of_a_small_log_alone(chunked, monkeypatch, small):
-    monkeypatch.setattr(chunk_reader, "SMALL", small)
+    monkeypatch.setattr(stream, "SMALL", small)
     with Log(chunked) as log, Log(chunked) as whole:
         for topic, about in log.topics.items():
             series, columns = whole.read(topic), [len(about.names) - 1, 0]
@@ -252,7 +251,7 @@ def test_an_old_log_stays_readable():
 
 
 def test_a_log_of_a_newer_format_is_refused_with_a_sentence(tmp_path, monkeypatch):
-    monkeypatch.setattr(log_format, "VERSION", 3)
+    monkeypatch.setattr(log_metadata, "FORMAT_VERSION", 3)
     record(tmp_path / "new.mcap", 3)
     monkeypatch.undo()
     with pytest.raises(

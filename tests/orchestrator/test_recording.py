@@ -13,8 +13,8 @@ from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import NO_INPUTS, simulate
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.tools import WHOLE, verify
-from orchestrator.scene.recording import LONGEST_INTERVAL, NYQUIST, SAMPLES, aliasing_warning, links_every
 from orchestrator.scene.scene import load
+from orchestrator.scene.system_scene import LONGEST_INTERVAL, NYQUIST, SAMPLES, aliasing_warning, links_every
 
 STEPS, RATES = st.floats(1e-5, 1e-2), st.floats(0.1, 1e3)
 

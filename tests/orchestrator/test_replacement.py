@@ -20,11 +20,10 @@ from orchestrator.execution.summary_text import lines
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, system, unfit
-from orchestrator.scene.commented import scene_text
+from orchestrator.scene.commented_file import scene_text
 from orchestrator.scene.placing import placed
-from orchestrator.scene.products import scene_products
+from orchestrator.scene.products import scene_products, write_ssp
 from orchestrator.scene.scene import load
-from orchestrator.scene.ssp import write_ssp
 
 H, TORQUE, INERTIA = 1e-3, 2000.0, 20.0
 SHORT = {"run.stop": 0.1, "run.step": H, "expect": {}, "track.link_outputs": False}

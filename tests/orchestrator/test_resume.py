@@ -20,10 +20,9 @@ from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.observers import TimedCheckpoints
 from orchestrator.execution import replay_model
-from orchestrator.execution.branch import branched_scene
-from orchestrator.execution.resume import resume
+from orchestrator.execution.resume import branched_scene, resume
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
+from orchestrator.log.log_metadata import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import RECOVERED, WHOLE, recover, verify
 from orchestrator.results.divergence import divergence

@@ -9,10 +9,10 @@ from mcap.writer import CompressionType, IndexType, Writer
 from recorded import ATTACHMENTS, EVERY, METADATA, TOPICS, write_steps
 
 from orchestrator.log import recorder as recorder_module
-from orchestrator.log.content_digest import of_metadata
-from orchestrator.log.events_topic import Event
+from orchestrator.log.message_records import Event
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
+from orchestrator.log.seal import metadata_digest
 from orchestrator.log.tools import BROKEN, WHOLE, recover, verify
 
 INTACT = "content intact, file rewritten by other software"
@@ -148,7 +148,7 @@ def test_a_closing_record_made_to_fit_a_change_is_found(source, tmp_path):
             return content | {"step": "1"}
         if (kind, name) == ("metadata", "closing"):
             with Log(source) as log:
-                return content | {"content:metadata:run": of_metadata(log.metadata["run"] | {"step": "1"})}
+                return content | {"content:metadata:run": metadata_digest(log.metadata["run"] | {"step": "1"})}
         return content
 
     with Log(rewritten(source, tmp_path / "other.mcap", change=change)) as log:

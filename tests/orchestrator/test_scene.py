@@ -12,14 +12,13 @@ from fmus.start import KEYS, start_pose, vehicle_quaternion
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import describe
-from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
-from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.same_scene import require_same_scene
-from orchestrator.scene.scene import Scene, from_table, load
-from orchestrator.scene.settings import file_part, keys
-from orchestrator.scene.toml_text import toml_text
+from orchestrator.scene.scene import OLD_SCENES, from_table, load, read_vehicle, scene_names
+from orchestrator.scene.settings import file_part, keys, toml_text
+from orchestrator.scene.values import implausible_numbers
 
 BARE = """
 title = "a chain"
@@ -41,7 +40,7 @@ def scene_file(folder, vehicle='vehicle = "m113"', more=""):
     return str(file)
 
 
-@pytest.mark.parametrize("name", gallery.names())
+@pytest.mark.parametrize("name", scene_names())
 @pytest.mark.parametrize("track", TRACKS)
 def test_gallery_resolves_and_reads_back(name, track):
     scene = load(name, track)
@@ -53,7 +52,7 @@ def test_gallery_resolves_and_reads_back(name, track):
 
 
 def test_gallery_has_its_scenes():
-    assert gallery.names()[:5] == ["hanging_chain", "sprocket_bench", "rig", "settle", "straight"]
+    assert scene_names()[:5] == ["hanging_chain", "sprocket_bench", "rig", "settle", "straight"]
 
 
 def test_a_variant_has_a_log_of_its_own():
@@ -84,13 +83,13 @@ def test_settings_in_a_file_name_are_told_apart_and_short():
     assert texts[1] == "-fmu.a.file=a_b.fmu"
 
 
-@pytest.mark.parametrize("name", gallery.MOVED)
+@pytest.mark.parametrize("name", OLD_SCENES)
 def test_a_scene_that_has_moved_says_where(name, tmp_path):
     with pytest.raises(BadInput, match=f"scene '{name}' has no FMU .* clone .*: python -m tests.validation mechanics"):
         load(name)
     own = tmp_path / "own.toml"
-    own.write_text(f"title = 'own'\nassembly = '{gallery.MOVED[name]}'\n[run]\nstop = 1\nstep = 1e-3\n")
-    with pytest.raises(BadInput, match=f"own.toml: assembly = '{gallery.MOVED[name]}': has no FMU"):
+    own.write_text(f"title = 'own'\nassembly = '{OLD_SCENES[name]}'\n[run]\nstop = 1\nstep = 1e-3\n")
+    with pytest.raises(BadInput, match=f"own.toml: assembly = '{OLD_SCENES[name]}': has no FMU"):
         load(str(own))
 
 
@@ -130,7 +129,7 @@ def test_vehicle_over_a_base(tmp_path):
 def test_a_vehicle_is_found_from_the_folder_of_its_scene(named, tmp_path, monkeypatch):
     """Files that a scene names are found from its folder, those that a setting names from the working folder."""
     (tmp_path / "far").mkdir()
-    m113 = gallery.read_vehicle("m113")
+    m113 = read_vehicle("m113")
     for folder, mass in ((tmp_path, 1000.0), (tmp_path / "far", 2000.0)):
         own = {**m113, "name": "own", "chassis": {**m113["chassis"], "mass": mass}}
         (folder / "own.toml").write_text("\n".join(f"{key} = {toml_text(value)}" for key, value in own.items()))

@@ -22,8 +22,8 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
+from orchestrator.scene.products import _page, write_ssp
 from orchestrator.scene.scene import load
-from orchestrator.scene.ssp import _page, write_ssp
 
 ROOT = Path(__file__).parents[2]
 SCHEMAS = Path(fmpy.ssp.__file__).parent / "schema"

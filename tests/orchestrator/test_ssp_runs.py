@@ -13,10 +13,11 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary import LARGEST_RESIDUAL, verdict
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
-from orchestrator.scene.free_scene import FreeScene
-from orchestrator.scene.scene import Scene, load, load_any
-from orchestrator.scene.ssp import write_ssp
+from orchestrator.scene.kinds import Scene
+from orchestrator.scene.products import write_ssp
+from orchestrator.scene.scene import load, load_any
 from orchestrator.scene.ssp_scene import load_ssp
+from orchestrator.scene.system_scene import FreeScene
 
 SHORT = {"run.stop": "20 ms", "expect": {}}
 T1, T2, START = 0.2, 0.5, 3.0

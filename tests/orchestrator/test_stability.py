@@ -11,9 +11,8 @@ from scipy.linalg import expm
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.scene.scene import load
-from orchestrator.studies import expectations, extreme, limits, stability, verdict
-from orchestrator.studies.oscillator import Oscillator, amplification
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row, limits, stability, verdict
+from orchestrator.studies.limits import Oscillator, amplification
 from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, with_verdict
 
 # --- limits ---
@@ -98,8 +97,8 @@ def test_a_right_run_and_a_wrong_one(monkeypatch):
     assert row["verdict"] == RIGHT, row.note
     assert row["found"] == pytest.approx(row["expected"], rel=1e-4)
     shorter = load("hanging_chain", "flexible", [*CHAIN, "chain.span=0.81"])
-    expects = expectations.EXPECTATIONS["sag"]
-    monkeypatch.setitem(expectations.EXPECTATIONS, "sag", (lambda run, _: expects[0](run, shorter), expects[1]))
+    expects = verdict.EXPECTATIONS["sag"]
+    monkeypatch.setitem(verdict.EXPECTATIONS, "sag", (lambda run, _: expects[0](run, shorter), expects[1]))
     row = verdict.judged_run(scene, "sag")
     assert row["verdict"] == WRONG
     assert row.note.startswith("sag, m: ")
@@ -138,13 +137,13 @@ def test_cases():
     quick, whole = stability.cases(True), stability.cases(False)
     assert {case.item for case in quick} <= {case.item for case in whole}
     assert len({(case.item, case.name) for case in whole}) == len(whole) > 3 * len(quick) - 10
-    for family in extreme.FAMILIES:
+    for family in stability.FAMILIES:
         assert set(family.quick or ()) <= set(family.values), family.name
         for value in family.values:
             asked = family.expectation if isinstance(family.expectation, str) else family.expectation(value)
-            assert asked in expectations.EXPECTATIONS
+            assert asked in verdict.EXPECTATIONS
     for number in (0, 12, 14, 17, 19, 20, 21):  # settings that a scene takes
-        family = extreme.FAMILIES[number]
+        family = stability.FAMILIES[number]
         load(family.scene, family.track, family.settings(family.values[-1]))
 
 

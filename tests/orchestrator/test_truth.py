@@ -15,7 +15,7 @@ from fmus.vehicle import BadInput
 from orchestrator.cli import app
 from orchestrator.execution import monolithic
 from orchestrator.execution import truth as module
-from orchestrator.execution.states import states_at
+from orchestrator.execution.monolithic import states_at
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load

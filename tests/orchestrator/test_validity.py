@@ -25,9 +25,8 @@ from orchestrator.results.validity import chain_checks, ledger, limits
 from orchestrator.results.validity.limits import recorded_entries
 from orchestrator.results.validity.piece import LENGTH
 from orchestrator.results.validity.sprocket_checks import jumps
-from orchestrator.scene import gallery
-from orchestrator.scene.ranges import implausible_numbers
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import load, scene_names
+from orchestrator.scene.values import implausible_numbers
 
 TEETH, LINKS = 10, 64
 EVERY = 5e-3  # s, between records of pins
@@ -475,7 +474,7 @@ def test_a_track_in_the_rut_of_the_other_one(tmp_path, ground, until, lift, cros
 # known before the run
 
 
-@pytest.mark.parametrize("name", gallery.names())
+@pytest.mark.parametrize("name", scene_names())
 def test_no_scene_of_the_gallery_has_steps_that_are_too_long(name):
     assert [*chain_checks.contact_steps_of_scene(load(name).resolved())] == []
 
@@ -672,7 +671,7 @@ def test_wheels_that_overlap_are_told(settings, said):
     assert [said in each for each in warnings] == ([True] if said else [])
 
 
-@pytest.mark.parametrize("name", gallery.names())
+@pytest.mark.parametrize("name", scene_names())
 def test_the_gallery_is_plausible(name):
     assert implausible_numbers(load(name).resolved(), name) == []
 

@@ -20,7 +20,7 @@ from orchestrator.cli import main
 from orchestrator.log.reader import Log
 from orchestrator.results.divergence import divergence
 from orchestrator.results.table import Column, Table
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.regression.runs import RUNS, Run
 
 ROOT = Path(__file__).resolve().parents[2]

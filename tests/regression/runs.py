@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from fmus.track_choices import TRACKS
 from orchestrator.cosim.coupling import SCHEMES
-from orchestrator.scene import gallery
+from orchestrator.scene.scene import scene_names
 
 
 class Run(NamedTuple):
@@ -32,7 +32,7 @@ MOVING = ("drive.ramp_start=0", "drive.ramp_time=0.1", "start.height=-0.01")  # 
 SWAYING = ("track.start=displaced",)
 OVAL = ("chain.links=16", "chain.ovalling=1")
 RUNS = (
-    *(Run(scene, track) for scene in gallery.names() for track in TRACKS),
+    *(Run(scene, track) for scene in scene_names() for track in TRACKS),
     *(Run("straight", track, MOVING, native=native) for track in TRACKS for native in (False, True)),
     Run("straight", "flexible", (*MOVING, "track.element=beam"), 0.05),
     Run("straight", "flexible", (*MOVING, "symmetric=true", "planar=true")),

@@ -6,8 +6,7 @@ from typing import Literal, get_args, get_origin
 
 import pytest
 
-from orchestrator.scene import gallery
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import load, scene_names
 from orchestrator.scene.track_table import TrackModelTable
 from tests.regression import __main__ as command
 from tests.regression.runs import RUNS, Run
@@ -17,7 +16,7 @@ HANGING = Run("hanging_chain", "rigid", (), 0.02)
 
 def test_runs_are_of_all_scenes_and_have_names_of_their_own():
     assert len({str(run) for run in RUNS}) == len(RUNS)
-    assert {run.scene for run in RUNS} == set(gallery.names())
+    assert {run.scene for run in RUNS} == set(scene_names())
     for run in RUNS:
         assert load(run.scene, run.track, run.settings).run.stop >= run.stop
 

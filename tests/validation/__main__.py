@@ -11,7 +11,7 @@ import typer
 from fmus.vehicle import BadInput
 from orchestrator.cli import main
 from orchestrator.cli.study_commands import Output, Quick, Scheduler, Workers, conduct, folder_of
-from orchestrator.scene.gallery import hint
+from orchestrator.scene.settings import hint
 
 STUDIES = {
     "mechanics": "elements, joints and chains of the paper against exact and published figures",

@@ -13,22 +13,10 @@ from scipy.linalg import eigh
 from fmus.physics.ancf import beam, cable
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.layout import regular_polygon
-from orchestrator.studies import Case
-from orchestrator.studies.row import Row
+from orchestrator.studies import Case, Row
 from tests.validation.ancf import dynamics, loads, statics
 from tests.validation.compared import checked, of_order
-from tests.validation.meshes import (
-    AREA,
-    PITCH,
-    SECOND,
-    SHOE,
-    STEEL,
-    TRACK,
-    angular_momentum,
-    chain,
-    spinning,
-    velocity,
-)
+from tests.validation.meshes import AREA, PITCH, SECOND, SHOE, STEEL, TRACK, angular_momentum, chain, spinning, velocity
 from tests.validation.orders import order_of, rate_of
 from tests.validation.rods import EXPLICIT, IMPLICIT, MASS, G, Rods, of_angles
 

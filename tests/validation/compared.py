@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from orchestrator.results.table import Column, Table
-from orchestrator.studies import files
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row, files
 
 COLUMNS = (
     Column("item", "item"),

@@ -20,9 +20,8 @@ from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Stages
 from orchestrator.cosim.master import Clock, run
-from orchestrator.studies import Case
-from orchestrator.studies.oscillator import Oscillator, radius
-from orchestrator.studies.row import Row
+from orchestrator.studies import Case, Row
+from orchestrator.studies.limits import Oscillator, radius
 from tests.validation.compared import checked, table, write
 from tests.validation.slaves import Slave, coupled, energy, struck, whole
 

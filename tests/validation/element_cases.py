@@ -12,8 +12,7 @@ from scipy.linalg import eigh
 
 from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
 from fmus.physics.arrays import Floats
-from orchestrator.studies import Case
-from orchestrator.studies.row import Row
+from orchestrator.studies import Case, Row
 from tests.validation.ancf import bspline, dynamics, joints, sliding
 from tests.validation.ancf.mesh import Member, Mesh, Tie, nodes
 from tests.validation.compared import checked, of_order

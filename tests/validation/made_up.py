@@ -1,6 +1,6 @@
 """Made-up results of two models."""
 
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.paper import pieces
 from tests.validation.paper.models import CLOSED, RIGID, RIGID_SPRING
 

@@ -6,7 +6,7 @@ import pytest
 
 from orchestrator.execution.simulate import simulate
 from orchestrator.scene.scene import load
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation import paper
 from tests.validation.__main__ import app
 from tests.validation.made_up import rows

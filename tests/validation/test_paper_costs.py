@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.made_up import cost
 from tests.validation.paper import modulus, page, pieces, ratios, through_fmus
 from tests.validation.paper.models import CLOSED, RIGID, RIGID_SPRING

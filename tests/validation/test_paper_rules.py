@@ -2,7 +2,7 @@
 
 import math
 
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.made_up import cost, rows
 from tests.validation.paper import equations, high_frequencies, knots, page, pieces, rules, theory
 from tests.validation.paper.models import CLOSED, RIGID, RIGID_SPRING, TRANSFORMED

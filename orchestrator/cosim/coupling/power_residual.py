@@ -32,7 +32,6 @@ SAFETY = 0.8
 I_GAIN, P_GAIN = 0.15, 0.2  # the paper's 0.3 and 0.4 over the order
 MIN_RATIO, MAX_RATIO = 0.2, 1.5  # bounds of the ratio of two steps
 TINY = 1e-6  # of the tolerance: lower bound of the residual in the control law
-
 Dimension = tuple[float, ...]
 
 

@@ -9,11 +9,19 @@ from xml.etree.ElementTree import Element as Node
 
 from fmus.vehicle import BadInput, path_text
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, conversion
-from orchestrator.scene.archive.document import VERSIONS, child, number, units_of
-from orchestrator.scene.archive.elements import Element, components, opened, read_system, system_of
-from orchestrator.scene.archive.flow import End, Link, Stream, links
-from orchestrator.scene.archive.values import Scalar, start_values
-from orchestrator.scene.pair import Pair
+from orchestrator.scene.archive.elements import (
+    VERSIONS,
+    Element,
+    child,
+    components,
+    number,
+    opened,
+    read_system,
+    system_of,
+    units_of,
+)
+from orchestrator.scene.archive.flow import End, Link, Scalar, Stream, links, start_values
+from orchestrator.scene.fmu_table import Pair
 
 LONGEST_WAY = 100  # connections from an output to an input
 

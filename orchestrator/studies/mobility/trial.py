@@ -1,22 +1,66 @@
-"""Trials of a vehicle: short runs on grounds of the study, with the vehicle, links and steps of a scene."""
+"""Trials of a vehicle: their table, short runs with the vehicle, links and steps of a scene, limits found by them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from fmus.vehicle import BadInput, VehicleTable
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
-from orchestrator.scene.scene import Scene, VehicleScene, from_table, load
+from orchestrator.results.table import Column
+from orchestrator.scene.kinds import Scene, VehicleScene
+from orchestrator.scene.scene import from_table, load
+from orchestrator.studies import Case, Row, files
 from orchestrator.studies.mobility.theory import ends
 from orchestrator.studies.runs import logged
 
 FITTINGS = ("hitch", "seat")  # tables of a vehicle that trials need
 KEPT = ("step", "coupling")  # of the scene's table run
 FIRM = 0.8  # friction of tracks on firm soil
+
+
+class Trial(NamedTuple):
+    """Kind of trial: its runs, and what is shown of their rows."""
+
+    name: str  # item of the rows, part of names of files
+    title: str
+    columns: tuple[Column, ...]
+    notes: tuple[str, ...]
+    runs: Callable[[bool], Sequence[tuple[str, Callable[..., list[Row]], tuple[Any, ...], float]]]
+    """Label, function of a scene's name and its arguments, seconds; with True those of a quick study."""
+    draw: Callable[[Sequence[Row]], files.Picture]
+    find: Callable[[Sequence[Row]], list[Finding]]  # what rows with figures say of the vehicle, for the summary
+
+    def cases(self, scene: str, quick: bool) -> list[Case]:
+        """Cases of the trial with the vehicle of a scene."""
+        return [
+            Case(self.name, label, function, (scene, *arguments), seconds)
+            for label, function, arguments, seconds in self.runs(quick)
+        ]
+
+
+class Finding(NamedTuple):
+    """Line of the summary."""
+
+    measure: str
+    value: float
+    unit: str = ""
+    low: float = math.nan  # least value by theory
+    high: float = math.nan
+    note: str = ""
+
+
+class Limit(NamedTuple):
+    """Limit between the largest value that is passed and the least one that is not."""
+
+    passed: float  # NaN if none is
+    failed: float  # NaN if none does
+    runs: int
+    reason: str  # why the least value that failed did
+    doubts: str = ""  # warnings of the run that was passed
 
 
 class Vehicle(NamedTuple):
@@ -57,6 +101,10 @@ class Vehicle(NamedTuple):
         """Speed of a sprocket, rad/s, whose chain runs at ``speed``, m/s: a pitch a tooth."""
         return 2.0 * math.pi * speed / (self.table.sprocket.teeth * self.table.track.pitch)
 
+    def drive(self, speed: float, ramp: float) -> dict[str, Any]:
+        """Table of a drive whose chains reach ``speed``, m/s, in a ``ramp``, s."""
+        return {"mode": "speed", "speed": self.sprocket(speed), "ramp_time": ramp}
+
 
 def vehicle_of(scene: str) -> Vehicle:
     """Vehicle of a scene; raises BadInput for a scene without one, and for a vehicle without FITTINGS."""
@@ -72,7 +120,7 @@ def vehicle_of(scene: str) -> Vehicle:
     return Vehicle(loaded, table, length, table.gravity * table.total_mass())
 
 
-def trial(
+def trial_scene(
     vehicle: Vehicle, title: str, stop: float, *, whole: bool = False, friction: float | None = None, **tables: Any
 ) -> Scene:
     """Scene of a trial until ``stop``, s, rounded up to whole steps; ``whole``: both sides run although they are alike.
@@ -99,7 +147,7 @@ def trial(
     return from_table({**table, **tables}, f"study mobility: {title}")
 
 
-class Trial(RunData):
+class TrialRun(RunData):
     """Run of a trial; ``doubts`` names its warnings of validity, empty if there are none."""
 
     def __init__(self, log: Log, summary: Mapping[str, Any]) -> None:
@@ -109,21 +157,65 @@ class Trial(RunData):
 
 
 @contextmanager
-def recorded(scene: Scene) -> Iterator[Trial]:
+def recorded(scene: Scene) -> Iterator[TrialRun]:
     """Run of a trial; its log is deleted with the context. Raises RuntimeError if it fails."""
     with logged(scene, scene.title) as (path, summary), Log(path) as log:
-        yield Trial(log, summary)
-
-
-def failure_of(scene: Scene, judged: Callable[[Trial], str]) -> str:
-    """Reason why a vehicle does not pass a trial, of the run itself or as ``judged``; empty if it passes."""
-    try:
-        with recorded(scene) as run:
-            return judged(run)
-    except RuntimeError as failure:
-        return str(failure)
+        yield TrialRun(log, summary)
 
 
 def run_up(vehicle: Vehicle, speed: float) -> float:
     """Time of a half-cosine ramp to ``speed``, m/s, with a fifth of gravity at most, s."""
     return max(2.0 * vehicle.time, 0.5 * math.pi * speed / (0.2 * vehicle.table.gravity))
+
+
+def bisect(passes: Callable[[float], str], low: float, high: float, count: int) -> Limit:
+    """Limit between ``low`` and ``high`` by ``count`` halvings; ``passes`` gives the reason of a failure, else ""."""
+    for end, fails in ((low, True), (high, False)):
+        reason = passes(end)
+        if bool(reason) == fails:
+            return Limit(float("nan"), low, 1, reason) if fails else Limit(high, float("nan"), 2, "")
+    least = reason
+    for _ in range(count):
+        middle = 0.5 * (low + high)
+        if reason := passes(middle):
+            high, least = middle, reason
+        else:
+            low = middle
+    return Limit(low, high, count + 2, least)
+
+
+def search(
+    attempt: Callable[[float], tuple[Scene, Callable[[TrialRun], str]]], low: float, high: float, halvings: int
+) -> Limit:
+    """Limit of a value by ``bisect``; ``attempt`` gives the scene of a value and why its run is no success, if so."""
+    doubts: dict[float, str] = {}
+
+    def passes(value: float) -> str:
+        scene, judged = attempt(value)
+        try:
+            with recorded(scene) as run:
+                doubts[value] = run.doubts
+                return judged(run)
+        except RuntimeError as failure:
+            return str(failure)
+
+    limit = bisect(passes, low, high, halvings)
+    return limit._replace(doubts=doubts.get(limit.passed, ""))
+
+
+def first_crossing(x: Sequence[float], y: Sequence[float], level: float) -> float:
+    """Least x at which straight lines between points reach ``level``; infinite if they stay below."""
+    if y[0] >= level:
+        return x[0]
+    for k in range(1, len(x)):
+        if y[k] >= level:
+            return x[k - 1] + (level - y[k - 1]) / (y[k] - y[k - 1]) * (x[k] - x[k - 1])
+    return math.inf
+
+
+def limit_speed(measure: str, speeds: Sequence[float], figures: Sequence[float], limit: float) -> Finding:
+    """Finding of a limit speed, m/s, from figures at rising speeds."""
+    found = first_crossing(speeds, figures, limit)
+    if math.isinf(found):
+        return Finding(measure, math.nan, "m/s", note=f"not up to {speeds[-1]:g} m/s")
+    return Finding(measure, found, "m/s", note="already at the least speed" if found == speeds[0] else "")

@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from orchestrator.results.table import Table
-from orchestrator.studies import Case
-from orchestrator.studies.row import Row
+from orchestrator.studies import Case, Row
 from tests.validation.paper import (
     counts,
     curvature,

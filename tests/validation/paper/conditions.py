@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 
 
 def draw(loop: Row, folder: Path) -> list[Path]:

@@ -11,8 +11,8 @@ import numpy as np
 from fmus.physics.rigid import pin
 from orchestrator.log.time_series import Floats
 from orchestrator.results.rotation import matrices
-from orchestrator.scene.scene import Scene
-from orchestrator.studies.row import Row
+from orchestrator.scene.kinds import Scene
+from orchestrator.studies import Row
 from tests.validation.paper.models import CLOSED, RIGID, scene
 from tests.validation.paper.states import model
 

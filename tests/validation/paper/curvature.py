@@ -14,7 +14,7 @@ import numpy as np
 from fmus.physics.ancf import cable
 from fmus.physics.arrays import Floats
 from orchestrator.results.analyses.deformation import Deformation
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation import meshes
 from tests.validation.ancf import joints, loads, statics
 

@@ -18,7 +18,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.difference import differences_of_logs
 from orchestrator.results.run_data import RunData, Window, within
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.paper.conventions import FIRST, INSTANT, TRACK, TURNING, in_chassis
 from tests.validation.paper.models import CLOSED, CLOSED_ROD, RIGID, RIGID_ROD, Model
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from fmus.physics.ancf import cable, cable_general
 from fmus.physics.arrays import Floats
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation import meshes
 from tests.validation.ancf import chord, joints, modes, sliding
 

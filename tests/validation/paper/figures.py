@@ -22,17 +22,7 @@ from orchestrator.results.views import flat_views
 from orchestrator.results.views.bodies import EVERY, Bodies
 from orchestrator.results.views.colours import MAP
 from orchestrator.results.views.flat_views import SideView
-from tests.validation.paper.conventions import (
-    FIRST,
-    INSTANT,
-    LINK,
-    NODE,
-    SECTIONS,
-    SIDE,
-    TRACK,
-    edges,
-    in_chassis,
-)
+from tests.validation.paper.conventions import FIRST, INSTANT, LINK, NODE, SECTIONS, SIDE, TRACK, edges, in_chassis
 from tests.validation.paper.models import REFERENCE, RODS, Model
 
 SHADES = ("0.93", "0.97", "0.9")  # of the sections of figure 20

@@ -20,13 +20,13 @@ from fmus.physics.ancf.element import highest_frequency
 from fmus.physics.chain import on_links
 from fmus.physics.chain.interface import observe_links
 from fmus.vehicle import BadInput, VehicleTable
-from orchestrator.execution.states import states_at
+from orchestrator.execution.monolithic import states_at
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.spectrum import amplitudes
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.paper.conventions import FIRST, in_chassis
 from tests.validation.paper.models import CLOSED, REFERENCE, RIGID, Model, named, scene
 from tests.validation.paper.pieces import BEGIN, OUTPUT, TRACK

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BSpline
 
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.ancf import bspline
 
 SAME = 1e-12  # relative difference of two descriptions of one curve

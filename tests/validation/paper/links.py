@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fmus.vehicle import BadInput
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.paper.models import CLOSED, RIGID, TRANSFORMED, named, scene
 from tests.validation.paper.states import model
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmus.vehicle import BadInput
-from orchestrator.scene.scene import Scene, load
+from orchestrator.scene.kinds import Scene
+from orchestrator.scene.scene import load
 
 SCENE = "straight"  # rest, half-cosine to 20 rad/s at both sprockets, constant: figure 10
 DROP = ("start.state=drawn",)  # section 8.2, figure 13: springs settle by 0.03 m from an unloaded start

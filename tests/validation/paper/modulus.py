@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.paper import pieces
 from tests.validation.paper.models import Model, named, scene
 from tests.validation.paper.recorded import ran

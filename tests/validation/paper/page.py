@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from orchestrator.results.table import Column, Table
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.paper import (
     conventions,
     curvature,

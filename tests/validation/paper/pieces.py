@@ -26,10 +26,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.vehicle import BadInput
-from orchestrator.execution.states import states_at
+from orchestrator.execution.monolithic import states_at
 from orchestrator.log.time_series import Floats
-from orchestrator.scene.scene import Scene
-from orchestrator.studies.row import Row
+from orchestrator.scene.kinds import Scene
+from orchestrator.studies import Row
 from tests.validation.paper.links import storage
 from tests.validation.paper.models import CLOSED, RIGID_SPRING, named, scene
 from tests.validation.paper.states import LONGEST, whole

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.paper import pieces
 from tests.validation.paper.models import CLOSED, RECURSIVE, RIGID, RIGID_SPRING, Model
 

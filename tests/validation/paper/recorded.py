@@ -17,8 +17,8 @@ from orchestrator.cosim.component import ComponentFailed
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene
 from tests.validation.paper.models import Model, scene
 
 LOGS = "logs"

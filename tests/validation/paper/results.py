@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.paper.models import MODELS, Model
 
 HOLDS, PART, NOT, UNMEASURED = VERDICTS = "holds", "holds in part", "does not hold", "not measured"

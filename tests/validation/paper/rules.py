@@ -10,15 +10,7 @@ import math
 from tests.validation.paper import modulus, pieces, whole_runs
 from tests.validation.paper.high_frequencies import ABOVE
 from tests.validation.paper.links import AT
-from tests.validation.paper.models import (
-    CLOSED,
-    CONVENTIONAL,
-    MODELS,
-    RECURSIVE,
-    RIGID,
-    RIGID_SPRING,
-    TRANSFORMED,
-)
+from tests.validation.paper.models import CLOSED, CONVENTIONAL, MODELS, RECURSIVE, RIGID, RIGID_SPRING, TRANSFORMED
 from tests.validation.paper.ratios import FMUS, INTERVAL, TOLERANCE
 from tests.validation.paper.ratios import rows as ratio_rows
 from tests.validation.paper.results import HOLDS, NONE, NOT, PART, Results, Verdict, graded

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.paper import rules, theory
 from tests.validation.paper.results import UNMEASURED, Results, Verdict
 

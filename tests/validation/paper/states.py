@@ -9,12 +9,12 @@ from fmus.monolith.model import LONGEST, Monolith, initialised_model
 from fmus.saved import from_bytes
 from orchestrator.cosim import checkpoint
 from orchestrator.execution.monolithic import parts_of
-from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
+from orchestrator.log.log_metadata import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene
 
 __all__ = ["LONGEST", "model", "saved", "whole"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from orchestrator.studies.row import Row
+from orchestrator.studies import Row
 from tests.validation.paper.models import CLOSED
 from tests.validation.paper.results import NONE, Results, Verdict, graded
 

@@ -17,8 +17,8 @@ from fmus.physics.chain.report import EVALUATIONS, STEPS
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.scene.scene import Scene
-from orchestrator.studies.row import Row
+from orchestrator.scene.kinds import Scene
+from orchestrator.studies import Row
 from tests.validation.paper.models import named, scene
 from tests.validation.paper.pieces import BEGIN
 from tests.validation.paper.recorded import ran

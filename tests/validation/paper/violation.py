@@ -16,7 +16,7 @@ import numpy as np
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.rotation import matrices
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.kinds import Scene
 from tests.validation.paper.states import model, saved
 
 TRACK = "left_track"

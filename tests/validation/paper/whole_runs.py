@@ -13,8 +13,8 @@ from orchestrator.results import measures
 from orchestrator.results.analyses import circuit, deformation, hull
 from orchestrator.results.difference import differences_of_logs
 from orchestrator.results.run_data import Missing, RunData, Window
-from orchestrator.scene.scene import Scene
-from orchestrator.studies.row import Row
+from orchestrator.scene.kinds import Scene
+from orchestrator.studies import Row
 from tests.validation.paper import curvature, effects, recorded, singularity, violation
 from tests.validation.paper.conventions import AROUND, HOLD, INSTANT, NODE, SIDE, TRACK, TURNING
 from tests.validation.paper.effects import MOTION

@@ -1,14 +1,21 @@
-"""Report of a log: checks evaluated with the scene in the log, then a page by ``results/page``."""
+"""Report of a log: checks evaluated with the scene in the log, then a page by ``results/page``.
+
+The page has the command line that repeats the run.
+"""
 
 from __future__ import annotations
 
+import json
 import os
+import shlex
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from fmus.vehicle import BadInput
-from orchestrator.execution import recorded_results, repeat_command, summary
+from orchestrator.execution import manifest, summary
+from orchestrator.log.log_metadata import BRANCHED
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses.fatigue import StressLifeLine
 from orchestrator.results.measured_difference import compare_measured
@@ -17,8 +24,9 @@ from orchestrator.results.output_files import check_output
 from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.evaluation import RunSummary
 from orchestrator.results.run_data import RunData
+from orchestrator.scene.placing import placed
 from orchestrator.scene.same_scene import require_same_scene
-from orchestrator.scene.scene import from_table
+from orchestrator.scene.scene import from_table, load
 
 
 def report(
@@ -70,7 +78,7 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
         return (
             summary.empty(run.scene.get("name", log.path.stem), run.scene.get("track", {}).get("model"))
             | balance
-            | recorded_results.decode(closing.get("results", {}))
+            | manifest.decode_results(closing.get("results", {}))
             | {
                 "status": closing["status"],
                 "message": "; ".join(filter(None, sentences)),
@@ -104,5 +112,39 @@ def _judge(run: RunData) -> RunSummary:
         (found := summary.observables(run, scene, simulated)),
         summary.windows(found, scene, simulated),
         summary.after_end(scene, simulated),
-        command=repeat_command.command(run),
+        command=command(run),
     )
+
+
+def command(run: RunData) -> str | None:
+    """Return ``cotrack run`` with the settings that differ from the gallery; None if they do not suffice."""
+    wanted = run.scene
+    if BRANCHED in run.log.metadata:
+        return None
+    try:
+        name, model = str(wanted["name"]), wanted.get("track", {}).get("model")
+        settings = [
+            f"{key}={json.dumps(value)}" for key, value in _changed_settings(_resolved(name, model, []), wanted)
+        ]
+        if _resolved(name, model, settings) != wanted:
+            return None
+    except BadInput:
+        return None
+    native = ["--native"] if run.log.metadata.get("run", {}).get("fmus") == "native" else []
+    links = ["--track", model] if model else []
+    return shlex.join(
+        ["cotrack", "run", name, *links, *native, *(part for setting in settings for part in ("--set", setting))]
+    )
+
+
+def _resolved(name: str, model: str | None, settings: list[str]) -> Any:
+    return json.loads(json.dumps(placed(load(name, model, settings)).resolved()))
+
+
+def _changed_settings(base: Mapping[str, Any], wanted: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted keys and values of ``wanted`` that ``base`` lacks or that differ."""
+    for key, value in wanted.items():
+        if isinstance(value, Mapping) and isinstance(base.get(key), Mapping):
+            yield from _changed_settings(base[key], value, f"{above}{key}.")
+        elif base.get(key) != value:
+            yield f"{above}{key}", value

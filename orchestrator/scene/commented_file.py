@@ -14,13 +14,12 @@ from typing import Any
 
 from fmus.vehicle import BadInput, path_text, value_text, vehicle
 from orchestrator.files.replacing import replacing
-from orchestrator.scene import gallery, points
+from orchestrator.scene import data_files
 from orchestrator.scene.fmu_table import set_folder
 from orchestrator.scene.keys import OVERRIDES, REQUIRED, Key, facts, scene_keys, table_of, vehicle_keys
-from orchestrator.scene.run_tables import short_coupling
-from orchestrator.scene.scene import load
-from orchestrator.scene.settings import CHOSEN, NAMED
-from orchestrator.scene.toml_text import toml_text
+from orchestrator.scene.scene import load, read_scene, read_vehicle
+from orchestrator.scene.settings import CHOSEN, NAMED, toml_text
+from orchestrator.scene.tables import short_coupling
 from orchestrator.scene.track_table import short_track
 
 Table = dict[str, Any]  # raw table of a file
@@ -54,8 +53,8 @@ def new_file(kind: str, name: str, source: str | None = None) -> Path:
 def scene_text(source: str) -> str:
     """Commented scene file that resolves as a scene of the gallery or a file, save for its name; raises BadInput."""
     assembly = load(source).assembly
-    _, table = gallery.read(source)
-    points.read(table, Path(source).parent, source)
+    _, table = read_scene(source)
+    data_files.read_files(table, Path(source).parent, source)
     set_folder(table, Path(source).parent)
     table["track"] = short_track(table["track"])
     if "coupling" in table["run"]:
@@ -73,7 +72,7 @@ def scene_text(source: str) -> str:
 
 def vehicle_text(source: str, name: str) -> str:
     """Commented vehicle file, the packaged vehicle or the file ``source`` under another name; raises BadInput."""
-    table = gallery.read_vehicle(source)
+    table = read_vehicle(source)
     vehicle(table, source)
     keys = vehicle_keys()
     seats = [key for key in keys if key.key.startswith("seat.")]

@@ -1,18 +1,29 @@
-"""Check of the order of calls: outside its phase a call is refused by its status.
+"""Checks of unusual calls: outside their phase, with unusual steps, with inputs that are NaN or infinite.
 
-The rules are those of FMI 2.0.4, section 4.2.4, and FMI 3.0.2, sections 2.3 and 4.2. A refusal by the status Fatal is a
-fault, because it ends all instances of the FMU.
+A call that is not allowed is refused by its status. The rules of phases are those of FMI 2.0.4, section 4.2.4, and FMI
+3.0.2, sections 2.3 and 4.2. A refusal by the status Fatal is a fault, because it ends all instances of the FMU.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
-from orchestrator.fmu_check.instance import WARNING, Instance, Subject, size
-from orchestrator.fmu_check.verdict import NotApplicable, Refused, Verdict, listed
+from orchestrator.fmu_check.instance import (
+    WARNING,
+    Instance,
+    NotApplicable,
+    Refused,
+    Subject,
+    Verdict,
+    elements,
+    listed,
+    size,
+    with_faults,
+)
 
 UNKNOWN = 2**31 - 1  # a value reference that no variable has
 GUID = "{00000000-0000-0000-0000-000000000000}"
@@ -67,7 +78,7 @@ MISUSES = (
 )
 
 
-def check(subject: Subject) -> Verdict:
+def check_phases(subject: Subject) -> Verdict:
     """Make each call outside its phase in an instance of its own, then calls that are allowed."""
     refused = 0
     wrong: dict[str, list[str]] = {}  # calls by fault
@@ -138,3 +149,65 @@ def _reset(subject: Subject) -> list[str]:
         subject.begin(f"in {subject.name('FreeInstance')} after {reset}")
         instance.must("Reset")
     return [f"after {reset} a run differs from that of a new instance in {listed(names)}"] if names else []
+
+
+SHORT = "1e-6 s"
+# Steps that follow two ordinary ones: gap before the step, its length, both in communication steps.
+ODD_STEPS: dict[str, tuple[tuple[float, float], ...]] = {
+    SHORT: (),
+    "10 times the length": ((0.0, 10.0), (0.0, 1.0)),
+    "unequal lengths": ((0.0, 0.3), (0.0, 1.7), (0.0, 0.01), (0.0, 1.0)),
+    "length 0": ((0.0, 0.0), (0.0, 1.0)),
+    "negative length": ((0.0, -1.0), (0.0, 1.0)),
+    "a gap before it": ((0.5, 1.0), (0.0, 1.0)),
+    "a begin before the last end": ((-0.5, 1.0), (0.0, 1.0)),
+}
+
+
+def check_odd_steps(subject: Subject) -> Verdict:
+    """Make unusual steps, each kind in an instance of its own."""
+    kinds: dict[str, list[str]] = {"taken": [], "refused": []}
+    faults = []
+    for name, steps in ODD_STEPS.items():
+        subject.begin(f"in a step of {name}")
+        with Instance(subject) as instance:
+            instance.initialise()
+            instance.run(0, 2)
+            t, taken = 2 * subject.step, True
+            for gap, length in steps or ((0.0, 1e-6 / subject.step),) * 2:
+                if taken:
+                    t += gap * subject.step
+                    taken, wrong = instance.attempt_step(t, length * subject.step)
+                    t += length * subject.step
+                    faults += with_faults(f"step of {name}", wrong)
+        kinds["taken" if taken else "refused"].append(name)
+    note = "; ".join(f"{kind}: {', '.join(names) or 'none'}" for kind, names in kinds.items())
+    return Verdict(note, tuple(faults))
+
+
+VALUES = math.nan, math.inf
+
+
+def check_non_finite_inputs(subject: Subject) -> Verdict:
+    """Set each element of a Real input to NaN and to infinity for a step, in instances of their own."""
+    if not subject.inputs:
+        raise NotApplicable(f"there are no {subject.fmi.REAL} inputs")
+    refused, faults = 0, []
+    names = [name for variable in subject.inputs for name in elements(variable)]
+    for place, name in enumerate(names):
+        for value in VALUES:
+            subject.begin(f"with {name} = {value:g}")
+            with Instance(subject) as instance:
+                instance.initialise()
+                instance.step(0)
+                values = subject.input_values(0, subject.amplitude)
+                values[place] = value
+                status = instance.try_inputs(values)
+                is_taken, wrong = False, instance.fatal(status)
+                if status <= WARNING:
+                    is_taken, wrong = instance.attempt_step(subject.step, subject.step)
+            refused += not is_taken
+            faults += with_faults(f"{name} = {value:g}", wrong)
+    taken = len(VALUES) * len(names) - refused
+    others = f"; with {taken} others all outputs are finite" if taken else ""
+    return Verdict(f"{refused} values are refused{others}", tuple(faults))

@@ -1,0 +1,148 @@
+"""Checks of what the description of an FMU says: its form and files, units, dependencies of outputs on inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import fmpy
+from fmpy.validation import validate_fmu
+from lxml import etree
+
+from orchestrator.cosim.fmu_files import unpack
+from orchestrator.fmu_check import fmi3
+from orchestrator.fmu_check.instance import Floats, Instance, NotApplicable, Refused, Subject, Verdict, elements, listed
+
+TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
+
+
+def check_description(subject: Subject) -> Verdict:
+    """Validate modelDescription.xml, by FMPy with the XSD of its version, and the terminals; load the binary."""
+    faults = [" ".join(problem.split()) for problem in validate_fmu(str(subject.fmu))]
+    folder = unpack(subject.fmu)
+    if subject.fmi is fmi3:
+        faults += _faults_of_terminals(folder / TERMINALS, {v.name for v in subject.description.modelVariables})
+    binaries = sorted(path.name for path in (folder / "binaries").glob("*"))
+    try:
+        with Instance(subject):
+            pass
+    except NotApplicable as refusal:
+        faults.append(str(refusal))
+    documented = "documented" if (folder / "documentation" / "index.html").is_file() else "no documentation"
+    note = f"valid; {documented}; binaries for {', '.join(binaries)}, that for {subject.fmi.PLATFORM} loads"
+    return Verdict(note, tuple(faults))
+
+
+def _faults_of_terminals(file: Path, variables: set[str]) -> list[str]:
+    """Check the terminals of FMI 3.0 against their XSD; each member has to be a variable."""
+    if not file.is_file():
+        return []
+    schema = etree.XMLSchema(etree.parse(Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"))
+    try:
+        root = etree.parse(file, etree.XMLParser(resolve_entities=False))
+    except etree.XMLSyntaxError as error:
+        return [f"{file.name}: {error}"]
+    if not schema.validate(root):
+        return [f"{file.name}: {error.message}" for error in schema.error_log]
+    members = [member.get("variableName") for member in root.iter("TerminalMemberVariable")]
+    return [f"{file.name}: there is no variable '{name}'" for name in members if name not in variables]
+
+
+def check_units(subject: Subject) -> Verdict:
+    """Compare the units of Real inputs, outputs and parameters with the units that are defined.
+
+    Other tools need them to compare the ends of a connection. A Real without a unit is right unless all are without.
+    """
+    reals = [
+        v for causality in ("input", "output", "parameter") for v in subject.variables(causality, subject.fmi.REAL)
+    ]
+    if not reals:
+        return Verdict(f"there are no {subject.fmi.REAL} inputs, outputs and parameters", applicable=False)
+    defined = {unit.name: unit for unit in subject.description.unitDefinitions}
+    units = {v.name: v.unit or (v.declaredType.unit if v.declaredType is not None else None) for v in reals}
+    bare = [name for name, unit in units.items() if unit is None]
+    used = [*dict.fromkeys(unit for unit in units.values() if unit is not None)]
+    faults = [] if used else [f"none of {len(reals)} {subject.fmi.REAL}s has a unit: connections cannot be checked"]
+    faults += [f"unit '{unit}' is not defined" for unit in used if unit not in defined]
+    faults += [
+        f"unit '{unit}' has no base units: connections cannot be checked"
+        for unit in used
+        if unit in defined and defined[unit].baseUnit is None
+    ]
+    without = f"; without a unit: {listed(bare)}" if bare else ""
+    return Verdict(f"{len(reals)} {subject.fmi.REAL}s in {len(used)} units with base units{without}", tuple(faults))
+
+
+CHANGE = 1e-3  # of an input, relative, absolute below 1
+Pairs = list[tuple[str, str]]  # input, output
+
+
+def check_dependencies(subject: Subject) -> Verdict:
+    """Check that the lists are complete, and that no output depends on an input without saying so.
+
+    Inputs are changed in initialisation mode, and after a step, where an output that changes without a step has direct
+    feedthrough.
+    """
+    description, faults = subject.description, []
+    outputs = [v for v in subject.all_variables if v.causality == "output"]
+    initial = [v for v in outputs if v.initial in ("approx", "calculated")]
+    initial += [v for v in subject.all_variables if v.causality == "calculatedParameter"]
+    for title, unknowns, expected in (
+        ("Outputs", description.outputs, outputs),
+        ("InitialUnknowns", description.initialUnknowns, initial),
+    ):
+        names = {unknown.variable.name for unknown in unknowns}
+        if lacking := [v.name for v in expected if v.name not in names]:
+            faults.append(f"ModelStructure/{title} lacks {listed(lacking)}")
+    note = ""
+    try:
+        with Instance(subject) as instance:
+            instance.enter()
+            pairs = _dependent(subject, instance)
+            faults += _undeclared("in initialisation mode", pairs, description.initialUnknowns, subject.owner)
+            instance.must("ExitInitializationMode")
+            instance.run(0, 2)
+            try:
+                pairs = _dependent(subject, instance)
+            except Refused as refusal:  # FMI allows that: a host must step between setting and getting
+                note = f"direct feedthrough cannot be seen: {refusal}"
+            else:
+                faults += _undeclared("after a step", pairs, description.outputs, subject.owner)
+                note = f"direct feedthrough: {listed([f'{u} to {y}' for u, y in pairs]) or 'none'}"
+    except Refused as refusal:
+        faults.append(str(refusal))
+    return Verdict(note, tuple(faults))
+
+
+def _dependent(subject: Subject, instance: Instance) -> Pairs:
+    """Pairs of elements of an input and of an output that changes with it at once; raises Refused."""
+    pairs: Pairs = []
+    values = subject.input_values(1, subject.amplitude)
+
+    def outputs(inputs: Floats) -> Floats:
+        instance.set_inputs(inputs)
+        return instance.outputs()
+
+    before = outputs(values)
+    names = [name for variable in subject.inputs for name in elements(variable)]
+    for place, name in enumerate(names):
+        changed = values.copy()
+        changed[place] += CHANGE * max(1.0, abs(values[place]))
+        pairs += [(name, output) for output in subject.differing(before, outputs(changed))]
+    instance.set_inputs(values)
+    return pairs
+
+
+def _undeclared(when: str, pairs: Pairs, unknowns: Sequence[Any], owner: Mapping[str, str]) -> list[str]:
+    """Faults of pairs that the declared dependencies of unknowns do not contain."""
+    declared = {
+        unknown.variable.name: {variable.name for variable in unknown.dependencies}
+        for unknown in unknowns
+        if unknown.dependencies is not None
+    }
+    return [
+        f"{when} {output} depends on {name}, which its dependencies do not declare"
+        for name, output in pairs
+        if owner[name] not in declared.get(owner[output], {owner[name]})
+    ]

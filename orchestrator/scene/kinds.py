@@ -1,0 +1,330 @@
+"""Kinds of scenes with a track: chain, bench, rig and vehicle; frozen, complete, SI.
+
+The resolved scene holds the whole vehicle table under ``vehicle``, so a dotted key reaches every number of a run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from fmus.track_choices import TRACKS
+from fmus.vehicle import BadInput, Force, Vehicle, path_text, value_text
+from orchestrator.results.analyses.catalogue import UNSTRESSED, described
+from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable, VehicleDriveTable
+from orchestrator.scene.fmu_table import FmuTable, pair_of, require_instance_name
+from orchestrator.scene.ground_tables import GroundTable, LevelGroundTable
+from orchestrator.scene.system_scene import ASSUMED_SPEED, SystemScene
+from orchestrator.scene.tables import BenchTable, ChainTable, RigTable, StartTable, VehicleStartTable
+from orchestrator.scene.track_table import TrackModelTable, short_track
+from orchestrator.scene.values import OR_FALSE, SIDES, SOLVED, Side, TrackName
+
+# Settings of a drive in mode controller that are allowed beside a driver.
+OF_CONTROLLERS = ("torque_limit", "brake", "brake_speed", "brake_points", "engine_points", "gear_ratio")
+OUTER_TRACK = 1.2  # speed of the outer track in a turn, relative to the vehicle
+
+
+class Scene(SystemScene):
+    """Scene of FMUs, one of them a track; subclasses add what they assemble."""
+
+    vehicle: Vehicle
+    """name of a vehicle, a TOML file, or a table with the key base and the differences from that vehicle"""
+    track: Annotated[TrackModelTable, BeforeValidator(short_track, TrackName | TrackModelTable)]
+    """model of the links and numerical method, or the name of the model alone"""
+    start: StartTable = StartTable()
+    """place and state of the vehicle at the start, world frame"""
+    placed: bool = Field(default=False, json_schema_extra=SOLVED)
+    """the idler is where the chain carries its static tension"""
+    planar: bool = False
+    """cable chains without lateral dofs: all motion is in the plane of the track"""
+    fmu: dict[str, FmuTable] | None = None
+    """FMUs of the user by the names of the parts in whose place they run, or by names of their own"""
+    connections: tuple[str, ...] | None = None
+    """connections to FMUs of the user, and from them to chassis.hitch.force.{x,y,z}: "part.output -> part.input", or
+    "2 * part.output + 1 -> part.input" """
+
+    def changed(self, settings: Sequence[str] | Mapping[str, Any]) -> Scene:
+        """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
+        from orchestrator.scene.scene import with_settings, with_track  # late: it knows all kinds
+
+        return with_track(with_settings(self, settings))
+
+    def require_own_parts(self, what: str) -> None:
+        """Raise BadInput if an FMU of the user is in place of a part; ``what``: subject of the sentence."""
+        for name, fmu in (self.fmu or {}).items():
+            raise BadInput(f"{self.where}: fmu.{name}.file = {path_text(fmu.file)}: {what} parts of cotrack alone")
+
+    def recording_for(self, analyses: Sequence[str]) -> Scene:
+        """The scene with the link outputs that analyses need besides its own, as often as they need them.
+
+        Raises BadInput for an unknown name, and for an analysis of stress that the links do not have.
+        """
+        for name in analyses:
+            if described(name).stress and not self.track.kind.stressed:
+                raise BadInput(f"--for {name}: {self.track.kind.links} have no stress: {UNSTRESSED}")
+        needed = [group for name in analyses for group in described(name).records]
+        groups = dict.fromkeys([*self.track.link_outputs, *needed])
+        seated = next((name for name in analyses if described(name).seats), None)
+        every_step = any(described(name).every_step for name in analyses) and "run.links" not in self._settings
+        often = {"run.links": 1} if every_step else {}
+        seats = self._all_seats(seated) if seated else {}
+        changed = self.changed({"track.link_outputs": [*groups], **often, **seats})
+        return changed.read_from(self._archive, self._settings)  # it is the same run, with more in its log
+
+    def _all_seats(self, analysis: str) -> dict[str, Any]:
+        """Setting with which seats are recorded for an analysis; raises BadInput."""
+        raise BadInput(f"--for {analysis}: assembly = '{self.assembly}' has no seats")
+
+    @property
+    def resumable(self) -> bool:
+        """True if all FMUs are parts of cotrack."""
+        return not self.fmu
+
+    @model_validator(mode="after")
+    def _check_connections(self) -> Scene:
+        for name in self.fmu or {}:
+            require_instance_name(name)
+        for text in self.connections or ():
+            pair_of(text)
+        return self
+
+    @model_validator(mode="after")
+    def _check_planar(self) -> Scene:
+        if not self.planar:
+            return self
+        kind = self.track.kind
+        if not kind.planar:
+            others = " or ".join(f"'{name}'" for name, track in TRACKS.items() if track.planar)
+            raise ValueError(f"planar = true needs track.model = {others}: {kind.links} keep their six coordinates")
+        for key, only in kind.planar.items():
+            if getattr(self.track, key) not in (None, only):
+                raise ValueError(f"planar = true needs track.{key} = '{only}', not '{getattr(self.track, key)}'")
+        return self
+
+    @property
+    def variant(self) -> str:
+        """The track model."""
+        return self.track.model
+
+    def with_axes(self) -> Scene:
+        """The scene with the default axes of its cables: fixed."""
+        return self
+
+    def _check_no_closure(self, ends: str) -> None:
+        """Raise ValueError if a chain with these ``ends``, which is no loop, has a closure."""
+        if self.track.closure is not None:
+            raise ValueError(f"track.closure = '{self.track.closure}' needs a loop: this chain has {ends}")
+
+    def _teeth_rate(self, speed: float | None) -> float:
+        """Teeth per second at a sprocket speed, rad/s."""
+        return self.vehicle.sprocket.teeth * (ASSUMED_SPEED if speed is None else speed) / (2.0 * math.pi)
+
+
+class ChainScene(Scene):
+    """Chain without wheels."""
+
+    assembly: Literal["chain"]
+    chain: ChainTable
+    """chain without wheels"""
+    ground: LevelGroundTable | None = None
+    """ground under a lying chain"""
+
+    @model_validator(mode="after")
+    def _check_chain(self) -> ChainScene:
+        if self.ground is not None and self.chain.ends != "lying":
+            raise ValueError(f"ground needs chain.ends = 'lying', not '{self.chain.ends}'")
+        if self.track.axes == "free":
+            raise ValueError("track.axes = 'free' needs wheels, which a chain alone has not")
+        if self.chain.ends != "loop":
+            self._check_no_closure(f"ends = '{self.chain.ends}'")
+        return self
+
+
+class BenchScene(Scene):
+    """Chain over a driven sprocket."""
+
+    assembly: Literal["bench"]
+    bench: BenchTable
+    """open chain over one sprocket, its ends pulled by constant forces"""
+    drive: DriveTable
+    """drive of the sprocket"""
+
+    @model_validator(mode="after")
+    def _check_bench(self) -> BenchScene:
+        self._check_no_closure("ends that are pulled")
+        return self
+
+    @property
+    def teeth_rate(self) -> float:
+        """Teeth per second at the drive's top speed."""
+        return self._teeth_rate(self.drive.top_speed)
+
+
+class RigScene(Scene):
+    """Closed chain round a driven sprocket and a braked idler."""
+
+    assembly: Literal["rig"]
+    rig: RigTable
+    """closed chain round a sprocket and a smooth idler with fixed axles"""
+    drive: DriveTable
+    """drive of the sprocket"""
+    idler_drive: DriveTable
+    """drive or brake of the idler"""
+
+    @property
+    def teeth_rate(self) -> float:
+        """Teeth per second at the drive's top speed."""
+        return self._teeth_rate(self.drive.top_speed)
+
+
+class VehicleScene(Scene):
+    """Vehicle on its ground."""
+
+    assembly: Literal["vehicle"]
+    start: VehicleStartTable = VehicleStartTable()
+    """place and state of the vehicle at the start, world frame"""
+    tracks: tuple[Side, ...] = SIDES
+    """sides with a track; a side without one has no drive either"""
+    ground: GroundTable = GroundTable()
+    """ground beyond its level, and contacts beyond those of the tracks"""
+    drive: VehicleDriveTable
+    """drive of the sprockets of both sides"""
+    driver: Annotated[DriverTable | None, OR_FALSE] = None
+    """driver whose demands the drives follow; false or no table: they follow their own settings"""
+    hitch: Annotated[HitchTable | None, OR_FALSE] = None
+    """load that the vehicle tows at vehicle.hitch; false or no table: it tows nothing"""
+    seats: tuple[str, ...] = ()
+    """seats of vehicle.seat whose position, velocity and acceleration the chassis gives"""
+    push: Force = Field(default=0.0, json_schema_extra=SOLVED)
+    """share of the tensioners' preload that balances the tension of placed tracks"""
+    symmetric: bool = False
+    """only the left half runs; the right one mirrors it"""
+
+    @field_validator("tracks")
+    @classmethod
+    def _check_sides(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(value)) < len(value):
+            raise ValueError("names a side twice")
+        return value
+
+    @model_validator(mode="after")
+    def _check_and_complete(self) -> VehicleScene:
+        if self.symmetric and len(self.tracks) == 1:
+            raise ValueError("symmetric = true needs both tracks or none")
+        if self.symmetric and self.vehicle.right is not None:
+            raise ValueError("symmetric = true needs equal sides, but the vehicle has a table right")
+        shaped = self.ground.shaped_by()
+        if shaped and self.start.heading_and_pitch() != (self.start.heading, self.start.pitch):
+            raise ValueError(
+                f"ground.{shaped[0]} needs start.roll = 0: rolled over, the vehicle's start looks the other way"
+            )
+        if self.ground.bump and len(shaped) > 1 and (self.start.heading, *self.start.position[:2]) != (0.0, 0.0, 0.0):
+            raise ValueError(
+                f"ground.bump lies ahead of the start, ground.{shaped[-1]} in the world: together they need"
+                " start.heading = 0 and start.position = [0, 0, z]"
+            )
+        one_sided = self.ground.one_sided(self.start.heading)
+        if self.symmetric and one_sided:
+            raise ValueError(f"symmetric = true needs the same ground on both sides, but ground.{one_sided} differs")
+        if one_sided and self.track.axes == "fixed":
+            raise ValueError(f"ground.{one_sided} rolls the vehicle: track.axes = 'fixed' keeps cables in their plane")
+        if self.ground.soil and (self.ground.hull or len(self.tracks) < 2):
+            raise ValueError(
+                "ground.soil needs both tracks and ground.hull = false: soil has no law for hull and bare wheels"
+            )
+        if self.planar and not self.symmetric:
+            raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
+        self._check_fittings()
+        if self.turns:
+            self._check_steering()
+        if self.driver is not None:
+            self._check_driver()
+        return self.with_state().with_axes()
+
+    def _all_seats(self, analysis: str) -> dict[str, Any]:
+        if not self.vehicle.seat:
+            raise BadInput(f"--for {analysis}: {self.vehicle.name} has no table [seat.NAME]")
+        return {"seats": list(self.seats or self.vehicle.seat)}
+
+    @property
+    def teeth_rate(self) -> float:
+        """Teeth per second on the faster side; with a driver, in a turn of about ten metres radius."""
+        if self.driver is not None:
+            radius = self.vehicle.track.pitch / (2.0 * math.sin(math.pi / self.vehicle.sprocket.teeth))
+            return self._teeth_rate(OUTER_TRACK * self.driver.top_speed / radius)
+        speeds = [speed for side in SIDES if (speed := self.drive.of_side(side).top_speed) is not None]
+        steering = self.drive.steering and self.drive.steering.top_speed
+        return self._teeth_rate(max(speeds) + 0.5 * (steering or 0.0) if speeds else None)
+
+    def with_state(self) -> VehicleScene:
+        """The scene with its start state, by default equilibrium where possible; raises ValueError."""
+        rests = self.track.start in (None, "rest")
+        if self.start.state == "equilibrium" and not rests:
+            raise ValueError(f"start.state = 'equilibrium' needs track.start = 'rest', not '{self.track.start}'")
+        if self.start.state is not None:
+            return self
+        solved = self.start.equilibrium is not None or not self.placed  # logs of older versions hold no equilibrium
+        state = "equilibrium" if rests and solved and not self.start.is_displaced else "drawn"
+        return self.model_copy(update={"start": self.start.model_copy(update={"state": state})})
+
+    @property
+    def turns(self) -> bool:
+        """True if the sides are driven differently."""
+        return self.drive.steers or self.drive.steering is not None or self.driver is not None
+
+    @property
+    def leaves_plane(self) -> str:
+        """Reason why tracks may leave their planes; empty if they stay in them."""
+        if self.turns:
+            return "the sides are driven differently"
+        if self.vehicle.right is not None:
+            return "the sides of the vehicle differ"
+        if one_sided := self.ground.one_sided(self.start.heading):
+            return f"ground.{one_sided} rolls the vehicle"
+        if self.vehicle.chassis.centre[1]:
+            return "the centre of mass lies to the side"
+        return "one side alone has a track" if len(self.tracks) == 1 else ""
+
+    def with_axes(self) -> VehicleScene:
+        """The scene with free axes, if none are given, for cables of a vehicle that may turn or roll."""
+        track = self.track
+        if not self.leaves_plane or track.axes is not None or track.choices().get("element") != "cable":
+            return self
+        return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})
+
+    def _check_fittings(self) -> None:
+        """Raise ValueError for a hitch or seats that the vehicle has not."""
+        if self.hitch is not None and self.vehicle.hitch is None:
+            raise ValueError("hitch: needs vehicle.hitch, the point x, z at which the vehicle tows")
+        for name in self.seats:
+            if name not in self.vehicle.seat:
+                known = ", ".join(self.vehicle.seat) or "none"
+                raise ValueError(f"seats names {value_text(name)}: the vehicle has {known}")
+        if len(set(self.seats)) < len(self.seats):
+            raise ValueError("seats names a seat twice")
+
+    def _check_steering(self) -> None:
+        """Raise ValueError if the sides' drives differ and another setting forbids that."""
+        if self.symmetric:
+            raise ValueError("symmetric = true needs the same drive on both sides: the right half mirrors the left")
+        if without := [side for side in SIDES if side not in self.tracks]:
+            reason = "a driver steers with both sides" if self.driver else "drive.left and drive.right differ"
+            reason = "drive.steering joins both sides" if self.drive.steering else reason
+            raise ValueError(f"{reason}, but tracks has no '{without[0]}'")
+        if self.track.axes == "fixed":
+            raise ValueError("this vehicle turns: track.axes = 'fixed' keeps cables in their plane")
+
+    def _check_driver(self) -> None:
+        """Raise ValueError if the drives cannot follow a driver."""
+        for where, drive in self.drive.motors().items():
+            if drive.mode == "torque":
+                raise ValueError(f"{where}.mode = 'torque': a driver needs 'speed' or 'controller'")
+            allowed = {"mode"} if drive.mode == "speed" else {"mode", *OF_CONTROLLERS}
+            for key, field in DriveTable.model_fields.items():
+                if key not in allowed and (value := getattr(drive, key)) != field.default:
+                    raise ValueError(
+                        f"{where}.{key} = {value_text(value)}: a driver says how fast sprockets turn, leave it out"
+                    )
