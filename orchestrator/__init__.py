@@ -20,7 +20,7 @@ OFFERED = {  # public name: module, name in the module
     "to_polars": ("log.export", "to_polars"),
     "to_arrow": ("log.export", "to_arrow"),
     "analyse": ("results.analyses.catalogue", "analyse"),
-    "report": ("execution.reported", "report"),
+    "report": ("execution.log_report", "report"),
     "sweep": ("studies.parameter_sweep", "sweep"),
     "compare": ("results.difference", "differences_of_logs"),
 }
