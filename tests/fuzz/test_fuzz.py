@@ -54,7 +54,7 @@ class TestSecondHalf:
 @pytest.mark.long
 @pytest.mark.parametrize("half", HALVES)
 def test_minutes_of_random_cases(environment, tmp_path, half):
-    run_half(environment, tmp_path, half, "1", "2")
+    run_half(environment, tmp_path, half, "0.5", "2")
 
 
 @pytest.mark.long
