@@ -78,3 +78,14 @@ def test_common_signals_are_those_of_a_vehicle():
 @pytest.mark.parametrize("name", LISTS)
 def test_a_list_names_what_there_is(name):
     assert LISTS[name].names() == set(LISTS[name].known)
+
+
+MADE_BY_THE_PAGE = {"ask.py", "MyDrive.py"}  # files that a recipe writes
+
+
+def test_pages_name_modules_that_there_are():
+    modules = {file.name for folder in ("fmus", "orchestrator", "tests") for file in (ROOT / folder).rglob("*.py")}
+    pages = [file for folder in ("fmus", "orchestrator", "tests") for file in (ROOT / folder).rglob("*.md")]
+    named = {(page.name, name) for page in pages for name in re.findall(r"`(?:[\w./]*/)?(\w+\.py)`", page.read_text())}
+    assert len(named) > 200
+    assert {name for _, name in named} - modules == MADE_BY_THE_PAGE

@@ -171,7 +171,7 @@ class Pair(NamedTuple):
 
     run: Evaluation
     reference: Evaluation | None
-    figures: dict[str, Any]  # key figures of the run (``key_figures.figures``)
+    figures: dict[str, Any]  # key figures of the run (``heading.figures``)
     measured: MeasuredComparison | None = None
     line: StressLifeLine | None = None  # S-N line of the fatigue; None: the default one
 
