@@ -41,7 +41,7 @@ FAILURES = {
     ),
     NOT_CONVERGED: f"Newton's iteration of the chain did not converge {IMPLICITLY}",
     NO_SOLUTION: f"the chain's matrix is singular {IMPLICITLY}",
-    NO_ACCELERATION: f"the explicit integration of the chain the chain's matrix is singular {EXPLICITLY}",
+    NO_ACCELERATION: f"the chain's matrix is singular in explicit integration {EXPLICITLY}",
     BLEW_UP: f"the explicit integration of the chain blew up {EXPLICITLY}",
     PINS_OPENED: f"the explicit integration of the chain opened its pins {EXPLICITLY}",
     TOO_SHORT: f"the explicit integration of the chain finds no step that keeps its tolerances {EXPLICITLY}",
