@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy  # loads its parts when they are used
 
-from fmus.jit import dispatch
+from fmus.jit import dispatch, implementation
 from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
 from fmus.physics.arrays import Floats
 
@@ -38,37 +38,40 @@ ELASTICITIES: dict[str, type[Cable]] = {
 }
 
 
-@dispatch("masses")
+_forces, _masses = implementation("forces"), implementation("masses")
+
+
+@dispatch(_masses)
 def vector_count(c: Element) -> int:
     """Number of coordinate vectors, rows."""
 
 
-@dispatch("masses")
+@dispatch(_masses)
 def axis_count(c: Element) -> int:
     """Number of components of a vector."""
 
 
-@dispatch("masses")
+@dispatch(_masses)
 def total_mass(c: Element) -> float:
     """Mass, kg."""
 
 
-@dispatch("masses", shared=True)
+@dispatch(_masses, shared=True)
 def mass(c: Element, M: Floats) -> None:
     """Constant mass matrix into ``M`` (rows, rows), kg, as factors of the identity of space."""
 
 
-@dispatch("masses")
+@dispatch(_masses)
 def straight(c: Element) -> Floats:
     """Coordinates (rows, axes) of the element at rest along x from the origin; not for kernels."""
 
 
-@dispatch("forces", shared=True)
+@dispatch(_forces, shared=True)
 def energy(c: Element, e: Floats) -> float:
     """Strain energy at the coordinates ``e`` (rows, axes), J."""
 
 
-@dispatch("forces", shared=True)
+@dispatch(_forces, shared=True)
 def force(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
     """Add elastic and damping force at rates ``v`` to ``Q`` (rows, axes); it acts as -Q.
 
@@ -76,12 +79,12 @@ def force(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
     """
 
 
-@dispatch("forces", shared=True)
+@dispatch(_forces, shared=True)
 def damping(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
     """Add the damping force alone to ``Q`` (rows, axes); return its power, W."""
 
 
-@dispatch("forces", shared=True)
+@dispatch(_forces, shared=True)
 def tangent(c: Element, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
     """Write the derivative of ``force`` to ``K`` (rows axes, rows axes).
 
@@ -90,7 +93,7 @@ def tangent(c: Element, e: Floats, v: Floats, by_rate: float, K: Floats) -> None
     """
 
 
-@dispatch("forces", shared=True)
+@dispatch(_forces, shared=True)
 def section_force(c: Element, e: Floats, v: Floats, a: Floats) -> float:
     """Force between the two parts of the element along the line of its ends, mean along it, N.
 
@@ -99,17 +102,17 @@ def section_force(c: Element, e: Floats, v: Floats, a: Floats) -> float:
     """
 
 
-@dispatch("forces", shared=True)
+@dispatch(_forces, shared=True)
 def tension(c: Cable, e: Floats) -> float:
     """Axial force of a cable by its elastic strain, mean along it, N."""
 
 
-@dispatch("forces", shared=True)
+@dispatch(_forces, shared=True)
 def end_moments(c: Cable, e: Floats) -> tuple[float, float]:
     """Bending moments of a cable at both ends, N m."""
 
 
-@dispatch("masses", shared=True)
+@dispatch(_masses, shared=True)
 def mean_curvature(c: Cable, e: Floats) -> float:
     """Mean curvature of a cable in its plane, 1/m, positive if it bends towards its outer side."""
 

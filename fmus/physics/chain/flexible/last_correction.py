@@ -1,0 +1,76 @@
+"""Change of the contact forces by Newton's last correction, after which nothing is evaluated.
+
+The chain's accelerations obey the forces of the last evaluation and their change to first order, g dx with the
+iteration matrix. Wheels and ground get this change too. So the impulses on both sides of each contact are equal to
+rounding at any tolerance of the iteration, without another evaluation.
+
+Left out are, as in the matrix, the turn of forces with axes that turn, and the change of a force's lever on its wheel.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from fmus.jit import kernel, noalias
+from fmus.physics.ancf.element import axis_count
+from fmus.physics.arrays import Floats, Vector
+from fmus.physics.chain import contact_points as at
+from fmus.physics.chain.faces import begin_link, locate, locate_pin, locate_section, pin_positions, pin_velocities
+from fmus.physics.chain.flexible.axes import motion_with_axes, start_frame_vector
+from fmus.physics.chain.flexible.elements import layout
+from fmus.physics.chain.flexible.link_layout import node
+from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force
+from fmus.physics.vector import add, cross, dot, scale, vector
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import Motion
+    from fmus.physics.chain.flexible.work import Work
+
+
+@kernel
+@noalias
+def add_last_correction(links: FlexibleLinks, x: Motion, w: Work) -> None:
+    """Add the change of all contact forces to wrenches, forces on links, and loads on links and pins.
+
+    ``x``: coordinates at the last matrix, with the correction as their rates.
+    """
+    points, wheels = w.points, w.wheels.shape[0]
+    for n in range(points.number[0]):
+        which, numbers = points.which[n], points.numbers[n]
+        partner, body = which[at.PARTNER], which[at.BODY]
+        f, p = _change(links, x, w, body, which[at.ON_PIN], numbers), vector(numbers, at.POSITION)
+        force = start_frame_vector(links, x, f)
+        for k in range(3):
+            w.wrench[partner, k] -= force[k]
+        if partner < wheels:
+            torque = start_frame_vector(links, x, cross(add(p, scale(-1.0, vector(w.flat[partner], 0))), f))
+            for k in range(3):
+                w.wrench[partner, 3 + k] -= torque[k]
+        add_link_force(w.on_links, which[at.LINK], WHEELS if partner < wheels else GROUND, force)
+        for k in range(axis_count(links.element)):
+            part = f[k] if axis_count(links.element) == 3 else f[2 * k]
+            if which[at.ON_PIN]:
+                w.imbalance[node(layout(links), x.q.shape[0], body), k] -= part
+            else:  # where it acts on the link does not count in ``pin_forces``
+                w.load[body, 0, k] -= part
+
+
+@kernel
+def _change(links: FlexibleLinks, x: Motion, w: Work, body: int, on_pin: int, numbers: Floats) -> Vector:
+    """Change of the force on a point of the link or pin ``body``, N; ``numbers`` as in ``contact_points``."""
+    xi, z, y = vector(numbers, at.PLACE)
+    if on_pin:
+        _, motion = locate_pin(links, x, w, body, y)
+    else:
+        begin_link(links, x, w, body)
+        _, motion = locate(links, x, w, body, locate_section(links, x, w, body, xi, z), y)
+    d = add(motion, motion_with_axes(links, w, vector(numbers, at.POSITION)))
+    m = at.MATRIX
+    f = dot(vector(numbers, m), d), dot(vector(numbers, m + 3), d), dot(vector(numbers, m + 6), d)
+    if numbers[at.BY_RATE] == 0.0:
+        return f
+    foot, (a, b), (da, db) = numbers[at.FOOT], pin_positions(links, x, w, body), pin_velocities(links, x, w, body)
+    da, db = add(da, motion_with_axes(links, w, a)), add(db, motion_with_axes(links, w, b))
+    rate = -numbers[at.BY_RATE] * dot(vector(numbers, at.NORMAL), add(scale(1.0 - foot, da), scale(foot, db)))
+    return add(f, scale(rate, vector(numbers, at.RATE)))
