@@ -42,6 +42,7 @@ GENERIC = [
         f"cosim/{name}.py"
         for name in (
             "base_units",
+            "interval_statistics",
             "component",
             "fmi2_library",
             "fmi3_library",

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fmus.vehicle import BadInput
-from orchestrator.log.time_series import BitDifference as Bits
+from orchestrator.log.bitwise import BitDifference as Bits
 from orchestrator.results.difference import ObservableDifference
 from orchestrator.results.divergence import Divergence
 from orchestrator.results.measured_difference import WHOLE, MeasuredComparison

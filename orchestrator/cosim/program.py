@@ -15,7 +15,7 @@ from orchestrator.cosim.graph import Floats, Indices
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, record
-from orchestrator.log.time_series import Rule
+from orchestrator.log.wire import Rule
 
 WORTHWHILE = 5e-5  # s, least step time for threads: a shorter step of our FMUs is mostly Python, which has one lock
 POLLS = 20_000  # polls for a task before a worker sleeps, about a millisecond

@@ -28,7 +28,7 @@ from fmus.ahead import start_compilation
 from fmus.loaded import component_ports
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
-from orchestrator.cosim import observers
+from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import LINK_FAMILIES, Component, ComponentFailed, Logger
 from orchestrator.cosim.coupling import power_residual
 from orchestrator.cosim.graph import Connection, Instance, System
@@ -81,7 +81,7 @@ def _recorded(scene: SystemScene, part: Part) -> dict[str, str]:
     texts = {port.name: port.text for port in ports if port.causality in causalities and isinstance(port.start, float)}
     if scene.records_statistics:
         links = tuple(name for name in texts if name.startswith(LINK_FAMILIES))
-        texts |= dict.fromkeys(observers.statistics_names(links), "")
+        texts |= dict.fromkeys(interval_statistics.statistics_names(links), "")
     return {f"{part.name}.{name}": text for name, text in texts.items()}
 
 

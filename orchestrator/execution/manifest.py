@@ -26,7 +26,7 @@ from pydantic import BaseModel, ValidationError, model_validator
 
 from fmus.build import identity
 from orchestrator import __version__
-from orchestrator.cosim import observers
+from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Connection, Instance, Recordable, System
@@ -64,8 +64,8 @@ def open_log(
             if component.links:
                 topic = f"/{name}/links/between"
                 units = [component.unit(variable) for variable in component.links]
-                names = observers.statistics_names(component.links)
-                topics[topic] = list(zip(names, units * len(observers.STATISTICS_PARTS), strict=True))
+                names = interval_statistics.statistics_names(component.links)
+                topics[topic] = list(zip(names, units * len(interval_statistics.STATISTICS_PARTS), strict=True))
                 every[topic] = every[f"/{name}/links"]
     unrecorded = () if scene.run.inputs else [f"/{name}/in" for name in components]
     if unrecorded:

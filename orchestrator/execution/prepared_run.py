@@ -1,16 +1,10 @@
-"""Run that is ready to step: components wired by a coupling scheme, at the start of a scene or at a checkpoint.
-
-Ctrl-C, SIGTERM and SIGHUP end it after a step.
-"""
+"""Run that is ready to step: components wired by a coupling scheme, at the start of a scene or at a checkpoint."""
 
 from __future__ import annotations
 
-import signal
-import socket
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -22,59 +16,12 @@ from orchestrator.cosim.coupling.scheme import Scheme, copy_inputs, require_stat
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Recordable, Stages, System, wire
 from orchestrator.cosim.observers import Checkpoints, Logging, ReachedPoint, TimedCheckpoints
+from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.manifest import STATS_PERIOD
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import RunTable
-
-SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-
-
-class Interrupt:
-    """Signal handler: raises at once; while ``deferring`` it only records the first signal."""
-
-    def __init__(self) -> None:
-        self.requested = self.deferring = False
-        self._count = 0
-        self._woken, self._wakes = socket.socketpair()
-        for end in (self._woken, self._wakes):
-            end.setblocking(False)
-
-    def __call__(self, number: int, frame: object) -> None:
-        """Handle a signal; raises KeyboardInterrupt."""
-        repeated, self.requested = self.requested, True
-        if repeated or not self.deferring:
-            raise KeyboardInterrupt
-
-    @property
-    def descriptor(self) -> int:
-        """Where the interpreter writes a byte for each signal, also while the main thread runs no Python."""
-        return self._wakes.fileno()
-
-    def signals(self) -> int:
-        """Return the number of signals so far; for one thread."""
-        with suppress(BlockingIOError):
-            self._count += sum(number in SIGNALS for number in self._woken.recv(4096))
-        return self._count
-
-
-@contextmanager
-def interruptible(interrupt: Interrupt | None = None) -> Iterator[Interrupt]:
-    """Install the handler; while it is deferring, the first signal lets the step end and the log be closed."""
-    interrupt = interrupt or Interrupt()
-    if threading.current_thread() is not threading.main_thread():
-        yield interrupt
-        return
-    before = [signal.signal(number, interrupt) for number in SIGNALS]
-    woken = signal.set_wakeup_fd(interrupt.descriptor, warn_on_full_buffer=False)
-    try:
-        yield interrupt
-    finally:
-        signal.set_wakeup_fd(woken)
-        for number, handler in zip(SIGNALS, before, strict=True):
-            signal.signal(number, handler)
-
 
 REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
 

@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.cosim.component import Component
+from orchestrator.log.bitwise import BitDifference, first_difference
 from orchestrator.log.log_metadata import TEXTS
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.time_series import EVER, BitDifference, Floats, Series, first_difference
+from orchestrator.log.time_series import EVER, Floats, Series
 
 Parameters = Mapping[str, float | int | str]
 

@@ -21,10 +21,11 @@ from orchestrator.cosim.guests.room import Rooms
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
 from orchestrator.execution import estimate, manifest, summary
+from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene, require_signals
 from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
-from orchestrator.execution.prepared_run import Continuation, Interrupt, PreparedRun, interruptible, outcome_entries
-from orchestrator.log.message_records import Event
+from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
+from orchestrator.log.events_topic import Event
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.analyses import events

@@ -32,10 +32,12 @@ from orchestrator.log.container_writer import (
     log_failed,
     target_of,
 )
-from orchestrator.log.message_records import EVENTS_SCHEMA, EVENTS_TOPIC, EVENTS_TYPE, LONGEST, Event, event_records
+from orchestrator.log.events_topic import EVENTS_SCHEMA, EVENTS_TOPIC, EVENTS_TYPE, Event, event_records
+from orchestrator.log.message_records import LONGEST
 from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.time_series import Topic, Wire
+from orchestrator.log.time_series import Topic
+from orchestrator.log.wire import Wire
 
 FAILED = "-failed"  # ending of the log of a failed run beside that of one that ended well
 BACKLOG = 4  # chunks that may wait for the disk before the run waits too

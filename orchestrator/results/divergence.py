@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.vehicle import BadInput
+from orchestrator.log.bitwise import BitDifference, bit_difference, bit_patterns
 from orchestrator.log.reader import Log
-from orchestrator.log.time_series import EVER, BitDifference, Floats, Series, bit_difference, bit_patterns, join_series
+from orchestrator.log.time_series import EVER, Floats, Series, join_series
 from orchestrator.results.output_files import new_figure, save_figure
 
 POINTS = 40  # approximate number of points of a growth curve

@@ -1,7 +1,7 @@
 """Coarser runs of an estimate: the bits of single runs, failures as a status, signals."""
 
 from orchestrator.execution import summary
-from orchestrator.execution.prepared_run import Interrupt
+from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.simulate import record_companion, simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.validity.limits import FAILURE, Exceedance

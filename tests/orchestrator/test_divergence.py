@@ -11,8 +11,8 @@ from recorded import STEP, TOPICS, record
 
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import recorder as module
+from orchestrator.log.bitwise import ulps
 from orchestrator.log.reader import Log
-from orchestrator.log.time_series import ulps
 from orchestrator.results.divergence import divergence, draw
 from orchestrator.scene.scene import load
 

@@ -7,7 +7,7 @@ import pytest
 from analysis_logs import STEP, driven_log, made
 from mcap.reader import make_reader
 
-from orchestrator.log.message_records import WARNINGS
+from orchestrator.log.events_topic import WARNINGS
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData, Window

@@ -12,10 +12,11 @@ from mcap.writer import CompressionType, Writer
 from recorded import ATTACHMENTS, METADATA, STEP, TOPICS, record, record_in_chunks, values
 
 from orchestrator.log import log_metadata, stream
+from orchestrator.log.bitwise import first_difference
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.time_series import Series, first_difference
+from orchestrator.log.time_series import Series
 from orchestrator.log.tools import WHOLE, verify
 
 

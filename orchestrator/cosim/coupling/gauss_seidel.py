@@ -5,7 +5,7 @@ from __future__ import annotations
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Feed, Stages
-from orchestrator.log.time_series import Rule
+from orchestrator.log.wire import Rule
 
 
 class GaussSeidel(Scheme):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Feed, Member, Stages
-from orchestrator.log.time_series import Rule
+from orchestrator.log.wire import Rule
 
 
 class Jacobi(Scheme):

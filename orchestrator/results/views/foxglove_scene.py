@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from fmus.vehicle import BadInput
-from orchestrator.log import message_records
+from orchestrator.log import events_topic
+from orchestrator.log.events_topic import WARNINGS, Event
 from orchestrator.log.extra import library
-from orchestrator.log.message_records import WARNINGS, Event
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import events
@@ -85,7 +85,7 @@ def _write(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], s
             for plot in side_plots
             for signal in plot.signals
         }
-        log_channel = channels.LogChannel(message_records.EVENTS_TOPIC, context=context)
+        log_channel = channels.LogChannel(events_topic.EVENTS_TOPIC, context=context)
         for event in events.of(bodies.run).events:
             log_channel.log(_entry(kinds, event), log_time=_nanoseconds(event.t))
         begin = float(bodies.t[0])
@@ -287,7 +287,7 @@ def _layout(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], 
         places = {"xAxisVal": "currentCustom", "xAxisPath": {"value": f"{topic}.place[:]", "enabled": True}}
         lines = [(f"{topic}.tension[:]", "tension, kN")]
         panels[_chain_panel(chain)] = _plot(chain.title, lines) | places | {"isSynced": False, "minYValue": 0}
-    panels[EVENTS] = {"foxglovePanelTitle": "events", "topicToRender": message_records.EVENTS_TOPIC, "minLogLevel": 1}
+    panels[EVENTS] = {"foxglovePanelTitle": "events", "topicToRender": events_topic.EVENTS_TOPIC, "minLogLevel": 1}
     rows = {group: [f"Plot!{plot.name}" for plot in side_plots if plot.group == group] for group in (LOADS, MOTION)}
     tabs = [{"title": group, "layout": _divided("column", panes)} for group, panes in rows.items() if panes]
     tabs.append({"title": "events", "layout": EVENTS})

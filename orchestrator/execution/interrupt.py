@@ -1,0 +1,56 @@
+"""Handling of Ctrl-C, SIGTERM and SIGHUP during a run."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+class Interrupt:
+    """Signal handler: raises at once; while ``deferring`` it only records the first signal."""
+
+    def __init__(self) -> None:
+        self.requested = self.deferring = False
+        self._count = 0
+        self._woken, self._wakes = socket.socketpair()
+        for end in (self._woken, self._wakes):
+            end.setblocking(False)
+
+    def __call__(self, number: int, frame: object) -> None:
+        """Handle a signal; raises KeyboardInterrupt."""
+        repeated, self.requested = self.requested, True
+        if repeated or not self.deferring:
+            raise KeyboardInterrupt
+
+    @property
+    def descriptor(self) -> int:
+        """Where the interpreter writes a byte for each signal, also while the main thread runs no Python."""
+        return self._wakes.fileno()
+
+    def signals(self) -> int:
+        """Return the number of signals so far; for one thread."""
+        with suppress(BlockingIOError):
+            self._count += sum(number in SIGNALS for number in self._woken.recv(4096))
+        return self._count
+
+
+@contextmanager
+def interruptible(interrupt: Interrupt | None = None) -> Iterator[Interrupt]:
+    """Install the handler; while it is deferring, the first signal lets the step end and the log be closed."""
+    interrupt = interrupt or Interrupt()
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupt
+        return
+    before = [signal.signal(number, interrupt) for number in SIGNALS]
+    woken = signal.set_wakeup_fd(interrupt.descriptor, warn_on_full_buffer=False)
+    try:
+        yield interrupt
+    finally:
+        signal.set_wakeup_fd(woken)
+        for number, handler in zip(SIGNALS, before, strict=True):
+            signal.signal(number, handler)

@@ -1,0 +1,95 @@
+"""Further figures of the runs of a sweep: measures, reduced signals and analyses, by the names that a user gives.
+
+| text | figures |
+| --- | --- |
+| `pull`, `pull:left` | a measure of checks over the whole run, of a side, span or component |
+| `max:left_track.tension.max` | a signal, reduced as checks do it |
+| `fatigue`, `joints`, ... | the numbers of the table of an analysis, a column for each row and head |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from fmus.link_outputs import GROUPS
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log
+from orchestrator.results import measures
+from orchestrator.results.analyses import catalogue
+from orchestrator.results.run_data import EVER, RunData, reason
+from orchestrator.results.table import Table
+from orchestrator.scene.settings import hint
+
+
+class Wanted(NamedTuple):
+    """Figures of a run that a user asks for."""
+
+    text: str  # as given
+    name: str  # of a measure, a reduction or an analysis
+    of: str  # side, span or component of a measure, signal of a reduction
+
+
+def wanted_figures(texts: Sequence[str]) -> tuple[Wanted, ...]:
+    """Figures by the texts of a user; raises BadInput for an unknown one, NotInstalled where a library is missing."""
+    found = tuple(Wanted(text, *(part.strip() for part in (*text.split(":", 1), "")[:2])) for text in texts)
+    for one in found:
+        known = [*measures.NAMES, *measures.REDUCTIONS, *catalogue.ANALYSES]
+        if one.name not in known:
+            raise BadInput(f"--for {one.text}: {hint(one.name, known, 'there are')}")
+        if one.name in measures.REDUCTIONS and not one.of:
+            raise BadInput(f"--for {one.text}: needs a signal, as {one.name}:left_track.tension.max")
+        if one.name in catalogue.ANALYSES:
+            if one.of:
+                raise BadInput(f"--for {one.text}: an analysis is given by its name alone")
+            catalogue.require_library(one.name)
+    return found
+
+
+def recording_settings(wanted: Sequence[Wanted], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a scene with which its runs record what analyses need, and those that are ``given``."""
+    analyses = [catalogue.ANALYSES[one.name] for one in wanted if one.name in catalogue.ANALYSES]
+    every_step = {"run.links": 1} if any(one.every_step for one in analyses) else {}
+    groups = {group for one in analyses for group in one.records}
+    return every_step | ({"track.link_outputs": [*GROUPS]} if groups else {}) | dict(given)
+
+
+def figures_of_log(path: str, wanted: Sequence[Wanted]) -> tuple[dict[str, float], list[str]]:
+    """Figures of the log of a run by the heads of their columns, and a sentence for each that could not be computed."""
+    found: dict[str, float] = {}
+    missing = []
+    with Log(path) as log:
+        run = RunData(log)
+        for one in wanted:
+            try:
+                found |= dict(_of(run, one))
+            except Exception as error:
+                missing.append(f"{one.text}: {reason(error)}")
+    return found, missing
+
+
+def _of(run: RunData, one: Wanted) -> Iterator[tuple[str, float]]:
+    if one.name in measures.REDUCTIONS:
+        unit = run.log.unit(one.of)
+        yield _head(one.text, unit), measures.reduce(*run.signal(one.of), one.name)
+    elif one.name in measures.NAMES:
+        measure = measures.NAMES[one.name]
+        yield _head(one.text, measures.UNITS[measure]), float(measure(run, one.of, EVER))
+    else:
+        module = catalogue.module_of(one.name)
+        table = module.summary(run) if hasattr(module, "summary") else module.of(run).table()
+        yield from _cells(one.name, table)
+
+
+def _cells(name: str, table: Table) -> Iterator[tuple[str, float]]:
+    """Numbers of a table by the texts of their rows and the names of their columns."""
+    for row in table.rows:
+        labels = [cell for cell in row if isinstance(cell, str) and cell]
+        about = " ".join([name, *labels[:2]]) if len(table.rows) > 1 else name
+        for column, cell in zip(table.columns, row, strict=True):
+            if isinstance(cell, int | float) and not isinstance(cell, bool):
+                yield _head(f"{about} {column.key}", column.unit), float(cell)
+
+
+def _head(name: str, unit: str) -> str:
+    return f"{name}, {unit}" if unit not in ("", "1") else name
