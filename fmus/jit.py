@@ -238,43 +238,59 @@ def implemented_in(**modules: str) -> Callable[[Class], Class]:
     return declared
 
 
-def implementation(group: str) -> Callable[[type], Any]:
-    """Choice of a ``dispatch``: the module of a ``group`` of functions on a class; TypeError where it declares none."""
+def namesake(function: Kernel) -> Kernel:
+    """Declare a ``kernel`` to be what a stub of ``dispatch`` calls; the stub's docstring is that of both."""
+    return kernel(function)
+
+
+def implementation(group: str, optional: bool = False) -> Callable[[type], Any]:
+    """Function that returns the module of a ``group`` of functions on a class.
+
+    Where the class declares none, it returns None if the group is ``optional``, else it raises TypeError.
+    """
 
     def module_of(kind: type) -> Any:
         module = getattr(kind, IMPLEMENTED, {}).get(group)
-        if module is None:
+        if module is None and not optional:
             raise TypeError(f"{kind.__name__} does not declare in which module its {group} are: see jit.implemented_in")
-        return import_module(module)
+        return module and import_module(module)
 
     return module_of
 
 
-def dispatch(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Callable[..., Any]], Any]:
-    """Make a stub call its namesake in the module that ``module_of`` returns for the type of the first argument.
+def dispatch(
+    group: str | Callable[[type], Any], shared: bool = False, default: bool = False
+) -> Callable[[Callable[..., Any]], Any]:
+    """Make a stub call its namesake in the module of a ``group`` that the type of the first argument declares.
 
     Kernels call kernels by import; a stub chooses when its caller is compiled, so that nothing else is imported or
-    compiled. ``module_of`` is an ``implementation``, or imports what it returns by name, which the hash follows too.
-    A namesake becomes part of its caller; with ``shared`` it is compiled once for all of them, which is for those that
-    are large or make arrays.
+    compiled. Instead of a name, ``group`` may be a function from the type to the module, which it imports by name; the
+    hash follows that too. A namesake becomes part of its caller; with ``shared`` it is compiled once for all of them,
+    which is for those that are large or make arrays. With ``default`` the body of the stub is that of all classes that
+    declare no module of this group, or one without a namesake.
     """
+    module_of = implementation(group, optional=default) if isinstance(group, str) else group
 
     def decorate(stub: Callable[..., Any]) -> Any:
+        def namesake_of(kind: type) -> Any:
+            return getattr(module_of(kind), stub.__name__, *([stub] if default else []))
+
         @wraps(stub)
         def plain(*args: Any) -> Any:
-            return getattr(module_of(type(args[0])), stub.__name__)(*args)
+            return namesake_of(type(args[0]))(*args)
 
         def chosen(*args: Any) -> Any:
-            namesake = getattr(module_of(args[0].instance_class), stub.__name__)
-            if [*inspect.signature(getattr(namesake, "py_func", namesake)).parameters] != [*signature.parameters]:
-                raise TypeError(f"{namesake.__module__}.{stub.__name__}: other parameters than those of its stub")
+            found = namesake_of(args[0].instance_class)
+            function = getattr(found, "py_func", found)
+            if [*inspect.signature(function).parameters] != [*signature.parameters]:
+                raise TypeError(f"{found.__module__}.{stub.__name__}: other parameters than those of its stub")
             if shared:
-                caller = eval(f"lambda {names}: namesake({names})", {"namesake": namesake})
+                caller = eval(f"lambda {names}: namesake({names})", {"namesake": found})
                 # numba numbers functions as a process meets them: of two processes' kernels in one, a number and the
                 # name <lambda> may mean two functions, and the linker takes the one for the other
-                caller.__name__ = caller.__qualname__ = f"{namesake.__module__}.{stub.__name__}".replace(".", "_")
+                caller.__name__ = caller.__qualname__ = f"{found.__module__}.{stub.__name__}".replace(".", "_")
                 return caller
-            return getattr(namesake, "py_func", namesake)
+            return function
 
         signature = inspect.signature(stub)
         names = ", ".join(signature.parameters)

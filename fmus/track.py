@@ -8,7 +8,7 @@ The module is long because ports, layout and start of all chains are methods of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from math import ceil
 from typing import Any
 
@@ -19,13 +19,19 @@ import fmus.track_steps as steps
 from fmus import drawn_wheels, link_outputs
 from fmus.defaults import configured_ports, parameter_values
 from fmus.jit import plain
-from fmus.model import NO_ROTATION, TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter, StepFailed
+from fmus.model import ComponentModel, FreeParameters, InvalidParameter, StepFailed
 from fmus.physics.arrays import Floats
-from fmus.physics.chain import adaptive, state
-from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
-from fmus.physics.chain.explicit import slopes
+from fmus.physics.chain import state
+from fmus.physics.chain.explicit import adams, slopes
 from fmus.physics.chain.implicit import ImplicitMethod
-from fmus.physics.chain.kinds import pin_places
+from fmus.physics.chain.integration import (
+    HELD,
+    LOOP,
+    PINNED,
+    PULLED,
+    Environment,
+)
+from fmus.physics.chain.interface import pin_places
 from fmus.physics.chain.layout import (
     catenary,
     chain_of_angles,
@@ -37,19 +43,14 @@ from fmus.physics.chain.layout import (
     regular_polygon,
     rescaled,
 )
-from fmus.physics.chain.outcome import PINS_OPEN, SINGULAR, STALLED, STEP_TOO_SHORT, UNSTABLE
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.elementary import hypot, sin
-from fmus.physics.integrate import generalized_alpha, hht
-from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha
 from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import (
     NOT_NEGATIVE,
     POSITIVE,
     STATE,
-    TOLERANCE,
-    TOLERANCES,
     Port,
     Range,
     motion_ports,
@@ -61,6 +62,7 @@ from fmus.stance import Stance, part_at_rest, stance
 from fmus.standing import ground_level
 from fmus.start import FRAME, HEIGHT, KEYS, LEVEL, StartPose, start_pose
 from fmus.track_choices import ADAMS, EXPLICIT, HHT, IMPLICIT, INTEGRATORS
+from fmus.track_failures import OFF_ITS_PLACE, RUT_SENTENCE, WARNING_SENTENCES, failure_sentences
 
 # Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
 OUTPUTS = (
@@ -103,62 +105,6 @@ ON_SOIL = {  # texts of outputs that are others on soil
     "energy.dissipated.ground_damping": "energy lost by compaction and normal damping of the soil",
 }
 INTERVALS = Range(1.0, 1e6, "a whole number from 1 to 1e6")
-CAUSES = {  # of a failure of an implicit and of an explicit step
-    STALLED: ("Newton's iteration of the chain did not converge", ""),
-    SINGULAR: ("the chain's matrix is singular", "the chain's matrix is singular"),
-    UNSTABLE: ("", "blew up"),
-    PINS_OPEN: ("", "opened its pins"),
-    STEP_TOO_SHORT: ("", "finds no step that keeps its tolerances"),
-}
-WARNING_SENTENCES = (
-    Sentence(
-        "the internal step was halved {0:d} times from t = {1:.4g} s on: contacts or friction are too sharp for it, and"
-        " the run becomes slow"
-    ),
-    Sentence(
-        "a wheel's axis is {0:.2f} degrees off the pin axis at t = {1:.4g} s: cables with axes = 'fixed' drive in their"
-        " own plane only, turns and side slopes need axes = 'free'"
-    ),
-)
-OFF_ITS_PLACE = (  # warning or failure of the first step
-    "at t = {0:.6g} s the {1:name} is {2:.3g} m too far from where the track was laid round it ({3:.3g} m ahead,"
-    " {4:.3g} m to the left, {5:.3g} m up): start.position.*, start.lateral and all other start.* must be the vehicle's"
-)
-RUT_SENTENCE = Sentence(
-    "at t = {0:.6g} s the rut of the track is too long to be remembered: its oldest part counts as untouched ground, if"
-    " the track comes back to it"
-)
-
-
-def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
-    """Sentences of the failures of a step of a track on these wheels, in the order of ``track_steps``."""
-    where, causes = "at t = {0:.6g} s, link {1:no}", sorted(CAUSES.items())
-    return (
-        Sentence(""),
-        Sentence(NO_ROTATION, tuple(wheels)),
-        TOO_MANY_STEPS,
-        Sentence(OFF_ITS_PLACE, tuple(wheels)),
-        Sentence(
-            "at t = {0:.6g} s the {1:name} is {2:.3g} m from the {4:name}, at the start it was {3:.3g} m from it: the"
-            " motion of each wheel must be connected",
-            tuple(wheels),
-        ),
-        Sentence(
-            "at t = {0:.6g} s a wheel's axis is {1:.1f} degrees off the pin axis: cables with axes = 'fixed' stay in"
-            " their plane, a vehicle that turns or rolls needs axes = 'free'"
-        ),
-        Sentence(
-            "at t = {0:.6g} s the wheels are turned by {1:.2g} degrees from where the track was laid round them:"
-            " start.heading, start.pitch, start.slope.pitch and start.slope.roll of all parts must be the vehicle's"
-        ),
-        *(Sentence(f"{implicitly} {where}: residual {{2:.3g}} N") for _, (implicitly, _) in causes),
-        *(
-            Sentence(
-                f"the explicit integration of the chain {explicitly} {where}: take a smaller step than {{2:.3g}} s"
-            )
-            for _, (_, explicitly) in causes
-        ),
-    )
 
 
 def not_at_rest(link: int, residual: float) -> StepFailed:
@@ -167,33 +113,6 @@ def not_at_rest(link: int, residual: float) -> StepFailed:
         f"static equilibrium of the track was not found: {residual:.3g} N are left on link {link + 1};"
         " start = 'polygon' needs none"
     )
-
-
-def integrator_ports() -> tuple[Port, ...]:
-    """Parameters of the integrators of links."""
-    text = f"of generalised-alpha at infinite frequency, 0 to 1; of hht {hht.LEAST:g} to 1"
-    return (
-        Port("spectral_radius", "parameter", "1", text, 0.4, allowed=Range(0.0, 1.0, "between 0 and 1")),
-        *(
-            Port(f"adams.{name}", "parameter", "1", text, TOLERANCE, allowed=TOLERANCES)
-            for name, text in (
-                ("rtol", "relative error of a step of integrator = adams"),
-                ("atol", "absolute error of such a step, in m, rad, m/s and rad/s"),
-            )
-        ),
-    )
-
-
-def integrator_coefficients(p: Mapping[str, Any]) -> GeneralizedAlpha:
-    """Coefficients of the implicit integrator that the parameters choose; raises InvalidParameter."""
-    radius = p["spectral_radius"]
-    if p["integrator"] != HHT:
-        coefficients: GeneralizedAlpha = generalized_alpha.coefficients(radius)
-    elif radius < hht.LEAST:
-        raise InvalidParameter(f"spectral_radius = {radius:g}: integrator = '{HHT}' has {hht.LEAST:g} to 1")
-    else:
-        coefficients = hht.coefficients(radius)
-    return coefficients
 
 
 # Rotary inertia of links that sink, over their own: deep soil holds a link up far below its centre, so that its level
@@ -272,7 +191,7 @@ class TrackModel(ComponentModel):
         self.counters = np.zeros(COUNTERS, dtype=np.int64)
         self.inputs = STATE * wheels
         names = [wheel["name"] for wheel in self.wheel_list]
-        self.failures = failures(names)
+        self.failures = failure_sentences(names)
         self.ground_memory = self._ground_memory()
         self.warning_sentences = (*WARNING_SENTENCES, Sentence(OFF_ITS_PLACE, tuple(names)))
         if self.ground_memory != state.HARD:
@@ -459,7 +378,7 @@ class TrackModel(ComponentModel):
         if self.integrator == EXPLICIT:
             return steps.explicit, slopes(self.s)
         if self.integrator == ADAMS:
-            return steps.adams, adaptive.adams(self.s, *self.tolerances)
+            return steps.adams, adams(self.s, *self.tolerances)
         return steps.implicit, self.method
 
     def contact_partners(self, p: Mapping[str, Any]) -> Any:

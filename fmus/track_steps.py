@@ -9,12 +9,11 @@ import numpy as np
 from fmus.jit import allocating, kernel
 from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, SLOPES, STRESS, TENSION, WHEELS
 from fmus.model import no_rotation, not_given, too_many_steps
-from fmus.physics.chain import adaptive, on_links
-from fmus.physics.chain.communication_step import CommunicationStep
-from fmus.physics.chain.environment import Environment
-from fmus.physics.chain.explicit import march
+from fmus.physics.chain import on_links
+from fmus.physics.chain.explicit import march, march_adaptively
 from fmus.physics.chain.implicit import advance
-from fmus.physics.chain.kinds import fibres, observe_links, pin_axes, slopes
+from fmus.physics.chain.integration import CommunicationStep, Environment
+from fmus.physics.chain.interface import fibres, observe_links, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
 from fmus.physics.chain.state import FORGOTTEN
@@ -24,13 +23,12 @@ from fmus.physics.wheels import WIDTH, read_state, to_world
 from fmus.ports import STATE
 from fmus.sentences import GAPS
 from fmus.start import AFTER_POSE, FRAME, lay_frame
+from fmus.track_failures import APART, ASKEW, ELSEWHERE, NO_WHEEL, OF_EXPLICIT, OF_IMPLICIT, TOO_LONG, TURNED
 
 # Cosine of the angle between a wheel's axis and the pins of links that stay in their plane:
 ALIGNED = 0.9999939076577904  # cos 0.2 deg: a larger angle is a warning, because the plane of the links holds back
 OUT_OF_PLANE = 0.9961946980917455  # cos 5 deg: a larger angle is a failure, because the results are wrong
 MOST_HALVINGS = 5  # halvings in one communication step, more of which are a warning
-# Failures; the failure of an integrator is added to the last two.
-NO_WHEEL, TOO_LONG, ELSEWHERE, APART, ASKEW, TURNED, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 5, 6, 6, 10
 MOST_TURNED = 0.9999143275740072  # cosine of the angle (0.75 deg) by which wheels may be turned at the start
 # Pitches by which a wheel is off its place at the start, beside the play of the guides: more than the first are a
 # warning, more than the second, which change the mean tension by 1.5 %, a failure.
@@ -124,7 +122,7 @@ def implicit(c, messages, t, h, u):
     )  # fmt: skip
     if failure:
         messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, residual
-        return IMPLICIT + failure
+        return OF_IMPLICIT[failure]
     on_links.count_step(c.s, h)
     warn_of_halvings(common.given_warnings, messages, t, counters[REJECTED] - before)
     warn_of_rut(c.s.rut, messages, t)
@@ -169,7 +167,7 @@ def adams(c, messages, t, h, u):
     if refusal:
         return refusal
     on_links.begin_interval(c.s, common.interval)
-    return _failure(c, messages, t, h, adaptive.march(
+    return _failure(c, messages, t, h, march_adaptively(
         c.link, c.contacts, c.environment, c.scheme, CommunicationStep(common.rows, h, common.longest),
         c.s, c.work, c.report, common.counters,
     ))  # fmt: skip
@@ -182,7 +180,7 @@ def _failure(c, messages, t, h, outcome):
     failure, elapsed, link, _ = outcome
     if failure:
         messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, c.common.longest
-        return EXPLICIT + failure
+        return OF_EXPLICIT[failure]
     return 0
 
 

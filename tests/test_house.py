@@ -261,7 +261,7 @@ def test_each_peer_is_known_by_one_module():
 def test_the_checks_see_forbidden_imports():
     assert imports("def f():\n    from orchestrator import scene\n") >= {"orchestrator.scene"}
     assert ours({"fmus.chassis.model", "fmus.vehicle.BadInput"}, "fmus") == {"fmus.chassis.model"}
-    derived = "import fmus.track_closure\nfrom fmus.track_rigid import model\nfrom fmus.chassis.model import Model\n"
+    derived = "import fmus.track_parameters\nfrom fmus.track_rigid import model\nfrom fmus.chassis.model import Model\n"
     assert others("track_flexible", derived) == {"fmus.chassis.model"}
     assert others("driver", derived) == {"fmus.track_rigid", "fmus.track_rigid.model", "fmus.chassis.model"}
     assert others("track_rigid", "import fmus.track_rigid.model\n") == set()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fmus.chassis.dynamics import FINE, fault
 from fmus.jit import allocating
 from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, NOT_FINITE, STEP_TOO_SHORT, accumulate, rates
-from fmus.physics.chain.kinds import project, speed
+from fmus.physics.chain.interface import project, speed
 from fmus.physics.chain.report import TRAVEL
 from fmus.physics.chain.state import copy
 from fmus.physics.integrate.adams import LEAST, accept, accurate, correct, length, predict, restart

@@ -9,10 +9,10 @@ import numpy as np
 from fmus.model import Floats, InvalidParameter
 from fmus.physics.chain.flexible import cholesky
 from fmus.physics.chain.flexible.state import State as Flexible
-from fmus.physics.chain.kinds import accelerate, observe
+from fmus.physics.chain.interface import accelerate, observe
 from fmus.physics.chain.on_links import MIRRORED, begin_interval, count_step
 from fmus.physics.chain.report import GROUND, REPORT, SUMMED
-from fmus.physics.chain.rigid.joints import to_joint_coordinates
+from fmus.physics.chain.rigid.jointed import to_joint_coordinates
 from fmus.physics.chain.rigid.state import State as Rigid
 from fmus.physics.chain.state import integrated_views
 from fmus.physics.chain.state import store_evaluation as store_evaluation

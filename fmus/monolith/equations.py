@@ -16,7 +16,7 @@ from fmus.chassis.observe import put_sides
 from fmus.jit import allocating
 from fmus.monolith.spins import Spins, write_motions, write_powers, write_reactions
 from fmus.monolith.spins import accumulate as accumulate_spins
-from fmus.physics.chain.kinds import derivative, project, speed, stage_joints
+from fmus.physics.chain.interface import derivative, project, speed, stage_joints
 from fmus.physics.chain.report import TRAVEL, WORK
 from fmus.physics.chain.report import accumulate as accumulate_report
 from fmus.physics.chain.state import add_share

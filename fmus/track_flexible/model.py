@@ -7,27 +7,30 @@ from typing import Any
 
 import numpy as np
 
+from fmus.jit import implementation
 from fmus.model import Floats, FreeParameters, InvalidParameter, StepFailed
 from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain import state
-from fmus.physics.chain.environment import PINNED
-from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
-from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.physics.chain.flexible.elements import kit
-from fmus.physics.chain.flexible.explicit import NOTHING, stable
-from fmus.physics.chain.flexible.places import coordinate_indices, straight
-from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.physics.chain.flexible.release import EVALUATE, RELEASED, REST, Evaluation, Rest, release, start_released
-from fmus.physics.chain.flexible.state import Motion, State, shapes
-from fmus.physics.chain.flexible.work import Work, work
+from fmus.physics.chain.flexible.dynamics import NOTHING, stable
+from fmus.physics.chain.flexible.initial_state import (
+    EVALUATE,
+    RELEASED,
+    REST,
+    Evaluation,
+    Rest,
+    release,
+    start_released,
+)
+from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, coordinate_indices, straight
+from fmus.physics.chain.flexible.state import Motion, State, Work, shapes, work
 from fmus.physics.chain.implicit import ImplicitMethod
-from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
+from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, IntegrationOutcome
 from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import POSITIVE, Port, Range
-from fmus.track import TrackModel, integrator_coefficients, integrator_ports, not_at_rest
+from fmus.track import TrackModel, not_at_rest
 from fmus.track_choices import (
     ADAMS,
     CHOLESKY,
@@ -37,15 +40,14 @@ from fmus.track_choices import (
     NODAL,
     conflict_of_links,
 )
-from fmus.track_closure import PIN, SPRING, closure_ports
 from fmus.track_flexible import parameters
+from fmus.track_parameters import PIN, SPRING, closure_ports, integrator_coefficients, integrator_ports
 
 REST_RESIDUAL = 1e-3  # residual of static equilibrium, N, or if that is less:
 REST_ACCELERATION = 1e-4  # that residual over the mass of a link, m/s2
 LAST_PSEUDO_STEP = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
 TILTS = 2  # corrections of the roll of free axes at rest
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
-ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # number of coordinates of a pin
 BEAM_PART = 0.1  # part of the tolerance that holds for beams, whose sections strain by more than their pins move
 TOLERANCE_RANGE = Range(POSITIVE.least, 1e-5, "greater than 0 and 1e-05 at most")
 
@@ -64,7 +66,7 @@ class Model(TrackModel):
     def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of element, material, joints, coordinates, integration and closure."""
         return (
-            *parameters.link_kind_ports(tuple(ELEMENTS)),
+            *parameters.link_kind_ports(tuple(PIN_WIDTH)),
             *parameters.material_ports(vehicle["material"]),
             *parameters.coordinate_ports(),
             *integrator_ports(),
@@ -86,11 +88,11 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.axes_state import SIZE
 
             axes = SIZE
-        width = ELEMENTS[self.element]
+        width = PIN_WIDTH[self.element]
         if self.joints == CONSTRAINED:
-            from fmus.physics.chain.flexible.constrained import NODE as OWN
+            from fmus.physics.chain.flexible.constrained import NODE
 
-            width = OWN
+            width = NODE
         return shapes(
             width,
             self.mesh,
@@ -123,7 +125,7 @@ class Model(TrackModel):
         self._nodal_link = self.link
         axial = young * self.vehicle["section"]["area"]
         self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # axial, N
-        self.kit = kit(type(self.link))
+        self.kit = implementation("elements")(type(self.link))
         kind = element, axes, closed_by, ELIMINATED, NODAL  # every chain starts so, see ``begin_run``
         if kind != (self.element, self.axes, self.closure, self.joints, self.coordinates):
             self.element, self.axes, self.closure, self.joints, self.coordinates = kind

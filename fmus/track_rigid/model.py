@@ -9,22 +9,20 @@ import numpy as np
 
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.chain import state
-from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.implicit import ImplicitMethod
-from fmus.physics.chain.rigid.equilibrium import settle
-from fmus.physics.chain.rigid.explicit import LIMIT, longest
-from fmus.physics.chain.rigid.joints import count, to_joint_coordinates
+from fmus.physics.chain.integration import HELD, PINNED
+from fmus.physics.chain.rigid.dynamics import LIMIT, longest
+from fmus.physics.chain.rigid.initial_state import open_closing_pin, settle, start_released, write_outputs
+from fmus.physics.chain.rigid.jointed import count, to_joint_coordinates
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import TOLERANCE
-from fmus.physics.chain.rigid.release import open_closing_pin, start_released, write_outputs
-from fmus.physics.chain.rigid.state import State, shapes
-from fmus.physics.chain.rigid.work import work
+from fmus.physics.chain.rigid.state import State, shapes, work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.ports import Port
-from fmus.track import TrackModel, integrator_coefficients, integrator_ports, not_at_rest
+from fmus.track import TrackModel, not_at_rest
 from fmus.track_choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
-from fmus.track_closure import SPRING, closure_ports
+from fmus.track_parameters import SPRING, closure_ports, integrator_coefficients, integrator_ports
 
 REST = ImplicitMethod(BACKWARD, 1e-11, False)  # integrator towards static equilibrium
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.physics.chain.flexible.beam_nodes import gather
+from fmus.physics.chain.flexible.beams import gather
 
 
 def coordinates(model, q=None) -> np.ndarray:
     """Coordinates of all links, shape (n, 8, 3)."""
     e, q = np.zeros((model.links_count, 8, 3)), model.s.q if q is None else q
     for i in range(model.links_count):
-        gather(q, i, (i + 1) % model.nodes, e[i])
+        gather(model.link, q, i, (i + 1) % model.nodes, e[i])
     return e
 
 

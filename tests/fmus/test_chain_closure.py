@@ -8,7 +8,7 @@ import pytest
 from test_free_chains import TABLE, Flexible, P, made, per_link
 
 from fmus.model import InvalidParameter
-from fmus.physics.chain.flexible.places import coordinate_indices
+from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.report import DISSIPATED, KINETIC, STRAIN
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load

@@ -7,8 +7,8 @@ from test_free_chains import Beams, PlanarCables, made, per_link
 
 from fmus.model import InvalidParameter
 from fmus.physics.chain.flexible import cholesky
-from fmus.physics.chain.flexible.places import coordinate_indices
-from fmus.physics.chain.kinds import derivative, stage_joints
+from fmus.physics.chain.flexible.link_layout import coordinate_indices
+from fmus.physics.chain.interface import derivative, stage_joints
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN, WORK
 from fmus.track_flexible.model import Model as Flexible
 

@@ -7,7 +7,7 @@ import pytest
 import test_track_flexible
 import test_track_rigid
 
-from fmus.physics.chain.flexible.elements import flatten
+from fmus.physics.chain.flexible.interface import flatten
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.rolling import evaluate_contacts
 from fmus.physics.chain.sums import CONTACT, LOSSES, PATCH_POWER
@@ -38,7 +38,7 @@ def flexible(element: str):
         evaluate_contacts(model.link, model.contacts, motion, w, seen, 0.0, False)
         into = 0.0
         for i in np.flatnonzero(w.touched):
-            model.kit.coordinates(model.s.v, i, (i + 1) % model.nodes, w.v)
+            model.kit.gather(model.link, model.s.v, i, (i + 1) % model.nodes, w.v)
             into += np.sum(w.load[i] * w.v)
         pushed = 6 if element == "beam" else len(model.kit.AXES)  # a tooth pushes the pin; a beam has a pin axis too
         into += np.sum(w.b[:, :pushed] * model.s.v[:, :pushed])

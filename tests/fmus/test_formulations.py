@@ -11,7 +11,7 @@ from fmus.model import InvalidParameter
 from fmus.monolith.model import Monolith
 from fmus.physics.chain.report import CONTACT, COUNTERS, DISSIPATED, KINETIC, STRAIN
 from fmus.physics.chain.rigid.closing import gap_and_rate
-from fmus.physics.chain.rigid.explicit import LIMIT
+from fmus.physics.chain.rigid.dynamics import LIMIT
 from fmus.vehicle import BadInput
 from orchestrator.execution import monolithic
 from orchestrator.scene.assembly import assemble

@@ -9,7 +9,7 @@ import pytest
 from test_track_flexible import LINKS, TABLE, at_rest, carrier, parameters, wheels
 
 from fmus.physics.chain.flexible.axes_state import from_axes
-from fmus.physics.chain.flexible.last_correction import add_last_correction
+from fmus.physics.chain.flexible.node_faces import add_last_correction
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.on_links import GROUND, WHEELS
 from fmus.physics.chain.report import GROUND as REPORT_GROUND
@@ -62,7 +62,7 @@ class Chain:
         change = np.zeros((model.links_count, w.stiffening.shape[1]))
         for i in np.flatnonzero(w.touched):
             e = np.zeros(model.kit.ELEMENT)
-            model.kit.coordinates(self.correction, i, (i + 1) % model.nodes, e)
+            model.kit.gather(model.link, self.correction, i, (i + 1) % model.nodes, e)
             z = np.concatenate([e.ravel(), turn]) if w.axes is not None else e.ravel()
             change[i] = w.stiffening[i] @ z
         self.on_axes = change[:, e.size :]
@@ -106,7 +106,7 @@ def test_torques_on_wheels_are_those_of_the_matrices(kind):
     moment = sum(given[k, 3:] + np.cross(w.flat[k, :3], given[k, :3]) for k in rims)
     loads, e, about_y = c.by_matrices(turn_of(kind)), np.zeros(c.model.kit.ELEMENT), 0.0
     for i in range(c.model.links_count):
-        c.model.kit.coordinates(c.model.s.q, i, (i + 1) % c.model.nodes, e)
+        c.model.kit.gather(c.model.link, c.model.s.q, i, (i + 1) % c.model.nodes, e)
         about_y += e[:, -1] @ loads[i, :, 0] - e[:, 0] @ loads[i, :, -1]
     size = abs(moment).max()
     assert moment[1] == pytest.approx(about_y, abs=1e-6 * size)

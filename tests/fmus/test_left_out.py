@@ -37,7 +37,7 @@ def loaded(kind: str, track: dict, **changes) -> set[str]:
 @pytest.mark.parametrize("kind", ["track_flexible", "track_rigid"])
 def test_a_hanging_chain_loads_no_contact_code(kind):
     names = loaded(kind, {})
-    assert f"fmus.physics.chain.{kind[6:]}.newton" in names
+    assert f"fmus.physics.chain.{kind[6:]}.dynamics" in names
     assert not [name for name in names if "contact" in name]
     assert not [name for name in names if "chassis" in name or "drive" in name or "vehicle" in name]
     assert bool([name for name in names if "ancf" in name]) == (kind == "track_flexible")

@@ -22,7 +22,7 @@ from test_free_chains import (
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import mass, straight
-from fmus.physics.chain.flexible.places import coordinate_indices
+from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.report import KINETIC
 
 MASS, INERTIA = TABLE["track"]["mass"], tuple(TABLE["track"]["inertia"])

@@ -7,17 +7,15 @@ import pytest
 from m113 import MASS, TRACK, P
 
 from fmus import track_steps
-from fmus.physics.chain.environment import LOOP, Environment
 from fmus.physics.chain.explicit import slopes
 from fmus.physics.chain.implicit import ImplicitMethod
+from fmus.physics.chain.integration import LOOP, Environment
 from fmus.physics.chain.layout import close_exactly
 from fmus.physics.chain.report import COUNTERS, REPORT
-from fmus.physics.chain.rigid.dynamics import pin_motion
-from fmus.physics.chain.rigid.explicit import accelerations
+from fmus.physics.chain.rigid.dynamics import accelerations, pin_motion
 from fmus.physics.chain.rigid.links import RigidLinks, pins, place
 from fmus.physics.chain.rigid.newton import TOLERANCE
-from fmus.physics.chain.rigid.state import shapes, views
-from fmus.physics.chain.rigid.work import work
+from fmus.physics.chain.rigid.state import shapes, views, work
 from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends

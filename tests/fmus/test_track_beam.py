@@ -13,9 +13,9 @@ from fmus.model import InvalidParameter
 from fmus.physics.ancf import beam as library
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.explicit import NOTHING
+from fmus.physics.chain.flexible.dynamics import NOTHING
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN
 from fmus.physics.integrate.generalized_alpha import Slopes
 from orchestrator.cosim.component import Component
@@ -194,8 +194,8 @@ def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
         else:
             e, v = np.zeros((2, LINKS, 4, 3))
             for i in range(LINKS):
-                model.kit.coordinates(model.s.q, i, (i + 1) % LINKS, e[i])
-                model.kit.coordinates(model.s.v, i, (i + 1) % LINKS, v[i])
+                model.kit.gather(model.link, model.s.q, i, (i + 1) % LINKS, e[i])
+                model.kit.gather(model.link, model.s.v, i, (i + 1) % LINKS, v[i])
         return np.cross(e, np.einsum("ab,nbj->naj", M, v)).sum((0, 1))
 
     lost = {}

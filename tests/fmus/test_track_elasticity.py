@@ -14,11 +14,11 @@ from fmus.physics.ancf import cable, cable_engineering, cable_general, element
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.flexible.cable_nodes import gather
+from fmus.physics.chain.flexible.cables import gather
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.explicit import NOTHING
+from fmus.physics.chain.flexible.dynamics import NOTHING
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN, STRESS, T_MAX, T_MEAN, T_MIN
 from fmus.physics.integrate.generalized_alpha import Slopes
 from tests.validation.ancf import joints, loads, mesh, statics
@@ -41,7 +41,7 @@ def coordinates(model) -> np.ndarray:
     """Coordinates of all links, shape (n, 4, 3)."""
     e = np.zeros((model.links_count, 4, 3))
     for i in range(model.links_count):
-        gather(model.s.q, i, (i + 1) % model.nodes, e[i])
+        gather(model.link, model.s.q, i, (i + 1) % model.nodes, e[i])
     return e
 
 

@@ -8,7 +8,7 @@ import pytest
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import cable
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.interface import observe
 from fmus.physics.contact.ground import bumpy_ground, surface_depth
 from fmus.physics.integrate.generalized_alpha import Slopes
 from tests.fmus.test_track_flexible import PITCH, at_rest, carrier, hanging, make

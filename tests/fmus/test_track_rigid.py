@@ -8,7 +8,7 @@ from m113 import LINKS, MASS, TRACK, VEHICLE, P
 from vehicle_in_process import InProcess
 
 from fmus.model import InvalidParameter, StepFailed
-from fmus.physics.chain.rigid.last_correction import add_last_correction
+from fmus.physics.chain.rigid.faces import add_last_correction
 from fmus.physics.chain.rigid.links import pins as evaluate_pins
 from fmus.physics.chain.rigid.links import residual
 from fmus.physics.chain.rigid.newton import TOLERANCE

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from test_track_flexible import TABLE, make, wheels
 
 from fmus.physics.chain.flexible.axes_state import OMEGA, OMEGA_RATE, ORIGIN
-from fmus.physics.chain.flexible.places import coordinate_indices
+from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.report import KINETIC, STRAIN
 from fmus.physics.integrate.generalized_alpha import Slopes
@@ -147,7 +147,7 @@ def test_the_balance_is_the_work_of_a_rotation():
     weight = mass * 9.81
     expected = np.zeros(3)  # of the forces on the chain, with the sign of a residual
     for i in range(model.links_count):
-        model.kit.coordinates(q, i, (i + 1) % model.nodes, w.e)
+        model.kit.gather(model.link, q, i, (i + 1) % model.nodes, w.e)
         middle = 0.5 * (w.e[0] + w.e[2]) + PITCH / 12.0 * (w.e[1] - w.e[3])
         expected += np.cross(middle, [0.0, 0.0, weight])
     expected += from_wheels
@@ -171,7 +171,7 @@ def test_what_turns_as_a_whole_is_not_loaded_by_turning():
     model.evaluate(Motion(model.s.q, w.still, w.still, axes), BY)
     forces = w.R.reshape(len(w.R), -1) - still
     for i in range(model.links_count):
-        model.kit.coordinates(model.s.q, i, (i + 1) % model.nodes, w.e)
+        model.kit.gather(model.link, model.s.q, i, (i + 1) % model.nodes, w.e)
         towards = np.cross(rate, np.cross(rate, w.e))
         assert forces[i] == pytest.approx((w.M @ towards).ravel(), abs=1e-8)
 
@@ -215,7 +215,7 @@ def momenta(model):
     linear, angular = np.zeros(3), np.zeros(3)
     for i in range(model.links_count):
         for q, out in ((model.s.q, w.e), (model.s.v, w.v)):
-            model.kit.coordinates(q, i, (i + 1) % model.nodes, out)
+            model.kit.gather(model.link, q, i, (i + 1) % model.nodes, out)
         e, v = w.e @ R.T, (w.v + np.cross(f[OMEGA : OMEGA + 3], w.e)) @ R.T
         e[::2] += o
         v[::2] += ov
@@ -250,7 +250,7 @@ def test_energy_over_the_ground_is_what_moves():
     R, ov = f[:9].reshape(3, 3), f[12:15]
     for i in range(model.links_count):
         for q, out in ((model.s.q, w.e), (model.s.v, w.v)):
-            model.kit.coordinates(q, i, (i + 1) % model.nodes, out)
+            model.kit.gather(model.link, q, i, (i + 1) % model.nodes, out)
         v = (w.v + np.cross(f[OMEGA : OMEGA + 3], w.e)) @ R.T
         v[::2] += ov
         kinetic += 0.5 * np.einsum("ak,ab,bk->", v, w.M, v)

@@ -13,7 +13,6 @@ from collections import Counter
 import numpy as np
 
 from fmus.physics.chain.flexible import dynamics as flexible_dynamics
-from fmus.physics.chain.flexible import newton as flexible
 from fmus.physics.chain.rigid import dynamics as rigid_dynamics
 from fmus.physics.chain.rigid import newton as rigid
 from fmus.track_flexible.model import Model as Flexible
@@ -23,7 +22,12 @@ from fmus.vehicle import read_table, vehicle
 STEPS = (1e-3, 1e-3, 0.3, 1e-3)
 CALLS = {  # per kind: functions called once per evaluation, per iteration, per accepted step, per started step
     "rigid": {"residual": rigid, "_update": rigid, "end_work": rigid_dynamics, "newton": rigid_dynamics},
-    "cable": {"evaluate": flexible, "correct": flexible, "end_work": flexible_dynamics, "newton": flexible_dynamics},
+    "cable": {
+        "evaluate": flexible_dynamics,
+        "correct": flexible_dynamics,
+        "end_work": flexible_dynamics,
+        "newton": flexible_dynamics,
+    },
 }
 calls: Counter[str] = Counter()
 

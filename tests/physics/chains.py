@@ -7,21 +7,21 @@ import numpy as np
 from fmus import track_steps
 from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.environment import HELD, LOOP, Environment
 from fmus.physics.chain.explicit import slopes
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.cable_nodes import gather
+from fmus.physics.chain.flexible.cables import gather
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.explicit import accelerations
-from fmus.physics.chain.flexible.places import straight
-from fmus.physics.chain.flexible.release import factor_mass
+from fmus.physics.chain.flexible.dynamics import accelerations
+from fmus.physics.chain.flexible.initial_state import factor_mass
+from fmus.physics.chain.flexible.link_layout import straight
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.flexible.state import shapes as flexible_shapes
 from fmus.physics.chain.flexible.state import views as flexible_views
-from fmus.physics.chain.flexible.work import work as flexible_work
+from fmus.physics.chain.flexible.state import work as flexible_work
 from fmus.physics.chain.implicit import ImplicitMethod
-from fmus.physics.chain.kinds import observe
+from fmus.physics.chain.integration import HELD, LOOP, Environment
+from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import COUNTERS, GRAVITY, KINETIC, REPORT
 from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate import adams, generalized_alpha, hht, runge_kutta
@@ -134,8 +134,8 @@ class Flexible:
         mass(self.links.element, self.w.M)
         for i in range(self.links.n):
             j = (i + 1) % len(self.s.q)
-            gather(self.s.q, i, j, e)
-            gather(self.s.v, i, j, v)
+            gather(self.links, self.s.q, i, j, e)
+            gather(self.links, self.s.v, i, j, v)
             total += np.cross(e, self.w.M @ v).sum(axis=0)
         return total
 

@@ -6,7 +6,6 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from fmus.physics.chain import carrier as carriers
-from fmus.physics.chain import speed
 from fmus.physics.chain.layout import closed_polygon
 from fmus.physics.wheels import WIDTH
 
@@ -15,7 +14,7 @@ CENTRES = np.array([[0.0, 0.0], *([x, -0.215] for x in (-0.655, -1.322, -1.989, 
 RADII = np.array([0.2466, *5 * [0.334], 0.291])
 PASSING = 4.85  # m/s relative to the carrier
 
-_carrier, _chain_speed = carriers.carrier, speed.chain_speed  # callable from kernels only
+_carrier, _chain_speed = carriers.carrier, carriers.chain_speed  # callable from kernels only
 
 
 @njit

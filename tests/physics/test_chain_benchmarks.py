@@ -8,7 +8,7 @@ from chains import AREA, INTEGRATORS, SECOND, STEEL, Flexible, P, Rigid, line, o
 
 from fmus import track
 from fmus.physics.ancf import cable
-from fmus.physics.chain.flexible.cable_nodes import gather
+from fmus.physics.chain.flexible.cables import gather
 
 G, LINKS = 9.81, 64
 
@@ -143,7 +143,7 @@ def test_hoop_strain_of_the_steel_loop():
     tension = float(joint_forces(loop).mean())
     e, strains = np.zeros((4, 3)), []
     for i in range(LINKS):
-        gather(loop.s.q, i, (i + 1) % LINKS, e)
+        gather(loop.links, loop.s.q, i, (i + 1) % LINKS, e)
         strains.append(cable.strain(loop.links.element, e))
     assert np.ptp(strains) < 1e-13
     assert np.mean(strains) == pytest.approx(tension / STEEL.EA, rel=5e-4)

@@ -8,15 +8,13 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from fmus.jit import plain
-from fmus.physics.chain.communication_step import CommunicationStep
-from fmus.physics.chain.environment import HELD, LOOP, Environment
 from fmus.physics.chain.explicit import march, slopes
+from fmus.physics.chain.integration import HELD, LOOP, CommunicationStep, Environment
 from fmus.physics.chain.rigid import jointed
-from fmus.physics.chain.rigid.explicit import accelerations
-from fmus.physics.chain.rigid.joints import count, to_joint_coordinates, to_poses
+from fmus.physics.chain.rigid.dynamics import accelerations
+from fmus.physics.chain.rigid.jointed import count, to_joint_coordinates, to_poses
 from fmus.physics.chain.rigid.links import RigidLinks, place
-from fmus.physics.chain.rigid.state import shapes, views
-from fmus.physics.chain.rigid.work import work
+from fmus.physics.chain.rigid.state import shapes, views, work
 from fmus.physics.chain.state import size
 from fmus.physics.rigid import pin, recursive
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel
+from fmus.jit import implemented_in, kernel, namesake
 from fmus.physics.arrays import Floats, Four, Vector
 
 if TYPE_CHECKING:
@@ -59,21 +59,18 @@ class EngineeringCable(Cable):
 Section = Cable
 
 
-@kernel
+@namesake
 def vector_count(c: Cable) -> int:
-    """See ``element``."""
     return ROWS
 
 
-@kernel
+@namesake
 def axis_count(c: Cable) -> int:
-    """See ``element``."""
     return len(c.axes)
 
 
-@kernel
+@namesake
 def total_mass(c: Cable) -> float:
-    """See ``element``."""
     return c.rhoA * c.l
 
 
@@ -326,9 +323,9 @@ def tangent(c: Cable, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
                 K[n * a + i, n * b + i] += rows[a][b]
 
 
-@kernel
+@namesake
 def section_force(c: Cable, e: Floats, v: Floats, a: Floats) -> float:
-    """See ``element``: (12), (19) and the rotary inertia of the mean slope; bending does not contribute."""
+    """(12), (19) and the rotary inertia of the mean slope; bending does not contribute."""
     eps, slope = strain(c, e), mean_slope(c)
     axial, square, turning = c.EA * eps + c.nuA * strain_rate(c, e, v) / (1.0 + 2.0 * eps), 0.0, 0.0
     for i in range(len(c.axes)):
@@ -355,9 +352,9 @@ def end_moments(c: Cable, e: Floats) -> tuple[float, float]:
     return c.EI * np.sqrt(first_squared), c.EI * np.sqrt(second_squared)
 
 
-@kernel
+@namesake
 def mean_curvature(c: Cable, e: Floats) -> float:
-    """See ``element``: component of r_xx along the normal (-z, x) of r_x, both at the middle."""
+    """Component of r_xx along the normal (-z, x) of r_x, both at the middle."""
     up = len(c.axes) - 1
     x = 1.5 * (e[2, 0] - e[0, 0]) / c.l - 0.25 * (e[1, 0] + e[3, 0])
     z = 1.5 * (e[2, up] - e[0, up]) / c.l - 0.25 * (e[1, up] + e[3, up])

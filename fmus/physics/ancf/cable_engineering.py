@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import namesake
 from fmus.physics.ancf.cable import EngineeringCable as Section
 from fmus.physics.ancf.cable_local import ROWS, damping, energy, force, mass, section_force, shape, tangent
 from fmus.physics.ancf.centreline import Density
@@ -18,15 +18,13 @@ from fmus.physics.ancf.centreline import Density
 __all__ = ["ROWS", "Section", "damping", "energy", "force", "mass", "section_force", "shape", "tangent"]
 
 
-@kernel
+@namesake
 def measures(c: Section, a: float, b: float, g: float) -> tuple[float, float, float]:
-    """See ``cable_local``."""
     return np.sqrt(a) - 1.0, max(a * b - g * g, 0.0) / (a * a), 1.0
 
 
-@kernel
+@namesake
 def density(c: Section, EA: float, EI: float, a: float, b: float, g: float) -> Density:
-    """See ``cable_local``."""
     s, m = np.sqrt(a), 0.5 * EI / a
     return Density(
         f=0.5 * EA * (s - 1.0) ** 2 + m * (b - g * g / a),

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import namesake
 from fmus.physics.ancf.cable import GeneralCable as Section
 from fmus.physics.ancf.cable_local import ROWS, damping, energy, force, mass, section_force, shape, tangent
 from fmus.physics.ancf.centreline import Density
@@ -18,15 +18,14 @@ from fmus.physics.ancf.centreline import Density
 __all__ = ["ROWS", "Section", "damping", "energy", "force", "mass", "section_force", "shape", "tangent"]
 
 
-@kernel
+@namesake
 def measures(c: Section, a: float, b: float, g: float) -> tuple[float, float, float]:
-    """See ``cable_local``."""
     return 0.5 * (a - 1.0), max(a * b - g * g, 0.0) / (a * a * a), np.sqrt(a)
 
 
-@kernel
+@namesake
 def density(c: Section, EA: float, EI: float, a: float, b: float, g: float) -> Density:
-    """See ``cable_local``; paper (8)."""
+    """Paper (8)."""
     n, m = 0.25 * EA, 0.5 * EI / a**2
     return Density(
         f=0.5 * n * (a - 1.0) ** 2 + m * (b - g * g / a),

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import allocating, dispatch, implementation
+from fmus.jit import allocating, dispatch
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import ROWS, Cable, mass, shape
 from fmus.physics.ancf.centreline import (
@@ -36,10 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["ROWS", "damping", "end_moments", "energy", "force", "mass", "section_force", "shape", "tangent", "tension"]
 
 
-_elasticity = implementation("densities")
-
-
-@dispatch(_elasticity, shared=True)
+@dispatch("densities", shared=True)
 def measures(c: Cable, a: float, b: float, g: float) -> tuple[float, float, float]:
     """Axial strain, bending strain squared, 1/m2, and axial force over EA times strain.
 
@@ -47,7 +44,7 @@ def measures(c: Cable, a: float, b: float, g: float) -> tuple[float, float, floa
     """
 
 
-@dispatch(_elasticity, shared=True)
+@dispatch("densities", shared=True)
 def density(c: Cable, EA: float, EI: float, a: float, b: float, g: float) -> Density:
     """Energy density, a ``Density``, for the stiffnesses ``EA``, N, and ``EI``, N m2.
 

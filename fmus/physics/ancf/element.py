@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy  # loads its parts when they are used
 
-from fmus.jit import dispatch, implementation
+from fmus.jit import dispatch
 from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
 from fmus.physics.arrays import Floats
 
@@ -38,40 +38,37 @@ ELASTICITIES: dict[str, type[Cable]] = {
 }
 
 
-_forces, _masses = implementation("forces"), implementation("masses")
-
-
-@dispatch(_masses)
+@dispatch("masses")
 def vector_count(c: Element) -> int:
     """Number of coordinate vectors, rows."""
 
 
-@dispatch(_masses)
+@dispatch("masses")
 def axis_count(c: Element) -> int:
     """Number of components of a vector."""
 
 
-@dispatch(_masses)
+@dispatch("masses")
 def total_mass(c: Element) -> float:
     """Mass, kg."""
 
 
-@dispatch(_masses, shared=True)
+@dispatch("masses", shared=True)
 def mass(c: Element, M: Floats) -> None:
     """Constant mass matrix into ``M`` (rows, rows), kg, as factors of the identity of space."""
 
 
-@dispatch(_masses)
+@dispatch("masses")
 def straight(c: Element) -> Floats:
     """Coordinates (rows, axes) of the element at rest along x from the origin; not for kernels."""
 
 
-@dispatch(_forces, shared=True)
+@dispatch("forces", shared=True)
 def energy(c: Element, e: Floats) -> float:
     """Strain energy at the coordinates ``e`` (rows, axes), J."""
 
 
-@dispatch(_forces, shared=True)
+@dispatch("forces", shared=True)
 def force(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
     """Add elastic and damping force at rates ``v`` to ``Q`` (rows, axes); it acts as -Q.
 
@@ -79,12 +76,12 @@ def force(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
     """
 
 
-@dispatch(_forces, shared=True)
+@dispatch("forces", shared=True)
 def damping(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
     """Add the damping force alone to ``Q`` (rows, axes); return its power, W."""
 
 
-@dispatch(_forces, shared=True)
+@dispatch("forces", shared=True)
 def tangent(c: Element, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
     """Write the derivative of ``force`` to ``K`` (rows axes, rows axes).
 
@@ -93,7 +90,7 @@ def tangent(c: Element, e: Floats, v: Floats, by_rate: float, K: Floats) -> None
     """
 
 
-@dispatch(_forces, shared=True)
+@dispatch("forces", shared=True)
 def section_force(c: Element, e: Floats, v: Floats, a: Floats) -> float:
     """Force between the two parts of the element along the line of its ends, mean along it, N.
 
@@ -102,17 +99,17 @@ def section_force(c: Element, e: Floats, v: Floats, a: Floats) -> float:
     """
 
 
-@dispatch(_forces, shared=True)
+@dispatch("forces", shared=True)
 def tension(c: Cable, e: Floats) -> float:
     """Axial force of a cable by its elastic strain, mean along it, N."""
 
 
-@dispatch(_forces, shared=True)
+@dispatch("forces", shared=True)
 def end_moments(c: Cable, e: Floats) -> tuple[float, float]:
     """Bending moments of a cable at both ends, N m."""
 
 
-@dispatch(_masses, shared=True)
+@dispatch("masses", shared=True)
 def mean_curvature(c: Cable, e: Floats) -> float:
     """Mean curvature of a cable in its plane, 1/m, positive if it bends towards its outer side."""
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Vector
 from fmus.physics.vector import put
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.faces import ContactPoint
     from fmus.physics.contact.face import ContactForce, Sinking
 
 PARTNER, BODY, LINK, ON_PIN = range(4)  # wheel, or the ground after the last; link or pin; link of the force; 1: a pin
@@ -18,6 +18,17 @@ PARTNER, BODY, LINK, ON_PIN = range(4)  # wheel, or the ground after the last; l
 # ``ContactForce.by_rate``, normal, foot
 PLACE, POSITION, MATRIX, BY_RATE, RATE, NORMAL, FOOT = 0, 3, 6, 15, 16, 19, 22
 SIZE = 23
+
+
+class ContactPoint(NamedTuple):
+    """Contact point of a chain with m wheels."""
+
+    partner: int  # index of the wheel; m: the ground
+    body: int  # index of the link, or of the pin
+    link: int  # index of the link that is said to bear the force
+    on_pin: int  # 1: on a pin, 0: on a face
+    place: Vector  # xi, z and y of ``locate``; of a pin only y
+    position: Vector  # along the axes of the chain's coordinates, m
 
 
 class ContactPoints(NamedTuple):

@@ -1,7 +1,10 @@
-"""Communication step of a chain by the classical Runge-Kutta method of order 4, for any kind of link.
+"""Communication step of a chain by explicit integration, for any kind of link: Runge-Kutta, and Adams' methods.
 
 For reference, short runs and soft links: a steel link's highest mode (3e5 rad/s) requires steps of 8 us, regularised
 friction under a loaded rigid link, mu N / (v_reg m) = 2e4 1/s, steps of 50 us.
+
+Adams' methods are of variable order and step. The motion of the wheels changes at each communication step, so they
+restart there; a saved state is then complete. Impulses and dissipated energies are quadratures beside the state.
 """
 
 from __future__ import annotations
@@ -10,20 +13,32 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import allocating
+from fmus.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.kinds import accelerate, derivative, first_speed, observe, project, speed, stage_joints
-from fmus.physics.chain.outcome import DONE, PINS_OPEN, SINGULAR, UNSTABLE, IntegrationOutcome
-from fmus.physics.chain.report import EVALUATIONS, STEPS, TRAVEL, WORK, accumulate
+from fmus.physics.chain.integration import DONE, PINS_OPEN, SINGULAR, STEP_TOO_SHORT, UNSTABLE, IntegrationOutcome
+from fmus.physics.chain.interface import accelerate, derivative, first_speed, observe, project, speed, stage_joints
+from fmus.physics.chain.report import (
+    DISSIPATED,
+    EVALUATIONS,
+    LOST,
+    PATCH_DEFECT,
+    REJECTED,
+    STEPS,
+    TRAVEL,
+    WORK,
+    accumulate,
+)
 from fmus.physics.chain.state import add_share, copy, integrated_views, store_evaluation
-from fmus.physics.chain.sums import END_POWER
+from fmus.physics.chain.sums import END_POWER, LOSSES, PATCH_POWER, SUMS
+from fmus.physics.integrate import adams as methods
+from fmus.physics.integrate.adams import LEAST, Adams, accept, accurate, correct, length, predict, restart
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.communication_step import CommunicationStep
-    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.integration import CommunicationStep, Environment
     from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
+
 
 FAR = 1e9  # m and m/s: a motion beyond counts as unstable
 
@@ -47,9 +62,9 @@ def march(
 ) -> IntegrationOutcome:
     """Integrate over the communication ``step``, in equal internal steps.
 
-    ``k`` from ``slopes``; flexible links require their factored mass in ``w`` (``flexible.release``). Mean wrenches and
-    impulses have the weights of the momentum; ``report`` and ``counters`` as in ``report``. After a failure ``s`` is
-    invalid. For the separate arguments see ``implicit``.
+    ``k`` from ``slopes``; flexible links require their factored mass in ``w`` (``flexible.initial_state``). Mean
+    wrenches and impulses have the weights of the momentum; ``report`` and ``counters`` as in ``report``. After a
+    failure ``s`` is invalid. For the separate arguments see ``implicit``.
     """
     rows, h, longest = step
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)
@@ -89,3 +104,127 @@ def march(
     store_evaluation(s, w)
     observe(links, env, s, w, report)
     return IntegrationOutcome(DONE, h, 0, 0.0)
+
+
+SUMMED_ENTRIES = SUMS - LOSSES + 3  # summed entries of the report: losses by cause, and three more
+
+
+def adams(s: ChainState, rtol: float, atol: float) -> Adams:
+    """Return a zeroed ``Adams`` for the State ``s``, relative tolerance ``rtol``, absolute ``atol`` in SI units."""
+    return methods.adams(
+        sum(part.size for part in integrated_views(s).values()),
+        s.mean.size + s.on_links_sum.size + SUMMED_ENTRIES,
+        rtol,
+        atol,
+    )
+
+
+@allocating
+def march_adaptively(
+    links: Links,
+    contacts: Contacts | None,
+    env: Environment,
+    m: Adams,
+    step: CommunicationStep,
+    s: ChainState,
+    w: ChainWork,
+    report: Floats,
+    counters: Integers,
+) -> IntegrationOutcome:
+    """Integrate over the communication ``step``.
+
+    ``m`` from ``adams``: ``m.x`` the state at the start of a step, ``m.y`` its argument, ``m.k`` rates; the first
+    entries of ``s.flat`` are the coordinates at ``m.y``. Flexible links require their factored mass in ``w``
+    (``flexible.initial_state``); ``report`` and ``counters`` as in ``report``.
+    After a failure ``s`` is invalid. For the separate arguments see ``implicit``.
+    """
+    rows, h, longest = step
+    n, done = m.controlled, 0.0
+    x, y, first = s.flat[:n], m.y[:n], m.counts.copy()
+    copy(x, m.x[:n])
+    copy(x, y)
+    m.x[n:] = 0.0
+    failed = _evaluate(links, contacts, env, m, rows, 0.0, s, w)
+    restart(m, min(longest, h))
+    while failed < 0 and done < h * (1.0 - 1e-12):
+        dt = length(m, h - done, longest)
+        if dt < LEAST:
+            return IntegrationOutcome(STEP_TOO_SHORT, done, 0, 0.0)
+        predict(m, dt)
+        failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)  # at the prediction
+        if failed >= 0 or not accurate(m, dt):
+            continue
+        correct(m, dt)
+        copy(y, x)
+        open_pin = project(links, s, w)
+        if open_pin >= 0:
+            return IntegrationOutcome(PINS_OPEN, done, open_pin, 0.0)
+        copy(x, y)
+        failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)
+        accept(m, dt)
+        done += dt
+    if failed >= 0:
+        return IntegrationOutcome(SINGULAR, done, failed, 0.0)
+    for i in range(n):
+        if not abs(x[i]) < FAR:
+            return IntegrationOutcome(UNSTABLE, done, 0, 0.0)
+    _add_integrals(m, first, h, s, report, counters)
+    accelerate(links, contacts, env, s, w)
+    store_evaluation(s, w)
+    observe(links, env, s, w, report)
+    return IntegrationOutcome(DONE, h, 0, 0.0)
+
+
+@kernel
+def _add_integrals(m: Adams, first: Integers, h: float, s: ChainState, report: Floats, counters: Integers) -> None:
+    """Add what ``m`` integrated over ``h`` s to means, sums and report; ``first``: its counts at the beginning."""
+    counters[STEPS] += m.counts[methods.STEPS] - first[methods.STEPS]
+    counters[EVALUATIONS] += m.counts[methods.EVALUATIONS] - first[methods.EVALUATIONS]
+    counters[REJECTED] += m.counts[methods.REJECTED] - first[methods.REJECTED]
+    index = m.controlled
+    s.mean[:] = 0.0
+    for total, per in ((s.mean, 1.0 / h), (s.on_links_sum, 1.0)):
+        for i in range(total.shape[0]):
+            for k in range(total.shape[1]):
+                total[i, k] += per * m.x[index]
+                index += 1
+    for k in range(SUMS - LOSSES):
+        report[LOST + k] += m.x[index]
+        report[DISSIPATED] += m.x[index]
+        index += 1
+    report[PATCH_DEFECT] += m.x[index]
+    report[WORK] += m.x[index + 1]
+    report[TRAVEL] += m.x[index + 2]
+
+
+@allocating
+def _evaluate(
+    links: Links,
+    contacts: Contacts | None,
+    env: Environment,
+    m: Adams,
+    rows: Floats,
+    t: float,
+    s: ChainState,
+    w: ChainWork,
+) -> int:
+    """Rates of ``m.y`` and of all quadratures at ``t`` s into ``m.k``; return -1, or the link where it failed.
+
+    ``rows`` (m, 15): the wheels at 0 s.
+    """
+    n = m.controlled
+    copy(m.y[:n], s.flat[:n])
+    move(rows, t, w.wheels)
+    failed = derivative(links, contacts, env, s, w, m.k[:n])
+    stage_joints(links, env, s, w)
+    index = n
+    for now in (w.wrench, w.on_links):
+        for i in range(now.shape[0]):
+            for k in range(now.shape[1]):
+                m.k[index] = now[i, k]
+                index += 1
+    for k in range(LOSSES, SUMS):
+        m.k[index] = w.sums[k]
+        index += 1
+    m.k[index], m.k[index + 1], m.k[index + 2] = w.sums[PATCH_POWER], w.sums[END_POWER], speed(links, env, s, w)
+    return failed

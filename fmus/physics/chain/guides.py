@@ -1,12 +1,24 @@
-"""Contact of guide horns, for links that can leave their plane; sibling for other links: ``unguided``."""
+"""Contact of guide horns, for links that can leave their plane; none by default."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
+from fmus.jit import kernel, namesake
 from fmus.physics.arrays import Floats
-from fmus.physics.chain import faces
+from fmus.physics.chain.contact_points import ContactPoint
+from fmus.physics.chain.interface import (
+    apply_force,
+    begin_link,
+    count,
+    finish_section,
+    locate,
+    locate_section,
+    pin_positions,
+    pin_velocities,
+    position_slope,
+    record_point,
+)
 from fmus.physics.chain.near import WheelAndLink, contact_distance_squared, wheel_distances
 from fmus.physics.chain.on_links import WHEELS, add_link_force
 from fmus.physics.chain.sums import GUIDES as GUIDE_LOSSES
@@ -22,33 +34,30 @@ if TYPE_CHECKING:
     from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion
 
 
-@kernel
+@namesake
 def horn_height(links: FacedLinks) -> float:
-    """See ``faces``."""
     return HORN
 
 
-@kernel
+@namesake
 def evaluate_guides(
     links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool
 ) -> None:
-    """See ``faces``."""
     for k in range(rows.shape[0]):
         if contacts.teeth[k] != 0:
             disc = contact_distance_squared(links, contacts.radius[k])
             wheel_distances(rows[k], w.near.middle, w.near.offset, w.near.distance_squared)
-            for i in range(faces.count(links, x)[0]):
+            for i in range(count(links, x)[0]):
                 if w.near.distance_squared[i] <= disc:
-                    a, b = faces.pin_positions(links, x, w, i)
+                    a, b = pin_positions(links, x, w, i)
                     pair = WheelAndLink(k, rows[k], i, a, b, w.near.offset[i])
                     evaluate_horn(links, contacts, x, w, pair, by_rate, tangent)
 
 
-@kernel
+@namesake
 def evaluate_horn(
     links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, pair: WheelAndLink, by_rate: float, tangent: bool
 ) -> None:
-    """See ``faces``."""
     k, row, _, a, b, offset = pair
     disc = contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
     inclination = 0.5 * (dot(b, vector(row, 9)) - dot(a, vector(row, 9)))
@@ -69,31 +78,31 @@ def _touch_disc(
 ) -> None:
     """Contact of the horn of the link with the disc of the wheel, of radius ``disc``, m; see ``evaluate_horn``."""
     k, row, i, a, b, _ = pair
-    nodes, law, play = faces.count(links, x)[1], contacts.wheel, contacts.clearance
+    nodes, law, play = count(links, x)[1], contacts.wheel, contacts.clearance
     part, normal = covered_part(row, disc, a, b, links.face)
     low, high, _ = part
     if high <= low:
         return
-    faces.begin_link(links, x, w, i)
-    va, vb = faces.pin_velocities(links, x, w, i)
+    begin_link(links, x, w, i)
+    va, vb = pin_velocities(links, x, w, i)
     ends = end_rates_in_space(row, a, b, va, vb, links.face, normal, part)
     share = 0.5 * (high - low)
     for g in range(2):
         half = 2.0 * g - 1.0
         xi = 0.5 * (low + high) + half * GAUSS * (high - low)
-        section = faces.locate_section(links, x, w, i, xi, -links.face)
-        p, v = faces.locate(links, x, w, i, section, 0.0)
+        section = locate_section(links, x, w, i, xi, -links.face)
+        p, v = locate(links, x, w, i, section, 0.0)
         depth, face = guide_face(row, play, p, v)
         if depth <= 0.0:
             continue
         point = POINTS * (k * nodes + i) + GUIDES + g
         force = point_contact_force(law, share, depth, face, by_rate, tangent, w.contact, point)
         add_contact(w.sums, GUIDE_LOSSES, GUIDE_LOSSES, depth, force)
-        slope = -dot(face.n, faces.position_slope(links, x, w, i))
+        slope = -dot(face.n, position_slope(links, x, w, i))
         w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
         add_reaction(row, p, force.f, w.wrench[k])
         add_link_force(w.on_links, i, WHEELS, force.f)
-        faces.apply_force(links, w, i, force, tangent)
+        apply_force(links, w, i, force, tangent)
         if tangent:
-            faces.record_point(links, w, faces.ContactPoint(k, i, i, 0, (xi, -links.face, 0.0), p), force, NOT_SINKING)
-        faces.finish_section(links, w, i, tangent)
+            record_point(links, w, ContactPoint(k, i, i, 0, (xi, -links.face, 0.0), p), force, NOT_SINKING)
+        finish_section(links, w, i, tangent)

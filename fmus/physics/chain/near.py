@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.jit import kernel, noalias
 from fmus.physics.arrays import Floats, Row, Vector
-from fmus.physics.chain.faces import count, lateral_points, length, pin_positions
+from fmus.physics.chain.interface import count, lateral_points, length, pin_positions
 from fmus.physics.vector import dot, vector
 
 if TYPE_CHECKING:

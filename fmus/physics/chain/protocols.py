@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     ChainState = fmus.physics.chain.flexible.state.State | fmus.physics.chain.rigid.state.State
 
 Carrier = tuple[Vector, Vector, Vector, tuple[float, float]]  # result of ``carrier.carrier``
-# result of ``faces.locate_section``; Any: each kind of link puts into it what it reads from it
+# result of ``interface.locate_section``; Any: each kind of link puts into it what it reads from it
 Section = tuple[Any, ...]
 
 

@@ -1,6 +1,6 @@
 """Contacts of a chain, for any kind of link: rims, guides and ground at the faces, teeth at the pins.
 
-Faces and forces are those of ``fmus.physics.contact``; ``faces`` dispatches to the contact points of each kind of link
+Faces and forces are those of ``fmus.physics.contact``; ``interface`` leads to the contact points of each kind of link
 and the action of forces there. Points are at two places along a covered part (Gauss) and at one or two across.
 """
 
@@ -8,10 +8,34 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel, noalias
+from fmus.jit import kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Row
-from fmus.physics.chain import faces, sums
-from fmus.physics.chain.faces import ContactPoint
+from fmus.physics.chain import sums
+from fmus.physics.chain.contact_points import ContactPoint
+from fmus.physics.chain.interface import (
+    add_rate_matrix,
+    apply_force,
+    apply_pin_force,
+    begin_contacts,
+    begin_link,
+    count,
+    depth_below_pins,
+    evaluate_guides,
+    evaluate_horn,
+    finish_section,
+    from_ground,
+    horn_height,
+    lateral_points,
+    length,
+    locate,
+    locate_pin,
+    locate_section,
+    pin_positions,
+    pin_velocities,
+    position_slope,
+    record_point,
+    to_ground,
+)
 from fmus.physics.chain.near import (
     WheelAndLink,
     axis_distance_squared,
@@ -42,17 +66,12 @@ if TYPE_CHECKING:
     from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, FacedLinks, Motion
 
 
-@kernel
+@namesake
 @noalias
 def evaluate_contacts(
     links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool
 ) -> None:
-    """Evaluate all contacts of a chain with the wheels ``rows`` (m, 15) and the ground.
-
-    ``x``: motion of the chain. Residuals, reactions, energies and powers, with ``tangent`` also iteration matrices, go
-    to the arrays ``w``; ``by_rate``, 1/s, is d velocity / d position.
-    """
-    faces.begin_contacts(links, x, w)
+    begin_contacts(links, x, w)
     clear(w.on_links)
     compute_middles(links, x, w)
     for k in range(rows.shape[0]):
@@ -60,7 +79,7 @@ def evaluate_contacts(
             _rim(links, contacts, x, w, k, rows[k], by_rate, tangent)
         if contacts.teeth[k] != 0:
             _teeth(links, contacts, x, w, k, rows[k], by_rate, tangent)
-    faces.evaluate_guides(links, contacts, x, w, rows, by_rate, tangent)
+    evaluate_guides(links, contacts, x, w, rows, by_rate, tangent)
     if contacts.ground != 0:
         _ground(links, contacts, x, w, by_rate, tangent)
 
@@ -71,30 +90,30 @@ def _rim(
 ) -> None:
     """Contact of the rim of wheel ``k`` with the inner faces, and of its disc with the guides."""
     (n, nodes), (points_across, lateral), law, radius = (
-        faces.count(links, x),
-        faces.lateral_points(links),
+        count(links, x),
+        lateral_points(links),
         contacts.wheel,
         contacts.radius[k],
     )
     far, disc = (
         contact_distance_squared(links, radius),
-        contact_distance_squared(links, radius + faces.horn_height(links)),
+        contact_distance_squared(links, radius + horn_height(links)),
     )
     wheel_distances(row, w.near.middle, w.near.offset, w.near.distance_squared)
     for i in range(n):
         distance_squared = w.near.distance_squared[i]
         if distance_squared > disc:
             continue
-        a, b = faces.pin_positions(links, x, w, i)
-        faces.evaluate_horn(links, contacts, x, w, WheelAndLink(k, row, i, a, b, w.near.offset[i]), by_rate, tangent)
+        a, b = pin_positions(links, x, w, i)
+        evaluate_horn(links, contacts, x, w, WheelAndLink(k, row, i, a, b, w.near.offset[i]), by_rate, tangent)
         if distance_squared > far:
             continue
         part, normal = covered_part(row, radius, a, b, links.face)
         low, high, foot = part
         if high <= low:
             continue
-        faces.begin_link(links, x, w, i)
-        va, vb = faces.pin_velocities(links, x, w, i)
+        begin_link(links, x, w, i)
+        va, vb = pin_velocities(links, x, w, i)
         rate = sink_rate(row, add(scale(1.0 - foot, va), scale(foot, vb)), normal)
         sinking = Sinking(by_rate, foot, normal)
         ends = end_rates_in_space(row, a, b, va, vb, links.face, normal, part)
@@ -102,10 +121,10 @@ def _rim(
         for g in range(2):
             half = 2.0 * g - 1.0
             xi = 0.5 * (low + high) + half * GAUSS * (high - low)
-            section = faces.locate_section(links, x, w, i, xi, -links.face)
+            section = locate_section(links, x, w, i, xi, -links.face)
             for m in range(points_across):
                 y = (2.0 * m - 1.0) * lateral
-                p, v = faces.locate(links, x, w, i, section, y)
+                p, v = locate(links, x, w, i, section, y)
                 depth, face = rim_face(row, radius, p, v)
                 if depth <= 0.0:
                     continue
@@ -114,16 +133,16 @@ def _rim(
                     law, share, Penetration(depth, rate, 0.0), face, by_rate, tangent, w.contact, point
                 )
                 sums.add_contact(w.sums, sums.WHEEL_FRICTION, sums.WHEEL_DAMPING, depth, force)
-                slope = -dot(face.n, faces.position_slope(links, x, w, i))
+                slope = -dot(face.n, position_slope(links, x, w, i))
                 w.sums[sums.PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
                 add_reaction(row, p, force.f, w.wrench[k])
                 add_link_force(w.on_links, i, WHEELS, force.f)
-                faces.apply_force(links, w, i, force, tangent)
+                apply_force(links, w, i, force, tangent)
                 if tangent:
-                    faces.add_rate_matrix(links, w, i, force, sinking)
-                    faces.record_point(links, w, ContactPoint(k, i, i, 0, (xi, -links.face, y), p), force, sinking)
-            faces.finish_section(links, w, i, tangent)
-        energy, power = gauss_excess(law, radius, faces.length(links), low, high, ends)
+                    add_rate_matrix(links, w, i, force, sinking)
+                    record_point(links, w, ContactPoint(k, i, i, 0, (xi, -links.face, y), p), force, sinking)
+            finish_section(links, w, i, tangent)
+        energy, power = gauss_excess(law, radius, length(links), low, high, ends)
         w.sums[sums.CONTACT] += energy
         w.sums[sums.PATCH_POWER] += power
 
@@ -133,12 +152,12 @@ def _teeth(
     links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, k: int, row: Row, by_rate: float, tangent: bool
 ) -> None:
     """Contact of the teeth of sprocket ``k`` with the pins."""
-    (n, nodes), (points_across, lateral) = faces.count(links, x), faces.lateral_points(links)
+    (n, nodes), (points_across, lateral) = count(links, x), lateral_points(links)
     far = (contacts.profile.top + 2.0 * lateral) ** 2
     for i in range(nodes):
         for m in range(points_across):
             y = (2.0 * m - 1.0) * lateral
-            p, v = faces.locate_pin(links, x, w, i, y)
+            p, v = locate_pin(links, x, w, i, y)
             if axis_distance_squared(row, p) > far:  # then its other end does not touch either
                 break
             depth, face = tooth_face(contacts.profile, row, p, v)
@@ -152,33 +171,33 @@ def _teeth(
             add_reaction(row, p, force.f, w.wrench[k])
             link = i - 1 if i > 0 else (n - 1 if nodes == n else 0)
             add_link_force(w.on_links, link, WHEELS, force.f)
-            faces.apply_pin_force(links, x, w, i, y, force, tangent)
+            apply_pin_force(links, x, w, i, y, force, tangent)
             if tangent:
-                faces.record_point(links, w, ContactPoint(k, i, link, 1, (0.0, 0.0, y), p), force, NOT_SINKING)
+                record_point(links, w, ContactPoint(k, i, link, 1, (0.0, 0.0, y), p), force, NOT_SINKING)
 
 
 @kernel
 def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_rate: float, tangent: bool) -> None:
     """Contact of the ground with the outer faces."""
-    (n, nodes), (points_across, lateral) = faces.count(links, x), faces.lateral_points(links)
+    (n, nodes), (points_across, lateral) = count(links, x), lateral_points(links)
     ground, shape = len(contacts.teeth), contacts.shape
     begin_ground(contacts.soil, w)
     first = POINTS * ground * nodes
     for i in range(n):
-        a, b = faces.pin_positions(links, x, w, i)
-        first_pin, _ = faces.to_ground(links, x, w, a, a)
-        last_pin, _ = faces.to_ground(links, x, w, b, b)
-        if is_above(shape, first_pin, last_pin, faces.depth_below_pins(links, x, i)):
+        a, b = pin_positions(links, x, w, i)
+        first_pin, _ = to_ground(links, x, w, a, a)
+        last_pin, _ = to_ground(links, x, w, b, b)
+        if is_above(shape, first_pin, last_pin, depth_below_pins(links, x, i)):
             continue
-        faces.begin_link(links, x, w, i)
+        begin_link(links, x, w, i)
         hits = 0
         for g in range(2):
             xi = 0.5 + (2.0 * g - 1.0) * GAUSS
-            section = faces.locate_section(links, x, w, i, xi, links.face)
+            section = locate_section(links, x, w, i, xi, links.face)
             for m in range(points_across):
                 y = (2.0 * m - 1.0) * lateral
-                along_axes = faces.locate(links, x, w, i, section, y)
-                p, v = faces.to_ground(links, x, w, *along_axes)
+                along_axes = locate(links, x, w, i, section, y)
+                p, v = to_ground(links, x, w, *along_axes)
                 v = add(v, scale(-1.0, contacts.belt))
                 depth, face = ground_face(shape, p, v)
                 if depth <= 0.0:
@@ -205,21 +224,18 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
                 add_link_force(w.on_links, i, GROUND, force.f)
                 add_sliding(w.on_links, i, v, depth)
                 hits += 1
-                force = faces.from_ground(links, x, w, force, tangent)
-                faces.apply_force(links, w, i, force, tangent)
+                force = from_ground(links, x, w, force, tangent)
+                apply_force(links, w, i, force, tangent)
                 if tangent:
                     place = xi, links.face, y
-                    faces.record_point(
-                        links, w, ContactPoint(ground, i, i, 0, place, along_axes[0]), force, NOT_SINKING
-                    )
-            faces.finish_section(links, w, i, tangent)
+                    record_point(links, w, ContactPoint(ground, i, i, 0, place, along_axes[0]), force, NOT_SINKING)
+            finish_section(links, w, i, tangent)
         average_sliding(w.on_links, i, hits)
 
 
-@kernel
+@namesake
 def commit_contacts(links: FacedLinks, contacts: Contacts, s: ChainState, w: ChainWork, report: Floats) -> None:
-    """Let the ground remember an accepted step, whose last evaluation is in ``w``; its losses go to the ``report``."""
-    points_across, _ = faces.lateral_points(links)
+    points_across, _ = lateral_points(links)
     compacted, sheared = commit_ground(contacts.soil, 0.5 / points_across, s, w)
     add_loss(report, sums.GROUND_DAMPING, compacted)
     add_loss(report, sums.GROUND_FRICTION, sheared)

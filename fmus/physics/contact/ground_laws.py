@@ -11,14 +11,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fmus.jit import dispatch, implementation
+from fmus.jit import dispatch
 from fmus.physics.arrays import Vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.protocols import ChainState, ChainWork
     from fmus.physics.contact.face import ContactForce, Face
-
-_of = implementation("ground")
 
 
 class GroundPoint(NamedTuple):
@@ -33,22 +31,22 @@ class GroundPoint(NamedTuple):
     row: int  # among those of the ground
 
 
-@dispatch(_of)
+@dispatch("ground")
 def ground_force(law: Any, point: GroundPoint, face: Face, by_rate: float, tangent: bool, w: ChainWork) -> ContactForce:
     """Force on a ``point`` in the ground with this ``face``; arguments and result as of ``face.contact_force``."""
 
 
-@dispatch(_of)
+@dispatch("ground")
 def penetration(law: Any, depth: float) -> float:
     """Part of the ``depth`` of a point, m, that is a penetration of bodies, m."""
 
 
-@dispatch(_of)
+@dispatch("ground")
 def begin_ground(law: Any, w: ChainWork) -> None:
     """Prepare ``w`` for an evaluation of the points in the ground."""
 
 
-@dispatch(_of)
+@dispatch("ground")
 def commit_ground(law: Any, share: float, s: ChainState, w: ChainWork) -> tuple[float, float]:
     """Remember an accepted step, whose last evaluation is in ``w``; a point has ``share`` of its link.
 

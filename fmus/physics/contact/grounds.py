@@ -11,17 +11,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from fmus.jit import dispatch, implementation
+from fmus.jit import dispatch
 from fmus.physics.arrays import Vector, VectorLike
 
 if TYPE_CHECKING:
     from fmus.physics.contact.face import Face
     from fmus.physics.contact.laws import Law
 
-_of = implementation("ground")
 
-
-@dispatch(_of)
+@dispatch("ground")
 def ground_face(shape: Any, x: VectorLike, v: Vector) -> tuple[float, Face]:
     """Depth, m, of a point at ``x``, m, with velocity ``v``, m/s, in the ground, and the Face there.
 
@@ -29,7 +27,7 @@ def ground_face(shape: Any, x: VectorLike, v: Vector) -> tuple[float, Face]:
     """
 
 
-@dispatch(_of)
+@dispatch("ground")
 def is_above(shape: Any, a: Vector, b: Vector, reach: float) -> bool:
     """Whether the ground is more than ``reach`` m below the points ``a`` and ``b`` of a link and all between them.
 
@@ -37,11 +35,11 @@ def is_above(shape: Any, a: Vector, b: Vector, reach: float) -> bool:
     """
 
 
-@dispatch(_of)
+@dispatch("ground")
 def ground_law(shape: Any, law: Law, x: VectorLike) -> Law:
     """Contact law at the point ``x``, m: ``law`` with the friction of its region."""
 
 
-@dispatch(_of)
+@dispatch("ground")
 def wheel_normal(shape: Any, centre: Vector, axle: Vector, radius: float) -> Vector:
     """Unit normal of the ground where it is nearest to the ``centre`` of a wheel of ``radius`` m; ``axle``: unit."""

@@ -9,33 +9,34 @@ import numpy as np
 from fmus.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count, energy, force, mass, tangent, total_mass, vector_count
 from fmus.physics.arrays import Floats, Four, Vector
-from fmus.physics.chain.flexible.axes import (
+from fmus.physics.chain.flexible.closing import spring_energy
+from fmus.physics.chain.flexible.condensation import clear, condense, reduce
+from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
+from fmus.physics.chain.flexible.interface import (
     absolute_accelerations,
     absolute_rates,
     add_lateral_bending,
     assemble_border,
+    axial,
     centre_of_mass,
     couple_inertia,
+    gather,
     inertia_and_weight,
     lateral_bending_energy,
+    layout,
     rotary_energy,
     wheels_to_axes,
     wrenches_from_axes,
 )
-from fmus.physics.chain.flexible.closing import spring_energy
-from fmus.physics.chain.flexible.condensation import clear, condense, reduce
-from fmus.physics.chain.flexible.elements import axial, gather, layout
-from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
 from fmus.physics.chain.flexible.link_layout import ends
+from fmus.physics.chain.interface import evaluate_contacts
 from fmus.physics.chain.sums import MATERIAL
-from fmus.physics.chain.touch import evaluate_contacts
 from fmus.physics.vector import dot, scale
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
-    from fmus.physics.chain.flexible.state import Motion, State
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
+    from fmus.physics.chain.flexible.state import Motion, State, Work
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 

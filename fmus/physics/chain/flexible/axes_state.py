@@ -95,3 +95,20 @@ def to_axes(f: Floats, v: VectorLike) -> Vector:
         f[1] * v[0] + f[4] * v[1] + f[7] * v[2],
         f[2] * v[0] + f[5] * v[1] + f[8] * v[2],
     )
+
+
+@kernel
+def rotate(f: Floats, before: Floats, psi: Floats) -> None:
+    """Write R = R(before) exp(psi) to ``f`` (SIZE), Rodrigues' formula; ``psi`` (2), rad, about x and z."""
+    x, z = psi[0], psi[1]
+    square = x * x + z * z
+    s, c = 1.0 - square / 6.0, 0.5 - square / 24.0  # sin(a)/a, (1 - cos a)/a^2; a step turns by milliradians
+    if square > 1e-4:
+        a = np.sqrt(square)
+        s, c = sin(a) / a, (1.0 - cos(a)) / square
+    for i in range(3):
+        r0, r1, r2 = before[3 * i], before[3 * i + 1], before[3 * i + 2]
+        # row r: r + s r [psi x] + c r [psi x]^2 with psi = (x, 0, z)
+        f[3 * i] = r0 * (1.0 - c * z * z) + r1 * s * z + r2 * c * x * z
+        f[3 * i + 1] = r1 * (1.0 - c * square) - r0 * s * z + r2 * s * x
+        f[3 * i + 2] = r2 * (1.0 - c * x * x) + r0 * c * x * z - r1 * s * x

@@ -1,4 +1,4 @@
-"""Faces of beams; see ``faces``. Motion: q, v (nodes, 18), see ``beam_nodes``.
+"""Faces of beams; see ``chain.interface``. Motion: q, v (nodes, 18), see ``beams``.
 
 A material point of a beam is linear in its coordinates, x = S(xi, y, z) e, so a contact force f acts as S^T f and its
 derivatives as S^T g S, without any moment left out, at any rotation. The points are those of rigid links.
@@ -8,56 +8,50 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
+from fmus.jit import kernel, namesake
 from fmus.physics.ancf.beam import shape
 from fmus.physics.arrays import Vector
-from fmus.physics.chain.flexible.elements import layout
-from fmus.physics.chain.flexible.last_correction import add_last_correction  # noqa: F401 - reached by dispatch
+from fmus.physics.chain.flexible.interface import layout
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
+    add_last_correction,
     begin_contacts,
     begin_link,
     count,
-    finish_section,
-    from_ground,
     length,
     pin_positions,
     pin_velocities,
     record_point,
-    to_ground,
 )
 from fmus.physics.vector import add, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.beams import Beams
-    from fmus.physics.chain.flexible.state import Motion
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Motion, Work
     from fmus.physics.contact.face import ContactForce, Sinking
 
 
-@kernel
+@namesake
 def lateral_points(links: Beams) -> tuple[int, float]:
-    """See ``faces``."""
     return 2, links.lateral
 
 
-@kernel
+@namesake
 def depth_below_pins(links: Beams, x: Motion, i: int) -> float:
-    """See ``faces``; the ends of a pin hang by the inclination of its axis."""
+    """The ends of a pin hang by the inclination of its axis."""
     first, second = ends(layout(links), x.q.shape[0], i)
     inclination = links.lateral * max(abs(x.q[first, 5]), abs(x.q[second, 5]))
     return inclination + 1.1 * links.face + 0.1 * links.element.l
 
 
-@kernel
+@namesake
 def locate_section(links: Beams, x: Motion, w: Work, i: int, xi: float, z: float) -> tuple[float, float]:
-    """See ``faces``."""
     return xi, z
 
 
-@kernel
+@namesake
 def locate(links: Beams, x: Motion, w: Work, i: int, section: tuple[float, float], y: float) -> tuple[Vector, Vector]:
-    """See ``faces``; leaves shape functions in ``w.S``."""
+    """Leaves shape functions in ``w.S``."""
     S, e, de = w.S, w.e, w.v
     shape(links.element, section[0], y, section[1], S)
     p0 = p1 = p2 = v0 = v1 = v2 = 0.0
@@ -71,9 +65,9 @@ def locate(links: Beams, x: Motion, w: Work, i: int, section: tuple[float, float
     return (p0, p1, p2), (v0, v1, v2)
 
 
-@kernel
+@namesake
 def position_slope(links: Beams, x: Motion, w: Work, i: int) -> Vector:
-    """See ``faces``; by the pins, without the link's bending."""
+    """By the pins, without the link's bending."""
     first, last = pin_positions(links, x, w, i)
     return add(last, scale(-1.0, first))
 
@@ -115,9 +109,8 @@ def add_rate_matrix(links: Beams, w: Work, i: int, force: ContactForce, sinking:
                 K[3 * a + k, 12 + j] += g * foot * normal[j]
 
 
-@kernel
+@namesake
 def locate_pin(links: Beams, x: Motion, w: Work, i: int, y: float) -> tuple[Vector, Vector]:
-    """See ``faces``."""
     q, v = x.q[i], x.v[i]
     return add(vector(q, 0), scale(y, vector(q, 3))), add(vector(v, 0), scale(y, vector(v, 3)))
 

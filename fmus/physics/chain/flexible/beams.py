@@ -4,7 +4,7 @@ A node (pin) has 18 coordinates, vectors of three: position r and gradient r_y a
 r_x and r_z of the link that ends there; r_x and r_z of the link that begins there. That is the pin of paper (3),
 eliminated: its axis is a vector of the links' own, so it turns with them. The twelve of r_x and r_z belong to one link
 each, so every Newton step condenses them link by link and leaves a cyclic block tridiagonal system of 6 x 6 blocks.
-Sibling with the same names: ``cables``; dispatched by ``elements``.
+Sibling with the same names: ``cables``; chosen by ``interface``.
 """
 
 from __future__ import annotations
@@ -13,20 +13,24 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import allocating, implemented_in, kernel
+from fmus.jit import allocating, implemented_in, namesake
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, section_vectors
 from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.chain.flexible.beam_nodes import BEGIN, END, NODE
-from fmus.physics.chain.flexible.beam_nodes import gather as coordinates
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.physics.chain.flexible.link_layout import layout_of_halves
+from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, layout_of_halves
 from fmus.physics.vector import dot, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Work
+
+
+NODE = PIN_WIDTH["beam"]  # r, r_y; r_x, r_z of the ending link; r_x, r_z of the beginning link
+BEGIN = np.array([0, 12, 3, 15])  # indices of a beginning link's r, r_x, r_y, r_z in its first pin
+END = np.array([0, 6, 3, 9])  # indices of an ending link's in its second pin
+
 
 LAYOUT = layout_of_halves(
     begin=[BEGIN[a] + k for a in range(4) for k in range(3)],
@@ -42,7 +46,7 @@ PIN_AXIS = [4]  # index in a pin of its axis' y component, 1 at rest
 
 
 @implemented_in(
-    dynamics=".dynamics", elements=".beams", axes=".fixed_axes", joints=".eliminated_joints", faces=".beam_faces",
+    dynamics=".dynamics", elements=".beams", faces=".beam_faces",
     guides="..guides",
 )  # fmt: skip
 class Beams(NamedTuple):
@@ -59,33 +63,29 @@ class Beams(NamedTuple):
     closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
 
 
-@kernel
+@namesake
 def gather(links: Beams, q: Floats, i: int, j: int, e: Floats) -> None:
-    """See ``elements``."""
-    coordinates(q, i, j, e)
+    for a in range(4):
+        for k in range(3):
+            e[a, k] = q[i, BEGIN[a] + k]
+            e[4 + a, k] = q[j, END[a] + k]
 
 
-@kernel
+@namesake
 def layout(links: Beams) -> LinkLayout:
-    """See ``elements``."""
     return LAYOUT
 
 
-@kernel
+@namesake
 def lever(links: Beams) -> tuple[float, float, float, float, float, float]:
-    """See ``elements``: by the pin's middle, or by its ends as they rotate and stretch."""
+    """By the pin's middle, or by its ends as they rotate and stretch."""
     half = 0.5 * links.element.width
     return 1.0, 1.0, 1.0, half, half, half
 
 
-@kernel
-def flatten(links: Beams, w: Work) -> None:
-    """See ``elements``: unchanged."""
-
-
 @allocating
 def axial(links: Beams, w: Work) -> tuple[float, float]:
-    """See ``elements``; stress from Green's strains at the axis' Gauss points and the section's corners."""
+    """Stress is from Green's strains at the axis' Gauss points and the section's corners."""
     N, G, (across, up) = np.empty((5, 8)), np.empty((5, 3)), radii(links.element)
     y, z = 0.5 * links.element.width / across, links.outer_fibre / up
     stress = 0.0
@@ -103,7 +103,7 @@ def axial(links: Beams, w: Work) -> tuple[float, float]:
 
 @allocating
 def outer_and_inner(links: Beams, w: Work) -> tuple[float, float]:
-    """See ``elements``; at the middle of the width."""
+    """At the middle of the width."""
     N, G, up = np.empty((5, 8)), np.empty((5, 3)), links.outer_fibre / radii(links.element)[1]
     outer = inner = 0.0
     for p in range(GAUSS):
@@ -118,8 +118,7 @@ def outer_and_inner(links: Beams, w: Work) -> tuple[float, float]:
     return outer, inner
 
 
-@kernel
+@namesake
 def pin_axis(links: Beams, q: Floats) -> Vector:
-    """See ``elements``."""
     along = vector(q, 3)
     return scale(1.0 / np.sqrt(dot(along, along)), along)

@@ -1,4 +1,4 @@
-"""Faces of cable elements, in space or in their own plane; see ``faces``.
+"""Faces of cable elements, in space or in their own plane; see ``chain.interface``.
 
 Motion: q, v (nodes, 8 or 6). In the plane y is zero and forces along y are left out; ``up`` is the index of z. Contact
 points are on the faces of a link, outside or inside the centreline along the normal r_x x e_y. The change of
@@ -11,47 +11,41 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import kernel, namesake
 from fmus.physics.ancf.cable import axis_count, shape, shape_slope
 from fmus.physics.arrays import Vector
-from fmus.physics.chain.flexible.elements import in_space, layout
-from fmus.physics.chain.flexible.last_correction import add_last_correction  # noqa: F401 - reached by dispatch
+from fmus.physics.chain.flexible.interface import in_space, layout
 from fmus.physics.chain.flexible.link_layout import node
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
+    add_last_correction,
     begin_contacts,
     begin_link,
     count,
-    finish_section,
-    from_ground,
     length,
     pin_positions,
     pin_velocities,
     record_point,
-    to_ground,
 )
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.cables import CableLinks, Cables
-    from fmus.physics.chain.flexible.state import Motion
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Motion, Work
     from fmus.physics.contact.face import ContactForce, Sinking
 
 
-@kernel
+@namesake
 def lateral_points(links: Cables) -> tuple[int, float]:
-    """See ``faces``."""
     return 1, 0.0
 
 
-@kernel
+@namesake
 def depth_below_pins(links: Cables, x: Motion, i: int) -> float:
-    """See ``faces``."""
     return 1.1 * links.face + 0.1 * links.element.l
 
 
-@kernel
+@namesake
 def locate_section(links: Cables, x: Motion, w: Work, i: int, xi: float, z: float) -> tuple[Vector, Vector]:
-    """See ``faces``; leaves shapes in ``w.S``, z x slopes / |r_x| in ``w.C``, tangent (x, z) in ``w.t``."""
+    """Leaves shapes in ``w.S``, z x slopes / |r_x| in ``w.C``, tangent (x, z) in ``w.t``."""
     S, C, e, de, up = w.S, w.C, w.e, w.v, axis_count(links.element) - 1
     shape(links.element, xi, S)
     shape_slope(links.element, xi, C)
@@ -77,17 +71,16 @@ def locate_section(links: Cables, x: Motion, w: Work, i: int, xi: float, z: floa
     return (p0 - z * t2, p1, p2 + z * t0), (v0 - turn * t0, v1, v2 - turn * t2)
 
 
-@kernel
+@namesake
 def locate(
     links: Cables, x: Motion, w: Work, i: int, section: tuple[Vector, Vector], y: float
 ) -> tuple[Vector, Vector]:
-    """See ``faces``; a cable has one point, in its middle."""
+    """A cable has one point, in its middle."""
     return section
 
 
-@kernel
+@namesake
 def position_slope(links: CableLinks, x: Motion, w: Work, i: int) -> Vector:
-    """See ``faces``."""
     l = links.element.l
     return l * w.t[0], 0.0, l * w.t[2]
 
@@ -152,9 +145,8 @@ def _axis(k: int, dims: int) -> int:
     return k if dims == 3 else 2 * k
 
 
-@kernel
+@namesake
 def locate_pin(links: Cables, x: Motion, w: Work, i: int, y: float) -> tuple[Vector, Vector]:
-    """See ``faces``."""
     i = node(layout(links), x.q.shape[0], i)
     return in_space(links, x.q[i]), in_space(links, x.v[i])
 

@@ -1,6 +1,6 @@
 """Chain of cable elements joined by pins: coordinates of pins and outputs of links.
 
-Siblings with the same names: ``planar`` and ``beams``; dispatched by ``elements``.
+Siblings with the same names: ``planar`` and ``beams``; chosen by ``interface``.
 
 A node (pin) has 8 coordinates: position x, y, z, m; slope of the link that ends there along x and z; slope of the link
 that begins there along x and z; the shared slope along the joint axis y. That is the pin of paper (2), eliminated.
@@ -14,19 +14,23 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel
+from fmus.jit import implemented_in, namesake
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, mean_curvature, section_force, tension
 from fmus.physics.arrays import Floats, Four, Vector
-from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - interface
-from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.physics.chain.flexible.link_layout import layout_of_halves
+from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, layout_of_halves
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Work
+
+
+NODE = PIN_WIDTH["cable"]
+
+
+if TYPE_CHECKING:
 
     class CableLinks(FlexibleLinks, Protocol):
         """Parameters of a chain of cables, whether its axes are fixed or turn: ``Cables``, ``TurningCables``."""
@@ -57,8 +61,7 @@ PIN_AXIS: list[int] = []  # index in a pin of its axis' y component, 1 at rest; 
 
 
 @implemented_in(
-    dynamics=".dynamics", elements=".cables", axes=".fixed_axes", joints=".eliminated_joints", faces=".cable_faces",
-    guides="..unguided",
+    dynamics=".dynamics", elements=".cables", faces=".cable_faces",
 )  # fmt: skip
 class Cables(NamedTuple):
     """Parameters of a chain of equal links."""
@@ -73,32 +76,28 @@ class Cables(NamedTuple):
     closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
 
 
-@kernel
-def gather(links: Cables, q: Floats, i: int, j: int, e: Floats) -> None:
-    """See ``elements``."""
-    coordinates(q, i, j, e)
+@namesake
+def gather(links: CableLinks, q: Floats, i: int, j: int, e: Floats) -> None:
+    for k in range(3):
+        e[0, k] = q[i, k]
+        e[2, k] = q[j, k]
+    e[1, 0], e[1, 1], e[1, 2] = q[i, 5], q[i, 7], q[i, 6]
+    e[3, 0], e[3, 1], e[3, 2] = q[j, 3], q[j, 7], q[j, 4]
 
 
-@kernel
+@namesake
 def layout(links: Cables) -> LinkLayout:
-    """See ``elements``."""
     return LAYOUT
 
 
-@kernel
+@namesake
 def lever(links: CableLinks) -> Four:
-    """See ``elements``: the size of a correction is the motion of the pin."""
+    """The size of a correction is the motion of the pin."""
     return 1.0, 1.0, 1.0, 0.0
 
 
-@kernel
-def flatten(links: Cables, w: Work) -> None:
-    """See ``elements``: unchanged."""
-
-
-@kernel
+@namesake
 def axial(links: CableLinks, w: Work) -> tuple[float, float]:
-    """See ``elements``."""
     first, second = end_moments(links.element, w.e)
     bending_stress = max(first, second) * links.outer_fibre / links.second_moment
     axial_stress = tension(links.element, w.e) / links.area
@@ -107,15 +106,14 @@ def axial(links: CableLinks, w: Work) -> tuple[float, float]:
     )
 
 
-@kernel
+@namesake
 def outer_and_inner(links: CableLinks, w: Work) -> tuple[float, float]:
-    """See ``elements``; a cable's curvature is linear, so its mean is that at the middle."""
+    """A cable's curvature is linear, so its mean is that at the middle."""
     axial_stress = tension(links.element, w.e) / links.area
     bending_stress = links.element.EI * mean_curvature(links.element, w.e) * links.outer_fibre / links.second_moment
     return axial_stress - bending_stress, axial_stress + bending_stress
 
 
-@kernel
+@namesake
 def pin_axis(links: CableLinks, q: Floats) -> Vector:
-    """See ``elements``."""
     return 0.0, 1.0, 0.0

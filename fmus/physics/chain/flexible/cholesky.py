@@ -1,4 +1,4 @@
-"""Flexible links in Cholesky coordinates for ``kinds``; sibling: ``dynamics``.
+"""Flexible links in Cholesky coordinates for integrators; sibling: ``dynamics``.
 
 With the constant mass M = B B^T of the mesh, p = B^T q has the mass 1 (paper, section 6; Yakoub, Shabana, Use of
 Cholesky coordinates and the absolute nodal coordinate formulation in the computer simulation of flexible multibody
@@ -20,24 +20,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel
+from fmus.jit import implemented_in, kernel, namesake
 from fmus.physics import cholesky_cyclic
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.flexible import dynamics, pin_forces
+from fmus.physics.chain.flexible import dynamics, pins
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.elements import layout
-from fmus.physics.chain.flexible.explicit import NOTHING
+from fmus.physics.chain.flexible.dynamics import NOTHING
+from fmus.physics.chain.flexible.initial_state import condense_mass
+from fmus.physics.chain.flexible.interface import layout
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import keep_symmetric
-from fmus.physics.chain.flexible.release import condense_mass
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.on_links import JOINT
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
-    from fmus.physics.chain.flexible.state import State
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
+    from fmus.physics.chain.flexible.state import State, Work
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
 
 
@@ -152,9 +151,8 @@ def accelerations(links: CholeskyLinks, contacts: Contacts | None, env: Environm
             a[i, indices.pin[k]] = -w.b[i, k]
 
 
-@kernel
+@namesake
 def derivative(links: CholeskyLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, k: Floats) -> int:
-    """See ``kinds``."""
     to_nodal(links, s, w)
     accelerations(links, contacts, env, s, w)
     n, width = s.q.size, s.q.shape[1]
@@ -165,41 +163,36 @@ def derivative(links: CholeskyLinks, contacts: Contacts | None, env: Environment
     return -1
 
 
-@kernel
+@namesake
 def accelerate(links: CholeskyLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``."""
     accelerations(links, contacts, env, s, w)
     _nodal(links, w.change[1], s.p[1], s.vdot, s.v, w)
 
 
-@kernel
+@namesake
 def stage_joints(links: CholeskyLinks, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``."""
     if w.on_links.shape[1] > JOINT:
         _nodal(links, w.change[1], s.p[1], s.vdot, s.v, w)
-        pin_forces.stage_joints(links.links, env, s, w)
+        pins.stage_joints(links.links, env, s, w)
 
 
-@kernel
+@namesake
 def project(links: CholeskyLinks, s: State, w: Work) -> int:
-    """See ``kinds``: no equation is open; updates the nodal coordinates to the end of the step."""
+    """No equation is open; updates the nodal coordinates to the end of the step."""
     to_nodal(links, s, w)
     return -1
 
 
-@kernel
+@namesake
 def speed(links: CholeskyLinks, env: Environment, s: State, w: Work) -> float:
-    """See ``kinds``."""
     return dynamics.speed(links.links, env, s, w)
 
 
-@kernel
+@namesake
 def first_speed(links: CholeskyLinks, env: Environment, s: State, w: Work, report: Floats) -> float:
-    """See ``kinds``."""
     return dynamics.first_speed(links.links, env, s, w, report)
 
 
-@kernel
+@namesake
 def observe(links: CholeskyLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
-    """See ``kinds``."""
     dynamics.observe(links.links, env, s, w, report)

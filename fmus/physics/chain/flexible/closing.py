@@ -22,8 +22,7 @@ from fmus.physics.chain.sums import JOINTS
 if TYPE_CHECKING:
     from fmus.physics.ancf.element import Element
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.state import Motion
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Motion, Work
 
 
 class ClosingSpring(NamedTuple):
@@ -41,7 +40,7 @@ def add_spring(
 
     ``dims``: components of a position, the first coordinates of a pin; ``by_rate``, 1/s, is d velocity / d position.
     Adds the damper's power to ``w.sums``. For links that share no pins the matrix has corners only, see
-    ``constrained_joints``.
+    ``constrained``.
     """
     if spring is not None:
         last = x.q.shape[0] - 1

@@ -5,7 +5,7 @@ Of an element's coordinates its own, x, couple with no other link; those shared,
     K_xx x + K_xy y = r_x,   K_yx x + K_yy y = r_y   =>   (K_yy - K_yx K_xx^-1 K_xy) y = r_y - K_yx K_xx^-1 r_x
 
 The remaining system of the pins is cyclic and block tridiagonal with m x m blocks. Unknowns common to all links, as the
-rotation of their axes, are shared too and give it border rows and columns (``free_axes``). Elements (``elements``)
+rotation of their axes, are shared too and give it border rows and columns (``free_axes``). Elements (``interface``)
 differ in their ``link_layout``; its sizes m and n are lengths of tuples, so that loops over them unroll.
 """
 
@@ -18,19 +18,18 @@ import numpy as np
 from fmus.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.flexible.closing import add_spring
-from fmus.physics.chain.flexible.elements import layout, lever
+from fmus.physics.chain.flexible.interface import layout, lever
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import pin_loads
+from fmus.physics.chain.integration import HELD, PINNED
 from fmus.physics.inverse import invert
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.state import Motion
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Motion, Work
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 

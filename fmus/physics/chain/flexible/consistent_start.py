@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.flexible.places import across, coordinate_indices, in_plane
+from fmus.physics.chain.flexible.link_layout import across, coordinate_indices, in_plane
 from fmus.physics.chain.layout import scale_of_angles
 from fmus.physics.elementary import atan2, cos, of_each, sin
 from fmus.physics.elimination import solved

@@ -1,4 +1,4 @@
-"""Axes that turn with a chain of cables, and the unknowns of their yaw and roll; see ``axes``.
+"""Axes that turn with a chain of cables, and the unknowns of their yaw and roll; see ``interface``.
 
 The pins of a chain share their direction, the y axis. Only contacts turn the chain, so the virtual work of a rotation
 of all that the axes carry is zero: the moment of inertia forces, weight and contacts about x and z of the axes
@@ -7,19 +7,13 @@ rotation of a step, the angular velocity and its derivative follow the generalis
 and accelerations do, with R = R(before) exp(psi). The axes do not pitch; their origin follows the middle of the wheels,
 and no force depends on it. In an explicit step, accelerations follow from the same border with the mass alone. Wheels
 are transformed to the axes; ground forces act in the frame of the start.
-
-The module is long because ``axes`` dispatches all its functions to one module.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-import scipy  # loads its parts when they are used
-
-from fmus.jit import kernel
-from fmus.physics.ancf.cable import linear, mass
+from fmus.jit import kernel, namesake
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.block_cyclic import solve
 from fmus.physics.chain.flexible import inertia
@@ -35,19 +29,18 @@ from fmus.physics.chain.flexible.axes_state import (
     VELOCITY,
     YAW,
     from_axes,
+    rotate,
     to_axes,
 )
 from fmus.physics.chain.flexible.condensation import eliminate
-from fmus.physics.chain.flexible.elements import gather
+from fmus.physics.chain.flexible.interface import gather
 from fmus.physics.chain.on_links import WHEELS
-from fmus.physics.elementary import cos, sin
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.flexible.state import Motion, State
+    from fmus.physics.chain.flexible.state import Motion, State, TurningWork
     from fmus.physics.chain.flexible.turning import TurningCables
-    from fmus.physics.chain.flexible.work import TurningWork
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.integrate.generalized_alpha import Slopes
 
@@ -55,9 +48,9 @@ FOLLOWING_RATE = 200.0  # rate at which the origin follows the wheels, criticall
 ROTATION_LEVER = 2.0  # motion of the pins per radian of the axes, m: the weight of a correction
 
 
-@kernel
+@namesake
 def wheels_to_axes(links: TurningCables, x: Motion, w: TurningWork, tangent: bool) -> None:
-    """See ``axes``: wheels ``w.wheels`` relative to the axes into ``w.flat``."""
+    """Wheels ``w.wheels`` relative to the axes into ``w.flat``."""
     f, a = x.axes, w.axes
     o, ov, rate = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, OMEGA)
     for k in range(w.wheels.shape[0]):
@@ -75,9 +68,9 @@ def wheels_to_axes(links: TurningCables, x: Motion, w: TurningWork, tangent: boo
         a.corner[:] = 0.0
 
 
-@kernel
+@namesake
 def wrenches_from_axes(links: TurningCables, x: Motion, w: TurningWork) -> None:
-    """See ``axes``: the wrenches on the wheels; those of the ground already are in that frame."""
+    """The wrenches on the wheels; those of the ground already are in that frame."""
     for k in range(w.wrench.shape[0] - 1):
         put(w.wrench[k], 0, from_axes(x.axes, vector(w.wrench[k], 0)))
         put(w.wrench[k], 3, from_axes(x.axes, vector(w.wrench[k], 3)))
@@ -86,9 +79,9 @@ def wrenches_from_axes(links: TurningCables, x: Motion, w: TurningWork) -> None:
             put(w.on_links[i], WHEELS, from_axes(x.axes, vector(w.on_links[i], WHEELS)))
 
 
-@kernel
+@namesake
 def inertia_and_weight(links: TurningCables, x: Motion, w: TurningWork, weight: Vector, r: Floats) -> None:
-    """See ``axes``; adds their moment to the balance."""
+    """Adds their moment to the balance."""
     f, a, l = x.axes, w.axes, links.element.l
     _add_frame_accelerations(f, w)
     inertia.inertia(4, 3, w.M, w.dv, r)
@@ -126,57 +119,31 @@ def _add_frame_accelerations(f: Floats, w: TurningWork) -> None:
             w.dv[n, k] += due_to_axes[k] + (origin[k] if n % 2 == 0 else 0.0)
 
 
-@kernel
+@namesake
 def absolute_accelerations(links: TurningCables, s: State, w: TurningWork, i: int, j: int) -> None:
-    """See ``axes``."""
     gather(links, s.q, i, j, w.e)
     gather(links, s.v, i, j, w.v)
     gather(links, s.vdot, i, j, w.dv)
     _add_frame_accelerations(s.axes, w)
 
 
-@kernel
+@namesake
 def omitted_accelerations(links: TurningCables, s: State, w: TurningWork, i: int, j: int) -> None:
-    """See ``axes``: accelerations of the coordinates, and those by the axes' angular acceleration."""
+    """Accelerations of the coordinates, and those by the axes' angular acceleration."""
     gather(links, s.q, i, j, w.e)
     gather(links, s.vdot, i, j, w.dv)
     for n in range(4):
         put(w.dv[n], 0, add(vector(w.dv[n], 0), cross(vector(s.axes, OMEGA_RATE), vector(w.e[n], 0))))
 
 
-@kernel
+@namesake
 def along_axes(links: TurningCables, s: State, v: Vector) -> Vector:
-    """See ``axes``."""
     return to_axes(s.axes, v)
 
 
-@kernel
-def add_lateral_bending(links: TurningCables, w: TurningWork, r: Floats, tangent: bool) -> None:
-    """See ``axes``: the bending about the normal, of the y components alone."""
-    e, l, s = w.e, links.element.l, links.excess_EI / links.element.l
-    d = (e[2, 1] - e[0, 1]) / l
-    end = s * (6.0 * (e[1, 1] + e[3, 1]) - 12.0 * d) / l
-    r[0, 1] += end
-    r[1, 1] += s * (4.0 * e[1, 1] + 2.0 * e[3, 1] - 6.0 * d)
-    r[2, 1] -= end
-    r[3, 1] += s * (2.0 * e[1, 1] + 4.0 * e[3, 1] - 6.0 * d)
-    if tangent:
-        own_end, other_end, mixed = 4.0 * s, 2.0 * s, 6.0 * s / l
-        ends = 2.0 * mixed / l
-        rows = (
-            (ends, mixed, -ends, mixed),
-            (mixed, own_end, -mixed, other_end),
-            (-ends, -mixed, ends, -mixed),
-            (mixed, other_end, -mixed, own_end),
-        )
-        for a in range(4):
-            for b in range(4):
-                w.K[3 * a + 1, 3 * b + 1] += rows[a][b]
-
-
-@kernel
+@namesake
 def couple_inertia(links: TurningCables, w: TurningWork, by_acceleration: float) -> None:
-    """See ``axes``: M (axis x e)."""
+    """M (axis x e)."""
     K, M = w.K, w.M
     e = vector(w.e[0], 0), vector(w.e[1], 0), vector(w.e[2], 0), vector(w.e[3], 0)
     roll = across = yaw = 0.0
@@ -193,9 +160,8 @@ def couple_inertia(links: TurningCables, w: TurningWork, by_acceleration: float)
     K[ROLL, ROLL], K[ROLL, YAW], K[YAW, ROLL], K[YAW, YAW] = roll, across, across, yaw
 
 
-@kernel
+@namesake
 def assemble_border(links: TurningCables, w: TurningWork, i: int, j: int) -> None:
-    """See ``axes``."""
     border, corner, rest = w.axes.border, w.axes.corner, w.rest
     for n in range(8):
         pin, place = (i, n) if n < 4 else (j, n - 4)
@@ -207,9 +173,8 @@ def assemble_border(links: TurningCables, w: TurningWork, i: int, j: int) -> Non
             corner[k, l] += rest[8 + k, 8 + l]
 
 
-@kernel
+@namesake
 def predict_axes(links: TurningCables, method: ImplicitMethod, h: float, s: State, w: TurningWork) -> None:
-    """See ``axes``."""
     f, c = s.axes, method.alpha
     rate, acceleration = vector(f, OMEGA), vector(f, OMEGA_RATE)
     for k in range(2):
@@ -217,7 +182,7 @@ def predict_axes(links: TurningCables, method: ImplicitMethod, h: float, s: Stat
         a1 = auxiliary(c, a0, acceleration[2 * k], acceleration[2 * k])
         w.axes.psi[k] = h * rate[2 * k] + h * h * ((0.5 - c.beta) * a0 + c.beta * a1)
         f[OMEGA + 2 * k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
-    _rotate(f, w.before.axes, w.axes.psi)
+    rotate(f, w.before.axes, w.axes.psi)
     # the origin by the same method, so that forces balance the chain's momentum; implicit: stable at any step
     o, v, a, a0 = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, ACCELERATION), vector(f, AUXILIARY_ORIGIN)
     a1 = auxiliary(c, a0[0], a[0], 0.0), auxiliary(c, a0[1], a[1], 0.0), auxiliary(c, a0[2], a[2], 0.0)
@@ -244,26 +209,8 @@ def _origin_acceleration(f: Floats, w: TurningWork, o: Vector, v: Vector) -> Vec
     return add(scale(-FOLLOWING_RATE * FOLLOWING_RATE, offset), scale(-2.0 * FOLLOWING_RATE, relative_velocity))
 
 
-@kernel
-def _rotate(f: Floats, before: Floats, psi: Floats) -> None:
-    """Write R = R(before) exp(psi) to ``f`` (SIZE), Rodrigues' formula; ``psi`` (2), rad, about x and z."""
-    x, z = psi[0], psi[1]
-    square = x * x + z * z
-    s, c = 1.0 - square / 6.0, 0.5 - square / 24.0  # sin(a)/a, (1 - cos a)/a^2; a step turns by milliradians
-    if square > 1e-4:
-        a = np.sqrt(square)
-        s, c = sin(a) / a, (1.0 - cos(a)) / square
-    for i in range(3):
-        r0, r1, r2 = before[3 * i], before[3 * i + 1], before[3 * i + 2]
-        # row r: r + s r [psi x] + c r [psi x]^2 with psi = (x, 0, z)
-        f[3 * i] = r0 * (1.0 - c * z * z) + r1 * s * z + r2 * c * x * z
-        f[3 * i + 1] = r1 * (1.0 - c * square) - r0 * s * z + r2 * s * x
-        f[3 * i + 2] = r2 * (1.0 - c * x * x) + r0 * c * x * z - r1 * s * x
-
-
-@kernel
+@namesake
 def solve_pins(links: TurningCables, w: TurningWork, fresh: bool) -> None:
-    """See ``axes``."""
     if not fresh:
         solve(w.A, w.U, w.factors, links.closed == 1, w.b)
         return
@@ -283,7 +230,7 @@ def solve_pins(links: TurningCables, w: TurningWork, fresh: bool) -> None:
 def _solve_rotation(links: TurningCables, x: Motion, w: TurningWork, by_acceleration: float) -> tuple[float, float]:
     """Solve for the step of roll and yaw, rad, and correct the solutions of the pins and of the links.
 
-    ``by_acceleration`` as in ``axes.couple_inertia``; with 1, of a mass matrix, the steps are accelerations, rad/s2.
+    ``by_acceleration`` as in ``couple_inertia``; with 1, of a mass matrix, the steps are accelerations, rad/s2.
     """
     a, y, own, border, Z = w.axes, w.b, w.own, w.axes.border, w.axes.response
     t0, t1 = (
@@ -312,9 +259,8 @@ def _solve_rotation(links: TurningCables, x: Motion, w: TurningWork, by_accelera
     return roll, yaw
 
 
-@kernel
+@namesake
 def correct_axes(links: TurningCables, x: Motion, w: TurningWork, by: Slopes) -> float:
-    """See ``axes``."""
     a, f = w.axes, x.axes
     roll, yaw = _solve_rotation(links, x, w, by.vdot)
     a.turn[0], a.turn[1] = -roll, -yaw
@@ -324,35 +270,33 @@ def correct_axes(links: TurningCables, x: Motion, w: TurningWork, by: Slopes) ->
     f[OMEGA + 2] -= by.v * yaw
     f[OMEGA_RATE] -= by.vdot * roll
     f[OMEGA_RATE + 2] -= by.vdot * yaw
-    _rotate(f, w.before.axes, a.psi)
+    rotate(f, w.before.axes, a.psi)
     return ROTATION_LEVER * max(abs(roll), abs(yaw))
 
 
-@kernel
+@namesake
 def motion_with_axes(links: TurningCables, w: TurningWork, p: Vector) -> Vector:
-    """See ``axes``."""
     return cross((w.axes.turn[0], 0.0, w.axes.turn[1]), p)
 
 
-@kernel
+@namesake
 def finish_axes(links: TurningCables, method: ImplicitMethod, s: State, w: TurningWork) -> None:
-    """See ``axes``: the auxiliary accelerations."""
+    """The auxiliary accelerations."""
     c, f, before = method.alpha, s.axes, w.before.axes
     for k in range(2):
         f[AUXILIARY + k] = auxiliary(c, before[AUXILIARY + k], before[OMEGA_RATE + 2 * k], f[OMEGA_RATE + 2 * k])
 
 
-@kernel
+@namesake
 def accelerate_origin(links: TurningCables, x: Motion, w: TurningWork) -> None:
-    """See ``axes``."""
     f = x.axes
     put(f, ACCELERATION, _origin_acceleration(f, w, vector(f, ORIGIN), vector(f, VELOCITY)))
     f[OMEGA_RATE] = f[OMEGA_RATE + 2] = 0.0
 
 
-@kernel
+@namesake
 def solve_accelerations(links: TurningCables, x: Motion, w: TurningWork) -> None:
-    """See ``axes``: the border of the mass depends on the coordinates."""
+    """The border of the mass depends on the coordinates."""
     f, nodes = x.axes, x.q.shape[0]
     w.axes.border[:] = 0.0
     w.axes.corner[:] = 0.0
@@ -371,9 +315,9 @@ def solve_accelerations(links: TurningCables, x: Motion, w: TurningWork) -> None
     put(f, AUXILIARY_ORIGIN, vector(f, ACCELERATION))
 
 
-@kernel
+@namesake
 def axes_rates(links: TurningCables, x: State, k: Floats, first: int) -> None:
-    """See ``axes``: R' = R (rate x)."""
+    """R' = R (rate x)."""
     f, rate = x.axes, vector(x.axes, OMEGA)
     for i in range(3):
         put(k, first + 3 * i, cross(vector(f, 3 * i), rate))
@@ -387,9 +331,9 @@ def axes_rates(links: TurningCables, x: State, k: Floats, first: int) -> None:
             k[first + i] = 0.0
 
 
-@kernel
+@namesake
 def orthogonalise(links: TurningCables, s: State) -> None:
-    """See ``axes``: one step of Newton's iteration for the polar factor, R (3 - R^T R) / 2."""
+    """One step of Newton's iteration for the polar factor, R (3 - R^T R) / 2."""
     f = s.axes
     rows = vector(f, 0), vector(f, 3), vector(f, 6)
     for i in range(3):
@@ -399,20 +343,9 @@ def orthogonalise(links: TurningCables, s: State) -> None:
         put(f, 3 * i, row)
 
 
-def lateral_bending_frequency(links: TurningCables) -> float:
-    """See ``axes``: of elements with shared slopes, all in phase; a single one (the ends) is stiffer."""
-    c, M = links.element, np.zeros((4, 4))
-    mass(c, M)
-    K = np.array(linear(c._replace(EI=c.EI + links.excess_EI), 0.0, 0.0))
-    if links.closed and links.closing is None:
-        shared = np.vstack([np.eye(2), np.eye(2)])
-        K, M = shared.T @ K @ shared, shared.T @ M @ shared
-    return np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[-1])
-
-
-@kernel
+@namesake
 def absolute_rates(links: TurningCables, x: State, w: TurningWork) -> None:
-    """See ``axes``; components along the axes."""
+    """Components along the axes."""
     f = x.axes
     rate, origin_velocity = vector(f, OMEGA), to_axes(f, vector(f, VELOCITY))
     for n in range(4):
@@ -420,36 +353,23 @@ def absolute_rates(links: TurningCables, x: State, w: TurningWork) -> None:
         put(w.v[n], 0, add(v, origin_velocity) if n % 2 == 0 else v)
 
 
-@kernel
+@namesake
 def centre_of_mass(links: TurningCables, x: State, w: TurningWork) -> Vector:
-    """See ``axes``."""
     l, e = links.element.l, w.e
     place = inertia.centre(l, 2, 0, e), inertia.centre(l, 2, 1, e), inertia.centre(l, 2, 2, e)
     return start_frame_position(links, x, place)
 
 
-@kernel
+@namesake
 def start_frame_position(links: TurningCables, s: State, p: Vector) -> Vector:
-    """See ``axes``."""
     return add(vector(s.axes, ORIGIN), from_axes(s.axes, p))
 
 
-@kernel
+@namesake
 def start_frame_vector(links: TurningCables, s: State, v: Vector) -> Vector:
-    """See ``axes``."""
     return from_axes(s.axes, v)
 
 
-@kernel
-def lateral_bending_energy(links: TurningCables, w: TurningWork) -> float:
-    """See ``axes``."""
-    e, s = w.e, links.excess_EI / links.element.l
-    d = (e[2, 1] - e[0, 1]) / links.element.l
-    first, second = 4.0 * e[1, 1] + 2.0 * e[3, 1] - 6.0 * d, 6.0 * d - 2.0 * e[1, 1] - 4.0 * e[3, 1]
-    return s / 6.0 * (first * first + first * second + second * second)
-
-
-@kernel
+@namesake
 def rotary_energy(links: TurningCables, x: State) -> float:
-    """See ``axes``."""
     return 0.5 * links.rotary_inertia * (x.axes[OMEGA] ** 2 + x.axes[OMEGA + 2] ** 2)

@@ -1,58 +1,66 @@
-"""Common part of the faces of links with pins as nodes; see ``faces``. Motion: q, v (nodes, ...)."""
+"""Common part of the faces of links with pins as nodes; the change of their contact forces by Newton's last correction.
+
+Motion: q, v (nodes, ...).
+
+The chain's accelerations obey the forces of the last evaluation and their change to first order, g dx with the
+iteration matrix. Wheels and ground get this change too. So the impulses on both sides of each contact are equal to
+rounding at any tolerance of the iteration, without another evaluation.
+
+Left out are, as in the matrix, the turn of forces with axes that turn, and the change of a force's lever on its wheel.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
-from fmus.physics.arrays import Vector
+from fmus.jit import kernel, namesake, noalias
+from fmus.physics.ancf.element import axis_count
+from fmus.physics.arrays import Floats, Vector
+from fmus.physics.chain import contact_points as at
 from fmus.physics.chain.contact_points import record
-from fmus.physics.chain.flexible.elements import gather, in_space, layout
-from fmus.physics.chain.flexible.link_layout import ends
+from fmus.physics.chain.flexible.interface import gather, in_space, layout, motion_with_axes, start_frame_vector
+from fmus.physics.chain.flexible.link_layout import ends, node
+from fmus.physics.chain.interface import locate, locate_pin, locate_section
+from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force
+from fmus.physics.vector import add, cross, dot, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.faces import ContactPoint
-    from fmus.physics.chain.flexible.elements import FlexibleLinks
-    from fmus.physics.chain.flexible.state import Motion
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.contact_points import ContactPoint
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
+    from fmus.physics.chain.flexible.state import Motion, Work
     from fmus.physics.contact.face import ContactForce, Sinking
 
 
-@kernel
+@namesake
 def count(links: FlexibleLinks, x: Motion) -> tuple[int, int]:
-    """See ``faces``."""
     return links.n, links.n if links.closed == 1 else links.n + 1
 
 
-@kernel
+@namesake
 def pin_positions(links: FlexibleLinks, x: Motion, w: Work, i: int) -> tuple[Vector, Vector]:
-    """See ``faces``."""
     first, second = ends(layout(links), x.q.shape[0], i)
     return in_space(links, x.q[first]), in_space(links, x.q[second])
 
 
-@kernel
+@namesake
 def pin_velocities(links: FlexibleLinks, x: Motion, w: Work, i: int) -> tuple[Vector, Vector]:
-    """See ``faces``."""
     first, second = ends(layout(links), x.q.shape[0], i)
     return in_space(links, x.v[first]), in_space(links, x.v[second])
 
 
-@kernel
+@namesake
 def length(links: FlexibleLinks) -> float:
-    """See ``faces``."""
     return links.element.l
 
 
-@kernel
+@namesake
 def begin_contacts(links: FlexibleLinks, x: Motion, w: Work) -> None:
-    """See ``faces``."""
     w.touched[:] = False
 
 
-@kernel
+@namesake
 def begin_link(links: FlexibleLinks, x: Motion, w: Work, i: int) -> None:
-    """See ``faces``: coordinates, rates into ``w.e``, ``w.v``; zeroes the loads at the first contact."""
+    """Coordinates, rates into ``w.e``, ``w.v``; zeroes the loads at the first contact."""
     first, second = ends(layout(links), x.q.shape[0], i)
     gather(links, x.q, first, second, w.e)
     gather(links, x.v, first, second, w.v)
@@ -62,24 +70,54 @@ def begin_link(links: FlexibleLinks, x: Motion, w: Work, i: int) -> None:
         w.stiffening[i] = 0.0
 
 
-@kernel
-def to_ground(links: FlexibleLinks, x: Motion, w: Work, p: Vector, v: Vector) -> tuple[Vector, Vector]:
-    """See ``faces``."""
-    return p, v
-
-
-@kernel
-def from_ground(links: FlexibleLinks, x: Motion, w: Work, force: ContactForce, tangent: bool) -> ContactForce:
-    """See ``faces``."""
-    return force
-
-
-@kernel
-def finish_section(links: FlexibleLinks, w: Work, i: int, tangent: bool) -> None:
-    """See ``faces``."""
-
-
-@kernel
+@namesake
 def record_point(links: FlexibleLinks, w: Work, point: ContactPoint, force: ContactForce, sinking: Sinking) -> None:
-    """See ``faces``."""
     record(w.points, point, force, sinking)
+
+
+@kernel
+@noalias
+def add_last_correction(links: FlexibleLinks, x: Motion, w: Work) -> None:
+    """Add the change of all contact forces to wrenches, forces on links, and loads on links and pins.
+
+    ``x``: coordinates at the last matrix, with the correction as their rates.
+    """
+    points, wheels = w.points, w.wheels.shape[0]
+    for n in range(points.number[0]):
+        which, numbers = points.which[n], points.numbers[n]
+        partner, body = which[at.PARTNER], which[at.BODY]
+        f, p = _change(links, x, w, body, which[at.ON_PIN], numbers), vector(numbers, at.POSITION)
+        force = start_frame_vector(links, x, f)
+        for k in range(3):
+            w.wrench[partner, k] -= force[k]
+        if partner < wheels:
+            torque = start_frame_vector(links, x, cross(add(p, scale(-1.0, vector(w.flat[partner], 0))), f))
+            for k in range(3):
+                w.wrench[partner, 3 + k] -= torque[k]
+        add_link_force(w.on_links, which[at.LINK], WHEELS if partner < wheels else GROUND, force)
+        for k in range(axis_count(links.element)):
+            part = f[k] if axis_count(links.element) == 3 else f[2 * k]
+            if which[at.ON_PIN]:
+                w.imbalance[node(layout(links), x.q.shape[0], body), k] -= part
+            else:  # where it acts on the link does not count in ``pins``
+                w.load[body, 0, k] -= part
+
+
+@kernel
+def _change(links: FlexibleLinks, x: Motion, w: Work, body: int, on_pin: int, numbers: Floats) -> Vector:
+    """Change of the force on a point of the link or pin ``body``, N; ``numbers`` as in ``contact_points``."""
+    xi, z, y = vector(numbers, at.PLACE)
+    if on_pin:
+        _, motion = locate_pin(links, x, w, body, y)
+    else:
+        begin_link(links, x, w, body)
+        _, motion = locate(links, x, w, body, locate_section(links, x, w, body, xi, z), y)
+    d = add(motion, motion_with_axes(links, w, vector(numbers, at.POSITION)))
+    m = at.MATRIX
+    f = dot(vector(numbers, m), d), dot(vector(numbers, m + 3), d), dot(vector(numbers, m + 6), d)
+    if numbers[at.BY_RATE] == 0.0:
+        return f
+    foot, (a, b), (da, db) = numbers[at.FOOT], pin_positions(links, x, w, body), pin_velocities(links, x, w, body)
+    da, db = add(da, motion_with_axes(links, w, a)), add(db, motion_with_axes(links, w, b))
+    rate = -numbers[at.BY_RATE] * dot(vector(numbers, at.NORMAL), add(scale(1.0 - foot, da), scale(foot, db)))
+    return add(f, scale(rate, vector(numbers, at.RATE)))

@@ -2,8 +2,8 @@
 
 A node (pin) has 6 coordinates: position x, z, m; slope of the link that ends there; slope of the link that begins
 there. The slopes belong to one link each and are condensed link by link, which leaves 2 x 2 blocks (x and z of each
-pin). In the plane the cable's y coordinates are zero and stay so: this is the same chain, to rounding. Dispatched by
-``elements``.
+pin). In the plane the cable's y coordinates are zero and stay so: this is the same chain, to rounding. Chosen by
+``interface``.
 """
 
 from __future__ import annotations
@@ -12,16 +12,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel
+from fmus.jit import implemented_in, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - interface
-from fmus.physics.chain.flexible.link_layout import layout_of_halves
-from fmus.physics.chain.flexible.planar_nodes import NODE  # noqa: F401 - interface
-from fmus.physics.chain.flexible.planar_nodes import gather as coordinates
+from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, layout_of_halves
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
-    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.flexible.state import Work
+
+
+NODE = PIN_WIDTH["planar"]
+
 
 LAYOUT = layout_of_halves(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5], fixed=2)
 ELEMENT = (4, 2)  # (rows, axes): vectors of a link, components of a vector
@@ -37,27 +39,27 @@ class PlanarCables(Cables):
     __slots__ = ()
 
 
-@kernel
+@namesake
 def gather(links: PlanarCables, q: Floats, i: int, j: int, e: Floats) -> None:
-    """See ``elements``."""
-    coordinates(q, i, j, e)
+    for k in range(2):
+        e[0, k], e[1, k] = q[i, k], q[i, 4 + k]
+        e[2, k], e[3, k] = q[j, k], q[j, 2 + k]
 
 
-@kernel
+@namesake
 def layout(links: PlanarCables) -> LinkLayout:
-    """See ``elements``."""
     return LAYOUT
 
 
-@kernel
+@namesake
 def lever(links: PlanarCables) -> tuple[float, float]:
-    """See ``elements``: the size of a correction is the motion of the pin."""
+    """The size of a correction is the motion of the pin."""
     return 1.0, 1.0
 
 
-@kernel
+@namesake
 def flatten(links: PlanarCables, w: Work) -> None:
-    """See ``elements``: centre and axis of a wheel are projected onto the plane."""
+    """Centre and axis of a wheel are projected onto the plane."""
     rows, flat = w.wheels, w.flat
     for k in range(rows.shape[0]):
         for i in range(rows.shape[1]):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.flexible.places import across, coordinate_indices, in_plane
+from fmus.physics.chain.flexible.link_layout import across, coordinate_indices, in_plane
 from fmus.physics.elementary import cos, hypot, of_each, sin
 from fmus.physics.elimination import solved
 

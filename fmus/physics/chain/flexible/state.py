@@ -1,15 +1,27 @@
-"""State of a chain of flexible links; the common part: ``chain.state``."""
+"""State and work arrays of a chain of flexible links; the common part: ``chain.state``."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fmus.physics.arrays import Floats
+from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain import state
+from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
+from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
+from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size
 from fmus.physics.chain.sums import SUMS
+from fmus.physics.point import Memory, memory, points
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from fmus.physics.chain.contact_points import ContactPoints
+    from fmus.physics.chain.flexible.constrained import ConstrainedJoints
+
 
 FIXED = np.zeros(0)  # state of axes that do not turn
 
@@ -31,7 +43,7 @@ class State(NamedTuple):
     on_links_aux: np.ndarray  # (k, c) auxiliary forces
     on_links_sum: np.ndarray  # (k, c) impulses since the interval began
     span: np.ndarray  # (2) time since then, s, and steps left of the interval
-    lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``short_steps``
+    lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``implicit``
     sums: np.ndarray  # (SUMS) of the last evaluation, see ``sums``
     soil: np.ndarray  # (points, k) memory of the ground at the contact points; (0, 0) on hard ground
     rut: np.ndarray  # (k) rut of the chain, see ``contact.soil.rut``; (0) on hard ground
@@ -72,3 +84,115 @@ def views(flat: Floats, sizes: state.Shapes) -> State:
     """State of views into the array ``flat``; ``sizes`` from ``shapes``."""
     state_views: State = state.views(State, sizes, flat)
     return state_views
+
+
+class Work(NamedTuple):
+    """Arrays for elements of ``rows`` vectors along ``axes`` axes.
+
+    m coordinates are shared a pin, n are a link's own.
+    """
+
+    before: State  # state at the beginning of a step, without a rut
+    A: np.ndarray  # (nodes, m, m) diagonal blocks of the condensed matrix
+    U: np.ndarray  # (nodes, m, m) blocks to the next pin
+    L: np.ndarray  # (nodes, m, m) blocks to the previous pin
+    factors: Factors  # factors of A, U, L
+    b: np.ndarray  # (nodes, m) residual of the pins, then their correction
+    K: np.ndarray  # (whole, whole) iteration matrix of one link; whole = rows axes + c, c unknowns common to all links
+    R: np.ndarray  # (links, rows, axes) residual of each link: inertia + internal - external, N and N m
+    inner: np.ndarray  # (links, n, n) inverse of its own part
+    right: np.ndarray  # (links, n, 2 m + c) inner^-1 times the coupling to pins and common unknowns
+    left: np.ndarray  # (links, 2 m + c, n) coupling of these to its own part
+    coupling: np.ndarray  # (n, 2 m + c) coupling of one link's own part to them
+    rest: np.ndarray  # (2 m + c, 2 m + c) condensed matrix of one link
+    own: np.ndarray  # (links, n) inner^-1 times its own residual
+    swap: np.ndarray  # (n) scratch
+    e: np.ndarray  # (rows, axes) coordinates of one link
+    v: np.ndarray  # (rows, axes) their rates, m/s and 1/s
+    dv: np.ndarray  # (rows, axes) their accelerations, m/s2 and 1/s2
+    M: np.ndarray  # (rows, rows) mass of one link, kg
+    S: np.ndarray  # (rows) shape functions
+    C: np.ndarray  # (rows) their slopes
+    t: np.ndarray  # (3) tangent at a contact point
+    wheels: np.ndarray  # (wheels, 15) wheels at the time of evaluation
+    flat: np.ndarray  # (wheels, 15) wheels as the chain sees them: in its plane or axes
+    touched: np.ndarray  # (links) bool: the link touches a wheel or the ground
+    load: np.ndarray  # (links, rows, axes) residual of a link's contacts, if touched
+    stiffening: np.ndarray  # (links, whole, whole) their iteration matrix
+    wrench: np.ndarray  # (wheels + 1, 6) wrenches on the wheels and, last, on the ground, N and N m
+    on_links: np.ndarray  # (k, c) forces on each link, see ``on_links``
+    imbalance: np.ndarray  # (nodes, axes) forces at the pins in the last evaluation, N
+    sums: np.ndarray  # (SUMS) see ``sums``
+    contact: Memory  # memory of sharp friction
+    points: Any  # ``ContactPoints`` at the last iteration matrix; None without contacts
+    near: Near  # distances of links from a wheel
+    axes: AxesArrays | None  # arrays of turning axes, else None
+    joints: Any  # ``ConstrainedJoints`` of links that share no pins, else None
+    still: np.ndarray  # (nodes, width) zeros
+    change: np.ndarray  # (2, nodes, width) accelerations; unused by-products
+    soil: np.ndarray  # (points, k) memory that the ground would have after the evaluation; (0, 0) on hard ground
+    rut: np.ndarray  # (k) rut of the state, which changes with accepted steps only; (0) on hard ground
+
+
+if TYPE_CHECKING:
+
+    class TurningWork(Work):
+        """Work of a chain whose axes turn."""
+
+        axes: AxesArrays
+
+
+def work(
+    kit: ModuleType,
+    links: int,
+    nodes: int,
+    wheels: int,
+    forces: LinkForcesShape = NONE,
+    contacts: bool = False,
+    ground: GroundMemory = HARD,
+    rut: Floats = NO_RUT,
+) -> Work:
+    """Return zeroed arrays; ``kit``: module of the links; ``forces``: shape of the forces on each link.
+
+    ``contacts``: the chain may touch something; ``ground``: its memory, ``rut``: that part of it in the state.
+    """
+    rows, dims = kit.ELEMENT
+    at = kit.LAYOUT
+    m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)
+    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces, ground=ground._replace(rut=0))
+    block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
+    wheel_rows = z((wheels, 15))
+    return Work(
+        before=views(z(size(sizes)), sizes),
+        A=z(block), U=z(block), L=z(block), factors=workspace(nodes, m), b=z((nodes, m)),
+        K=z((whole, whole)), R=z((links, *vectors)),
+        inner=z((links, n, n)), right=z((links, n, outer)), left=z((links, outer, n)),
+        coupling=z((n, outer)), rest=z((outer, outer)), own=z((links, n)), swap=z(n),
+        e=z(vectors), v=z(vectors), dv=z(vectors), M=z((rows, rows)),
+        S=z(rows), C=z(rows), t=z(3),
+        wheels=wheel_rows, flat=wheel_rows if dims == 3 and not kit.FREE else z((wheels, 15)),
+        touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
+        wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
+        contact=memory(points(wheels, nodes)),
+        points=_contact_points(points(wheels, nodes), nodes, kit.NODE) if contacts else None,
+        near=near(links),
+        axes=axes_arrays(nodes, m, whole) if kit.FREE else None,
+        joints=_joints(links, m) if len(at.pins) == 2 else None,
+        still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
+        soil=z((ground.points, ground.pending)),
+        rut=rut,
+    )  # fmt: skip
+
+
+def _contact_points(most: int, nodes: int, width: int) -> ContactPoints:
+    """Return the arrays of contact points, see ``contact_points.contact_points``."""
+    from fmus.physics.chain.contact_points import contact_points
+
+    return contact_points(most, (nodes, width), (nodes, width))
+
+
+def _joints(links: int, m: int) -> ConstrainedJoints:
+    """Return the arrays of pin equations, see ``constrained.joints``."""
+    from fmus.physics.chain.flexible.constrained import joints
+
+    return joints(links, m)

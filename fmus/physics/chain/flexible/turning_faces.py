@@ -1,4 +1,4 @@
-"""Faces of cables in turning axes; see ``faces``.
+"""Faces of cables in turning axes; see ``chain.interface``.
 
 Motion: q, v (nodes, 8), axes; vectors are along the axes. A link has a width: a point is at r + z n + y (j - b t), with
 the tangent t in the plane of the axes, the normal n = t x j, the pin axis j and the yaw b = r_x.j / |r_x| of the link
@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel, noalias
+from fmus.jit import kernel, namesake, noalias
 from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.flexible.axes_state import OMEGA, ORIGIN, ROLL, VELOCITY, YAW, from_axes, to_axes
 from fmus.physics.chain.flexible.cable_faces import position_slope  # noqa: F401 - reached by dispatch
-from fmus.physics.chain.flexible.last_correction import add_last_correction  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
+    add_last_correction,
     begin_contacts,
     begin_link,
     count,
@@ -31,9 +31,8 @@ from fmus.physics.contact.face import ContactForce
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.flexible.state import Motion
+    from fmus.physics.chain.flexible.state import Motion, TurningWork
     from fmus.physics.chain.flexible.turning import TurningCables
-    from fmus.physics.chain.flexible.work import TurningWork
     from fmus.physics.contact.face import Sinking
 
 # sums over the points of a section, each times y to 0 and 1: number, f, g = df / d position + by_rate df / d rate
@@ -42,29 +41,26 @@ COUNT, FORCE, MATRIX = 0, 1, 7
 RATES, BY_RATE, FOOT, NORMAL = 25, 31, 32, 33
 
 
-@kernel
+@namesake
 def lateral_points(links: TurningCables) -> tuple[int, float]:
-    """See ``faces``."""
     return 2, links.lateral
 
 
-@kernel
+@namesake
 def depth_below_pins(links: TurningCables, x: Motion, i: int) -> float:
-    """See ``faces``."""
     return 1.1 * links.face + 0.1 * links.element.l + links.lateral * abs(x.axes[7])
 
 
-@kernel
+@namesake
 def to_ground(links: TurningCables, x: Motion, w: TurningWork, p: Vector, v: Vector) -> tuple[Vector, Vector]:
-    """See ``faces``."""
     f = x.axes
     v = add(v, cross(vector(f, OMEGA), p))
     return add(vector(f, ORIGIN), from_axes(f, p)), add(vector(f, VELOCITY), from_axes(f, v))
 
 
-@kernel
+@namesake
 def from_ground(links: TurningCables, x: Motion, w: TurningWork, force: ContactForce, tangent: bool) -> ContactForce:
-    """See ``faces``; the turn of the point's velocity with the axes is left out of the matrix."""
+    """The turn of the point's velocity with the axes is left out of the matrix."""
     f = x.axes
     energies = force.energy, force.friction, force.damping
     if not tangent:
@@ -76,11 +72,11 @@ def from_ground(links: TurningCables, x: Motion, w: TurningWork, force: ContactF
     return ContactForce(to_axes(f, force.f), matrix, to_axes(f, force.by_rate), force.normal, *energies)
 
 
-@kernel
+@namesake
 def locate_section(
     links: TurningCables, x: Motion, w: TurningWork, i: int, xi: float, z: float
 ) -> tuple[Vector, Vector, Vector, float]:
-    """See ``faces``; leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``.
+    """Leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``.
 
     ``w.axes`` receives m without y, the position and j - b t.
     """
@@ -107,11 +103,11 @@ def locate_section(
     return middle, (v[0] - turn * t0, v[1], v[2] - turn * t2), lateral, per * yaw_rate
 
 
-@kernel
+@namesake
 def locate(
     links: TurningCables, x: Motion, w: TurningWork, i: int, section: tuple[Vector, Vector, Vector, float], y: float
 ) -> tuple[Vector, Vector]:
-    """See ``faces``; leaves y in ``w.axes``."""
+    """Leaves y in ``w.axes``."""
     p, v, lateral, yaw_rate = section
     w.axes.lever[1] = y
     return add(p, scale(y, lateral)), (v[0] - y * yaw_rate * w.t[0], v[1], v[2] - y * yaw_rate * w.t[2])
@@ -271,9 +267,8 @@ def _motion_response(
     return add(_times(g, a), _times(g_y, a_y)), add(_times(g_y, a), scale(y2, _times(g, a_y)))
 
 
-@kernel
+@namesake
 def locate_pin(links: TurningCables, x: Motion, w: TurningWork, i: int, y: float) -> tuple[Vector, Vector]:
-    """See ``faces``."""
     q, v = x.q[i], x.v[i]
     p = q[0], q[1] + y, q[2]
     put(w.axes.point, 0, p)

@@ -19,8 +19,7 @@ from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.rigid.links import RigidLinks
-    from fmus.physics.chain.rigid.state import State
-    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.chain.rigid.state import State, Work
     from fmus.physics.rigid.augmented import AugmentedSystem
 
 

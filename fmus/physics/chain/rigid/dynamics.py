@@ -1,4 +1,10 @@
-"""Rigid links for ``kinds``, and their outputs; sibling: ``flexible.dynamics``."""
+"""Rigid links for integrators: accelerations, projection of the pins after an explicit step, outputs.
+
+Each stage solves for accelerations and pin forces together (index 1). The drift of the pins in a step is removed by a
+projection of poses and velocities along the accelerations that pin forces cause, so that momentum is kept.
+Rigid links have no fast modes of their own: the step is bounded by contact, most of all by regularised friction
+under a loaded link, mu N / (v_reg m) = 2e4 1/s.
+"""
 
 from __future__ import annotations
 
@@ -6,49 +12,165 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import allocating, kernel, namesake
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.carrier import carrier
+from fmus.physics.chain.carrier import carrier, chain_speed
 from fmus.physics.chain.on_links import JOINT
 from fmus.physics.chain.report import write
+from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.closing import strain_energy
-from fmus.physics.chain.rigid.explicit import accelerate, derivative, project  # noqa: F401 - reached by dispatch
-from fmus.physics.chain.rigid.newton import newton  # noqa: F401 - reached by dispatch
-from fmus.physics.chain.speed import chain_speed
-from fmus.physics.chain.state import copy_rows
+from fmus.physics.chain.rigid.links import pins, residual
+from fmus.physics.chain.rigid.newton import (
+    GAP,
+    newton,  # noqa: F401 - reached by dispatch
+    set_mass,
+)
+from fmus.physics.chain.state import add_share, copy, copy_rows
 from fmus.physics.chain.sums import END_POWER
-from fmus.physics.rigid import body
+from fmus.physics.integrate.generalized_alpha import Slopes
+from fmus.physics.rigid import augmented, body, pin
+from fmus.physics.rigid.augmented import ClosingSpring
 from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.integration import Environment
+    from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
-    from fmus.physics.chain.rigid.state import State
-    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.chain.rigid.state import State, Work
+
+
+LIMIT = 5e-5  # largest step, s
+CORRECTIONS = 4  # most corrections of the projection
+OPEN = 1e-8  # misfit of a pin after the projection that counts as a failure, m and rad
+STABLE = 2.4  # step times the highest rate of a closing spring
+ANY = Slopes(0.0, 0.0, 0.0)  # for evaluations without a matrix
+
+
+def longest(spring: ClosingSpring, half: float, mass: float, inertia: float) -> float:
+    """Longest stable step of a closing ``spring``, s; infinite for a pin.
+
+    The bound is that of two free links normal to the spring. ``half``, m; ``mass``, kg; ``inertia``, kg m2.
+    """
+    if spring.stiffness == 0.0:
+        return np.inf
+    gives = 2.0 * (1.0 / mass + half * half / inertia)  # acceleration by a force, 1/kg
+    return STABLE / (float(np.sqrt(spring.stiffness * gives)) + spring.damping * gives)
+
+
+@allocating
+def accelerations(links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> int:
+    """Accelerations and multipliers of the state's poses and velocities, with the wrenches, into ``s`` and ``w``.
+
+    Returns -1, or the link where the system is singular.
+    """
+    n, y, ends = s.q.shape[0], w.system, closing.ends_without_pin(links)
+    s.vdot[:] = 0.0
+    s.lam[:] = 0.0
+    spring = closing.spring_force(links, s, w) if ends.cut else (0.0, 0.0, 0.0)
+    w.x[:] = 0.0
+    residual(links, contacts, env, s, w, ANY, False)
+    set_mass(links, w)
+    for j in range(s.lam.shape[0]):
+        y.C[j] = 0.0
+        if links.ends.closed or 0 < j < n:
+            b = j - 1 if j > 0 else n - 1
+            pin.velocity_terms(links.half, y.A[b], s.v[b, 3:], y.A[j], s.v[j, 3:], y.C[j])
+        elif j == 0 and links.ends.first:
+            pin.velocity_terms(links.half, w.still, 0.0 * s.v[0, 3:], y.A[0], s.v[0, 3:], y.C[0])
+        elif j == n and links.ends.last:
+            pin.velocity_terms(links.half, y.A[n - 1], s.v[n - 1, 3:], w.still, 0.0 * s.v[0, 3:], y.C[n])
+    failed = augmented.factor(links.half, ends, y, augmented.REGULAR)
+    if failed >= 0:
+        return failed
+    augmented.solve(links.half, ends, y)
+    copy_rows(y.dx, s.vdot)
+    copy_rows(y.dx, s.a)
+    copy_rows(y.dl, s.lam)
+    if ends.cut:
+        j = augmented.closing_pin(ends, n)
+        s.lam[j, 0], s.lam[j, 1], s.lam[j, 2] = spring
+    return -1
+
+
+@namesake
+def derivative(links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, k: Floats) -> int:
+    normalise(s)
+    failed = accelerations(links, contacts, env, s, w)
+    rates(s, k)
+    return failed
 
 
 @kernel
+def rates(s: State, k: Floats) -> None:
+    """Time derivative of poses and velocities into ``k`` (13 n)."""
+    n = s.q.shape[0]
+    for i in range(n):
+        body.pose_rate(s.q[i], s.v[i], k[7 * i : 7 * i + 7])
+        for j in range(6):
+            k[7 * n + 6 * i + j] = s.vdot[i, j]
+
+
+@kernel
+def normalise(s: State) -> None:
+    """Normalise all quaternions."""
+    for i in range(s.q.shape[0]):
+        norm = np.sqrt(s.q[i, 3] ** 2 + s.q[i, 4] ** 2 + s.q[i, 5] ** 2 + s.q[i, 6] ** 2)
+        for j in range(3, 7):
+            s.q[i, j] /= norm
+
+
+@kernel
+def displace(s: State, w: Work) -> None:
+    """Move the links by the increments dx of the system, m and rad."""
+    for i in range(s.q.shape[0]):
+        body.advance(s.q[i], w.system.dx[i], w.before.q[i])
+        copy(w.before.q[i], s.q[i])
+
+
+@allocating
+def project(links: RigidLinks, s: State, w: Work) -> int:
+    """Close the pins in position, then in velocity, with the factors of the last stage."""
+    y, ends, gap, worst = w.system, closing.ends_without_pin(links), np.inf, 0
+    normalise(s)
+    y.r[:] = 0.0
+    for _ in range(CORRECTIONS):
+        pins(links, s, w)
+        if ends.cut:
+            y.C[augmented.closing_pin(ends, s.q.shape[0])] = 0.0
+        gap = 0.0
+        for j in range(y.C.shape[0]):
+            for k in range(5):
+                if not abs(y.C[j, k]) <= gap:
+                    gap, worst = abs(y.C[j, k]), j
+        if gap <= GAP:
+            break
+        augmented.solve(links.half, ends, y)
+        displace(s, w)
+    augmented.rates(links.half, ends, y, s.v)
+    augmented.solve(links.half, ends, y)
+    add_share(1.0, y.dx, s.v)
+    return -1 if gap <= OPEN else worst
+
+
+@namesake
 def end_work(links: RigidLinks, env: Environment, h: float, s: State, w: Work) -> float:
-    """See ``kinds``; by the powers at the start and at the end of the step."""
+    """By the powers at the start and at the end of the step."""
     return 0.5 * h * (s.sums[END_POWER] + w.sums[END_POWER])
 
 
-@kernel
+@namesake
 def speed(links: RigidLinks, env: Environment, s: State, w: Work) -> float:
-    """See ``kinds``."""
     pin_motion(links, s, w)
     return chain_speed(w.pins[0], w.pins[1], links.ends.closed, carrier(w.wheels, env.mount))
 
 
-@kernel
+@namesake
 def first_speed(links: RigidLinks, env: Environment, s: State, w: Work, report: Floats) -> float:
-    """See ``kinds``."""
     return speed(links, env, s, w)
 
 
-@kernel
+@namesake
 def observe(links: RigidLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
-    """See ``kinds``."""
     n = s.q.shape[0]
     copy_rows(w.along, s.along)
     low, high, mean, kinetic, place = np.inf, -np.inf, 0.0, 0.0, (0.0, 0.0, 0.0)
@@ -93,9 +215,9 @@ def stretching(links: RigidLinks, env: Environment, s: State, i: int, k: int) ->
     return before - (1.0 if first else 0.5) * s.load[i, k], after + (1.0 if last else 0.5) * s.load[j, k]
 
 
-@kernel
+@namesake
 def newton_joints(links: RigidLinks, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``; at a last pin, the force on its support."""
+    """At a last pin, the force on its support."""
     n, force = s.q.shape[0], w.on_links
     if force.shape[1] > JOINT:
         for i in range(n):
@@ -106,9 +228,8 @@ def newton_joints(links: RigidLinks, env: Environment, s: State, w: Work) -> Non
                     force[n, JOINT + k] = -after
 
 
-@kernel
+@namesake
 def stage_joints(links: RigidLinks, env: Environment, s: State, w: Work) -> None:
-    """See ``kinds``."""
     newton_joints(links, env, s, w)
 
 
@@ -127,9 +248,9 @@ def pin_motion(links: RigidLinks, s: State, w: Work) -> None:
             w.pins[1, j, k] = s.v[i, k] + end * (A[k, 1] * o2 - A[k, 2] * o1)
 
 
-@kernel
+@namesake
 def pin_axes(links: RigidLinks, s: State, w: Work, axis: Floats) -> None:
-    """See ``kinds``: the axes of the links that begin there."""
+    """The axes of the links that begin there."""
     n = s.q.shape[0]
     for j in range(axis.shape[0]):
         A = w.system.A[min(j, n - 1)]
@@ -138,9 +259,8 @@ def pin_axes(links: RigidLinks, s: State, w: Work, axis: Floats) -> None:
             axis[j, k] = A[k, 1]
 
 
-@kernel
+@namesake
 def slopes(links: RigidLinks, s: State, w: Work, slope: Floats) -> None:
-    """See ``kinds``."""
     for i in range(slope.shape[0]):
         A = w.system.A[i]
         body.rotation(s.q[i], A)
@@ -148,28 +268,26 @@ def slopes(links: RigidLinks, s: State, w: Work, slope: Floats) -> None:
             slope[i, k] = slope[i, 3 + k] = A[k, 0]
 
 
-@kernel
+@namesake
 def fibres(links: RigidLinks, s: State, w: Work, stress: Floats) -> None:
-    """See ``kinds``: zero, rigid links have none."""
+    """Zero, rigid links have none."""
     for i in range(stress.shape[0]):
         for k in range(2):
             stress[i, k] = 0.0
 
 
-@kernel
+@namesake
 def pin_places(links: RigidLinks, s: State, w: Work, place: Floats) -> None:
-    """See ``kinds``."""
     pin_motion(links, s, w)
     for j in range(place.shape[0]):
         for k in range(3):
             place[j, k] = w.pins[0, j, k]
 
 
-@kernel
+@namesake
 def observe_links(
     links: RigidLinks, env: Environment, s: State, w: Work, tension: Floats, stress: Floats, place: Floats
 ) -> None:
-    """See ``kinds``."""
     tensions(links, env, s, w, tension)
     for i in range(stress.size):
         stress[i] = 0.0

@@ -1,109 +1,78 @@
-"""Faces of rigid links; see ``faces``. Motion ``x``: a ``State``, rotation matrices in ``w.system.A``."""
+"""Faces of rigid links, and the change of their contact forces by Newton's last correction.
+
+Motion ``x``: a ``State``, rotation matrices in ``w.system.A``. The change is as in ``flexible.node_faces``.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
-from fmus.physics.arrays import Vector
+from fmus.jit import kernel, namesake, noalias
+from fmus.physics.arrays import Floats, Vector
+from fmus.physics.chain import contact_points as at
 from fmus.physics.chain.contact_points import record
+from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force
 from fmus.physics.chain.rigid.arms import add_force, axis, joined, lever, rate
-from fmus.physics.chain.rigid.last_correction import add_last_correction  # noqa: F401 - reached by dispatch
-from fmus.physics.vector import add, dot, scale, vector
+from fmus.physics.rigid import body
+from fmus.physics.vector import add, cross, dot, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.faces import ContactPoint
+    from fmus.physics.chain.contact_points import ContactPoint
     from fmus.physics.chain.rigid.links import RigidLinks
-    from fmus.physics.chain.rigid.state import State
-    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.chain.rigid.state import State, Work
     from fmus.physics.contact.face import ContactForce, Sinking
 
 
-@kernel
+@namesake
 def count(links: RigidLinks, x: State) -> tuple[int, int]:
-    """See ``faces``."""
     return x.q.shape[0], x.lam.shape[0]
 
 
-@kernel
+@namesake
 def lateral_points(links: RigidLinks) -> tuple[int, float]:
-    """See ``faces``."""
     return 2, links.lateral
 
 
-@kernel
+@namesake
 def length(links: RigidLinks) -> float:
-    """See ``faces``."""
     return 2.0 * links.half
 
 
-@kernel
+@namesake
 def depth_below_pins(links: RigidLinks, x: State, i: int) -> float:
-    """See ``faces``."""
     return links.face + 2.0 * links.half
 
 
-@kernel
+@namesake
 def pin_positions(links: RigidLinks, x: State, w: Work, i: int) -> tuple[Vector, Vector]:
-    """See ``faces``."""
     r, l = vector(x.q[i], 0), scale(links.half, axis(w.system.A[i], 0))
     return add(r, scale(-1.0, l)), add(r, l)
 
 
-@kernel
+@namesake
 def pin_velocities(links: RigidLinks, x: State, w: Work, i: int) -> tuple[Vector, Vector]:
-    """See ``faces``."""
     A, v = w.system.A[i], x.v[i]
     return rate(A, v, -links.half, 0.0, 0.0), rate(A, v, links.half, 0.0, 0.0)
 
 
-@kernel
-def to_ground(links: RigidLinks, x: State, w: Work, p: Vector, v: Vector) -> tuple[Vector, Vector]:
-    """See ``faces``."""
-    return p, v
-
-
-@kernel
-def from_ground(links: RigidLinks, x: State, w: Work, force: ContactForce, tangent: bool) -> ContactForce:
-    """See ``faces``."""
-    return force
-
-
-@kernel
-def begin_contacts(links: RigidLinks, x: State, w: Work) -> None:
-    """See ``faces``."""
-
-
-@kernel
-def begin_link(links: RigidLinks, x: State, w: Work, i: int) -> None:
-    """See ``faces``."""
-
-
-@kernel
+@namesake
 def locate_section(links: RigidLinks, x: State, w: Work, i: int, xi: float, z: float) -> tuple[float, float]:
-    """See ``faces``."""
     return (2.0 * xi - 1.0) * links.half, z
 
 
-@kernel
+@namesake
 def locate(
     links: RigidLinks, x: State, w: Work, i: int, section: tuple[float, float], y: float
 ) -> tuple[Vector, Vector]:
-    """See ``faces``; leaves the lever, m, in ``w.lever``."""
+    """Leaves the lever, m, in ``w.lever``."""
     A, (lx, z) = w.system.A[i], section
     l = lever(A, lx, y, z)
     w.lever[0], w.lever[1], w.lever[2] = l
     return add(vector(x.q[i], 0), l), rate(A, x.v[i], lx, y, z)
 
 
-@kernel
-def finish_section(links: RigidLinks, w: Work, i: int, tangent: bool) -> None:
-    """See ``faces``."""
-
-
-@kernel
+@namesake
 def position_slope(links: RigidLinks, x: State, w: Work, i: int) -> Vector:
-    """See ``faces``."""
     return scale(2.0 * links.half, axis(w.system.A[i], 0))
 
 
@@ -136,15 +105,14 @@ def add_rate_matrix(links: RigidLinks, w: Work, i: int, force: ContactForce, sin
             K[3 + k, j] -= by_rate * by * (N[0, k] * r[0] + N[1, k] * r[1] + N[2, k] * r[2])
 
 
-@kernel
+@namesake
 def record_point(links: RigidLinks, w: Work, point: ContactPoint, force: ContactForce, sinking: Sinking) -> None:
-    """See ``faces``."""
     record(w.points, point, force, sinking)
 
 
-@kernel
+@namesake
 def locate_pin(links: RigidLinks, x: State, w: Work, i: int, y: float) -> tuple[Vector, Vector]:
-    """See ``faces``: a point of the link that begins there; for the last pin, of the one that ends there."""
+    """A point of the link that begins there; for the last pin, of the one that ends there."""
     before, after = joined(x.q.shape[0], links.ends.closed, i)
     k, end = (after, -links.half) if after >= 0 else (before, links.half)
     A = w.system.A[k]
@@ -162,3 +130,51 @@ def apply_pin_force(links: RigidLinks, x: State, w: Work, i: int, y: float, forc
         if k >= 0:
             A, r, K = w.system.A[k], w.system.r[k], w.system.K[k]
             add_force(A, lever(A, end, y, 0.0), share, force.f, force.g, tangent, w.N, r, K)
+
+
+@kernel
+@noalias
+def add_last_correction(links: RigidLinks, x: State, w: Work) -> None:
+    """Add the change of all contact forces to wrenches, forces on links, loads on pins and tensions by contacts.
+
+    The last correction is in the linear system, whose rotation matrices become those at the last evaluation.
+    """
+    points, wheels, A = w.points, w.wheels.shape[0], w.system.A
+    for i in range(x.q.shape[0]):
+        body.rotation(points.q[i], A[i])
+    for n in range(points.number[0]):
+        which, numbers = points.which[n], points.numbers[n]
+        partner, i = which[at.PARTNER], which[at.BODY]
+        f, p = _change(links, w, i, which[at.ON_PIN], numbers), vector(numbers, at.POSITION)
+        for k in range(3):
+            w.wrench[partner, k] -= f[k]
+        if partner < wheels:
+            torque = cross(add(p, scale(-1.0, vector(w.wheels[partner], 0))), f)
+            for k in range(3):
+                w.wrench[partner, 3 + k] -= torque[k]
+        add_link_force(w.on_links, which[at.LINK], WHEELS if partner < wheels else GROUND, f)
+        if which[at.ON_PIN]:
+            for k in range(3):
+                x.load[i, k] += f[k]
+        else:
+            w.along[i, 0] += dot(f, axis(A[i], 0)) * (numbers[at.PLACE] - 0.5)
+
+
+@kernel
+def _change(links: RigidLinks, w: Work, i: int, on_pin: int, numbers: Floats) -> Vector:
+    """Change of the force on a point of the link or pin ``i``, N; ``numbers`` as in ``contact_points``."""
+    A, dx, (xi, z, y) = w.system.A, w.system.dx, vector(numbers, at.PLACE)
+    if on_pin:
+        before, after = joined(A.shape[0], links.ends.closed, i)
+        d, share = (0.0, 0.0, 0.0), 1.0 if before < 0 or after < 0 else 0.5
+        for k, end in ((after, -links.half), (before, links.half)):
+            if k >= 0:
+                d = add(d, scale(share, rate(A[k], dx[k], end, y, 0.0)))
+    else:
+        d = rate(A[i], dx[i], (2.0 * xi - 1.0) * links.half, y, z)
+    m = at.MATRIX
+    f = dot(vector(numbers, m), d), dot(vector(numbers, m + 3), d), dot(vector(numbers, m + 6), d)
+    if numbers[at.BY_RATE] == 0.0:
+        return f
+    foot = rate(A[i], dx[i], (2.0 * numbers[at.FOOT] - 1.0) * links.half, 0.0, 0.0)
+    return add(f, scale(-numbers[at.BY_RATE] * dot(vector(numbers, at.NORMAL), foot), vector(numbers, at.RATE)))

@@ -2,6 +2,12 @@
 
 The equations of motion and the pins' position equations hold at the end of every step, to second order in the last
 correction. Newton's unknowns are the links' increments over the step and the multipliers (``physics.rigid.augmented``).
+
+Rates of the pins at the beginning of a short step after a longer one.
+
+The implicit step closes the pins in position. Their rates are off by the square of its length, and a much shorter step
+would take them out by accelerations that are as much larger as it is shorter. Impulses between the links take them out
+before it: the momentum of the chain stays. These impulses are no part of the pins' mean forces.
 """
 
 from __future__ import annotations
@@ -12,24 +18,59 @@ import numpy as np
 
 from fmus.jit import allocating, kernel, noalias
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
+from fmus.physics.chain.integration import DONE, SINGULAR, STALLED
+from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
-from fmus.physics.chain.rigid.links import residual
-from fmus.physics.chain.rigid.rates import close_rates
-from fmus.physics.chain.state import copy_rows
-from fmus.physics.chain.touch import add_last_correction
+from fmus.physics.chain.rigid import closing
+from fmus.physics.chain.rigid.links import pins, residual
+from fmus.physics.chain.state import add_share, copy_rows
 from fmus.physics.integrate.generalized_alpha import auxiliary, slopes
 from fmus.physics.point import sharpen
 from fmus.physics.rigid import augmented, body
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.environment import Environment
     from fmus.physics.chain.implicit import ImplicitMethod
+    from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
-    from fmus.physics.chain.rigid.state import State
-    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.chain.rigid.state import State, Work
     from fmus.physics.integrate.generalized_alpha import Slopes
+
+
+SHORT = 2.5e-4  # longest step that is looked at, s
+PARTING = 0.1  # least acceleration, m/s2, by which a step would take the rates out
+
+
+@kernel
+def set_mass(links: RigidLinks, w: Work) -> None:
+    """Set the matrices of all links to their masses and inertias."""
+    K = w.system.K
+    K[:] = 0.0
+    for i in range(K.shape[0]):
+        for k in range(3):
+            K[i, k, k] = links.mass
+            K[i, 3 + k, 3 + k] = links.inertia[k]
+
+
+@kernel
+def close_rates(links: RigidLinks, h: float, s: State, w: Work) -> None:
+    """Change the velocities so that no pin parts, if a step of ``h`` s would need a large acceleration for it."""
+    if h >= SHORT:
+        return
+    y, ends, parting = w.system, closing.ends_without_pin(links), 0.0
+    pins(links, s, w)
+    augmented.rates(links.half, ends, y, s.v)
+    for j in range(y.C.shape[0]):
+        for k in range(5):
+            parting = max(parting, abs(y.C[j, k]) * (1.0 if k < 3 else links.half))
+    if parting < PARTING * h:
+        return
+    set_mass(links, w)
+    y.r[:] = 0.0
+    if augmented.factor(links.half, ends, y, augmented.REGULAR) < 0:
+        augmented.solve(links.half, ends, y)
+        add_share(1.0, y.dx, s.v)
+
 
 TOLERANCE = 1e-8  # correction at the end of the iteration, m
 GAP = 1e-11  # misfit of a pin that counts as closed, m and rad: 1e-12 of the length of a track
@@ -55,7 +96,7 @@ def newton(
     w: Work,
     counters: Integers,
 ) -> tuple[int, int, float]:
-    """See ``kinds``."""
+    """Newton's iteration; arguments and result as of ``interface.newton``."""
     c, by, before = method.alpha, slopes(method.alpha, h), w.before
     close_rates(links, h, s, w)
     for i in range(s.q.shape[0]):
