@@ -317,7 +317,7 @@ def depends_on_the_processor(source: str) -> list[str]:
 # that is checked, not used; powers of 2: products in a kernel, constants of the functions; whether a sum of squares is
 # finite; the spline of a path, whose tridiagonal solve calls no BLAS (``test_processors.py``).
 EXEMPT = {
-    "physics/ancf/element.py", "physics/chain/flexible/free_axes.py", "physics/chain/flexible/closing.py",
+    "physics/ancf/element.py", "physics/chain/flexible/turning.py", "physics/chain/flexible/closing.py",
     "physics/integrate/adams.py", "ranges.py", "physics/elementary.py", "model.py", "driver/path.py",
 }  # fmt: skip
 

@@ -110,7 +110,7 @@ def _first(links: ConstrainedCables) -> int:
 
 @namesake
 def factor(links: ConstrainedCables, w: Work) -> int:
-    indices, D, U, L, n = layout(links), w.joints.S[0], w.joints.S[1], w.joints.S[2], links.n
+    indices, D, U, L, n = LAYOUT, w.joints.S[0], w.joints.S[1], w.joints.S[2], links.n
     m, last = len(indices.shared), 2 * n - 1
     for i in range(n):
         W, a, b = w.joints.W[i], 2 * i, 2 * i + 1
@@ -140,7 +140,7 @@ def factor(links: ConstrainedCables, w: Work) -> int:
 @namesake
 def solve(links: ConstrainedCables, w: Work) -> None:
     W, multipliers, y, n, b = w.joints.W, w.joints.multipliers, w.joints.y, links.n, w.b
-    m, last = len(layout(links).shared), 2 * n - 1
+    m, last = len(LAYOUT.shared), 2 * n - 1
     for i in range(n):
         for r in range(2 * m):
             s = 0.0
@@ -175,7 +175,7 @@ def solve(links: ConstrainedCables, w: Work) -> None:
 
 @namesake
 def misfit(links: ConstrainedCables, q: Floats, w: Work) -> None:
-    gap, indices = w.joints.gap, layout(links)
+    gap, indices = w.joints.gap, LAYOUT
     for j in range(links.n):
         for k in range(len(indices.shared)):
             gap[j, k] = q[2 * j, indices.pin[k]] - q[2 * j - 1, indices.pin[k]] if j >= _first(links) else 0.0
@@ -195,7 +195,7 @@ def project(links: ConstrainedCables, s: State, w: Work) -> None:
 def pin_speed(links: ConstrainedCables, carrier: Carrier, s: State, w: Work) -> float:
     places, rates, pins = w.joints.places, w.joints.rates, links.n if links.closed == 1 else links.n + 1
     for j in range(pins):
-        i = node(layout(links), 2 * links.n, j)
+        i = node(LAYOUT, 2 * links.n, j)
         for k in range(3):
             places[j, k], rates[j, k] = s.q[i, k], s.v[i, k]
     return chain_speed(places[:pins], rates[:pins], links.closed == 1, carrier)
