@@ -284,7 +284,7 @@ def dispatch(
             function = getattr(found, "py_func", found)
             if [*inspect.signature(function).parameters] != [*signature.parameters]:
                 raise TypeError(f"{found.__module__}.{stub.__name__}: other parameters than those of its stub")
-            if shared:
+            if shared and found is not stub:  # the body of a stub is no kernel
                 caller = eval(f"lambda {names}: namesake({names})", {"namesake": found})
                 # numba numbers functions as a process meets them: of two processes' kernels in one, a number and the
                 # name <lambda> may mean two functions, and the linker takes the one for the other
