@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import threading
 from collections.abc import Sequence
@@ -18,7 +19,8 @@ from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, rec
 from orchestrator.log.wire import Rule
 
 WORTHWHILE = 5e-5  # s, least step time for threads: a shorter step of our FMUs is mostly Python, which has one lock
-POLLS = 20_000  # polls for a task before a worker sleeps, about a millisecond
+SEMAPHORE = 8  # words, enough for a semaphore of any C library
+POLLS = 800_000  # polls for a task before a worker sleeps, about a millisecond
 
 
 class InputCopy(NamedTuple):
@@ -121,7 +123,9 @@ class Worker:
     """Thread that does the tasks of its mailbox."""
 
     def __init__(self) -> None:
-        self.mailbox = record(Mailbox())
+        self._bell = np.zeros(SEMAPHORE, dtype=np.int64)
+        ctypes.CDLL(None).sem_init(ctypes.c_void_p(self._bell.ctypes.data), 0, 0)
+        self.mailbox = record(Mailbox(bell=self._bell.ctypes.data))
         self.address = int(self.mailbox.ctypes.data)
         self._thread = threading.Thread(target=self._work, name="step", daemon=True)
         self._thread.start()

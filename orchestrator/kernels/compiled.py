@@ -24,7 +24,7 @@ import llvmlite.binding as llvm
 
 from fmus.cache import cache_folder, private_folder, read_checked, write_checked
 
-CAN_STEP = sys.platform == "linux" and platform.machine() == "x86_64"  # ``stepping`` uses futex and pause
+CAN_STEP = sys.platform == "linux" and platform.machine() == "x86_64"  # on which ``stepping`` is tested
 WORD, REAL = ctypes.c_int64, ctypes.c_double
 PACKING = {"copy_words": (WORD,) * 8}
 STEPPING = {
@@ -34,7 +34,7 @@ STEPPING = {
     "set_state": (WORD, WORD),
 }
 KERNELS: dict[str, dict[str, Any]] = {"packing": PACKING, **({"stepping": STEPPING} if CAN_STEP else {})}
-FROM_C = {"clock_gettime", "memcpy", "sched_yield", "syscall"}
+FROM_C = {"clock_gettime", "memcpy", "sched_yield", "sem_post", "sem_wait"}
 COMPILED = logging.getLogger("cotrack.kernels")  # receives a message for each compilation
 
 
@@ -110,8 +110,7 @@ def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef
 
     ``kinds``: C types of the arguments. Raises TypeError if the kernel needs Python's run time.
     """
-    from numba import cfunc, types
-    from numba.core import config
+    from numba import cfunc, config, types
 
     options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "_nrt": False}
     settings: Any = config

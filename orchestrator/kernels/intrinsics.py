@@ -6,18 +6,17 @@ from typing import Any
 
 from llvmlite import ir
 from numba import extending, types
-from numba.core import cgutils
-from numba.extending import register_jitable
 
 intrinsic: Any = extending.intrinsic  # kernels call an intrinsic without its first argument ``typing``
 BYTE, STATUS, WORD, REAL = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.DoubleType()
 ADDRESS = BYTE.as_pointer()
 ORDER = "seq_cst"  # all threads see atomic operations in one order
-MONOTONIC = 1  # clock_gettime
-FUTEX, WAIT_PRIVATE, WAKE_PRIVATE = 202, 128, 129  # system call of Linux on x86-64, and its operations
 
+# functions of the C library
 sched_yield: Any = types.ExternalFunction("sched_yield", types.int32())
-syscall: Any = types.ExternalFunction("syscall", types.int64(*[types.int64] * 5))
+sem_wait: Any = types.ExternalFunction("sem_wait", types.int32(types.int64))
+sem_post: Any = types.ExternalFunction("sem_post", types.int32(types.int64))
+clock_gettime: Any = types.ExternalFunction("clock_gettime", types.int32(types.int32, types.int64))
 memcpy: Any = types.ExternalFunction("memcpy", types.int64(types.int64, types.int64, types.int64))
 
 
@@ -107,44 +106,6 @@ def compare_and_swap(typing: Any, address: Any, expected: Any, value: Any) -> An
         return builder.extract_value(swapped, 0)
 
     return types.int64(types.int64, types.int64, types.int64), emit
-
-
-@intrinsic
-def pause(typing: Any) -> Any:
-    """Tell the processor that this loop waits for another thread (x86)."""
-
-    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        builder.call(ir.InlineAsm(ir.FunctionType(ir.VoidType(), []), "pause", "", side_effect=True), [])
-        return context.get_dummy_value()
-
-    return types.void(), emit
-
-
-@intrinsic
-def clock(typing: Any) -> Any:
-    """Return the monotonic time, ns."""
-
-    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kind = ir.FunctionType(STATUS, [STATUS, ADDRESS])
-        function = cgutils.get_or_insert_function(builder.module, kind, "clock_gettime")
-        time = cgutils.alloca_once(builder, ir.ArrayType(WORD, 2))
-        builder.call(function, [ir.Constant(STATUS, MONOTONIC), builder.bitcast(time, ADDRESS)])
-        seconds, ns = (builder.extract_value(builder.load(time), k) for k in range(2))
-        return builder.add(builder.mul(seconds, ir.Constant(WORD, 1_000_000_000)), ns)
-
-    return types.int64(), emit
-
-
-@register_jitable
-def futex_wait(address, state):
-    """Sleep until ``futex_wake`` while the word at an address, below 2**31, is ``state``."""
-    syscall(FUTEX, address, WAIT_PRIVATE, state, 0)
-
-
-@register_jitable
-def futex_wake(address):
-    """Wake at most one thread that sleeps at an address; returns the number woken."""
-    return syscall(FUTEX, address, WAKE_PRIVATE, 1, 0)
 
 
 def _call(builder: Any, function: Any, kinds: list[Any], values: list[Any]) -> Any:

@@ -12,16 +12,15 @@ from orchestrator.kernels.intrinsics import (
     atomic_store,
     call_do_step,
     call_exchange,
-    clock,
+    clock_gettime,
     compare_and_swap,
-    futex_wait,
-    futex_wake,
     load_real,
     load_word,
     memcpy,
-    pause,
     record_at,
     sched_yield,
+    sem_post,
+    sem_wait,
     store_real,
     store_word,
 )
@@ -43,6 +42,7 @@ from orchestrator.kernels.tables import (
 CALL, MAILBOX, PLAN, GROUP = map(record_type, (StepCall, Mailbox, StepPlan, StepGroup))
 ROWS, HEAD = map(record_type, (RowTable, RowHead))
 SET_REAL, DO_STEP, GET_REAL = (StepCall._fields.index(name) for name in ("set_real", "do_step", "get_real"))
+MONOTONIC, CLOCK = 1, CALL.fields["clock"][1]  # clock of Linux; where a record holds its time
 WARNING = 1  # FMI status; a greater one, or one below 0, is a failure
 YIELD = 1023  # polls after which a waiting thread yields the processor; a power of two less one
 NO_LIMIT = -1
@@ -58,7 +58,6 @@ def spin(address, state, limit):
     polls = 0
     word = atomic_load(address)
     while word == state and polls != limit:
-        pause()
         polls += 1
         if polls & YIELD == 0:
             sched_yield()
@@ -75,7 +74,7 @@ def work(address, limit):
         if state == ENDED:
             return 0
         if state == ASLEEP:
-            futex_wait(address, ASLEEP)
+            sem_wait(mailbox.bell)
         elif state == FREE:
             compare_and_swap(address, FREE, ASLEEP)
         elif compare_and_swap(address, SUBMITTED, RUNNING) == SUBMITTED:
@@ -88,7 +87,7 @@ def set_state(address, state):
     """Set the state of the mailbox of a worker without a task, and wake the worker."""
     if compare_and_swap(address, FREE, state) == ASLEEP:
         compare_and_swap(address, ASLEEP, state)
-        futex_wake(address)
+        sem_post(record_at(address, MAILBOX).bell)
     return 0
 
 
@@ -112,13 +111,21 @@ def wait(address):
 
 
 @register_jitable
+def seconds(address):
+    """Monotonic time of the system, s; written into the record of a component, which only one thread steps."""
+    clock_gettime(MONOTONIC, address + CLOCK)
+    call = record_at(address, CALL)
+    return call.clock + 1e-9 * call.clock_ns
+
+
+@register_jitable
 def step_component(address):
     """Write inputs, step, read outputs and due link outputs; store failure, status and wall time."""
     call = record_at(address, CALL)
-    start = clock()
+    start = seconds(address)
     if call.begin == 0 or call.failed == 0:
         call.failed = call_functions(call)
-    call.seconds = 1e-9 * (clock() - start)
+    call.seconds = seconds(address) - start
     call.total += call.seconds
 
 

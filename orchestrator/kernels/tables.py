@@ -37,6 +37,8 @@ class StepCall(NamedTuple):
     status: int = 0  # FMI status of the last function
     seconds: float = 1.0  # wall time of the last step; initially an overestimate
     total: float = 0.0  # wall time of all steps, s
+    clock: int = 0  # s, the system's monotonic time, as clock_gettime writes it
+    clock_ns: int = 0  # and ns
     n_links: int = 0  # number of link outputs; 0: not recorded
     links: int = 0  # value references
     y_links: int = 0
@@ -49,6 +51,7 @@ class Mailbox(NamedTuple):
 
     state: int = FREE
     task: int = 0  # address of a StepCall
+    bell: int = 0  # address of a semaphore of the C library, at which the worker sleeps
 
 
 class StepPlan(NamedTuple):

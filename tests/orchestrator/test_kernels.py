@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numba.extending import register_jitable
 
+from orchestrator.cosim.program import Worker
 from orchestrator.kernels import compiled as compiled_module
 from orchestrator.kernels import intrinsics
 from orchestrator.kernels.compiled import CAN_STEP, KERNELS, REAL, WORD, compiled, kernels
@@ -19,19 +20,19 @@ from orchestrator.kernels.intrinsics import (
     atomic_store,
     call_do_step,
     call_exchange,
-    clock,
+    clock_gettime,
     compare_and_swap,
-    futex_wait,
-    futex_wake,
     load_real,
     load_word,
     memcpy,
-    pause,
     record_at,
     sched_yield,
+    sem_post,
+    sem_wait,
     store_real,
     store_word,
 )
+from orchestrator.kernels.stepping import MONOTONIC
 from orchestrator.kernels.tables import CACHE_LINE, RowHead, StepCall, record, record_type
 
 HEAD = record_type(RowHead)
@@ -130,13 +131,11 @@ def counting_up(atomically):
                 count = atomic_load(address)
                 if compare_and_swap(address, count, count + 1) == count:
                     break
-                pause()
         return 0
 
     def storing(address, n):
         for _ in range(n):
             count = atomic_load(address)
-            pause()
             atomic_store(address, count + 1)
         return 0
 
@@ -160,7 +159,6 @@ def test_others_run_while_a_kernel_waits():
     def kernel(address, begun):
         looks = 0
         while atomic_load(address) == 0:
-            pause()
             sched_yield()
             looks += 1
             atomic_store(begun, 1)
@@ -178,41 +176,36 @@ def test_others_run_while_a_kernel_waits():
 
 @needs_linux
 def test_a_thread_sleeps_until_it_is_woken():
-    def sleeper(address, state):
-        while atomic_load(address) == state:
-            futex_wait(address, state)
+    def sleeper(bell):
+        sem_wait(bell)
         return 1
 
-    def waker(address):
-        return futex_wake(address)
+    def waker(bell):
+        sem_post(bell)
+        return 0
 
-    word, sleep, wake = np.array([3]), loaded(sleeper, WORD, WORD), loaded(waker, WORD)
-    assert wake(at(word)) == 0, "nothing waits to be woken"
-    thread = threading.Thread(target=sleep, args=(at(word), 3))
+    worker = Worker()
+    bell = int(worker.mailbox["bell"][0])
+    worker.close()
+    sleep, wake, awake = loaded(sleeper, WORD), loaded(waker, WORD), threading.Event()
+    thread = threading.Thread(target=lambda: sleep(bell) and awake.set())
     thread.start()
-    while wake(at(word)) == 0:  # until the thread sleeps
-        pass
-    word[0] = 4
-    wake(at(word))
+    assert not awake.wait(0.05)
+    wake(bell)
+    assert awake.wait(60.0)
     thread.join()
-
-
-@needs_linux
-def test_nobody_sleeps_where_the_word_is_another_one():
-    def kernel(address):
-        futex_wait(address, 3)
-        return 1
-
-    assert loaded(kernel, WORD)(at(np.array([4]))) == 1
+    wake(bell)
+    assert sleep(bell) == 1, "a bell that rang before is heard"
 
 
 @needs_linux
 def test_the_clock_is_that_of_the_system():
-    def kernel():
-        return clock()
+    def kernel(address):
+        clock_gettime(MONOTONIC, address)
+        return 1_000_000_000 * load_word(address) + load_word(address + 8)
 
-    call = loaded(kernel)
-    times = [monotonic_ns(), call(), monotonic_ns(), call()]
+    call, time = loaded(kernel, WORD), np.zeros(2, np.int64)
+    times = [monotonic_ns(), call(at(time)), monotonic_ns(), call(at(time))]
     assert times == sorted(times)
 
 
