@@ -54,6 +54,7 @@ def test_a_height_map_of_a_plane_is_the_plane():
     np.testing.assert_allclose(mapped, moved(f"ground.grade={grade}", steps=STEPS, duration=0.1), atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_crawling_vehicle_follows_waves():
     """Five equal springs follow the line of least squares through the ground under their wheels."""
     waves = "ground.washboard={amplitude=0.02, wavelength=4, start=-20}"

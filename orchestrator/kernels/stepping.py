@@ -42,7 +42,7 @@ from orchestrator.kernels.tables import (
 CALL, MAILBOX, PLAN, GROUP = map(record_type, (StepCall, Mailbox, StepPlan, StepGroup))
 ROWS, HEAD = map(record_type, (RowTable, RowHead))
 SET_REAL, DO_STEP, GET_REAL = (StepCall._fields.index(name) for name in ("set_real", "do_step", "get_real"))
-MONOTONIC, CLOCK = 1, CALL.fields["clock"][1]  # clock of Linux; where a record holds its time
+MONOTONIC, CLOCK = 1, 8 * StepCall._fields.index("clock")  # clock of Linux; where a record holds its time
 WARNING = 1  # FMI status; a greater one, or one below 0, is a failure
 YIELD = 1023  # polls after which a waiting thread yields the processor; a power of two less one
 NO_LIMIT = -1

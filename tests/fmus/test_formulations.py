@@ -161,6 +161,7 @@ def test_a_soft_spring_swings_and_loses_what_its_damper_takes():
         assert np.abs(np.log2(np.array(errors[:-1]) / errors[1:]) - 2.0).max() < 0.3, errors
 
 
+@pytest.mark.long
 def test_a_stiffer_spring_takes_shorter_explicit_steps():
     steps = [
         made(Rigid, 8, **RECURSIVE, **SPRING, start="polygon", **{"closure.stiffness": k}).stable_step

@@ -273,6 +273,7 @@ def test_a_file_of_numbers_makes_an_instance_one_of_another_fmu():
     assert speeds[1] == spin_after(build_native(*drive(11.0)), None)
 
 
+@pytest.mark.long
 def test_constants_are_those_of_the_numbers():
     """A grade is a constant of a native track: each instance of the shape has its own."""
     fmus = []

@@ -225,7 +225,7 @@ def test_our_fmus_run_by_the_time_of_the_scene(tmp_path):
     hashes = []
     for start in (0.0, 1e6):
         settings = {"run.stop": "5 ms", "run.start": start, "chain.links": 8, "run.links": 7, "expect": {}}
-        simulate(load("hanging_chain", "rigid", settings), tmp_path / "a.mcap")
+        simulate(load("hanging_chain", "flexible", settings), tmp_path / "a.mcap")
         with Log(tmp_path / "a.mcap") as log:
             hashes.append(log.hashes()["/chain/out"])
     assert hashes[0] == hashes[1]

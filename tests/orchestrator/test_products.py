@@ -26,11 +26,17 @@ from orchestrator.scene.scene import load, scene_names
 
 SCENES = scene_names()
 VARIANTS = {**dict.fromkeys(TRACKS, ()), "beam": ("track.element=beam",)}
-OTHERS = ("marder", "robot", "rear_drive")  # other vehicles, whose equilibria take seconds
+OTHERS = ("robot", "rear_drive")  # other vehicles, whose equilibria take seconds
 OTHERS += ("climb", "side_slope", "hold", "half_round", "washboard", "rough", "step", "trench")  # or other ground
-ON_SOIL = ("soft_ground", "treadmill", "plate_press", "shear_sled")  # whose kernels nothing else compiles
+LONG = ("soft_ground", "treadmill", "plate_press", "shear_sled", "marder")  # on soil; the equilibrium of most wheels
+
+
+def takes_seconds(name, kind):
+    return name in LONG or kind == "beam" or (name in OTHERS and kind != "flexible")
+
+
 CASES = [
-    pytest.param(name, kind, marks=[pytest.mark.long] * (name in ON_SOIL or (name in OTHERS and kind != "flexible")))
+    pytest.param(name, kind, marks=[pytest.mark.long] * takes_seconds(name, kind))
     for name in SCENES
     for kind in VARIANTS
 ]
