@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from orchestrator.log.time_series import Floats
 
 Scale = tuple[float, float]  # least and largest value
+Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
 MAP = "viridis"
 STEEL = (150, 155, 160)
 WHEEL = {"sprocket": (120, 120, 125), **dict.fromkeys(("road_wheel", "idler", "return_roller"), (90, 95, 100))}
@@ -44,7 +45,7 @@ LINK_COLOURS = {
 }
 
 
-def to_unit_range(colour: tuple[int, int, int]) -> tuple[float, float, float]:
+def to_unit_range(colour: Colour) -> tuple[float, float, float]:
     """Convert a colour from 0..255 to 0..1."""
     red, green, blue = colour
     return red / 255.0, green / 255.0, blue / 255.0
@@ -59,3 +60,10 @@ def map_colours(values: Floats | None, shape: tuple[int, ...], scale: Scale) -> 
     low, high = scale
     share = np.clip((values - low) / (high - low), 0.0, 1.0)
     return np.asarray(colormaps[MAP](share, bytes=True))[..., :3]
+
+
+def of_part(kind: str, values: Floats | None, shape: tuple[int, ...], scale: Scale) -> NDArray[np.uint8]:
+    """Colours (*shape, 3) of a part of links: bodies show values (*shape), as ``map_colours``."""
+    if kind in PART:
+        return np.broadcast_to(np.array(PART[kind], np.uint8), (*shape, 3))
+    return map_colours(values, shape, scale)
