@@ -151,10 +151,8 @@ class FilmPicture:
 
         self._bodies, self._viewpoint = bodies, viewpoint
         self._scale = bodies.colour_range()
-        self._lower = viewpoint == "top" and bodies.colour in (
-            "ground",
-            "sliding",
-        )  # the upper run would hide the coloured lower run
+        # the upper run would hide the coloured lower run
+        self._lower = viewpoint == "top" and bodies.colour in ("ground", "sliding")
         self._speed = bodies.speeds()
         low, high = self._extent()
         across = width - EDGE - (BESIDE if bodies.colour else EDGE)
@@ -197,14 +195,8 @@ class FilmPicture:
         self._hull = PolyCollection([], facecolors=[], edgecolors=edge, linewidths=1.0)
         self._forces = lines(colours.to_unit_range(colours.FORCE), 1.2)
         self._artists = [
-            self._earth,
-            self._untouched,
-            self._metres,
-            self._hidden,
-            self._hull,
-            self._solid,
-            self._forces,
-        ]
+            self._earth, self._untouched, self._metres, self._hidden, self._hull, self._solid, self._forces
+        ]  # fmt: skip
         if self._arrows:
             self._artists.append(self._add_scale_of_forces(lines(colours.to_unit_range(colours.FORCE), 1.6)))
         for collection in self._artists:
@@ -359,13 +351,11 @@ class FilmPicture:
 
     def _arrows_of(self, camera: Camera, poses: Poses, k: int) -> Floats:
         """Return the arrows of ground forces (n, 2, 2), m in the picture."""
-        arrows = [np.empty((0, 2, 2))]
-        for track in self._bodies.tracks:
-            links = poses.links[track.name]
-            if links.ground is not None:
-                origins, vectors, _ = ground_arrows(self._bodies, track, links, slice(k, k + 1))
-                arrows.append(camera.project(np.stack([origins, origins + vectors], axis=1)))
-        return np.concatenate(arrows)
+        arrows = [
+            camera.project(np.stack([origins, origins + vectors], axis=1))
+            for _, origins, vectors, _ in ground_arrows(self._bodies, poses, slice(k, k + 1))
+        ]
+        return np.concatenate([np.empty((0, 2, 2)), *arrows])
 
     def _motion(self, t: float) -> str:
         if self._speed is None:

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orchestrator.results.ground_surface import GroundSurface
-
 MOVING_INSTANTS = 3  # of the part of a run with motion, besides its start
 MOVES = 0.05  # of the largest speed: a faster vehicle counts as moving
 UPRIGHT = 0.7  # height over width beyond which panes are side by side
@@ -59,13 +57,11 @@ def draw_side(path: Path, output: Path, times: Sequence[float] | None = None) ->
     with Log(path) as log:
         run = RunData(log)
         track = next((name for name in run.tracks if f"/{name}/links" in log.topics), "")
-        if not track:
-            raise BadInput(f"{path} holds no links to draw")
         try:
-            bodies = Bodies(run, EVERY, track=track)
+            bodies = Bodies(run, EVERY, track=track) if track else None
         except NoInstant:
-            raise BadInput(f"{path} holds no links to draw") from None
-        if not bodies.tracks:
+            bodies = None
+        if not (bodies and bodies.tracks):
             raise BadInput(f"{path} holds no links to draw")
         bodies.select_instants(_moving_instants(bodies.t, bodies.end, times, None if times else _moving(run, track)))
         save_figure(_figure(bodies), output)
@@ -183,22 +179,14 @@ def _moving_instants(
 
     Default: the start and thirds of the interval ``moving``, or of the run without one.
     """
-    for t in times or ():
-        if not within(np.array(t), Window(float(recorded[0]), end)):
-            raise BadInput(f"--at {t:.9g}: links were recorded from {recorded[0]:.9g} to {end:.9g} s")
+    _require_recorded(times, Window(float(recorded[0]), end), "links")
     if times is None:
         begin, end = moving or Window(0.0, float(recorded[-1]))
-        thirds = (
-            [begin + (end - begin) * (i + 1) / MOVING_INSTANTS for i in range(MOVING_INSTANTS)]
-            if end > begin
-            else [end]
-        )
+        parts = range(1, MOVING_INSTANTS + 1) if end > begin else ()
+        thirds = [begin + (end - begin) * i / MOVING_INSTANTS for i in parts] or [end]
         times = [float(recorded[0]), *thirds] if moving else thirds
     return list(dict.fromkeys(recorded[nearest(recorded, np.array(times))].tolist()))
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 INSTANTS = 5
 ROOM = 5.0  # m: margin beside the path of the vehicle
@@ -319,7 +307,12 @@ def _even_instants(t: Floats, times: Sequence[float] | None) -> Sequence[float]:
     """Return the times, s, by default evenly spaced over the run; raises BadInput for times outside of it."""
     if not len(t):
         raise BadInput("the log holds no step to draw")
-    for moment in times or ():
-        if not within(np.array(moment), Window(float(t[0]), float(t[-1]))):
-            raise BadInput(f"--at {moment:.9g}: steps were recorded from {t[0]:.9g} to {t[-1]:.9g} s")
+    _require_recorded(times, Window(float(t[0]), float(t[-1])), "steps")
     return times or np.linspace(t[0], t[-1], INSTANTS).tolist()
+
+
+def _require_recorded(times: Sequence[float] | None, span: Window, what: str) -> None:
+    """Raise BadInput for times outside of a record, s."""
+    for t in times or ():
+        if not within(np.array(t), span):
+            raise BadInput(f"--at {t:.9g}: {what} were recorded from {span.start:.9g} to {span.end:.9g} s")

@@ -139,6 +139,10 @@ def ruts(bodies: Bodies) -> Iterator[tuple[float, Entity]]:
 
 def moving(bodies: Bodies, poses: Poses, scale: Scale) -> Iterator[MovingTrack]:
     """Yield the links of each track in the colours of a scale, and the forces on them."""
+    forces = {
+        track.name: Arrows(("forces of the ground", track.name), origins, vectors, counts)
+        for track, origins, vectors, counts in ground_arrows(bodies, poses)
+    }
     for track in bodies.tracks:
         links = poses.links[track.name]
         turned = quaternions(links.axes)
@@ -151,11 +155,7 @@ def moving(bodies: Bodies, poses: Poses, scale: Scale) -> Iterator[MovingTrack]:
             )
             for part in track.parts
         )
-        forces = None
-        if links.ground is not None:
-            place = "forces of the ground", track.name
-            forces = Arrows(place, *ground_arrows(bodies, track, links))
-        yield MovingTrack(track, boxes, forces)
+        yield MovingTrack(track, boxes, forces.get(track.name))
 
 
 def frames(poses: Poses) -> dict[str, BodyPose]:

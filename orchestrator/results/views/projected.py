@@ -163,8 +163,7 @@ def _links_and_wheels(
 
     for track in bodies.tracks:
         links = poses.links[track.name]
-        colour_values = None if links.colour is None else links.colour[k]
-        paint = colours.map_colours(colour_values, (track.links,), scale) / 255.0
+        values = None if links.colour is None else links.colour[k]
         axes = links.axes[k]
         normals = np.swapaxes(axes @ NORMALS.T, 1, 2)  # (links, faces, 3)
         down = axes[:, 2, 2] < 0.0
@@ -174,7 +173,7 @@ def _links_and_wheels(
             chosen = face != COVERED.get(part.kind, -1)
             of, side = link[chosen], face[chosen]
             corners = in_world(boxes(part, side), links.centres[k, of], axes[of])
-            tints = np.array(colours.PART[part.kind]) / 255.0 if part.kind in colours.PART else paint[of]
+            tints = (colours.of_part(part.kind, values, (track.links,), scale) / 255.0)[of]
             front = 0.0 if part.kind == "horn" else IN_FRONT
             faces.add(corners, tints * faces.bright(normals[of, side]), front, is_hidden[of])
     for wheel in () if lower else bodies.wheels:
