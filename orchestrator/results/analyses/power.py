@@ -135,20 +135,11 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[Power]:
     hull = run.has("chassis.chassis.velocity.x")
     if "chassis" in run.instances and not hull:
         raise Missing(f"{run.log.path} holds no 'chassis.chassis.velocity.x': power is relative to the hull")
-    names = [
-        f"{port.giver}.{port.giver_connector}.{part}.{axis}"
-        for port in wrench_ports
-        for part in WRENCH
-        for axis in "xyz"
-    ]
-    names += [
-        f"{port.taker}.{port.taker_connector}.{part}.{axis}"
-        for port in wrench_ports
-        for part in MOTION
-        for axis in "xyz"
-    ]
-    names += drives
-    names += [f"chassis.chassis.{part}.{axis}" for part in MOTION for axis in "xyz"] if hull else []
+    read: list[tuple[str, tuple[str, ...]]] = []
+    read += [(f"{port.giver}.{port.giver_connector}", WRENCH) for port in wrench_ports]
+    read += [(f"{port.taker}.{port.taker_connector}", MOTION) for port in wrench_ports]
+    read += [("chassis.chassis", MOTION)] if hull else []
+    names = [*(f"{body}.{part}.{axis}" for body, parts in read for part in parts for axis in "xyz"), *drives]
     columns_read = named_columns(run, names)
     sparse = [topic for topic in columns_read if run.log.topics[topic].every > 1]
     if sparse:

@@ -158,10 +158,9 @@ def _sides(run: RunData, name: str) -> str:
 
 def _curves(pair: Pair) -> list[Trace]:
     """Energies over time of the run and its reference."""
-    studies = (pair.run, *([pair.reference] if pair.reference else []))
     return [
         Trace(f"{NAMES[part]}{', reference' * is_reference}", curve, k, reference=bool(is_reference))
-        for is_reference, evaluation in enumerate(studies)
+        for is_reference, (evaluation, _) in enumerate(pair.named)
         for k, (part, curve) in enumerate(evaluation.energies.items())
     ]
 

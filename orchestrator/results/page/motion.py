@@ -70,8 +70,8 @@ def _range(signal: SignalCurve) -> str:
 def _way(pair: Pair) -> Chart | None:
     """Chart of the ways of both hulls from above; None if the run goes straight."""
     drawn = []
-    for evaluation, name in ((pair.run, "run"), (pair.reference, "reference")):
-        if evaluation is None or "chassis.chassis.position.x" not in evaluation.signals:
+    for evaluation, name in pair.named:
+        if "chassis.chassis.position.x" not in evaluation.signals:
             continue
         _, places = evaluation.run.vectors("chassis", "out", "chassis.position", "xy", EVER)
         thinned = places[:: max(1, len(places) // 1000)]
@@ -197,8 +197,8 @@ def _window(evaluation: Evaluation) -> float:
 def _radius(pair: Pair) -> Chart | None:
     """Chart of the radius over time; None without the motion of the hull."""
     drawn = []
-    for evaluation, name in ((pair.run, "run"), (pair.reference, "reference")):
-        if evaluation and {GROUND_SPEED, YAW_RATE} <= evaluation.signals.keys():
+    for evaluation, name in pair.named:
+        if {GROUND_SPEED, YAW_RATE} <= evaluation.signals.keys():
             signals = evaluation.signals
             curve = radius(signals[GROUND_SPEED], signals[YAW_RATE], _window(pair.run))
             drawn.append(Trace(name, curve, 0, reference=evaluation is pair.reference))

@@ -175,6 +175,11 @@ class Pair(NamedTuple):
     measured: MeasuredComparison | None = None
     line: StressLifeLine | None = None  # S-N line of the fatigue; None: the default one
 
+    @property
+    def named(self) -> list[tuple[Evaluation, str]]:
+        """Both evaluations with their names."""
+        return [(self.run, "run"), *([(self.reference, "reference")] if self.reference else [])]
+
     def lines(self, labelled: Sequence[tuple[str, str]], colour: int = 0) -> list[Trace]:
         """Curves of signals, given with their labels, of both runs; signals that a run lacks are left out.
 
