@@ -28,19 +28,7 @@ from orchestrator.results.views import colours, primitives
 from orchestrator.results.views.bodies import Bodies, Poses
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.plots import LOADS, MOTION, ChainProfile, Plot, chain_profiles, curves, plots, tensions
-from orchestrator.results.views.primitives import (
-    HULL,
-    WORLD,
-    Arrows,
-    Discs,
-    Entity,
-    Lines,
-    Mesh,
-    MovingTrack,
-    fixed_to_bodies,
-    moving,
-    ruts,
-)
+from orchestrator.results.views.primitives import HULL, WORLD, Arrows, Constant, Discs, Entity, Lines, Mesh
 from orchestrator.results.views.ruts import hole
 from orchestrator.results.views.solids import UPRIGHT, Reach, legend
 
@@ -94,16 +82,16 @@ def _write(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], s
 
         begin = float(bodies.t[0])
         ground = primitives.ground(bodies, Reach().with_bodies(bodies), hole(bodies))
-        constant = {each.name: _constant(kinds, each, begin) for each in (*fixed_to_bodies(bodies), *ground)}
+        constant = {each.name: _constant(kinds, each, begin) for each in (*primitives.fixed_to_bodies(bodies), *ground)}
         hull = constant.pop(HULL, None)
         send(shapes, begin, constant.values())
         if hull:  # on a topic of its own, so that it can be hidden
             send(channels.SceneUpdateChannel("/hull", context=context), begin, [hull])
-        for t, rut in ruts(bodies):
+        for t, rut in primitives.ruts(bodies):
             send(shapes, t, [_constant(kinds, rut, t, locked=False)])
         after = -np.inf
         for poses in bodies.blocks():
-            tracks = [*moving(bodies, poses, scale)]
+            tracks = [*primitives.moving(bodies, poses, scale)]
             for k, t in enumerate(poses.t):
                 send(scene, t, _moving(kinds, tracks, t, k))
                 moved = [*_frames(kinds, poses, k)]
@@ -167,7 +155,7 @@ def _points(kinds: ModuleType, places: Floats) -> list[Any]:
     return [kinds.Point3(x=x, y=y, z=z) for x, y, z in places.reshape(-1, 3).tolist()]
 
 
-def _messages(kinds: ModuleType, primitive: Mesh | Discs | Lines | Arrows) -> Iterator[tuple[str, Any]]:
+def _messages(kinds: ModuleType, primitive: Constant) -> Iterator[tuple[str, Any]]:
     """Yield the messages of a primitive, each with the field of an entity that holds it."""
     match primitive:
         case Mesh(_, surface, colour):
@@ -208,7 +196,7 @@ def _constant(kinds: ModuleType, entity: Entity, t: float, locked: bool = True) 
     )
 
 
-def _moving(kinds: ModuleType, tracks: Iterable[MovingTrack], t: float, k: int) -> Iterator[Any]:
+def _moving(kinds: ModuleType, tracks: Iterable[primitives.MovingTrack], t: float, k: int) -> Iterator[Any]:
     """Yield links and forces at the k-th instant."""
     for track in tracks:
         cubes = [

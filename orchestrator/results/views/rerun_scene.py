@@ -30,18 +30,7 @@ from orchestrator.results.views import colours, primitives
 from orchestrator.results.views.bodies import Bodies, NoInstant, Poses
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.plots import LOADS, MOTION, ChainProfile, Plot, chain_profiles, curves, plots, tensions
-from orchestrator.results.views.primitives import (
-    HULL,
-    WORLD,
-    Arrows,
-    Discs,
-    Entity,
-    Lines,
-    Mesh,
-    fixed_to_bodies,
-    moving,
-    ruts,
-)
+from orchestrator.results.views.primitives import HULL, WORLD, Arrows, Constant, Discs, Entity, Lines, Mesh
 from orchestrator.results.views.ruts import hole
 from orchestrator.results.views.shapes import TrackBody
 from orchestrator.results.views.solids import UPRIGHT, Reach, block, faceted, legend
@@ -123,7 +112,7 @@ class RerunRecording:
             self._recording.log(WORLD, self._rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             for track in bodies.tracks:
                 _send_link_shapes(self._rerun, self._recording, track)
-            self._send(fixed_to_bodies(bodies))
+            self._send(primitives.fixed_to_bodies(bodies))
         if reach != before:
             self._send(primitives.ground(bodies, reach, without))
 
@@ -145,7 +134,7 @@ class RerunRecording:
 
     def send_ruts(self, bodies: Bodies) -> None:
         """Send the ruts in soil as they grow; none on hard ground."""
-        for t, rut in ruts(bodies):
+        for t, rut in primitives.ruts(bodies):
             self._recording.set_time(TIMELINE, duration=t)
             self._send([rut], static=False)
 
@@ -171,7 +160,7 @@ def path_of(*names: str) -> str:
     return str(library("rerun", "view").new_entity_path(list(names)))
 
 
-def _archetype(rerun: ModuleType, primitive: Mesh | Discs | Lines | Arrows) -> Any:
+def _archetype(rerun: ModuleType, primitive: Constant) -> Any:
     match primitive:
         case Mesh(_, surface, colour):
             corners, normals = faceted(surface)
@@ -210,7 +199,7 @@ def _fittings(track: TrackBody) -> str:
 
 def _send_poses(rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses, scale: Scale) -> None:
     times = [rerun.TimeColumn(TIMELINE, duration=poses.t)]
-    for track, (body, *_), forces in moving(bodies, poses, scale):
+    for track, (body, *_), forces in primitives.moving(bodies, poses, scale):
         turned, links_of_instants = body.turned.reshape(-1, 4), [track.links] * len(poses.t)
         boxes = rerun.Boxes3D.columns(
             centers=body.centres.reshape(-1, 3), quaternions=turned, colors=body.colours.reshape(-1, 3)
