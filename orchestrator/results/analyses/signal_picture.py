@@ -126,11 +126,13 @@ def _draw_curves(figure: Figure, curves: list[LabelledCurve], x_label: str, freq
 
 def _pane(figure: Figure, pane: Axes, curves: list[LabelledCurve], unit: str, frequency: bool) -> None:
     """Draw the curves of one unit."""
+    import matplotlib
+
     top = max(_largest(curve.y) for curve in curves)
     size, shown = scaled(top, unit)
     names = list(dict.fromkeys(curve.signal for curve in curves))
     many = len(curves) > LEGEND
-    colours = _colours(len(names))
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.95, len(names)))
     for number, curve in enumerate(curves):
         style = STYLES[curve.log % 4][0] if len(names) > 1 else "-"
         pane.plot(
@@ -165,12 +167,6 @@ def _common(names: Sequence[str]) -> str:
     words = [name.split(".")[::-1] for name in names]
     alike = list(takewhile(lambda each: len(set(each)) == 1, zip(*words, strict=False)))
     return ".".join(each[0] for each in alike[::-1])
-
-
-def _colours(count: int) -> list[Any]:
-    import matplotlib
-
-    return [*matplotlib.colormaps["viridis"](np.linspace(0.0, 0.95, count))]
 
 
 def _bar(figure: Figure, pane: Axes, names: list[str]) -> bool:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.cm import ScalarMappable
 
 Scale = tuple[float, float]  # least and largest value
 Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
@@ -60,6 +63,14 @@ def map_colours(values: Floats | None, shape: tuple[int, ...], scale: Scale) -> 
     low, high = scale
     share = np.clip((values - low) / (high - low), 0.0, 1.0)
     return np.asarray(colormaps[MAP](share, bytes=True))[..., :3]
+
+
+def colour_bar(scale: Scale) -> ScalarMappable:
+    """Scale of colours for a bar beside a picture."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    return ScalarMappable(Normalize(*scale), MAP)
 
 
 def of_part(kind: str, values: Floats | None, shape: tuple[int, ...], scale: Scale) -> NDArray[np.uint8]:

@@ -363,12 +363,8 @@ class FilmPicture:
         return f",  {np.interp(t, self._bodies.t, self._speed):z.2f} m/s"
 
     def _scale_of_colours(self, figure: Any) -> None:
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import Normalize
-
         width = self.size[0]
-        scale = ScalarMappable(Normalize(*self._scale), colours.MAP)
         pane = figure.add_axes(((width - BESIDE + 20) / width, 0.12, 18 / width, 0.68))
-        bar = figure.colorbar(scale, cax=pane, extend="max")
+        bar = figure.colorbar(colours.colour_bar(self._scale), cax=pane, extend="max")
         bar.set_label(self._bodies.label, fontsize=8)
         bar.ax.tick_params(labelsize=8)

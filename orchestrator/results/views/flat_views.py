@@ -16,7 +16,7 @@ from orchestrator.results.output_files import PICTURES, check_name, new_figure, 
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
-from orchestrator.results.views.colours import MAP, PART, Scale, map_colours, to_unit_range
+from orchestrator.results.views.colours import PART, Scale, colour_bar, map_colours, to_unit_range
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, make_camera, polygons, section, side_camera
 from orchestrator.results.views.ruts import ground_at, inside, ruts_of, untouched
@@ -130,9 +130,6 @@ def draw_view(
 
 def _figure(bodies: Bodies) -> Figure:
     """Create a pane for each instant: stacked, or side by side if stacked panes would be narrow."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
     poses = [*bodies.blocks(1)]
     views, scale, speeds = [side_view(bodies, block) for block in poses], bodies.colour_range(), bodies.speeds()
     limits = extent(views)
@@ -156,7 +153,7 @@ def _figure(bodies: Bodies) -> Figure:
     else:
         panes[-1].set_xlabel(label)
     if bodies.colour:
-        figure.colorbar(ScalarMappable(Normalize(*scale), MAP), ax=list(panes), label=bodies.label, shrink=0.8)
+        figure.colorbar(colour_bar(scale), ax=list(panes), label=bodies.label, shrink=0.8)
     title = f"{bodies.title}\n{bodies.tracks[0].name}, seen from the right"
     figure.suptitle(title, fontsize=10, parse_math=False)
     return figure
