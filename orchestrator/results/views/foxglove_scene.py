@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator
+from itertools import groupby
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -27,7 +28,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours, primitives
 from orchestrator.results.views.bodies import Bodies, Poses
 from orchestrator.results.views.colours import Scale
-from orchestrator.results.views.plots import LOADS, MOTION, ChainProfile, Plot, chain_profiles, curves, plots, tensions
+from orchestrator.results.views.plots import ChainProfile, Plot, chain_profiles, curves, plots, tensions
 from orchestrator.results.views.primitives import HULL, WORLD, Arrows, Constant, Discs, Entity, Lines, Mesh
 from orchestrator.results.views.ruts import hole
 from orchestrator.results.views.solids import UPRIGHT, Reach, legend
@@ -242,8 +243,10 @@ def _layout(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], 
         lines = [(f"{topic}.tension[:]", "tension, kN")]
         panels[_chain_panel(chain)] = _plot(chain.title, lines) | places | {"isSynced": False, "minYValue": 0}
     panels[EVENTS] = {"foxglovePanelTitle": "events", "topicToRender": events_topic.EVENTS_TOPIC, "minLogLevel": 1}
-    rows = {group: [f"Plot!{plot.name}" for plot in side_plots if plot.group == group] for group in (LOADS, MOTION)}
-    tabs = [{"title": group, "layout": _divided("column", panes)} for group, panes in rows.items() if panes]
+    tabs: list[dict[str, Any]] = [
+        {"title": group, "layout": _divided("column", [f"Plot!{plot.name}" for plot in chosen])}
+        for group, chosen in groupby(side_plots, key=lambda plot: plot.group)
+    ]
     tabs.append({"title": "events", "layout": EVENTS})
     panels[TABS] = {"activeTabIdx": 0, "tabs": tabs}
     left: Any = SPACE

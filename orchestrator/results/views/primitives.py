@@ -20,15 +20,7 @@ from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
 from orchestrator.results.views.colours import Colour, Scale
 from orchestrator.results.views.ruts import floors
 from orchestrator.results.views.shapes import LinkPart, TrackBody, spokes
-from orchestrator.results.views.solids import (
-    Reach,
-    Triangles,
-    convex,
-    ground_arrows,
-    prism,
-    scale_on_hull,
-    sheet,
-)
+from orchestrator.results.views.solids import Reach, Triangles, convex, ground_arrows, prism, scale_on_hull, sheet
 
 WORLD, HULL = "world", "hull"  # frames; those of wheels have the names of the wheels
 

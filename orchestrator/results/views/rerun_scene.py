@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -29,7 +30,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours, primitives
 from orchestrator.results.views.bodies import Bodies, NoInstant, Poses
 from orchestrator.results.views.colours import Scale
-from orchestrator.results.views.plots import LOADS, MOTION, ChainProfile, Plot, chain_profiles, curves, plots, tensions
+from orchestrator.results.views.plots import ChainProfile, Plot, chain_profiles, curves, plots, tensions
 from orchestrator.results.views.primitives import HULL, WORLD, Arrows, Constant, Discs, Entity, Lines, Mesh
 from orchestrator.results.views.ruts import hole
 from orchestrator.results.views.shapes import TrackBody
@@ -240,10 +241,9 @@ def _arranged(
         bars = (blueprints.BarChartView(origin=path_of("chain", each.track), name=each.title) for each in chains)
         left = blueprints.Vertical(left, blueprints.Horizontal(*bars), row_shares=[7, 3])
     tabs = []
-    for group in (LOADS, MOTION):
-        chosen = [plot for plot in side_plots if plot.group == group]
+    for group, chosen in groupby(side_plots, key=lambda plot: plot.group):
         views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in chosen]
-        tabs += [blueprints.Vertical(*views, name=group)] if views else []
+        tabs.append(blueprints.Vertical(*views, name=group))
     tabs += [blueprints.TextLogView(origin=EVENTS, name="events")] if with_events else []
     panes = [left, blueprints.Tabs(*tabs, active_tab=0)] if tabs else [left]
     shares = [3, 2][: len(panes)]
