@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ EARTH = (176, 160, 136)
 RUT = (128, 112, 90)  # earth that is pressed
 METRE = (120, 105, 85)  # lines on the ground
 FORCE = (200, 40, 40)
+# Line of the ground before a track came; faces and edges of wheels in pictures of a track.
+UNTOUCHED: dict[str, Any] = {"color": "0.5", "linewidth": 0.8, "linestyle": (0, (6, 4))}
+WHEEL_SHADES = {"sprocket": ("0.85", "0.5"), **dict.fromkeys(("road_wheel", "idler", "return_roller"), ("0.92", "0.6"))}
 
 
 class LinkColour(NamedTuple):

@@ -187,7 +187,7 @@ class FilmPicture:
 
         self._earth = PolyCollection([], facecolors=[], edgecolors="0.5", linewidths=0.4)
         self._metres = lines("0.45", 0.7)
-        self._untouched = LineCollection([], colors="0.5", linewidths=0.8, linestyles=[(0, (6, 4))])
+        self._untouched = LineCollection([], **colours.UNTOUCHED)
         self._hidden, self._solid = (
             PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3) for _ in range(2)
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from orchestrator.results.ground_surface import GroundSurface, gives_way
 from orchestrator.results.output_files import PICTURES, check_name, new_figure, save_figure
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import EVER, RunData, Window, within
+from orchestrator.results.views import colours
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
-from orchestrator.results.views.colours import PART, Scale, colour_bar, map_colours, to_unit_range
+from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, make_camera, polygons, section, side_camera
 from orchestrator.results.views.ruts import ground_at, inside, ruts_of, untouched
@@ -32,9 +33,6 @@ MOVES = 0.05  # of the largest speed: a faster vehicle counts as moving
 UPRIGHT = 0.7  # height over width beyond which panes are side by side
 MARGIN = 0.25  # m around the pins
 HIGH, NUMBER = 4.2, 0.6  # inches: height of a pane, and of the number under it
-UNTOUCHED: dict[str, Any] = {"color": "0.5", "linewidth": 0.8, "linestyle": (0, (6, 4)), "zorder": 0.4}
-# Face and edge of wheels.
-WHEEL_SHADES = {"sprocket": ("0.85", "0.5"), **dict.fromkeys(("road_wheel", "idler", "return_roller"), ("0.92", "0.6"))}
 
 Extent = tuple[tuple[float, float], tuple[float, float]]  # limits ahead and up, m
 
@@ -102,16 +100,14 @@ def draw_view(
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
 
-    paint = map_colours(view.colour, (len(view.links["body"]),), scale) / 255.0
-
     def draw_links(kind: str, order: float) -> None:
-        faces = paint if kind == "body" else [to_unit_range(PART[kind])]
+        faces = colours.of_part(kind, view.colour, (len(view.links["body"]),), scale) / 255.0
         outlines = list(view.links.get(kind, ()))
         pane.add_collection(PolyCollection(outlines, facecolors=faces, edgecolors="0.25", linewidths=0.3, zorder=order))
 
     draw_links("horn", 0.5)
     for kind, centre, outline in view.wheels:
-        face, edge = WHEEL_SHADES[kind]
+        face, edge = colours.WHEEL_SHADES[kind]
         pane.add_patch(Polygon(outline, facecolor=face, edgecolor=edge))
         pane.plot(*centre, ".", color="0.4", markersize=3)
     draw_links("body", 1.0)
@@ -121,7 +117,7 @@ def draw_view(
         pane.fill_between(line[:, 0], line[:, 1], limits[1][0], color="0.8", zorder=0)
     if before is not None:
         line, _ = section(view.camera, before, *limits[0], view.near)
-        pane.plot(*line.T, **UNTOUCHED)
+        pane.plot(*line.T, **colours.UNTOUCHED, zorder=0.4)
     pane.set_aspect("equal")
     pane.set_xlim(limits[0])
     pane.set_ylim(limits[1])
@@ -153,7 +149,7 @@ def _figure(bodies: Bodies) -> Figure:
     else:
         panes[-1].set_xlabel(label)
     if bodies.colour:
-        figure.colorbar(colour_bar(scale), ax=list(panes), label=bodies.label, shrink=0.8)
+        figure.colorbar(colours.colour_bar(scale), ax=list(panes), label=bodies.label, shrink=0.8)
     title = f"{bodies.title}\n{bodies.tracks[0].name}, seen from the right"
     figure.suptitle(title, fontsize=10, parse_math=False)
     return figure
