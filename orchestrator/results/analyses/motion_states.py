@@ -149,13 +149,7 @@ def _yaw_states(t: Floats, yaw_rate: Floats) -> dict[int, int]:
 
 def _grouped(parts: list[tuple[_Piece, int]]) -> list[list[tuple[_Piece, int]]]:
     """Groups of neighbours with the same label."""
-    groups: list[list[tuple[_Piece, int]]] = []
-    for part in parts:
-        if groups and groups[-1][-1][1] == part[1]:
-            groups[-1].append(part)
-        else:
-            groups.append([part])
-    return groups
+    return [list(group) for _, group in groupby(parts, key=lambda part: part[1])]
 
 
 def _latest(states: Mapping[int, Any], record: int) -> Any:
@@ -189,10 +183,5 @@ def _really_turning(t: Floats, yaw: Floats, parts: list[Part]) -> list[Part]:
 
 def _merged(parts: list[Part]) -> list[Part]:
     """Merge neighbours of equal states."""
-    joined: list[Part] = []
-    for a, b, state in parts:
-        if joined and joined[-1][2] == state:
-            joined[-1] = (joined[-1][0], b, state)
-        else:
-            joined.append((a, b, state))
-    return joined
+    groups = [(state, list(group)) for state, group in groupby(parts, key=lambda part: part[2])]
+    return [(group[0][0], group[-1][1], state) for state, group in groups]

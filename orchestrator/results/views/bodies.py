@@ -80,15 +80,6 @@ class Poses(NamedTuple):
         return np.concatenate(parts or [self.hull.position[rows] if self.hull else np.zeros((1, 3))])
 
 
-class LinkSlots(NamedTuple):
-    """Columns that hold the motion of a track's links."""
-
-    pins: Slot
-    axis: Slot | None  # direction of the pins
-    ground: Slot | None
-    colour: Slot | None
-
-
 class Bodies:
     """Bodies of a run, at most ``rate`` instants a second; a signal of ``LINK_COLOURS`` colours links.
 
@@ -204,17 +195,11 @@ class Bodies:
 
     def _poses(self, t: Floats) -> Poses:
         values_by_topic = self._columns.read(t)
-        for topic, topic_values in values_by_topic.items():
-            if not np.isfinite(topic_values).all():
-                self._damaged = f"values of {topic} are no finite numbers"
-                finite = np.logical_and.reduce(
-                    [np.isfinite(topic_values).all(axis=1) for topic_values in values_by_topic.values()]
-                )
-                t, values_by_topic = (
-                    t[finite],
-                    {name: topic_values[finite] for name, topic_values in values_by_topic.items()},
-                )
-                break
+        finite = {topic: np.isfinite(values).all(axis=1) for topic, values in values_by_topic.items()}
+        if damaged := next((topic for topic, rows in finite.items() if not rows.all()), ""):
+            self._damaged = f"values of {damaged} are no finite numbers"
+            kept = np.logical_and.reduce([*finite.values()])
+            t, values_by_topic = t[kept], {topic: values[kept] for topic, values in values_by_topic.items()}
         wheels = {
             name: BodyPose(*(slot.values(values_by_topic) for slot in slots)) for name, slots in self._wheels.items()
         }
@@ -225,10 +210,10 @@ class Bodies:
     def _link_poses(
         self, track: TrackBody, values_by_topic: Mapping[str, Floats], wheels: Mapping[str, BodyPose]
     ) -> LinkPoses:
-        slots = self._links[track.name]
-        pins = slots.pins.values(values_by_topic)
-        if slots.axis:
-            across = slots.axis.values(values_by_topic)
+        values = {name: slot.values(values_by_topic) for name, slot in self._links[track.name].items()}
+        pins = values["pins"]
+        if "axis" in values:
+            across = values["axis"]
         elif f"{track.name}/sprocket" in wheels:
             across = body_axis(wheels[f"{track.name}/sprocket"].orientation, 1)[:, None, :]
         else:
@@ -239,8 +224,8 @@ class Bodies:
         if not np.isfinite(axes).all():
             raise BadInput(f"{self._log.path}: pins of '{track.name}' lie one on the other: there is nothing to show")
         centres = 0.5 * (pins + np.roll(pins, -1, axis=1))[:, : track.links]
-        colour = self._colour_values(slots.colour.values(values_by_topic), centres) if slots.colour else None
-        return LinkPoses(pins, centres, axes, colour, slots.ground.values(values_by_topic) if slots.ground else None)
+        colour = self._colour_values(values["colour"], centres) if "colour" in values else None
+        return LinkPoses(pins, centres, axes, colour, values.get("ground"))
 
     def _colour_values(self, values: Floats, centres: Floats) -> Floats:
         values = values * (1.0 / size_of(LINK_COLOURS[str(self.colour)].unit))
@@ -278,18 +263,16 @@ class Bodies:
             raise BadInput(f"--colour {colour}: {self._log.path} does not hold that; of its links it holds {has}")
         return colour
 
-    def _link_slots(self, track: TrackBody, columns_of: Mapping[str, Floats]) -> LinkSlots:
-        topic, nodes = f"/{track.name}/links", len(columns_of[POSITION])
-
-        def slot(signal: str, count: int) -> Slot | None:
-            return self._columns.add(topic, columns_of[signal][:count]) if len(columns_of[signal]) >= count else None
-
-        return LinkSlots(
-            self._columns.add(topic, columns_of[POSITION]),
-            slot(AXIS, nodes),
-            slot(GROUND, track.links),
-            slot(LINK_COLOURS[self.colour].signal, track.links) if self.colour else None,
-        )
+    def _link_slots(self, track: TrackBody, columns_of: Mapping[str, Floats]) -> dict[str, Slot]:
+        """Columns of a track's links: pins and, as far as recorded, their axis, force of the ground and colour."""
+        nodes = len(columns_of[POSITION])
+        wanted = {"pins": (POSITION, nodes), "axis": (AXIS, nodes), "ground": (GROUND, track.links)}
+        wanted |= {"colour": (LINK_COLOURS[self.colour].signal, track.links)} if self.colour else {}
+        return {
+            name: self._columns.add(f"/{track.name}/links", columns_of[signal][:count])
+            for name, (signal, count) in wanted.items()
+            if len(columns_of[signal]) >= count
+        }
 
     def _wheels_of_run(self) -> Iterator[tuple[WheelBody, tuple[Slot, Slot]]]:
         """Yield the wheels of all tracks and, on sides without a track, of the chassis."""
