@@ -55,12 +55,10 @@ class Reach(NamedTuple):
 
         The metres are those along the initial heading, on a terrain and around a hole those of x.
         """
-        if hole is not None:
+        if hole is not None or profile.terrain:
             mesh = self.mesh(profile)
-            return sheet(mesh.quads_around(hole, profile)), mesh.metre_lines() + np.array([0.0, 0.0, OVER])
-        if profile.terrain:
-            mesh = self.mesh(profile)
-            return draped(mesh.corners()), mesh.metre_lines() + np.array([0.0, 0.0, OVER])
+            surface = draped(mesh.corners()) if hole is None else sheet(mesh.quads_around(hole, profile))
+            return surface, mesh.metre_lines() + np.array([0.0, 0.0, OVER])
         low, high, far = self.low - ROOM, self.high + ROOM, self.far + ROOM
         lines = across(profile, whole_metres(low, high), far) + np.array([0.0, 0.0, OVER])
         return draped(across(profile, profile.corners_between(low, high), far)), lines
