@@ -18,17 +18,10 @@ from orchestrator.results.ground_surface import GroundSurface, ground
 from orchestrator.results.rotation import body_axis, link_axes
 from orchestrator.results.run_data import POSITION, RunData, link_columns
 from orchestrator.results.units import size as size_of
+from orchestrator.results.views import shapes
 from orchestrator.results.views.colours import LINK_COLOURS, Scale
 from orchestrator.results.views.pose_columns import PoseColumns, Slot, has_motion, nearest
-from orchestrator.results.views.shapes import (
-    HullBody,
-    TrackBody,
-    WheelBody,
-    drawn_scene,
-    hull_body,
-    track_body,
-    wheel_body,
-)
+from orchestrator.results.views.shapes import HullBody, TrackBody, WheelBody
 
 WHEELS = ("sprocket", "road_wheel", "idler", "return_roller")
 AXIS, GROUND = "joint[*].axis", LINK_COLOURS["ground"].signal
@@ -92,7 +85,7 @@ class Bodies:
     ) -> None:
         self.run = run
         self._log = log = run.log
-        self.scene: dict[str, Any] = drawn_scene(run)
+        self.scene: dict[str, Any] = shapes.drawn_scene(run)
         try:
             self.ground: GroundSurface | None = ground(self.scene)
         except (LookupError, TypeError, ValueError) as problem:
@@ -112,7 +105,7 @@ class Bodies:
         self._hull: tuple[Slot, Slot] | None = None
         if "/chassis/out" in log.topics and has_motion(log.topics["/chassis/out"].names, "chassis"):
             self._hull = self._columns.motion("/chassis/out", "chassis")
-            self.hull = hull_body(self.scene["vehicle"]["chassis"])
+            self.hull = shapes.hull_body(self.scene["vehicle"]["chassis"])
         if not self._columns.columns:
             raise BadInput(f"{log.path} holds no links, wheels or hull to show")
         recorded, self.end = self._columns.instants(window)  # unconnected inputs end one step before the run
@@ -241,7 +234,7 @@ class Bodies:
         links = max(len(columns_of[about.signal]) for about in LINK_COLOURS.values()) or nodes
         if nodes < 2 or nodes not in (links, links + 1):
             return None
-        return track_body(name, links, nodes == links, self.scene["vehicle"])
+        return shapes.track_body(name, links, nodes == links, self.scene["vehicle"])
 
     def _colour_name(self, colour: str | None, columns_by_track: Mapping[str, Mapping[str, Floats]]) -> str | None:
         """Return the colouring signal, a key of LINK_COLOURS: the requested one, or the first recorded for all links.
@@ -292,7 +285,7 @@ class Bodies:
             kind = wheel.partition("[")[0]
             if body.startswith(prefix) and kind in WHEELS and "." not in wheel and has_motion(names, body):
                 vehicle = self.scene["vehicle"]
-                yield wheel_body(f"{owner}/{body}", kind, owner, vehicle), self._columns.motion(topic, body)
+                yield shapes.wheel_body(f"{owner}/{body}", kind, owner, vehicle), self._columns.motion(topic, body)
 
     def _at_rate(self, recorded: Floats, rate: float) -> Floats:
         """Return the recorded instants, s, nearest to a steady pace ``rate``, 1/s; raises NoInstant."""
