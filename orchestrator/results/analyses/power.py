@@ -164,11 +164,9 @@ def _in_block(block: Block, wrench_ports: list[WrenchPort], drives: list[str], h
     """Times, step lengths, relative and carried power, and power of motors, for a block."""
     series = next(iter(block.values()))
     t, h = series.t[1:], np.diff(series.t)
-    c, v_c, w_c = (
-        (_mid(vectors(block["/chassis/out"], "chassis", f"chassis.{part}")) for part in MOTION)
-        if hull
-        else np.zeros((3, len(t), 3))
-    )
+    c, v_c, w_c = np.zeros((3, len(t), 3))
+    if hull:
+        c, v_c, w_c = (_mid(vectors(block["/chassis/out"], "chassis", f"chassis.{part}")) for part in MOTION)
     relative, carried = np.empty((len(t), len(wrench_ports))), np.empty((len(t), len(wrench_ports)))
     for k, port in enumerate(wrench_ports):
         force, torque = (

@@ -106,14 +106,9 @@ def _along(evaluation: Evaluation, loads: LinkLoads, content: Content) -> None:
     if not drawn_profiles:
         return
     worst = loads.most["tension"].t
-    drawn = [
-        Trace(
-            f"{number(profile.t)} s{' (largest)' if profile.t == worst else ''}",
-            Curve(profile.place, profile.tension),
-            k,
-        )
-        for k, profile in enumerate(drawn_profiles)
-    ]
+    names = [f"{number(profile.t)} s{' (largest)' if profile.t == worst else ''}" for profile in drawn_profiles]
+    along = [Curve(profile.place, profile.tension) for profile in drawn_profiles]
+    drawn = [Trace(name, curve, k) for k, (name, curve) in enumerate(zip(names, along, strict=True))]
     x = f"place along the chain from {'the sprocket' if loads.closed else 'its first pin'}, m"
     chart = lines("tension", "N", drawn, x=x, timed=False, stretches=drawn_profiles[-1].stretches)
     where = "From the middle of the wrap on the sprocket on, the way that the numbers of links go. "

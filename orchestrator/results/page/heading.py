@@ -84,13 +84,11 @@ def _of_vehicle(evaluation: Evaluation) -> list[tuple[str, str]]:
     named = vehicle.get("name", "") if isinstance(vehicle, dict) else ""
     mass = weight / value("gravity") if weight and value("gravity") else None
     friction = value("contact", "ground", "friction")
+    rubs = friction is not None and "ground" in evaluation.run.scene
     return [
         ("vehicle", ", ".join(filter(None, (text(named), f"{number(mass, 5)} kg" if mass else "")))),
         ("a track has", " ".join(chain)),
-        (
-            "friction on the ground",
-            number(friction) if friction is not None and "ground" in evaluation.run.scene else "",
-        ),
+        ("friction on the ground", number(friction) if rubs else ""),
     ]
 
 
@@ -185,10 +183,9 @@ def figures(evaluation: Evaluation) -> dict[str, Any]:
     """Key figures in SI units, without those that the log does not hold."""
     figures: dict[str, Any] = {}
     tracks = evaluation.run.tracks
+    moving = ["chassis"] if "chassis.speed" in evaluation.signals else tracks
     signals = {
-        "top_speed": ["chassis.speed"]
-        if "chassis.speed" in evaluation.signals
-        else [f"{each}.speed" for each in tracks],
+        "top_speed": [f"{name}.speed" for name in moving],
         **{key: [f"{track}.{name}" for track in tracks] for key, name in OF_TRACKS.items()},
         "wheel_load": [name for name in evaluation.signals if name.endswith(".load")],
     }

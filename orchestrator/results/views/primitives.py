@@ -92,7 +92,7 @@ class MovingTrack(NamedTuple):
     """Links of a track and the forces of the ground on them, at some instants."""
 
     body: TrackBody
-    boxes: tuple[Boxes, ...]  # of the parts of a link, the body first
+    boxes: list[Boxes]  # of the parts of a link, the body first
     forces: Arrows | None
 
 
@@ -137,16 +137,10 @@ def moving(bodies: Bodies, poses: Poses, scale: Scale) -> Iterator[MovingTrack]:
     }
     for track in bodies.tracks:
         links = poses.links[track.name]
-        turned = quaternions(links.axes)
-        boxes = tuple(
-            Boxes(
-                part,
-                links.centres + links.axes @ part.centre,
-                turned,
-                colours.of_part(part.kind, links.colour, turned.shape[:-1], scale),
-            )
-            for part in track.parts
-        )
+        turned, boxes = quaternions(links.axes), []
+        for part in track.parts:
+            paint = colours.of_part(part.kind, links.colour, turned.shape[:-1], scale)
+            boxes.append(Boxes(part, links.centres + links.axes @ part.centre, turned, paint))
         yield MovingTrack(track, boxes, forces.get(track.name))
 
 
