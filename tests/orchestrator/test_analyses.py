@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
-from orchestrator.results.analyses import circuit, power, signal_picture
+from orchestrator.results.analyses import circuit, power, signal_curves, signal_picture
 from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Analysis, analyse, module_of
 from orchestrator.results.approximations import TimeEnvelope
 from orchestrator.results.run_data import EVER, RunData, Window
@@ -125,10 +125,10 @@ def test_curves_of_long_records_are_thinned_as_those_of_the_page(tmp_path):
     rows = {"/track/out": (t, np.stack([values, t], axis=1))}
     path = made(tmp_path / "s.mcap", {"/track/out": [("force", "N"), ("travel", "m")]}, rows)
     with Log(path) as log:
-        (curve,) = signal_picture._curves(RunData(log), ["track.force"], EVER, False, False, 0, False)
+        (curve,) = signal_curves.curves(RunData(log), ["track.force"], EVER, False, False, 0, False)
     assert (curve.x[curve.y.argmax()], curve.x[curve.y.argmin()]) == (t[7777], t[12345]), "wrong instants"
     assert {*zip(curve.x, curve.y, strict=True)} <= {*zip(t, values, strict=True)}
-    same = TimeEnvelope(0.0, float(t[-1]), 1, signal_picture.CURVE)
+    same = TimeEnvelope(0.0, float(t[-1]), 1, signal_curves.CURVE)
     same.add(t, values[:, None])
     assert np.array_equal(curve.x, same.curve(0).t)
     assert np.array_equal(curve.y, same.curve(0).y)

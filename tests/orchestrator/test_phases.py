@@ -7,7 +7,7 @@ import pytest
 
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results.analyses import phases
+from orchestrator.results.analyses import motion_states, phases
 from orchestrator.results.approximations import breaks
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
@@ -186,7 +186,7 @@ def test_a_short_stretch_at_top_speed_is_no_rest(tmp_path):
     of = phases_of(made(tmp_path / "o.mcap", t, over))
     assert [one.kind for one in of] == KINDS
     assert of[2].speed == pytest.approx(0.25, rel=0.02)
-    assert of[2].way < phases.STAYS
+    assert of[2].way < motion_states.STAYS
     between = np.interp(t, [1.0, 1.4, 1.78, 2.18], [0.25, 0.0, 0.0, 0.25])
     kinds = [one.kind for one in phases_of(made(tmp_path / "b.mcap", t, between))]
     assert kinds == ["steady", "braking", "rest", "acceleration", "steady"], "the twin"
@@ -196,11 +196,11 @@ def test_a_short_stretch_at_top_speed_is_no_rest(tmp_path):
 def test_thresholds_scale_with_the_vehicle(tmp_path, size, kind):
     """A crawl of 10 mm/s: rest for a track of 9.8 m, motion for one of 1.8 m, whose limit is 8.5 mm/s (Froude)."""
     t = times(4.0)
-    track = {"pitch": size * phases.TRACK / 64, "links": 64}
+    track = {"pitch": size * motion_states.TRACK / 64, "links": 64}
     scene = json.dumps({"vehicle": {"track": track}}).encode()
     (of,) = phases_of(made(tmp_path / "c.mcap", t, 0.01 + 0.0 * t, scene=scene))
     assert of.kind == kind
-    assert (phases.STANDS * size**0.5 < 0.01) == (kind == "steady")
+    assert (motion_states.STANDS * size**0.5 < 0.01) == (kind == "steady")
     again = phases_of(made(tmp_path / "d.mcap", t, stairs(t, size**0.5), scene=scene))
     assert [one.kind for one in again] == ["rest", "acceleration", "steady"], "the same motion of another size"
 

@@ -19,7 +19,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.views import flat_views, foxglove_scene, projected, rerun_scene
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.shapes import HORN_SIZE, teeth
-from orchestrator.results.views.solids import across, block, convex, prism, strip
+from orchestrator.results.views.solids import across, block, convex, draped, prism
 
 driven = pytest.fixture(scope="module")(driven_log)
 hanging = pytest.fixture(scope="module")(hanging_log)
@@ -187,7 +187,7 @@ def test_triangles_of_sprocket_and_ground_look_outwards(shown):
     a, b, c = triangles(convex(bodies.hull))
     volume = float(np.einsum("ni,ni->", a, np.cross(b, c))) / 6.0
     assert volume == pytest.approx(ConvexHull(bodies.hull.corners).volume, rel=1e-12)
-    a, b, c = triangles(strip(across(bodies.ground, bodies.ground.corners_between(-6.0, 4.0), 5.0)))
+    a, b, c = triangles(draped(across(bodies.ground, bodies.ground.corners_between(-6.0, 4.0), 5.0)))
     normal = np.cross(b - a, c - a)
     assert (normal[:, 2] > 0).all()
     assert 0.5 * normal[:, 2].sum() == pytest.approx(10.0 * 10.0, rel=1e-12)  # the area under it

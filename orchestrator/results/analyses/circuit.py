@@ -35,6 +35,11 @@ class PlacedRecords(NamedTuple):
     axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, in world
     values: tuple[Floats, ...]  # one per signal, (m, n) or (m, n, 3)
 
+    def stretches(self, scene: dict[str, Any], k: int = 0) -> list[Stretch]:
+        """Parts of the circuit in the k-th record (``stretches``)."""
+        order = np.argsort(self.links[k])
+        return stretches(scene, self.links[k, order], self.centres[k, order])
+
 
 class Stretch(NamedTuple):
     """Part of the circuit, m."""

@@ -90,19 +90,18 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> GroundPressure:
         raise Missing(f"{run.log.path} holds no vehicle on the ground")
     area = pad_area(run)
     bins: PlaceBins | None = None
-    lengths: list[Floats] = []
     total = time = 0.0
     peak: Extreme | None = None
     for block in circuit.records(run, track, window, SIGNAL):
         bins = bins or PlaceBins(block.links.shape[1], 2)
         under = pressure(block.pins, block.axes, block.values[0], area)
         of_place = np.stack([under, block.centres[..., 0]], axis=2)
-        bins.add(block.since, block.links / block.length[:, None], of_place)
-        lengths.append(block.length)
+        bins.add(block, block.links, of_place)
         total, time = total + float(block.since @ under.sum(axis=1)), time + float(block.since.sum())
         peak = larger(peak, block.t, under)
     if bins is None or peak is None or not peak.value > 0.0:
         raise Missing(f"{run.log.path}: no link of '{track}' touches the ground in the window")
-    count, force = len(bins.count), total / time * area
-    place = (np.arange(count) + 0.5) * float(np.concatenate(lengths).mean()) / count
-    return GroundPressure(track, place, *bins.of(0)[1:], bins.of(1)[1], peak.value, peak.member, peak.t, force, area)
+    force = total / time * area
+    return GroundPressure(
+        track, bins.place, *bins.of(0)[1:], bins.of(1)[1], peak.value, peak.member, peak.t, force, area
+    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks, slip, wheel_loads
-from orchestrator.results.analyses.phases import TURNS
+from orchestrator.results.analyses.motion_states import TURNS
 from orchestrator.results.analyses.record_blocks import common_values
 from orchestrator.results.approximations import PARTS, Curve, Integrals, MovingMean, Peak, TimeEnvelope
 from orchestrator.results.energy import STORED

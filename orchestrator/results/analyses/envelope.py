@@ -9,6 +9,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, hull, record_blocks
+from orchestrator.results.analyses.circuit import PlacedRecords
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 
@@ -47,9 +48,18 @@ class PlaceBins:
         self.total = np.zeros((bins, columns))
         self.time = np.zeros(bins)  # s
         self.count = np.zeros(bins)
+        self._lengths: list[Floats] = []
 
-    def add(self, since: Floats, share: Floats, values: Floats) -> None:
-        """Add values (m, ..., columns) at places (m, ...), as shares of the circuit, with durations (m,), s."""
+    @property
+    def place(self) -> Floats:
+        """Middles of the bins (bins,), m along the circuit."""
+        bins = len(self.count)
+        return np.asarray((np.arange(bins) + 0.5) * float(np.concatenate(self._lengths).mean()) / bins)
+
+    def add(self, block: PlacedRecords, where: Floats, values: Floats) -> None:
+        """Add values (m, ..., columns) of records at places (m, ...), m."""
+        share, since = where / block.length[:, None], block.since
+        self._lengths.append(block.length)
         bin_of_sample = np.minimum((share * len(self.count)).astype(int), len(self.count) - 1).ravel()
         flat = values.reshape(len(bin_of_sample), -1)
         np.minimum.at(self.least, bin_of_sample, flat)
@@ -82,20 +92,17 @@ def of(
     track = hull.tracks(run, track)[0]
     unit = record_blocks.unit(run, track, signal)
     statistics: PlaceBins | None = None
-    lengths: list[Floats] = []
     for block in circuit.records(run, track, window, signal):
         if statistics is None:
             bins = bins or block.links.shape[1]
             statistics = PlaceBins(bins, 3)
-        value = block.values[0] if block.values[0].ndim == 2 else np.linalg.norm(block.values[0], axis=2)
+        value = record_blocks.sizes(block.values[0])
         where = block.joints if signal.startswith("joint") else block.links
         of_place = np.concatenate([value[..., None], block.centres], axis=2)
-        statistics.add(block.since, where / block.length[:, None], of_place)
-        lengths.append(block.length)
+        statistics.add(block, where, of_place)
     if statistics is None:
         raise Missing(f"{run.log.path} holds no links of '{track}'")
-    length = float(np.concatenate(lengths).mean())
-    place = (np.arange(bins) + 0.5) * length / bins
+    place = statistics.place
     forward, up = statistics.of(1)[1], statistics.of(2)[1]
     parts = circuit.stretches(run.scene, place, np.stack([forward, up], axis=1))
     names = tuple(circuit.part(each, parts) for each in place)

@@ -192,8 +192,7 @@ def _of_track(run: RunData, track: str, window: Window, line: StressLifeLine, si
     times: list[float] = []
     count = 0
     for block in record_blocks.records(run, track, window, *signals):
-        sizes = [each if each.ndim == 2 else np.linalg.norm(each, axis=2) for each in block.values]
-        values = np.concatenate(sizes, axis=1)
+        values = np.concatenate([*map(record_blocks.sizes, block.values)], axis=1)
         if not np.isfinite(values).all():
             what = f"'{track}.{signal}'" if signal else f"stress of '{track}'"
             raise Missing(f"{run.log.path}: {what} is no finite number from {block.t[0]:g} s on")

@@ -63,8 +63,7 @@ def _parts(run: RunData, track: str, joints: Floats, times: Floats) -> tuple[str
             block = next(circuit.records(run, track, Window(t, t)))
         except Missing:
             return ("",) * len(joints)
-        order = np.argsort(block.links[0])
-        parts = circuit.stretches(run.scene, block.links[0, order], block.centres[0, order])
+        parts = block.stretches(run.scene)
         place = float(block.joints[0, joint - 1])
         nearest = min(parts, key=lambda one: max(one.start - place, place - one.end), default=None)
         found.append(nearest.name if nearest else "")

@@ -49,7 +49,7 @@ def of(run: RunData, track: str) -> LinkLoads:
     most: dict[str, Extreme | None] = {}
     slackest, by_link, middle = None, None, np.empty(0)
     for block in record_blocks.records(run, track, EVER, *(SIGNALS[name] for name in kinds)):
-        sizes = dict(zip(kinds, map(_size, block.values), strict=True))
+        sizes = dict(zip(kinds, map(record_blocks.sizes, block.values), strict=True))
         if by_link is None:
             by_link, middle = sliced(run, len(t), sizes["tension"].shape[1])
         by_link.add(block.t, sizes["tension"])
@@ -90,7 +90,7 @@ def curves(run: RunData, track: str, links: Sequence[int]) -> dict[int, dict[str
     members = [link - 1 for link in links]
     envelope = TimeEnvelope(*run.span, len(kinds) * len(members))
     for block in record_blocks.records(run, track, EVER, *(SIGNALS[name] for name in kinds)):
-        sizes = [_size(values) for values in block.values]
+        sizes = [record_blocks.sizes(values) for values in block.values]
         chosen = [
             values[:, k] if k < values.shape[1] else np.full(len(block.t), np.nan) for k in members for values in sizes
         ]
@@ -109,9 +109,4 @@ def loads_at(run: RunData, loads: LinkLoads, name: str, t: float) -> tuple[float
     """
     nearest = loads.t[np.abs(loads.t - t).argmin()]
     block = next(record_blocks.records(run, loads.track, Window(nearest, nearest), SIGNALS[name]))
-    return float(block.t[0]), _size(block.values[0])[0]
-
-
-def _size(values: Floats) -> Floats:
-    """Values (m, links) with their sign, or norms of vectors (m, links, 3)."""
-    return values if values.ndim == 2 else np.linalg.norm(values, axis=2)
+    return float(block.t[0]), record_blocks.sizes(block.values[0])[0]

@@ -1,33 +1,20 @@
 """Phases of a run: rest, acceleration, steady motion, turn and braking, with figures for each.
 
-Speed and yaw rate of the hull are approximated by straight pieces (``results/approximations.py``), which follow a ramp
-and leave out ringing. Each piece has a state:
-
-    speed      grows or falls: its size changes by more than RATE; else the vehicle rests or moves on
-    yaw rate   left, right: the mean is beyond TURNS and the heading changes by more than TURNED; else straight
-
-A growth or fall needs a change of CHANGE of the largest speed, or of LARGE if it is shorter than QUICK: less is pitch
-oscillation of the hull, which decays within a few half seconds. A piece through zero is split in two. A phase is an
-interval in which both states are constant: ``steady`` at constant speed; ``turn`` at constant speed with a yaw rate;
-``acceleration`` and ``braking`` give their turn in ``turning``. An interval shorter than SHORTEST joins its
-neighbour.
-
-Parts of constant speed that follow each other and move the same way rest or move on as one, before and after they
-are joined. Thresholds of length and speed are those of a vehicle with tracks of TRACK; others scale with the length
-of the track and, at equal Froude numbers, with its root.
+A phase is an interval in which the states of speed and yaw rate (``motion_states.py``) are constant: ``steady`` at
+constant speed; ``turn`` at constant speed with a yaw rate; ``acceleration`` and ``braking`` give their turn in
+``turning``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from itertools import groupby, pairwise
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, slip
-from orchestrator.results.approximations import LineFitter, breaks
+from orchestrator.results.analyses.motion_states import TRACK, parts_of
 from orchestrator.results.energy import without_energies
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.ground_under_vehicle import pose_signals, split
@@ -35,16 +22,6 @@ from orchestrator.results.run_data import EVER, Missing, RunData, Window, record
 from orchestrator.results.table import Table, without_rounding
 from orchestrator.results.units import figure
 
-PRECISION = 0.02  # of the largest speed or yaw rate: tolerance of the pieces, RMS
-LEAST_SPEED, LEAST_YAW_RATE = 0.05, 0.01  # m/s, rad/s: lower bounds of the tolerance
-RATE = 0.1  # m/s2: a smaller rate of change counts as constant speed
-CHANGE, LARGE = 0.1, 0.25  # of the largest speed: least change of an acceleration, and of a quick one
-QUICK = 1.0  # s
-SWING = 0.5  # ratio of the end values: pieces through zero with a larger one are ringing
-STANDS, STAYS = 0.02, 0.1  # m/s, m: rest is slower, or covers less distance
-TRACK = 64 * 0.1524  # m, length of a track of the M113
-TURNS, TURNED = 0.02, 0.05  # rad/s, rad
-SHORTEST = 0.25  # s
 ALIKE = 1e-3  # m/s: one figure for slips of both sides that differ by less
 SAME = 1e-6  # of a tension: sides that differ by less count as equal
 HELD = 0.5  # s: averaging time of the largest yaw rate
@@ -161,14 +138,9 @@ def of(run: RunData, window: Window = EVER) -> Phases:
 
 def _found(run: RunData, window: Window) -> Phases:
     motion = _read(run, window)
-    t, v, yaw_rate = motion.t, motion.columns["chassis.speed"], motion.columns["chassis.chassis.angular_velocity.z"]
-    size = _size(run)
-    speeds, turns = _speed_states(t, v, size), _yaw_states(t, yaw_rate)
-    edges = sorted({*speeds, *turns, len(t)})
-    parts = [(a, b, (_latest(speeds, a), _latest(turns, a))) for a, b in pairwise(edges)]
-    parts = _judged(t, v, _without_slivers(t, _judged(t, v, parts, size)), size)
-    parts = _really_turning(t, np.unwrap(motion.columns["chassis.yaw"]), parts)
-    return Phases(tuple(_figures(run, motion, a, min(b, len(t) - 1), *state) for a, b, state in parts))
+    speed, yaw, yaw_rate = (motion.columns[f"chassis.{name}"] for name in MOTION[:3])
+    parts = parts_of(motion.t, speed, yaw_rate, np.unwrap(yaw), _size(run))
+    return Phases(tuple(_figures(run, motion, a, min(b, len(motion.t) - 1), *state) for a, b, state in parts))
 
 
 def _size(run: RunData) -> float:
@@ -208,160 +180,6 @@ def _read(run: RunData, window: Window) -> _Motion:
         chain = values.get(pads.replace(".slip", ".speed"), np.ones_like(t))
         values[pads] = values[pads] * slip.towards(chain, values[pads])
     return _Motion(t[:steps], {name: column[:steps] for name, column in values.items()})
-
-
-# --- states ----------------------------------------------------------------------------------------
-
-
-_Part = tuple[int, int, tuple[str, int]]  # first and last record, and both states
-
-
-class _Piece(NamedTuple):
-    """Straight piece with its values at both ends."""
-
-    start: int
-    end: int  # first record after it
-    time: float
-    first: float
-    last: float
-
-    @property
-    def middle(self) -> float:
-        return 0.5 * (self.first + self.last)
-
-
-def _pieces(t: Floats, y: Floats, least: float, crossing: float) -> Iterator[_Piece]:
-    """Straight pieces of a signal; pieces with ends beyond ``crossing`` on both sides of zero are split."""
-    edges, lines = breaks(t, y, max(least, PRECISION * float(np.abs(y).max())))
-    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        piece = _piece(lines, a, b)
-        if min(abs(piece.first), abs(piece.last)) > crossing and piece.first * piece.last < 0.0:
-            middle = a + round((b - a) * piece.first / (piece.first - piece.last))
-            if a < middle < b:
-                share = piece.time * piece.first / (piece.first - piece.last)
-                yield _Piece(a, middle, share, piece.first, 0.0)
-                yield _Piece(middle, b, piece.time - share, 0.0, piece.last)
-                continue
-        yield piece
-
-
-def _piece(lines: LineFitter, a: int, b: int) -> _Piece:
-    line = lines.fit(a, b)
-    time, half = float(line.time), 0.5 * float(line.slope * line.time)
-    return _Piece(a, b, time, float(line.middle) - half, float(line.middle) + half)
-
-
-def _speed_states(t: Floats, v: Floats, size: float) -> dict[int, str]:
-    """States by their first record: "acceleration", "braking" or, at constant speed, ""."""
-    top, least = float(np.abs(v).max()), LEAST_SPEED * size**0.5
-    parts = [(p, _trend(p)) for p in _pieces(t, v, least, CHANGE * top)]
-    states: dict[int, str] = {}
-    for group in _grouped(parts):
-        first, last, trend = group[0][0], group[-1][0], group[0][1]
-        time, change = sum(p.time for p, _ in group), abs(abs(last.last) - abs(first.first))
-        if trend and change >= max((LARGE if time < QUICK else CHANGE) * top, 2.0 * least):
-            states[first.start] = "acceleration" if trend > 0 else "braking"
-        else:
-            states[first.start] = ""
-    return states
-
-
-def _judged(t: Floats, v: Floats, parts: list[_Part], size: float) -> list[_Part]:
-    """Parts at constant speed as "rest" or "steady": neighbours that move the same way count as one."""
-    durations, top = record_durations(t), float(np.abs(v).max())
-    times, places = (np.concatenate([[0.0], np.cumsum(each)]) for each in (durations, durations * v))
-
-    def direction(part: _Part) -> int | str:
-        """Direction of motion, 0 of a part that stands, or the state of one at another than constant speed."""
-        a, b, (state, _) = part
-        time, way = times[b] - times[a], places[b] - places[a]
-        slow = abs(way) < STANDS * size**0.5 * time
-        return state if state in ("acceleration", "braking") else 0 if slow else int(np.sign(way))
-
-    judged: list[_Part] = []
-    groups = [(state, list(group)) for state, group in groupby(parts, key=direction)]
-    states = ["", *(state for state, _ in groups), ""]
-    for (state, members), before, after in zip(groups, states[:-2], states[2:], strict=True):
-        a, b = members[0][0], members[-1][1]
-        time, way = times[b] - times[a], abs(places[b] - places[a])
-        little = way < STAYS * size or (time < QUICK and way < CHANGE * top * time)
-        moves = before == "acceleration" or after == "braking"  # it has gained the speed, or has it to lose
-        kind = state if isinstance(state, str) else "rest" if not state or (little and not moves) else "steady"
-        judged += [(*part[:2], (kind, part[2][1])) for part in members]
-    return _merged(judged)
-
-
-def _trend(piece: _Piece) -> int:
-    """Trend of the size of a piece: 1 grows, -1 falls, 0 constant or ringing about zero."""
-    sizes = abs(piece.first), abs(piece.last)
-    swings = piece.first * piece.last < 0.0 and min(sizes) > SWING * max(sizes)
-    change = sizes[1] - sizes[0]
-    return 0 if swings or abs(change) < RATE * piece.time else int(np.sign(change))
-
-
-def _yaw_states(t: Floats, yaw_rate: Floats) -> dict[int, int]:
-    """States by their first record: 1 left, -1 right, 0 straight."""
-    parts = [
-        (p, int(np.sign(p.middle)) if abs(p.middle) > TURNS else 0) for p in _pieces(t, yaw_rate, LEAST_YAW_RATE, TURNS)
-    ]
-    return {
-        group[0][0].start: group[0][1] if abs(sum(p.time * p.middle for p, _ in group)) > TURNED else 0
-        for group in _grouped(parts)
-    }
-
-
-def _grouped(parts: list[tuple[_Piece, int]]) -> list[list[tuple[_Piece, int]]]:
-    """Groups of neighbours with the same label."""
-    groups: list[list[tuple[_Piece, int]]] = []
-    for part in parts:
-        if groups and groups[-1][-1][1] == part[1]:
-            groups[-1].append(part)
-        else:
-            groups.append([part])
-    return groups
-
-
-def _latest(states: Mapping[int, Any], record: int) -> Any:
-    return states[max(start for start in states if start <= record)]
-
-
-def _without_slivers(t: Floats, parts: list[_Part]) -> list[_Part]:
-    """Join parts shorter than SHORTEST to a neighbour: one of the same speed state, else the longer one."""
-
-    def length(part: _Part) -> float:
-        return float(t[min(part[1], len(t) - 1)] - t[part[0]])
-
-    parts = _merged(parts)
-    while len(parts) > 1 and length(shortest := min(parts, key=length)) < SHORTEST:
-        place = parts.index(shortest)
-        neighbours = [k for k in (place - 1, place + 1) if 0 <= k < len(parts)]
-        into = max(neighbours, key=lambda k: (parts[k][2][0] == shortest[2][0], length(parts[k])))
-        parts[place] = (*shortest[:2], parts[into][2])
-        parts = _merged(parts)
-    return parts
-
-
-def _really_turning(t: Floats, yaw: Floats, parts: list[_Part]) -> list[_Part]:
-    """Make parts of turns straight whose own mean yaw rate is too small."""
-    joined = []
-    for a, b, (speed, turn) in parts:
-        end = min(b, len(t) - 1)
-        joined.append((a, b, (speed, turn if turn * (yaw[end] - yaw[a]) > TURNS * (t[end] - t[a]) else 0)))
-    return _merged(joined)
-
-
-def _merged(parts: list[_Part]) -> list[_Part]:
-    """Merge neighbours of equal states."""
-    joined: list[_Part] = []
-    for a, b, state in parts:
-        if joined and joined[-1][2] == state:
-            joined[-1] = (joined[-1][0], b, state)
-        else:
-            joined.append((a, b, state))
-    return joined
-
-
-# --- figures ---------------------------------------------------------------------------------------
 
 
 def _figures(run: RunData, motion: _Motion, a: int, b: int, speed: str, turn: int) -> Phase:

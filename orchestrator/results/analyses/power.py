@@ -135,20 +135,11 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[Power]:
     hull = run.has("chassis.chassis.velocity.x")
     if "chassis" in run.instances and not hull:
         raise Missing(f"{run.log.path} holds no 'chassis.chassis.velocity.x': power is relative to the hull")
-    names = [
-        f"{port.giver}.{port.giver_connector}.{part}.{axis}"
-        for port in wrench_ports
-        for part in WRENCH
-        for axis in "xyz"
-    ]
-    names += [
-        f"{port.taker}.{port.taker_connector}.{part}.{axis}"
-        for port in wrench_ports
-        for part in MOTION
-        for axis in "xyz"
-    ]
-    names += drives
-    names += [f"chassis.chassis.{part}.{axis}" for part in MOTION for axis in "xyz"] if hull else []
+    read: list[tuple[str, tuple[str, ...]]] = []
+    read += [(f"{port.giver}.{port.giver_connector}", WRENCH) for port in wrench_ports]
+    read += [(f"{port.taker}.{port.taker_connector}", MOTION) for port in wrench_ports]
+    read += [("chassis.chassis", MOTION)] if hull else []
+    names = [*(f"{body}.{part}.{axis}" for body, parts in read for part in parts for axis in "xyz"), *drives]
     columns_read = named_columns(run, names)
     sparse = [topic for topic in columns_read if run.log.topics[topic].every > 1]
     if sparse:
@@ -173,11 +164,9 @@ def _in_block(block: Block, wrench_ports: list[WrenchPort], drives: list[str], h
     """Times, step lengths, relative and carried power, and power of motors, for a block."""
     series = next(iter(block.values()))
     t, h = series.t[1:], np.diff(series.t)
-    c, v_c, w_c = (
-        (_mid(vectors(block["/chassis/out"], "chassis", f"chassis.{part}")) for part in MOTION)
-        if hull
-        else np.zeros((3, len(t), 3))
-    )
+    c, v_c, w_c = np.zeros((3, len(t), 3))
+    if hull:
+        c, v_c, w_c = (_mid(vectors(block["/chassis/out"], "chassis", f"chassis.{part}")) for part in MOTION)
     relative, carried = np.empty((len(t), len(wrench_ports))), np.empty((len(t), len(wrench_ports)))
     for k, port in enumerate(wrench_ports):
         force, torque = (

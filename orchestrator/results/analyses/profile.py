@@ -43,7 +43,7 @@ def tensions(run: RunData, track: str, window: Window = EVER) -> Iterator[Tensio
     for links in circuit.records(run, track, window, TENSION):
         order = np.argsort(links.links, axis=1)
         place, tension = (np.take_along_axis(values, order, axis=1) for values in (links.links, links.values[0]))
-        yield Tensions(links.t, place, tension, circuit.stretches(run.scene, place[0], links.centres[0, order[0]]))
+        yield Tensions(links.t, place, tension, links.stretches(run.scene))
 
 
 def of(run: RunData, loads: LinkLoads, t: float) -> Profile:
@@ -59,8 +59,8 @@ def of(run: RunData, loads: LinkLoads, t: float) -> Profile:
     window = Window(float(loads.t[max(k - 1, 0)]), nearest)  # axes of forces need the record before
     links = next(circuit.records(run, loads.track, window, TENSION, *[contact.SIGNAL] * grounded))
     order = np.argsort(links.links[-1])
-    place, middle, tension = links.links[-1, order], links.centres[-1, order], links.values[0][-1, order]
+    place, ahead, tension = links.links[-1, order], links.centres[-1, order, 0], links.values[0][-1, order]
     pressure = None
     if grounded:
         pressure = contact.pressure(links.pins, links.axes, links.values[1], contact.pad_area(run))[-1, order]
-    return Profile(nearest, place, tension, middle[:, 0], pressure, circuit.stretches(run.scene, place, middle))
+    return Profile(nearest, place, tension, ahead, pressure, links.stretches(run.scene, -1))

@@ -130,6 +130,11 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
         raise Missing(f"{run.log.path}: no links of '{track}' were recorded {when}")
 
 
+def sizes(values: Floats) -> Floats:
+    """Values (m, links) with their sign, or norms of vectors (m, links, 3)."""
+    return values if values.ndim == 2 else np.linalg.norm(values, axis=2)
+
+
 def _columns(run: RunData, track: str, signal: str) -> np.ndarray:
     """Columns of a signal (n,), of a vector (n, 3); raises Missing."""
     topic = f"/{track}/links"

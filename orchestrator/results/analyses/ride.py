@@ -10,18 +10,9 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import vibration
 from orchestrator.results.analyses.spectrum import FEWEST, resample_evenly
-from orchestrator.results.analyses.vibration import (
-    HEALTH,
-    WD,
-    WK,
-    TransferFunction,
-    absorption,
-    butterworth,
-    filtered,
-    running_rms,
-    vibration_dose,
-)
+from orchestrator.results.analyses.vibration import HEALTH, WD, WK, TransferFunction
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
 from orchestrator.results.table import Table
@@ -63,7 +54,7 @@ class SeatRide(NamedTuple):
     @property
     def running_rms(self) -> Floats:
         """Running RMS of the weighted acceleration (m, 3), m/s2; NaN in the first second."""
-        return np.stack([running_rms(column, self.step) for column in self.weighted.T], axis=1)
+        return np.stack([vibration.running_rms(column, self.step) for column in self.weighted.T], axis=1)
 
     @property
     def transient(self) -> Floats:
@@ -74,7 +65,7 @@ class SeatRide(NamedTuple):
     @property
     def dose(self) -> Floats:
         """Vibration dose value (3,), m/s^1.75."""
-        return np.array([vibration_dose(column, self.step) for column in self.weighted.T])
+        return np.array([vibration.vibration_dose(column, self.step) for column in self.weighted.T])
 
     @property
     def absorbed_power(self) -> float:
@@ -177,10 +168,10 @@ def _ride(run: RunData, name: str, component: str, seat: str, window: Window) ->
     step, inside = float(t[-1] - t[0]) / (len(t) - 1), within(t, window)
 
     def passed(gains: Sequence[TransferFunction]) -> Floats:
-        return np.stack([filtered(a, step, h) for a, h in zip(own.T, gains, strict=True)], axis=1)[inside]
+        return np.stack([vibration.filtered(a, step, h) for a, h in zip(own.T, gains, strict=True)], axis=1)[inside]
 
-    low = butterworth(SHOCK_POLES, SHOCK_CORNER)
+    low = vibration.butterworth(SHOCK_POLES, SHOCK_CORNER)
     return SeatRide(
         name, t[inside], own[inside], passed((WD.gains, WD.gains, WK.gains)), passed((low,) * 3),
-        filtered(own[:, UP], step, absorption)[inside],
+        vibration.filtered(own[:, UP], step, vibration.absorption)[inside],
     ), resampled  # fmt: skip

@@ -158,10 +158,9 @@ def _sides(run: RunData, name: str) -> str:
 
 def _curves(pair: Pair) -> list[Trace]:
     """Energies over time of the run and its reference."""
-    studies = (pair.run, *([pair.reference] if pair.reference else []))
     return [
         Trace(f"{NAMES[part]}{', reference' * is_reference}", curve, k, reference=bool(is_reference))
-        for is_reference, evaluation in enumerate(studies)
+        for is_reference, (evaluation, _) in enumerate(pair.named)
         for k, (part, curve) in enumerate(evaluation.energies.items())
     ]
 
@@ -190,16 +189,16 @@ PART, LONGEST = 0.25, 10.0  # of the run, and s
 LEAST = 1e-3  # W
 MINOR = 1e-3  # of the largest power: smaller ones are added up
 CHASSIS, TRACK, DRIVE = "chassis", "track", "drive"
-MEANS = (  # output, its name, and its unit by the kind of instance
-    ("speed", "speed of the hull", {CHASSIS: "m/s"}),
-    ("speed", "speed of the chain along itself", {TRACK: "m/s"}),
-    ("speed", "speed of the sprocket", {DRIVE: "rad/s"}),
-    ("torque", "torque", {DRIVE: "N.m"}),
-    ("power", "power of the motor", {DRIVE: "W"}),
-    ("slip", "rearward slip of the pads", {TRACK: "m/s"}),
-    ("tension.mean", "mean tension", {TRACK: "N"}),
-    ("tension.max", "largest tension, on average", {TRACK: "N"}),
-    ("tension.min", "smallest tension, on average", {TRACK: "N"}),
+MEANS = (  # output, its name, kind of its instances, and unit
+    ("speed", "speed of the hull", CHASSIS, "m/s"),
+    ("speed", "speed of the chain along itself", TRACK, "m/s"),
+    ("speed", "speed of the sprocket", DRIVE, "rad/s"),
+    ("torque", "torque", DRIVE, "N.m"),
+    ("power", "power of the motor", DRIVE, "W"),
+    ("slip", "rearward slip of the pads", TRACK, "m/s"),
+    ("tension.mean", "mean tension", TRACK, "N"),
+    ("tension.max", "largest tension, on average", TRACK, "N"),
+    ("tension.min", "smallest tension, on average", TRACK, "N"),
 )
 
 
@@ -245,20 +244,22 @@ def _means(runs: list[RunData], window: Window) -> list[tuple[str, ...]]:
     run = runs[0]
     kinds = {name: TRACK if name in run.tracks else CHASSIS if name == CHASSIS else DRIVE for name in run.instances}
     rows = []
-    for output, title, units in MEANS:
-        for kind, unit in units.items():
-            names = [name for name in run.instances if kinds[name] == kind and run.has(f"{name}.{output}")]
-            cells = [
-                "<br>".join(
-                    quantity(data.mean(f"{name}.{output}", window), unit)
-                    + ("" if kind == CHASSIS else f" <span class='muted'>{instance(name)}</span>")
-                    for name in names
-                    if data.has(f"{name}.{output}")
-                )
-                for data in runs
-            ]
-            if names:
-                rows.append((title, *cells))
+    for output, title, kind, unit in MEANS:
+        owners = {
+            name: "" if kind == CHASSIS else f" <span class='muted'>{instance(name)}</span>"
+            for name in run.instances
+            if kinds[name] == kind and run.has(f"{name}.{output}")
+        }
+        cells = [
+            "<br>".join(
+                f"{quantity(data.mean(f'{name}.{output}', window), unit)}{owner}"
+                for name, owner in owners.items()
+                if data.has(f"{name}.{output}")
+            )
+            for data in runs
+        ]
+        if owners:
+            rows.append((title, *cells))
     return rows
 
 
@@ -266,7 +267,7 @@ def flows(run: RunData, window: Window) -> list[Flow]:
     """Work put in, lost and stored a second; a half vehicle counts for both sides. Their sum is unaccounted for."""
     all_flows, stored = [], dict.fromkeys(STORED, 0.0)
     for name, power in powers(run, window).items():
-        place = f"{instance(name)}{', both sides' if run.copies(name) > 1 else ''}"
+        place = f"{instance(name)}{_sides(run, name)}"
         all_flows.append(Flow(f"put in by the {place}", power.get("work", 0.0)))
         all_flows.append(Flow(f"dissipated in the {place}", -power.get("dissipated", 0.0)))
         all_flows.append(Flow(f"lost as contacts move along links, {place}", -power.get("covered", 0.0)))

@@ -18,10 +18,10 @@ from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.analyses.spectrum import Spectrum
 from orchestrator.results.approximations import Curve, Peak
 from orchestrator.results.observables import OBSERVABLES
-from orchestrator.results.page.embedded import and_list, instance, plain, quantity, side, text
+from orchestrator.results.page.embedded import and_list, at_time, instance, plain, quantity, side, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, heat, lines, table
-from orchestrator.results.run_data import RunData, Window, mean
+from orchestrator.results.run_data import Window, mean
 from orchestrator.results.units import hours, number, percent
 
 INSTANTS = 4  # evenly spaced instants of profiles
@@ -106,14 +106,9 @@ def _along(evaluation: Evaluation, loads: LinkLoads, content: Content) -> None:
     if not drawn_profiles:
         return
     worst = loads.most["tension"].t
-    drawn = [
-        Trace(
-            f"{number(profile.t)} s{' (largest)' if profile.t == worst else ''}",
-            Curve(profile.place, profile.tension),
-            k,
-        )
-        for k, profile in enumerate(drawn_profiles)
-    ]
+    names = [f"{number(profile.t)} s{' (largest)' if profile.t == worst else ''}" for profile in drawn_profiles]
+    along = [Curve(profile.place, profile.tension) for profile in drawn_profiles]
+    drawn = [Trace(name, curve, k) for k, (name, curve) in enumerate(zip(names, along, strict=True))]
     x = f"place along the chain from {'the sprocket' if loads.closed else 'its first pin'}, m"
     chart = lines("tension", "N", drawn, x=x, timed=False, stretches=drawn_profiles[-1].stretches)
     where = "From the middle of the wrap on the sprocket on, the way that the numbers of links go. "
@@ -163,7 +158,7 @@ def _curves(key: str, parts: Mapping[str, tuple[Curve, Peak]], content: Content)
     for load, title, unit in LOADS:
         if load in parts and parts[load][1].value > 0.0:
             curve, peak = parts[load]
-            note = f"Largest: {quantity(peak.value, unit)} at {number(peak.t)} s."
+            note = f"Largest: {at_time(peak, unit)}."
             chart = lines(load, unit, [Trace(load, curve, 0)], mark=peak)
             content.add_figure(f"{key}-{load}", chart, title, note)
 
@@ -299,16 +294,17 @@ FATIGUE_HEAD = (
 def fatigue(pair: Pair) -> PageSection | None:
     """Section of the fatigue of each track; None without stress of fibres, or without the library."""
     run, content = pair.run.run, Content()
-    if not run.tracks or not all(_recorded(run, track) for track in run.tracks):
+    fibres = [record_blocks.has(run, track, f"link[*].fibre.{fibre}") for track in run.tracks for fibre in FIBRES]
+    if not fibres or not all(fibres):
         return None
     result = attempt(lambda: analysis.of(run, sn=pair.line), pair.run.missing)
     if result is None:
         return None
     found = result.tracks
     drawn = [
-        Trace(f"{fibre} fibre, {plain(each.track)}", _by_link(each.damage_repeated[:, column]), 2 * k + column)
+        Trace(f"{fibre} fibre, {plain(each.track)}", Curve(np.arange(1.0, len(damage) + 1.0), damage), 2 * k + column)
         for k, each in enumerate(found)
-        for column, fibre in enumerate(FIBRES)
+        for column, (fibre, damage) in enumerate(zip(FIBRES, each.damage_repeated.T, strict=True))
     ]
     line, *_, counts, same, along, recorded = result.notes()
     counts, along, same = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in (counts, along, same))
@@ -317,14 +313,6 @@ def fatigue(pair: Pair) -> PageSection | None:
     content.add_figure("damage", lines("damage", "", drawn, x="link", timed=False), "Damage", note, "wide")
     content.html = table(FATIGUE_HEAD, [_fatigue_row(each) for each in found]) + content.html
     return PageSection("fatigue", "Fatigue", "How long do the links last?", content.html, content.charts)
-
-
-def _by_link(values: Floats) -> Curve:
-    return Curve(np.arange(1.0, len(values) + 1.0), values)
-
-
-def _recorded(run: RunData, track: str) -> bool:
-    return all(record_blocks.has(run, track, f"link[*].fibre.{fibre}") for fibre in FIBRES)
 
 
 def _fatigue_row(found: TrackFatigue) -> tuple[str, ...]:

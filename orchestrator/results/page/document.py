@@ -146,16 +146,16 @@ def _pieces(
         f'<header><p class="kicker">Report of the run {text(run.run.log.path.name)}{against} &middot;'
         f" {number(run.run.span[1] - run.run.span[0])} s</p><h1>{title}</h1>",
         f'<p class="verdict {verdict.grade}"><b>{verdict.word}.</b> {verdict.sentence}</p>',
-        *(f'<p class="verdict bad"><b>Reference.</b> {text(cut)}.</p>' for cut in [_cut(reference)] if cut),
+        *(
+            f'<p class="verdict bad"><b>Reference.</b> {text(cut)}.</p>'
+            for cut in [reference and reference.run.log.cut_off]
+            if cut
+        ),
         f'<div class="tiles">{tiles}</div><dl class="setting">{setting}</dl></header>',
         f'<nav aria-label="contents">{contents}</nav><main>{body}</main>',
         f'<script type="application/json" id="data">{script(data)}</script>',
         f"<script>{plots}</script><script>{_asset('page.js')}</script></body></html>\n",
     ]
-
-
-def _cut(reference: Evaluation | None) -> str:
-    return reference.run.log.cut_off if reference else ""
 
 
 def _asset(name: str) -> str:

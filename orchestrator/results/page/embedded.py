@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.approximations import Peak
 from orchestrator.results.table import without_rounding
 from orchestrator.results.units import finite, number, scaled
 
@@ -48,6 +49,11 @@ def quantity(value: float, unit: str, digits: int = 4) -> str:
     value = without_rounding(value, unit)
     factor, name = scaled(value, unit)
     return f"{number(value / factor, digits)} {text(name)}".strip()
+
+
+def at_time(peak: Peak, unit: str) -> str:
+    """Value and time of a peak, "27.78 kN at 1.2 s", escaped for HTML."""
+    return f"{quantity(peak.value, unit)} at {number(peak.t)} s"
 
 
 def plain(name: str) -> str:

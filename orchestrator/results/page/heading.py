@@ -17,7 +17,7 @@ from orchestrator.results.page.balance import supply
 from orchestrator.results.page.embedded import instance, quantity, text, wheel
 from orchestrator.results.page.evaluation import ALIKE, Evaluation
 from orchestrator.results.units import number, percent
-from orchestrator.results.user_parts import GivenPart, given_parts
+from orchestrator.results.user_parts import given_parts
 from orchestrator.results.validity.ledger import validity
 
 OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
@@ -51,10 +51,13 @@ def setting(evaluation: Evaluation) -> list[tuple[str, str]]:
         ("ground", _ground(evaluation.run.scene)),
         ("coupling", text(about.get("coupling", ""))),
         ("step", _step(about)),
-        ("step inside the tracks", _inner(evaluation)),
+        ("step inside the tracks", _milliseconds(evaluation.run.scene.get("track"))),
         ("duration", f"{number(end - start)} s"),
         ("components", "FMUs of machine code (native)" if about.get("fmus") == "native" else "Python FMUs"),
-        *((f"{instance(name)}, an FMU of yours", _given(part)) for name, part in given_parts(evaluation.run).items()),
+        *(
+            (f"{instance(name)}, an FMU of yours", f"{text(part.file)}, sha256 {text(part.sha256)}")
+            for name, part in given_parts(evaluation.run).items()
+        ),
         ("recorded", text(origin.get("created", ""))),
         ("machine", text(", ".join(filter(None, (origin.get("processor"), origin.get("system")))))),
         ("cotrack", text(" ".join(filter(None, (versions.get("cotrack"), _commit(origin)))))),
@@ -62,10 +65,6 @@ def setting(evaluation: Evaluation) -> list[tuple[str, str]]:
     if evaluation.run.scene.get("symmetric"):
         pairs.append(("symmetry", "the left half ran for both; energies and weights are those of the whole"))
     return [(name, value) for name, value in pairs if value]
-
-
-def _given(part: GivenPart) -> str:
-    return f"{text(part.file)}, sha256 {text(part.sha256)}"
 
 
 def _of_vehicle(evaluation: Evaluation) -> list[tuple[str, str]]:
@@ -85,13 +84,11 @@ def _of_vehicle(evaluation: Evaluation) -> list[tuple[str, str]]:
     named = vehicle.get("name", "") if isinstance(vehicle, dict) else ""
     mass = weight / value("gravity") if weight and value("gravity") else None
     friction = value("contact", "ground", "friction")
+    rubs = friction is not None and "ground" in evaluation.run.scene
     return [
         ("vehicle", ", ".join(filter(None, (text(named), f"{number(mass, 5)} kg" if mass else "")))),
         ("a track has", " ".join(chain)),
-        (
-            "friction on the ground",
-            number(friction) if friction is not None and "ground" in evaluation.run.scene else "",
-        ),
+        ("friction on the ground", number(friction) if rubs else ""),
     ]
 
 
@@ -109,17 +106,14 @@ def _commit(origin: dict[str, str]) -> str:
 
 
 def _step(about: dict[str, str]) -> str:
-    try:
-        step = f"{number(1e3 * float(about['step']))} ms"
-    except (LookupError, ValueError):
-        return ""
-    return step if about.get("step_control", "fixed") == "fixed" else f"variable, {step} at first"
+    step = _milliseconds(about)
+    return f"variable, {step} at first" if step and about.get("step_control", "fixed") != "fixed" else step
 
 
-def _inner(evaluation: Evaluation) -> str:
-    """Internal step of the tracks, if the scene gives one."""
+def _milliseconds(table: Any) -> str:
+    """Step in a table; empty without one."""
     try:
-        return f"{number(1e3 * float(evaluation.run.scene['track']['step']))} ms"
+        return f"{number(1e3 * float(table['step']))} ms"
     except (LookupError, TypeError, ValueError):
         return ""
 
@@ -189,10 +183,9 @@ def figures(evaluation: Evaluation) -> dict[str, Any]:
     """Key figures in SI units, without those that the log does not hold."""
     figures: dict[str, Any] = {}
     tracks = evaluation.run.tracks
+    moving = ["chassis"] if "chassis.speed" in evaluation.signals else tracks
     signals = {
-        "top_speed": ["chassis.speed"]
-        if "chassis.speed" in evaluation.signals
-        else [f"{each}.speed" for each in tracks],
+        "top_speed": [f"{name}.speed" for name in moving],
         **{key: [f"{track}.{name}" for track in tracks] for key, name in OF_TRACKS.items()},
         "wheel_load": [name for name in evaluation.signals if name.endswith(".load")],
     }

@@ -31,7 +31,8 @@ def loads(pair: Pair) -> PageSection | None:
     evaluation, content = pair.run, Content()
     names = [name for name in evaluation.signals if name.endswith(".load")]
     for side, track in enumerate(evaluation.run.tracks):
-        named = [(name, wheel_name(_wheel(name))) for name in names if name.partition(".")[0] == track]
+        of_track = [name for name in names if name.partition(".")[0] == track]
+        named = [(name, wheel_name(name.removesuffix(".load").partition(".")[2])) for name in of_track]
         if drawn := pair.lines(named):
             chart, title = pair.over_time("force", "N", drawn), f"Road wheels, {instance(track)}"
             content.add_figure(f"wheels-{side}", chart, title, _lifted(evaluation, track))
@@ -47,10 +48,6 @@ def loads(pair: Pair) -> PageSection | None:
     _pressure(evaluation, content)
     title = "What do wheels and ground carry?"
     return PageSection("loads", "Loads", title, content.html, content.charts) if content.charts else None
-
-
-def _wheel(signal: str) -> str:
-    return signal.removesuffix(".load").partition(".")[2]
 
 
 def _lifted(evaluation: Evaluation, track: str) -> str:

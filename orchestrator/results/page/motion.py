@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 
 from orchestrator.results import turning
-from orchestrator.results.analyses.curves import GROUND_SPEED, MOMENT, YAW_RATE, SignalCurve, radius
+from orchestrator.results.analyses.curves import GROUND_SPEED, MOMENT, YAW_RATE, radius
 from orchestrator.results.analyses.phases import HELD, Phase, phase_name, rounded
 from orchestrator.results.approximations import Curve
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.observables import OBSERVABLES
-from orchestrator.results.page.embedded import instance, quantity, side, text
+from orchestrator.results.page.embedded import at_time, instance, quantity, side, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Chart, Content, PageSection, Pair, Trace, lines, table
 from orchestrator.results.run_data import EVER, RunData, Window
@@ -42,8 +42,10 @@ def motion(pair: Pair) -> PageSection | None:
     for key, title in (("speed", "Speed of the hull"), ("distance", "Way along the heading at the start")):
         signal = f"chassis.{key}"
         if drawn := pair.lines([(signal, key)]):
-            chart = pair.over_time(key, evaluation.signals[signal].unit, drawn)
-            content.add_figure(key, chart, title, _range(evaluation.signals[signal]))
+            known = evaluation.signals[signal]
+            chart = pair.over_time(key, known.unit, drawn)
+            note = f"From {at_time(known.least, known.unit)} to {at_time(known.most, known.unit)}."
+            content.add_figure(key, chart, title, note)
     if angles := pair.lines([("chassis.pitch", "pitch"), ("chassis.roll", "roll")]):
         chart = pair.over_time("angle", "degrees", [line.scaled_by(DEGREES) for line in angles])
         content.add_figure("pitch", chart, "Pitch and roll", "Nose down and right side down are positive.")
@@ -59,19 +61,11 @@ def motion(pair: Pair) -> PageSection | None:
     return content.as_section("motion", "Motion", "How did it move?")
 
 
-def _range(signal: SignalCurve) -> str:
-    unit = signal.unit
-    return (
-        f"From {quantity(signal.least.value, unit)} at {number(signal.least.t)} s"
-        f" to {quantity(signal.most.value, unit)} at {number(signal.most.t)} s."
-    )
-
-
 def _way(pair: Pair) -> Chart | None:
     """Chart of the ways of both hulls from above; None if the run goes straight."""
     drawn = []
-    for evaluation, name in ((pair.run, "run"), (pair.reference, "reference")):
-        if evaluation is None or "chassis.chassis.position.x" not in evaluation.signals:
+    for evaluation, name in pair.named:
+        if "chassis.chassis.position.x" not in evaluation.signals:
             continue
         _, places = evaluation.run.vectors("chassis", "out", "chassis.position", "xy", EVER)
         thinned = places[:: max(1, len(places) // 1000)]
@@ -95,8 +89,7 @@ def drive(pair: Pair) -> PageSection | None:
             drawn = pair.lines([(f"{prefix}{variable}", side(prefix.rstrip("."))) for prefix in evaluation.drives])
             chart = pair.over_time(variable, signals[0].unit, drawn)
             top = max(signals, key=lambda signal: abs(signal.largest.value)).largest
-            largest = f"Largest: {quantity(top.value, signals[0].unit)} at {number(top.t)} s."
-            content.add_figure(key, chart, title, f"{note} {largest}")
+            content.add_figure(key, chart, title, f"{note} Largest: {at_time(top, signals[0].unit)}.")
     slips = pair.lines([(f"{track}.slip", side(track)) for track in evaluation.run.tracks])
     if any(np.any(line.curve.y) for line in slips):
         chart = pair.over_time("slip", "mm/s", [line.scaled_by(1e3) for line in slips])
@@ -171,7 +164,7 @@ def turn(pair: Pair) -> PageSection | None:
     ):
         if drawn := pair.lines([(signal, quantity_name)]):
             known = evaluation.signals[signal]
-            note += f" Largest: {quantity(known.largest.value, known.unit)} at {number(known.largest.t)} s."
+            note += f" Largest: {at_time(known.largest, known.unit)}."
             content.add_figure(key, pair.over_time(quantity_name, known.unit, drawn), title, note)
     if chart := _radius(pair):
         note = f"Way over change of heading in {number(_window(evaluation))} s, while the vehicle turns."
@@ -185,7 +178,8 @@ def turn(pair: Pair) -> PageSection | None:
         chart = pair.over_time("to the left", evaluation.signals[PATH].unit, drawn)
         content.add_figure("path", chart, "Distance from the driver's path", "To the left is positive.")
     content.as_grid()
-    content.html += f"<h3>By side</h3><p class='muted'>{SIDES_NOTE}</p>{_by_side(evaluation)}"
+    content.html += f"<h3>By side</h3><p class='muted'>{SIDES_NOTE}</p>"
+    content.html += table(SIDES_HEAD, [_sides_row(evaluation, phase) for phase in evaluation.turns], "phases")
     return PageSection("turn", "Turn", "How did it turn?", content.html, content.charts)
 
 
@@ -197,19 +191,14 @@ def _window(evaluation: Evaluation) -> float:
 def _radius(pair: Pair) -> Chart | None:
     """Chart of the radius over time; None without the motion of the hull."""
     drawn = []
-    for evaluation, name in ((pair.run, "run"), (pair.reference, "reference")):
-        if evaluation and {GROUND_SPEED, YAW_RATE} <= evaluation.signals.keys():
+    for evaluation, name in pair.named:
+        if {GROUND_SPEED, YAW_RATE} <= evaluation.signals.keys():
             signals = evaluation.signals
             curve = radius(signals[GROUND_SPEED], signals[YAW_RATE], _window(pair.run))
             drawn.append(Trace(name, curve, 0, reference=evaluation is pair.reference))
     if not any(np.isfinite(trace.curve.y).any() for trace in drawn):
         return None
     return lines("radius", "m", drawn) | {"log": True}
-
-
-def _by_side(evaluation: Evaluation) -> str:
-    """Table of means by phase and side, HTML."""
-    return table(SIDES_HEAD, [_sides_row(evaluation, phase) for phase in evaluation.turns], "phases")
 
 
 def _sides_row(evaluation: Evaluation, phase: Phase) -> tuple[str, ...]:

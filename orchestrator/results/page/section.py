@@ -175,6 +175,11 @@ class Pair(NamedTuple):
     measured: MeasuredComparison | None = None
     line: StressLifeLine | None = None  # S-N line of the fatigue; None: the default one
 
+    @property
+    def named(self) -> list[tuple[Evaluation, str]]:
+        """Both evaluations with their names."""
+        return [(self.run, "run"), *([(self.reference, "reference")] if self.reference else [])]
+
     def lines(self, labelled: Sequence[tuple[str, str]], colour: int = 0) -> list[Trace]:
         """Curves of signals, given with their labels, of both runs; signals that a run lacks are left out.
 
@@ -196,16 +201,13 @@ class Pair(NamedTuple):
         for k, (signal, name) in enumerate(labelled, colour):
             if other := others.get(signal):  # one band is enough: the reference of a band is its mean
                 curve = other.moving_mean.over(window) if means.get(signal) else other.curve
-                traces.append(Trace(_of_reference(name), curve, k, reference=True))
+                other_name = "reference" if name == "run" else f"{name}, reference"
+                traces.append(Trace(other_name, curve, k, reference=True))
         return traces
 
     def over_time(self, quantity: str, unit: str, traces: Sequence[Trace]) -> Chart:
         """Chart of lines over time."""
         return lines(quantity, unit, traces, window=self.run.ripple.description)
-
-
-def _of_reference(name: str) -> str:
-    return "reference" if name == "run" else f"{name}, reference"
 
 
 def _alike(first: SignalCurve, second: SignalCurve) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from html import escape
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -128,26 +128,21 @@ def _error_rows(observables: Any) -> list[tuple[str, ...]]:
         for name, observable in named
         if isinstance(observable, dict) and _is_number(observable.get("total"))
     ]
-    return [
-        (
-            text(name.replace("_", " "))
-            + ("" if observable.get("decisive") else f"<br><span class='muted'>{SENSITIVE}</span>"),
-            f"<b>{percent(observable['total'], 2)}</b>"
-            if observable.get("decisive")
-            else percent(observable["total"], 2),
-            *(
-                percent(observable[part], 2) if _is_number(observable.get(part)) else ""
-                for part in ("coupling", "integration")
-            ),
-            quantity(observable["absolute"], str(observable.get("unit", "")).replace("N m", "N.m"), 3)
-            if _is_number(observable.get("absolute"))
-            else "",
-        )
-        for name, observable in sorted(numeric, key=lambda item: (not item[1].get("decisive"), -item[1]["total"]))
-    ]
+    rows = []
+    for name, observable in sorted(numeric, key=lambda item: (not item[1].get("decisive"), -item[1]["total"])):
+        what, share = text(name.replace("_", " ")), percent(observable["total"], 2)
+        parts = (observable.get(part) for part in ("coupling", "integration"))
+        shares = (percent(part, 2) if _is_number(part) else "" for part in parts)
+        absolute, unit = observable.get("absolute"), str(observable.get("unit", "")).replace("N m", "N.m")
+        error = quantity(absolute, unit, 3) if _is_number(absolute) else ""
+        if observable.get("decisive"):
+            rows.append((what, f"<b>{share}</b>", *shares, error))
+        else:
+            rows.append((f"{what}<br><span class='muted'>{SENSITIVE}</span>", share, *shares, error))
+    return rows
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 

@@ -18,17 +18,10 @@ from orchestrator.results.ground_surface import GroundSurface, ground
 from orchestrator.results.rotation import body_axis, link_axes
 from orchestrator.results.run_data import POSITION, RunData, link_columns
 from orchestrator.results.units import size as size_of
+from orchestrator.results.views import shapes
 from orchestrator.results.views.colours import LINK_COLOURS, Scale
 from orchestrator.results.views.pose_columns import PoseColumns, Slot, has_motion, nearest
-from orchestrator.results.views.shapes import (
-    HullBody,
-    TrackBody,
-    WheelBody,
-    drawn_scene,
-    hull_body,
-    track_body,
-    wheel_body,
-)
+from orchestrator.results.views.shapes import HullBody, TrackBody, WheelBody
 
 WHEELS = ("sprocket", "road_wheel", "idler", "return_roller")
 AXIS, GROUND = "joint[*].axis", LINK_COLOURS["ground"].signal
@@ -80,15 +73,6 @@ class Poses(NamedTuple):
         return np.concatenate(parts or [self.hull.position[rows] if self.hull else np.zeros((1, 3))])
 
 
-class LinkSlots(NamedTuple):
-    """Columns that hold the motion of a track's links."""
-
-    pins: Slot
-    axis: Slot | None  # direction of the pins
-    ground: Slot | None
-    colour: Slot | None
-
-
 class Bodies:
     """Bodies of a run, at most ``rate`` instants a second; a signal of ``LINK_COLOURS`` colours links.
 
@@ -101,7 +85,7 @@ class Bodies:
     ) -> None:
         self.run = run
         self._log = log = run.log
-        self.scene: dict[str, Any] = drawn_scene(run)
+        self.scene: dict[str, Any] = shapes.drawn_scene(run)
         try:
             self.ground: GroundSurface | None = ground(self.scene)
         except (LookupError, TypeError, ValueError) as problem:
@@ -121,7 +105,7 @@ class Bodies:
         self._hull: tuple[Slot, Slot] | None = None
         if "/chassis/out" in log.topics and has_motion(log.topics["/chassis/out"].names, "chassis"):
             self._hull = self._columns.motion("/chassis/out", "chassis")
-            self.hull = hull_body(self.scene["vehicle"]["chassis"])
+            self.hull = shapes.hull_body(self.scene["vehicle"]["chassis"])
         if not self._columns.columns:
             raise BadInput(f"{log.path} holds no links, wheels or hull to show")
         recorded, self.end = self._columns.instants(window)  # unconnected inputs end one step before the run
@@ -204,17 +188,11 @@ class Bodies:
 
     def _poses(self, t: Floats) -> Poses:
         values_by_topic = self._columns.read(t)
-        for topic, topic_values in values_by_topic.items():
-            if not np.isfinite(topic_values).all():
-                self._damaged = f"values of {topic} are no finite numbers"
-                finite = np.logical_and.reduce(
-                    [np.isfinite(topic_values).all(axis=1) for topic_values in values_by_topic.values()]
-                )
-                t, values_by_topic = (
-                    t[finite],
-                    {name: topic_values[finite] for name, topic_values in values_by_topic.items()},
-                )
-                break
+        finite = {topic: np.isfinite(values).all(axis=1) for topic, values in values_by_topic.items()}
+        if damaged := next((topic for topic, rows in finite.items() if not rows.all()), ""):
+            self._damaged = f"values of {damaged} are no finite numbers"
+            kept = np.logical_and.reduce([*finite.values()])
+            t, values_by_topic = t[kept], {topic: values[kept] for topic, values in values_by_topic.items()}
         wheels = {
             name: BodyPose(*(slot.values(values_by_topic) for slot in slots)) for name, slots in self._wheels.items()
         }
@@ -225,10 +203,10 @@ class Bodies:
     def _link_poses(
         self, track: TrackBody, values_by_topic: Mapping[str, Floats], wheels: Mapping[str, BodyPose]
     ) -> LinkPoses:
-        slots = self._links[track.name]
-        pins = slots.pins.values(values_by_topic)
-        if slots.axis:
-            across = slots.axis.values(values_by_topic)
+        values = {name: slot.values(values_by_topic) for name, slot in self._links[track.name].items()}
+        pins = values["pins"]
+        if "axis" in values:
+            across = values["axis"]
         elif f"{track.name}/sprocket" in wheels:
             across = body_axis(wheels[f"{track.name}/sprocket"].orientation, 1)[:, None, :]
         else:
@@ -239,8 +217,8 @@ class Bodies:
         if not np.isfinite(axes).all():
             raise BadInput(f"{self._log.path}: pins of '{track.name}' lie one on the other: there is nothing to show")
         centres = 0.5 * (pins + np.roll(pins, -1, axis=1))[:, : track.links]
-        colour = self._colour_values(slots.colour.values(values_by_topic), centres) if slots.colour else None
-        return LinkPoses(pins, centres, axes, colour, slots.ground.values(values_by_topic) if slots.ground else None)
+        colour = self._colour_values(values["colour"], centres) if "colour" in values else None
+        return LinkPoses(pins, centres, axes, colour, values.get("ground"))
 
     def _colour_values(self, values: Floats, centres: Floats) -> Floats:
         values = values * (1.0 / size_of(LINK_COLOURS[str(self.colour)].unit))
@@ -256,7 +234,7 @@ class Bodies:
         links = max(len(columns_of[about.signal]) for about in LINK_COLOURS.values()) or nodes
         if nodes < 2 or nodes not in (links, links + 1):
             return None
-        return track_body(name, links, nodes == links, self.scene["vehicle"])
+        return shapes.track_body(name, links, nodes == links, self.scene["vehicle"])
 
     def _colour_name(self, colour: str | None, columns_by_track: Mapping[str, Mapping[str, Floats]]) -> str | None:
         """Return the colouring signal, a key of LINK_COLOURS: the requested one, or the first recorded for all links.
@@ -278,18 +256,16 @@ class Bodies:
             raise BadInput(f"--colour {colour}: {self._log.path} does not hold that; of its links it holds {has}")
         return colour
 
-    def _link_slots(self, track: TrackBody, columns_of: Mapping[str, Floats]) -> LinkSlots:
-        topic, nodes = f"/{track.name}/links", len(columns_of[POSITION])
-
-        def slot(signal: str, count: int) -> Slot | None:
-            return self._columns.add(topic, columns_of[signal][:count]) if len(columns_of[signal]) >= count else None
-
-        return LinkSlots(
-            self._columns.add(topic, columns_of[POSITION]),
-            slot(AXIS, nodes),
-            slot(GROUND, track.links),
-            slot(LINK_COLOURS[self.colour].signal, track.links) if self.colour else None,
-        )
+    def _link_slots(self, track: TrackBody, columns_of: Mapping[str, Floats]) -> dict[str, Slot]:
+        """Columns of a track's links: pins and, as far as recorded, their axis, force of the ground and colour."""
+        nodes = len(columns_of[POSITION])
+        wanted = {"pins": (POSITION, nodes), "axis": (AXIS, nodes), "ground": (GROUND, track.links)}
+        wanted |= {"colour": (LINK_COLOURS[self.colour].signal, track.links)} if self.colour else {}
+        return {
+            name: self._columns.add(f"/{track.name}/links", columns_of[signal][:count])
+            for name, (signal, count) in wanted.items()
+            if len(columns_of[signal]) >= count
+        }
 
     def _wheels_of_run(self) -> Iterator[tuple[WheelBody, tuple[Slot, Slot]]]:
         """Yield the wheels of all tracks and, on sides without a track, of the chassis."""
@@ -309,7 +285,7 @@ class Bodies:
             kind = wheel.partition("[")[0]
             if body.startswith(prefix) and kind in WHEELS and "." not in wheel and has_motion(names, body):
                 vehicle = self.scene["vehicle"]
-                yield wheel_body(f"{owner}/{body}", kind, owner, vehicle), self._columns.motion(topic, body)
+                yield shapes.wheel_body(f"{owner}/{body}", kind, owner, vehicle), self._columns.motion(topic, body)
 
     def _at_rate(self, recorded: Floats, rate: float) -> Floats:
         """Return the recorded instants, s, nearest to a steady pace ``rate``, 1/s; raises NoInstant."""

@@ -18,31 +18,10 @@ from orchestrator.results.ground_mesh import GroundMesh
 from orchestrator.results.ground_surface import gives_way
 from orchestrator.results.output_files import atomic_write, check_name
 from orchestrator.results.run_data import EVER, RunData, Window
-from orchestrator.results.views import colours
+from orchestrator.results.views import colours, projected, solids
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
-from orchestrator.results.views.projected import (
-    NOTHING,
-    VIEWPOINTS,
-    Camera,
-    Layers,
-    heading,
-    hull_faces,
-    layers,
-    make_camera,
-    patch,
-    plane,
-    polygons,
-    section,
-)
+from orchestrator.results.views.projected import Camera, Layers
 from orchestrator.results.views.ruts import ground_at, inside, ruts_of, untouched
-from orchestrator.results.views.solids import (
-    Reach,
-    force_of_a_metre,
-    ground_arrows,
-    has_forces,
-    scale_arrow,
-    with_heads,
-)
 
 if TYPE_CHECKING:
     from matplotlib.collections import LineCollection
@@ -96,8 +75,8 @@ def still(path: Path, output: Path, viewpoint: str, colour: str | None = None, l
 
 
 def _check_viewpoint(viewpoint: str) -> None:
-    if viewpoint not in VIEWPOINTS:
-        raise BadInput(f"--seen-from {viewpoint}: one looks from one of {', '.join(VIEWPOINTS)}")
+    if viewpoint not in projected.VIEWPOINTS:
+        raise BadInput(f"--seen-from {viewpoint}: one looks from one of {', '.join(projected.VIEWPOINTS)}")
 
 
 def _mp4(ffmpeg: Any, output: Path, picture: FilmPicture) -> int:
@@ -151,10 +130,8 @@ class FilmPicture:
 
         self._bodies, self._viewpoint = bodies, viewpoint
         self._scale = bodies.colour_range()
-        self._lower = viewpoint == "top" and bodies.colour in (
-            "ground",
-            "sliding",
-        )  # the upper run would hide the coloured lower run
+        # the upper run would hide the coloured lower run
+        self._lower = viewpoint == "top" and bodies.colour in ("ground", "sliding")
         self._speed = bodies.speeds()
         low, high = self._extent()
         across = width - EDGE - (BESIDE if bodies.colour else EDGE)
@@ -174,7 +151,7 @@ class FilmPicture:
         if bodies.colour:
             self._scale_of_colours(figure)
         self._clock = figure.text(EDGE / width, 1 - 36 / height, "", va="top", fontsize=10, parse_math=False)
-        self._arrows = ",  red: forces of the ground" if has_forces(bodies) else ""
+        self._arrows = ",  red: forces of the ground" if solids.has_forces(bodies) else ""
         self._without = ",  without the upper run of links" if self._lower else ""
         self._add_artists()
         self._canvas.draw()
@@ -189,7 +166,7 @@ class FilmPicture:
 
         self._earth = PolyCollection([], facecolors=[], edgecolors="0.5", linewidths=0.4)
         self._metres = lines("0.45", 0.7)
-        self._untouched = LineCollection([], colors="0.5", linewidths=0.8, linestyles=[(0, (6, 4))])
+        self._untouched = LineCollection([], **colours.UNTOUCHED)
         self._hidden, self._solid = (
             PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3) for _ in range(2)
         )
@@ -197,14 +174,8 @@ class FilmPicture:
         self._hull = PolyCollection([], facecolors=[], edgecolors=edge, linewidths=1.0)
         self._forces = lines(colours.to_unit_range(colours.FORCE), 1.2)
         self._artists = [
-            self._earth,
-            self._untouched,
-            self._metres,
-            self._hidden,
-            self._hull,
-            self._solid,
-            self._forces,
-        ]
+            self._earth, self._untouched, self._metres, self._hidden, self._hull, self._solid, self._forces
+        ]  # fmt: skip
         if self._arrows:
             self._artists.append(self._add_scale_of_forces(lines(colours.to_unit_range(colours.FORCE), 1.6)))
         for collection in self._artists:
@@ -216,10 +187,11 @@ class FilmPicture:
     def _add_scale_of_forces(self, arrow: LineCollection) -> LineCollection:
         """Place the arrow that shows the scale of forces in the upper right corner, with its force under it."""
         (left, right), top = self._pane.get_xlim(), self._pane.get_ylim()[1]
-        scale = scale_arrow(ARROW * (right - left), force_of_a_metre(self._bodies))
+        scale = solids.scale_arrow(ARROW * (right - left), solids.force_of_a_metre(self._bodies))
         metre = (right - left) / self._pane.get_window_extent().width
         end = np.array([right - 14 * metre, top - 14 * metre])
-        arrow.set_segments([*with_heads(np.stack([end - [scale.length, 0.0], end])[None], HEAD * (right - left))])
+        drawn = np.stack([end - [scale.length, 0.0], end])[None]
+        arrow.set_segments([*solids.with_heads(drawn, HEAD * (right - left))])
         x, y = end - [0.5 * scale.length, 6 * metre]
         self._scale_of_forces = self._pane.text(x, y, scale.label, fontsize=9, ha="center", va="top")
         self._scale_of_forces.set_animated(True)
@@ -243,17 +215,18 @@ class FilmPicture:
         bodies, camera, scale = self._bodies, self._camera(poses, k), self._scale
         self._ground(camera, poses, k)
         if self._viewpoint == "top":  # the hull would cover the tracks
-            hull, links = hull_faces(camera, bodies, poses, k), polygons(camera, bodies, poses, k, scale, self._lower)
-            shown = Layers(NOTHING, hull, links)
+            hull = projected.hull_faces(camera, bodies, poses, k)
+            links = projected.polygons(camera, bodies, poses, k, scale, self._lower)
+            shown = Layers(projected.NOTHING, hull, links)
         else:
-            shown = layers(camera, bodies, poses, k, scale)
+            shown = projected.layers(camera, bodies, poses, k, scale)
         for solid, shapes in ((self._hidden, shown.hidden), (self._solid, shown.visible)):
             solid.set_verts(shapes.outlines)
             solid.set_facecolor(list(map(tuple, shapes.colours)))
         self._hull.set_verts(shown.hull.outlines)
         self._hull.set_facecolor([(*colour, OPACITY) for colour in shown.hull.colours])
         head = HEAD * float(np.ptp(self._pane.get_xlim()))
-        self._forces.set_segments(list(with_heads(self._arrows_of(camera, poses, k), head)))
+        self._forces.set_segments(list(solids.with_heads(self._arrows_of(camera, poses, k), head)))
         t = float(poses.t[k])
         self._clock.set_text(
             f"{SEEN_FROM[self._viewpoint]},  t = {t:.2f} s{self._motion(t)}{self._arrows}{self._without}"
@@ -269,12 +242,12 @@ class FilmPicture:
     def _camera(self, poses: Poses, k: int) -> Camera:
         """Camera above the hull, as high over the ground as at the first instant; from the right it turns with it."""
         start = self._bodies.scene["start"]["heading"]
-        ahead = heading(poses, k, start) if self._viewpoint == "right" else start
+        ahead = projected.heading(poses, k, start) if self._viewpoint == "right" else start
         centre = self._middle.copy()
         if poses.hull:
             centre[:2] = poses.hull.position[k, :2]
         centre[2] += self._bodies.height_of_ground(poses, k) - self._level
-        return make_camera(self._viewpoint, ahead, centre)
+        return projected.make_camera(self._viewpoint, ahead, centre)
 
     def _extent(self) -> tuple[Floats, Floats]:
         """Return the lower left and upper right corner of the visible area, m from its middle."""
@@ -285,7 +258,7 @@ class FilmPicture:
         for poses in self._bodies.blocks():
             for k in range(len(poses.t)):
                 camera = self._camera(poses, k)
-                outlines = hull_faces(camera, self._bodies, poses, k).outlines
+                outlines = projected.hull_faces(camera, self._bodies, poses, k).outlines
                 outlines += [camera.project(links.centres[k]) for links in poses.links.values()]
                 for wheel in self._bodies.wheels:
                     middle = camera.project(poses.wheels[wheel.name].position[k])
@@ -306,20 +279,21 @@ class FilmPicture:
         if self._viewpoint == "right":
             bottom = [[self._half, -2 * self._half], [-self._half, -2 * self._half]]
             planes = self._planes(camera, poses, k) if profile.terrain else [0.0]
-            sections = [section(camera, profile, -self._half, self._half, nearer) for nearer in planes]
+            sections = [projected.section(camera, profile, -self._half, self._half, nearer) for nearer in planes]
             self._earth.set_verts([np.concatenate([line, bottom]) for line, _ in sections])
             self._earth.set_facecolor([*([tuple(np.minimum(FAR * earth, 1.0))] * (len(sections) - 1)), tuple(earth)])
             _, metres = sections[-1]
             self._metres.set_segments(list(np.stack([metres[:, :2], metres[:, :2] - [0.0, 0.08]], axis=1)))
             self._number_metres(metres)
             if before := untouched(self._bodies):
-                self._untouched.set_segments([section(camera, before, -self._half, self._half, planes[-1])[0]])
+                line, _ = projected.section(camera, before, -self._half, self._half, planes[-1])
+                self._untouched.set_segments([line])
             return
         if profile.terrain:
-            quads, brightness, lines = patch(camera, self._mesh.around(camera.centre[:2], 2.0 * self._half))
+            quads, brightness, lines = projected.patch(camera, self._mesh.around(camera.centre[:2], 2.0 * self._half))
             self._earth.set_edgecolor("face")  # lines of quadrangles would hide those of metres
         else:
-            quads, brightness, lines = plane(camera, profile, 2.0 * self._half)
+            quads, brightness, lines = projected.plane(camera, profile, 2.0 * self._half)
         shades = np.clip(brightness[:, None] * earth, 0.0, 1.0)
         if gives_way(self._bodies.scene):
             pressed = camera.project(ruts_of(self._bodies.run).tiles(float(poses.t[k]))[0])
@@ -334,7 +308,7 @@ class FilmPicture:
     def _mesh(self) -> GroundMesh:
         """Mesh of a terrain under the whole way."""
         assert self._bodies.ground
-        return Reach().with_bodies(self._bodies).mesh(self._bodies.ground, 2.0 * self._half, QUADS)
+        return solids.Reach().with_bodies(self._bodies).mesh(self._bodies.ground, 2.0 * self._half, QUADS)
 
     def _planes(self, camera: Camera, poses: Poses, k: int) -> list[float]:
         """Distances of the near faces of the tracks from the middle, towards the viewer, m, the nearest last."""
@@ -359,13 +333,11 @@ class FilmPicture:
 
     def _arrows_of(self, camera: Camera, poses: Poses, k: int) -> Floats:
         """Return the arrows of ground forces (n, 2, 2), m in the picture."""
-        arrows = [np.empty((0, 2, 2))]
-        for track in self._bodies.tracks:
-            links = poses.links[track.name]
-            if links.ground is not None:
-                origins, vectors, _ = ground_arrows(self._bodies, track, links, slice(k, k + 1))
-                arrows.append(camera.project(np.stack([origins, origins + vectors], axis=1)))
-        return np.concatenate(arrows)
+        arrows = [
+            camera.project(np.stack([origins, origins + vectors], axis=1))
+            for _, origins, vectors, _ in solids.ground_arrows(self._bodies, poses, slice(k, k + 1))
+        ]
+        return np.concatenate([np.empty((0, 2, 2)), *arrows])
 
     def _motion(self, t: float) -> str:
         if self._speed is None:
@@ -373,12 +345,8 @@ class FilmPicture:
         return f",  {np.interp(t, self._bodies.t, self._speed):z.2f} m/s"
 
     def _scale_of_colours(self, figure: Any) -> None:
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import Normalize
-
         width = self.size[0]
-        scale = ScalarMappable(Normalize(*self._scale), colours.MAP)
         pane = figure.add_axes(((width - BESIDE + 20) / width, 0.12, 18 / width, 0.68))
-        bar = figure.colorbar(scale, cax=pane, extend="max")
+        bar = figure.colorbar(colours.colour_bar(self._scale), cax=pane, extend="max")
         bar.set_label(self._bodies.label, fontsize=8)
         bar.ax.tick_params(labelsize=8)

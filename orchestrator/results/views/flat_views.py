@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from orchestrator.results.ground_surface import GroundSurface, gives_way
 from orchestrator.results.output_files import PICTURES, check_name, new_figure, save_figure
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import EVER, RunData, Window, within
+from orchestrator.results.views import colours
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
-from orchestrator.results.views.colours import MAP, PART, Scale, map_colours, to_unit_range
+from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, make_camera, polygons, section, side_camera
 from orchestrator.results.views.ruts import ground_at, inside, ruts_of, untouched
@@ -27,16 +28,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orchestrator.results.ground_surface import GroundSurface
-
 MOVING_INSTANTS = 3  # of the part of a run with motion, besides its start
 MOVES = 0.05  # of the largest speed: a faster vehicle counts as moving
 UPRIGHT = 0.7  # height over width beyond which panes are side by side
 MARGIN = 0.25  # m around the pins
 HIGH, NUMBER = 4.2, 0.6  # inches: height of a pane, and of the number under it
-UNTOUCHED: dict[str, Any] = {"color": "0.5", "linewidth": 0.8, "linestyle": (0, (6, 4)), "zorder": 0.4}
-# Face and edge of wheels.
-WHEEL_SHADES = {"sprocket": ("0.85", "0.5"), **dict.fromkeys(("road_wheel", "idler", "return_roller"), ("0.92", "0.6"))}
 
 Extent = tuple[tuple[float, float], tuple[float, float]]  # limits ahead and up, m
 
@@ -59,13 +55,11 @@ def draw_side(path: Path, output: Path, times: Sequence[float] | None = None) ->
     with Log(path) as log:
         run = RunData(log)
         track = next((name for name in run.tracks if f"/{name}/links" in log.topics), "")
-        if not track:
-            raise BadInput(f"{path} holds no links to draw")
         try:
-            bodies = Bodies(run, EVERY, track=track)
+            bodies = Bodies(run, EVERY, track=track) if track else None
         except NoInstant:
-            raise BadInput(f"{path} holds no links to draw") from None
-        if not bodies.tracks:
+            bodies = None
+        if not (bodies and bodies.tracks):
             raise BadInput(f"{path} holds no links to draw")
         bodies.select_instants(_moving_instants(bodies.t, bodies.end, times, None if times else _moving(run, track)))
         save_figure(_figure(bodies), output)
@@ -106,16 +100,14 @@ def draw_view(
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
 
-    paint = map_colours(view.colour, (len(view.links["body"]),), scale) / 255.0
-
     def draw_links(kind: str, order: float) -> None:
-        faces = paint if kind == "body" else [to_unit_range(PART[kind])]
+        faces = colours.of_part(kind, view.colour, (len(view.links["body"]),), scale) / 255.0
         outlines = list(view.links.get(kind, ()))
         pane.add_collection(PolyCollection(outlines, facecolors=faces, edgecolors="0.25", linewidths=0.3, zorder=order))
 
     draw_links("horn", 0.5)
     for kind, centre, outline in view.wheels:
-        face, edge = WHEEL_SHADES[kind]
+        face, edge = colours.WHEEL_SHADES[kind]
         pane.add_patch(Polygon(outline, facecolor=face, edgecolor=edge))
         pane.plot(*centre, ".", color="0.4", markersize=3)
     draw_links("body", 1.0)
@@ -125,7 +117,7 @@ def draw_view(
         pane.fill_between(line[:, 0], line[:, 1], limits[1][0], color="0.8", zorder=0)
     if before is not None:
         line, _ = section(view.camera, before, *limits[0], view.near)
-        pane.plot(*line.T, **UNTOUCHED)
+        pane.plot(*line.T, **colours.UNTOUCHED, zorder=0.4)
     pane.set_aspect("equal")
     pane.set_xlim(limits[0])
     pane.set_ylim(limits[1])
@@ -134,9 +126,6 @@ def draw_view(
 
 def _figure(bodies: Bodies) -> Figure:
     """Create a pane for each instant: stacked, or side by side if stacked panes would be narrow."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
     poses = [*bodies.blocks(1)]
     views, scale, speeds = [side_view(bodies, block) for block in poses], bodies.colour_range(), bodies.speeds()
     limits = extent(views)
@@ -160,7 +149,7 @@ def _figure(bodies: Bodies) -> Figure:
     else:
         panes[-1].set_xlabel(label)
     if bodies.colour:
-        figure.colorbar(ScalarMappable(Normalize(*scale), MAP), ax=list(panes), label=bodies.label, shrink=0.8)
+        figure.colorbar(colours.colour_bar(scale), ax=list(panes), label=bodies.label, shrink=0.8)
     title = f"{bodies.title}\n{bodies.tracks[0].name}, seen from the right"
     figure.suptitle(title, fontsize=10, parse_math=False)
     return figure
@@ -183,22 +172,14 @@ def _moving_instants(
 
     Default: the start and thirds of the interval ``moving``, or of the run without one.
     """
-    for t in times or ():
-        if not within(np.array(t), Window(float(recorded[0]), end)):
-            raise BadInput(f"--at {t:.9g}: links were recorded from {recorded[0]:.9g} to {end:.9g} s")
+    _require_recorded(times, Window(float(recorded[0]), end), "links")
     if times is None:
         begin, end = moving or Window(0.0, float(recorded[-1]))
-        thirds = (
-            [begin + (end - begin) * (i + 1) / MOVING_INSTANTS for i in range(MOVING_INSTANTS)]
-            if end > begin
-            else [end]
-        )
+        parts = range(1, MOVING_INSTANTS + 1) if end > begin else ()
+        thirds = [begin + (end - begin) * i / MOVING_INSTANTS for i in parts] or [end]
         times = [float(recorded[0]), *thirds] if moving else thirds
     return list(dict.fromkeys(recorded[nearest(recorded, np.array(times))].tolist()))
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 INSTANTS = 5
 ROOM = 5.0  # m: margin beside the path of the vehicle
@@ -319,7 +300,12 @@ def _even_instants(t: Floats, times: Sequence[float] | None) -> Sequence[float]:
     """Return the times, s, by default evenly spaced over the run; raises BadInput for times outside of it."""
     if not len(t):
         raise BadInput("the log holds no step to draw")
-    for moment in times or ():
-        if not within(np.array(moment), Window(float(t[0]), float(t[-1]))):
-            raise BadInput(f"--at {moment:.9g}: steps were recorded from {t[0]:.9g} to {t[-1]:.9g} s")
+    _require_recorded(times, Window(float(t[0]), float(t[-1])), "steps")
     return times or np.linspace(t[0], t[-1], INSTANTS).tolist()
+
+
+def _require_recorded(times: Sequence[float] | None, span: Window, what: str) -> None:
+    """Raise BadInput for times outside of a record, s."""
+    for t in times or ():
+        if not within(np.array(t), span):
+            raise BadInput(f"--at {t:.9g}: {what} were recorded from {span.start:.9g} to {span.end:.9g} s")

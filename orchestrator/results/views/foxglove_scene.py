@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import groupby
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -23,28 +24,16 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import events
 from orchestrator.results.output_files import atomic_write, check_name
-from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
-from orchestrator.results.views import colours
+from orchestrator.results.views import colours, primitives
 from orchestrator.results.views.bodies import Bodies, Poses
 from orchestrator.results.views.colours import Scale
-from orchestrator.results.views.plots import LOADS, MOTION, ChainProfile, Plot, chain_profiles, curves, plots, tensions
-from orchestrator.results.views.ruts import floors, hole
-from orchestrator.results.views.shapes import HullBody, WheelBody, spokes
-from orchestrator.results.views.solids import (
-    UPRIGHT,
-    Reach,
-    Triangles,
-    convex,
-    ground_arrows,
-    legend,
-    prism,
-    scale_on_hull,
-    sheet,
-)
+from orchestrator.results.views.plots import ChainProfile, Plot, chain_profiles, curves, plots, tensions
+from orchestrator.results.views.primitives import HULL, WORLD, Arrows, Constant, Discs, Entity, Lines, Mesh
+from orchestrator.results.views.ruts import hole
+from orchestrator.results.views.solids import UPRIGHT, Reach, legend
 
 RATE = 50.0  # instants a second
-WORLD = "world"
 SPACE, TABS, EVENTS = "3D!space", "Tab!curves", "RosOut!events"  # panels
 NUMBER = {"type": "object", "properties": {"value": {"type": "number"}}}
 NUMBERS = {"type": "array", "items": {"type": "number"}}
@@ -88,21 +77,24 @@ def _write(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], s
         log_channel = channels.LogChannel(events_topic.EVENTS_TOPIC, context=context)
         for event in events.of(bodies.run).events:
             log_channel.log(_entry(kinds, event), log_time=_nanoseconds(event.t))
+
+        def send(channel: Any, t: float, entities: Iterable[Any]) -> None:
+            channel.log(kinds.SceneUpdate(entities=[*entities]), log_time=_nanoseconds(t))
+
         begin = float(bodies.t[0])
-        shapes.log(kinds.SceneUpdate(entities=[*_shapes(kinds, bodies, begin)]), log_time=_nanoseconds(begin))
-        if bodies.hull:
-            hull = channels.SceneUpdateChannel("/hull", context=context)
-            hull.log(kinds.SceneUpdate(entities=[_hull(kinds, bodies.hull, begin)]), log_time=_nanoseconds(begin))
-        for t, quads, pressed in floors(bodies):
-            parts = ((quads[pressed], colours.RUT), (quads[~pressed], colours.EARTH))
-            triangles = [_triangles(kinds, sheet(part), colour) for part, colour in parts]
-            rut = kinds.SceneEntity(timestamp=_stamp(kinds, t), frame_id=WORLD, id="ruts", triangles=triangles)
-            shapes.log(kinds.SceneUpdate(entities=[rut]), log_time=_nanoseconds(t))
+        ground = primitives.ground(bodies, Reach().with_bodies(bodies), hole(bodies))
+        constant = {each.name: _constant(kinds, each, begin) for each in (*primitives.fixed_to_bodies(bodies), *ground)}
+        hull = constant.pop(HULL, None)
+        send(shapes, begin, constant.values())
+        if hull:  # on a topic of its own, so that it can be hidden
+            send(channels.SceneUpdateChannel("/hull", context=context), begin, [hull])
+        for t, rut in primitives.ruts(bodies):
+            send(shapes, t, [_constant(kinds, rut, t, locked=False)])
         after = -np.inf
         for poses in bodies.blocks():
+            tracks = [*primitives.moving(bodies, poses, scale)]
             for k, t in enumerate(poses.t):
-                entities = [*_entities(kinds, bodies, poses, k, scale)]
-                scene.log(kinds.SceneUpdate(entities=entities), log_time=_nanoseconds(t))
+                send(scene, t, _moving(kinds, tracks, t, k))
                 moved = [*_frames(kinds, poses, k)]
                 frames.log(kinds.FrameTransforms(transforms=moved), log_time=_nanoseconds(t))
             last = float(poses.t[-1])
@@ -155,118 +147,81 @@ def _colour(kinds: ModuleType, red_green_blue: Any) -> Any:
     return kinds.Color(r=r, g=g, b=b, a=1.0)
 
 
-def _unmoved(kinds: ModuleType) -> Any:
-    """Return the identity pose, explicitly: a reader may take an absent one as a quaternion of zeros."""
-    return kinds.Pose(position=_vector(kinds, (0.0, 0.0, 0.0)), orientation=_quaternion(kinds, (0.0, 0.0, 0.0, 1.0)))
+def _pose(kinds: ModuleType, place: Any = (0.0, 0.0, 0.0), turned: Any = (0.0, 0.0, 0.0, 1.0)) -> Any:
+    """Return a pose, also the identity: a reader may take an absent one as a quaternion of zeros."""
+    return kinds.Pose(position=_vector(kinds, place), orientation=_quaternion(kinds, turned))
 
 
 def _points(kinds: ModuleType, places: Floats) -> list[Any]:
     return [kinds.Point3(x=x, y=y, z=z) for x, y, z in places.reshape(-1, 3).tolist()]
 
 
-def _lines(kinds: ModuleType, pairs: Floats, width: float, colour: Any) -> Any:
-    """Return lines between pairs (n, 2, 3) of points, m."""
-    return kinds.LinePrimitive(
-        type=kinds.LinePrimitiveLineType.LineList, pose=_unmoved(kinds), thickness=width,
-        points=_points(kinds, pairs), color=_colour(kinds, colour),
-    )  # fmt: skip
+def _messages(kinds: ModuleType, primitive: Constant) -> Iterator[tuple[str, Any]]:
+    """Yield the messages of a primitive, each with the field of an entity that holds it."""
+    match primitive:
+        case Mesh(_, surface, colour):
+            yield "triangles", kinds.TriangleListPrimitive(
+                pose=_pose(kinds), points=_points(kinds, surface.corners), indices=surface.numbers.ravel().tolist(),
+                color=_colour(kinds, colour),
+            )  # fmt: skip
+        case Discs(_, ends, radius, colour):
+            for right, left in ends:
+                yield "cylinders", kinds.CylinderPrimitive(
+                    pose=_pose(kinds, (0.0, 0.5 * (right + left), 0.0), UPRIGHT),
+                    size=_vector(kinds, (2 * radius, 2 * radius, left - right)),
+                    bottom_scale=1.0, top_scale=1.0, color=_colour(kinds, colour),
+                )  # fmt: skip
+        case Lines(_, pairs, colour, width):
+            yield "lines", kinds.LinePrimitive(
+                type=kinds.LinePrimitiveLineType.LineList, pose=_pose(kinds), thickness=width,
+                points=_points(kinds, pairs), color=_colour(kinds, colour),
+            )  # fmt: skip
+        case Arrows(place, origins, vectors, _, label) if len(origins):
+            tips = origins + vectors
+            yield from _messages(kinds, Lines(place, np.stack([origins, tips], axis=1), colours.FORCE, 0.02))
+            if label:
+                yield "texts", kinds.TextPrimitive(
+                    pose=_pose(kinds, tips[0]), billboard=True, font_size=14.0, scale_invariant=True,
+                    color=_colour(kinds, colours.FORCE), text=label,
+                )  # fmt: skip
 
 
-def _triangles(kinds: ModuleType, surface: Triangles, colour: Any) -> Any:
-    return kinds.TriangleListPrimitive(
-        pose=_unmoved(kinds), points=_points(kinds, surface.corners), indices=surface.numbers.ravel().tolist(),
-        color=_colour(kinds, colour),
-    )  # fmt: skip
-
-
-def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
-    """Yield the shapes of wheels and ground, each in its own frame, and the scale of forces."""
-    stamp = _stamp(kinds, t)
-    for wheel in bodies.wheels:
-        yield kinds.SceneEntity(
-            timestamp=stamp, frame_id=wheel.name, id=wheel.name, frame_locked=True,
-            lines=[_lines(kinds, spokes(wheel), 0.016, colours.SPOKE)], **_wheel(kinds, wheel),
-        )  # fmt: skip
-    if standing := scale_on_hull(bodies):
-        foot, arrow = standing
-        tip = foot + np.array([0.0, 0.0, arrow.length])
-        text = kinds.TextPrimitive(
-            pose=kinds.Pose(position=_vector(kinds, tip), orientation=_quaternion(kinds, (0.0, 0.0, 0.0, 1.0))),
-            billboard=True, font_size=14.0, scale_invariant=True, color=_colour(kinds, colours.FORCE), text=arrow.label,
-        )  # fmt: skip
-        lines = [_lines(kinds, np.stack([foot, tip])[None], 0.02, colours.FORCE)]
-        yield kinds.SceneEntity(
-            timestamp=stamp, frame_id="hull", id="scale of forces", frame_locked=True, lines=lines, texts=[text]
-        )
-    if bodies.ground:
-        surface, metres = Reach().with_bodies(bodies).ground(bodies.ground, hole(bodies))
-        mesh = _triangles(kinds, surface, colours.EARTH)
-        marks = _lines(kinds, metres, 0.01, colours.METRE)
-        yield kinds.SceneEntity(
-            timestamp=stamp, frame_id=WORLD, id="ground", frame_locked=True, triangles=[mesh], lines=[marks]
-        )
-
-
-def _hull(kinds: ModuleType, hull: HullBody, t: float) -> Any:
-    """Return the hull in its own frame; it has a topic of its own, so that it can be hidden."""
-    edges = _lines(kinds, hull.corners[hull.edges], 0.024, colours.HULL_EDGE)
-    faces = _triangles(kinds, convex(hull), colours.HULL)
+def _constant(kinds: ModuleType, entity: Entity, t: float, locked: bool = True) -> Any:
+    """Return an entity in its own frame."""
+    fields: dict[str, list[Any]] = {}
+    for primitive in entity.primitives:
+        for field, message in _messages(kinds, primitive):
+            fields.setdefault(field, []).append(message)
     return kinds.SceneEntity(
-        timestamp=_stamp(kinds, t), frame_id="hull", id="hull", frame_locked=True, lines=[edges], triangles=[faces]
+        timestamp=_stamp(kinds, t), frame_id=entity.frame, id=entity.name, frame_locked=locked, **fields
     )
 
 
-def _wheel(kinds: ModuleType, wheel: WheelBody) -> dict[str, Any]:
-    if len(wheel.outline):
-        return {"triangles": [_triangles(kinds, prism(wheel), colours.WHEEL[wheel.kind])]}
-    cylinders = [
-        kinds.CylinderPrimitive(
-            pose=kinds.Pose(
-                position=_vector(kinds, (0.0, 0.5 * (right + left), 0.0)), orientation=_quaternion(kinds, UPRIGHT)
-            ),
-            size=_vector(kinds, (2 * wheel.radius, 2 * wheel.radius, left - right)),
-            bottom_scale=1.0, top_scale=1.0, color=_colour(kinds, colours.WHEEL[wheel.kind]),
-        )
-        for right, left in wheel.discs
-    ]  # fmt: skip
-    return {"cylinders": cylinders}
-
-
-def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: Scale) -> Iterator[Any]:
+def _moving(kinds: ModuleType, tracks: Iterable[primitives.MovingTrack], t: float, k: int) -> Iterator[Any]:
     """Yield links and forces at the k-th instant."""
-    stamp = _stamp(kinds, poses.t[k])
-    for track in bodies.tracks:
-        links = poses.links[track.name]
-        colour_values = None if links.colour is None else links.colour[k]
-        turned = [_quaternion(kinds, quaternion) for quaternion in quaternions(links.axes[k]).tolist()]
-        cubes = []
-        for part in track.parts:
-            size, centres = _vector(kinds, 2.0 * part.half), links.centres[k] + links.axes[k] @ part.centre
-            paint = colours.map_colours(colour_values, (track.links,), scale).tolist()
-            if part.kind in colours.PART:
-                paint = [colours.PART[part.kind]] * track.links
-            cubes += [
-                kinds.CubePrimitive(
-                    pose=kinds.Pose(position=_vector(kinds, centre), orientation=orientation),
-                    size=size,
-                    color=_colour(kinds, colour),
-                )
-                for centre, orientation, colour in zip(centres.tolist(), turned, paint, strict=True)
-            ]
-        yield kinds.SceneEntity(timestamp=stamp, frame_id=WORLD, id=f"links of {track.name}", cubes=cubes)
-        if links.ground is not None:
-            origins, vectors, _ = ground_arrows(bodies, track, links, slice(k, k + 1))
-            pairs = np.stack([origins, origins + vectors], axis=1)
-            lines = [_lines(kinds, pairs, 0.02, colours.FORCE)] if len(pairs) else []
-            name = f"forces of the ground on {track.name}"
-            yield kinds.SceneEntity(timestamp=stamp, frame_id=WORLD, id=name, lines=lines)
+    for track in tracks:
+        cubes = [
+            kinds.CubePrimitive(
+                pose=_pose(kinds, centre, turned),
+                size=_vector(kinds, 2.0 * boxes.part.half),
+                color=_colour(kinds, colour),
+            )
+            for boxes in track.boxes
+            for centre, turned, colour in zip(
+                boxes.centres[k].tolist(), boxes.turned[k].tolist(), boxes.colours[k].tolist(), strict=True
+            )
+        ]
+        name = track.body.name
+        yield kinds.SceneEntity(timestamp=_stamp(kinds, t), frame_id=WORLD, id=f"links of {name}", cubes=cubes)
+        if track.forces:
+            arrows = Entity(f"forces of the ground on {name}", WORLD, (track.forces.at(k),))
+            yield _constant(kinds, arrows, t, locked=False)
 
 
 def _frames(kinds: ModuleType, poses: Poses, k: int) -> Iterator[Any]:
     """Yield the poses of wheels and hull at the k-th instant."""
     stamp = _stamp(kinds, poses.t[k])
-    poses_by_name = {**poses.wheels, **({"hull": poses.hull} if poses.hull else {})}
-    for name, pose in poses_by_name.items():
+    for name, pose in primitives.frames(poses).items():
         yield kinds.FrameTransform(
             timestamp=stamp, parent_frame_id=WORLD, child_frame_id=name,
             translation=_vector(kinds, pose.position[k]), rotation=_quaternion(kinds, np.roll(pose.orientation[k], -1)),
@@ -288,8 +243,10 @@ def _layout(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], 
         lines = [(f"{topic}.tension[:]", "tension, kN")]
         panels[_chain_panel(chain)] = _plot(chain.title, lines) | places | {"isSynced": False, "minYValue": 0}
     panels[EVENTS] = {"foxglovePanelTitle": "events", "topicToRender": events_topic.EVENTS_TOPIC, "minLogLevel": 1}
-    rows = {group: [f"Plot!{plot.name}" for plot in side_plots if plot.group == group] for group in (LOADS, MOTION)}
-    tabs = [{"title": group, "layout": _divided("column", panes)} for group, panes in rows.items() if panes]
+    tabs: list[dict[str, Any]] = [
+        {"title": group, "layout": _divided("column", [f"Plot!{plot.name}" for plot in chosen])}
+        for group, chosen in groupby(side_plots, key=lambda plot: plot.group)
+    ]
     tabs.append({"title": "events", "layout": EVENTS})
     panels[TABS] = {"activeTabIdx": 0, "tabs": tabs}
     left: Any = SPACE
@@ -332,7 +289,7 @@ def _plot(title: str, lines: list[tuple[str, str]]) -> dict[str, Any]:
 def _space(bodies: Bodies, scale: Scale) -> dict[str, Any]:
     """Return the panel of the bodies; the eye follows the hull if there is one."""
     # Lichtblick hides the axes of a frame, and its line to the world, by the frame's name only
-    frames = [WORLD, *(wheel.name for wheel in bodies.wheels), *(["hull"] if bodies.hull else [])]
+    frames = [WORLD, *(wheel.name for wheel in bodies.wheels), *([HULL] if bodies.hull else [])]
     return {
         "foxglovePanelTitle": bodies.legend(scale) + legend(bodies),
         "cameraState": {
@@ -340,7 +297,7 @@ def _space(bodies: Bodies, scale: Scale) -> dict[str, Any]:
             "far": 5000.0, "target": [0, 0, 0], "targetOffset": [0, 0, 0], "targetOrientation": [0, 0, 0, 1],
         },
         "followMode": "follow-position",
-        "followTf": "hull" if bodies.hull else WORLD,
+        "followTf": HULL if bodies.hull else WORLD,
         "fixedFrame": WORLD,
         "scene": {"transforms": {"visible": False, "showLabel": False, "axisSize": 0.0}},
         "transforms": {f"frame:{frame}": {"visible": False} for frame in frames},

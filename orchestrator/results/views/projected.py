@@ -163,8 +163,7 @@ def _links_and_wheels(
 
     for track in bodies.tracks:
         links = poses.links[track.name]
-        colour_values = None if links.colour is None else links.colour[k]
-        paint = colours.map_colours(colour_values, (track.links,), scale) / 255.0
+        values = None if links.colour is None else links.colour[k]
         axes = links.axes[k]
         normals = np.swapaxes(axes @ NORMALS.T, 1, 2)  # (links, faces, 3)
         down = axes[:, 2, 2] < 0.0
@@ -174,7 +173,7 @@ def _links_and_wheels(
             chosen = face != COVERED.get(part.kind, -1)
             of, side = link[chosen], face[chosen]
             corners = in_world(boxes(part, side), links.centres[k, of], axes[of])
-            tints = np.array(colours.PART[part.kind]) / 255.0 if part.kind in colours.PART else paint[of]
+            tints = (colours.of_part(part.kind, values, (track.links,), scale) / 255.0)[of]
             front = 0.0 if part.kind == "horn" else IN_FRONT
             faces.add(corners, tints * faces.bright(normals[of, side]), front, is_hidden[of])
     for wheel in () if lower else bodies.wheels:
@@ -240,24 +239,24 @@ def section(
 
     def heights(x: Floats) -> Floats:
         """Heights of the ground at places in the picture, m from its middle."""
-        at = camera.centre + nearer * camera.toward + x[:, None] * camera.right
-        return np.asarray(profile.height_under(at) - camera.centre[2])
+        if profile.terrain:
+            at = camera.centre + nearer * camera.toward + x[:, None] * camera.right
+            return np.asarray(profile.height_under(at) - camera.centre[2])
+        return np.asarray(profile.height_at(middle + slant * x) - camera.centre[2])
 
-    x = np.linspace(low, high, 400)
     if profile.terrain:
         x = bends(lambda x: heights(x)[:, None], low, high, most)
-        line = np.stack([x, heights(x)], axis=1)
-        marks = np.array([]) if abs(slant) < 0.05 else whole_metres(*sorted(middle + slant * x[[0, -1]]))
-        at = (marks - middle) / slant
-        return line, np.stack([at, heights(at), marks], axis=1)
-    if abs(slant) > SEEN:
-        corners = (profile.along - middle) / slant
-        x = np.sort(np.concatenate([x, corners[(corners > low) & (corners < high)]]))
-    line = np.stack([x, profile.height_at(middle + slant * x) - camera.centre[2]], axis=1)
+    else:
+        x = np.linspace(low, high, 400)
+        if abs(slant) > SEEN:
+            corners = (profile.along - middle) / slant
+            x = np.sort(np.concatenate([x, corners[(corners > low) & (corners < high)]]))
+    line = np.stack([x, heights(x)], axis=1)
     if abs(slant) < 0.05:  # seen along the initial heading: there are no metre marks
         return line, np.empty((0, 3))
     marks = whole_metres(*sorted((middle + slant * low, middle + slant * high)))
-    return line, np.stack([(marks - middle) / slant, profile.height_at(marks) - camera.centre[2], marks], axis=1)
+    at = (marks - middle) / slant
+    return line, np.stack([at, heights(at), marks], axis=1)
 
 
 def plane(camera: Camera, profile: GroundSurface, half: float) -> tuple[Floats, Floats, Floats]:

@@ -8,8 +8,9 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -25,31 +26,20 @@ from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.analyses import events
 from orchestrator.results.ground_mesh import GroundHole
 from orchestrator.results.output_files import atomic_write, check_name
-from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
-from orchestrator.results.views import colours
-from orchestrator.results.views.bodies import Bodies, BodyPose, NoInstant, Poses
+from orchestrator.results.views import colours, primitives
+from orchestrator.results.views.bodies import Bodies, NoInstant, Poses
 from orchestrator.results.views.colours import Scale
-from orchestrator.results.views.plots import LOADS, MOTION, ChainProfile, Plot, chain_profiles, curves, plots, tensions
-from orchestrator.results.views.ruts import floors, hole
-from orchestrator.results.views.shapes import TrackBody, WheelBody, spokes
-from orchestrator.results.views.solids import (
-    UPRIGHT,
-    Reach,
-    Triangles,
-    block,
-    convex,
-    faceted,
-    ground_arrows,
-    legend,
-    prism,
-    scale_on_hull,
-    sheet,
-)
+from orchestrator.results.views.plots import ChainProfile, Plot, chain_profiles, curves, plots, tensions
+from orchestrator.results.views.primitives import HULL, WORLD, Arrows, Constant, Discs, Entity, Lines, Mesh
+from orchestrator.results.views.ruts import hole
+from orchestrator.results.views.shapes import TrackBody
+from orchestrator.results.views.solids import UPRIGHT, Reach, block, faceted, legend
 
 RATE = 50.0  # instants a second
 TIMELINE = "time"
 EVENTS = "events"
+FINE = 0.004  # m, radius of the lines on the ground
 FOLLOWED = "world/hull/shape"  # an eye can follow an entity with a shape, not a frame
 
 
@@ -120,12 +110,16 @@ class RerunRecording:
     ) -> None:
         """Send the shapes of bodies and the ground but for a hole; with ``before`` only the ground, if it has grown."""
         if before is None:
-            _send_shapes(self._rerun, self._recording, bodies)
-        if bodies.ground and reach != before:
-            surface, lines = reach.ground(bodies.ground, without)
-            self._recording.log("world/ground", _mesh(self._rerun, surface, colours.EARTH), static=True)
-            marks = self._rerun.LineStrips3D(lines, colors=[colours.METRE], radii=0.004)
-            self._recording.log("world/ground/metres", marks, static=True)
+            self._recording.log(WORLD, self._rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            for track in bodies.tracks:
+                _send_link_shapes(self._rerun, self._recording, track)
+            self._send(primitives.fixed_to_bodies(bodies))
+        if reach != before:
+            self._send(primitives.ground(bodies, reach, without))
+
+    def _send(self, entities: Iterable[Entity], static: bool = True) -> None:
+        for primitive in (each for entity in entities for each in entity.primitives):
+            self._recording.log(path_of(WORLD, *primitive.place), _archetype(self._rerun, primitive), static=static)
 
     def send_poses(self, bodies: Bodies, scale: Scale) -> None:
         """Send the poses of all bodies at all instants, and the tensions along chains."""
@@ -141,10 +135,9 @@ class RerunRecording:
 
     def send_ruts(self, bodies: Bodies) -> None:
         """Send the ruts in soil as they grow; none on hard ground."""
-        for t, quads, pressed in floors(bodies):
+        for t, rut in primitives.ruts(bodies):
             self._recording.set_time(TIMELINE, duration=t)
-            self._recording.log("world/ruts/pressed", _mesh(self._rerun, sheet(quads[pressed]), colours.RUT))
-            self._recording.log("world/ruts/untouched", _mesh(self._rerun, sheet(quads[~pressed]), colours.EARTH))
+            self._send([rut], static=False)
 
     def send_curves(self, run: RunData, side_plots: list[Plot], window: tuple[float, float] = EVER) -> None:
         """Send all records of the plots' signals in a window, s."""
@@ -168,91 +161,65 @@ def path_of(*names: str) -> str:
     return str(library("rerun", "view").new_entity_path(list(names)))
 
 
-def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
-    """Send shapes of wheels and hull, each in its own frame."""
-    recording.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for track in bodies.tracks:
-        body, *fittings = track.parts
-        sizes = np.broadcast_to(body.half, (track.links, 3))
-        solid = rerun.Boxes3D.from_fields(fill_mode="solid", half_sizes=sizes)
-        recording.log(path_of("world", "links", track.name), solid, static=True)
-        corners, normals = zip(*(faceted(block(part)) for part in fittings), strict=True)
-        paint = [np.tile(colours.PART[part.kind], (len(each), 1)) for part, each in zip(fittings, corners, strict=True)]
-        mesh = rerun.Mesh3D(
-            vertex_positions=np.concatenate(corners), vertex_normals=np.concatenate(normals),
-            vertex_colors=np.concatenate(paint).astype(np.uint8),
-        )  # fmt: skip
-        recording.log(_fittings(track), mesh, static=True)
-    for wheel in bodies.wheels:
-        _send_wheel(rerun, recording, wheel)
-    if bodies.hull:
-        lines = bodies.hull.corners[bodies.hull.edges]
-        shape = rerun.LineStrips3D(lines, colors=[colours.HULL_EDGE], radii=0.012)
-        recording.log(FOLLOWED, shape, static=True)
-        recording.log(f"{FOLLOWED}/faces", _mesh(rerun, convex(bodies.hull), colours.HULL), static=True)
-    if standing := scale_on_hull(bodies):
-        foot, arrow = standing
-        vector = (0.0, 0.0, arrow.length)
-        arrows = rerun.Arrows3D(origins=[foot], vectors=[vector], colors=[colours.FORCE], labels=[arrow.label])
-        recording.log(path_of("world", "hull", "scale of forces"), arrows, static=True)
+def _archetype(rerun: ModuleType, primitive: Constant) -> Any:
+    match primitive:
+        case Mesh(_, surface, colour):
+            corners, normals = faceted(surface)
+            return rerun.Mesh3D(vertex_positions=corners, vertex_normals=normals, albedo_factor=[*colour, 255])
+        case Discs(_, ends, radius, colour):
+            return rerun.Cylinders3D(
+                lengths=np.ptp(ends, axis=1), radii=[radius] * len(ends), quaternions=[UPRIGHT],
+                centers=[(0.0, y, 0.0) for y in ends.mean(axis=1)], colors=[colour], fill_mode="solid",
+            )  # fmt: skip
+        case Lines(place, pairs, colour, width):
+            radius = FINE if place[0] == "ground" else 0.5 * width
+            return rerun.LineStrips3D(pairs, colors=[colour], radii=radius)
+        case Arrows(_, origins, vectors, _, label):
+            return rerun.Arrows3D(origins=origins, vectors=vectors, colors=[colours.FORCE], labels=[label])
+
+
+def _send_link_shapes(rerun: ModuleType, recording: Any, track: TrackBody) -> None:
+    """Send the sizes of the bodies of links, and the pads and horns of one link."""
+    body, *fittings = track.parts
+    sizes = np.broadcast_to(body.half, (track.links, 3))
+    solid = rerun.Boxes3D.from_fields(fill_mode="solid", half_sizes=sizes)
+    recording.log(path_of(WORLD, "links", track.name), solid, static=True)
+    corners, normals = zip(*(faceted(block(part)) for part in fittings), strict=True)
+    paint = [np.tile(colours.PART[part.kind], (len(each), 1)) for part, each in zip(fittings, corners, strict=True)]
+    mesh = rerun.Mesh3D(
+        vertex_positions=np.concatenate(corners), vertex_normals=np.concatenate(normals),
+        vertex_colors=np.concatenate(paint).astype(np.uint8),
+    )  # fmt: skip
+    recording.log(_fittings(track), mesh, static=True)
 
 
 def _fittings(track: TrackBody) -> str:
     """Return the path of the pads and horns of all links: one mesh at many poses."""
-    return path_of("world", "links", track.name, "pads and horns")
-
-
-def _mesh(rerun: ModuleType, surface: Triangles, colour: tuple[int, int, int]) -> Any:
-    corners, normals = faceted(surface)
-    return rerun.Mesh3D(vertex_positions=corners, vertex_normals=normals, albedo_factor=[*colour, 255])
-
-
-def _send_wheel(rerun: ModuleType, recording: Any, wheel: WheelBody) -> None:
-    place = path_of("world", "wheels", wheel.name)
-    if len(wheel.outline):
-        shape = _mesh(rerun, prism(wheel), colours.WHEEL[wheel.kind])
-    else:
-        shape = rerun.Cylinders3D(
-            lengths=np.ptp(wheel.discs, axis=1), radii=[wheel.radius] * len(wheel.discs), quaternions=[UPRIGHT],
-            centers=[(0.0, y, 0.0) for y in wheel.discs.mean(axis=1)], colors=[colours.WHEEL[wheel.kind]],
-            fill_mode="solid",
-        )  # fmt: skip
-    recording.log(f"{place}/shape", shape, static=True)
-    lines = rerun.LineStrips3D(spokes(wheel), colors=[colours.SPOKE], radii=0.008)
-    recording.log(f"{place}/spokes", lines, static=True)
+    return path_of(WORLD, "links", track.name, "pads and horns")
 
 
 def _send_poses(rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses, scale: Scale) -> None:
-    count = len(poses.t)
     times = [rerun.TimeColumn(TIMELINE, duration=poses.t)]
-    for track in bodies.tracks:
-        links = poses.links[track.name]
-        turned, links_of_instants = quaternions(links.axes).reshape(-1, 4), [track.links] * count
+    for track, (body, *_), forces in primitives.moving(bodies, poses, scale):
+        turned, links_of_instants = body.turned.reshape(-1, 4), [track.links] * len(poses.t)
         boxes = rerun.Boxes3D.columns(
-            centers=(links.centres + links.axes @ track.parts[0].centre).reshape(-1, 3),
-            quaternions=turned,
-            colors=colours.map_colours(links.colour, (count, track.links), scale).reshape(-1, 3),
+            centers=body.centres.reshape(-1, 3), quaternions=turned, colors=body.colours.reshape(-1, 3)
         )
-        recording.send_columns(path_of("world", "links", track.name), times, boxes.partition(links_of_instants))
-        placed = rerun.InstancePoses3D.columns(translations=links.centres.reshape(-1, 3), quaternions=turned)
+        recording.send_columns(path_of(WORLD, "links", track.name), times, boxes.partition(links_of_instants))
+        centres = poses.links[track.name].centres.reshape(-1, 3)
+        placed = rerun.InstancePoses3D.columns(translations=centres, quaternions=turned)
         recording.send_columns(_fittings(track), times, placed.partition(links_of_instants))
-        if links.ground is not None:
-            origins, vectors, counts = ground_arrows(bodies, track, links)
+        if forces:
             arrows = rerun.Arrows3D.columns(
-                vectors=vectors, origins=origins,
-                colors=np.broadcast_to(np.array(colours.FORCE, np.uint8), (len(vectors), 3)),
+                vectors=forces.vectors, origins=forces.origins,
+                colors=np.broadcast_to(np.array(colours.FORCE, np.uint8), (len(forces.vectors), 3)),
             )  # fmt: skip
-            place = path_of("world", "forces of the ground", track.name)
-            recording.send_columns(place, times, arrows.partition(counts))
-    for name, pose in poses.wheels.items():
-        _send_motion(rerun, recording, path_of("world", "wheels", name), times, pose)
-    if bodies.hull and poses.hull:
-        _send_motion(rerun, recording, "world/hull", times, poses.hull)
-
-
-def _send_motion(rerun: ModuleType, recording: Any, path: str, times: list[Any], pose: BodyPose) -> None:
-    turned = np.roll(pose.orientation, -1, axis=1)  # w, x, y, z to x, y, z, w
-    recording.send_columns(path, times, rerun.Transform3D.columns(translation=pose.position, quaternion=turned))
+            recording.send_columns(path_of(WORLD, *forces.place), times, arrows.partition(forces.counts))
+    for name, pose in primitives.frames(poses).items():
+        path = path_of(WORLD, HULL) if name == HULL else path_of(WORLD, "wheels", name)
+        turned = np.roll(pose.orientation, -1, axis=1)  # w, x, y, z to x, y, z, w
+        moved = rerun.Transform3D.columns(translation=pose.position, quaternion=turned)
+        recording.send_columns(path, times, moved)
 
 
 def _arranged(
@@ -269,17 +236,14 @@ def _arranged(
     if bodies.hull:
         controls["tracking_entity"] = FOLLOWED
     eye_controls = blueprints.EyeControls3D(**controls)
-    left = blueprints.Spatial3DView(
-        origin="world", name=bodies.legend(scale) + legend(bodies), eye_controls=eye_controls
-    )
+    left = blueprints.Spatial3DView(origin=WORLD, name=bodies.legend(scale) + legend(bodies), eye_controls=eye_controls)
     if chains:
         bars = (blueprints.BarChartView(origin=path_of("chain", each.track), name=each.title) for each in chains)
         left = blueprints.Vertical(left, blueprints.Horizontal(*bars), row_shares=[7, 3])
     tabs = []
-    for group in (LOADS, MOTION):
-        chosen = [plot for plot in side_plots if plot.group == group]
+    for group, chosen in groupby(side_plots, key=lambda plot: plot.group):
         views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in chosen]
-        tabs += [blueprints.Vertical(*views, name=group)] if views else []
+        tabs.append(blueprints.Vertical(*views, name=group))
     tabs += [blueprints.TextLogView(origin=EVENTS, name="events")] if with_events else []
     panes = [left, blueprints.Tabs(*tabs, active_tab=0)] if tabs else [left]
     shares = [3, 2][: len(panes)]

@@ -31,9 +31,15 @@ def ruts_of(run: RunData) -> Ruts:
     return run.compute_once("ruts", lambda run: Ruts(Bodies(run, RATE)))
 
 
+def _pressed(bodies: Bodies) -> Ruts | None:
+    """Ruts of the ground of bodies; None without ground, or on hard ground."""
+    return ruts_of(bodies.run) if bodies.ground is not None and gives_way(bodies.scene) else None
+
+
 def ground_at(bodies: Bodies, t: float) -> GroundSurface | None:
     """Ground at the time ``t``, s, on soil with its ruts; None without one."""
-    return ruts_of(bodies.run).surface(t) if bodies.ground is not None and gives_way(bodies.scene) else bodies.ground
+    ruts = _pressed(bodies)
+    return ruts.surface(t) if ruts else bodies.ground
 
 
 def untouched(bodies: Bodies) -> GroundSurface | None:
@@ -51,15 +57,14 @@ def floors(bodies: Bodies) -> Iterator[tuple[float, Floats, NDArray[np.bool_]]]:
 
 def hole(bodies: Bodies) -> GroundHole | None:
     """Cells that the whole run presses, and those beside them, for ``floors`` instead; None if there are none."""
-    if bodies.ground is None or not gives_way(bodies.scene):
-        return None
-    found = ruts_of(bodies.run).hole
-    return found if found.cells.any() else None
+    ruts = _pressed(bodies)
+    return ruts.hole if ruts and ruts.hole.cells.any() else None
 
 
 def inside(bodies: Bodies) -> float:
     """Distance from the edge of a rut, m, at which it has its full depth; 0 on hard ground."""
-    return ruts_of(bodies.run).cell if bodies.ground is not None and gives_way(bodies.scene) else 0.0
+    ruts = _pressed(bodies)
+    return ruts.cell if ruts else 0.0
 
 
 class Ruts:
@@ -130,8 +135,7 @@ class Ruts:
     def floor(self, t: float) -> tuple[Floats, NDArray[np.bool_]]:
         """Quadrangles (n, 4, 3), m, world, of the cells of the hole at the time ``t``, s; pressed (n)."""
         cells = np.argwhere(self.hole.cells)
-        flat = (cells[:, None] + RING + self._corner) * self.cell
-        corners = np.concatenate([flat, np.zeros((*flat.shape[:2], 1))], axis=2)
+        corners = self._outlines(cells)
         corners[..., 2] = self.surface(t).height_under(corners)
         return corners, self._sinkage[tuple(cells.T)] > 0.0
 
@@ -140,8 +144,12 @@ class Ruts:
         sinkage = self.sinkage(t)
         cells = np.argwhere(sinkage > 0.0)
         depth = sinkage[tuple(cells.T)]
-        flat = (cells[:, None] + RING + self._corner) * self.cell
-        corners = np.concatenate([flat, np.zeros((*flat.shape[:2], 1))], axis=2)
+        corners = self._outlines(cells)
         middle = corners.mean(axis=1)
         corners[..., 2] = (self._surface.height_under(middle) - depth)[:, None]
         return corners, depth
+
+    def _outlines(self, cells: NDArray[np.int64]) -> Floats:
+        """Corners (n, 4, 3), m, world, of cells (n, 2) at height 0."""
+        flat = (cells[:, None] + RING + self._corner) * self.cell
+        return np.concatenate([flat, np.zeros((*flat.shape[:2], 1))], axis=2)

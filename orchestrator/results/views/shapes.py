@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError, create_model
 
 from fmus.vehicle import BadInput, first_error
 from orchestrator.log.time_series import Floats
@@ -23,105 +23,41 @@ SizeOrNone = Annotated[float, Field(ge=0, le=1e6)]
 Place = tuple[Number, Number, Number]
 
 
-class DrawnStart(BaseModel):
-    """Place and heading of a vehicle at the start, m, rad."""
-
-    position: Place
-    heading: Number
-
-
-class DrawnModel(BaseModel):
-    """Track model."""
-
-    model: str
+def _table(name: str, **keys: Any) -> Any:
+    """Model of a table: the type of each key, with its default if the key may be missing."""
+    fields: Any = {key: kind if isinstance(kind, tuple) else (kind, ...) for key, kind in keys.items()}
+    return create_model(name, **fields)
 
 
-class DrawnLinks(BaseModel):
-    """Dimensions of links, m."""
-
-    pitch: Size
-    width: Size
-    face: SizeOrNone
-
-
-class DrawnSprocket(BaseModel):
-    """Dimensions of the sprocket, m."""
-
-    teeth: Annotated[int, Field(ge=1, le=1000)]
-    outer_radius: Size
-    pin_radius: Size
-
-
-class DrawnRim(BaseModel):
-    """Dimensions of smooth wheels, m."""
-
-    radius: Size
-    width: Size
-
-
-class DrawnRoadWheel(DrawnRim):
-    """Dimensions of road wheels, m, and height of their axles over the origin of the vehicle."""
-
-    z: Number
-
-
-class DrawnGuide(BaseModel):
-    """Lateral play of guide horns, m."""
-
-    clearance: SizeOrNone
-
-
-class DrawnHull(BaseModel):
-    """Centre of mass and corners of the hull in the vehicle frame, m."""
-
-    centre: Place
-    hull: Annotated[list[Place], Field(max_length=1000)] = []
-
-
-class DrawnVehicle(BaseModel):
-    """Vehicle table."""
-
-    track: DrawnLinks
-    sprocket: DrawnSprocket
-    road_wheel: DrawnRoadWheel
-    idler: DrawnRim
-    return_roller: DrawnRim | None = None
-    chassis: DrawnHull | None = None
-    guide: DrawnGuide | None = None
-
-
-class DrawnBump(BaseModel):
-    """Bump across the initial heading, m, rad."""
-
-    rise: Size
-    slope: Annotated[float, Field(gt=0, lt=1.5707)]
-    radius: SizeOrNone
-    length: SizeOrNone
-    start: Number
-
-
-class DrawnGround(BaseModel, extra="allow"):
-    """Ground table; other keys make it a terrain."""
-
-    bump: DrawnBump | None = None
-
-
-class DrawnChain(BaseModel):
-    """Chain without wheels."""
-
-    ends: str | None = None
-
-
-class DrawnScene(BaseModel):
-    """Scene."""
-
-    title: str
-    assembly: str
-    track: DrawnModel
-    start: DrawnStart
-    vehicle: DrawnVehicle
-    ground: DrawnGround | None = None
-    chain: DrawnChain | None = None
+# Lengths in m, angles in rad; the centre and the corners of a hull are in the vehicle frame.
+_WHEEL = _table("DrawnRim", radius=Size, width=Size)
+_HULL = _table("DrawnHull", centre=Place, hull=(Annotated[list[Place], Field(max_length=1000)], []))
+_VEHICLE = _table(
+    "DrawnVehicle",
+    track=_table("DrawnLinks", pitch=Size, width=Size, face=SizeOrNone),
+    sprocket=_table("DrawnSprocket", teeth=Annotated[int, Field(ge=1, le=1000)], outer_radius=Size, pin_radius=Size),
+    road_wheel=_table("DrawnRoadWheel", radius=Size, width=Size, z=Number),
+    idler=_WHEEL,
+    return_roller=(_WHEEL | None, None),
+    chassis=(_HULL | None, None),
+    guide=(_table("DrawnGuide", clearance=SizeOrNone) | None, None),
+)
+_BUMP = _table(
+    "DrawnBump", rise=Size, slope=Annotated[float, Field(gt=0, lt=1.5707)], radius=SizeOrNone, length=SizeOrNone,
+    start=Number,
+)  # fmt: skip
+# Other keys make the ground a terrain.
+_GROUND = create_model("DrawnGround", __config__=ConfigDict(extra="allow"), bump=(_BUMP | None, None))
+_SCENE = _table(
+    "DrawnScene",
+    title=str,
+    assembly=str,
+    track=_table("DrawnModel", model=str),
+    start=_table("DrawnStart", position=Place, heading=Number),
+    vehicle=_VEHICLE,
+    ground=(_GROUND | None, None),
+    chain=(_table("DrawnChain", ends=(str | None, None)) | None, None),
+)
 
 
 def drawn_scene(run: RunData) -> dict[str, Any]:
@@ -129,7 +65,7 @@ def drawn_scene(run: RunData) -> dict[str, Any]:
     if not run.scene:
         raise BadInput(f"{run.log.path} does not say of which scene it is: there is nothing to draw it by")
     try:
-        return DrawnScene.model_validate(run.scene).model_dump()
+        return _SCENE.model_validate(run.scene).model_dump()
     except ValidationError as error:
         raise BadInput(first_error(error, f"{run.log.path}: scene.json")) from None
 

@@ -5,6 +5,7 @@ Arrows have one scale for all views of vehicles of one size, so that they can be
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_mesh import MOST, GroundHole, GroundMesh, ground_mesh
 from orchestrator.results.ground_surface import GroundSurface, whole_metres
-from orchestrator.results.views.bodies import Bodies, LinkPoses
+from orchestrator.results.views.bodies import Bodies, Poses
 from orchestrator.results.views.shapes import HullBody, LinkPart, TrackBody, WheelBody, boxes, rim
 
 ROOM = 5.0  # m of ground beyond the bodies' positions
@@ -54,15 +55,13 @@ class Reach(NamedTuple):
 
         The metres are those along the initial heading, on a terrain and around a hole those of x.
         """
-        if hole is not None:
+        if hole is not None or profile.terrain:
             mesh = self.mesh(profile)
-            return sheet(mesh.quads_around(hole, profile)), mesh.metre_lines() + np.array([0.0, 0.0, OVER])
-        if profile.terrain:
-            mesh = self.mesh(profile)
-            return draped(mesh), mesh.metre_lines() + np.array([0.0, 0.0, OVER])
+            surface = draped(mesh.corners()) if hole is None else sheet(mesh.quads_around(hole, profile))
+            return surface, mesh.metre_lines() + np.array([0.0, 0.0, OVER])
         low, high, far = self.low - ROOM, self.high + ROOM, self.far + ROOM
         lines = across(profile, whole_metres(low, high), far) + np.array([0.0, 0.0, OVER])
-        return strip(across(profile, profile.corners_between(low, high), far)), lines
+        return draped(across(profile, profile.corners_between(low, high), far)), lines
 
     def mesh(self, profile: GroundSurface, room: float = ROOM, most: int = MOST) -> GroundMesh:
         """Return a mesh of a terrain within the extent and ``room``, m, beyond, of at most ``most`` quadrangles."""
@@ -72,29 +71,19 @@ class Reach(NamedTuple):
         return ground_mesh(profile, corners.min(axis=0), corners.max(axis=0), most)
 
 
-def draped(mesh: GroundMesh) -> Triangles:
-    """Return the triangles of a mesh of the ground, with their outside up."""
-    rows, columns = mesh.z.shape
-    number = np.arange(rows * columns).reshape(rows, columns)
+def draped(corners: Floats) -> Triangles:
+    """Return the ground between corners (n, m, 3), m, in lines ahead and to the left, with its outside up."""
+    number = np.arange(corners.size // 3).reshape(corners.shape[:2])
     first, ahead, left, both = (
         part.ravel() for part in (number[:-1, :-1], number[1:, :-1], number[:-1, 1:], number[1:, 1:])
     )
     numbers = np.concatenate([np.stack([first, ahead, left], axis=1), np.stack([left, ahead, both], axis=1)])
-    return Triangles(mesh.corners().reshape(-1, 3), numbers)
+    return Triangles(corners.reshape(-1, 3), numbers)
 
 
 def across(profile: GroundSurface, along: Floats, far: float) -> Floats:
     """Right and left ends (k, 2, 3), m, world, of ground lines across the initial heading."""
     return np.stack([profile.points(along, -far), profile.points(along, far)], axis=1)
-
-
-def strip(pairs: Floats) -> Triangles:
-    """Return the strip between right and left points (k, 2, 3), m, with its outside up."""
-    first = 2 * np.arange(len(pairs) - 1)
-    numbers = np.concatenate(
-        [np.stack([first, first + 2, first + 1], axis=1), np.stack([first + 1, first + 2, first + 3], axis=1)]
-    )
-    return Triangles(pairs.reshape(-1, 3), numbers)
 
 
 def sheet(quads: Floats) -> Triangles:
@@ -112,9 +101,7 @@ def prism(wheel: WheelBody) -> Triangles:
 
 def block(part: LinkPart) -> Triangles:
     """Return a part of a link in the frame of the link."""
-    corners = boxes(part).reshape(-1, 3)
-    numbers = np.arange(len(corners)).reshape(-1, 4)
-    return Triangles(corners, np.concatenate([numbers[:, [0, 1, 2]], numbers[:, [0, 2, 3]]]))
+    return sheet(boxes(part))
 
 
 def convex(hull: HullBody) -> Triangles:
@@ -168,16 +155,21 @@ def _round_below(force: float) -> float:
 
 
 def ground_arrows(
-    bodies: Bodies, track: TrackBody, links: LinkPoses, rows: Any = slice(None)
-) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Origins (n, 3) at the pads and vectors (n, 3), m, world; and the number of arrows of each instant."""
-    assert links.ground is not None
-    outer = (-1.0 if track.name.startswith("right") else 1.0) * (track.half[1] + ASIDE)
-    axes = links.axes[rows]
-    feet = links.centres[rows] + track.half[2] * axes[..., 2] + outer * axes[..., 1]
-    vectors = links.ground[rows] / force_of_a_metre(bodies)
-    visible = np.linalg.norm(vectors, axis=-1) > SHORTEST
-    return feet[visible], vectors[visible], visible.sum(axis=1)
+    bodies: Bodies, poses: Poses, rows: Any = slice(None)
+) -> Iterator[tuple[TrackBody, Floats, Floats, NDArray[np.int64]]]:
+    """Yield each track with forces, origins (n, 3) at its pads and vectors (n, 3), m, world, and their numbers (m,).
+
+    ``rows``: the instants, m in number.
+    """
+    for track in bodies.tracks:
+        links = poses.links[track.name]
+        if links.ground is not None:
+            outer = (-1.0 if track.name.startswith("right") else 1.0) * (track.half[1] + ASIDE)
+            axes = links.axes[rows]
+            feet = links.centres[rows] + track.half[2] * axes[..., 2] + outer * axes[..., 1]
+            vectors = links.ground[rows] / force_of_a_metre(bodies)
+            visible = np.linalg.norm(vectors, axis=-1) > SHORTEST
+            yield track, feet[visible], vectors[visible], visible.sum(axis=1)
 
 
 def has_forces(bodies: Bodies) -> bool:
