@@ -20,11 +20,11 @@ BASES = {"fmus.track_rigid", "fmus.track_rigid.model"}  # from which another kin
 
 # Packages of the orchestrator by level: each imports only from levels below its own, anywhere in its modules.
 STOREYS = (
-    ("files",),
+    ("files", "vocabulary"),
     ("kernels",),
     ("log",),
-    ("cosim", "results"),
-    ("scene", "fmu_check"),
+    ("cosim",),
+    ("scene", "results", "fmu_check"),
     ("execution",),
     ("studies",),
     ("interface",),
@@ -36,7 +36,8 @@ GENERIC = [
         file.relative_to(ORCHESTRATOR).as_posix()
         for place in ("files", "kernels", "cosim/coupling", "cosim/guests", "log", "fmu_check")
         for file in sorted((ORCHESTRATOR / place).glob("*.py"))
-        if file.name not in ("recorded_system.py", "tools.py")  # a log's system.json as the project writes it
+        # a log's system.json as the project writes it; units of columns, with those of vehicles
+        if file.name not in ("recorded_system.py", "tools.py", "columns.py")
     ),
     *(
         f"cosim/{name}.py"

@@ -23,8 +23,9 @@ from orchestrator.cli.common import (
     check_window,
     measured_file,
 )
-from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Option, module_of
+from orchestrator.results.analyses.catalogue import module_of
 from orchestrator.results.page.embedded import and_list
+from orchestrator.vocabulary.analyses import ANALYSES, TRACK, Option
 
 if TYPE_CHECKING:
     from orchestrator.results.measured_record import MeasuredSignal

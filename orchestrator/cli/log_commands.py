@@ -13,7 +13,7 @@ import typer
 
 from orchestrator.cli import common
 from orchestrator.cli.common import LogPath, beside, plain
-from orchestrator.results.validity.limits import recorded_entries
+from orchestrator.results.validity.exceedance import recorded_entries
 
 JsonOption = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
 app = typer.Typer(help="Inspect, verify, recover or export a log.", no_args_is_help=True, rich_markup_mode=None)

@@ -26,7 +26,7 @@ from orchestrator.cli.common import (
     log_warning,
     measured_file,
 )
-from orchestrator.results.analyses.catalogue import SN_HELP
+from orchestrator.vocabulary.analyses import SN_HELP
 
 if TYPE_CHECKING:
     from orchestrator.results.measured_record import MeasuredFile

@@ -141,20 +141,21 @@ def keys(
 
     A vehicle file has the keys that begin with "vehicle." without that.
     """
-    from orchestrator.scene import keys as module
+    from orchestrator.cli.key_reference import key_text, measure_keys, page
+    from orchestrator.scene.keys import scene_keys
 
     chosen, measured = (
         [key for key in known if word.lower() in f"{key.key}\n{key.meaning}".lower()]
-        for known in (module.scene_keys(), module.measure_keys())
+        for known in (scene_keys(), measure_keys())
     )
     if not chosen and not measured:
         raise BadInput(f"no key and no measure has {value_text(word)} in its name or meaning")
     if as_json:
         print(json.dumps({"keys": [key._asdict() for key in chosen], "measures": [key._asdict() for key in measured]}))
     elif markdown:
-        print(module.page(chosen, measured))
+        print(page(chosen, measured))
     else:
-        for text in map(module.key_text, (*chosen, *measured)):
+        for text in map(key_text, (*chosen, *measured)):
             print(text)
 
 

@@ -24,9 +24,9 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import measures
 from orchestrator.results.run_data import Missing, RunData, Window
-from orchestrator.results.validity.limits import ALLOWED
 from orchestrator.scene.kinds import ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.studies import Row
+from orchestrator.vocabulary.limits import ALLOWED
 
 Expectation = tuple[float, float, float]  # value, expected, tolerance
 

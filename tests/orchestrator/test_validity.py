@@ -21,12 +21,13 @@ from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import heading
 from orchestrator.results.page.evaluation import RunSummary, attempt, evaluate
 from orchestrator.results.run_data import EVER, Missing, RunData
-from orchestrator.results.validity import chain_checks, ledger, limits
-from orchestrator.results.validity.limits import recorded_entries
+from orchestrator.results.validity import chain_checks, ledger
+from orchestrator.results.validity.exceedance import recorded_entries
 from orchestrator.results.validity.piece import LENGTH
 from orchestrator.results.validity.sprocket_checks import jumps
 from orchestrator.scene.scene import load, scene_names
 from orchestrator.scene.values import implausible_numbers
+from orchestrator.vocabulary import limits
 
 TEETH, LINKS = 10, 64
 EVERY = 5e-3  # s, between records of pins
