@@ -45,6 +45,8 @@ GENERIC = [
             "base_units",
             "interval_statistics",
             "component",
+            "messages",
+            "variable_arrays",
             "fmi2_library",
             "fmi3_library",
             "fmu_files",

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.component import Component, ComponentFailed
-from orchestrator.cosim.graph import Floats, Indices
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.graph import ComponentFailed, Floats, Indices
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, record

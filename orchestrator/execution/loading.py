@@ -29,11 +29,13 @@ from fmus.loaded import component_ports
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim import interval_statistics
-from orchestrator.cosim.component import LINK_FAMILIES, Component, ComponentFailed, Logger
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import power_residual
-from orchestrator.cosim.graph import Connection, Instance, System
+from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System
 from orchestrator.cosim.guests.room import Room, Rooms, Wanted
+from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.model_description import loadable
+from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.log.signal_names import did_you_mean, worded
 from orchestrator.results import measures
 from orchestrator.scene.assembly import assemble, system

@@ -9,12 +9,12 @@ from math import ceil
 from typing import Any, NamedTuple
 
 from orchestrator.cosim import checkpoint, master
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme, copy_inputs, require_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Recordable, Stages, System, wire
+from orchestrator.cosim.graph import ComponentFailed, Recordable, Stages, System, wire
 from orchestrator.cosim.observers import Checkpoints, Logging, ReachedPoint, TimedCheckpoints
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.manifest import STATS_PERIOD

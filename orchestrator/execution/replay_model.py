@@ -15,9 +15,10 @@ from fmus.build import built_here, identity
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim.base_units import Conversion
-from orchestrator.cosim.component import Component, Logger
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import Guest, Instance, System
 from orchestrator.cosim.guests.room import Rooms
+from orchestrator.cosim.messages import Logger
 from orchestrator.execution import replays
 from orchestrator.execution.loading import open_rooms
 from orchestrator.execution.manifest import NATIVE, as_json, model_description, system_table

@@ -20,7 +20,8 @@ from fmus.ground_keys import SLOPES, is_plane
 from fmus.saved import SlaveState, from_bytes, to_bytes
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim.checkpoint import time_of
-from orchestrator.cosim.component import Component, Logger
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.manifest import NATIVE, numbers_digest
 from orchestrator.execution.prepared_run import Continuation

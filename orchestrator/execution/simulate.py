@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import partial
@@ -14,10 +14,10 @@ from typing import Any
 from fmus.build import BuildFailed
 from fmus.vehicle import BadInput
 from orchestrator.cosim import master
-from orchestrator.cosim.component import ComponentFailed, Logger
 from orchestrator.cosim.coupling.scheme import CouplingFailed
-from orchestrator.cosim.graph import Recordable
+from orchestrator.cosim.graph import ComponentFailed, Recordable
 from orchestrator.cosim.guests.room import Rooms
+from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
 from orchestrator.execution import estimate, manifest, summary
@@ -26,8 +26,8 @@ from orchestrator.execution.loading import load_scene, require_signals
 from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
 from orchestrator.log.events_topic import Event
+from orchestrator.log.log_file import LogFailed, check_writable
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import chain_checks
@@ -88,13 +88,10 @@ def _simulate(
     announce = narration or (lambda line: None)
     assembly = assemble(scene)
     misfits = unfit(scene, assembly)
-    if given := [part.name for part in assembly.parts if part.fmu is not None]:
-        announce(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
+    for line in _before_building(scene, assembly):
+        announce(f"{scene.name}: {line}")
     reached = ReachedPoint()
     with ExitStack() as stack:
-        if isinstance(scene, VehicleScene) and scene.track.axes == "free" and scene.leaves_plane:
-            announce(f"{scene.name}: {scene.leaves_plane}: {OTHER_KERNELS}")
-        announce(f"{scene.name}: components are built and initialised")
         rooms = Rooms(interrupt.signals, announce)
         run = PreparedRun.prepare(*load_scene(scene, stack, logger, native, rooms), continuation)
         for line in _shared_parameters(run, assembly):
@@ -125,10 +122,8 @@ def _simulate(
                     entries, run_events = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
                     result |= entries
                     recorder.write_events(run_events)
-                    if estimated and result["status"] == "ok" and isinstance(run.scene, Scene):
-                        announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
-                        record = partial(record_companion, interrupt)
-                        result["error"] = estimate.estimate(run.scene, recorder.file, result, record)
+                    if estimated:
+                        _estimate_error(run.scene, recorder.file, result, interrupt, announce)
                 status, message = _verdict(outcome, result["validity"])
                 recorder.close(status, message, outcome.steps, manifest.encode_results(result), result["warnings"])
                 result["seal"] = recorder.seal
@@ -142,6 +137,24 @@ def _simulate(
     if log_opened:
         result["log"] = str(file)
     return result | {"log_bytes": file.stat().st_size if log_opened and file.exists() else 0}
+
+
+def _before_building(scene: SystemScene, assembly: Assembly) -> Iterator[str]:
+    """Yield what is told before the components are built."""
+    if given := [part.name for part in assembly.parts if part.fmu is not None]:
+        yield f"FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights"
+    if isinstance(scene, VehicleScene) and scene.track.axes == "free" and scene.leaves_plane:
+        yield f"{scene.leaves_plane}: {OTHER_KERNELS}"
+    yield "components are built and initialised"
+
+
+def _estimate_error(
+    scene: SystemScene, file: Path, result: dict[str, Any], interrupt: Interrupt, announce: Callable[[str], object]
+) -> None:
+    """Add the error of a run that ended well to its summary, by coarser runs."""
+    if result["status"] == "ok" and isinstance(scene, Scene):
+        announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
+        result["error"] = estimate.estimate(scene, file, result, partial(record_companion, interrupt))
 
 
 def _shared_parameters(run: PreparedRun, assembly: Assembly) -> Iterator[str]:

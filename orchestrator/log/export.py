@@ -17,8 +17,8 @@ import numpy as np
 
 from orchestrator.files.csv_lines import safe_cell
 from orchestrator.files.replacing import replacing
-from orchestrator.log.container_writer import LogFailed, error_text
 from orchestrator.log.extra import library
+from orchestrator.log.log_file import LogFailed, error_text
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import EVER, Floats, Series

@@ -23,16 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log import log_metadata, notices, schema, seal
-from orchestrator.log.container_writer import (
-    ContainerWriter,
-    LogFailed,
-    beside,
-    check_writable,
-    left_behind,
-    log_failed,
-    target_of,
-)
+from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.events_topic import EVENTS_SCHEMA, EVENTS_TOPIC, EVENTS_TYPE, Event, event_records
+from orchestrator.log.log_file import LogFailed, log_failed, prepared_file
 from orchestrator.log.message_records import LONGEST
 from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
 from orchestrator.log.reader import Log, LogUnreadable
@@ -96,13 +89,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._failure: LogFailed | None = None
         self._flush = flush
         try:
-            check_writable(self.path)
-            self._target = self.file = target_of(self.path)
-            self._target.parent.mkdir(parents=True, exist_ok=True)
-            for file in left_behind(self._target):
-                notices.notice(notices.left_behind(file))
-            if self._target.is_file():
-                self.file = beside(self._target)
+            self._target, self.file = prepared_file(self.path)
             self._file = ContainerWriter(self.file)
         except OSError as error:
             raise log_failed(self.path, error) from None

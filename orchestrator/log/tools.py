@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from orchestrator.files.replacing import replacing
 from orchestrator.log import notices
-from orchestrator.log.container_writer import LogFailed, check_writable
+from orchestrator.log.log_file import LogFailed, check_writable
 from orchestrator.log.log_metadata import checkpoint_step
 from orchestrator.log.message_records import Messages
 from orchestrator.log.reader import Log, LogUnreadable

@@ -62,6 +62,13 @@ class Links(NamedTuple):
     up: Floats  # (m, pins) m, upwards from the sprocket axle; on a terrain along the hull's own upward axis
     tension: Floats  # (m, links) N
 
+    def middles(self) -> tuple[Floats, Floats]:
+        """Middles of the links (forward, up), (m, links) m each; link i lies between pins i and i + 1."""
+        here = np.arange(self.tension.shape[1])
+        following = (here + 1) % self.forward.shape[1]
+        forward, up = ((x[:, here] + x[:, following]) / 2 for x in (self.forward, self.up))
+        return forward, up
+
 
 class RunData:
     """Log with its scene. Raises LogUnreadable and NoSuchSignal.
@@ -329,3 +336,13 @@ def reason(error: Exception) -> str:
     if FAULTS_RAISE or isinstance(error, LogUnreadable):
         raise error
     return f"{type(error).__name__}: {error}"
+
+
+def drive_of(run: RunData, side: str) -> str:
+    """Prefix of the drive of a side; a mirrored side has that of the other, a rig its own."""
+    return run.drive(side) or (run.drive(run.sides[0]) if run.sides else "drive")
+
+
+def track_of(run: RunData, side: str) -> str:
+    """Name of the track of a side, or of the first track."""
+    return f"{side}_track" if f"{side}_track" in run.tracks else run.tracks[0]

@@ -26,8 +26,8 @@ from fmus.link_outputs import INTERVAL
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator import __version__
-from orchestrator.cosim.component import LINK_FAMILIES
 from orchestrator.cosim.graph import Connection
+from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.files.replacing import replacing
 from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.kinds import Scene

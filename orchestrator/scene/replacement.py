@@ -33,8 +33,9 @@ from orchestrator.cosim.base_units import (
     difference,
     unit_of,
 )
-from orchestrator.cosim.component import LINK_FAMILIES, SETTERS, ComponentFailed, description_of
-from orchestrator.cosim.graph import Connection, Guest, Instance
+from orchestrator.cosim.component import SETTERS, description_of
+from orchestrator.cosim.graph import ComponentFailed, Connection, Guest, Instance
+from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.parts import Parameters, Part
 

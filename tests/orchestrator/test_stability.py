@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from fmus.vehicle import BadInput
-from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.scene.scene import load
 from orchestrator.studies import Row, limits, stability, verdict
 from orchestrator.studies.limits import Oscillator, amplification

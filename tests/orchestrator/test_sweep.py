@@ -22,7 +22,7 @@ import orchestrator as offered
 from fmus.vehicle import BadInput
 from orchestrator.execution import summary
 from orchestrator.log.reader import Log
-from orchestrator.results import measures
+from orchestrator.results import chain_measures
 from orchestrator.results.analyses import joints
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.table import Column, Table
@@ -477,7 +477,7 @@ def test_further_figures_are_those_of_the_log(cotrack, tmp_path):
             run = RunData(log)
             _, tension = run.signal("chain.tension.max")
             assert float(row["max:chain.tension.max, N"]) == tension.max()
-            assert float(row["sag, m"]) == measures.sag(run, "", EVER)
+            assert float(row["sag, m"]) == chain_measures.sag(run, "", EVER)
             largest = joints.of(run).table().records()
         heads = [head for head in row if head.startswith("joints ") and head.endswith("largest, kN")]
         assert sorted(float(row[head]) for head in heads) == sorted(each["largest"] for each in largest)

@@ -11,10 +11,11 @@ from conftest import build_toy, messages
 
 from fmus.build import build_all
 from orchestrator.cli import main
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.coupling.iterative import Iterative
-from orchestrator.cosim.graph import ComponentWarning, Connection, Instance, System, WarningList, wire
+from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System, wire
+from orchestrator.cosim.messages import ComponentWarning, WarningList
 from orchestrator.cosim.program import Program
 from orchestrator.execution import loading, replay_model, simulate
 from orchestrator.log.reader import Log

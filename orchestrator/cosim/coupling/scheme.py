@@ -10,10 +10,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs, Past
-from orchestrator.cosim.graph import Feed, Floats, Member, Stages
+from orchestrator.cosim.graph import ComponentFailed, Feed, Floats, Member, Stages
 from orchestrator.cosim.program import InputCopy, Program, Stage
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.kernels.compiled import CAN_STEP

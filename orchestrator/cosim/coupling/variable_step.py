@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import CouplingFailed, SavedPoint, Scheme
-from orchestrator.cosim.graph import Feed, Floats
+from orchestrator.cosim.graph import ComponentFailed, Feed, Floats
 
 SAFETY = 0.9
 MIN_RATIO, MAX_RATIO = 0.2, 2.0  # bounds of the ratio of two steps

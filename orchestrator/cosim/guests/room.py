@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests import packets
+from orchestrator.cosim.messages import PRINTED
 
 MOST = 64  # processes of one run
 PERIOD = 0.1  # s between two looks at calls that take long
@@ -33,7 +34,6 @@ GRACE = 1.0  # s that a call may still take after an interruption
 PATIENCE = 4.0  # s of a call until it is told, then twice as long each time
 STARTING = 30.0  # s that a process may take to start, which is no call of the FMU
 CLOSING = 2.0  # s that a process may take to end
-PRINTED = "printed"  # category of a message that is a printed line
 SHOWN = 3  # printed lines of a process that are shown
 LAST_LINES = 5  # printed lines that a sentence about the end of a process may quote
 FATAL = 4  # FMI status

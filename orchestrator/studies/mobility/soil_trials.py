@@ -23,7 +23,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fmus.soils import law_of, named
-from orchestrator.results import measures, turning
+from orchestrator.results import turning, vehicle_measures
 from orchestrator.results.analyses import circuit
 from orchestrator.results.analyses.contact import SIGNAL, pad_area, pressure
 from orchestrator.results.run_data import RunData, Window
@@ -79,7 +79,7 @@ def pull(scene: str, soil: str, aim: float) -> list[Row]:
 def _pull_row(vehicle: Vehicle, name: str, run: RunData, window: Window, speed: float) -> Row:
     track = vehicle.table.track
     soil = law_of(name, track.pitch, track.width)
-    slip, towed = measures.slip(run, "", window), run.mean("chassis.hitch.pull", window)
+    slip, towed = vehicle_measures.slip(run, "", window), run.mean("chassis.hitch.pull", window)
     compacted = sum(
         run.copies(part) * _rate(run, f"{part}.energy.dissipated.ground_damping", window) for part in run.tracks
     )
