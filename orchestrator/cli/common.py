@@ -19,6 +19,7 @@ import typer
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, path_text
+from orchestrator.cosim.messages import WARNING
 from orchestrator.cosim.narration import Narration
 from orchestrator.log.extra import lacking
 from orchestrator.log.notices import LogNotice
@@ -64,7 +65,6 @@ class PlainFormatter(logging.Formatter):
         return f"cotrack: {plain(record.getMessage())}"
 
 
-FMI_WARNING = 1
 LONGEST_MESSAGE = 380  # characters of an error: names and values of the user may have any length
 LONGEST_USAGE = 300  # of an error in the command line
 USAGE_ERROR: Any = typer.BadParameter.__base__  # unknown commands and options too; typer has no public name for it
@@ -214,7 +214,7 @@ def exit_with(message: str, status: int) -> NoReturn:
 
 def log_warning(instance: str, status: int, message: str) -> None:
     """Log a component's FMI warning; anything worse ends the run with its own message."""
-    if status == FMI_WARNING:
+    if status == WARNING:
         logging.getLogger("cotrack").warning("%s: %s", instance, message)
 
 

@@ -51,8 +51,7 @@ STATISTICS = "stats."  # signals of the cost of a component
 
 def require_signals(scene: SystemScene) -> None:
     """Raise BadInput if a check of a scene, of its track model, names a signal that a log of the scene lacks."""
-    checks = {name: check for name, check in scene.expect.items() if check.track in (None, scene.variant)}
-    signals = {name: check.signal for name, check in checks.items() if check.signal is not None}
+    signals = {name: check.signal for name, check in scene.checks.items() if check.signal is not None}
     parts = {part.name: part for part in assemble(scene).parts} if signals else {}
     for name, signal in signals.items():
         instance = signal.partition(".")[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import asdict
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -119,15 +120,22 @@ class PreparedRun(NamedTuple):
         }
         return outcome
 
-    def forced_steps(self) -> list[dict[str, Any]]:
-        """Warning of variable steps that were kept with too large an error, if there are any."""
+    def warnings(self) -> list[dict[str, Any]]:
+        """Warnings of all components in order of time, and of variable steps kept with too large an error."""
+        found = component_warnings(self.components)
         variable = self.scene.run.variable
         if variable is None or isinstance(self.pace, master.Clock) or not self.pace.forced_steps:
-            return []
+            return found
         text = (
             f"{self.pace.forced_steps} steps of run.variable.shortest = {variable.shortest:g} s have too large an error"
         )
-        return [{"component": "run", "text": text, "time": 0.0, "count": 1}]
+        return [*found, {"component": "run", "text": text, "time": 0.0, "count": 1}]
+
+
+def component_warnings(components: Mapping[str, Recordable]) -> list[dict[str, Any]]:
+    """Return the warnings of all components in order of time."""
+    entries = [warning for component in components.values() for warning in component.warnings]
+    return [asdict(warning) for warning in sorted(entries, key=lambda warning: warning.time)]
 
 
 def pace_of(run: RunTable) -> master.Clock | VariableStep | PowerResidual:

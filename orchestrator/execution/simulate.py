@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from textwrap import shorten
@@ -116,7 +115,7 @@ def _simulate(
                 outcome = run.step_to_end(observers, interrupt, result)
                 attach_texts(recorder, run.components)
                 recorder.write_remaining()
-                result["warnings"] = [*early_warnings, *warnings(run.components), *run.forced_steps()]
+                result["warnings"] = [*early_warnings, *run.warnings()]
                 if outcome.steps:
                     announce(f"{scene.name}: results are read from the log")
                     entries, run_events = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
@@ -130,9 +129,8 @@ def _simulate(
                 file = recorder.file if recorder.replaces else path
         except LogFailed as failure:
             outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
-            result |= outcome_entries(outcome, result["wall_time"]) | {
-                "warnings": [*early_warnings, *warnings(run.components), *run.forced_steps()]
-            }
+            result |= outcome_entries(outcome, result["wall_time"])
+            result["warnings"] = [*early_warnings, *run.warnings()]
         interrupt.deferring = False
     if log_opened:
         result["log"] = str(file)
@@ -211,12 +209,6 @@ def _evaluate_log(
     except LogUnreadable as error:  # another process has changed the file
         return {"status": "failed", "message": str(error)}, []
     return entries | summary.judgement(outcome.message, entries), run_events
-
-
-def warnings(components: Mapping[str, Recordable]) -> list[dict[str, Any]]:
-    """Return the warnings of all components in order of time."""
-    entries = [warning for component in components.values() for warning in component.warnings]
-    return [asdict(warning) for warning in sorted(entries, key=lambda warning: warning.time)]
 
 
 def any_links(components: Mapping[str, Recordable]) -> bool:

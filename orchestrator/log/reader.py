@@ -373,12 +373,17 @@ class Log(AbstractContextManager["Log"]):
         faults = self.seal_faults()
         notices.notice(faults[0] if faults else notices.rewritten(self.path) if self.rewritten else "")
 
-    def check_inputs(self) -> None:
-        """Raise LogUnreadable if the run did not record its inputs."""
+    def check_repeatable(self) -> None:
+        """Raise LogUnreadable if the run did not record its inputs, or the log is not as it was sealed.
+
+        Issues a LogNotice if another version ran.
+        """
         if self.metadata.get("run", {}).get(log_metadata.INPUTS) == log_metadata.UNRECORDED:
             raise LogUnreadable(
                 f"{self.path} cannot be replayed or resumed: its inputs were not recorded (run.inputs = false)"
             )
+        self.check_seal()
+        notices.notice(notices.other_version(self.path, self.metadata.get("versions", {})))
 
     def index_faults(self) -> list[str]:
         """Return a sentence if the indexes at the end do not list what the file holds."""

@@ -18,7 +18,8 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
-from orchestrator.results.run_data import EVER, UNANSWERED, Floats, Missing, RunData, Window, record_durations, within
+from orchestrator.log.time_series import within
+from orchestrator.results.run_data import EVER, UNANSWERED, Floats, Missing, RunData, Window, record_durations
 
 FORMS = "time, travel or SIGNAL=VALUE"
 

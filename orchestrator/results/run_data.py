@@ -15,6 +15,7 @@ from orchestrator.log.extra import NotInstalled
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.time_series import Floats, Series
+from orchestrator.log.time_series import within as within
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.rotation import body_axis
 
@@ -268,11 +269,6 @@ class RunData:
         else:
             ahead = np.cross(axle, upright)
         return position[rows], ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
-
-
-def within(t: Floats, window: Window) -> NDArray[np.bool_]:
-    """True for times in the window, within rounding."""
-    return (t >= window.start - 1e-9) & (t <= window.end + 1e-9)
 
 
 def record_durations(t: Floats, before: float | None = None) -> Floats:

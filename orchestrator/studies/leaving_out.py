@@ -24,12 +24,10 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.cosim import master
-from orchestrator.cosim.coupling import SCHEMES
-from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
 from orchestrator.execution.loading import load_components
 from orchestrator.execution.manifest import open_log
-from orchestrator.execution.prepared_run import pace_of, warm_up
+from orchestrator.execution.prepared_run import PreparedRun
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.table import Column, Table
@@ -240,12 +238,10 @@ def run(name: str, side: PairedRun, path: Path) -> tuple[float, float]:
     with ExitStack() as stack:
         graph = system(assembly)
         components = load_components(graph, scene.run.times, stack)
-        stages = wire(graph, components)
-        scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
-        warm_up(stages, scene.run.step)
-        with open_log(path, scene, graph, components, scheme) as recorder:
+        prepared = PreparedRun.prepare(scene, graph, components)
+        with open_log(path, scene, graph, components, prepared.scheme) as recorder:
             cpu, wall = time.process_time(), time.perf_counter()
-            outcome = master.run(scheme, pace_of(scene.run), [Logging(recorder, list(components.values()), 100)])
+            outcome = master.run(prepared.scheme, prepared.pace, [Logging(recorder, list(components.values()), 100)])
             recorder.close(outcome.status, outcome.message, outcome.steps)
             cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     if outcome.status != "ok":

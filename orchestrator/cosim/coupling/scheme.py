@@ -119,7 +119,7 @@ class Scheme:
         start = perf_counter()
         done, n = 1, min(n, self.row_writer.room if self.row_writer else 1, int(LONGEST_BATCH / self._seconds))
         if n > 1 and self._program is not None and self.row_writer is not None and self._all_compiled:
-            now = self._outputs()
+            now = self.outputs()
             done = self._program.step_batch(self.row_writer, k, n, h)
             if done < n:
                 self.failure = self._program.failure()
@@ -138,12 +138,13 @@ class Scheme:
         kind = type(self)
         return kind.advance is Scheme.advance and kind.exchange is Scheme.exchange and not self._computed_feeds
 
-    def _outputs(self) -> dict[str, Floats]:
+    def outputs(self) -> dict[str, Floats]:
+        """Copies of the present outputs of all components, by name."""
         return {member.component.name: member.component.y.copy() for member in self.members}
 
     def advance(self, t: float, h: float) -> None:
         """Bring every component from t to t + h; raises the errors of components and CouplingFailed."""
-        now = self._outputs()
+        now = self.outputs()
         self.exchange(t, h, now)
         self.past = Past(now, h, self.past.last)
 

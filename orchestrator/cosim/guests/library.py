@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.guests.room import FATAL, Room
+from orchestrator.cosim.guests.room import Room
+from orchestrator.cosim.messages import FATAL
 
 _BY_REFERENCE: Any = type(ctypes.byref(ctypes.c_int()))
 _POINTER: Any = type(ctypes.pointer(ctypes.c_int())).__mro__[1]

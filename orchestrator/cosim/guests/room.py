@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests import packets
-from orchestrator.cosim.messages import PRINTED
+from orchestrator.cosim.messages import FATAL, PRINTED
 
 MOST = 64  # processes of one run
 PERIOD = 0.1  # s between two looks at calls that take long
@@ -36,7 +36,6 @@ STARTING = 30.0  # s that a process may take to start, which is no call of the F
 CLOSING = 2.0  # s that a process may take to end
 SHOWN = 3  # printed lines of a process that are shown
 LAST_LINES = 5  # printed lines that a sentence about the end of a process may quote
-FATAL = 4  # FMI status
 ROOT = Path(__file__).resolve().parents[3]
 
 

@@ -134,6 +134,14 @@ def linear(element: Node, where: str) -> Conversion:
     return UNCHANGED
 
 
+def converts_units(element: Node, where: str) -> bool:
+    """Whether the units of a connection or a mapping are converted; raises BadInput."""
+    try:
+        return not truth(element.get("suppressUnitConversion"))
+    except ValueError:
+        raise BadInput(f"{where}: suppressUnitConversion must be true or false") from None
+
+
 def units_of(root: Node | None) -> dict[str, BaseUnit]:
     """Units that a document defines."""
     found = {}

@@ -29,6 +29,7 @@ from orchestrator.scene.archive.elements import (
     child,
     children,
     content,
+    converts_units,
     linear,
     local,
     number,
@@ -148,10 +149,7 @@ def _link(node: Node, system: Element) -> Link:
         kinds = " and ".join(end.connector.kind or "an entry of a signal dictionary" for end in ends)
         raise BadInput(f"{words}: they are {kinds}: one must give, and one take")
     source, target = ends if gives[0] else reversed(ends)
-    try:
-        converts = not truth(node.get("suppressUnitConversion"))
-    except ValueError:
-        raise BadInput(f"{words}: suppressUnitConversion must be true or false") from None
+    converts = converts_units(node, words)
     return Link(source, target, linear(node, words), converts)
 
 
@@ -225,10 +223,7 @@ def _targets(root: Node | None, place: Place) -> dict[str, list[Target]]:
     found: dict[str, list[Target]] = defaultdict(list)
     for entry in children(root, "MappingEntry"):
         where = f"{place.where}: mapping of {value_text(entry.get('source'))}"
-        try:
-            converts = not truth(entry.get("suppressUnitConversion"))
-        except ValueError:
-            raise BadInput(f"{where}: suppressUnitConversion must be true or false") from None
+        converts = converts_units(entry, where)
         found[entry.get("source", "")].append(Target(entry.get("target", ""), linear(entry, where), converts))
     return found
 
