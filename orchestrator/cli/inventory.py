@@ -168,8 +168,8 @@ def _absent_parts(scene: Scene, assembly: Assembly) -> list[str]:
 def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
     own = [part for part in assembly.parts if part.fmu is None]
     loaded = loaded_contents([(part.kind, part.config, part.parameters) for part in own])
-    contact_pairs = [f"{part.name:12} {pair}" for part in own for pair in pairs(scene, part)]
-    yield from _section("contact pairs", contact_pairs or ["none: no contact law is loaded"])
+    evaluated = [f"{part.name:12} {pair}" for part in own for pair in contact_pairs(scene, part)]
+    yield from _section("contact pairs", evaluated or ["none: no contact law is loaded"])
     yield "outputs"
     sizes = zip(own, loaded.outputs, loaded.link_outputs, loaded.state, strict=True)
     for part, outputs, links, state in sizes:
@@ -180,7 +180,7 @@ def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
     yield from _section(f"modules of fmus: {len(loaded.left_out)} left out", _by_folder(loaded.left_out))
 
 
-def pairs(scene: Scene, part: Part) -> list[str]:
+def contact_pairs(scene: Scene, part: Part) -> list[str]:
     """Return the contact pairs that a component evaluates."""
     if part.stage != TRACK:
         ground: dict[str, Any] = part.config.get("chassis", {}).get("ground", {})

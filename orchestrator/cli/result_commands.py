@@ -184,7 +184,7 @@ def _compare_measured(
     run: Path, measured: MeasuredFile, window: Window, by_phase: bool, allowed: Sequence[str]
 ) -> tuple[dict[str, Any], Iterator[str]]:
     """Return the result of a comparison with a measured record, and its lines of text."""
-    from orchestrator.cli.comparison import measured_lines, measured_table
+    from orchestrator.cli.comparison import measured_lines, measured_result
     from orchestrator.log.reader import Log
     from orchestrator.results.measured_difference import compare_measured
     from orchestrator.results.run_data import RunData
@@ -193,7 +193,7 @@ def _compare_measured(
         run_log.notice_seal()
         data = RunData(run_log)
         compared = compare_measured(data, measured, window, by_phase)
-        result = measured_table(data, compared, window, allowed)
+        result = measured_result(data, compared, window, allowed)
     return result, measured_lines(result, compared)
 
 
@@ -207,7 +207,7 @@ def _compare_logs(
     picture: Path | None,
 ) -> dict[str, Any]:
     """Return the result of a comparison of two runs; draw the growth of their difference."""
-    from orchestrator.cli.comparison import limits, table
+    from orchestrator.cli.comparison import allowed_differences, logs_result
     from orchestrator.log.reader import Log
     from orchestrator.results.difference import alignment, differences
     from orchestrator.results.divergence import divergence, draw
@@ -227,9 +227,9 @@ def _compare_logs(
             )
         bits_alone = (bitwise or picture) and not run_data.scene  # free FMUs have no observables
         observables = {} if bits_alone else differences(run_data, reference_data, window, alignment(align))
-        limit_of = limits(allowed, {name: each.decisive for name, each in observables.items()})
+        limit_of = allowed_differences(allowed, {name: each.decisive for name, each in observables.items()})
         bit_divergence = divergence(run_log, reference_log, window) if bitwise or picture else None
-        result = table(run_data, reference_data, window, observables, limit_of, bit_divergence)
+        result = logs_result(run_data, reference_data, window, observables, limit_of, bit_divergence)
     if picture and bit_divergence is not None:
         draw(bit_divergence, picture)
     return result

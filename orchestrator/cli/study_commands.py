@@ -57,7 +57,7 @@ def study(
         for known, about in studies.STUDIES.items():
             print(f"{known:16} {about}")
         return
-    module = studies.find(name)
+    module = studies.study_module(name)
     folder = folder_of(name, output)
     if scene is not None and "scene" not in signature(module.cases).parameters:
         raise BadInput(f"study {name} takes no scene")

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim import fmi2_library
 from orchestrator.cosim.base_units import UNCHANGED, Conversion
-from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, ComponentFailed, Floats, Guest
+from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, ComponentFailed, Floats, GuestTerms
 from orchestrator.cosim.guests.library import GuestLibrary, Opening
 from orchestrator.cosim.guests.room import Room
 from orchestrator.cosim.messages import (
@@ -42,9 +42,9 @@ from orchestrator.cosim.messages import (
     FATAL,
     OK,
     WARNING,
+    CallMessages,
     ComponentWarning,
     Logger,
-    Messages,
     WarningList,
     status_text,
 )
@@ -95,7 +95,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         discrete: Collection[str] = (),
         conversions: Mapping[str, Conversion] = NO_CONVERSIONS,
         units: Mapping[str, str] = NO_CONVERSIONS,
-        guest: Guest | None = None,
+        guest: GuestTerms | None = None,
         room: Room | None = None,
         resources: Path | None = None,
         starts: Sequence[float] = (),
@@ -108,7 +108,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         """
         self._resources, self._starts = resources, starts
         self._guest, self._remote = guest, GuestLibrary(room, self._receive) if room is not None else None
-        self._messages = Messages(name, logger)
+        self._messages = CallMessages(name, logger)
         self._clock = np.zeros(1)  # s from the start of the run, beginning of the last step
         self.start_time = 0.0  # s, time of the FMU at the start of the run
         self._states: list[ComponentState] = []
@@ -204,7 +204,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
 
     @property
     def warnings(self) -> list[ComponentWarning]:
-        """Messages that the FMU logged with status warning since its start, without steps taken back."""
+        """CallMessages that the FMU logged with status warning since its start, without steps taken back."""
         return self._messages.warnings.entries()
 
     def set_warnings(self, earlier: Mapping[str, ComponentWarning]) -> None:

@@ -23,7 +23,7 @@ Quantity = Literal["value", "mean", "state", "rate", "discrete"]
 NO_CONVERSIONS: Mapping[str, Any] = MappingProxyType({})
 
 
-class Guest(NamedTuple):
+class GuestTerms(NamedTuple):
     """How an FMU of the user is loaded and watched."""
 
     in_process: bool = False  # in the process of the run, not in one of its own
@@ -41,7 +41,7 @@ class Instance(NamedTuple):
     # By Real: of an input from what its source outputs to what the FMU gets, of an output to what others get.
     conversions: Mapping[str, Conversion] = NO_CONVERSIONS
     units: Mapping[str, str] = NO_CONVERSIONS  # of outputs with a conversion
-    guest: Guest | None = None  # None: a component of ours
+    guest: GuestTerms | None = None  # None: a component of ours
     resources: Path | None = None  # folder with the numbers of the instance; None: those of the FMU
     starts: Sequence[float] = ()  # start values of its Reals, inputs first; empty: those of the FMU
 

@@ -1,4 +1,4 @@
-"""Messages of an FMU: warnings with their counts, errors of the last call, FMI status as text."""
+"""CallMessages of an FMU: warnings with their counts, errors of the last call, FMI status as text."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ class WarningList:
         self._known = {key: saved.get(key, replace(warning, count=0)) for key, warning in self._known.items()}
 
 
-class Messages:
-    """Messages of an instance: its warnings since the start, and the errors of its last call."""
+class CallMessages:
+    """CallMessages of an instance: its warnings since the start, and the errors of its last call."""
 
     def __init__(self, component: str, logger: Logger | None) -> None:
         self._component, self._logger = component, logger

@@ -32,7 +32,7 @@ from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import power_residual
 from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System
-from orchestrator.cosim.guests.room import Room, Rooms, Wanted
+from orchestrator.cosim.guests.room import Room, RoomRequest, Rooms
 from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.model_description import loadable
 from orchestrator.cosim.variable_arrays import LINK_FAMILIES
@@ -186,7 +186,7 @@ def open_rooms(instances: Iterable[Instance], rooms: Rooms) -> dict[str, Room]:
             continue
         alone = loadable(instance.fmu).description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         if not instance.guest.in_process:
-            wanted.append(Wanted(instance.name, instance.fmu, alone, instance.guest.limit))
+            wanted.append(RoomRequest(instance.name, instance.fmu, alone, instance.guest.limit))
         elif alone and instance.fmu in inside:
             once = f"'{instance.fmu}' can be instantiated once per process"
             raise ComponentFailed(f"{instance.name}: {once}: leave out in_process = true of this instance")

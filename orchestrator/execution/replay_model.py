@@ -16,13 +16,13 @@ from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.graph import Guest, Instance, System
+from orchestrator.cosim.graph import GuestTerms, Instance, System
 from orchestrator.cosim.guests.room import Rooms
 from orchestrator.cosim.messages import Logger
 from orchestrator.execution import replays
 from orchestrator.execution.loading import open_rooms
 from orchestrator.execution.manifest import NATIVE, as_json, model_description, system_table
-from orchestrator.log.log_metadata import BRANCHED, path_of
+from orchestrator.log.log_metadata import BRANCHED, path_text_of
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of, texts_of
 from orchestrator.log.time_series import EVER
@@ -85,7 +85,7 @@ class Replay(NamedTuple):
         }
         if model.scene is not None:
             attachments["scene.json"] = as_json(model.scene.resolved())
-        metadata = {"replay": {"of": path_of(log.path), "digest": log.digest(), "component": name}}
+        metadata = {"replay": {"of": path_text_of(log.path), "digest": log.digest(), "component": name}}
         if model.settings:
             metadata["replay"]["set"] = "; ".join(model.settings)
         if model.native:
@@ -122,7 +122,7 @@ def open_replay(
             raise BadInput(
                 f"'{name}' of the log exchanged values in units of its own FMU: no other one takes its place"
             )
-        guest = None if built_here(model.fmu) else Guest()
+        guest = None if built_here(model.fmu) else GuestTerms()
         instance = Instance(name, model.fmu, {}, 0, guest=guest)
         with (
             Rooms() as rooms,

@@ -25,7 +25,7 @@ from orchestrator.execution.manifest import NATIVE, numbers_digest
 from orchestrator.execution.prepared_run import Continuation
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import tools
-from orchestrator.log.log_metadata import BRANCHED, CHECKPOINT, checkpoint_step, path_of
+from orchestrator.log.log_metadata import BRANCHED, CHECKPOINT, checkpoint_step, path_text_of
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.recorder import Recorder
@@ -61,7 +61,7 @@ def resume(
         if scene.run.stop < reached - 1e-9:
             raise BadInput(f"stop = {scene.run.stop:g} s is before the checkpoint at {reached:g} s")
         native, earlier = _ran_native(log, scene), log.metadata.get(BRANCHED)
-        about = {"of": path_of(source), "step": str(number)}
+        about = {"of": path_text_of(source), "step": str(number)}
         metadata = {"resumed": about} | ({BRANCHED: earlier} if earlier else {})
         continuation = Continuation(
             number,

@@ -31,7 +31,7 @@ def checkpoint_step(attachment: str) -> int | None:
     return int(number) if number != attachment and number.isdecimal() else None
 
 
-def path_of(path: str | os.PathLike[str]) -> str:
+def path_text_of(path: str | os.PathLike[str]) -> str:
     """Return a path as a text that a log can hold: file names may hold bytes that are not text."""
     return os.fspath(path).encode(errors="backslashreplace").decode()
 

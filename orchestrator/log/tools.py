@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from orchestrator.files.replacing import replacing
 from orchestrator.log import notices
 from orchestrator.log.log_file import LogFailed, check_writable
-from orchestrator.log.log_metadata import checkpoint_step, path_of
+from orchestrator.log.log_metadata import checkpoint_step, path_text_of
 from orchestrator.log.message_records import Messages
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorded_system import system_of
@@ -212,7 +212,7 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
     attachments = {name: content for name in names if (content := _attachment(log, name)) is not None}
     reached = 0.0
     wires = {topic: about.wires for topic, about in log.topics.items()}
-    metadata = {**log.metadata, "recovered": {"of": path_of(log.path.name), "seal": log.seal or "none"}}
+    metadata = {**log.metadata, "recovered": {"of": path_text_of(log.path.name), "seal": log.seal or "none"}}
     resealed = f"sealed anew; {log.path} {f'had the seal {log.seal}' if log.seal else 'had no seal'}"
     with Recorder(fresh, topics, attachments, metadata, every=every, wires=wires) as recorder:
         for messages in log.intact():

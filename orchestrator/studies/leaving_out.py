@@ -36,7 +36,7 @@ from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import CHASSIS, TRACK, Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
-from orchestrator.studies import Case, Row, files
+from orchestrator.studies import Case, Row, result_files
 
 TITLE = "What leaving out saves"
 WORKERS = 1  # timed pairs need the machine for themselves
@@ -282,10 +282,10 @@ def table(rows: Sequence[Row], title: str = "") -> Table:
     return Table.of_records(title, COLUMNS, [row.cells() for row in rows])
 
 
-def draw(rows: Sequence[Row], title: str) -> files.Picture:
+def draw(rows: Sequence[Row], title: str) -> result_files.Picture:
     """Draw bars of the remaining cost: CPU time with its spread, log size."""
     drawn_rows = [row for row in rows if math.isfinite(row["cpu_ratio"])][::-1]
-    figure = files.new_figure(9.0, 1.2 + 0.42 * len(drawn_rows))
+    figure = result_files.new_figure(9.0, 1.2 + 0.42 * len(drawn_rows))
     axes = figure.subplots()
     positions = np.arange(len(drawn_rows))
     middle, low, high = (
@@ -309,7 +309,7 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Write table and figure; raises OSError if the folder cannot be written."""
-    return files.save(folder, name, table(rows, title), draw(rows, title))
+    return result_files.save(folder, name, table(rows, title), draw(rows, title))
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
 from orchestrator.scene.tables import OPTIONS, CouplingTable
-from orchestrator.studies.limits import amplification
+from orchestrator.studies.step_limits import amplification
 from tests.validation import coupling as study
 from tests.validation.coupling import DAMPED, FREE, MEMBERS, VARIANTS, couple, grows, predicted_limit, run_free
 from tests.validation.slaves import coupled, whole

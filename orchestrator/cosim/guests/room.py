@@ -39,7 +39,7 @@ LAST_LINES = 5  # printed lines that a sentence about the end of a process may q
 ROOT = Path(__file__).resolve().parents[3]
 
 
-class Wanted(NamedTuple):
+class RoomRequest(NamedTuple):
     """Instance that is to have a room."""
 
     name: str
@@ -190,7 +190,7 @@ class Rooms(AbstractContextManager["Rooms"]):
         self._closed = threading.Event()
         self._thread: threading.Thread | None = None
 
-    def open(self, wanted: Sequence[Wanted]) -> dict[str, Room]:
+    def open(self, wanted: Sequence[RoomRequest]) -> dict[str, Room]:
         """Start the processes of instances, all at once; raises ComponentFailed if they are too many."""
         sharing = {each.fmu for each in wanted if not each.alone}
         needed = sum(each.alone for each in wanted) + len(sharing)
