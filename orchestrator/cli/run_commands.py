@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -35,6 +35,13 @@ if TYPE_CHECKING:
 
 Verbose = Annotated[bool, typer.Option("--verbose", help="print the whole summary, not its ten most important lines")]
 
+LogTarget = Annotated[
+    Path | None,
+    typer.Option(
+        "-o", "--output", "--log", metavar="PATH", help="the log, default logs/SCENE-TRACK.mcap, with settings behind"
+    ),
+]
+
 
 def run(
     scene: SceneName,
@@ -59,16 +66,7 @@ def run(
         list[str] | None,
         typer.Option("--for", metavar="ANALYSIS", help="also record what this analysis needs, repeatable"),
     ] = None,
-    log: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            "--log",
-            metavar="PATH",
-            help="the log, default logs/SCENE-TRACK.mcap, with settings behind",
-        ),
-    ] = None,
+    log: LogTarget = None,
     native: NativeOption = False,
     replaced: Annotated[
         list[str] | None,
@@ -97,6 +95,11 @@ def run(
         result["message"], status = "interrupted", 1
     except Exception as failure:
         result["message"], status = message_and_status(failure)
+    _report(result, status, as_json, verbose)
+
+
+def _report(result: dict[str, Any], status: int, as_json: bool, verbose: bool) -> NoReturn:
+    """Print the summary of a run, unless its input was bad, and exit."""
     print_message(result["message"], status)
     if as_json:
         print_json(result)
@@ -156,12 +159,7 @@ def resume(
     branch = {key: value for key, value in window.items() if value is not None} | dict(pairs(settings or ()))
     path = output or beside(log, f"-branch{file_part(branch)}.mcap" if settings else "-resumed.mcap")
     result = go_on(log, path, at, stop, log_warning, narration, settings or ())
-    print_message(result["message"], 0)
-    if as_json:
-        print_json(result)
-    else:
-        common.summary(result, verbose)
-    sys.exit(0 if summary.is_passed(result) else 1)
+    _report(result, 0 if summary.is_passed(result) else 1, as_json, verbose)
 
 
 def truth(

@@ -122,7 +122,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         folder, description, elements = loadable(fmu)
         if room is None and is_fmi3(description):
             raise ComponentFailed(f"'{fmu}' is an FMU of FMI 3.0: it runs in a process of its own only")
-        memory = _own_memory if self._remote is None else self._remote.memory
+        memory = None if self._remote is None else self._remote.memory
         super().__init__(name, description, discrete, conversions, units, memory, guest is not None)
         if len(starts):
             self.u[: self._u[1]] = starts[: self._u[1]]
@@ -524,8 +524,3 @@ def description_of(fmu: Path) -> Any:
             raise ComponentFailed(f"'{fmu}' has a variable '{name}', and there is another one of that name in its log")
         taken.add(name)
     return description
-
-
-def _own_memory(n: int) -> tuple[Floats, int]:
-    """Array of n zeros of this process."""
-    return np.zeros(n), 0

@@ -22,7 +22,8 @@ class VariableArrays:
 
     ``discrete``: connected variables that are no Reals, which follow them in ``u`` and ``y``. ``conversions`` and
     ``units``: as of ``graph.Instance``. ``memory``: gives an array of n zeros that the FMU's process shares, and its
-    place there. ``is_watched``: what the FMU outputs is looked at, as where it exchanges more than Reals in its units.
+    place there; None: it has none. ``is_watched``: what the FMU outputs is looked at, as where it exchanges more than
+    Reals in its units.
     """
 
     def __init__(
@@ -32,13 +33,14 @@ class VariableArrays:
         discrete: Collection[str],
         conversions: Mapping[str, Conversion],
         units: Mapping[str, str],
-        memory: Callable[[int], tuple[Floats, int]],
+        memory: Callable[[int], tuple[Floats, int]] | None,
         is_watched: bool,
     ) -> None:
         self.name, self.description = name, description
         self.conversions, self.converted_units = conversions, units
         self.texts = Texts()  # of its String outputs
         self.input_texts: dict[str, Texts] = {}  # of the sources of String inputs
+        memory = memory or (lambda n: (np.zeros(n), 0))
         variables = description.modelVariables
         self._variables = {v.name: v for v in variables}
 

@@ -14,7 +14,7 @@ from fmus.build import BuildFailed
 from fmus.vehicle import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.scheme import CouplingFailed
-from orchestrator.cosim.graph import ComponentFailed, Recordable
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests.room import Rooms
 from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.narration import Narration
@@ -27,6 +27,7 @@ from orchestrator.execution.prepared_run import Continuation, PreparedRun, outco
 from orchestrator.log.events_topic import Event
 from orchestrator.log.log_file import LogFailed, check_writable
 from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import chain_checks
@@ -82,8 +83,7 @@ def _simulate(
     native: bool = False,
     continuation: Continuation | None = None,
 ) -> dict[str, Any]:
-    start = time.perf_counter()
-    result = summary.empty(scene.name, scene.variant)
+    start, result = time.perf_counter(), summary.empty(scene.name, scene.variant)
     announce = narration or (lambda line: None)
     assembly = assemble(scene)
     misfits = unfit(scene, assembly)
@@ -123,9 +123,7 @@ def _simulate(
                     recorder.write_events(run_events)
                     if estimated:
                         _estimate_error(run.scene, recorder.file, result, interrupt, announce)
-                status, message = _verdict(outcome, result["validity"])
-                recorder.close(status, message, outcome.steps, manifest.encode_results(result), result["warnings"])
-                result["seal"] = recorder.seal
+                _close(recorder, outcome, result)
                 file = recorder.file if recorder.replaces else path
         except LogFailed as failure:
             outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
@@ -166,19 +164,20 @@ def _shared_parameters(run: PreparedRun, assembly: Assembly) -> Iterator[str]:
             yield shorten(f"{instance.name} gets from the scene {', '.join(given)}", MOST_NARRATED, placeholder=" ...")
 
 
-def _verdict(outcome: master.RunOutcome, validity: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
-    """Status and message of a run, which has failed if the model left its range of validity."""
-    invalidity = summary.invalidity(validity)
-    if not invalidity:
-        return outcome.status, outcome.message
-    return "failed", "; ".join(filter(None, (outcome.message, invalidity)))
+def _close(recorder: Recorder, outcome: master.RunOutcome, result: dict[str, Any]) -> None:
+    """Close the log of a run, which has failed if the model left its range of validity."""
+    invalidity = summary.invalidity(result["validity"])
+    status, message = "failed" if invalidity else outcome.status, "; ".join(filter(None, (outcome.message, invalidity)))
+    recorder.close(status, message, outcome.steps, manifest.encode_results(result), result["warnings"])
+    result["seal"] = recorder.seal
 
 
 def _early_warnings(
     run: PreparedRun, logger: Logger | None, misfits: Sequence[tuple[str, str]]
 ) -> list[dict[str, Any]]:
     """Return warnings about FMUs of the user (``misfits``), recording and scene; the logger gets them too."""
-    aliases = run.scene.aliasing_warning if any_links(run.components) else ""
+    has_links = any(component.links for component in run.components.values())
+    aliases = run.scene.aliasing_warning if has_links else ""
     sentences = [*misfits, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
     sentences += [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
     if logger:
@@ -209,11 +208,6 @@ def _evaluate_log(
     except LogUnreadable as error:  # another process has changed the file
         return {"status": "failed", "message": str(error)}, []
     return entries | summary.judgement(outcome.message, entries), run_events
-
-
-def any_links(components: Mapping[str, Recordable]) -> bool:
-    """True if any component has per-link outputs."""
-    return any(component.links for component in components.values())
 
 
 def record_companion(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str, Any]:

@@ -385,10 +385,6 @@ class Log(AbstractContextManager["Log"]):
         self.check_seal()
         notices.notice(notices.other_version(self.path, self.metadata.get("versions", {})))
 
-    def index_faults(self) -> list[str]:
-        """Return a sentence if the indexes at the end do not list what the file holds."""
-        return seal_check.index_faults(self._file)
-
     def checksums(self) -> list[str]:
         """Check attachments and the checksums over all bytes; return faults as sentences (chunks: ``intact``)."""
         faults = []
