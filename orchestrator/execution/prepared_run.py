@@ -121,15 +121,18 @@ class PreparedRun(NamedTuple):
         return outcome
 
     def warnings(self) -> list[dict[str, Any]]:
-        """Warnings of all components in order of time, and of variable steps kept with too large an error."""
-        found = component_warnings(self.components)
+        """Warnings of all components in order of time, then about the steps of the run."""
+        return [*component_warnings(self.components), *self.forced_steps()]
+
+    def forced_steps(self) -> list[dict[str, Any]]:
+        """Warning of variable steps that were kept with too large an error, if there are any."""
         variable = self.scene.run.variable
         if variable is None or isinstance(self.pace, master.Clock) or not self.pace.forced_steps:
-            return found
+            return []
         text = (
             f"{self.pace.forced_steps} steps of run.variable.shortest = {variable.shortest:g} s have too large an error"
         )
-        return [*found, {"component": "run", "text": text, "time": 0.0, "count": 1}]
+        return [{"component": "run", "text": text, "time": 0.0, "count": 1}]
 
 
 def component_warnings(components: Mapping[str, Recordable]) -> list[dict[str, Any]]:

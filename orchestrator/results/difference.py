@@ -265,10 +265,7 @@ def _links(run: RunData, window: Window, start: str, *ends: str) -> list[Observa
     """Outputs of links of all tracks by the beginning and ending of their names, one signal per ending."""
     columns_of_ends = {}
     for track in run.tracks:
-        topic = f"/{track}/links"
-        if topic not in run.log.topics:
-            raise Missing(f"the log has no outputs per link of '{track}'")
-        names = run.log.topics[topic].names
+        topic, names = run.link_outputs(track)
         columns_of_ends[topic] = [
             [i for i, n in enumerate(names) if n.startswith(start) and n.endswith(end)] for end in ends
         ]

@@ -140,17 +140,22 @@ class RunData:
         """Times and values of ``instance.variable`` within the window, (m,) each; raises Missing."""
         if (name, window) in self._prefetched:
             return self._prefetched[name, window]
-        topic, column = self._place(name)
+        topic, column = self.place(name)
         series = self._read(topic, [column], window)
         if not len(series.t) and window not in (None, EVER):
             raise Missing(f"'{name}' was not recorded between {window.start:g} and {window.end:g} s")
         return series.t, series.values[:, 0]
 
+    def rate(self, name: str, window: Window) -> float:
+        """Mean rate of a signal over a window, its unit per s; raises Missing."""
+        t, values = self.signal(name, window)
+        return float((values[-1] - values[0]) / (t[-1] - t[0]))
+
     def prefetch(self, names: Iterable[str], window: Window) -> None:
         """Read signals in one pass and cache them for this window; raises Missing."""
         names_by_column: dict[str, dict[int, str]] = {}
         for name in names:
-            topic, column = self._place(name)
+            topic, column = self.place(name)
             names_by_column.setdefault(topic, {})[column] = name
         series = (
             self.log.select({topic: [*columns] for topic, columns in names_by_column.items()}, window)
@@ -161,7 +166,8 @@ class RunData:
             for k, name in enumerate(columns.values()):
                 self._prefetched[name, window] = series[topic].t, series[topic].values[:, k]
 
-    def _place(self, name: str) -> tuple[str, int]:
+    def place(self, name: str) -> tuple[str, int]:
+        """Topic and column of a signal; raises Missing."""
         if name not in self.log:
             raise Missing(f"the log has no signal '{name}'")
         return self.log.find(name)
@@ -175,7 +181,7 @@ class RunData:
         """Largest value of outputs over the run; raises Missing, and ValueError without values."""
         columns_by_topic: dict[str, list[int]] = {}
         for name in names:
-            topic, column = self._place(name)
+            topic, column = self.place(name)
             columns_by_topic.setdefault(topic, []).append(column)
         return max(
             float(block[topic].values[:, columns].max())
@@ -185,7 +191,7 @@ class RunData:
 
     def ends(self, name: str) -> tuple[float, float]:
         """First and last value of ``instance.variable``; raises Missing."""
-        topic, column = self._place(name)
+        topic, column = self.place(name)
         values = self.log.ends(topic).values[:, column]
         if not len(values):
             raise Missing(f"the log holds no value of '{name}'")
@@ -213,10 +219,7 @@ class RunData:
         return self._links[track, window]
 
     def _read_links(self, track: str, window: Window | None) -> Links:
-        topic = f"/{track}/links"
-        if topic not in self.log.topics:
-            raise Missing(f"the log has no outputs per link of '{track}'")
-        names = self.log.topics[topic].names
+        topic, names = self.link_outputs(track)
         pins, links = (link_columns(names, signal) for signal in (POSITION, TENSION))
         for signal, columns in ((POSITION, pins), (TENSION, links)):
             if not columns.size:
@@ -228,6 +231,13 @@ class RunData:
         offset = position.reshape(-1, *pins.shape) - origin[:, None, :]
         up = offset[..., 2] if upright is None else np.einsum("mpi,mi->mp", offset, upright)
         return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), up, tension)
+
+    def link_outputs(self, track: str) -> tuple[str, tuple[str, ...]]:
+        """Topic of the link outputs of a track, and their names; raises Missing."""
+        topic = f"/{track}/links"
+        if topic not in self.log.topics:
+            raise Missing(f"the log has no outputs per link of '{track}'")
+        return topic, self.log.topics[topic].names
 
     def _upright(self, t: Floats, window: Window | None) -> Floats | None:
         """Upward axis (m, 3) of the hull on a terrain; None elsewhere, where the vertical takes its place."""

@@ -80,8 +80,12 @@ class DriveTable(FrozenTable):
         braked = "torque", "controller"
         modes_of = {"torque": ("torque",), "torque_limit": ("controller",), "brake": braked, "brake_speed": braked}
         for key, modes in modes_of.items():
-            if getattr(self, key) and self.mode not in modes:
-                raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
+            if getattr(self, key):
+                self._require_mode(key, modes)
+
+    def _require_mode(self, key: str, modes: Sequence[str]) -> None:
+        if self.mode not in modes:
+            raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
 
     @model_validator(mode="after")
     def _check_points(self) -> DriveTable:
@@ -89,8 +93,7 @@ class DriveTable(FrozenTable):
             points = getattr(self, key)
             if points is None:
                 continue
-            if self.mode not in modes:
-                raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
+            self._require_mode(key, modes)
             times = [time for time, _ in points]
             if not times or not _rise(times):
                 raise ValueError(

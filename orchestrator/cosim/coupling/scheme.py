@@ -212,6 +212,19 @@ class Scheme:
             member.component.free(state)
 
 
+class ExtrapolatingScheme(Scheme):
+    """Coupling whose inputs are extrapolated to the middle of the step (``hold`` "linear") or held ("constant")."""
+
+    def __init__(self, stages: Stages, hold: str = "linear", threads: bool = True) -> None:
+        super().__init__(stages, threads)
+        self.linear = hold == "linear"
+        self.ORDER = 2 if self.linear else 1
+
+    def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
+        """Return the rule for the value at t, or None for extrapolation."""
+        return None if self.linear and not feed.held else "start"
+
+
 def require_states(scheme: Scheme, what: str) -> None:
     """Raise CouplingFailed unless every component can save its state."""
     for member in scheme.members:

@@ -81,10 +81,10 @@ def _pull_row(vehicle: Vehicle, name: str, run: RunData, window: Window, speed: 
     soil = law_of(name, track.pitch, track.width)
     slip, towed = vehicle_measures.slip(run, "", window), run.mean("chassis.hitch.pull", window)
     compacted = sum(
-        run.copies(part) * _rate(run, f"{part}.energy.dissipated.ground_damping", window) for part in run.tracks
+        run.copies(part) * run.rate(f"{part}.energy.dissipated.ground_damping", window) for part in run.tracks
     )
     driven = sum(
-        run.copies(run.tracks[k]) * _rate(run, f"{run.drive(side)}.energy.work", window)
+        run.copies(run.tracks[k]) * run.rate(f"{run.drive(side)}.energy.work", window)
         for k, side in enumerate(run.sides)
     )
     resistance = compacted / speed
@@ -104,12 +104,6 @@ def _pull_row(vehicle: Vehicle, name: str, run: RunData, window: Window, speed: 
         "weight": 1e-3 * vehicle.weight,
     }
     return Row("", "", figures, bracket.holds(towed))
-
-
-def _rate(run: RunData, signal: str, window: Window) -> float:
-    """Mean rate of a signal."""
-    t, values = run.signal(signal, window)
-    return float((values[-1] - values[0]) / (t[-1] - t[0]))
 
 
 def _shear_length(mobilised: float, slip: float, modulus: float) -> float:
