@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, Protocol, cast
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,12 +128,6 @@ class Recordable(Steppable, Protocol):
         """Read ``counters``."""
 
 
-class Converting(Steppable, Protocol):
-    """Component that converts what it receives."""
-
-    received: Floats  # inputs as their sources output them; ``u``: as the FMU gets them
-
-
 class Feed(NamedTuple):
     """Transfer ``received[inputs] = source.y[outputs]``."""
 
@@ -201,4 +195,4 @@ def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
 
 def _member(instance: Instance, component: Steppable, feeds: tuple[Feed, ...]) -> Member:
     converted = frozenset(component.inputs) & instance.conversions.keys()
-    return Member(component, feeds, cast(Converting, component).received if converted else component.u, converted)
+    return Member(component, feeds, getattr(component, "received", component.u), converted)

@@ -308,9 +308,9 @@ def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str]]:
     return [(name, track) for name in scenes or scene_names() for track in TRACKS if load(name, track)]
 
 
-def warm(pairs: Sequence[tuple[str, str]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
+def warm(pairs: Sequence[tuple[str, str]]) -> Iterator[tuple[str, str, float]]:
     """Run the start of each scene; yields name, error message (empty if it started) and start-up time, s."""
-    workers = min(workers or os.cpu_count() or 1, len(pairs))
+    workers = min(os.cpu_count() or 1, len(pairs))
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         for future in as_completed([pool.submit(_run_start, *pair) for pair in pairs]):
             yield future.result()

@@ -49,9 +49,9 @@ class Refused(Exception):
     """A call that has to succeed was refused; the message is one sentence."""
 
 
-def listed(names: list[str], most: int = SHOWN) -> str:
-    """Return names as text, the first ``most`` of them."""
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+def listed(names: list[str]) -> str:
+    """Return names as text, the first SHOWN of them."""
+    return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
 
 
 Floats = NDArray[np.float64]

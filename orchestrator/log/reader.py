@@ -138,7 +138,8 @@ class Log(AbstractContextManager["Log"]):
     def _texts(self) -> dict[str, str]:
         """Texts by "instance.variable"."""
         owners = dict.fromkeys(map(signal_names.owner, self.topics))
-        return {f"{one}.{variable}": text for one in owners for variable, text in recorded_texts(self, one).items()}
+        texts = {one: recorded_texts(self.attachment, one) for one in owners}
+        return {f"{one}.{variable}": text for one, own in texts.items() for variable, text in own.items()}
 
     def read(self, topic: str) -> Series:
         """Return all messages of a topic; raises NoSuchSignal, LogUnreadable.

@@ -247,10 +247,10 @@ class RunData:
         times, q = self.vectors("chassis", "out", "chassis.orientation", "wxyz", early_window)
         return body_axis(q[np.clip(np.searchsorted(times, t + 1e-9) - 1, 0, len(times) - 1)], 2)
 
-    def vector_at(self, instance: str, topic: str, prefix: str, t: float, parts: str = "xyz") -> Floats:
-        """Values of ``prefix.{parts}`` in the last message by time t, or in the first one; raises Missing."""
+    def vector_at(self, instance: str, topic: str, prefix: str, t: float) -> Floats:
+        """Values (3,) of the vector ``prefix`` in the last message by time t, or in the first one; raises Missing."""
         for window in (Window(t - LONGEST_STEP, t), Window(t - LONGEST_STEP, t + LONGEST_STEP), EVER):
-            times, values = self.vectors(instance, topic, prefix, parts, window)
+            times, values = self.vectors(instance, topic, prefix, window=window)
             if len(times):
                 return values[max(int(np.searchsorted(times, t + 1e-9)) - 1, 0)]
         raise Missing(f"the log holds no step of '{instance}'")
