@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests import packets
-from orchestrator.cosim.messages import FATAL, PRINTED
+from orchestrator.cosim.messages import FATAL, PRINTED, Hear
 
 MOST = 64  # processes of one run
 PERIOD = 0.1  # s between two looks at calls that take long
@@ -68,7 +68,7 @@ class Room:
         self.is_ready = False  # it has made a call
         self.ended = ""  # words on the end of the process
         self.printed: deque[str] = deque(maxlen=LAST_LINES)
-        self.hear: Callable[[int, str, str], None] = lambda status, text, category: None
+        self.hear: Hear = lambda status, text, category: None
         self._instances = self._open = 0
         self._doing: dict[int, Doing] = {}  # by instance
         self._replies: dict[int, Reply] = {}  # that nobody has waited for yet
