@@ -20,11 +20,11 @@ BASES = {"fmus.track_rigid", "fmus.track_rigid.model"}  # from which another kin
 
 # Packages of the orchestrator by level: each imports only from levels below its own, anywhere in its modules.
 STOREYS = (
-    ("files",),
+    ("files", "vocabulary"),
     ("kernels",),
     ("log",),
-    ("cosim", "results"),
-    ("scene", "fmu_check"),
+    ("cosim",),
+    ("scene", "results", "fmu_check"),
     ("execution",),
     ("studies",),
     ("interface",),
@@ -36,7 +36,8 @@ GENERIC = [
         file.relative_to(ORCHESTRATOR).as_posix()
         for place in ("files", "kernels", "cosim/coupling", "cosim/guests", "log", "fmu_check")
         for file in sorted((ORCHESTRATOR / place).glob("*.py"))
-        if file.name not in ("recorded_system.py", "tools.py")  # a log's system.json as the project writes it
+        # a log's system.json as the project writes it; units of columns, with those of vehicles
+        if file.name not in ("recorded_system.py", "tools.py", "columns.py")
     ),
     *(
         f"cosim/{name}.py"
@@ -44,6 +45,8 @@ GENERIC = [
             "base_units",
             "interval_statistics",
             "component",
+            "messages",
+            "variable_arrays",
             "fmi2_library",
             "fmi3_library",
             "fmu_files",
@@ -64,7 +67,7 @@ DOORS = {
     "fmus.monolith.model", "fmus.native.pack",
 }  # fmt: skip
 PROOF = ROOT / "tests"
-TO_PHYSICS = ORCHESTRATOR / "studies" / "limits.py"  # predicts the limit of a link's highest frequency
+TO_PHYSICS = ORCHESTRATOR / "studies" / "step_limits.py"  # predicts the limit of a link's highest frequency
 KERNELS = PROOF / "benchmarks" / "kernels.py"  # measures the parts of a step by the signatures of the kernels
 AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
 

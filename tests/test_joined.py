@@ -8,7 +8,7 @@ from fmus.vehicle import BadInput
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.results import difference, measures, turning
+from orchestrator.results import difference, turning, vehicle_measures
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
@@ -92,7 +92,7 @@ def test_its_measures_are_those_of_its_outputs(tmp_path):
         assert torques.values.shape[1] == 2
         taken = turning.regenerated_power(run, "", window)
         assert taken == -turning.drive_power(run, "left", window) > 0.0
-        assert measures.speed_excess(run, "", window) == pytest.approx(
+        assert vehicle_measures.speed_excess(run, "", window) == pytest.approx(
             run.mean("chassis.speed", window) / (0.242552 * run.mean("differential.propulsion.speed", window)) - 1.0,
             abs=1e-5,
         )

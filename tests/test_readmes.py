@@ -12,11 +12,11 @@ from fmus.loaded import component_ports
 from fmus.physics.contact.laws import LAWS
 from fmus.track_choices import TRACKS
 from orchestrator.cosim.coupling import SCHEMES
-from orchestrator.results.analyses.catalogue import ANALYSES
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load, scene_names
 from orchestrator.scene.tables import CouplingTable
 from orchestrator.studies import STUDIES
+from orchestrator.vocabulary.analyses import ANALYSES
 from tests.validation.__main__ import STUDIES as VALIDATIONS
 
 ROOT = Path(__file__).parents[1]

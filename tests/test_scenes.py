@@ -14,8 +14,8 @@ from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results import measures
 from orchestrator.results.answer_comparison import answers
 from orchestrator.results.energy import ledger
-from orchestrator.results.measures import third_law
 from orchestrator.results.run_data import RunData, Window
+from orchestrator.results.vehicle_measures import third_law
 from orchestrator.scene.scene import load, scene_names
 
 MODELS = tuple(TRACKS)

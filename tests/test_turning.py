@@ -13,7 +13,7 @@ from vehicle_in_process import InProcess
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
-from orchestrator.cli.inventory import pairs
+from orchestrator.cli.inventory import contact_pairs
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -277,7 +277,7 @@ def test_a_vehicle_leans_on_cables_as_on_rigid_links():
 
 def test_show_counts_what_turning_cables_touch():
     scene = load("turn", "flexible")
-    lines = pairs(scene, assemble(scene).parts[0])
+    lines = contact_pairs(scene, assemble(scene).parts[0])
     assert lines[1:] == [
         "rims: 6 wheels x 64 links, 4 points where they touch",
         "guides: 6 wheels x 64 links",

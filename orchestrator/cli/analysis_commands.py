@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from inspect import Parameter, Signature, signature
 from math import inf
@@ -12,29 +11,29 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fmus.vehicle import BadInput
-from orchestrator.cli import common
 from orchestrator.cli.common import (
     ClockOption,
+    From,
+    JsonObject,
     LogPath,
     MapOption,
     ShiftOption,
+    To,
     WithOption,
     beside,
     check_window,
+    exit_with,
     measured_file,
+    print_json,
+    print_lines,
 )
-from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Option, module_of
+from orchestrator.results.analyses.catalogue import module_of
 from orchestrator.results.page.embedded import and_list
+from orchestrator.vocabulary.analyses import ANALYSES, TRACK, Option
 
 if TYPE_CHECKING:
     from orchestrator.results.measured_record import MeasuredSignal
     from orchestrator.results.table import Table
-
-
-from orchestrator.cli.common import exit_with
-
-From = Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")]
-To = Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")]
 
 
 def options() -> dict[str, Parameter]:
@@ -71,7 +70,7 @@ def analyse(
         Path | None,
         typer.Option("-o", "--output", metavar="FILE.csv", help="all numbers; for deformation also .png, .svg or .pdf"),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout")] = False,
+    as_json: JsonObject = False,
     **given: Any,
 ) -> None:
     """Print the table of an analysis; write it, or all its numbers, into a file."""
@@ -102,10 +101,9 @@ def analyse(
         with atomic_write(output) as temporary:
             temporary.write_text(getattr(result, "series", result.table)().csv(), encoding="utf-8")
     if as_json:
-        print(json.dumps(_as_json(log, what, table)))
+        print_json(_as_json(log, what, table))
         return
-    for line in str(table).splitlines():
-        print(common.plain(line))
+    print_lines(str(table).splitlines())
     if output:
         print(output)
 
@@ -139,8 +137,8 @@ def _given_options(options: Sequence[Option], given: Mapping[str, Any]) -> dict[
 
 
 def _as_json(log: Path, what: str, table: Table) -> dict[str, Any]:
-    rows = [{name: common.finite(cell) for name, cell in row.items()} for row in table.records()]
     units = {column.key.strip(): column.unit for column in table.columns}
+    rows = table.records()
     return {"log": str(log), "what": what, "title": table.title, "units": units, "rows": rows, "notes": table.notes}
 
 
@@ -194,10 +192,8 @@ def plot(
         with Log(logs[0]) as log:
             record = read_shifted(RunData(log), source, Window(start, end))
         measured = record.signals
-        if shift == FIND:
-            print(common.plain(f"{file}: {record.shift:.6g} s added to its times"))
-        for note in record.notes:
-            print(common.plain(note))
+        found = [f"{file}: {record.shift:.6g} s added to its times"] if shift == FIND else []
+        print_lines([*found, *record.notes])
     signal_picture.draw(
         logs, signals, target, Window(start, end), frequency=spectrum, order=order, waterfall=waterfall, place=place,
         at=at or (), measured=measured,
@@ -258,11 +254,7 @@ def view(
         "--at": times, "--above": above or None, "--seen-from": side, "--colour": colour, "--live": live or None,
         "--from": start, "--to": end,
     }  # fmt: skip
-    for option, (kinds, words) in KINDS.items():
-        if given[option] is not None and kind not in kinds:
-            raise BadInput(f"{option} is for {words}")
-    if kind == "still" and times and len(times) > 1:
-        raise BadInput(f"--seen-from {side}: a still shows one instant, --at is given {len(times)} times")
+    _check_drawing_options(kind, given)
     if kind == "rerun":
         from orchestrator.results.views import rerun_scene
 
@@ -291,6 +283,17 @@ def _kind(output: Path | None, above: bool, in_rerun: bool, in_foxglove: bool, s
     if output and output.suffix.lower() in (".gif", ".mp4"):
         return "film"
     return "still" if side is not None and not above else "picture"
+
+
+def _check_drawing_options(kind: str, given: Mapping[str, Any]) -> None:
+    """Raise BadInput for an option that a kind of drawing does not take."""
+    for option, (kinds, words) in KINDS.items():
+        if given[option] is not None and kind not in kinds:
+            raise BadInput(f"{option} is for {words}")
+    if kind == "still" and len(times := given["--at"] or ()) > 1:
+        raise BadInput(
+            f"--seen-from {given['--seen-from']}: a still shows one instant, --at is given {len(times)} times"
+        )
 
 
 def _write(kind: str, log: Path, output: Path, times: list[float], above: bool, side: str, colour: str | None) -> None:

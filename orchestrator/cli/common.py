@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import errno
+import json
 import logging
 import os
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
@@ -18,10 +19,11 @@ import typer
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, path_text
+from orchestrator.cosim.messages import WARNING
 from orchestrator.cosim.narration import Narration
 from orchestrator.log.extra import lacking
 from orchestrator.log.notices import LogNotice
-from orchestrator.results.units import finite as finite
+from orchestrator.results.units import finite
 
 if TYPE_CHECKING:
     from orchestrator.results.measured_record import MeasuredFile
@@ -41,8 +43,18 @@ def summary(result: dict[str, Any], verbose: bool = False) -> None:
     """Print the summary of a run, in MOST lines unless it is to be ``verbose`` or more is wrong."""
     from orchestrator.execution.summary_text import lines
 
-    for line in lines(result, None if verbose else MOST):
+    print_lines(lines(result, None if verbose else MOST))
+
+
+def print_lines(lines: Iterable[str]) -> None:
+    """Print lines of text of any origin."""
+    for line in lines:
         print(plain(line))
+
+
+def print_json(result: object) -> None:
+    """Print a result as one JSON object on one line; numbers that JSON lacks are null."""
+    print(json.dumps(finite(result)))
 
 
 class PlainFormatter(logging.Formatter):
@@ -53,7 +65,6 @@ class PlainFormatter(logging.Formatter):
         return f"cotrack: {plain(record.getMessage())}"
 
 
-FMI_WARNING = 1
 LONGEST_MESSAGE = 380  # characters of an error: names and values of the user may have any length
 LONGEST_USAGE = 300  # of an error in the command line
 USAGE_ERROR: Any = typer.BadParameter.__base__  # unknown commands and options too; typer has no public name for it
@@ -71,6 +82,15 @@ VehicleOption = Annotated[
     str | None,
     typer.Option("--vehicle", metavar="VEHICLE", help="a packaged vehicle or a TOML file, instead of the scene's"),
 ]
+
+JsonLine = Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")]
+JsonObject = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
+NativeOption = Annotated[bool, typer.Option("--native", help="use native FMUs; results have the same bits")]
+StopOption = Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")]
+DifferentOption = Annotated[bool, typer.Option("--different", help="also compare runs of different scenes")]
+From = Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")]
+FromCompared = Annotated[float, typer.Option("--from", metavar="T", help="first instant of the comparison, s")]
+To = Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")]
 
 
 def with_vehicle(vehicle: str | None, settings: list[str] | None) -> list[str]:
@@ -137,13 +157,12 @@ def refusals() -> tuple[type[Exception], ...]:
     """Return the exceptions that report bad input, before anything ran."""
     from fmus.build import BuildFailed
     from orchestrator.cosim.checkpoint import UnusableCheckpoint
-    from orchestrator.cosim.component import ComponentFailed
     from orchestrator.cosim.coupling.scheme import CouplingFailed
-    from orchestrator.cosim.graph import Miswired
+    from orchestrator.cosim.graph import ComponentFailed, Miswired
     from orchestrator.execution.replays import UnfitLog
     from orchestrator.log.extra import NotInstalled
+    from orchestrator.log.log_file import LogFailed
     from orchestrator.log.reader import LogUnreadable, NoSuchSignal
-    from orchestrator.log.recorder import LogFailed
     from orchestrator.results.run_data import Missing
 
     return (
@@ -195,7 +214,7 @@ def exit_with(message: str, status: int) -> NoReturn:
 
 def log_warning(instance: str, status: int, message: str) -> None:
     """Log a component's FMI warning; anything worse ends the run with its own message."""
-    if status == FMI_WARNING:
+    if status == WARNING:
         logging.getLogger("cotrack").warning("%s: %s", instance, message)
 
 

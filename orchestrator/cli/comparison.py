@@ -16,7 +16,7 @@ from orchestrator.results.user_parts import part_differences
 SHOWN = 12  # largest number of printed signals that only one log has
 
 
-def limits(allowed: Sequence[str], decisive: Mapping[str, bool]) -> dict[str, float]:
+def allowed_differences(allowed: Sequence[str], decisive: Mapping[str, bool]) -> dict[str, float]:
     """Parse allowed differences, "NAME=RELATIVE" or "RELATIVE" (all decisive ones), by observable; raises BadInput."""
     limit_of: dict[str, float] = {}
     for text in allowed:
@@ -33,7 +33,7 @@ def limits(allowed: Sequence[str], decisive: Mapping[str, bool]) -> dict[str, fl
     return limit_of
 
 
-def table(
+def logs_result(
     run: RunData,
     reference: RunData,
     window: Window,
@@ -64,13 +64,13 @@ def table(
     return result | {"ok": not exceeded and (divergence is None or divergence.first is None)}
 
 
-def measured_table(
+def measured_result(
     run: RunData, compared: MeasuredComparison, window: Window, allowed: Sequence[str]
 ) -> dict[str, Any]:
     """Return the result of a comparison with a measured record as one JSON object; raises BadInput for ``allowed``."""
     rows = [each._asdict() for each in compared.differences]
     signals = {row["signal"]: row for row in rows if row["window"] == WHOLE}
-    for name, limit in limits(allowed, dict.fromkeys(signals, True)).items():
+    for name, limit in allowed_differences(allowed, dict.fromkeys(signals, True)).items():
         signals[name] |= {"allowed": limit, "ok": signals[name]["relative"] <= limit}
     return {
         "run": about(run),
@@ -128,7 +128,7 @@ def lines(result: Mapping[str, Any]) -> Iterator[str]:
 
 
 def measured_lines(result: Mapping[str, Any], compared: MeasuredComparison) -> Iterator[str]:
-    """Yield the lines of text for a comparison with a measured record and its ``measured_table``."""
+    """Yield the lines of text for a comparison with a measured record and its ``measured_result``."""
     yield run_line("run", result["run"])
     yield from str(compared.table()).splitlines()
     for name, signal in result["observables"].items():

@@ -13,7 +13,6 @@ from orchestrator.scene.fmu_table import ARROW, FmuTable
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, Part
 from orchestrator.scene.system_scene import SystemScene
-from orchestrator.scene.tables import Check
 
 CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"
 CONTACTS = ("contact with wheels and teeth", "contact with the ground")
@@ -39,8 +38,7 @@ def _free_system(scene: SystemScene) -> Iterator[str]:
     yield from _section("in", (f"{_sized(assembly, part, file)}, stage {part.stage}" for part, file in files))
     yield from _parameters(scene)
     yield from _section("connections", _connectors(assembly))
-    if scene.expect:
-        yield from _section("expected", (_expected(name, check) for name, check in scene.expect.items()))
+    yield from _checks(scene)
 
 
 def _connectors(assembly: Assembly) -> Iterator[str]:
@@ -72,8 +70,7 @@ def describe(scene: Scene) -> Iterator[str]:
     present, absent = _parts(scene)
     yield from _section("in", present)
     yield from _section("left out", absent)
-    if scene.expect:
-        yield from _section("expected", (_expected(name, check) for name, check in scene.expect.items()))
+    yield from _checks(scene)
 
 
 def _run(scene: SystemScene) -> Iterator[str]:
@@ -93,9 +90,14 @@ def _section(title: str, within: Iterable[str]) -> Iterator[str]:
         yield f"  {line}"
 
 
-def _expected(name: str, check: Check) -> str:
-    allowed = f"{check.tolerance * 100:g} %" if check.relative else f"{check.tolerance:g}"
-    return f"{name}: {check.expected:g} +- {allowed} ({check.signal or check.measure})"
+def _checks(scene: SystemScene) -> Iterator[str]:
+    """Yield the section of expected values, if there are any."""
+    lines = []
+    for name, check in scene.expect.items():
+        allowed = f"{check.tolerance * 100:g} %" if check.relative else f"{check.tolerance:g}"
+        lines.append(f"{name}: {check.expected:g} +- {allowed} ({check.signal or check.measure})")
+    if lines:
+        yield from _section("expected", lines)
 
 
 def _parts(scene: Scene) -> tuple[list[str], list[str]]:
@@ -168,8 +170,8 @@ def _absent_parts(scene: Scene, assembly: Assembly) -> list[str]:
 def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
     own = [part for part in assembly.parts if part.fmu is None]
     loaded = loaded_contents([(part.kind, part.config, part.parameters) for part in own])
-    contact_pairs = [f"{part.name:12} {pair}" for part in own for pair in pairs(scene, part)]
-    yield from _section("contact pairs", contact_pairs or ["none: no contact law is loaded"])
+    evaluated = [f"{part.name:12} {pair}" for part in own for pair in contact_pairs(scene, part)]
+    yield from _section("contact pairs", evaluated or ["none: no contact law is loaded"])
     yield "outputs"
     sizes = zip(own, loaded.outputs, loaded.link_outputs, loaded.state, strict=True)
     for part, outputs, links, state in sizes:
@@ -180,7 +182,7 @@ def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
     yield from _section(f"modules of fmus: {len(loaded.left_out)} left out", _by_folder(loaded.left_out))
 
 
-def pairs(scene: Scene, part: Part) -> list[str]:
+def contact_pairs(scene: Scene, part: Part) -> list[str]:
     """Return the contact pairs that a component evaluates."""
     if part.stage != TRACK:
         ground: dict[str, Any] = part.config.get("chassis", {}).get("ground", {})

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator, Mapping
 from enum import StrEnum
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
 
-from orchestrator.cli import common
-from orchestrator.cli.common import LogPath, beside, plain
-from orchestrator.results.validity.limits import recorded_entries
+from orchestrator.cli.common import From, JsonObject, LogPath, To, beside, print_json, print_lines
+from orchestrator.results.validity.exceedance import recorded_entries
 
-JsonOption = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
 app = typer.Typer(help="Inspect, verify, recover or export a log.", no_args_is_help=True, rich_markup_mode=None)
 
 
@@ -23,21 +21,19 @@ app = typer.Typer(help="Inspect, verify, recover or export a log.", no_args_is_h
 def info(
     log: LogPath,
     signals: Annotated[bool, typer.Option("--signals", help="print name and unit of every signal, by topic")] = False,
-    as_json: JsonOption = False,
+    as_json: JsonObject = False,
 ) -> None:
     """Print the contents of a log and the status of its run."""
     from orchestrator.log import tools
 
     summary = tools.info(log)
     if as_json:
-        print(json.dumps(common.finite(_info_as_json(summary))))
+        print_json(_info_as_json(summary))
         return
-    for line in _info_lines(summary):
-        print(plain(line))
+    print_lines(_info_lines(summary))
     for topic, entry in summary.log.topics.items() if signals else ():
-        print(plain(f"{topic}:"))
-        for name, unit in zip(entry.names, entry.units, strict=True):
-            print(plain(f"  {name} [{unit}]"))
+        pairs = zip(entry.names, entry.units, strict=True)
+        print_lines([f"{topic}:", *(f"  {name} [{unit}]" for name, unit in pairs)])
 
 
 def _info_lines(summary: Any) -> Iterator[str]:
@@ -110,7 +106,7 @@ def _info_as_json(summary: Any) -> dict[str, Any]:
 
 
 @app.command("verify")
-def verify(log: LogPath, as_json: JsonOption = False) -> None:
+def verify(log: LogPath, as_json: JsonObject = False) -> None:
     """Check that a log is whole: exit 0, or 1 if it is broken."""
     from orchestrator.log import tools
 
@@ -123,7 +119,7 @@ def recover(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PATH", help="default LOG-recovered.mcap")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: JsonObject = False,
 ) -> None:
     """Save the complete steps of a broken log: exit 0 without loss, 3 with loss, 1 if nothing is left."""
     from orchestrator.log import tools
@@ -155,8 +151,8 @@ def export(
     kind: Annotated[
         ExportFormat | None, typer.Option("--as", help="format of the files in a folder, default csv")
     ] = None,
-    start: Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")] = float("-inf"),
-    end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")] = float("inf"),
+    start: From = -inf,
+    end: To = inf,
 ) -> None:
     """Export recorded values as CSV, Parquet or MATLAB files."""
     from orchestrator.log.export import export as write
@@ -167,8 +163,7 @@ def export(
 
 def _report(verdict: Any, as_json: bool) -> NoReturn:
     if as_json:
-        print(json.dumps({"code": verdict.code, "sentences": verdict.sentences}))
+        print_json({"code": verdict.code, "sentences": verdict.sentences})
     else:
-        for sentence in verdict.sentences:
-            print(plain(sentence))
+        print_lines(verdict.sentences)
     sys.exit(verdict.code)

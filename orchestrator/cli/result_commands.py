@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator, Sequence
 from math import inf
@@ -13,20 +12,25 @@ import typer
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
-from orchestrator.cli import common
 from orchestrator.cli.common import (
     ClockOption,
+    DifferentOption,
+    FromCompared,
+    JsonObject,
     LogPath,
     MapOption,
     Settings,
     ShiftOption,
+    To,
     WithOption,
     check_window,
     exit_with,
     log_warning,
     measured_file,
+    print_json,
+    print_lines,
 )
-from orchestrator.results.analyses.catalogue import SN_HELP
+from orchestrator.vocabulary.analyses import SN_HELP
 
 if TYPE_CHECKING:
     from orchestrator.results.measured_record import MeasuredFile
@@ -50,7 +54,7 @@ def replay(
     picture: Annotated[
         Path | None, typer.Option("--picture", metavar="FILE", help="outputs of both models over time, .png or .svg")
     ] = None,
-    start: Annotated[float, typer.Option("--from", metavar="T", help="first instant of the comparison, s")] = -inf,
+    start: FromCompared = -inf,
     end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s; the component stops there")] = inf,
     as_json: Annotated[bool, typer.Option("--json", help="comparison as one JSON object on stdout")] = False,
 ) -> None:
@@ -77,10 +81,9 @@ def replay(
             verdicts[name] = opened.verify((start, end))
     if as_json:
         results = {name: _verdict_as_json(verdict) for name, verdict in verdicts.items()}
-        print(json.dumps(common.finite(results[names[0]] if component and len(names) == 1 else results)))
+        print_json(results[names[0]] if component and len(names) == 1 else results)
     else:
-        for name, verdict in verdicts.items():
-            print(common.plain(verdict.sentence if len(names) == 1 else f"{name}: {verdict.sentence}"))
+        print_lines(one.sentence if len(names) == 1 else f"{name}: {one.sentence}" for name, one in verdicts.items())
     sys.exit(0 if verdicts and all(verdict.equal for verdict in verdicts.values()) else 1)
 
 
@@ -111,8 +114,7 @@ def _write_answer(log: Path, opened: Any, path: Path, picture: Path | None, wind
         answers = answer_comparison.answers(recorded, answer, name, window)
     if not answers:
         exit_with(f"log {path}: nothing of '{name}' is there to be compared from {window[0]:g} to {window[1]:g} s", 1)
-    for line in answer_comparison.lines(answers):
-        print(common.plain(line))
+    print_lines(answer_comparison.lines(answers))
     print(f"log {path}")
     if picture is not None:
         answer_comparison.draw(answers, picture, f"{name} of {log.name}, and {path.name} under the same inputs")
@@ -124,9 +126,9 @@ def compare(
     reference: Annotated[
         Path, typer.Argument(metavar="B", help="the reference, another MCAP log; with --map the CSV file of a test")
     ],
-    different: Annotated[bool, typer.Option("--different", help="also compare runs of different scenes")] = False,
-    start: Annotated[float, typer.Option("--from", metavar="T", help="first instant of the comparison, s")] = -inf,
-    end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")] = inf,
+    different: DifferentOption = False,
+    start: FromCompared = -inf,
+    end: To = inf,
     align: Annotated[
         str, typer.Option("--align", metavar="BY", help="time, travel (of the chains, m) or SIGNAL=VALUE (an event)")
     ] = "time",
@@ -146,7 +148,7 @@ def compare(
     clock: ClockOption = "",
     shift: ShiftOption = "0",
     by_phase: Annotated[bool, typer.Option("--phases", help="with --map: also by phase of the run")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout")] = False,
+    as_json: JsonObject = False,
 ) -> None:
     """Print how much two runs of a scene differ, by observable; with --bits, where they first differ.
 
@@ -172,10 +174,9 @@ def compare(
         result = _compare_logs((run, reference), different, window, align, allowed or (), bitwise, picture)
         text = lines(result)
     if as_json:
-        print(json.dumps(common.finite(result)))
+        print_json(result)
     else:
-        for line in text:
-            print(common.plain(line))
+        print_lines(text)
     sys.exit(0 if result["ok"] else 1)
 
 
@@ -183,7 +184,7 @@ def _compare_measured(
     run: Path, measured: MeasuredFile, window: Window, by_phase: bool, allowed: Sequence[str]
 ) -> tuple[dict[str, Any], Iterator[str]]:
     """Return the result of a comparison with a measured record, and its lines of text."""
-    from orchestrator.cli.comparison import measured_lines, measured_table
+    from orchestrator.cli.comparison import measured_lines, measured_result
     from orchestrator.log.reader import Log
     from orchestrator.results.measured_difference import compare_measured
     from orchestrator.results.run_data import RunData
@@ -192,7 +193,7 @@ def _compare_measured(
         run_log.notice_seal()
         data = RunData(run_log)
         compared = compare_measured(data, measured, window, by_phase)
-        result = measured_table(data, compared, window, allowed)
+        result = measured_result(data, compared, window, allowed)
     return result, measured_lines(result, compared)
 
 
@@ -206,7 +207,7 @@ def _compare_logs(
     picture: Path | None,
 ) -> dict[str, Any]:
     """Return the result of a comparison of two runs; draw the growth of their difference."""
-    from orchestrator.cli.comparison import limits, table
+    from orchestrator.cli.comparison import allowed_differences, logs_result
     from orchestrator.log.reader import Log
     from orchestrator.results.difference import alignment, differences
     from orchestrator.results.divergence import divergence, draw
@@ -226,9 +227,9 @@ def _compare_logs(
             )
         bits_alone = (bitwise or picture) and not run_data.scene  # free FMUs have no observables
         observables = {} if bits_alone else differences(run_data, reference_data, window, alignment(align))
-        limit_of = limits(allowed, {name: each.decisive for name, each in observables.items()})
+        limit_of = allowed_differences(allowed, {name: each.decisive for name, each in observables.items()})
         bit_divergence = divergence(run_log, reference_log, window) if bitwise or picture else None
-        result = table(run_data, reference_data, window, observables, limit_of, bit_divergence)
+        result = logs_result(run_data, reference_data, window, observables, limit_of, bit_divergence)
     if picture and bit_divergence is not None:
         draw(bit_divergence, picture)
     return result
@@ -240,7 +241,7 @@ def report(
     reference: Annotated[
         Path | None, typer.Argument(metavar="[REFERENCE]", help="a log to compare the run with")
     ] = None,
-    different: Annotated[bool, typer.Option("--different", help="also compare runs of different scenes")] = False,
+    different: DifferentOption = False,
     file: WithOption = None,
     mapped: MapOption = None,
     clock: ClockOption = "",

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from orchestrator.cli import common
 from orchestrator.cli.common import (
+    JsonLine,
     LogPath,
+    NativeOption,
     SceneName,
     Settings,
+    StopOption,
     TrackOption,
     VehicleOption,
     beside,
@@ -21,11 +24,23 @@ from orchestrator.cli.common import (
     log_warning,
     message_and_status,
     narration,
+    print_json,
     print_message,
     with_vehicle,
 )
 
+if TYPE_CHECKING:
+    from orchestrator.scene.kinds import Scene
+    from orchestrator.scene.system_scene import SystemScene
+
 Verbose = Annotated[bool, typer.Option("--verbose", help="print the whole summary, not its ten most important lines")]
+
+LogTarget = Annotated[
+    Path | None,
+    typer.Option(
+        "-o", "--output", "--log", metavar="PATH", help="the log, default logs/SCENE-TRACK.mcap, with settings behind"
+    ),
+]
 
 
 def run(
@@ -33,7 +48,7 @@ def run(
     track: TrackOption = None,
     settings: Settings = None,
     vehicle: VehicleOption = None,
-    stop: Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")] = None,
+    stop: StopOption = None,
     step: Annotated[
         str | None, typer.Option("--step", metavar="H", help="communication step, '1 ms' or a number")
     ] = None,
@@ -51,49 +66,26 @@ def run(
         list[str] | None,
         typer.Option("--for", metavar="ANALYSIS", help="also record what this analysis needs, repeatable"),
     ] = None,
-    log: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            "--log",
-            metavar="PATH",
-            help="the log, default logs/SCENE-TRACK.mcap, with settings behind",
-        ),
-    ] = None,
-    native: Annotated[bool, typer.Option("--native", help="use native FMUs; results have the same bits")] = False,
+    log: LogTarget = None,
+    native: NativeOption = False,
     replaced: Annotated[
         list[str] | None,
         typer.Option("--replace", metavar="NAME=FMU", help="your FMU in place of this part of the scene, repeatable"),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+    as_json: JsonLine = False,
     verbose: Verbose = False,
 ) -> None:
     """Run a scene, record it, evaluate its checks and estimate its error."""
     narration(f"{scene}: the scene is read")
     from orchestrator.execution import summary
     from orchestrator.scene.fmu_table import replacing_fmu
-    from orchestrator.scene.scene import with_track
-    from orchestrator.scene.ssp_scene import load_runnable
 
     result, status = summary.empty(scene, track), 2
     overrides = (("stop", stop), ("step", step), ("coupling", coupling))
     changes = [*with_vehicle(vehicle, settings), *(f"run.{k}={v}" for k, v in overrides if v is not None)]
     try:
         changes += [replacing_fmu(text) for text in replaced or ()]
-        resolved = load_runnable(scene, track, changes)
-        if error is not None:
-            from orchestrator.execution.precision import cheapest, fraction
-
-            chosen = cheapest(with_track(resolved).name, resolved.variant, fraction(error)).settings
-            print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
-            resolved = load_runnable(scene, track, [*chosen, *changes])
-        if analyses:
-            from orchestrator.results.analyses.catalogue import require_library
-
-            resolved = with_track(resolved).recording_for(analyses)
-            for name in analyses:
-                require_library(name)
+        resolved = _scene_to_run(scene, track, changes, error, analyses or ())
         from orchestrator.execution.simulate import simulate
 
         path = log or Path("logs") / resolved.log_name
@@ -103,12 +95,40 @@ def run(
         result["message"], status = "interrupted", 1
     except Exception as failure:
         result["message"], status = message_and_status(failure)
+    _report(result, status, as_json, verbose)
+
+
+def _report(result: dict[str, Any], status: int, as_json: bool, verbose: bool) -> NoReturn:
+    """Print the summary of a run, unless its input was bad, and exit."""
     print_message(result["message"], status)
     if as_json:
-        print(json.dumps(common.finite(result)))
+        print_json(result)
     elif status != 2:
         common.summary(result, verbose)
     sys.exit(status)
+
+
+def _scene_to_run(
+    scene: str, track: str | None, changes: list[str], error: str | None, analyses: Sequence[str]
+) -> SystemScene:
+    """Return the scene with the cheapest settings known for an ``error``, recording what analyses need."""
+    from orchestrator.scene.scene import with_track
+    from orchestrator.scene.ssp_scene import load_runnable
+
+    resolved = load_runnable(scene, track, changes)
+    if error is not None:
+        from orchestrator.execution.precision import cheapest, fraction
+
+        chosen = cheapest(with_track(resolved).name, resolved.variant, fraction(error)).settings
+        print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
+        resolved = load_runnable(scene, track, [*chosen, *changes])
+    if analyses:
+        from orchestrator.results.analyses.catalogue import require_library
+
+        resolved = with_track(resolved).recording_for(analyses)
+        for name in analyses:
+            require_library(name)
+    return resolved
 
 
 def resume(
@@ -122,7 +142,7 @@ def resume(
         Path | None,
         typer.Option("-o", "--output", metavar="PATH", help="default LOG-resumed.mcap, LOG-branch-SETTINGS.mcap"),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+    as_json: JsonLine = False,
     verbose: Verbose = False,
 ) -> None:
     """Continue a run from a checkpoint in its log.
@@ -139,12 +159,7 @@ def resume(
     branch = {key: value for key, value in window.items() if value is not None} | dict(pairs(settings or ()))
     path = output or beside(log, f"-branch{file_part(branch)}.mcap" if settings else "-resumed.mcap")
     result = go_on(log, path, at, stop, log_warning, narration, settings or ())
-    print_message(result["message"], 0)
-    if as_json:
-        print(json.dumps(common.finite(result)))
-    else:
-        common.summary(result, verbose)
-    sys.exit(0 if summary.is_passed(result) else 1)
+    _report(result, 0 if summary.is_passed(result) else 1, as_json, verbose)
 
 
 def truth(
@@ -152,39 +167,24 @@ def truth(
     track: TrackOption = None,
     settings: Settings = None,
     vehicle: VehicleOption = None,
-    stop: Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")] = None,
+    stop: StopOption = None,
     against: Annotated[
         Path | None, typer.Option("--against", metavar="LOG", help="print the error of this run of the scene")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+    as_json: JsonLine = False,
 ) -> None:
     """Run a scene as a monolith (without co-simulation), converged in its step.
 
     The monolithic reference has an error estimate and is cached: a second call finds it.
     """
     from orchestrator.execution import truth as module
-    from orchestrator.log.reader import Log
-    from orchestrator.results.difference import SAME_END, differences_of_logs
-    from orchestrator.results.run_data import RunData
-    from orchestrator.results.user_parts import given_parts
-    from orchestrator.scene.placing import placed
-    from orchestrator.scene.same_scene import require_same_scene
+    from orchestrator.results.difference import differences_of_logs
     from orchestrator.scene.scene import load
 
     changes = [*with_vehicle(vehicle, settings), *([f"run.stop={stop}"] if stop is not None else ())]
     resolved = load(scene, track, changes)
     if against:
-        with Log(against) as log:
-            run_data = RunData(log)
-            require_same_scene((f"{against}", run_data.scene), (f"the truth of {scene}", placed(resolved).resolved()))
-            for name, part in given_parts(run_data).items():
-                print_message(f"{against}: {name} is {part}, not the part of cotrack", 0)
-            if abs((end := run_data.span[1]) - resolved.run.stop) > SAME_END:
-                print_message(
-                    f"{against} ends at t = {end:g} s, the truth at {resolved.run.stop:g} s: they are compared up to"
-                    f" {min(end, resolved.run.stop):g} s, without the averages over windows that one does not fill",
-                    0,
-                )
+        _check_comparable(against, resolved, scene)
     try:
         converged = module.truth(resolved, narration)
     except module.TruthFailed as failure:
@@ -206,7 +206,7 @@ def truth(
         "observables": observables,
     }
     if as_json:
-        print(json.dumps(common.finite(result)))
+        print_json(result)
         return
     print(f"{'built' if converged.built else 'found'} {converged.log}")
     print(f"  internal step {converged.internal_step:.3g} s, {converged.wall_time:.3g} s of wall time; RMS errors:")
@@ -215,3 +215,25 @@ def truth(
         print(
             line + (f" {against} is off by {entry['off']:.3g}, {entry['off_relative']:.2%}" if "off" in entry else "")
         )
+
+
+def _check_comparable(against: Path, scene: Scene, name: str) -> None:
+    """Raise BadInput if a log is not of the scene; print how its run differs from that of the truth."""
+    from orchestrator.log.reader import Log
+    from orchestrator.results.difference import SAME_END
+    from orchestrator.results.run_data import RunData
+    from orchestrator.results.user_parts import given_parts
+    from orchestrator.scene.placing import placed
+    from orchestrator.scene.same_scene import require_same_scene
+
+    with Log(against) as log:
+        run_data = RunData(log)
+        require_same_scene((f"{against}", run_data.scene), (f"the truth of {name}", placed(scene).resolved()))
+        for component, part in given_parts(run_data).items():
+            print_message(f"{against}: {component} is {part}, not the part of cotrack", 0)
+        if abs((end := run_data.span[1]) - scene.run.stop) > SAME_END:
+            print_message(
+                f"{against} ends at t = {end:g} s, the truth at {scene.run.stop:g} s: they are compared up to"
+                f" {min(end, scene.run.stop):g} s, without the averages over windows that one does not fill",
+                0,
+            )

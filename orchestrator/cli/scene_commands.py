@@ -16,7 +16,16 @@ import typer
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cli import common
-from orchestrator.cli.common import SceneName, Settings, TrackOption, VehicleOption, narration, with_vehicle
+from orchestrator.cli.common import (
+    JsonLine,
+    SceneName,
+    Settings,
+    TrackOption,
+    VehicleOption,
+    narration,
+    print_json,
+    with_vehicle,
+)
 
 if TYPE_CHECKING:
     from orchestrator.fmu_check.instance import Verdict
@@ -135,26 +144,27 @@ Kind = Annotated[FileKind, typer.Argument(metavar="scene|vehicle", help="kind of
 def keys(
     word: Annotated[str, typer.Argument(metavar="[WORD]", help="only keys with this in key or meaning")] = "",
     markdown: Annotated[bool, typer.Option("--markdown", help="as a page in Markdown, orchestrator/keys.md")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+    as_json: JsonLine = False,
 ) -> None:
     """Print the keys of scenes and vehicles, and the measures of checks: unit, allowed values, default, meaning.
 
     A vehicle file has the keys that begin with "vehicle." without that.
     """
-    from orchestrator.scene import keys as module
+    from orchestrator.cli.key_reference import key_text, measure_keys, page
+    from orchestrator.scene.keys import scene_keys
 
     chosen, measured = (
         [key for key in known if word.lower() in f"{key.key}\n{key.meaning}".lower()]
-        for known in (module.scene_keys(), module.measure_keys())
+        for known in (scene_keys(), measure_keys())
     )
     if not chosen and not measured:
         raise BadInput(f"no key and no measure has {value_text(word)} in its name or meaning")
     if as_json:
-        print(json.dumps({"keys": [key._asdict() for key in chosen], "measures": [key._asdict() for key in measured]}))
+        print_json({"keys": [key._asdict() for key in chosen], "measures": [key._asdict() for key in measured]})
     elif markdown:
-        print(module.page(chosen, measured))
+        print(page(chosen, measured))
     else:
-        for text in map(module.key_text, (*chosen, *measured)):
+        for text in map(key_text, (*chosen, *measured)):
             print(text)
 
 
@@ -225,7 +235,7 @@ def check(
     limit: Annotated[
         float, typer.Option("--limit", metavar="T", help="time limit of a check, s; 1.2 T for all that hang")
     ] = 100.0,
-    as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
+    as_json: JsonLine = False,
 ) -> None:
     """Check any co-simulation FMUs of FMI 2.0 or 3.0: description, units, dependencies, states, steps,
     calls, memory, and what they leave behind in their process.
@@ -246,7 +256,7 @@ def check(
         if not as_json:
             _print_table(fmu, results[fmu])
     if as_json:
-        print(json.dumps({"fmus": [_as_json(fmu, verdicts) for fmu, verdicts in results.items()]}))
+        print_json({"fmus": [_as_json(fmu, verdicts) for fmu, verdicts in results.items()]})
     sys.exit(int(any(verdict.faults for verdicts in results.values() for verdict in verdicts.values())))
 
 

@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from fmus.vehicle import BadInput
-from orchestrator.cli.common import SceneName, Settings, TrackOption, VehicleOption, narration, with_vehicle
+from orchestrator.cli.common import (
+    NativeOption,
+    SceneName,
+    Settings,
+    TrackOption,
+    VehicleOption,
+    narration,
+    with_vehicle,
+)
 
 if TYPE_CHECKING:
     from orchestrator.studies import Case
@@ -49,7 +57,7 @@ def study(
         for known, about in studies.STUDIES.items():
             print(f"{known:16} {about}")
         return
-    module = studies.find(name)
+    module = studies.study_module(name)
     folder = folder_of(name, output)
     if scene is not None and "scene" not in signature(module.cases).parameters:
         raise BadInput(f"study {name} takes no scene")
@@ -109,7 +117,7 @@ def sweep(
         int | None, typer.Option("--sample", metavar="N", help="points of a Latin hypercube over the ranges a:b")
     ] = None,
     seed: Annotated[int, typer.Option("--seed", metavar="S", help="of the Latin hypercube")] = 0,
-    native: Annotated[bool, typer.Option("--native", help="use native FMUs; results have the same bits")] = False,
+    native: NativeOption = False,
     estimate: Annotated[
         bool, typer.Option(help="estimate the errors by two coarser runs, in twice the time of the runs")
     ] = True,

@@ -19,9 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import ComponentWarning, Floats
+from orchestrator.cosim.graph import ComponentFailed, Floats
+from orchestrator.cosim.messages import ComponentWarning
 
 _LENGTH = struct.Struct("<Q")
 _KINDS = ("<f8", "|u1")

@@ -1,7 +1,6 @@
 """Component: a loaded co-simulation FMU, called through fmpy with preallocated arrays.
 
-The module is longer than 400 lines because all calls of an instance share its handle, arrays and phase: they are the
-methods of one class.
+All calls of an instance share its handle, arrays and phase: they are the methods of one class.
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from ctypes import (
     CFUNCTYPE,
-    POINTER,
     addressof,
     byref,
     c_char_p,
@@ -34,27 +32,27 @@ from fmpy.fmi2 import fmi2FMUstate
 from numpy.typing import NDArray
 
 from orchestrator.cosim import fmi2_library
-from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, unit_of
-from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, ComponentWarning, Guest, WarningList
-from orchestrator.cosim.graph import ComponentFailed as ComponentFailed
+from orchestrator.cosim.base_units import UNCHANGED, Conversion
+from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, ComponentFailed, Floats, GuestTerms
 from orchestrator.cosim.guests.library import GuestLibrary, Opening
-from orchestrator.cosim.guests.room import PRINTED, Room
-from orchestrator.cosim.mixed_exchange import (
-    START,
-    ConvertedReals,
-    MixedExchange,
-    MixedInputs,
-    MixedOutputs,
-    Texts,
-    discrete_groups,
-    guarded,
+from orchestrator.cosim.guests.room import Room
+from orchestrator.cosim.messages import (
+    DISCARD,
+    ERROR,
+    FATAL,
+    OK,
+    WARNING,
+    CallMessages,
+    ComponentWarning,
+    Logger,
+    WarningList,
+    status_text,
 )
+from orchestrator.cosim.mixed_exchange import ConvertedReals, MixedExchange, MixedInputs, MixedOutputs, guarded
 from orchestrator.cosim.model_description import Elements, is_fmi3, loadable
+from orchestrator.cosim.variable_arrays import VariableArrays
 from orchestrator.kernels.tables import Record, StepCall, record
 
-Floats = NDArray[np.float64]
-Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a warning only the first of its kind
-LINK_FAMILIES = ("link[", "joint[")  # prefixes of per-link outputs, which are read and recorded at their own rate
 ARRAY = ("links.base.lo", "links.base.hi", "links.size")  # address (two words) and bytes of the array of link outputs
 SETTERS: dict[str, tuple[str, Any, Any]] = {  # FMI type: setter, C type, allowed Python types
     "Real": ("fmi2SetReal", c_double, int | float),
@@ -63,12 +61,10 @@ SETTERS: dict[str, tuple[str, Any, Any]] = {  # FMI type: setter, C type, allowe
     "Boolean": ("fmi2SetBoolean", c_int, bool),
     "String": ("fmi2SetString", c_char_p, str),
 }
-_OK, _WARNING, _DISCARD, _ERROR, _FATAL, _PENDING = range(6)  # FMI status
 _LAST_SUCCESSFUL_TIME, _TERMINATED = 2, 3  # kinds of a status
 DO_STEP = CFUNCTYPE(c_int, c_void_p, c_double, c_double, c_int)
 WALL_TIME = "wall_time"  # recorded beside the Integer outputs of a component
 CALLS = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
-_WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 
 
 class ComponentState(NamedTuple):
@@ -82,7 +78,7 @@ class ComponentState(NamedTuple):
 # ------------------------------------------------------------------ component
 
 
-class Component(AbstractContextManager["Component"]):
+class Component(VariableArrays, AbstractContextManager["Component"]):
     """FMU instance with arrays: write ``u``, step, read ``y``. Use it in a ``with``.
 
     Methods may be called from any thread, one at a time; the GIL is released while the FMU computes, unless the FMU
@@ -99,7 +95,7 @@ class Component(AbstractContextManager["Component"]):
         discrete: Collection[str] = (),
         conversions: Mapping[str, Conversion] = NO_CONVERSIONS,
         units: Mapping[str, str] = NO_CONVERSIONS,
-        guest: Guest | None = None,
+        guest: GuestTerms | None = None,
         room: Room | None = None,
         resources: Path | None = None,
         starts: Sequence[float] = (),
@@ -110,15 +106,9 @@ class Component(AbstractContextManager["Component"]):
         that are no Reals, which follow them in the arrays. ``conversions``, ``units``, ``guest``, ``resources`` and
         ``starts``: as of ``graph.Instance``. ``room``: process in which it is loaded, instead of this one.
         """
-        self.name = name
         self._resources, self._starts = resources, starts
         self._guest, self._remote = guest, GuestLibrary(room, self._receive) if room is not None else None
-        self._discrete, self.conversions, self.converted_units = discrete, conversions, units
-        self.texts = Texts()  # of its String outputs
-        self.input_texts: dict[str, Texts] = {}  # of the sources of String inputs
-        self._logger = logger
-        self._messages: list[tuple[int, str]] = []
-        self._warnings = WarningList(name)
+        self._messages = CallMessages(name, logger)
         self._clock = np.zeros(1)  # s from the start of the run, beginning of the last step
         self.start_time = 0.0  # s, time of the FMU at the start of the run
         self._states: list[ComponentState] = []
@@ -128,65 +118,15 @@ class Component(AbstractContextManager["Component"]):
         self._step_call: Record | None = None
         self._call_time = 0.0  # s inside the FMU, without steps by ``step_call``
         self._phase = "made"
-        folder, self.description, elements = loadable(fmu)
-        if room is None and is_fmi3(self.description):
+        self._link_address = 0  # address of the FMU's array of link outputs; 0: unknown
+        folder, description, elements = loadable(fmu)
+        if room is None and is_fmi3(description):
             raise ComponentFailed(f"'{fmu}' is an FMU of FMI 3.0: it runs in a process of its own only")
-        self._sort_variables()
+        memory = None if self._remote is None else self._remote.memory
+        super().__init__(name, description, discrete, conversions, units, memory, guest is not None)
         if len(starts):
             self.u[: self._u[1]] = starts[: self._u[1]]
         self._load(folder, fmu, guid or self.description.guid or "", elements)
-
-    def _sort_variables(self) -> None:
-        variables = self.description.modelVariables
-        self._variables = {v.name: v for v in variables}
-
-        def names(causality: str, kind: str) -> tuple[str, ...]:
-            return tuple(v.name for v in variables if v.causality == causality and v.type == kind)
-
-        outputs, reals_in = names("output", "Real"), names("input", "Real")
-        reals_out = tuple(n for n in outputs if not n.startswith(LINK_FAMILIES))
-        connected = {
-            causality: [v for v in variables if v.causality == causality and v.name in self._discrete]
-            for causality in ("input", "output")
-        }
-        self._input_groups = discrete_groups(connected["input"], len(reals_in))
-        self._output_groups = discrete_groups(connected["output"], len(reals_out))
-        self.inputs = (*reals_in, *(name for group in self._input_groups for name in group.names))
-        self.outputs = (*reals_out, *(name for group in self._output_groups for name in group.names))
-        self.links = tuple(n for n in outputs if n.startswith(LINK_FAMILIES))
-        whole, self._truths = (*names("output", "Integer"), *names("output", "Enumeration")), names("output", "Boolean")
-        self.integers = (*whole, *self._truths)
-        self.parameters = tuple(v.name for v in variables if v.causality == "parameter")
-        self.constants = {v.name: v.start for v in variables if v.variability == "constant"}
-        self.u, self._u_place = self._array(len(self.inputs))
-        self.u[:] = [_start(self._variables[n]) for n in self.inputs]
-        self.received = self.u.copy() if set(self.inputs) & set(self.conversions) else self.u
-        self.y = np.zeros(len(self.outputs) + 1)[:-1]  # memory for one link output follows
-        self._is_mixed = bool(self.conversions or self._input_groups or self._output_groups or self._guest)
-        raw, self._raw_place = self._array(len(reals_out) + 1)
-        raw = raw[:-1] if self._is_mixed else self.y
-        self.y_links = np.zeros(len(self.links))
-        self.counters = np.zeros(len(self.integers), dtype=np.int32)
-        self._arrays: tuple[NDArray[Any], ...] = (self.u, self.y, self.y_links, self.counters)
-        self._u = self._group(reals_in, self.u, c_double)
-        self._y = self._group(reals_out, raw, c_double, self.links[:1])
-        self._raw = raw
-        self._y_links = self._group(self.links, self.y_links, c_double)
-        self._counters = self._group(whole, self.counters, c_int)
-        self._truth_values = self._group(self._truths, self.counters[len(whole) :], c_int)
-        self._link_address = 0  # address of the FMU's array of link outputs; 0: unknown
-
-    def _array(self, n: int) -> tuple[Floats, int]:
-        """Array of n zeros that the FMU's process shares, and its place there."""
-        return (np.zeros(n), 0) if self._remote is None else self._remote.memory(n)
-
-    def _group(
-        self, names: tuple[str, ...], values: NDArray[Any], kind: type, trailing: tuple[str, ...] = ()
-    ) -> tuple[Any, int, Any]:
-        return self._references((*names, *trailing)), len(names), values.ctypes.data_as(POINTER(kind))
-
-    def _references(self, names: tuple[str, ...]) -> Any:
-        return (c_uint * len(names))(*(self._variables[name].valueReference for name in names))
 
     def _load(self, folder: Path, fmu: Path, guid: str, elements: Elements) -> None:
         identifier = self.description.coSimulation.modelIdentifier
@@ -207,30 +147,10 @@ class Component(AbstractContextManager["Component"]):
             given = self._library, folder, self.name, guid, self._receive, self._resources
             handle, self._free = fmi2_library.instantiate(*given)
         if not handle:
-            raise ComponentFailed(f"{self.name}: {self._first_error() or 'the FMU cannot be instantiated'}")
+            raise ComponentFailed(f"{self.name}: {self._messages.first_error() or 'the FMU cannot be instantiated'}")
         self._mixed = self._mixed_exchange() if self._is_mixed else None
         self._handle = handle
         self._phase = "instantiated"
-
-    def recorded_texts(self) -> dict[str, list[str]]:
-        """Texts by their numbers in the arrays, for each connected String as "instance.variable"."""
-        tables = {name: self.input_texts.get(name, self.texts) for name in self._strings}
-        return {f"{self.name}.{name}": texts.words() for name, texts in tables.items()}
-
-    def know_texts(self, texts: Mapping[str, Sequence[str]]) -> None:
-        """Number texts as an earlier run did, whose ``recorded_texts`` they are."""
-        for name in self._strings:
-            known = [text.encode() for text in texts.get(f"{self.name}.{name}", ())]
-            if name in self.inputs:
-                self.input_texts[name] = Texts(known)
-            else:
-                for text in known:
-                    self.texts.number(text)
-
-    @property
-    def _strings(self) -> list[str]:
-        groups = (*self._input_groups, *self._output_groups)
-        return [name for group in groups if group.kind == "String" for name in group.names]
 
     def _mixed_exchange(self) -> MixedExchange:
         starts = {name: (self._variables[name].start or "").encode() for name in self._strings}
@@ -244,15 +164,15 @@ class Component(AbstractContextManager["Component"]):
     def _check_finite(self, values: Floats) -> int:
         """Look at outputs that the FMU has just output; return an FMI status."""
         if np.isfinite(values).all():
-            return _OK
+            return OK
         names = self.links if len(values) == len(self.links) != len(self._raw) else self.outputs
         where = int(np.flatnonzero(~np.isfinite(values))[0])
         sentence = f"output '{names[where]}' is {values[where]}"
         if self._guest is None or self._guest.non_finite == "warn":
-            self._receive(_WARNING, sentence, "")
-            return _WARNING
-        self._receive(_ERROR, f'{sentence} (fmu.{self.name}.non_finite = "warn" lets the run go on)', "")
-        return _ERROR
+            self._receive(WARNING, sentence, "")
+            return WARNING
+        self._receive(ERROR, f'{sentence} (fmu.{self.name}.non_finite = "warn" lets the run go on)', "")
+        return ERROR
 
     @property
     def is_remote(self) -> bool:
@@ -269,15 +189,6 @@ class Component(AbstractContextManager["Component"]):
         """Library of the FMI functions, and the instance, their first argument: for calls that no method makes."""
         return self._library, self._handle
 
-    def unit(self, name: str) -> str:
-        """Return the unit of a variable in the arrays, '1' if it has none."""
-        return self.converted_units.get(name) or unit_of(self._variables[name]) or "1"
-
-    def dimension(self, name: str) -> tuple[float, ...] | None:
-        """Return the exponents of kg, m, s, A, K, mol, cd and 10 in an output's unit; None if unknown."""
-        base, conversion = base_unit(self.description, self._variables[name]), self.conversions.get(name, UNCHANGED)
-        return None if base is None else (*base.exponents, math.log10(base.factor / conversion.factor))
-
     @property
     def wall_time(self) -> float:
         """Time inside the FMU since it was initialised, s."""
@@ -293,45 +204,28 @@ class Component(AbstractContextManager["Component"]):
 
     @property
     def warnings(self) -> list[ComponentWarning]:
-        """Messages that the FMU logged with status warning since its start, without steps taken back."""
-        return self._warnings.entries()
+        """CallMessages that the FMU logged with status warning since its start, without steps taken back."""
+        return self._messages.warnings.entries()
 
     def set_warnings(self, earlier: Mapping[str, ComponentWarning]) -> None:
         """Set the warnings of the earlier process whose run is continued."""
-        self._warnings = WarningList(self.name, earlier)
+        self._messages.warnings = WarningList(self.name, earlier)
 
     def _receive(self, status: int, message: str, category: str) -> None:
-        if category == PRINTED:
-            status, message = _WARNING, f"it prints: {message}"  # shown, but no warning of the FMU
-        elif status == _WARNING and not self._warnings.add(message, float(self._clock[0])):
-            return
-        if status >= _DISCARD and category != "traceback":
-            self._messages.append((status, message))
-        if self._logger is not None:
-            self._logger(self.name, status, message)
-
-    def _first_error(self) -> str:
-        """Return the first error message that the FMU logged in the last call, on one line."""
-        if not self._messages:
-            return ""
-        text = self._messages[0][1].strip()
-        if text.startswith(_WRAPPER):
-            text = text.splitlines()[-1]
-        return " ".join(text.split())
+        self._messages.receive(status, message, category, float(self._clock[0]))
 
     def _call(self, function: Callable[..., int], *arguments: Any) -> None:
         if self._handle is None:
             raise ComponentFailed(f"{self.name}: the component is closed")
-        if self._messages:
-            self._messages.clear()
+        self._messages.clear()
         began = perf_counter()
         status = function(self._handle, *arguments)
         self._call_time += perf_counter() - began
-        if not 0 <= status <= _WARNING:
+        if not 0 <= status <= WARNING:
             raise self._failure(function.__name__, status)
 
     def _failure(self, function: str, status: int) -> ComponentFailed:
-        if not 0 <= status < _FATAL:
+        if not 0 <= status < FATAL:
             self._phase = "lost"
         if self._mixed is not None:
             function = self._mixed.failed or function
@@ -342,9 +236,9 @@ class Component(AbstractContextManager["Component"]):
         if self._remote is not None:
             function = self._remote.failed or function
         said_as = f"fmi3{function[4:]}".replace("Real", "Float64") if is_fmi3(self.description) else function
-        if function == "fmi2DoStep" and status == _DISCARD and not any(each >= _ERROR for each, _ in self._messages):
+        if function == "fmi2DoStep" and status == DISCARD and not self._messages.has_error:
             return self._discarded_step(said_as)
-        sentence = self._first_error() or _status_text(said_as, status)
+        sentence = self._messages.first_error() or status_text(said_as, status)
         if self._phase not in ("made", "instantiated") and "t = " not in sentence:
             sentence += f" ({said_as}, t = {float(self._clock[0]):.6g} s)"
         return ComponentFailed(f"{self.name}: {sentence}")
@@ -354,12 +248,12 @@ class Component(AbstractContextManager["Component"]):
         ended, reached = c_int(), c_double(math.nan)
         self._library.fmi2GetBooleanStatus(self._handle, _TERMINATED, byref(ended))
         self._library.fmi2GetRealStatus(self._handle, _LAST_SUCCESSFUL_TIME, byref(reached))
-        start, said = float(self._clock[0]), self._first_error()
+        start, said = float(self._clock[0]), self._messages.first_error()
         time_known = start < reached.value < math.inf
         if ended.value:
             time = reached.value if time_known else start
             return ComponentEnded(f"{self.name} has ended the run at t = {time:.6g} s{f': {said}' if said else ''}")
-        sentence = said or _status_text(function, _DISCARD)
+        sentence = said or status_text(function, DISCARD)
         if time_known:
             sentence += f"; the step from t = {start:.6g} s ended at t = {reached.value:.6g} s: a shorter one may help"
         return ComponentFailed(f"{self.name}: {sentence}")
@@ -383,7 +277,7 @@ class Component(AbstractContextManager["Component"]):
         if self._phase != "instantiated":
             self._call(self._library.fmi2Reset)
             self._phase = "instantiated"
-            self._warnings = WarningList(self.name)
+            self._messages.warnings = WarningList(self.name)
         self.start_time, self._clock[0] = self.start_time if start is None else start, 0.0
         start = self.start_time
         for name, value in parameters.items():
@@ -505,8 +399,7 @@ class Component(AbstractContextManager["Component"]):
         if self._handle is None:
             raise ComponentFailed(f"{self.name}: the component is closed")
         self._clock[0] = t
-        if self._messages:
-            self._messages.clear()
+        self._messages.clear()
 
     def failure(self) -> ComponentFailed | None:
         """Return the failure of the last step by ``step_call``, or None."""
@@ -551,7 +444,7 @@ class Component(AbstractContextManager["Component"]):
         return self._state(handle)
 
     def _state(self, handle: fmi2FMUstate) -> ComponentState:
-        state = ComponentState(handle, tuple(array.copy() for array in self._arrays), self._warnings.save())
+        state = ComponentState(handle, tuple(array.copy() for array in self._arrays), self._messages.warnings.save())
         self._set_states([*self._states, state])
         return state
 
@@ -566,7 +459,7 @@ class Component(AbstractContextManager["Component"]):
         self._phase = "running"
         for array, saved in zip(self._arrays, state.arrays, strict=True):
             array[:] = saved
-        self._warnings.restore(state.warnings)
+        self._messages.warnings.restore(state.warnings)
 
     def free(self, state: ComponentState) -> None:
         """Release a saved state."""
@@ -631,18 +524,3 @@ def description_of(fmu: Path) -> Any:
             raise ComponentFailed(f"'{fmu}' has a variable '{name}', and there is another one of that name in its log")
         taken.add(name)
     return description
-
-
-def _start(variable: Any) -> float:
-    """Start value of an input in ``u``."""
-    if variable.type == "String":
-        return START
-    return float(variable.start in ("true", "1") if variable.type == "Boolean" else variable.start or 0.0)
-
-
-def _status_text(function: str, status: int) -> str:
-    if not 0 <= status <= _PENDING:
-        return f"{function} returned the status {status}, which FMI does not have"
-    if status == _PENDING:
-        return f"{function} returned before it was done (fmi2Pending): asynchronous steps are not supported"
-    return f"{function} failed with FMI status {status}"

@@ -22,7 +22,8 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
-Hear = Callable[[int, str, str], None]  # FMI status, message, category
+from orchestrator.cosim.messages import Hear
+
 _hearers: dict[int, Hear] = {}  # by the FMI component environment
 _libraries: dict[Path, Any] = {}
 

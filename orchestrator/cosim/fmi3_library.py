@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 from collections.abc import Callable
+from ctypes import c_bool, c_char_p, c_double, c_float
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,11 @@ from typing import Any
 import fmpy
 from fmpy.fmi3 import FMU3Slave, fmi3IntermediateUpdateCallback, fmi3LogMessageCallback
 
-Hear = Callable[[int, str, str], None]  # FMI status, message, category
+from orchestrator.cosim.messages import Hear
+
+TYPES: dict[str, Any] = {"Float64": c_double, "Float32": c_float, "Boolean": c_bool, "String": c_char_p}
+TYPES |= {f"Int{n}": getattr(ctypes, f"c_int{n}") for n in (8, 16, 32, 64)}
+TYPES |= {f"UInt{n}": getattr(ctypes, f"c_uint{n}") for n in (8, 16, 32, 64)}
 
 
 def binary(folder: Path, identifier: str) -> Path:

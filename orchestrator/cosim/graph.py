@@ -1,67 +1,18 @@
-"""System graph of the master: FMU instances, connections by variable name, stages; counted warnings of a component."""
+"""System graph of the master: FMU instances, connections by variable name, stages."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, Protocol, cast
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.base_units import Conversion
-
-NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
-
-
-@dataclass(frozen=True)
-class ComponentWarning:
-    """Warning with its count."""
-
-    component: str
-    text: str  # first text, on one line; texts that differ in numbers only are counted with it
-    time: float  # s, beginning of the communication step of the first one
-    count: int
-
-
-class WarningList:
-    """Warnings of one component.
-
-    Restoring a state removes the warnings of the steps taken back. A warning that came in such steps only is kept
-    with count 0, because an FMU may give it once and never again.
-    """
-
-    def __init__(self, component: str, earlier: Mapping[str, ComponentWarning] | None = None) -> None:
-        self._component = component
-        self._known = dict(earlier or {})  # by text without numbers; count 0: in steps taken back only
-
-    def add(self, text: str, time: float) -> bool:
-        """Count a warning of the step from ``time``, s; return True for the first of its kind."""
-        text = " ".join(text.split())
-        key = NUMBER.sub("#", text)
-        known = self._known.get(key)
-        if known is None or not known.count:
-            self._known[key] = ComponentWarning(self._component, text, time, 1)
-        else:
-            self._known[key] = replace(known, count=known.count + 1)
-        return known is None
-
-    def entries(self) -> list[ComponentWarning]:
-        """Return all warnings in the order of their first occurrence."""
-        return [replace(warning, count=max(warning.count, 1)) for warning in self._known.values()]
-
-    def save(self) -> Mapping[str, ComponentWarning]:
-        """Copy of the warnings for ``restore``."""
-        return dict(self._known)
-
-    def restore(self, saved: Mapping[str, ComponentWarning]) -> None:
-        """Restore saved warnings; those added since get count 0 (see the class)."""
-        self._known = {key: saved.get(key, replace(warning, count=0)) for key, warning in self._known.items()}
-
+from orchestrator.cosim.messages import ComponentWarning
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -72,7 +23,7 @@ Quantity = Literal["value", "mean", "state", "rate", "discrete"]
 NO_CONVERSIONS: Mapping[str, Any] = MappingProxyType({})
 
 
-class Guest(NamedTuple):
+class GuestTerms(NamedTuple):
     """How an FMU of the user is loaded and watched."""
 
     in_process: bool = False  # in the process of the run, not in one of its own
@@ -90,7 +41,7 @@ class Instance(NamedTuple):
     # By Real: of an input from what its source outputs to what the FMU gets, of an output to what others get.
     conversions: Mapping[str, Conversion] = NO_CONVERSIONS
     units: Mapping[str, str] = NO_CONVERSIONS  # of outputs with a conversion
-    guest: Guest | None = None  # None: a component of ours
+    guest: GuestTerms | None = None  # None: a component of ours
     resources: Path | None = None  # folder with the numbers of the instance; None: those of the FMU
     starts: Sequence[float] = ()  # start values of its Reals, inputs first; empty: those of the FMU
 
@@ -177,12 +128,6 @@ class Recordable(Steppable, Protocol):
         """Read ``counters``."""
 
 
-class Converting(Steppable, Protocol):
-    """Component that converts what it receives."""
-
-    received: Floats  # inputs as their sources output them; ``u``: as the FMU gets them
-
-
 class Feed(NamedTuple):
     """Transfer ``received[inputs] = source.y[outputs]``."""
 
@@ -250,4 +195,4 @@ def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
 
 def _member(instance: Instance, component: Steppable, feeds: tuple[Feed, ...]) -> Member:
     converted = frozenset(component.inputs) & instance.conversions.keys()
-    return Member(component, feeds, cast(Converting, component).received if converted else component.u, converted)
+    return Member(component, feeds, getattr(component, "received", component.u), converted)

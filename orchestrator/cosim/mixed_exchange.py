@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.graph import ComponentFailed, Floats
+from orchestrator.cosim.messages import FATAL, WARNING
 
 START = -1.0  # number of the start value of a String
 KINDS = {"Integer": ("Integer", "Enumeration"), "Boolean": ("Boolean",), "String": ("String",)}
 FUNCTION = CFUNCTYPE(c_int, c_void_p, POINTER(c_uint), c_size_t, POINTER(c_double))
-_WARNING, _FATAL = 1, 4  # FMI status
 
 
 class Texts:
@@ -151,7 +151,7 @@ class MixedExchange:
         self.failed = ""
         status = self._call("fmi2SetReal", instance, *self._inputs.reals)
         for kind, names, place, references, values in self._inputs.groups:
-            if not 0 <= status <= _WARNING:
+            if not 0 <= status <= WARNING:
                 break
             numbers = self._inputs.u[place]
             if kind == "String":
@@ -169,13 +169,13 @@ class MixedExchange:
         self.failed = ""
         raw, y, conversions, groups, texts = self._outputs
         status = self._call("fmi2GetReal", instance, references, n, values)
-        if self._check is not None and n and 0 <= status <= _WARNING:
+        if self._check is not None and n and 0 <= status <= WARNING:
             status = _worse(status, self._check(raw if n == len(raw) else np.ctypeslib.as_array(values, (n,))))
-        if not 0 <= status <= _WARNING:
+        if not 0 <= status <= WARNING:
             self.failed = "fmi2GetReal"
         conversions.convert(raw, y[: len(raw)])
         for kind, names, place, numbers, found in groups:
-            if not 0 <= status <= _WARNING:
+            if not 0 <= status <= WARNING:
                 break
             status = _worse(status, self._call(f"fmi2Get{kind}", instance, numbers, len(names), found))
             if kind == "String":
@@ -187,7 +187,7 @@ class MixedExchange:
     def _call(self, name: str, instance: int, references: Any, n: int, values: Any) -> int:
         function: Callable[..., int] = getattr(self._library, name)
         status = function(instance, references, n, values) if n else 0
-        if not 0 <= status <= _WARNING:
+        if not 0 <= status <= WARNING:
             self.failed = name
         return status
 
@@ -201,7 +201,7 @@ def guarded(function: Callable[..., int], exchange: MixedExchange | None) -> Cal
         except BaseException as error:
             if exchange is not None:
                 exchange.raised = error
-            return _FATAL
+            return FATAL
 
     return call
 

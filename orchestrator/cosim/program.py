@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.component import Component, ComponentFailed
-from orchestrator.cosim.graph import Floats, Indices
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.graph import ComponentFailed, Floats, Indices
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, record
@@ -116,7 +116,7 @@ class Program:
 
 def processors() -> int:
     """Number of processors that this process may use."""
-    return len(os.sched_getaffinity(0))
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Worker:

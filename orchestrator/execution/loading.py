@@ -29,11 +29,13 @@ from fmus.loaded import component_ports
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim import interval_statistics
-from orchestrator.cosim.component import LINK_FAMILIES, Component, ComponentFailed, Logger
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import power_residual
-from orchestrator.cosim.graph import Connection, Instance, System
-from orchestrator.cosim.guests.room import Room, Rooms, Wanted
+from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System
+from orchestrator.cosim.guests.room import Room, RoomRequest, Rooms
+from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.model_description import loadable
+from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.log.signal_names import did_you_mean, worded
 from orchestrator.results import measures
 from orchestrator.scene.assembly import assemble, system
@@ -49,8 +51,7 @@ STATISTICS = "stats."  # signals of the cost of a component
 
 def require_signals(scene: SystemScene) -> None:
     """Raise BadInput if a check of a scene, of its track model, names a signal that a log of the scene lacks."""
-    checks = {name: check for name, check in scene.expect.items() if check.track in (None, scene.variant)}
-    signals = {name: check.signal for name, check in checks.items() if check.signal is not None}
+    signals = {name: check.signal for name, check in scene.checks.items() if check.signal is not None}
     parts = {part.name: part for part in assemble(scene).parts} if signals else {}
     for name, signal in signals.items():
         instance = signal.partition(".")[0]
@@ -185,7 +186,7 @@ def open_rooms(instances: Iterable[Instance], rooms: Rooms) -> dict[str, Room]:
             continue
         alone = loadable(instance.fmu).description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         if not instance.guest.in_process:
-            wanted.append(Wanted(instance.name, instance.fmu, alone, instance.guest.limit))
+            wanted.append(RoomRequest(instance.name, instance.fmu, alone, instance.guest.limit))
         elif alone and instance.fmu in inside:
             once = f"'{instance.fmu}' can be instantiated once per process"
             raise ComponentFailed(f"{instance.name}: {once}: leave out in_process = true of this instance")
@@ -307,9 +308,9 @@ def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str]]:
     return [(name, track) for name in scenes or scene_names() for track in TRACKS if load(name, track)]
 
 
-def warm(pairs: Sequence[tuple[str, str]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
+def warm(pairs: Sequence[tuple[str, str]]) -> Iterator[tuple[str, str, float]]:
     """Run the start of each scene; yields name, error message (empty if it started) and start-up time, s."""
-    workers = min(workers or os.cpu_count() or 1, len(pairs))
+    workers = min(os.cpu_count() or 1, len(pairs))
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         for future in as_completed([pool.submit(_run_start, *pair) for pair in pairs]):
             yield future.result()

@@ -32,7 +32,7 @@ from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Connection, Instance, Recordable, System
 from orchestrator.cosim.observers import STATS, wires
 from orchestrator.log import schema
-from orchestrator.log.log_metadata import INPUTS, TEXTS, UNRECORDED
+from orchestrator.log.log_metadata import INPUTS, TEXTS, UNRECORDED, path_text_of
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.system_scene import SystemScene
 
@@ -228,8 +228,7 @@ def as_json(data: Any) -> bytes:
 
 
 def _file(fmu: Path) -> dict[str, str]:
-    name = fmu.name.encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
-    return {"fmu": name, "sha256": identity(fmu)}
+    return {"fmu": path_text_of(fmu.name), "sha256": identity(fmu)}
 
 
 def _version(package: str) -> str:

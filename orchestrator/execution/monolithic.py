@@ -27,12 +27,12 @@ from fmus.ports import TOLERANCE, Port
 from fmus.saved import from_bytes
 from fmus.vehicle import BadInput
 from orchestrator.cosim import checkpoint, master
-from orchestrator.cosim.component import LINK_FAMILIES, ComponentFailed
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import Feed, Stages, wire
+from orchestrator.cosim.graph import ComponentFailed, Feed, Stages, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
+from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.log_metadata import CHECKPOINT
@@ -50,7 +50,7 @@ class States(NamedTuple):
     parts: dict[str, NDArray[np.float64]]  # part -> flat state
 
 
-def states_at(scene: Scene, time: float, narration: Narration | None = None) -> States:
+def states_at(scene: Scene, time: float) -> States:
     """Find the states of a scene at ``time``, s, or compute them by co-simulation.
 
     The scene's stop is ignored. Raises BadInput if ``time`` is not a multiple of the communication step, and the
@@ -65,7 +65,7 @@ def states_at(scene: Scene, time: float, narration: Narration | None = None) -> 
     place = private_folder(cache_folder() / "states" / _key(target)) / "states.npz"
     content = read_checked(place)
     if content is None:
-        content = _computed_states(target, steps, narration)
+        content = _computed_states(target, steps)
         write_checked(place, content)
     with np.load(io.BytesIO(content), allow_pickle=False) as archive:
         return States(time, {name: archive[name] for name in archive})
@@ -77,10 +77,10 @@ def _key(scene: Scene) -> str:
     return hashlib.sha256(json.dumps([scene.resolved(), fmus], sort_keys=True).encode()).hexdigest()[:24]
 
 
-def _computed_states(scene: Scene, steps: int, narration: Narration | None) -> bytes:
+def _computed_states(scene: Scene, steps: int) -> bytes:
     """Run to the step and extract the states from its checkpoint."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        summary = simulate(scene, Path(folder) / "run.mcap", narration=narration)
+        summary = simulate(scene, Path(folder) / "run.mcap")
         if summary["status"] != "ok":
             raise ComponentFailed(f"{scene.name}: {summary['message']}")
         with Log(Path(summary["log"])) as log:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import asdict
 from math import ceil
 from typing import Any, NamedTuple
 
 from orchestrator.cosim import checkpoint, master
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme, copy_inputs, require_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Recordable, Stages, System, wire
+from orchestrator.cosim.graph import ComponentFailed, Recordable, Stages, System, wire
 from orchestrator.cosim.observers import Checkpoints, Logging, ReachedPoint, TimedCheckpoints
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.manifest import STATS_PERIOD
@@ -119,6 +120,10 @@ class PreparedRun(NamedTuple):
         }
         return outcome
 
+    def warnings(self) -> list[dict[str, Any]]:
+        """Warnings of all components in order of time, then about the steps of the run."""
+        return [*component_warnings(self.components), *self.forced_steps()]
+
     def forced_steps(self) -> list[dict[str, Any]]:
         """Warning of variable steps that were kept with too large an error, if there are any."""
         variable = self.scene.run.variable
@@ -128,6 +133,12 @@ class PreparedRun(NamedTuple):
             f"{self.pace.forced_steps} steps of run.variable.shortest = {variable.shortest:g} s have too large an error"
         )
         return [{"component": "run", "text": text, "time": 0.0, "count": 1}]
+
+
+def component_warnings(components: Mapping[str, Recordable]) -> list[dict[str, Any]]:
+    """Return the warnings of all components in order of time."""
+    entries = [warning for component in components.values() for warning in component.warnings]
+    return [asdict(warning) for warning in sorted(entries, key=lambda warning: warning.time)]
 
 
 def pace_of(run: RunTable) -> master.Clock | VariableStep | PowerResidual:

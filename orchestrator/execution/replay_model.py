@@ -15,14 +15,14 @@ from fmus.build import built_here, identity
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim.base_units import Conversion
-from orchestrator.cosim.component import Component, Logger
-from orchestrator.cosim.graph import Guest, Instance, System
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.graph import GuestTerms, Instance, System
 from orchestrator.cosim.guests.room import Rooms
+from orchestrator.cosim.messages import Logger
 from orchestrator.execution import replays
 from orchestrator.execution.loading import open_rooms
 from orchestrator.execution.manifest import NATIVE, as_json, model_description, system_table
-from orchestrator.log import notices
-from orchestrator.log.log_metadata import BRANCHED
+from orchestrator.log.log_metadata import BRANCHED, path_text_of
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of, texts_of
 from orchestrator.log.time_series import EVER
@@ -85,8 +85,7 @@ class Replay(NamedTuple):
         }
         if model.scene is not None:
             attachments["scene.json"] = as_json(model.scene.resolved())
-        source = str(log.path).encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
-        metadata = {"replay": {"of": source, "digest": log.digest(), "component": name}}
+        metadata = {"replay": {"of": path_text_of(log.path), "digest": log.digest(), "component": name}}
         if model.settings:
             metadata["replay"]["set"] = "; ".join(model.settings)
         if model.native:
@@ -107,9 +106,7 @@ def open_replay(
     BuildFailed, ComponentFailed, LogUnreadable, NoSuchSignal.
     """
     with Log(path) as log:
-        log.check_inputs()
-        log.check_seal()
-        notices.notice(notices.other_version(path, log.metadata.get("versions", {})))
+        log.check_repeatable()
         if about := log.metadata.get(BRANCHED):
             step, source = about.get("step"), value_text(about.get("of"))
             raise BadInput(f"{path} has other numbers from step {step} on: replay {source}, from which it branched off")
@@ -125,7 +122,7 @@ def open_replay(
             raise BadInput(
                 f"'{name}' of the log exchanged values in units of its own FMU: no other one takes its place"
             )
-        guest = None if built_here(model.fmu) else Guest()
+        guest = None if built_here(model.fmu) else GuestTerms()
         instance = Instance(name, model.fmu, {}, 0, guest=guest)
         with (
             Rooms() as rooms,

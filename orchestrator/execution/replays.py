@@ -16,7 +16,7 @@ from orchestrator.log.bitwise import BitDifference, first_difference
 from orchestrator.log.log_metadata import TEXTS
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.time_series import EVER, Floats, Series
+from orchestrator.log.time_series import EVER, Floats, Series, within
 
 Parameters = Mapping[str, float | int | str]
 
@@ -59,12 +59,17 @@ def check_inputs(component: Component, inputs: Series) -> None:
         raise UnfitLog(f"{component.name}: the log lacks its inputs from t = {gap[0]:.6g} to {gap[1]:.6g} s")
 
 
+def _ends(inputs: Series) -> Floats:
+    """Ends (m,), s, of the steps of recorded inputs."""
+    return np.append(inputs.t[1:], inputs.t[-1:] + inputs.h[-1:])
+
+
 def step_recorded(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
     """Step a component with recorded inputs; yields (k, t) at the start and after each step; raises UnfitLog."""
     check_inputs(component, inputs)
     component.initialise(parameters)
     yield 0, 0.0
-    ends = np.append(inputs.t[1:], inputs.t[-1:] + inputs.h[-1:])
+    ends = _ends(inputs)
     for k, (t, h, u) in enumerate(zip(inputs.t, inputs.h, inputs.values, strict=True), 1):
         component.u[:] = u
         component.write()
@@ -92,12 +97,11 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
         if series.names != outputs[topic][0]:
             raise UnfitLog(f"{component.name}: its outputs are not those of the log")
     numbers = {
-        topic: np.flatnonzero((series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)) * log.topics[topic].every
-        for topic, series in recorded.items()
+        topic: np.flatnonzero(within(series.t, window)) * log.topics[topic].every for topic, series in recorded.items()
     }
     compared = {topic: set(steps.tolist()) for topic, steps in numbers.items()}
-    ends = np.append(inputs.t[1:], inputs.t[-1:] + inputs.h[-1:])
-    stepped = np.flatnonzero((ends >= window[0] - 1e-9) & (ends <= window[1] + 1e-9)) + 1
+    ends = _ends(inputs)
+    stepped = np.flatnonzero(within(ends, window)) + 1
     last = max([0, *stepped.tolist()])
     rows: dict[str, list[Floats]] = {topic: [] for topic in recorded}
     for k, _ in step_recorded(component, inputs, parameters):

@@ -13,20 +13,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fmus.build import identity
 from fmus.ground_keys import SLOPES, is_plane
 from fmus.saved import SlaveState, from_bytes, to_bytes
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim.checkpoint import time_of
-from orchestrator.cosim.component import Component, Logger
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.manifest import NATIVE, numbers_digest
 from orchestrator.execution.prepared_run import Continuation
 from orchestrator.execution.simulate import simulate
-from orchestrator.log import notices
-from orchestrator.log.log_metadata import BRANCHED, CHECKPOINT, checkpoint_step
+from orchestrator.log import tools
+from orchestrator.log.log_metadata import BRANCHED, CHECKPOINT, checkpoint_step, path_text_of
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.recorder import Recorder
@@ -53,9 +52,7 @@ def resume(
     and BadInput.
     """
     with Log(source) as log:
-        log.check_inputs()
-        log.check_seal()
-        notices.notice(notices.other_version(source, log.metadata.get("versions", {})))
+        log.check_repeatable()
         if path.exists() and path.samefile(source):
             raise BadInput(f"{path} is the log itself: give another name")
         scene = _scene(log, stop)
@@ -64,7 +61,7 @@ def resume(
         if scene.run.stop < reached - 1e-9:
             raise BadInput(f"stop = {scene.run.stop:g} s is before the checkpoint at {reached:g} s")
         native, earlier = _ran_native(log, scene), log.metadata.get(BRANCHED)
-        about = {"of": _text(source), "step": str(number)}
+        about = {"of": path_text_of(source), "step": str(number)}
         metadata = {"resumed": about} | ({BRANCHED: earlier} if earlier else {})
         continuation = Continuation(
             number,
@@ -84,10 +81,6 @@ def resume(
                 metadata=metadata, adapt_state=partial(transferred_state, settings=settings)
             )
         return simulate(scene, path, logger, narration, native=native, continuation=continuation)
-
-
-def _text(path: Path) -> str:
-    return str(path).encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
 
 
 def _scene(log: Log, stop: float | None) -> Scene:
@@ -129,11 +122,8 @@ def _copy_records(log: Log, recorder: Recorder, number: int) -> None:
         for messages in piece:
             if messages.topic not in recorder.topics:
                 raise BadInput(f"{log.path}: the topic '{messages.topic}' belongs to no component of its scene")
-            up_to_step = messages.sequence.astype(np.int64) + messages.topic.endswith("/in") <= number
-            t, h, _, values = messages.decode()
             try:
-                for row in np.flatnonzero(up_to_step).tolist():
-                    recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])
+                recorder.copy(messages, tools.steps_of(messages) <= number)
             except ValueError as error:
                 raise BadInput(f"{log.path} does not fit its scene: {error}") from None
 

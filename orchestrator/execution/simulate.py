@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from textwrap import shorten
@@ -14,10 +13,10 @@ from typing import Any
 from fmus.build import BuildFailed
 from fmus.vehicle import BadInput
 from orchestrator.cosim import master
-from orchestrator.cosim.component import ComponentFailed, Logger
 from orchestrator.cosim.coupling.scheme import CouplingFailed
-from orchestrator.cosim.graph import Recordable
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests.room import Rooms
+from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
 from orchestrator.execution import estimate, manifest, summary
@@ -26,8 +25,9 @@ from orchestrator.execution.loading import load_scene, require_signals
 from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
 from orchestrator.log.events_topic import Event
+from orchestrator.log.log_file import LogFailed, check_writable
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.recorder import LogFailed, check_writable
+from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import chain_checks
@@ -83,18 +83,14 @@ def _simulate(
     native: bool = False,
     continuation: Continuation | None = None,
 ) -> dict[str, Any]:
-    start = time.perf_counter()
-    result = summary.empty(scene.name, scene.variant)
+    start, result = time.perf_counter(), summary.empty(scene.name, scene.variant)
     announce = narration or (lambda line: None)
     assembly = assemble(scene)
     misfits = unfit(scene, assembly)
-    if given := [part.name for part in assembly.parts if part.fmu is not None]:
-        announce(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
+    for line in _before_building(scene, assembly):
+        announce(f"{scene.name}: {line}")
     reached = ReachedPoint()
     with ExitStack() as stack:
-        if isinstance(scene, VehicleScene) and scene.track.axes == "free" and scene.leaves_plane:
-            announce(f"{scene.name}: {scene.leaves_plane}: {OTHER_KERNELS}")
-        announce(f"{scene.name}: components are built and initialised")
         rooms = Rooms(interrupt.signals, announce)
         run = PreparedRun.prepare(*load_scene(scene, stack, logger, native, rooms), continuation)
         for line in _shared_parameters(run, assembly):
@@ -119,29 +115,42 @@ def _simulate(
                 outcome = run.step_to_end(observers, interrupt, result)
                 attach_texts(recorder, run.components)
                 recorder.write_remaining()
-                result["warnings"] = [*early_warnings, *warnings(run.components), *run.forced_steps()]
+                result["warnings"] = [*early_warnings, *run.warnings()]
                 if outcome.steps:
                     announce(f"{scene.name}: results are read from the log")
                     entries, run_events = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
                     result |= entries
                     recorder.write_events(run_events)
-                    if estimated and result["status"] == "ok" and isinstance(run.scene, Scene):
-                        announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
-                        record = partial(record_companion, interrupt)
-                        result["error"] = estimate.estimate(run.scene, recorder.file, result, record)
-                status, message = _verdict(outcome, result["validity"])
-                recorder.close(status, message, outcome.steps, manifest.encode_results(result), result["warnings"])
-                result["seal"] = recorder.seal
+                    if estimated:
+                        _estimate_error(run.scene, recorder.file, result, interrupt, announce)
+                _close(recorder, outcome, result)
                 file = recorder.file if recorder.replaces else path
         except LogFailed as failure:
             outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
-            result |= outcome_entries(outcome, result["wall_time"]) | {
-                "warnings": [*early_warnings, *warnings(run.components), *run.forced_steps()]
-            }
+            result |= outcome_entries(outcome, result["wall_time"])
+            result["warnings"] = [*early_warnings, *run.warnings()]
         interrupt.deferring = False
     if log_opened:
         result["log"] = str(file)
     return result | {"log_bytes": file.stat().st_size if log_opened and file.exists() else 0}
+
+
+def _before_building(scene: SystemScene, assembly: Assembly) -> Iterator[str]:
+    """Yield what is told before the components are built."""
+    if given := [part.name for part in assembly.parts if part.fmu is not None]:
+        yield f"FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights"
+    if isinstance(scene, VehicleScene) and scene.track.axes == "free" and scene.leaves_plane:
+        yield f"{scene.leaves_plane}: {OTHER_KERNELS}"
+    yield "components are built and initialised"
+
+
+def _estimate_error(
+    scene: SystemScene, file: Path, result: dict[str, Any], interrupt: Interrupt, announce: Callable[[str], object]
+) -> None:
+    """Add the error of a run that ended well to its summary, by coarser runs."""
+    if result["status"] == "ok" and isinstance(scene, Scene):
+        announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
+        result["error"] = estimate.estimate(scene, file, result, partial(record_companion, interrupt))
 
 
 def _shared_parameters(run: PreparedRun, assembly: Assembly) -> Iterator[str]:
@@ -155,19 +164,20 @@ def _shared_parameters(run: PreparedRun, assembly: Assembly) -> Iterator[str]:
             yield shorten(f"{instance.name} gets from the scene {', '.join(given)}", MOST_NARRATED, placeholder=" ...")
 
 
-def _verdict(outcome: master.RunOutcome, validity: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
-    """Status and message of a run, which has failed if the model left its range of validity."""
-    invalidity = summary.invalidity(validity)
-    if not invalidity:
-        return outcome.status, outcome.message
-    return "failed", "; ".join(filter(None, (outcome.message, invalidity)))
+def _close(recorder: Recorder, outcome: master.RunOutcome, result: dict[str, Any]) -> None:
+    """Close the log of a run, which has failed if the model left its range of validity."""
+    invalidity = summary.invalidity(result["validity"])
+    status, message = "failed" if invalidity else outcome.status, "; ".join(filter(None, (outcome.message, invalidity)))
+    recorder.close(status, message, outcome.steps, manifest.encode_results(result), result["warnings"])
+    result["seal"] = recorder.seal
 
 
 def _early_warnings(
     run: PreparedRun, logger: Logger | None, misfits: Sequence[tuple[str, str]]
 ) -> list[dict[str, Any]]:
     """Return warnings about FMUs of the user (``misfits``), recording and scene; the logger gets them too."""
-    aliases = run.scene.aliasing_warning if any_links(run.components) else ""
+    has_links = any(component.links for component in run.components.values())
+    aliases = run.scene.aliasing_warning if has_links else ""
     sentences = [*misfits, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
     sentences += [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
     if logger:
@@ -198,17 +208,6 @@ def _evaluate_log(
     except LogUnreadable as error:  # another process has changed the file
         return {"status": "failed", "message": str(error)}, []
     return entries | summary.judgement(outcome.message, entries), run_events
-
-
-def warnings(components: Mapping[str, Recordable]) -> list[dict[str, Any]]:
-    """Return the warnings of all components in order of time."""
-    entries = [warning for component in components.values() for warning in component.warnings]
-    return [asdict(warning) for warning in sorted(entries, key=lambda warning: warning.time)]
-
-
-def any_links(components: Mapping[str, Recordable]) -> bool:
-    """True if any component has per-link outputs."""
-    return any(component.links for component in components.values())
 
 
 def record_companion(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str, Any]:

@@ -16,8 +16,8 @@ from orchestrator.results.energy import ledger
 from orchestrator.results.observables import OBSERVABLES
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.user_parts import given_parts
+from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.results.validity.ledger import validity
-from orchestrator.results.validity.limits import FAILURE, Exceedance
 from orchestrator.scene.kinds import ChainScene, VehicleScene
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import Check
@@ -202,8 +202,8 @@ def check_counts(result: Mapping[str, Any]) -> list[str]:
 
 def _windows_of_checks(scene: SystemScene, simulated: float, *, covered: bool) -> dict[str, Window]:
     """Windows of the checks of the scene's kind of links: those that the run covers, or the others."""
-    checks = {name: check for name, check in scene.expect.items() if check.track in (None, scene.variant)}
-    windows = {n: Window(one.start, scene.run.stop if one.end is None else one.end) for n, one in checks.items()}
+    ends = {name: scene.run.stop if check.end is None else check.end for name, check in scene.checks.items()}
+    windows = {name: Window(scene.checks[name].start, end) for name, end in ends.items()}
     return {n: each for n, each in windows.items() if (each.start <= each.end <= simulated + 1e-9) == covered}
 
 

@@ -10,7 +10,7 @@ from orchestrator.results.observables import OBSERVABLES
 from orchestrator.results.table import without_rounding
 from orchestrator.results.units import figure, scaled, size
 from orchestrator.results.user_parts import SHOWN
-from orchestrator.results.validity.limits import Exceedance
+from orchestrator.results.validity.exceedance import Exceedance
 
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
 

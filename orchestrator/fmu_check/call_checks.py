@@ -12,8 +12,8 @@ from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
+from orchestrator.cosim.messages import WARNING
 from orchestrator.fmu_check.instance import (
-    WARNING,
     Instance,
     NotApplicable,
     Refused,

@@ -3,20 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from ctypes import (
-    byref,
-    c_bool,
-    c_double,
-    c_float,
-    c_int8,
-    c_int16,
-    c_int32,
-    c_int64,
-    c_uint8,
-    c_uint16,
-    c_uint32,
-    c_uint64,
-)
+from ctypes import byref, c_bool, c_double
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +19,9 @@ PLATFORM = fmpy.platform_tuple
 INSTANTIATE = "InstantiateCoSimulation"
 TOKEN = "instantiation token"
 REAL = "Float64"
-_WHOLE = {"Int8": c_int8, "Int16": c_int16, "Int32": c_int32, "UInt8": c_uint8, "UInt16": c_uint16}
-_WHOLE |= {"UInt32": c_uint32, "UInt64": c_uint64}
-GETTERS: tuple[tuple[str, Any, tuple[str, ...]], ...] = (
-    ("GetFloat64", c_double, ("Float64",)),
-    ("GetFloat32", c_float, ("Float32",)),
-    ("GetInt64", c_int64, ("Int64", "Enumeration")),
-    *((f"Get{name}", c_type, (name,)) for name, c_type in _WHOLE.items()),
-    ("GetBoolean", c_bool, ("Boolean",)),
+_KINDS = "Float64", "Float32", "Int64", "Int8", "Int16", "Int32", "UInt8", "UInt16", "UInt32", "UInt64", "Boolean"
+GETTERS: tuple[tuple[str, Any, tuple[str, ...]], ...] = tuple(
+    (f"Get{kind}", fmi3_library.TYPES[kind], (kind, "Enumeration") if kind == "Int64" else (kind,)) for kind in _KINDS
 )
 STATE, DESERIALIZE = "FMUState", "DeserializeFMUState"
 BYTE = fmi3Byte  # FMPy's: its type has changed

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.cosim.messages import FATAL, OK, WARNING
 from orchestrator.cosim.model_description import describe
 from orchestrator.fmu_check import fmi2, fmi3
 
@@ -48,13 +49,12 @@ class Refused(Exception):
     """A call that has to succeed was refused; the message is one sentence."""
 
 
-def listed(names: list[str], most: int = SHOWN) -> str:
-    """Return names as text, the first ``most`` of them."""
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+def listed(names: list[str]) -> str:
+    """Return names as text, the first SHOWN of them."""
+    return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
 
 
 Floats = NDArray[np.float64]
-OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 STATUS = "OK", "Warning", "Discard", "Error", "Fatal"
 VERSIONS = {"2.0": fmi2, "3.0": fmi3}
 STEP = 1e-3  # s, communication step of an FMU without a default

@@ -147,13 +147,10 @@ def check_surroundings(subject: Subject) -> Verdict:
             now = Process.now()
             faults += [f"{where} leaves {words}" for words in now.changed(before)]
             before = now
-    once = "; the FMU can be instantiated once per process" * _is_single(subject)
+    is_single = bool(subject.description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
+    once = "; the FMU can be instantiated once per process" * is_single
     said = f"prints {len(text[0])} characters" if text[0] else "prints nothing"
     return Verdict(f"a run of {STEPS} steps {said}, and leaves the process as it was{once}", tuple(faults))
-
-
-def _is_single(subject: Subject) -> bool:
-    return bool(subject.description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
 
 
 def _pieces(subject: Subject) -> Iterator[str]:

@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from orchestrator.files.budget import AT_ONCE, OverBudget, UnpackedBudget, most_others, open_file
 from orchestrator.log import seal
-from orchestrator.log.container_writer import LIBRARY, being_written, error_text
+from orchestrator.log.container_writer import LIBRARY
+from orchestrator.log.log_file import being_written, error_text
 
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file

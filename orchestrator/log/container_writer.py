@@ -6,14 +6,11 @@
 from __future__ import annotations
 
 import mimetypes
-import os
 import struct
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from glob import escape
-from itertools import chain, count
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 import zstandard
@@ -39,19 +36,13 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from orchestrator.files.budget import open_file
 from orchestrator.log import seal
+from orchestrator.log.log_file import lock
 from orchestrator.log.message_records import items_at
-
-try:
-    import fcntl
-except ImportError:  # Windows locks open files itself
-    fcntl = None  # type: ignore[assignment]
 
 ZSTD, COMPRESSION_LEVEL = b"zstd", -20  # a quarter of level 1's processor time, and 20 % more bytes
 _CHUNK = struct.Struct("<BQQQQII4sQ")  # chunk without its records: opcode, length, times, size, checksum, kind
 _HEAD = 9  # bytes of opcode and length, which the length does not count
-RUNNING = ".running"  # in the name of a log whose run has not ended, while there is an older one
 CLOSING = 1 << 14  # bytes reserved for the closing record on a nearly full disk
 _LEAF = 90  # and for each leaf of the seal
 SUMMARY = (
@@ -66,10 +57,6 @@ SUMMARY = (
 LIBRARY = "cotrack"  # in the header: who wrote the file
 
 
-class LogFailed(RuntimeError):
-    """The log cannot be written; the message is one sentence."""
-
-
 class ContainerWriter:
     """MCAP file open for writing; a record that does not fit on the disk is removed whole.
 
@@ -81,7 +68,7 @@ class ContainerWriter:
         self._crc = 0  # of all bytes so far
         self._leaves: list[tuple[int, bytes]] = []  # of the seal: offset and hash
         self._stream = path.open("xb", buffering=0)
-        _lock(self._stream)
+        lock(self._stream)
         self._compressor = zstandard.ZstdCompressor(COMPRESSION_LEVEL)
         self._indexed: dict[Opcode, list[Any]] = {opcode: [] for opcode in SUMMARY}  # records of the summary
         self.contents: dict[str, str] = {}  # digests of attachments, metadata and channels (``seal``)
@@ -273,118 +260,8 @@ def _places_by_time(sizes: Sequence[int], times: Sequence[NDArray[np.uint64]]) -
     return np.split(places, np.cumsum(counts)[:-1])
 
 
-def check_writable(path: Path) -> None:
-    """Raise LogFailed if a log cannot be written to ``path``, as far as can be known in advance."""
-    problem = ""
-    try:
-        path.lstat()
-    except (FileNotFoundError, NotADirectoryError):
-        pass
-    except OSError as error:  # a name that is too long, a folder that cannot be searched
-        raise log_failed(path, error) from None
-    written = target_of(path)
-    if path.is_dir():
-        problem = "it is a directory"
-    elif written.is_symlink():
-        problem = "it is a link that leads to itself"
-    elif path.exists() and not path.is_file():
-        problem = "it is a device or a pipe, which cannot be read again"
-    elif any(_held(file) for file in _running_files(path)):
-        problem = "another run is writing it"
-    elif path.is_file():
-        try:
-            with path.open("rb") as stream:
-                if not MCAP0_MAGIC.startswith(stream.read(len(MCAP0_MAGIC))):
-                    problem = "there is a file that is no log"
-                elif being_written(stream):
-                    problem = "another run is writing it"
-        except OSError as error:
-            raise log_failed(path, error) from None
-    elif not path.exists():
-        parent = next(folder for folder in written.absolute().parents if folder.exists())
-        if not parent.is_dir():
-            problem = f"{parent} is no folder"
-        elif not os.access(parent, os.W_OK):
-            problem = f"the folder {parent} is read-only"
-    if problem:
-        raise LogFailed(f"the log {path} cannot be written: {problem}")
-
-
-def target_of(path: Path) -> Path:
-    """Return the file that is written for the log ``path``: the target of a link, which need not exist."""
-    return Path(os.path.realpath(path)) if path.is_symlink() else path
-
-
-def growing_log(path: Path) -> Path:
-    """Return the file that a run is writing now for the log ``path``: beside it while there is an older log."""
-    return next((file for file in _running_files(path) if _held(file)), path)
-
-
-def left_behind(path: Path) -> list[Path]:
-    """Return the files beside the log ``path`` that killed runs have left."""
-    return [file for file in _running_files(path) if not _held(file)]
-
-
-def beside(path: Path) -> Path:
-    """Return a new name beside the log ``path``, for a run that will replace it."""
-    ends = chain([""], (f"-{number}" for number in count(2)))
-    names = (path.with_name(f"{path.stem}{RUNNING}{end}{path.suffix}") for end in ends)
-    return next(name for name in names if not name.exists())
-
-
-def _running_files(path: Path) -> list[Path]:
-    path = target_of(path)
-    files = path.parent.glob(f"{escape(path.stem + RUNNING)}*{escape(path.suffix)}")
-    return sorted(file for file in files if file.is_file())
-
-
-def _held(path: Path) -> bool:
-    """Whether a recorder has the file open."""
-    try:
-        with open_file(path) as stream:
-            return being_written(stream)
-    except OSError:
-        return False
-
-
-def _lock(stream: IO[bytes]) -> bool:
-    """Lock the file until it is closed; return False if another process holds the lock."""
-    if fcntl is not None:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError:  # a file system without locks
-            pass
-    return True
-
-
-def being_written(stream: IO[bytes]) -> bool:
-    """Whether a recorder holds the lock of the file."""
-    if fcntl is not None:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            fcntl.flock(stream, fcntl.LOCK_UN)
-        except BlockingIOError:
-            return True
-        except OSError:  # a file system without locks
-            pass
-    return False
-
-
 def _bytes(*records: McapRecord) -> bytes:
     builder = RecordBuilder()
     for record in records:
         record.write(builder)
     return builder.end()
-
-
-def log_failed(path: Path, error: Exception) -> LogFailed:
-    """Return the LogFailed for a log that cannot be written."""
-    return LogFailed(f"the log {path} cannot be written: {error_text(error)}")
-
-
-def error_text(error: Exception) -> str:
-    """Return the reason of a file error as the end of a sentence."""
-    text = (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
-    return text[:1].lower() + text[1:]

@@ -17,8 +17,8 @@ import numpy as np
 
 from orchestrator.files.csv_lines import safe_cell
 from orchestrator.files.replacing import replacing
-from orchestrator.log.container_writer import LogFailed, error_text
 from orchestrator.log.extra import library
+from orchestrator.log.log_file import LogFailed, error_text
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import EVER, Floats, Series
@@ -174,7 +174,7 @@ def export(
             }
             for piece in log.stream(chosen, window):
                 for topic, series in piece.items():
-                    writers[topic].rows(table(series))
+                    writers[topic].rows(timed_rows(series))
     return files
 
 
@@ -188,7 +188,7 @@ def side_by_side(log: Log, chosen: dict[str, list[int]], window: tuple[float, fl
         yield np.concatenate([block[first].t[:, None], *(block[topic].values for topic in chosen)], axis=1)
 
 
-def table(series: Series) -> Floats:
+def timed_rows(series: Series) -> Floats:
     """Return time and values of a series as one table (m, 1 + columns)."""
     return np.concatenate([series.t[:, None], series.values], axis=1)
 

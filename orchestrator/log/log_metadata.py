@@ -8,6 +8,7 @@ and sha256 of each topic; a log without it was cut off.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -28,6 +29,11 @@ def checkpoint_step(attachment: str) -> int | None:
     """Return the step number of a checkpoint attachment; None for other attachments."""
     number = attachment.removeprefix(CHECKPOINT)
     return int(number) if number != attachment and number.isdecimal() else None
+
+
+def path_text_of(path: str | os.PathLike[str]) -> str:
+    """Return a path as a text that a log can hold: file names may hold bytes that are not text."""
+    return os.fspath(path).encode(errors="backslashreplace").decode()
 
 
 class TooNew(ValueError):

@@ -138,7 +138,8 @@ class Log(AbstractContextManager["Log"]):
     def _texts(self) -> dict[str, str]:
         """Texts by "instance.variable"."""
         owners = dict.fromkeys(map(signal_names.owner, self.topics))
-        return {f"{one}.{variable}": text for one in owners for variable, text in recorded_texts(self, one).items()}
+        texts = {one: recorded_texts(self.attachment, one) for one in owners}
+        return {f"{one}.{variable}": text for one, own in texts.items() for variable, text in own.items()}
 
     def read(self, topic: str) -> Series:
         """Return all messages of a topic; raises NoSuchSignal, LogUnreadable.
@@ -356,45 +357,9 @@ class Log(AbstractContextManager["Log"]):
         faults = seal_check.seal_faults(self._file, self._contents)
         if not faults or self._file.is_ours:
             return faults
-        self.rewritten = not (faults := self._content_faults())
+        faults = seal_check.content_faults(self._file, self._contents, self.attachment, self.hashes)
+        self.rewritten = not faults
         return faults
-
-    def _content_faults(self) -> list[str]:
-        """Return a sentence about the first content that is not that of the closing record; empty if all are."""
-        closing = self.closing
-        if closing is None or not closing["contents"]:
-            reason = "an older cotrack made it, which sealed the file alone" if closing else "it has no closing record"
-            return [f"{self.path} was rewritten by other software, and its seal cannot be checked: {reason}"]
-        beginning = f"{self.path} was rewritten by other software and is not as it was sealed: "
-        if not self._contents.is_sealed(self._contents.closing_at):
-            return [f"{beginning}the closing record is changed"]
-        for name, digest in closing["contents"].items():
-            kind, _, which = name.partition(":")
-            words = {"attachment": f"the attachment '{which}'", "metadata": f"the record '{which}'"}
-            words |= {"channel": f"the description of {which}", "messages": f"the text of {which}"}
-            what = words.get(kind, name)
-            found = self._contents.contents.get(name)
-            if kind == "attachment" and which in self._attachments:
-                try:
-                    found = seal.attachment_digest(self.attachment(which))
-                except LogUnreadable as damage:
-                    return [str(damage)]
-            if kind == "channel" and not found and not self._has_messages(which):
-                continue  # a topic without messages may be left out
-            if kind == "messages" and which in self._contents.other_channels:
-                rows = self._chunks.rows_of(self._contents.other_channels[which])
-                found = seal.messages_digest(rows)
-            if found != digest:
-                return [f"{beginning}{what} is {'changed' if found else 'missing'}"]
-        try:
-            changed = [topic for topic, digest in closing["sha256"].items() if self.hashes().get(topic) != digest]
-        except LogUnreadable as damage:
-            return [str(damage)]
-        return [f"{beginning}the messages of {changed[0]} are changed or missing"] if changed else []
-
-    def _has_messages(self, topic: str) -> bool:
-        closing = self.closing or {}
-        return bool(closing["messages"].get(topic)) or f"messages:{topic}" in closing["contents"]
 
     def check_seal(self) -> None:
         """Raise LogUnreadable if the log is not as it was sealed; reads the whole file."""
@@ -409,16 +374,17 @@ class Log(AbstractContextManager["Log"]):
         faults = self.seal_faults()
         notices.notice(faults[0] if faults else notices.rewritten(self.path) if self.rewritten else "")
 
-    def check_inputs(self) -> None:
-        """Raise LogUnreadable if the run did not record its inputs."""
+    def check_repeatable(self) -> None:
+        """Raise LogUnreadable if the run did not record its inputs, or the log is not as it was sealed.
+
+        Issues a LogNotice if another version ran.
+        """
         if self.metadata.get("run", {}).get(log_metadata.INPUTS) == log_metadata.UNRECORDED:
             raise LogUnreadable(
                 f"{self.path} cannot be replayed or resumed: its inputs were not recorded (run.inputs = false)"
             )
-
-    def index_faults(self) -> list[str]:
-        """Return a sentence if the indexes at the end do not list what the file holds."""
-        return seal_check.index_faults(self._file)
+        self.check_seal()
+        notices.notice(notices.other_version(self.path, self.metadata.get("versions", {})))
 
     def checksums(self) -> list[str]:
         """Check attachments and the checksums over all bytes; return faults as sentences (chunks: ``intact``)."""

@@ -80,7 +80,7 @@ def texts_of(log: Log) -> dict[str, list[str]]:
         raise LogUnreadable(first_error(error, f"{log.path}: {TEXTS}")) from None
 
 
-def description_of(log: Log, signal: str) -> str:
+def signal_description(log: Log, signal: str) -> str:
     """Return the model description's text on "instance.variable"; "" if it is missing or damaged."""
     instance, _, variable = signal.partition(".")
-    return recorded_texts(log, instance).get(variable, "")
+    return recorded_texts(log.attachment, instance).get(variable, "")

@@ -23,20 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log import log_metadata, notices, schema, seal
-from orchestrator.log.container_writer import (
-    ContainerWriter,
-    LogFailed,
-    beside,
-    check_writable,
-    left_behind,
-    log_failed,
-    target_of,
-)
+from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.events_topic import EVENTS_SCHEMA, EVENTS_TOPIC, EVENTS_TYPE, Event, event_records
-from orchestrator.log.message_records import LONGEST
+from orchestrator.log.log_file import LogFailed, log_failed, prepared_file
+from orchestrator.log.message_records import LONGEST, Messages
 from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.time_series import Topic
+from orchestrator.log.time_series import Series, Topic
 from orchestrator.log.wire import Wire
 
 FAILED = "-failed"  # ending of the log of a failed run beside that of one that ended well
@@ -96,13 +89,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._failure: LogFailed | None = None
         self._flush = flush
         try:
-            check_writable(self.path)
-            self._target = self.file = target_of(self.path)
-            self._target.parent.mkdir(parents=True, exist_ok=True)
-            for file in left_behind(self._target):
-                notices.notice(notices.left_behind(file))
-            if self._target.is_file():
-                self.file = beside(self._target)
+            self._target, self.file = prepared_file(self.path)
             self._file = ContainerWriter(self.file)
         except OSError as error:
             raise log_failed(self.path, error) from None
@@ -169,6 +156,13 @@ class Recorder(AbstractContextManager["Recorder"]):
             page.add(sequence, t, h, values)
             self._bytes += page.size
             self._hand_over_if_full(sequence, page.room > 0)
+
+    def copy(self, messages: Messages, chosen: NDArray[np.bool_]) -> Series:
+        """Record the ``chosen`` (m,) messages of a topic again; return them. Raises like ``write``."""
+        series, numbers = messages.decode().rows(chosen), messages.sequence[chosen].tolist()
+        for number, t, h, values in zip(numbers, series.t.tolist(), series.h.tolist(), series.values, strict=True):
+            self.write(messages.topic, number, t, h, values)
+        return series
 
     def pages(self, *names: str) -> list[Page]:
         """Return joined pages by name, to be written directly between ``reserve`` and ``commit``."""

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metadata, MetadataIndex, Schema, Statistics
 
-from orchestrator.log.container_reader import DAMAGE, ContainerReader
+from orchestrator.log import seal as sealing
+from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable
 from orchestrator.log.contents import LogContents
 
 _CHUNK, _TEXT, _LENGTH = struct.Struct("<QQQI"), struct.Struct("<I"), struct.Struct("<Q")
@@ -62,6 +64,47 @@ def _part(file: ContainerReader, offset: int) -> str:
     except DAMAGE:
         pass
     return f"the part at byte {offset}"
+
+
+def content_faults(
+    file: ContainerReader,
+    contents: LogContents,
+    attachment: Callable[[str], bytes],
+    hashes: Callable[[], Mapping[str, str]],
+) -> list[str]:
+    """Return a sentence about the first content that is not that of the closing record; empty if all are.
+
+    ``attachment`` and ``hashes`` read an attached file and the sha256 of each topic, and may raise LogUnreadable.
+    """
+    closing = contents.closing
+    if closing is None or not closing["contents"]:
+        reason = "an older cotrack made it, which sealed the file alone" if closing else "it has no closing record"
+        return [f"{file.path} was rewritten by other software, and its seal cannot be checked: {reason}"]
+    beginning = f"{file.path} was rewritten by other software and is not as it was sealed: "
+    if not contents.is_sealed(contents.closing_at):
+        return [f"{beginning}the closing record is changed"]
+    for name, digest in closing["contents"].items():
+        kind, _, which = name.partition(":")
+        words = {"attachment": f"the attachment '{which}'", "metadata": f"the record '{which}'"}
+        words |= {"channel": f"the description of {which}", "messages": f"the text of {which}"}
+        found = contents.contents.get(name)
+        if kind == "attachment" and which in contents.attachments:
+            try:
+                found = sealing.attachment_digest(attachment(which))
+            except LogUnreadable as damage:
+                return [str(damage)]
+        has_messages = closing["messages"].get(which) or f"messages:{which}" in closing["contents"]
+        if kind == "channel" and not found and not has_messages:
+            continue  # a topic without messages may be left out
+        if kind == "messages" and which in contents.other_channels:
+            found = sealing.messages_digest(contents.chunks.rows_of(contents.other_channels[which]))
+        if found != digest:
+            return [f"{beginning}{words.get(kind, name)} is {'changed' if found else 'missing'}"]
+    try:
+        changed = [topic for topic, digest in closing["sha256"].items() if hashes().get(topic) != digest]
+    except LogUnreadable as damage:
+        return [str(damage)]
+    return [f"{beginning}the messages of {changed[0]} are changed or missing"] if changed else []
 
 
 def index_faults(file: ContainerReader) -> list[str]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import Protocol
 from xml.etree import ElementTree
 
 from orchestrator.files.budget import DOCUMENT, check_size
@@ -60,17 +59,13 @@ def _words(text: str) -> set[str]:
     return set(re.findall(r"[a-z]+|[0-9]+", text.lower()))
 
 
-class WithAttachments(Protocol):
-    """An opened log."""
+def recorded_texts(attachment: Callable[[str], bytes], instance: str) -> dict[str, str]:
+    """Return the descriptions by the variables of an instance; none if the document is missing or damaged.
 
-    def attachment(self, name: str) -> bytes:
-        """Return an attached file; raises LookupError, LogUnreadable."""
-
-
-def recorded_texts(log: WithAttachments, instance: str) -> dict[str, str]:
-    """Return the descriptions by the variables of an instance; none if the document is missing or damaged."""
+    ``attachment``: reads an attached file by its name; may raise LookupError, LogUnreadable.
+    """
     try:
-        content = log.attachment(f"{instance}.modelDescription.xml")
+        content = attachment(f"{instance}.modelDescription.xml")
         check_size(content, DOCUMENT)
         tree = ElementTree.fromstring(content)
     except (LogUnreadable, ElementTree.ParseError, LookupError, ValueError):  # LookupError: an unknown encoding, too

@@ -18,7 +18,7 @@ from orchestrator.log.container_reader import DAMAGE, HEAD, ContainerReader, Log
 from orchestrator.log.log_metadata import RecordedChannel
 from orchestrator.log.message_records import LOG_TIME, Messages, Records, records_by_channel, size_of
 from orchestrator.log.schema import Bytes
-from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series
+from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series, within
 from orchestrator.log.wire import Rule, Wire, wired_inputs
 
 CACHED_BYTES = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
@@ -250,7 +250,7 @@ class _Topic:
             values[:, self._recorded] = series.values
             series = series._replace(names=self._nothing.names, values=values)
         if not (series.t[0] >= window[0] and series.t[-1] <= window[1]):
-            inside = (series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)
+            inside = within(series.t, window)
             series, steps = series.rows(inside), steps[inside]
         if len(self.steps):
             series, steps = join_series([self._waiting, series]), np.concatenate([self.steps, steps])

@@ -6,10 +6,16 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orchestrator.log.wire import Floats, Wire
 
 EVER = (-np.inf, np.inf)
+
+
+def within(t: Floats, window: tuple[float, float]) -> NDArray[np.bool_]:
+    """Return a mask (m,) of the times (m,), s, in a closed interval, within rounding."""
+    return (t >= window[0] - 1e-9) & (t <= window[1] + 1e-9)
 
 
 class Topic(NamedTuple):

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from orchestrator.files.replacing import replacing
 from orchestrator.log import notices
-from orchestrator.log.container_writer import LogFailed, check_writable
-from orchestrator.log.log_metadata import checkpoint_step
+from orchestrator.log.log_file import LogFailed, check_writable
+from orchestrator.log.log_metadata import checkpoint_step, path_text_of
 from orchestrator.log.message_records import Messages
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorded_system import system_of
@@ -212,17 +212,15 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
     attachments = {name: content for name in names if (content := _attachment(log, name)) is not None}
     reached = 0.0
     wires = {topic: about.wires for topic, about in log.topics.items()}
-    metadata = {**log.metadata, "recovered": {"of": _text(log.path), "seal": log.seal or "none"}}
+    metadata = {**log.metadata, "recovered": {"of": path_text_of(log.path.name), "seal": log.seal or "none"}}
     resealed = f"sealed anew; {log.path} {f'had the seal {log.seal}' if log.seal else 'had no seal'}"
     with Recorder(fresh, topics, attachments, metadata, every=every, wires=wires) as recorder:
         for messages in log.intact():
-            t, h, _, values = messages.decode()
-            rows = slice(None) if steps is None else np.isin(_steps(messages), steps)
-            ends = t + h if _is_input(messages.topic) else t
-            for row in np.arange(len(t))[rows].tolist():
-                recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])
-                counts[messages.topic] += 1
-            reached = max([reached, *ends[rows].tolist()])
+            rows = np.ones(len(messages.rows), bool) if steps is None else np.isin(steps_of(messages), steps)
+            written = recorder.copy(messages, rows)
+            counts[messages.topic] += len(written.t)
+            ends = written.t + written.h if _is_input(messages.topic) else written.t
+            reached = max([reached, *ends.tolist()])
         if untouched:
             recorder.close(*(closing[key] for key in ("status", "message", "steps", "results", "warnings")))
             return LogVerdict(WHOLE, [f"{target} holds everything that was recorded", resealed, *log.faults])
@@ -240,10 +238,6 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
     return LogVerdict(RECOVERED, [sentence, resealed, *log.faults])
 
 
-def _text(path: Path) -> str:
-    return path.name.encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
-
-
 def _whole_steps(log: Log, recorded: Mapping[str, int], done: int) -> NDArray[np.int64] | None:
     """Return the numbers (m,) of the steps without a lost message; None if no message is lost.
 
@@ -252,21 +246,22 @@ def _whole_steps(log: Log, recorded: Mapping[str, int], done: int) -> NDArray[np
     """
     parts_of = {topic: [np.empty(0, np.int64)] for topic in log.topics}
     for messages in log.intact():
-        parts_of[messages.topic].append(_steps(messages))
-    steps_of = {topic: np.unique(np.concatenate(parts)) for topic, parts in parts_of.items() if _stride(log, topic)}
-    steps = np.unique(np.concatenate([np.empty(0, np.int64), *steps_of.values()]))
+        parts_of[messages.topic].append(steps_of(messages))
+    held = {topic: np.unique(np.concatenate(parts)) for topic, parts in parts_of.items() if _stride(log, topic)}
+    steps = np.unique(np.concatenate([np.empty(0, np.int64), *held.values()]))
     complete = {topic: sum(map(len, parts)) for topic, parts in parts_of.items()} == recorded
     if complete and not _lacks_steps(log, int(steps.max(initial=0)), done):
         return None
     is_whole = np.ones(len(steps), bool)
-    for topic, topic_steps in steps_of.items():
+    for topic, topic_steps in held.items():
         every, first = log.topics[topic].every, int(_is_input(topic))
         if len(topic_steps) or not len(steps) or steps[-1] < every:  # else the topic was never recorded: no loss
             is_whole &= (steps < first) | ((steps - first) % every != 0) | np.isin(steps, topic_steps)
     return steps[is_whole]
 
 
-def _steps(messages: Messages) -> NDArray[np.int64]:
+def steps_of(messages: Messages) -> NDArray[np.int64]:
+    """Return the numbers (m,) of the steps of messages; inputs count with the step that ends them."""
     return messages.sequence.astype(np.int64) + int(_is_input(messages.topic))
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.reader import Log
-from orchestrator.log.time_series import EVER, Floats
+from orchestrator.log.time_series import EVER, Floats, within
 from orchestrator.results.output_files import new_figure, save_figure
 from orchestrator.results.run_data import mean
 
@@ -59,7 +59,7 @@ def answers(log: Log, answer: Log, component: str, window: tuple[float, float] =
     names = [name for name in topics[log].names if name in topics[answer].names]
     series = [item.select({topic: [topics[item].names.index(name) for name in names]})[topic] for item in (log, answer)]
     t, in_log, in_answer = np.intersect1d(series[0].t, series[1].t, return_indices=True)
-    inside = (t >= window[0] - 1e-9) & (t <= window[1] + 1e-9)
+    inside = within(t, window)
     t, in_log, in_answer = t[inside], in_log[inside], in_answer[inside]
     if not len(t):
         return []

@@ -10,6 +10,7 @@ over its own interval of records; the RMS of means depends on that interval, so 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -18,7 +19,8 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
-from orchestrator.results.run_data import EVER, UNANSWERED, Floats, Missing, RunData, Window, record_durations, within
+from orchestrator.log.time_series import within
+from orchestrator.results.run_data import EVER, UNANSWERED, Floats, Missing, RunData, Window, record_durations
 
 FORMS = "time, travel or SIGNAL=VALUE"
 
@@ -215,8 +217,8 @@ def rms(values: Floats, lengths: Floats) -> float:
 def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
     """Observables of this kind of run."""
     if "chassis" in run.instances:
-        yield "position", Observable("m", 0.1, _position)
-        yield "velocity", Observable("m/s", 0.1, _velocity)
+        yield "position", Observable("m", 0.1, lambda run: _of_hull(run, "position")._replace(from_start=True))
+        yield "velocity", Observable("m/s", 0.1, lambda run: _of_hull(run, "velocity"))
         yield "pitch", Observable("rad", 0.01, lambda run: _signals(run, ["chassis.pitch"]))
     drives = [name for name in (*run.instances, *map(run.drive, run.sides)) if run.has(f"{name}.torque")]
     if drives:
@@ -231,16 +233,9 @@ def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
     if "chassis" not in run.instances:
         names = [f"{track}.speed" for track in run.tracks]
         yield "chain_speed", Observable("m/s", 0.01, lambda run: _signals(run, names))
-    yield "tension_mean", Observable("N", 100.0, lambda run: run.compute_once("tensions", _tensions)[0], windowed=True)
-    yield "tension_rms", Observable("N", 100.0, lambda run: run.compute_once("tensions", _tensions)[1], windowed=True)
-    yield (
-        "joint_force_mean",
-        Observable("N", 100.0, lambda run: run.compute_once("joint forces", _joint_forces)[0], windowed=True),
-    )
-    yield (
-        "joint_force_rms",
-        Observable("N", 100.0, lambda run: run.compute_once("joint forces", _joint_forces)[1], windowed=True),
-    )
+    for name, read in (("tension", _tension), ("joint_force", _joint_force)):
+        for number, statistic in enumerate(("mean", "rms")):
+            yield f"{name}_{statistic}", Observable("N", 100.0, partial(_windowed, name, read, number), windowed=True)
     yield "tension", Observable("N", 100.0, lambda run: _tension(run, EARLY), decisive=False)
     yield "joint_force", Observable("N", 100.0, lambda run: _joint_force(run, EARLY), decisive=False)
 
@@ -262,22 +257,15 @@ def _side_by_side(parts: list[tuple[Floats, Floats]], mean: bool = False) -> Obs
     return ObservableSamples(first, np.hstack([values[:m] for _, values in parts]), mean)
 
 
-def _position(run: RunData) -> ObservableSamples:
-    return _side_by_side([run.vectors("chassis", "out", "chassis.position", window=EVER)])._replace(from_start=True)
-
-
-def _velocity(run: RunData) -> ObservableSamples:
-    return _side_by_side([run.vectors("chassis", "out", "chassis.velocity", window=EVER)])
+def _of_hull(run: RunData, vector: str) -> ObservableSamples:
+    return _side_by_side([run.vectors("chassis", "out", f"chassis.{vector}", window=EVER)])
 
 
 def _links(run: RunData, window: Window, start: str, *ends: str) -> list[ObservableSamples]:
     """Outputs of links of all tracks by the beginning and ending of their names, one signal per ending."""
     columns_of_ends = {}
     for track in run.tracks:
-        topic = f"/{track}/links"
-        if topic not in run.log.topics:
-            raise Missing(f"the log has no outputs per link of '{track}'")
-        names = run.log.topics[topic].names
+        topic, names = run.link_outputs(track)
         columns_of_ends[topic] = [
             [i for i, n in enumerate(names) if n.startswith(start) and n.endswith(end)] for end in ends
         ]
@@ -320,17 +308,15 @@ def _joint_force(run: RunData, window: Window) -> ObservableSamples:
     return ObservableSamples(t, np.sqrt(sum(mean**2 for mean in means)))
 
 
-def _tensions(run: RunData) -> tuple[ObservableSamples, ObservableSamples]:
-    return _windowed(run, _tension)
+ReadWindow = Callable[[RunData, Window], ObservableSamples]
 
 
-def _joint_forces(run: RunData) -> tuple[ObservableSamples, ObservableSamples]:
-    return _windowed(run, _joint_force)
+def _windowed(name: str, read: ReadWindow, number: int, run: RunData) -> ObservableSamples:
+    """Mean (0) or RMS (1) of an observable over windows of time."""
+    return run.compute_once(f"windows of {name}", lambda run: _mean_and_rms(run, read))[number]
 
 
-def _windowed(
-    run: RunData, read: Callable[[RunData, Window], ObservableSamples]
-) -> tuple[ObservableSamples, ObservableSamples]:
+def _mean_and_rms(run: RunData, read: ReadWindow) -> tuple[ObservableSamples, ObservableSamples]:
     """Mean and RMS over all links and the samples of each window of time.
 
     Windows begin at the start; a last one of less than half the length is left out. One window is in memory at a

@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.vehicle import BadInput
-from orchestrator.log.time_series import Floats
+from orchestrator.log.time_series import Floats, within
 from orchestrator.results.analyses import phases
 from orchestrator.results.difference import ObservableSamples, aligned, instants, rms
 from orchestrator.results.measured_record import FIND, MeasuredFile, MeasuredSignal, read
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations, within
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
 from orchestrator.results.table import Column, Table
 
 WHOLE = "whole"

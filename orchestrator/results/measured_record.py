@@ -1,7 +1,7 @@
 """Measured signals from the CSV file of a test: columns by their names, in the units of a run's signals.
 
 The first line holds names with units: "v [km/h]", "v (km/h)" or "v, km/h". A cell that is empty, NaN, infinite or a
-mark of no data (``file_columns``) is a gap. The clock must increase from line to line.
+mark of no data (``files.columns``) is a gap. The clock must increase from line to line.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ import numpy as np
 
 from fmus.vehicle import BadInput, to_si
 from orchestrator.files.budget import MEASURED, MEASURED_ROWS
+from orchestrator.files.columns import head, no_data, unit_size
 from orchestrator.files.csv_lines import csv_lines
 from orchestrator.log.time_series import Floats
-from orchestrator.results.file_columns import head, no_data, unit_size
 
 CLOCKS = ("t", "time")
 FIND = "find"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.results import measures, turning
+from orchestrator.results import chain_measures, turning, vehicle_measures
 from orchestrator.results.run_data import RunData, Window
 
 
@@ -55,11 +55,11 @@ OBSERVABLES = {
         "distance along the start heading", "m", 5, lambda run, _: run.ends("chassis.distance")[1], whole=True
     ),
     "speed": RunObservable("speed", "m/s", 4, _speed),
-    "settlement": RunObservable("settlement", "mm", 4, _of(measures.settlement)),
-    "ground_force": RunObservable("ground carries", "kN", 5, _of(measures.ground_force)),
+    "settlement": RunObservable("settlement", "mm", 4, _of(vehicle_measures.settlement)),
+    "ground_force": RunObservable("ground carries", "kN", 5, _of(vehicle_measures.ground_force)),
     "weight": RunObservable("weight", "kN", 5, None),
-    "slip": RunObservable("slip", "%", 2, _of(measures.slip)),
-    "pad_slip": RunObservable("slip of the pads", "%", 2, _of(measures.pad_slip)),
+    "slip": RunObservable("slip", "%", 2, _of(vehicle_measures.slip)),
+    "pad_slip": RunObservable("slip of the pads", "%", 2, _of(vehicle_measures.pad_slip)),
     "pad_velocity": RunObservable("pads slide at", "m/s", 3, _pad_velocity),
     "path_error": RunObservable("largest distance from the path", "m", 3, _of(turning.path_error), whole=True),
     "yaw_rate": RunObservable("yaw rate", "rad/s", 4, _of(turning.yaw_rate)),
@@ -74,6 +74,6 @@ OBSERVABLES = {
     "power_regenerated": RunObservable("power from side to side", "kW", 4, _of(turning.regenerated_power)),
     "tension_max": RunObservable("largest link tension", "kN", 4, _tension_max, whole=True),
     "tension_mean": RunObservable("mean link tension", "kN", 4, _tension_mean),
-    "sag": RunObservable("sag", "m", 6, _of(measures.sag)),
-    "end_tension": RunObservable("tension at the ends", "kN", 5, _of(measures.end_tension)),
+    "sag": RunObservable("sag", "m", 6, _of(chain_measures.sag)),
+    "end_tension": RunObservable("tension at the ends", "kN", 5, _of(chain_measures.end_tension)),
 }

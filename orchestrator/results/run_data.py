@@ -15,6 +15,7 @@ from orchestrator.log.extra import NotInstalled
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.time_series import Floats, Series
+from orchestrator.log.time_series import within as within
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.rotation import body_axis
 
@@ -61,6 +62,13 @@ class Links(NamedTuple):
     forward: Floats  # (m, pins) m, from the sprocket axle towards the front of the vehicle
     up: Floats  # (m, pins) m, upwards from the sprocket axle; on a terrain along the hull's own upward axis
     tension: Floats  # (m, links) N
+
+    def middles(self) -> tuple[Floats, Floats]:
+        """Middles of the links (forward, up), (m, links) m each; link i lies between pins i and i + 1."""
+        here = np.arange(self.tension.shape[1])
+        following = (here + 1) % self.forward.shape[1]
+        forward, up = ((x[:, here] + x[:, following]) / 2 for x in (self.forward, self.up))
+        return forward, up
 
 
 class RunData:
@@ -132,17 +140,22 @@ class RunData:
         """Times and values of ``instance.variable`` within the window, (m,) each; raises Missing."""
         if (name, window) in self._prefetched:
             return self._prefetched[name, window]
-        topic, column = self._place(name)
+        topic, column = self.place(name)
         series = self._read(topic, [column], window)
         if not len(series.t) and window not in (None, EVER):
             raise Missing(f"'{name}' was not recorded between {window.start:g} and {window.end:g} s")
         return series.t, series.values[:, 0]
 
+    def rate(self, name: str, window: Window) -> float:
+        """Mean rate of a signal over a window, its unit per s; raises Missing."""
+        t, values = self.signal(name, window)
+        return float((values[-1] - values[0]) / (t[-1] - t[0]))
+
     def prefetch(self, names: Iterable[str], window: Window) -> None:
         """Read signals in one pass and cache them for this window; raises Missing."""
         names_by_column: dict[str, dict[int, str]] = {}
         for name in names:
-            topic, column = self._place(name)
+            topic, column = self.place(name)
             names_by_column.setdefault(topic, {})[column] = name
         series = (
             self.log.select({topic: [*columns] for topic, columns in names_by_column.items()}, window)
@@ -153,7 +166,8 @@ class RunData:
             for k, name in enumerate(columns.values()):
                 self._prefetched[name, window] = series[topic].t, series[topic].values[:, k]
 
-    def _place(self, name: str) -> tuple[str, int]:
+    def place(self, name: str) -> tuple[str, int]:
+        """Topic and column of a signal; raises Missing."""
         if name not in self.log:
             raise Missing(f"the log has no signal '{name}'")
         return self.log.find(name)
@@ -167,7 +181,7 @@ class RunData:
         """Largest value of outputs over the run; raises Missing, and ValueError without values."""
         columns_by_topic: dict[str, list[int]] = {}
         for name in names:
-            topic, column = self._place(name)
+            topic, column = self.place(name)
             columns_by_topic.setdefault(topic, []).append(column)
         return max(
             float(block[topic].values[:, columns].max())
@@ -177,7 +191,7 @@ class RunData:
 
     def ends(self, name: str) -> tuple[float, float]:
         """First and last value of ``instance.variable``; raises Missing."""
-        topic, column = self._place(name)
+        topic, column = self.place(name)
         values = self.log.ends(topic).values[:, column]
         if not len(values):
             raise Missing(f"the log holds no value of '{name}'")
@@ -205,10 +219,7 @@ class RunData:
         return self._links[track, window]
 
     def _read_links(self, track: str, window: Window | None) -> Links:
-        topic = f"/{track}/links"
-        if topic not in self.log.topics:
-            raise Missing(f"the log has no outputs per link of '{track}'")
-        names = self.log.topics[topic].names
+        topic, names = self.link_outputs(track)
         pins, links = (link_columns(names, signal) for signal in (POSITION, TENSION))
         for signal, columns in ((POSITION, pins), (TENSION, links)):
             if not columns.size:
@@ -221,6 +232,13 @@ class RunData:
         up = offset[..., 2] if upright is None else np.einsum("mpi,mi->mp", offset, upright)
         return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), up, tension)
 
+    def link_outputs(self, track: str) -> tuple[str, tuple[str, ...]]:
+        """Topic of the link outputs of a track, and their names; raises Missing."""
+        topic = f"/{track}/links"
+        if topic not in self.log.topics:
+            raise Missing(f"the log has no outputs per link of '{track}'")
+        return topic, self.log.topics[topic].names
+
     def _upright(self, t: Floats, window: Window | None) -> Floats | None:
         """Upward axis (m, 3) of the hull on a terrain; None elsewhere, where the vertical takes its place."""
         if not (on_terrain(self.scene) and self.has("chassis.chassis.orientation.w")):
@@ -229,10 +247,10 @@ class RunData:
         times, q = self.vectors("chassis", "out", "chassis.orientation", "wxyz", early_window)
         return body_axis(q[np.clip(np.searchsorted(times, t + 1e-9) - 1, 0, len(times) - 1)], 2)
 
-    def vector_at(self, instance: str, topic: str, prefix: str, t: float, parts: str = "xyz") -> Floats:
-        """Values of ``prefix.{parts}`` in the last message by time t, or in the first one; raises Missing."""
+    def vector_at(self, instance: str, topic: str, prefix: str, t: float) -> Floats:
+        """Values (3,) of the vector ``prefix`` in the last message by time t, or in the first one; raises Missing."""
         for window in (Window(t - LONGEST_STEP, t), Window(t - LONGEST_STEP, t + LONGEST_STEP), EVER):
-            times, values = self.vectors(instance, topic, prefix, parts, window)
+            times, values = self.vectors(instance, topic, prefix, window=window)
             if len(times):
                 return values[max(int(np.searchsorted(times, t + 1e-9)) - 1, 0)]
         raise Missing(f"the log holds no step of '{instance}'")
@@ -261,11 +279,6 @@ class RunData:
         else:
             ahead = np.cross(axle, upright)
         return position[rows], ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
-
-
-def within(t: Floats, window: Window) -> NDArray[np.bool_]:
-    """True for times in the window, within rounding."""
-    return (t >= window.start - 1e-9) & (t <= window.end + 1e-9)
 
 
 def record_durations(t: Floats, before: float | None = None) -> Floats:
@@ -329,3 +342,13 @@ def reason(error: Exception) -> str:
     if FAULTS_RAISE or isinstance(error, LogUnreadable):
         raise error
     return f"{type(error).__name__}: {error}"
+
+
+def drive_of(run: RunData, side: str) -> str:
+    """Prefix of the drive of a side; a mirrored side has that of the other, a rig its own."""
+    return run.drive(side) or (run.drive(run.sides[0]) if run.sides else "drive")
+
+
+def track_of(run: RunData, side: str) -> str:
+    """Name of the track of a side, or of the first track."""
+    return f"{side}_track" if f"{side}_track" in run.tracks else run.tracks[0]

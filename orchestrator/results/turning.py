@@ -69,8 +69,7 @@ def drive_power(run: RunData, of: str, window: Window) -> float:
     allowed = (*SIGN, "propulsion", "steering") if joined else tuple(SIGN)
     if of not in allowed:
         raise Missing(f"drive_power of '{of}': there is that of {', '.join(allowed)}")
-    t, work = run.signal(f"differential.{of}.work" if joined else f"{of}_drive.energy.work", window)
-    return float((work[-1] - work[0]) / (t[-1] - t[0]))
+    return run.rate(f"differential.{of}.work" if joined else f"{of}_drive.energy.work", window)
 
 
 def regenerated_power(run: RunData, of: str, window: Window) -> float:

@@ -17,7 +17,7 @@ from orchestrator.scene.parts import (
     CHASSIS,
     DRIVE,
     DRIVER,
-    SIDES,
+    SIGN_OF_Y,
     SPROCKET,
     Parameters,
     Part,
@@ -270,7 +270,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
         drives.append(differential_part(scene, scene.drive.steering, stands))
     sides = hull["chassis"]["sides"]
     for side in (side for side in scene.tracks if side in sides):
-        track, lateral = f"{side}_track", SIDES[side] * vehicle.track.lateral
+        track, lateral = f"{side}_track", SIGN_OF_Y[side] * vehicle.track.lateral
         config = vehicle_track_config(scene, side)
         rims = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
         tracks.append(track_part(scene, track, standing_track_config(scene, config, side, stands), lateral))

@@ -14,10 +14,8 @@ from typing import Any
 
 from fmus.vehicle import BadInput, path_text, value_text, vehicle
 from orchestrator.files.replacing import replacing
-from orchestrator.scene import data_files
-from orchestrator.scene.fmu_table import set_folder
 from orchestrator.scene.keys import OVERRIDES, REQUIRED, Key, facts, scene_keys, table_of, vehicle_keys
-from orchestrator.scene.scene import load, read_scene, read_vehicle
+from orchestrator.scene.scene import load, read_vehicle, read_with_files
 from orchestrator.scene.settings import CHOSEN, NAMED, toml_text
 from orchestrator.scene.tables import short_coupling
 from orchestrator.scene.track_table import short_track
@@ -53,9 +51,7 @@ def new_file(kind: str, name: str, source: str | None = None) -> Path:
 def scene_text(source: str) -> str:
     """Commented scene file that resolves as a scene of the gallery or a file, save for its name; raises BadInput."""
     assembly = load(source).assembly
-    _, table = read_scene(source)
-    data_files.read_files(table, Path(source).parent, source)
-    set_folder(table, Path(source).parent)
+    _, table = read_with_files(source)
     table["track"] = short_track(table["track"])
     if "coupling" in table["run"]:
         table["run"]["coupling"] = short_coupling(table["run"]["coupling"])

@@ -13,9 +13,9 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.files.budget import CSV, MEASURED, ROWS, read_file
+from orchestrator.files.columns import head, no_data, unit_size
 from orchestrator.files.csv_lines import csv_lines
 from orchestrator.log.time_series import Floats
-from orchestrator.results.file_columns import head, no_data, unit_size
 from orchestrator.scene.ground_tables import MOST_HEIGHTS
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
@@ -17,6 +17,16 @@ POINTS_OF = {  # and the modes that use them
     "brake_points": ("torque", "controller"),
     "engine_points": ("torque", "controller"),
 }
+
+
+def points_text(pairs: Sequence[tuple[float, float]]) -> str:
+    """Pairs as the value of a String parameter."""
+    return "; ".join(f"{first!r} {second!r}" for first, second in pairs)
+
+
+def _rise(values: Iterable[float]) -> bool:
+    """Whether each value is larger than the one before."""
+    return not any(later <= earlier for earlier, later in pairwise(values))
 
 
 class DriveTable(FrozenTable):
@@ -70,8 +80,12 @@ class DriveTable(FrozenTable):
         braked = "torque", "controller"
         modes_of = {"torque": ("torque",), "torque_limit": ("controller",), "brake": braked, "brake_speed": braked}
         for key, modes in modes_of.items():
-            if getattr(self, key) and self.mode not in modes:
-                raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
+            if getattr(self, key):
+                self._require_mode(key, modes)
+
+    def _require_mode(self, key: str, modes: Sequence[str]) -> None:
+        if self.mode not in modes:
+            raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
 
     @model_validator(mode="after")
     def _check_points(self) -> DriveTable:
@@ -79,10 +93,9 @@ class DriveTable(FrozenTable):
             points = getattr(self, key)
             if points is None:
                 continue
-            if self.mode not in modes:
-                raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
+            self._require_mode(key, modes)
             times = [time for time, _ in points]
-            if not times or any(later <= earlier for earlier, later in pairwise(times)):
+            if not times or not _rise(times):
                 raise ValueError(
                     f"{key}: needs at least one point, and {'speeds' if key == 'engine_points' else 'times'} that rise"
                 )
@@ -235,8 +248,7 @@ class DriverTable(FrozenTable):
         for key, least in (("arcs", 1), ("points", 2), ("speed_points", 1)):
             if (pairs := getattr(self, key)) is not None and len(pairs) < least:
                 raise ValueError(f"{key}: needs at least {least} of them, not {len(pairs)}")
-        times = [time for time, _ in self.speed_points or ()]
-        if any(later <= earlier for earlier, later in pairwise(times)):
+        if not _rise(time for time, _ in self.speed_points or ()):
             raise ValueError("speed_points: needs times that rise")
         for k, (first, second) in enumerate(pairwise(self.points or ())):
             if first == second:
@@ -272,17 +284,15 @@ class HitchTable(FrozenTable):
 
     @model_validator(mode="after")
     def _check_points(self) -> HitchTable:
-        speeds = [speed for speed, _ in self.drag_points or ()]
-        if self.drag_points == () or any(later <= earlier for earlier, later in pairwise(speeds)):
+        if self.drag_points == () or not _rise(speed for speed, _ in self.drag_points or ()):
             raise ValueError("drag_points: needs at least one point, and speeds that rise")
         return self
 
     def parameters(self) -> dict[str, float | int | str]:
         """Parameters of the chassis."""
-        points = "; ".join(f"{speed!r} {force!r}" for speed, force in self.drag_points or ())
         return {
             "hitch.load.force": self.force,
-            "hitch.load.points": points,
+            "hitch.load.points": points_text(self.drag_points or ()),
             "hitch.load.ramp.start": self.ramp_start,
             "hitch.load.ramp.end": self.ramp_start + self.ramp_time,
         }

@@ -1,14 +1,12 @@
-"""Keys of scene files and vehicle files with unit, allowed values, default and meaning, and measures of checks.
+"""Keys of scene files and vehicle files with unit, allowed values, default and meaning.
 
-They are read from the JSON schemas of the files, with which editors complete and check TOML, measures from their
-functions.
+They are read from the JSON schemas of the files, with which editors complete and check TOML.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
-from itertools import groupby
 from typing import Any, NamedTuple
 
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
@@ -17,8 +15,6 @@ from fmus.loaded import component_ports
 from fmus.ranges import VEHICLE, PlausibleRange
 from fmus.track_choices import TRACKS
 from fmus.vehicle import VehicleTable
-from orchestrator.results import measures
-from orchestrator.results.table import Table
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.data_files import UNITS
 from orchestrator.scene.kinds import Scene
@@ -132,15 +128,6 @@ class Key(NamedTuple):
     solved: bool = False  # a run solves for it
 
 
-ASSEMBLY = Key._fields.index("assembly")
-PAGE = """# Keys of scenes and vehicles
-
-`cotrack keys --markdown` writes this page. Numbers have the unit given, or are texts with one ("2 ms"); the unit 1
-is a ratio. A key without default may be left out, unless it is required. A vehicle file has the tables of `[vehicle]`,
-named without `vehicle.`. A scene with assembly = "fmus" has the keys name, title, assembly, run, expect, fmu and
-connections alone."""
-
-
 def scene_keys() -> list[Key]:
     """All keys of scene files, table by table, those of the whole vehicle included."""
     schema = scene_schema()
@@ -158,46 +145,9 @@ def vehicle_keys(above: str = "") -> list[Key]:
     return _by_table([_key(*entry) for entry in entries(schema, schema["$defs"], above)])
 
 
-def measure_keys() -> list[Key]:
-    """All measures; their meaning is the first sentence of their docstring."""
-    return [
-        Key(name, measures.UNITS[measure], "", "", (measure.__doc__ or "").partition("\n")[0].rstrip("."))
-        for name, measure in measures.NAMES.items()
-    ]
-
-
-def key_text(key: Key) -> str:
-    """Key in two lines: unit, allowed values and default; meaning."""
-    default = key.default if key.default in ("", REQUIRED) else f"default {key.default}"
-    kinds, solved = key.assembly and f"assembly {key.assembly}", "solved by the run" * key.solved
-    return f"{key.key}: {', '.join(filter(None, (facts(key), default, kinds, solved)))}\n    {key.meaning}"
-
-
 def facts(key: Key) -> str:
     """Unit and allowed values of a key in words."""
     return ", ".join(filter(None, (key.unit if key.unit != "1" else "ratio", key.allowed)))
-
-
-def page(keys: Iterable[Key], measured: Iterable[Key]) -> str:
-    """Reference of keys and measures as Markdown, a section for each table."""
-    keys, blocks = list(keys), [PAGE]
-    about = {key.key: key for key in keys}
-    for table, rows in groupby(keys, table_of):
-        key = about.get(table)
-        heads = f"## [{table}]", key and key.meaning, key and key.assembly and f"Assembly: {key.assembly}."
-        blocks += ["\n\n".join(filter(None, heads)) if table else "## Scene", _markdown(rows)]
-    if measured := list(measured):
-        blocks += ["## Measures", _markdown(measured)]
-    return "\n\n".join(blocks)
-
-
-def _markdown(rows: Iterable[Key]) -> str:
-    """Table of keys of one table, without the names of the table and columns that are empty in all rows."""
-    short = [(f"`{key.key.rpartition('.')[2]}`", *key[1 : ASSEMBLY + 1]) for key in rows]
-    of_some = len({row[ASSEMBLY] for row in short}) > 1
-    used = [k for k in range(ASSEMBLY + of_some) if any(row[k] for row in short)]
-    columns = [(Key._fields[k], "") for k in used]
-    return Table.of("", columns, [[row[k] for k in used] for row in short]).markdown().rstrip()
 
 
 def table_of(key: Key) -> str:

@@ -13,7 +13,6 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, Force, Vehicle, path_text, value_text
-from orchestrator.results.analyses.catalogue import UNSTRESSED, described
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable, VehicleDriveTable
 from orchestrator.scene.fmu_table import FmuTable, pair_of, require_instance_name
 from orchestrator.scene.ground_tables import GroundTable, LevelGroundTable
@@ -21,6 +20,7 @@ from orchestrator.scene.system_scene import ASSUMED_SPEED, SystemScene
 from orchestrator.scene.tables import BenchTable, ChainTable, RigTable, StartTable, VehicleStartTable
 from orchestrator.scene.track_table import TrackModelTable, short_track
 from orchestrator.scene.values import OR_FALSE, SIDES, SOLVED, Side, TrackName
+from orchestrator.vocabulary.analyses import UNSTRESSED, described
 
 # Settings of a drive in mode controller that are allowed beside a driver.
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_speed", "brake_points", "engine_points", "gear_ratio")

@@ -15,7 +15,7 @@ from fmus.standing import ground_level, standing_pose
 from fmus.track_choices import HHT, TRACKS
 from fmus.vehicle import ReturnRollerTable, RoadWheelTable, VehicleTable
 from orchestrator.cosim.graph import Connection
-from orchestrator.scene.drive_tables import DriverTable, DriveTable
+from orchestrator.scene.drive_tables import DriverTable, DriveTable, points_text
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
 from orchestrator.scene.tables import VehicleStartTable
@@ -63,7 +63,7 @@ def footing(
     return Footing(rise, ahead, left, bool(abs(h - design @ plane).max() > EVEN))
 
 
-SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
+SIGN_OF_Y: dict[Side, float] = {"left": 1.0, "right": -1.0}
 AXLE: Sequence[float] = (0.0, 0.0, 0.0)  # position of the sprocket in the vehicle frame
 DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages in stepping order: driver, then force sides before motion sides
 DIFFERENTIAL = "differential"
@@ -86,7 +86,7 @@ class Part(NamedTuple):
 def chassis_config(scene: VehicleScene) -> dict[str, Any]:
     """Config of the chassis: sides, start, contacts, hitch, seats."""
     equilibrium = scene.start.equilibrium
-    chassis: dict[str, Any] = {"sides": list(SIDES)[: 1 if scene.symmetric else 2], **_ground_config(scene)}
+    chassis: dict[str, Any] = {"sides": list(SIGN_OF_Y)[: 1 if scene.symmetric else 2], **_ground_config(scene)}
     chassis |= {"start": equilibrium.model_dump(mode="json")} if equilibrium else {}
     chassis |= {"push": scene.push} if scene.push and len(scene.tracks) == 1 else {}
     chassis |= {"hitch": True} if scene.hitch is not None else {}
@@ -123,7 +123,7 @@ def driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
         Connection("chassis", motion_outputs[POSE:], "driver", motion_inputs[POSE:], "rate"),
         *(
             Connection("driver", (f"{side}.speed",), drive, (f"{connector}speed.demand",), "mean")
-            for side in SIDES
+            for side in SIGN_OF_Y
             for drive, connector in [drive_of_side(scene, side)]
         ),
     )
@@ -141,17 +141,12 @@ def driver_parameters(driver: DriverTable) -> Parameters:
     pairs = {"path.arcs": driver.arcs, "path.points": driver.points, "speed.points": driver.speed_points}
     if driver.lateral_acceleration is not None:
         parameters["acceleration.lateral"] = driver.lateral_acceleration
-    return parameters | ramp | {name: _text(points) for name, points in pairs.items() if points is not None}
-
-
-def _text(pairs: Sequence[tuple[float, float]]) -> str:
-    """Pairs as the value of a String parameter."""
-    return "; ".join(f"{first!r} {second!r}" for first, second in pairs)
+    return parameters | ramp | {name: points_text(points) for name, points in pairs.items() if points is not None}
 
 
 def _ground_config(scene: VehicleScene) -> dict[str, Any]:
     """Config of the contacts of the chassis itself: the hull if declared, wheels without a track."""
-    trackless = [side for side in SIDES if side not in scene.tracks]
+    trackless = [side for side in SIGN_OF_Y if side not in scene.tracks]
     if not trackless and not scene.ground.hull:
         return {}
     return {"ground": {"hull": scene.ground.hull, "bare": trackless, **_ground_shape(scene)}}
@@ -244,7 +239,7 @@ def differential_part(scene: VehicleScene, steering: DriveTable, stands: Mapping
     """Steering differential between both sprockets."""
     vehicle = scene.vehicle
     differential: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
-    for (side, sign), key in zip(SIDES.items(), ("mount", "right"), strict=True):  # keys of its config
+    for (side, sign), key in zip(SIGN_OF_Y.items(), ("mount", "right"), strict=True):  # keys of its config
         x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
         differential[key] = [x, y + sign * vehicle.track.lateral, *rest]
     config = {"vehicle": vehicle.model_dump(), "drive": differential}
@@ -267,7 +262,7 @@ def _drive_parameters(drive: DriveTable) -> Parameters:
         parameters |= {"stop.start": drive.stop, "stop.time": drive.stop_time}
     for name in ("speed", "torque", "brake", "engine"):
         if (points := getattr(drive, f"{name}_points")) is not None:
-            parameters[f"{name}.points"] = _text(points)
+            parameters[f"{name}.points"] = points_text(points)
     for key in ("brake_speed", "gear_ratio", "torque_limit"):
         if (value := getattr(drive, key)) is not None:
             parameters[key.replace("_", ".")] = value

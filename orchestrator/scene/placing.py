@@ -10,12 +10,12 @@ from fmus.equilibrium import FlexibleTrack, equilibrium
 from fmus.standing import hull_clearance
 from fmus.tensioning import CABLES, Links, tension_wheel
 from fmus.vehicle import BadInput, RightIdlerTable, RightTensionerTable
-from orchestrator.results.validity.limits import BELLY
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import Parameters, Part, footing_of, rig_track_config, vehicle_track_config
 from orchestrator.scene.tables import EquilibriumTable
 from orchestrator.scene.values import SIDES
+from orchestrator.vocabulary.limits import BELLY
 
 
 def placed(scene: Scene) -> Scene:
@@ -74,7 +74,7 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
 
 
 def _refuse_belly(scene: VehicleScene, rest: EquilibriumTable) -> None:
-    """Raise BadInput for a hull that is in the soil at rest, see ``results.validity.limits.BELLY``."""
+    """Raise BadInput for a hull that is in the soil at rest, see ``vocabulary.limits.BELLY``."""
     depth = -hull_clearance(scene.vehicle.model_dump(), rest.height, rest.roll, rest.pitch)
     if depth > BELLY:
         raise BadInput(

@@ -26,9 +26,10 @@ from fmus.link_outputs import INTERVAL
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator import __version__
-from orchestrator.cosim.component import LINK_FAMILIES
 from orchestrator.cosim.graph import Connection
+from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.files.replacing import replacing
+from orchestrator.scene.archive.elements import DOCUMENT_NAME, FMU
 from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Part
@@ -103,7 +104,7 @@ def make_folder(folder: Path) -> None:
         raise BadInput(f"the folder {folder} cannot be made: {error.strerror}") from None
 
 
-DOCUMENT_NAME, VERSION = "SystemStructure.ssd", "1.0"
+VERSION = "1.0"
 NAMESPACES = {
     letters: f"http://ssp-standard.org/SSP1/SystemStructure{name}"
     for letters, name in (("ssc", "Common"), ("ssd", "Description"), ("ssv", "ParameterValues"))
@@ -169,7 +170,7 @@ def _add_component(parent: Element, component: StructuredComponent, connected: C
         parent,
         _tag("ssd:Component"),
         name=component.name,
-        type="application/x-fmu-sharedlibrary",
+        type=FMU,
         source=component.source,
         implementation="CoSimulation",
     )

@@ -33,8 +33,9 @@ from orchestrator.cosim.base_units import (
     difference,
     unit_of,
 )
-from orchestrator.cosim.component import LINK_FAMILIES, SETTERS, ComponentFailed, description_of
-from orchestrator.cosim.graph import Connection, Guest, Instance
+from orchestrator.cosim.component import SETTERS, description_of
+from orchestrator.cosim.graph import ComponentFailed, Connection, GuestTerms, Instance
+from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.parts import Parameters, Part
 
@@ -284,7 +285,7 @@ def user_instance(each: Replacement, ends: Ends, connections: Sequence[Connectio
     conversions = {name: one for name, one in conversions.items() if one != UNCHANGED}
     units = {name: each.ports[name].unit for name in conversions if each.variables[name].causality == "output"}
     file = Path(table.file)
-    guest = Guest(table.in_process, table.call_limit or math.inf, table.non_finite)
+    guest = GuestTerms(table.in_process, table.call_limit or math.inf, table.non_finite)
     terms = conversions, units, None if built_here(file) else guest
     return Instance(part.name, file, {**parameters, **table.parameters}, part.stage, *terms)
 

@@ -62,6 +62,17 @@ def read_scene(scene: str) -> tuple[str, dict[str, Any]]:
     raise BadInput(f"no scene {value_text(scene)}: {hint(scene, scene_names(), 'the gallery has')}")
 
 
+def read_with_files(scene: str) -> tuple[str, dict[str, Any]]:
+    """Name and raw table of a scene, with points and heights of the files that it names, and paths of FMUs.
+
+    Raises BadInput.
+    """
+    name, table = read_scene(scene)
+    data_files.read_files(table, Path(scene).parent, f"{name}.toml")
+    set_folder(table, Path(scene).parent)
+    return name, table
+
+
 def read_vehicle(name: str) -> dict[str, Any]:
     """Raw table of a packaged vehicle or of a TOML file; raises BadInput."""
     path = Path(name)
@@ -110,9 +121,7 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
 
     Settings are ``KEY=VALUE`` texts as of ``--set``, or a table as ``{"vehicle.track.mass": 20, "run.stop": "3 s"}``.
     """
-    name, table = read_scene(scene)
-    data_files.read_files(table, Path(scene).parent, f"{name}.toml")
-    set_folder(table, Path(scene).parent)
+    name, table = read_with_files(scene)
     changes = pairs(settings)
     kind = _kind(table, f"{name}.toml")
     if track is not None and not issubclass(kind, Scene):

@@ -105,6 +105,11 @@ class SystemScene(FrozenTable):
         return ""
 
     @property
+    def checks(self) -> dict[str, Check]:
+        """Checks of its track model, by their names."""
+        return {name: check for name, check in self.expect.items() if check.track in (None, self.variant)}
+
+    @property
     def resumable(self) -> bool:
         """True if a run can be resumed; not with FMUs of the user, because no file that a log names is run."""
         return False

@@ -10,10 +10,10 @@ from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, mode
 
 from fmus.vehicle import BadInput, Distance, Force, FrozenTable, In, ratio, value_text
 from orchestrator.log.message_records import MOST_STEPS
-from orchestrator.results import measures
-from orchestrator.results.validity.limits import ALLOWED
 from orchestrator.scene.settings import hint
 from orchestrator.scene.values import OR_FALSE, Duration, Every, Time, TrackName
+from orchestrator.vocabulary.limits import ALLOWED
+from orchestrator.vocabulary.measures import UNITS
 
 if TYPE_CHECKING:
     Allowed = str
@@ -238,7 +238,7 @@ class RunTable(FrozenTable):
         return round(self.stop / self.step)
 
 
-MeasureName = Annotated[str, Field(json_schema_extra={"enum": sorted(measures.NAMES)})]
+MeasureName = Annotated[str, Field(json_schema_extra={"enum": sorted(UNITS)})]
 Checked = Field(allow_inf_nan=False, json_schema_extra={"unit": "that of the signal or measure"})
 
 
@@ -275,8 +275,8 @@ class Check(FrozenTable):
     def _check_source(self) -> Check:
         if (self.signal is None) == (self.measure is None):
             raise ValueError("needs either signal or measure")
-        if self.measure is not None and self.measure not in measures.NAMES:
-            raise ValueError(f"no measure '{self.measure}': {hint(self.measure, sorted(measures.NAMES), 'one of')}")
+        if self.measure is not None and self.measure not in UNITS:
+            raise ValueError(f"no measure '{self.measure}': {hint(self.measure, sorted(UNITS), 'one of')}")
         return self
 
 

@@ -74,7 +74,7 @@ class Case(NamedTuple):
     limit: float = 1800.0  # s until it is stopped and recorded as failed
 
 
-def find(name: str) -> ModuleType:
+def study_module(name: str) -> ModuleType:
     """Module of a study by its name; raises BadInput."""
     if name in MOVED:
         raise BadInput(f"study {name} is run in a clone of cotrack: {MOVED[name]}")

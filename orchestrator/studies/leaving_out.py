@@ -24,12 +24,10 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.cosim import master
-from orchestrator.cosim.coupling import SCHEMES
-from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
 from orchestrator.execution.loading import load_components
 from orchestrator.execution.manifest import open_log
-from orchestrator.execution.prepared_run import pace_of, warm_up
+from orchestrator.execution.prepared_run import PreparedRun
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.table import Column, Table
@@ -38,7 +36,7 @@ from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import CHASSIS, TRACK, Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
-from orchestrator.studies import Case, Row, files
+from orchestrator.studies import Case, Row, result_files
 
 TITLE = "What leaving out saves"
 WORKERS = 1  # timed pairs need the machine for themselves
@@ -240,12 +238,10 @@ def run(name: str, side: PairedRun, path: Path) -> tuple[float, float]:
     with ExitStack() as stack:
         graph = system(assembly)
         components = load_components(graph, scene.run.times, stack)
-        stages = wire(graph, components)
-        scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
-        warm_up(stages, scene.run.step)
-        with open_log(path, scene, graph, components, scheme) as recorder:
+        prepared = PreparedRun.prepare(scene, graph, components)
+        with open_log(path, scene, graph, components, prepared.scheme) as recorder:
             cpu, wall = time.process_time(), time.perf_counter()
-            outcome = master.run(scheme, pace_of(scene.run), [Logging(recorder, list(components.values()), 100)])
+            outcome = master.run(prepared.scheme, prepared.pace, [Logging(recorder, list(components.values()), 100)])
             recorder.close(outcome.status, outcome.message, outcome.steps)
             cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     if outcome.status != "ok":
@@ -286,10 +282,10 @@ def table(rows: Sequence[Row], title: str = "") -> Table:
     return Table.of_records(title, COLUMNS, [row.cells() for row in rows])
 
 
-def draw(rows: Sequence[Row], title: str) -> files.Picture:
+def draw(rows: Sequence[Row], title: str) -> result_files.Picture:
     """Draw bars of the remaining cost: CPU time with its spread, log size."""
     drawn_rows = [row for row in rows if math.isfinite(row["cpu_ratio"])][::-1]
-    figure = files.new_figure(9.0, 1.2 + 0.42 * len(drawn_rows))
+    figure = result_files.new_figure(9.0, 1.2 + 0.42 * len(drawn_rows))
     axes = figure.subplots()
     positions = np.arange(len(drawn_rows))
     middle, low, high = (
@@ -313,7 +309,7 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Write table and figure; raises OSError if the folder cannot be written."""
-    return files.save(folder, name, table(rows, title), draw(rows, title))
+    return result_files.save(folder, name, table(rows, title), draw(rows, title))
 
 
 if __name__ == "__main__":

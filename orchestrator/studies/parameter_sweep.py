@@ -30,11 +30,11 @@ from orchestrator.scene.kinds import Scene
 from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import SHORT_KEYS, load
 from orchestrator.scene.settings import pairs
-from orchestrator.studies import Case, Row, files, pool
+from orchestrator.studies import Case, Row, pool, result_files
 from orchestrator.studies.store import Store
 from orchestrator.studies.sweep_picture import draw
 from orchestrator.studies.variations import Design
-from orchestrator.studies.wanted_figures import Wanted, figures_of_log, recording_settings, wanted_figures
+from orchestrator.studies.wanted_figures import WantedFigure, figures_of_log, recording_settings, wanted_figures
 
 NOT_MET = "checks not met"
 TOLD = 3  # figures of a case that are said as it finishes
@@ -143,7 +143,9 @@ def _differences(held: Mapping[str, Any], definition: Mapping[str, Any]) -> str:
     return "; ".join(found) or "a setting, a file or cotrack itself has changed"
 
 
-def run_case(scene: Scene, native: bool, estimated: bool, log: Path | None, wanted: Sequence[Wanted] = ()) -> list[Row]:
+def run_case(
+    scene: Scene, native: bool, estimated: bool, log: Path | None, wanted: Sequence[WantedFigure] = ()
+) -> list[Row]:
     """Row of a run, whose log is deleted unless it has a path. Raises KeyboardInterrupt and as ``simulate`` does."""
     interrupt = Interrupt()
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
@@ -221,7 +223,7 @@ class Sweep:
         """Write tables and picture, Parquet if pyarrow is installed; raises OSError, BadInput."""
         title, whole = f"{title} of {self.cases[0].item}", self.whole_table(rows)
         picture = draw(self.design, self._table(rows, "", HIDDEN), title)
-        written = files.save(folder, name, self.table(rows, title), picture, {f"{name}.csv": whole.csv()})
+        written = result_files.save(folder, name, self.table(rows, title), picture, {f"{name}.csv": whole.csv()})
         with suppress(NotInstalled):
             content, parquet = whole.arrow(), folder / f"{name}.parquet"
             with atomic_write(parquet) as temporary:

@@ -25,6 +25,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from fmus.vehicle import BadInput
+from orchestrator.cosim.program import processors
 from orchestrator.log.extra import installation
 from orchestrator.studies import Case, Row
 from orchestrator.studies.store import Store
@@ -71,6 +72,7 @@ def run(
     if scheduler is not None:
         finished = _on_cluster(cases, remaining, scheduler)
     elif workers > 1:
+        # More workers than processors would take turns, with the memory of all.
         finished = _in_processes(cases, remaining, min(workers, processors()))
     else:
         finished = ((k, attempt(cases[k]), True) for k in sorted(remaining))
@@ -81,11 +83,6 @@ def run(
             store.put(case, rows_of[k])
         done(case, rows_of[k])
     return [row for k in range(len(cases)) for row in rows_of[k]]
-
-
-def processors() -> int:
-    """Number of processors that this process may use: more workers would take turns, with the memory of all."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _in_processes(cases: Sequence[Case], remaining: Sequence[int], workers: int) -> FinishedCases:

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from fmus.build import BuildFailed
-from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.scheme import CouplingFailed
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.recorder import LogFailed
+from orchestrator.log.log_file import LogFailed
 from orchestrator.results.difference import INTERVAL
 from orchestrator.scene.kinds import Scene
 

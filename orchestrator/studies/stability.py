@@ -3,8 +3,8 @@
 A case runs a scene of the gallery with settings and has two requirements: the energy ledger closes to 5 %
 (``summary.energy_warning``), and one physical expectation, named in the table, is met; ``verdict`` judges the run. The
 predicted limit is the longest communication step of the linearised coupling, or the internal step of an explicit
-integrator (``limits``); the observed limit is bisected with the same requirements. The table shows all cases, and the
-map too. Cases are families of one parameter, and steps whose limits are bisected.
+integrator (``step_limits``); the observed limit is bisected with the same requirements. The table shows all cases, and
+the map too. Cases are families of one parameter, and steps whose limits are bisected.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from fmus.vehicle import BadInput
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.kinds import RigScene
 from orchestrator.scene.scene import load
-from orchestrator.studies import Case, Row, files
-from orchestrator.studies.limits import predicted
+from orchestrator.studies import Case, Row, result_files
+from orchestrator.studies.step_limits import predicted
 from orchestrator.studies.verdict import (
     BLOWN,
     CLEAN,
@@ -328,13 +328,13 @@ def _completed(row: Row) -> dict[str, Any]:
     return {**cells, "sensible": "yes" if cells["sensible"] else "no"}
 
 
-def draw(rows: Sequence[Row], title: str) -> files.Picture:
+def draw(rows: Sequence[Row], title: str) -> result_files.Picture:
     """Draw the map: a line per family, a field per value, coloured by verdict, with the margin below."""
     from matplotlib.patches import Patch, Rectangle
 
     families = list(dict.fromkeys(row.item for row in rows))
     across = max((sum(row.item == item for row in rows) for item in families), default=1)
-    figure = files.new_figure(4.5 + 1.05 * across, 1.6 + 0.42 * len(families), dpi=110)
+    figure = result_files.new_figure(4.5 + 1.05 * across, 1.6 + 0.42 * len(families), dpi=110)
     pane = figure.subplots()
     for y, item in enumerate(families):
         for x, row in enumerate(row for row in rows if row.item == item):
@@ -359,4 +359,4 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Write table and map; raises OSError if the folder cannot be written."""
-    return files.save(folder, name, table(rows, title), draw(rows, title))
+    return result_files.save(folder, name, table(rows, title), draw(rows, title))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.results.table import Column, Table, cell_text
-from orchestrator.studies.files import Picture, new_figure
+from orchestrator.studies.result_files import Picture, new_figure
 from orchestrator.studies.variations import Design, Variation
 
 MOST_CURVES = 8  # that a legend names

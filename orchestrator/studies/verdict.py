@@ -18,15 +18,15 @@ from scipy.optimize import brentq
 
 from fmus.build import BuildFailed
 from fmus.vehicle import BadInput
-from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.results import measures
+from orchestrator.results import chain_measures, vehicle_measures
 from orchestrator.results.run_data import Missing, RunData, Window
-from orchestrator.results.validity.limits import ALLOWED
 from orchestrator.scene.kinds import ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.studies import Row
+from orchestrator.vocabulary.limits import ALLOWED
 
 Expectation = tuple[float, float, float]  # value, expected, tolerance
 
@@ -39,7 +39,7 @@ def _last(run: RunData, seconds: float = 1.0) -> Window:
 def weight(run: RunData, scene: VehicleScene, within: float = 0.03) -> Expectation:
     """Ground reaction: mean of the last second against the weight, N."""
     heavy = summary.weight(scene)
-    return measures.ground_force(run, "", _last(run)), heavy, within * heavy
+    return vehicle_measures.ground_force(run, "", _last(run)), heavy, within * heavy
 
 
 def afloat(run: RunData, scene: Scene) -> Expectation:
@@ -49,7 +49,7 @@ def afloat(run: RunData, scene: Scene) -> Expectation:
 
 def speed(run: RunData, scene: Scene) -> Expectation:
     """Vehicle speed over teeth x pitch x omega / 2 pi, less 1, mean of the last half second."""
-    return measures.speed_excess(run, "", _last(run, 0.5)), 0.02, 0.04
+    return vehicle_measures.speed_excess(run, "", _last(run, 0.5)), 0.02, 0.04
 
 
 def stays(run: RunData, scene: Scene) -> Expectation:
@@ -69,7 +69,7 @@ def uphill(run: RunData, scene: VehicleScene) -> Expectation:
     """Force of the ground up the slope, mean of the last second, N: W sin(slope); the hull still surges."""
     assert scene.ground.grade
     expected = summary.weight(scene) * math.sin(math.atan(scene.ground.grade))
-    return measures.uphill_force(run, "", _last(run)), expected, 0.02 * expected
+    return vehicle_measures.uphill_force(run, "", _last(run)), expected, 0.02 * expected
 
 
 def climbs(run: RunData, scene: VehicleScene) -> Expectation:
@@ -96,14 +96,14 @@ def sag(run: RunData, scene: ChainScene) -> Expectation:
         lambda w: np.cos(np.arctan(from_middle / w)).mean() - scene.chain.span, 1e-3 * n, 10.0 * n
     )  # weights of a link
     depth = pitch * np.sin(np.arctan(from_middle / pull))[from_middle > 0].sum()
-    return measures.sag(run, "", _last(run)), float(depth), 2e-3 * float(depth)
+    return chain_measures.sag(run, "", _last(run)), float(depth), 2e-3 * float(depth)
 
 
 def hoop(run: RunData, scene: ChainScene) -> Expectation:
     """Pin force of a free loop of rigid links, N: m omega^2 Rc / (2 sin(pi/N)), Rc = p / (2 tan(pi/N))."""
     track, half = scene.vehicle.track, math.pi / scene.chain.links
     force = track.mass * scene.chain.spin**2 * track.pitch / (4.0 * math.tan(half) * math.sin(half))
-    return measures.joint_force(run, "", _last(run)), force, 1e-3 * force
+    return chain_measures.joint_force(run, "", _last(run)), force, 1e-3 * force
 
 
 def rides(run: RunData, scene: RigScene) -> Expectation:

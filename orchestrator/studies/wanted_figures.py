@@ -20,9 +20,11 @@ from orchestrator.results.analyses import catalogue
 from orchestrator.results.run_data import EVER, RunData, reason
 from orchestrator.results.table import Table
 from orchestrator.scene.settings import hint
+from orchestrator.vocabulary.analyses import ANALYSES
+from orchestrator.vocabulary.measures import UNITS
 
 
-class Wanted(NamedTuple):
+class WantedFigure(NamedTuple):
     """Figures of a run that a user asks for."""
 
     text: str  # as given
@@ -30,31 +32,31 @@ class Wanted(NamedTuple):
     of: str  # side, span or component of a measure, signal of a reduction
 
 
-def wanted_figures(texts: Sequence[str]) -> tuple[Wanted, ...]:
+def wanted_figures(texts: Sequence[str]) -> tuple[WantedFigure, ...]:
     """Figures by the texts of a user; raises BadInput for an unknown one, NotInstalled where a library is missing."""
-    found = tuple(Wanted(text, *(part.strip() for part in (*text.split(":", 1), "")[:2])) for text in texts)
+    found = tuple(WantedFigure(text, *(part.strip() for part in (*text.split(":", 1), "")[:2])) for text in texts)
     for one in found:
-        known = [*measures.NAMES, *measures.REDUCTIONS, *catalogue.ANALYSES]
+        known = [*measures.NAMES, *measures.REDUCTIONS, *ANALYSES]
         if one.name not in known:
             raise BadInput(f"--for {one.text}: {hint(one.name, known, 'there are')}")
         if one.name in measures.REDUCTIONS and not one.of:
             raise BadInput(f"--for {one.text}: needs a signal, as {one.name}:left_track.tension.max")
-        if one.name in catalogue.ANALYSES:
+        if one.name in ANALYSES:
             if one.of:
                 raise BadInput(f"--for {one.text}: an analysis is given by its name alone")
             catalogue.require_library(one.name)
     return found
 
 
-def recording_settings(wanted: Sequence[Wanted], given: Mapping[str, Any]) -> dict[str, Any]:
+def recording_settings(wanted: Sequence[WantedFigure], given: Mapping[str, Any]) -> dict[str, Any]:
     """Settings of a scene with which its runs record what analyses need, and those that are ``given``."""
-    analyses = [catalogue.ANALYSES[one.name] for one in wanted if one.name in catalogue.ANALYSES]
+    analyses = [ANALYSES[one.name] for one in wanted if one.name in ANALYSES]
     every_step = {"run.links": 1} if any(one.every_step for one in analyses) else {}
     groups = {group for one in analyses for group in one.records}
     return every_step | ({"track.link_outputs": [*GROUPS]} if groups else {}) | dict(given)
 
 
-def figures_of_log(path: str, wanted: Sequence[Wanted]) -> tuple[dict[str, float], list[str]]:
+def figures_of_log(path: str, wanted: Sequence[WantedFigure]) -> tuple[dict[str, float], list[str]]:
     """Figures of the log of a run by the heads of their columns, and a sentence for each that could not be computed."""
     found: dict[str, float] = {}
     missing = []
@@ -68,13 +70,13 @@ def figures_of_log(path: str, wanted: Sequence[Wanted]) -> tuple[dict[str, float
     return found, missing
 
 
-def _of(run: RunData, one: Wanted) -> Iterator[tuple[str, float]]:
+def _of(run: RunData, one: WantedFigure) -> Iterator[tuple[str, float]]:
     if one.name in measures.REDUCTIONS:
         unit = run.log.unit(one.of)
         yield _head(one.text, unit), measures.reduce(*run.signal(one.of), one.name)
     elif one.name in measures.NAMES:
         measure = measures.NAMES[one.name]
-        yield _head(one.text, measures.UNITS[measure]), float(measure(run, one.of, EVER))
+        yield _head(one.text, UNITS[one.name]), float(measure(run, one.of, EVER))
     else:
         module = catalogue.module_of(one.name)
         table = module.summary(run) if hasattr(module, "summary") else module.of(run).table()

@@ -25,8 +25,9 @@ from fmus.native import link, pack
 from fmus.native.pack import build_native, with_constants
 from fmus.native.platform import LINUX, WINDOWS
 from fmus.physics.contact.soil.rut import MADE
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
+from orchestrator.cosim.graph import ComponentFailed
 
 # functions of libm, which chooses their code by processor; compilers make some of them of operators
 MATHEMATICAL = (

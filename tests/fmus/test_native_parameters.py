@@ -15,7 +15,8 @@ from fmus.native.pack import build_native, with_constants
 from fmus.stance import part_at_rest
 from fmus.track import start_stance
 from fmus.track_choices import TRACKS
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load

@@ -21,7 +21,8 @@ from fmus.native.pack import build_native, build_native_shape, with_constants
 from fmus.ranges import contradictions
 from fmus.vehicle import number_meanings
 from orchestrator.cosim import fmi2_library
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.model_description import loadable
 from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.placing import placed

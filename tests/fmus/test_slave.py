@@ -14,8 +14,9 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
 import fmus.slave
-from orchestrator.cosim.component import ARRAY, Component, ComponentFailed
+from orchestrator.cosim.component import ARRAY, Component
 from orchestrator.cosim.fmu_files import unpack
+from orchestrator.cosim.graph import ComponentFailed
 
 H = 1e-3
 

@@ -94,7 +94,8 @@ def test_processes_in_a_row_end_well(toy, environment):
 FOREIGN = """
 import sys
 from pathlib import Path
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.graph import ComponentFailed
 try:
     Component(Path(sys.argv[1]), "toy")
 except ComponentFailed as error:

@@ -14,10 +14,11 @@ from matplotlib.figure import Figure
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import circuit, power, signal_curves, signal_picture
-from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Analysis, analyse, module_of
+from orchestrator.results.analyses.catalogue import analyse, module_of
 from orchestrator.results.approximations import TimeEnvelope
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Table
+from orchestrator.vocabulary.analyses import ANALYSES, TRACK, Analysis
 
 driven = pytest.fixture(scope="module")(driven_log)
 spinning = pytest.fixture(scope="module")(spinning_log)

@@ -8,7 +8,7 @@ import pytest
 from foreign_fmus import Variable
 
 from fmus.vehicle import BadInput
-from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.ssp_scene import load_ssp

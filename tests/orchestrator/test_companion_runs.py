@@ -4,7 +4,7 @@ from orchestrator.execution import summary
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.simulate import record_companion, simulate
 from orchestrator.log.reader import Log
-from orchestrator.results.validity.limits import FAILURE, Exceedance
+from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.scene import load
 
 SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.032 s", "run.links=1")

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from conftest import build_toy
 
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.program import Program, Stage
 from orchestrator.kernels.compiled import CAN_STEP
 

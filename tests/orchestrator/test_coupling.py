@@ -10,13 +10,13 @@ import pytest
 from scipy.linalg import expm
 
 from fmus.vehicle import BadInput
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.iterative import Iterative, anderson
 from orchestrator.cosim.coupling.jacobi import Jacobi
 from orchestrator.cosim.coupling.scheme import CouplingFailed, require_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Connection, Instance, System, wire
+from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System, wire
 from orchestrator.cosim.master import Clock, run
 from orchestrator.execution import replay_model
 from orchestrator.execution.prepared_run import PreparedRun
@@ -24,7 +24,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
 from orchestrator.scene.tables import OPTIONS, CouplingTable
-from orchestrator.studies.limits import amplification
+from orchestrator.studies.step_limits import amplification
 from tests.validation import coupling as study
 from tests.validation.coupling import DAMPED, FREE, MEMBERS, VARIANTS, couple, grows, predicted_limit, run_free
 from tests.validation.slaves import coupled, whole

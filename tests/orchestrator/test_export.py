@@ -14,9 +14,9 @@ from scipy.io import loadmat
 
 from orchestrator.cli.common import message_and_status
 from orchestrator.log import export as export_module
-from orchestrator.log.container_writer import LogFailed
 from orchestrator.log.export import export, to_arrow, to_pandas, to_polars, to_xarray
 from orchestrator.log.extra import NotInstalled
+from orchestrator.log.log_file import LogFailed
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.recorder import Recorder
 

@@ -13,7 +13,7 @@ from test_fmu_check import HERE, PLANTED
 
 from fmus.native import link
 from fmus.native.pack import build_native
-from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
 from orchestrator.fmu_check.instance import Instance, Subject
 from orchestrator.fmu_check.runner import CHECKS, judged, verdicts

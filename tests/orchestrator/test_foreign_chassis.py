@@ -11,8 +11,8 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import phases, power, slip
 from orchestrator.results.energy import ledger
-from orchestrator.results.measures import ground_force, speed_excess, third_law
 from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.vehicle_measures import ground_force, speed_excess, third_law
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load

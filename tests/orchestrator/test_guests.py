@@ -14,7 +14,7 @@ import pytest
 from foreign_fmus import Variable
 
 from fmus.vehicle import BadInput
-from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests import room
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log

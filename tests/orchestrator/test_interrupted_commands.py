@@ -9,13 +9,14 @@ import time
 import pytest
 from short_run import SHORT, last
 
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import scheme
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.program import Program
 from orchestrator.execution import loading, replay_model, simulate
 from orchestrator.log.container_writer import ContainerWriter
+from orchestrator.log.log_file import LogFailed
 from orchestrator.log.reader import Log
-from orchestrator.log.recorder import LogFailed
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 from orchestrator.scene import scene
 

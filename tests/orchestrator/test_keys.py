@@ -10,6 +10,7 @@ from jsonschema import Draft202012Validator
 from short_run import last
 
 from fmus.vehicle import BadInput
+from orchestrator.cli.key_reference import key_text, measure_keys, page
 from orchestrator.execution.loading import require_signals
 from orchestrator.results import measures
 from orchestrator.scene import commented_file
@@ -17,9 +18,6 @@ from orchestrator.scene import scene as scene_module
 from orchestrator.scene.keys import (
     OVERRIDES,
     facts,
-    key_text,
-    measure_keys,
-    page,
     scene_keys,
     scene_schema,
     vehicle_keys,

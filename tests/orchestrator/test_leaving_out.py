@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.vehicle import BadInput
-from orchestrator.cli.inventory import lines, pairs
+from orchestrator.cli.inventory import contact_pairs, lines
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
@@ -107,9 +107,9 @@ def test_show_counts_pairs_outputs_and_modules():
 def test_pairs_of_other_scenes():
     rigid = load("rig", "rigid")
     track = assemble(rigid).parts[0]
-    assert any(pair.startswith("guides: 1 wheels x 64 links") for pair in pairs(rigid, track))
+    assert any(pair.startswith("guides: 1 wheels x 64 links") for pair in contact_pairs(rigid, track))
     hanging = load("hanging_chain", "flexible")
-    assert pairs(hanging, assemble(hanging).parts[0]) == []
+    assert contact_pairs(hanging, assemble(hanging).parts[0]) == []
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
-from orchestrator.cosim.graph import Connection, Instance, System, wire
+from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System, wire
 from orchestrator.cosim.master import Clock, run
 
 K, M1, M2, K1, K2 = 1.0, 1.0, 1.0, 1.0, 1.0  # coupling spring, masses, springs to the walls

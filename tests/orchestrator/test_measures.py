@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orchestrator.results import measures
+from orchestrator.results import chain_measures, measures
 from orchestrator.results.run_data import Links, Missing, Window, mean, means, within
 
 TEETH, PITCH = 10, 0.1524
@@ -58,14 +58,14 @@ def test_pins_are_counted_with_fractions(revolutions, reverse_numbers):
     links = on_the_sprocket(turned, reverse_numbers)
     run = Record(links, {"drive.angle": (links.t, turned)})
     window = Window(0.0, 1.0)
-    assert measures.pins_passed(run, "", window) == pytest.approx(TEETH * revolutions, abs=0.02)
-    assert measures.pins_per_revolution(run, "", window) == pytest.approx(TEETH, rel=5e-3)
+    assert chain_measures.pins_passed(run, "", window) == pytest.approx(TEETH * revolutions, abs=0.02)
+    assert chain_measures.pins_per_revolution(run, "", window) == pytest.approx(TEETH, rel=5e-3)
     mirrored, vehicle = links._replace(forward=-links.forward), {**RESTING, "idler": {"x": 4.0}}
     rear = Record(mirrored, {"drive.angle": (links.t, -turned)}, assembly="vehicle", vehicle=vehicle)
-    assert measures.pins_passed(rear, "", window) == pytest.approx(-TEETH * revolutions, abs=0.02)
-    assert measures.pins_per_revolution(rear, "", window) == pytest.approx(TEETH, rel=5e-3)
+    assert chain_measures.pins_passed(rear, "", window) == pytest.approx(-TEETH * revolutions, abs=0.02)
+    assert chain_measures.pins_per_revolution(rear, "", window) == pytest.approx(TEETH, rel=5e-3)
     slipping = Record(links, {"drive.angle": (links.t, turned * 1.02)})
-    assert measures.pins_per_revolution(slipping, "", window) != pytest.approx(TEETH, rel=1e-2)
+    assert chain_measures.pins_per_revolution(slipping, "", window) != pytest.approx(TEETH, rel=1e-2)
 
 
 @pytest.mark.parametrize(("teeth", "stands"), [(0.0, True), (0.95, True), (-0.95, True), (1.05, False), (-1.05, False)])
@@ -75,8 +75,8 @@ def test_a_sprocket_that_stands_has_no_ratios(teeth, stands):
     speed = np.full_like(turned, teeth * PITCH)
     run = Record(links, {"drive.angle": (links.t, turned), "track.speed": (links.t, speed)})
     for measure, reason, value in (
-        (measures.pins_per_revolution, "turns by less than a tooth", TEETH),
-        (measures.chain_speed_ratio, "less than a pin passes", 1.0),
+        (chain_measures.pins_per_revolution, "turns by less than a tooth", TEETH),
+        (chain_measures.chain_speed_ratio, "less than a pin passes", 1.0),
     ):
         if stands:
             with pytest.raises(Missing, match=reason):
@@ -95,7 +95,7 @@ def test_polygon_ripple_is_the_first_tooth_harmonic_of_the_speed(ripple):
     pins = np.stack([x, x + PITCH], axis=1)
     links = Links(t, pins, np.array([[0.25, -0.25]] * len(t)), np.zeros((len(t), 1)))
     run = Record(links, {"drive.speed": (t, np.full_like(t, omega))})
-    assert measures.polygon_ripple(run, "", Window(0.5, 8.0)) == pytest.approx(ripple, rel=1e-3)
+    assert chain_measures.polygon_ripple(run, "", Window(0.5, 8.0)) == pytest.approx(ripple, rel=1e-3)
 
 
 def spans(upper, lower):
@@ -118,9 +118,9 @@ def test_spans(upper, lower, speed, sense):
     }
     run = Record(spans(upper, lower), signals, rig={"axle_distance": 4.0})
     window = Window(0.0, 0.0)
-    assert measures.span_tension(run, "upper", window) == upper
-    assert measures.span_moment_ratio(run, "", window) == pytest.approx(1.0)
-    assert measures.tight_span_enters(run, "", window) == sense
+    assert chain_measures.span_tension(run, "upper", window) == upper
+    assert chain_measures.span_moment_ratio(run, "", window) == pytest.approx(1.0)
+    assert chain_measures.tight_span_enters(run, "", window) == sense
 
 
 def falling(drop, pitch=PITCH, links=10):
@@ -136,27 +136,27 @@ def falling(drop, pitch=PITCH, links=10):
 def test_falls():
     window = Window(0.0, 1.0)
     ahead = falling(lambda t: 1.4 * t**2 - 0.7 * t**4 / 0.9**2)  # largest at 0.9
-    assert measures.fall_time(ahead, "", window) == pytest.approx(0.9, rel=1e-6)
-    assert measures.behind_free_fall(ahead, "", window) > 0.0, "it slows down before its largest drop"
+    assert chain_measures.fall_time(ahead, "", window) == pytest.approx(0.9, rel=1e-6)
+    assert chain_measures.behind_free_fall(ahead, "", window) > 0.0, "it slows down before its largest drop"
     half = np.sqrt((1.4 - np.sqrt(1.4**2 - 4 * 0.7 / 0.81 * 0.5)) / (2 * 0.7 / 0.81))
-    assert measures.half_fall_time(ahead, "", window) == pytest.approx(np.sqrt(2) * half, rel=1e-5)
+    assert chain_measures.half_fall_time(ahead, "", window) == pytest.approx(np.sqrt(2) * half, rel=1e-5)
     free, slower = falling(lambda t: 1.0001 * t**2), falling(lambda t: 0.97 * t**2)
-    assert measures.behind_free_fall(free, "", window) == 0.0
-    assert measures.behind_free_fall(slower, "", window) == pytest.approx(0.03 * 10 * PITCH)
-    assert np.isnan(measures.fall_time(free, "", window))
-    assert np.isnan(measures.half_fall_time(falling(lambda t: 0.3 * t), "", window))
+    assert chain_measures.behind_free_fall(free, "", window) == 0.0
+    assert chain_measures.behind_free_fall(slower, "", window) == pytest.approx(0.03 * 10 * PITCH)
+    assert np.isnan(chain_measures.fall_time(free, "", window))
+    assert np.isnan(chain_measures.half_fall_time(falling(lambda t: 0.3 * t), "", window))
 
 
 def test_hoop_strain():
     angle = 2 * np.pi * np.arange(12) / 12
     radius = 1.001 * PITCH / (2 * np.sin(np.pi / 12))
     links = Links(np.zeros(1), radius * np.cos(angle)[None], radius * np.sin(angle)[None], np.zeros((1, 12)))
-    assert measures.hoop_strain(Record(links), "", Window(0.0, 0.0)) == pytest.approx(1e-3)
+    assert chain_measures.hoop_strain(Record(links), "", Window(0.0, 0.0)) == pytest.approx(1e-3)
 
 
 def test_sag():
     links = Links(np.zeros(1), np.array([[0.0, 1.0, 2.0]]), np.array([[0.5, -1.5, 0.5]]), np.zeros((1, 2)))
-    assert measures.sag(Record(links), "", Window(0.0, 0.0)) == 2.0
+    assert chain_measures.sag(Record(links), "", Window(0.0, 0.0)) == 2.0
 
 
 @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ def test_a_mean_of_some_records_leaves_out_the_time_of_the_others():
     np.testing.assert_allclose(means(t, values, kept), [3.25, 6.5])
 
 
-@pytest.mark.parametrize("measure", [measures.sag, measures.hoop_strain, measures.span_tension])
+@pytest.mark.parametrize("measure", [chain_measures.sag, chain_measures.hoop_strain, chain_measures.span_tension])
 def test_measures_of_links_are_means_over_time(measure):
     """Measures of links are means over time, also where records become ten times as sparse."""
     t = np.concatenate([np.arange(0.0, 0.5, 1e-3), np.arange(0.5, 1.0005, 1e-2)])

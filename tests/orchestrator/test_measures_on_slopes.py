@@ -7,7 +7,7 @@ from orchestrator.execution import summary
 from orchestrator.execution.log_report import _judge
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.results import measures, turning
+from orchestrator.results import turning, vehicle_measures
 from orchestrator.results.analyses import slip
 from orchestrator.results.ground_under_vehicle import component, ground_axes, split
 from orchestrator.results.page.document import document
@@ -79,16 +79,13 @@ def test_thrust_and_load_are_the_weight_along_and_across_the_slope(runs):
 
 def test_springs_settle_and_chains_hang_as_on_level_ground(runs):
     slope, level = runs
-    value, flat = (measures.settlement_of_springs(run, "", WINDOW) for run in runs)
+    value, flat = (vehicle_measures.settlement_of_springs(run, "", WINDOW) for run in runs)
     assert 0.9 * flat < value < 1.1 * flat
-    assert (
-        0.9
-        < measures.settlement_of_contacts(slope, "", WINDOW) / measures.settlement_of_contacts(level, "", WINDOW)
-        < 1.1
-    )
+    of_contacts = vehicle_measures.settlement_of_contacts
+    assert 0.9 < of_contacts(slope, "", WINDOW) / of_contacts(level, "", WINDOW) < 1.1
     assert chains_apart(slope, level) < 0.04  # strands sag less where the brakes hold the vehicle
     slope.scene["ground"].update(grade=0.0, bank=0.0)  # twin: by the vertical
-    assert not 0.9 * flat < measures.settlement_of_springs(slope, "", WINDOW) < 1.1 * flat
+    assert not 0.9 * flat < vehicle_measures.settlement_of_springs(slope, "", WINDOW) < 1.1 * flat
 
 
 def chains_apart(slope, level):
@@ -106,7 +103,7 @@ def test_pins_by_the_vertical_lie_elsewhere(runs):
 def test_uneven_ground_has_no_settlement_of_contacts(runs):
     slope, _ = runs
     slope.scene["ground"]["step"] = {"x": [9.0], "rise": 0.1, "radius": 0.02}
-    for measure in (measures.settlement_of_contacts, measures.settlement):
+    for measure in (vehicle_measures.settlement_of_contacts, vehicle_measures.settlement):
         with pytest.raises(Missing, match="settlement is not known on uneven ground"):
             measure(slope, "", WINDOW)
 
@@ -114,7 +111,7 @@ def test_uneven_ground_has_no_settlement_of_contacts(runs):
 def test_settlement_on_a_slope_is_that_on_level_ground_and_none_where_the_ground_is_uneven(runs):
     """In the summary too, where the height that a vehicle climbs was shown as a settlement."""
     slope, level = runs
-    on_slope, flat = (measures.settlement(run, "", WINDOW) for run in runs)
+    on_slope, flat = (vehicle_measures.settlement(run, "", WINDOW) for run in runs)
     assert on_slope == pytest.approx(flat, rel=0.05)
     assert flat == level.mean("chassis.settlement", WINDOW)
     plane = slope.scene["ground"]
@@ -126,7 +123,7 @@ def test_settlement_on_a_slope_is_that_on_level_ground_and_none_where_the_ground
     ):
         slope.scene["ground"] = plane | {key: value}
         with pytest.raises(Missing, match="settlement is not known on uneven ground"):
-            measures.settlement(slope, "", WINDOW)
+            vehicle_measures.settlement(slope, "", WINDOW)
     scene = load("straight", "rigid", START)
     for ground, known in ((plane, True), (plane | {"step": {"x": [9.0], "rise": 0.1, "radius": 0.02}}, False)):
         slope.scene["ground"] = ground

@@ -12,7 +12,7 @@ from packed import unpacked
 from page_logs import embedded, page, signal, vehicle_log, written
 
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.recorded_system import description_of
+from orchestrator.log.recorded_system import signal_description
 from orchestrator.results.analyses import wheel_loads
 from orchestrator.results.approximations import TimeEnvelope
 from orchestrator.results.energy import Ledger, ledger
@@ -226,9 +226,9 @@ def test_a_model_description_that_says_nothing_is_no_hindrance(content):
             raise LogUnreadable("it is damaged")
         return content
 
-    assert description_of(SimpleNamespace(attachment=attachment), "a.x") == ""
+    assert signal_description(SimpleNamespace(attachment=attachment), "a.x") == ""
     whole = b"<a><ScalarVariable name='y' description='no'/><ScalarVariable name='x' description='this &lt;'/></a>"
-    assert description_of(SimpleNamespace(attachment=lambda name: whole), "a.x") == "this <"
+    assert signal_description(SimpleNamespace(attachment=lambda name: whole), "a.x") == "this <"
 
 
 def test_bars_of_the_energy_add_up(vehicle):

@@ -12,7 +12,7 @@ from page_logs import HOSTILE, PLOTS, embedded, page, side_of_links, vehicle_log
 
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results import measures
+from orchestrator.results import vehicle_measures
 from orchestrator.results.analyses import circuit, contact, joints, link_loads, profile, wheel_loads
 from orchestrator.results.analyses import events as happened
 from orchestrator.results.page.document import document
@@ -289,7 +289,7 @@ def test_a_check_says_why_its_bounds_are_what_they_are(tmp_path):
     expected = load("straight").expect["speed_excess"]
     low, high = expected.expected - expected.tolerance, expected.expected + expected.tolerance
     assert (low, high) == (0.0, 0.05), "the window is not that of the measure"
-    assert "So 0 to 5 % is" in " ".join(measures.speed_excess.__doc__.split())
+    assert "So 0 to 5 % is" in " ".join(vehicle_measures.speed_excess.__doc__.split())
     scene = {"expect": {"speed_excess": {"measure": "speed_excess"}, "travel": {"signal": "a.travel"}}}
     one = {"value": 0.014, "expected": 0.025, "tolerance": 0.025, "ok": True, "note": ""}
     with Log(written(tmp_path / "a.mcap", {"a.travel": t}, t, scene)) as log:

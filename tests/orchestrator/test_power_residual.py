@@ -13,7 +13,7 @@ from orchestrator.cosim.master import run
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
-from orchestrator.studies.limits import Oscillator
+from orchestrator.studies.step_limits import Oscillator
 from tests.validation import coupling as study
 from tests.validation.coupling import couple
 from tests.validation.slaves import coupled, whole

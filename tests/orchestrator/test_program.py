@@ -10,8 +10,8 @@ from time import monotonic, sleep
 import numpy as np
 import pytest
 
-from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling import scheme
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.program import InputCopy, Program, Stage, Worker, processors
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.execution.simulate import simulate

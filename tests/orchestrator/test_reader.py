@@ -199,7 +199,7 @@ def test_who_knows_mcap_and_protobuf():
             if re.search(rf"^\s*(from|import) {re.escape(package)}\b", path.read_text(), re.MULTILINE):
                 importers.add(path.name)
     mcap = {
-        "container_writer.py", "container_reader.py", "contents.py", "message_records.py",
+        "container_writer.py", "container_reader.py", "contents.py", "log_file.py", "message_records.py",
         "reader.py", "seal.py", "seal_check.py",
     }  # fmt: skip
     assert users == {"mcap": mcap, "google.protobuf": {"schema.py"}}

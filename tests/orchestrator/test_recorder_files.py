@@ -17,7 +17,8 @@ from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from recorded import STEP, TOPICS, record, values, write_steps
 
-from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, growing_log, left_behind
+from orchestrator.log.container_writer import ContainerWriter
+from orchestrator.log.log_file import LogFailed, check_writable, growing_log, left_behind
 from orchestrator.log.notices import LogNotice
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
@@ -74,7 +75,8 @@ def test_a_full_disk_is_one_sentence_and_leaves_all_that_fits(tmp_path, room):
     script = textwrap.dedent(f"""
         import resource, signal
         import numpy as np
-        from orchestrator.log.recorder import LogFailed, Recorder
+        from orchestrator.log.log_file import LogFailed
+        from orchestrator.log.recorder import Recorder
         resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {resource.RLIM_INFINITY}))
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         random = np.random.default_rng(1)

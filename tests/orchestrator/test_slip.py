@@ -6,7 +6,7 @@ from analysis_logs import made
 
 from orchestrator.execution import summary, summary_text
 from orchestrator.log.reader import Log
-from orchestrator.results import measures, turning
+from orchestrator.results import turning, vehicle_measures
 from orchestrator.results.analyses import phases, slip
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.results.units import finite
@@ -64,14 +64,14 @@ def test_slips_are_the_same_either_way_on_any_heading_and_slope(tmp_path, scene,
                 assert row["pad slip"] == pytest.approx(100.0 * PADS)
                 assert row["pads"] == pytest.approx(PADS * SPEED)
                 assert row["thrust"] == pytest.approx(3.0 * way)
-            assert measures.slip(run, "", WINDOW) == pytest.approx(SLIP)
-            assert measures.pad_slip(run, "left", WINDOW) == pytest.approx(PADS)
-            assert measures.speed_excess(run, "", WINDOW) == pytest.approx(-SLIP)
+            assert vehicle_measures.slip(run, "", WINDOW) == pytest.approx(SLIP)
+            assert vehicle_measures.pad_slip(run, "left", WINDOW) == pytest.approx(PADS)
+            assert vehicle_measures.speed_excess(run, "", WINDOW) == pytest.approx(-SLIP)
             assert turning.track_slip(run, "left", WINDOW) == pytest.approx(PADS * SPEED)
             (phase,) = phases.of(run).phases
             assert phase.slip_left == pytest.approx(PADS * SPEED)
     with Log(driving(tmp_path / "twin.mcap", scene, way, hull=1.03)) as log:
-        assert measures.slip(RunData(log), "", WINDOW) < 0.8 * SLIP
+        assert vehicle_measures.slip(RunData(log), "", WINDOW) < 0.8 * SLIP
 
 
 def test_the_tracks_of_a_turn_have_slips_of_their_own(tmp_path):
@@ -82,7 +82,7 @@ def test_the_tracks_of_a_turn_have_slips_of_their_own(tmp_path):
         arm = run.scene["vehicle"]["track"]["lateral"]
         rows = slip.of(run).table().records()
         assert [row["slip"] for row in rows] == pytest.approx([15.0 * arm, -15.0 * arm])
-        assert measures.slip(run, "right", WINDOW) == pytest.approx(-0.15 * arm)
+        assert vehicle_measures.slip(run, "right", WINDOW) == pytest.approx(-0.15 * arm)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,11 @@ def test_a_chain_that_stands_has_the_velocity_of_its_pads_and_no_share(tmp_path,
     with Log(recorded(tmp_path / "held.mcap", "hold", chain, hull, rearwards)) as log:
         run = RunData(log)
         found = summary.observables(run, scene, T[-1])
-        for measure in (measures.slip, measures.pad_slip, *[measures.speed_excess] * (abs(chain) < 0.05)):
+        for measure in (
+            vehicle_measures.slip,
+            vehicle_measures.pad_slip,
+            *[vehicle_measures.speed_excess] * (abs(chain) < 0.05),
+        ):
             with pytest.raises(Missing, match="stand"):
                 measure(run, "", WINDOW)
         text = str(slip.of(run).table())
@@ -129,5 +133,5 @@ def test_a_sprocket_that_turns_beside_its_chain_counts_in_the_slip(tmp_path):
     path = recorded(tmp_path / "jumps.mcap", "straight", 2.0, 1.8, 0.2, turned=3.0)
     with Log(path) as log:
         run = RunData(log)
-        assert measures.slip(run, "", WINDOW) == pytest.approx(1.0 - 1.8 / 3.0)
-        assert measures.pad_slip(run, "", WINDOW) == pytest.approx(0.1)
+        assert vehicle_measures.slip(run, "", WINDOW) == pytest.approx(1.0 - 1.8 / 3.0)
+        assert vehicle_measures.pad_slip(run, "", WINDOW) == pytest.approx(0.1)

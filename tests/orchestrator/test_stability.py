@@ -9,10 +9,10 @@ import pytest
 from scipy.linalg import expm
 
 from fmus.vehicle import BadInput
-from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.scene.scene import load
-from orchestrator.studies import Row, limits, stability, verdict
-from orchestrator.studies.limits import Oscillator, amplification
+from orchestrator.studies import Row, stability, step_limits, verdict
+from orchestrator.studies.step_limits import Oscillator, amplification
 from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, with_verdict
 
 # --- limits ---
@@ -32,10 +32,10 @@ def test_a_wheel_on_a_chain_that_stands_still():
     k, c, m = 5.4e6, 1.35e4, 430.0
     exact = (-c + math.sqrt(c * c + 4.0 * k * m)) / k
     pair = Oscillator(k, c, 1.0, m, k1=1e13, c1=1e5, k2=0.0)
-    assert limits.coupling_limit(pair) == pytest.approx(exact, rel=1e-3)
-    assert limits.coupling_limit(pair._replace(k=1.05 * k)) != pytest.approx(exact, rel=1e-2)
+    assert step_limits.coupling_limit(pair) == pytest.approx(exact, rel=1e-3)
+    assert step_limits.coupling_limit(pair._replace(k=1.05 * k)) != pytest.approx(exact, rel=1e-2)
     undamped = pair._replace(c=0.0)
-    assert limits.coupling_limit(undamped) == pytest.approx(2.0 * math.sqrt(m / k), rel=1e-3)
+    assert step_limits.coupling_limit(undamped) == pytest.approx(2.0 * math.sqrt(m / k), rel=1e-3)
 
 
 def test_two_free_masses_keep_their_momentum_across_the_cut():
@@ -70,20 +70,20 @@ def test_explicit_limit_is_where_the_method_begins_to_grow(frequency, relaxation
         step = np.eye(2) + z @ (np.eye(2) + z / 2 @ (np.eye(2) + z / 3 @ (np.eye(2) + z / 4)))
         return abs(np.linalg.eigvals(step)).max()
 
-    limit = limits.explicit_limit(frequency, relaxation)
+    limit = step_limits.explicit_limit(frequency, relaxation)
     assert radius(0.99 * limit) < 1.0 < radius(1.01 * limit)
 
 
 @pytest.mark.long
 def test_margins_fall_with_stiffness_and_friction():
-    calm = limits.predicted(load("settle"))
+    calm = step_limits.predicted(load("settle"))
     assert calm[1] == "idler in its bend"
     stiff = [f"vehicle.contact.wheel.stiffness={2e8}"]
-    assert limits.predicted(load("settle", None, stiff))[0] < 0.2 * calm[0]
+    assert step_limits.predicted(load("settle", None, stiff))[0] < 0.2 * calm[0]
     sticky = ["vehicle.contact.wheel.friction_velocity=1e-4"]
-    limit, cause = limits.predicted(load("settle", None, sticky))
+    limit, cause = step_limits.predicted(load("settle", None, sticky))
     assert (limit < 0.1 * calm[0], cause) == (True, "friction that spins a road wheel")
-    assert math.isnan(limits.predicted(load("hanging_chain"))[0])
+    assert math.isnan(step_limits.predicted(load("hanging_chain"))[0])
 
 
 # --- verdicts ---
@@ -128,7 +128,7 @@ def test_ends_that_are_not_right(monkeypatch):
 def test_an_explicit_step_beyond_its_limit_fails_with_a_sentence():
     settings = [*CHAIN, "track.start=displaced", "track.integrator=runge_kutta"]
     damped = load("hanging_chain", "flexible", [*settings, "vehicle.material.relaxation_time=1e-5 s"])
-    assert limits.predicted(damped)[0] < 4e-6
+    assert step_limits.predicted(damped)[0] < 4e-6
     row = verdict.judged_run(damped, "ledger")
     assert (row["verdict"], "take a smaller step" in row.note) == (CLEAN, True), row
 

@@ -22,11 +22,11 @@ import orchestrator as offered
 from fmus.vehicle import BadInput
 from orchestrator.execution import summary
 from orchestrator.log.reader import Log
-from orchestrator.results import measures
+from orchestrator.results import chain_measures
 from orchestrator.results.analyses import joints
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.table import Column, Table
-from orchestrator.studies import files, parameter_sweep, sweep_picture
+from orchestrator.studies import parameter_sweep, result_files, sweep_picture
 from orchestrator.studies.variations import MOST, Design
 
 CHAIN = ("--set", "chain.links=8", "--set", "run.stop=0.02 s")
@@ -393,7 +393,7 @@ def test_tables_and_pictures_are_written_whole_or_not_at_all(tmp_path):
 
     (tmp_path / "sweep.png").write_bytes(b"before")
     with pytest.raises(BadInput, match=r"sweep\.png.* cannot be written: No space left on device"):
-        files.save(tmp_path, "sweep", Table("", (Column("a", "a"),), [(1.0,)]), Full())
+        result_files.save(tmp_path, "sweep", Table("", (Column("a", "a"),), [(1.0,)]), Full())
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.suffix != ".md"} == {
         "sweep.csv": b"a\n1.0\n", "sweep.png": b"before",
     }  # fmt: skip
@@ -477,7 +477,7 @@ def test_further_figures_are_those_of_the_log(cotrack, tmp_path):
             run = RunData(log)
             _, tension = run.signal("chain.tension.max")
             assert float(row["max:chain.tension.max, N"]) == tension.max()
-            assert float(row["sag, m"]) == measures.sag(run, "", EVER)
+            assert float(row["sag, m"]) == chain_measures.sag(run, "", EVER)
             largest = joints.of(run).table().records()
         heads = [head for head in row if head.startswith("joints ") and head.endswith("largest, kN")]
         assert sorted(float(row[head]) for head in heads) == sorted(each["largest"] for each in largest)

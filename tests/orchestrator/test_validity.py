@@ -16,17 +16,18 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results import measures, run_data
+from orchestrator.results import run_data, vehicle_measures
 from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import heading
 from orchestrator.results.page.evaluation import RunSummary, attempt, evaluate
 from orchestrator.results.run_data import EVER, Missing, RunData
-from orchestrator.results.validity import chain_checks, ledger, limits
-from orchestrator.results.validity.limits import recorded_entries
+from orchestrator.results.validity import chain_checks, ledger
+from orchestrator.results.validity.exceedance import recorded_entries
 from orchestrator.results.validity.piece import LENGTH
 from orchestrator.results.validity.sprocket_checks import jumps
 from orchestrator.scene.scene import load, scene_names
 from orchestrator.scene.values import implausible_numbers
+from orchestrator.vocabulary import limits
 
 TEETH, LINKS = 10, 64
 EVERY = 5e-3  # s, between records of pins
@@ -463,7 +464,7 @@ def test_a_track_in_the_rut_of_the_other_one(tmp_path, ground, until, lift, cros
     if ground:
         with Log(path) as log:
             for side, deepest in (("", max(0.08, 0.1 - lift)), ("left", 0.08)):
-                assert measures.rut_depth(RunData(log), side, EVER) == pytest.approx(deepest, rel=1e-9)
+                assert vehicle_measures.rut_depth(RunData(log), side, EVER) == pytest.approx(deepest, rel=1e-9)
     entries = [e for e in entries_of(path) if e.what == "crossed_rut"]
     assert [(entry.component, entry.severity) for entry in entries] == [("right_track", "warning")] * crosses
     for entry in entries:  # cells are half a link wide

@@ -16,8 +16,8 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import INTERVAL, differences_of_logs
 from orchestrator.results.energy import ledger
-from orchestrator.results.measures import third_law
 from orchestrator.results.run_data import RunData, Window
+from orchestrator.results.vehicle_measures import third_law
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load

@@ -11,12 +11,13 @@ from conftest import build_toy, messages
 
 from fmus.build import build_all
 from orchestrator.cli import main
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.coupling.iterative import Iterative
-from orchestrator.cosim.graph import ComponentWarning, Connection, Instance, System, WarningList, wire
+from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System, wire
+from orchestrator.cosim.messages import ComponentWarning, WarningList
 from orchestrator.cosim.program import Program
-from orchestrator.execution import loading, replay_model, simulate
+from orchestrator.execution import loading, prepared_run, replay_model
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify
 from orchestrator.scene.assembly import assemble
@@ -142,7 +143,7 @@ def test_sweeps_of_an_iteration_count_once(toy):
             for k in range(5):
                 scheme.advance(k * H, H)
             assert scheme.sweeps > 5
-        assert simulate.warnings(components) == [
+        assert prepared_run.component_warnings(components) == [
             asdict(ComponentWarning(name, CREAKS, 0.0, 5)) for name in ("one", "two")
         ]
 

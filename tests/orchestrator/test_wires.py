@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import recorder as module
-from orchestrator.log.container_writer import LogFailed
+from orchestrator.log.log_file import LogFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify

@@ -21,7 +21,7 @@ from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Stages
 from orchestrator.cosim.master import Clock, run
 from orchestrator.studies import Case, Row
-from orchestrator.studies.limits import Oscillator, radius
+from orchestrator.studies.step_limits import Oscillator, radius
 from tests.validation.compared import checked, table, write
 from tests.validation.slaves import Slave, coupled, energy, struck, whole
 

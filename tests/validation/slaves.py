@@ -15,7 +15,7 @@ from scipy.linalg import expm
 
 from fmus.physics.arrays import Floats
 from orchestrator.cosim.graph import Connection, Instance, Stages, System, wire
-from orchestrator.studies.limits import LinearComponent, Oscillator, sides
+from orchestrator.studies.step_limits import LinearComponent, Oscillator, sides
 
 
 class Slave:

@@ -239,13 +239,13 @@ def test_known_studies_and_bad_input(cotrack, validate, tmp_path):
             assert said in err
             assert len(err.splitlines()) == 1
     with pytest.raises(BadInput):
-        studies.find("")
+        studies.study_module("")
 
 
 @pytest.mark.parametrize("name", [*studies.STUDIES, *STUDIES])
 def test_a_study_has_a_title_cases_a_table_and_files(name, tmp_path, fresh_cache):
     """Every entry of both lists is a module of the same functions, which say so if all its cases are lost."""
-    chosen = studies.find(name) if name in studies.STUDIES else import_module(f"tests.validation.{name}")
+    chosen = studies.study_module(name) if name in studies.STUDIES else import_module(f"tests.validation.{name}")
     cases = chosen.cases(True, *([tmp_path] if hasattr(chosen, "KEEPS") else []))
     for case in cases:
         inspect.signature(case.function).bind(*case.arguments)

@@ -10,10 +10,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs, Past
-from orchestrator.cosim.graph import Feed, Floats, Member, Stages
+from orchestrator.cosim.graph import ComponentFailed, Feed, Floats, Member, Stages
 from orchestrator.cosim.program import InputCopy, Program, Stage
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.kernels.compiled import CAN_STEP
@@ -119,7 +119,7 @@ class Scheme:
         start = perf_counter()
         done, n = 1, min(n, self.row_writer.room if self.row_writer else 1, int(LONGEST_BATCH / self._seconds))
         if n > 1 and self._program is not None and self.row_writer is not None and self._all_compiled:
-            now = self._outputs()
+            now = self.outputs()
             done = self._program.step_batch(self.row_writer, k, n, h)
             if done < n:
                 self.failure = self._program.failure()
@@ -138,12 +138,13 @@ class Scheme:
         kind = type(self)
         return kind.advance is Scheme.advance and kind.exchange is Scheme.exchange and not self._computed_feeds
 
-    def _outputs(self) -> dict[str, Floats]:
+    def outputs(self) -> dict[str, Floats]:
+        """Copies of the present outputs of all components, by name."""
         return {member.component.name: member.component.y.copy() for member in self.members}
 
     def advance(self, t: float, h: float) -> None:
         """Bring every component from t to t + h; raises the errors of components and CouplingFailed."""
-        now = self._outputs()
+        now = self.outputs()
         self.exchange(t, h, now)
         self.past = Past(now, h, self.past.last)
 
@@ -209,6 +210,19 @@ class Scheme:
         """Release a saved point."""
         for member, state in zip(self.members, saved.states, strict=True):
             member.component.free(state)
+
+
+class ExtrapolatingScheme(Scheme):
+    """Coupling whose inputs are extrapolated to the middle of the step (``hold`` "linear") or held ("constant")."""
+
+    def __init__(self, stages: Stages, hold: str = "linear", threads: bool = True) -> None:
+        super().__init__(stages, threads)
+        self.linear = hold == "linear"
+        self.ORDER = 2 if self.linear else 1
+
+    def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
+        """Return the rule for the value at t, or None for extrapolation."""
+        return None if self.linear and not feed.held else "start"
 
 
 def require_states(scheme: Scheme, what: str) -> None:

@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import CouplingFailed, SavedPoint, Scheme
-from orchestrator.cosim.graph import Feed, Floats
+from orchestrator.cosim.graph import ComponentFailed, Feed, Floats
 
 SAFETY = 0.9
 MIN_RATIO, MAX_RATIO = 0.2, 2.0  # bounds of the ratio of two steps
@@ -110,7 +109,7 @@ class VariableStep:
     ) -> tuple[float, SavedPoint]:
         """Do both ways; return the error and the point in the middle of the pair, to be freed."""
         scheme.advance(t, 2.0 * h)
-        coarse = _outputs(scheme)
+        coarse = scheme.outputs()
         scheme.restore(start)
         scheme.advance(t, h)
         middle = scheme.save()
@@ -150,7 +149,3 @@ def _motion(taker: str, feed: Feed, place: int) -> Motion:
 
 def _largest_magnitude(values: Floats) -> float:
     return float(np.abs(values).max(initial=0.0))
-
-
-def _outputs(scheme: Scheme) -> Outputs:
-    return {member.component.name: member.component.y.copy() for member in scheme.members}

@@ -7,7 +7,6 @@ an element. Values are in buffers of bytes.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
@@ -16,12 +15,9 @@ from typing import Any
 from fmpy.fmi3 import fmi3Byte
 
 from orchestrator.cosim import fmi3_library
+from orchestrator.cosim.messages import DISCARD, WARNING
 
-TYPES: dict[str, Any] = {"Float64": c_double, "Float32": ctypes.c_float, "Boolean": c_bool, "String": c_char_p}
-TYPES |= {f"Int{n}": getattr(ctypes, f"c_int{n}") for n in (8, 16, 32, 64)}
-TYPES |= {f"UInt{n}": getattr(ctypes, f"c_uint{n}") for n in (8, 16, 32, 64)}
 _SCALARS: dict[str, Any] = {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p}
-_WARNING, _DISCARD = 1, 2  # FMI status
 _TERMINATED = 3  # kind of a status
 
 
@@ -30,7 +26,7 @@ class Array:
 
     def __init__(self, reference: int, kind: str, size: int) -> None:
         self.function = "Int64" if kind == "Enumeration" else kind
-        self.values = (TYPES[self.function] * size)()
+        self.values = (fmi3_library.TYPES[self.function] * size)()
         self.arguments = (c_uint * 1)(reference), 1, self.values, size
         self.known = size == 1
 
@@ -75,8 +71,8 @@ class Fmi3:
         for array in arrays:
             if way == "Get" or not array.known:
                 worst = max(worst, self._call(f"Get{array.function}", *array.arguments))
-                array.known = worst <= _WARNING
-        if worst > _WARNING:
+                array.known = worst <= WARNING
+        if worst > WARNING:
             return worst
         for k, (array, place) in enumerate(elements):
             if way == "Get":
@@ -100,7 +96,7 @@ class Fmi3:
         flags = (byref(each) for each in (event, self._ended, early, self._reached))
         status = self._call("DoStep", t, h, no_rollback, *flags)
         is_short = early.value or (self._ended.value and self._reached.value < t + h)
-        return _DISCARD if status <= _WARNING and is_short else status
+        return DISCARD if status <= WARNING and is_short else status
 
     def fmi2GetBooleanStatus(self, _: int, kind: int, value: Any) -> int:
         c_int.from_buffer(value).value = kind == _TERMINATED and self._ended.value

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.guests.room import FATAL, Room
+from orchestrator.cosim.guests.room import Room
+from orchestrator.cosim.messages import FATAL, Hear
 
 _BY_REFERENCE: Any = type(ctypes.byref(ctypes.c_int()))
 _POINTER: Any = type(ctypes.pointer(ctypes.c_int())).__mro__[1]
@@ -38,7 +39,7 @@ class GuestLibrary:
     ``failed``: name of the FMI function that failed in the last call, empty if none did.
     """
 
-    def __init__(self, room: Room, hear: Callable[[int, str, str], None]) -> None:
+    def __init__(self, room: Room, hear: Hear) -> None:
         self._room, self._hear, self._number = room, hear, room.enter()
         self._time: float | None = None  # s, of the present step
         self._written = self._fresh = False  # inputs are to be set from the memory; outputs are in it

@@ -23,8 +23,8 @@ from typing import Any
 from orchestrator.cosim import fmi2_library
 from orchestrator.cosim.guests import packets
 from orchestrator.cosim.guests.fmi3 import Fmi3
+from orchestrator.cosim.messages import FATAL, WARNING
 
-_WARNING, _FATAL = 1, 4  # FMI status
 Failing = tuple[int, str]  # status, function that failed or ""
 Buffers = list[Any]
 
@@ -54,7 +54,7 @@ class Guest:
     def call(self, function: str, *arguments: Any) -> Failing:
         """Make a call with arguments of its C types."""
         status = int(getattr(self.library, function)(self.handle, *arguments))
-        return status, "" if 0 <= status <= _WARNING else function
+        return status, "" if 0 <= status <= WARNING else function
 
     def write(self) -> Failing:
         """Set the inputs of the memory."""
@@ -115,7 +115,7 @@ def serve(connection: socket.socket, memory: int) -> None:
                     failing = guest.call(function, *made)
                     result = [_content(buffer) for buffer in buffers]
         except Exception as error:
-            failing, result = (_FATAL, function), f"{type(error).__name__}: {error}"
+            failing, result = (FATAL, function), f"{type(error).__name__}: {error}"
         messages = guest.messages if guest else []
         packets.send(connection, (number, *failing, result, messages))
         messages.clear()

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests import packets
+from orchestrator.cosim.messages import FATAL, PRINTED, Hear
 
 MOST = 64  # processes of one run
 PERIOD = 0.1  # s between two looks at calls that take long
@@ -33,14 +34,12 @@ GRACE = 1.0  # s that a call may still take after an interruption
 PATIENCE = 4.0  # s of a call until it is told, then twice as long each time
 STARTING = 30.0  # s that a process may take to start, which is no call of the FMU
 CLOSING = 2.0  # s that a process may take to end
-PRINTED = "printed"  # category of a message that is a printed line
 SHOWN = 3  # printed lines of a process that are shown
 LAST_LINES = 5  # printed lines that a sentence about the end of a process may quote
-FATAL = 4  # FMI status
 ROOT = Path(__file__).resolve().parents[3]
 
 
-class Wanted(NamedTuple):
+class RoomRequest(NamedTuple):
     """Instance that is to have a room."""
 
     name: str
@@ -69,7 +68,7 @@ class Room:
         self.is_ready = False  # it has made a call
         self.ended = ""  # words on the end of the process
         self.printed: deque[str] = deque(maxlen=LAST_LINES)
-        self.hear: Callable[[int, str, str], None] = lambda status, text, category: None
+        self.hear: Hear = lambda status, text, category: None
         self._instances = self._open = 0
         self._doing: dict[int, Doing] = {}  # by instance
         self._replies: dict[int, Reply] = {}  # that nobody has waited for yet
@@ -191,7 +190,7 @@ class Rooms(AbstractContextManager["Rooms"]):
         self._closed = threading.Event()
         self._thread: threading.Thread | None = None
 
-    def open(self, wanted: Sequence[Wanted]) -> dict[str, Room]:
+    def open(self, wanted: Sequence[RoomRequest]) -> dict[str, Room]:
         """Start the processes of instances, all at once; raises ComponentFailed if they are too many."""
         sharing = {each.fmu for each in wanted if not each.alone}
         needed = sum(each.alone for each in wanted) + len(sharing)

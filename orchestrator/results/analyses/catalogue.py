@@ -1,9 +1,8 @@
-"""Catalogue of the analyses: description, options, and call by name.
+"""Analyses by name.
 
 An analysis is the module of its name in this folder. Its function ``of(run, window=..., OPTIONS...)`` returns a
 result with ``table()``. The module may have ``summary``, which computes only the table, and ``picture``; the result
-may have ``series()`` with all numbers. ``ANALYSES`` defines the command ``cotrack analyse`` and the function
-``analyse``.
+may have ``series()`` with all numbers. Descriptions and options are in ``vocabulary/analyses.py``.
 """
 
 from __future__ import annotations
@@ -11,112 +10,15 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any
 
 from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import EVER, RunData, Window
-
-
-class Option(NamedTuple):
-    """Argument of ``of`` and its option on the command line."""
-
-    name: str  # name of the argument
-    kind: Any  # type on the command line
-    flag: str
-    metavar: str | None
-    help: str
-    least: int | None = None
-
-    @property
-    def keyword(self) -> str:
-        """Its name from Python: that of the flag."""
-        return self.flag.removeprefix("--")
-
-
-class Analysis(NamedTuple):
-    """Description and options of an analysis."""
-
-    about: str
-    options: tuple[Option, ...] = ()
-    picture_options: tuple[Option, ...] = ()  # options of ``picture``
-    records: tuple[str, ...] = ()  # groups of link outputs that it needs beside the standard ones
-    every_step: bool = False  # it needs links at every step: peaks between two records are lost
-    stress: bool = False  # rigid links have none, so a run of them is not recorded for it
-    seats: bool = False  # it needs the motion of a seat
-    library: str = ""  # of the extra analysis, which it needs
-    all_tracks: bool = False  # without a given track it is of all, else of the first
-    full_series: bool = False  # a file gets all numbers over time, frequency or length instead of the table
-
-    @property
-    def flags(self) -> tuple[str, ...]:
-        """Options on the command line."""
-        return tuple(option.flag for option in (*self.options, *self.picture_options))
-
-
-UNSTRESSED = "fatigue needs flexible links, or a force (cotrack analyse LOG fatigue --signal tension)"
-SN_HELP = "S-N line of fatigue: stress range, cycles, slope; default 100e6,2e6,3, units as in '90 MPa,1e6,5'"
-
-TRACK = Option("track", str, "--track", "NAME", "left_track or left; by default the first, of fatigue and joints all")
-SIGNALS = Option(
-    "signals", list[str], "--signal", "NAME",
-    "of a spectrum: instance.variable, * for anything; repeatable; of an envelope: link[*].tension or the like; of "
-    "fatigue: a force, as tension, instead of the stress",
-)  # fmt: skip
-SIGNAL = SIGNALS._replace(name="signal")
-SHAPE = Option("shape", str, "--shape", "hann|flat-top", "window of a spectrum, default hann")
-ORDERS = Option("orders", bool, "--order", None, "of a spectrum: tooth orders too")
-BINS = Option("bins", int, "--bins", "N", "of an envelope, default one a link", 0)
-SN = Option("sn", str, "--sn", "RANGE,CYCLES,SLOPE", SN_HELP)
-TEETH = Option("teeth", bool, "--teeth", None, "events: each tooth that passes")
-AT = Option("at", list[float], "--at", "T", "deformation: an instant, s; repeatable; default last")
-LINK = Option("link", int, "--link", "N", "deformation: the link of a picture, default 1")
-SEAT = Option("seat", str, "--seat", "NAME", "ride: the seat, default all")
+from orchestrator.vocabulary.analyses import ANALYSES, described
 
 FORMER = {"line": "sn"}  # names of options in older versions
-
-ANALYSES = {
-    "power": Analysis("through wheels, sprockets and motors, relative to the hull", full_series=True),
-    "spectrum": Analysis(
-        "largest peaks of signals, by frequency and tooth order", (SIGNALS, SHAPE, ORDERS), full_series=True
-    ),
-    "envelope": Analysis("least, mean, largest tension by place on the circuit", (SIGNAL, TRACK, BINS)),
-    "fatigue": Analysis(
-        "rainflow cycles of links: damage, equivalent ranges of stress or of a force",
-        (TRACK, SN, SIGNAL),
-        records=("fibres",),
-        every_step=True,
-        stress=True,
-        library="rainflow",
-        all_tracks=True,
-    ),
-    "wheel-loads": Analysis("of road wheels, and how long they are lifted off"),
-    "patches": Analysis("contact patches of smooth wheels on links"),
-    "contact": Analysis("pressure under links", (TRACK,)),
-    "slip": Analysis("and thrust of tracks", full_series=True),
-    "joints": Analysis("extremes of joint forces, where and when", (TRACK,), all_tracks=True),
-    "links": Analysis("forces on links in their own axes", (TRACK,)),
-    "deformation": Analysis(
-        "of links along their length, in their tangent frames", (TRACK, AT), (LINK,), ("slopes",), full_series=True
-    ),
-    "ride": Analysis("vibration of seats by ISO 2631-1, absorbed power, peaks", (SEAT,), seats=True, full_series=True),
-    "events": Analysis("wheels that lift off, brakes that hold, steps taken back, warnings", (TEETH,)),
-    "phases": Analysis("rest, acceleration, steady motion, turns, braking: speed, yaw rate, power, slip, tension"),
-    "validity": Analysis("where the run stops being valid: penetration, tooth jumps, travel of idlers, ..."),
-}
-
-
-def recorder_of(group: str) -> str:
-    """Name of the first analysis that needs a group of link outputs; empty if none does."""
-    return next((name for name, one in ANALYSES.items() if group in one.records), "")
-
-
-def described(name: str) -> Analysis:
-    """Description of an analysis; raises BadInput for an unknown name."""
-    if name not in ANALYSES:
-        raise BadInput(f"no analysis '{name}': one of {', '.join(ANALYSES)}")
-    return ANALYSES[name]
 
 
 def require_library(name: str) -> None:

@@ -21,10 +21,10 @@ from fmus.vehicle import BadInput, to_si
 from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
-from orchestrator.results.analyses.catalogue import UNSTRESSED
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 from orchestrator.results.units import hours
+from orchestrator.vocabulary.analyses import UNSTRESSED
 
 FIBRES = ("outer", "inner")
 SHOWN = 10  # links of a track in the printed table

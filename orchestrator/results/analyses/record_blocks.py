@@ -11,7 +11,6 @@ from fmus.link_outputs import INTERVAL
 from fmus.vehicle import BadInput
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses.catalogue import recorder_of
 from orchestrator.results.run_data import (
     BLOCK,
     EVER,
@@ -22,6 +21,7 @@ from orchestrator.results.run_data import (
     link_columns,
     record_durations,
 )
+from orchestrator.vocabulary.analyses import recorder_of
 
 SIZE = 200  # records in memory at once
 GROUPS = {  # signals by the group of ``track.link_outputs`` that contains them

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orchestrator.log.recorded_system import description_of
+from orchestrator.log.recorded_system import signal_description
 from orchestrator.results.energy import CAUSE, KINDS, STORED, Ledger, changes, powers
 from orchestrator.results.page.embedded import and_list, instance, plain, quantity, text
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, lines, table, waterfall
@@ -35,7 +35,7 @@ def losses(run: RunData) -> dict[str, Loss]:
             causes = {
                 part.removeprefix(CAUSE): copies * lost for part, lost in account.items() if part.startswith(CAUSE)
             }
-            parts = _causes(causes) or description_of(run.log, f"{name}.energy.dissipated")
+            parts = _causes(causes) or signal_description(run.log, f"{name}.energy.dissipated")
             by_component[name] = Loss(copies * account["dissipated"], copies * account.get("covered", 0.0), parts)
     return by_component
 

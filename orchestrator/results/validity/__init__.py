@@ -1,1 +1,1 @@
-"""Validity of a run: checks of its parts (``*_checks.py``), one ledger, limits in ``limits.py``."""
+"""Validity of a run: checks of its parts (``*_checks.py``), one ledger, exceeded limits in ``exceedance.py``."""

@@ -12,9 +12,9 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.ground_surface import gives_way, ground
 from orchestrator.results.run_data import UNANSWERED, Missing, RunData, Window
-from orchestrator.results.validity import limits
-from orchestrator.results.validity.limits import WARNING, Exceedance, exceedance, exceedances
+from orchestrator.results.validity.exceedance import WARNING, Exceedance, exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
+from orchestrator.vocabulary import limits
 
 NEAR = 0.25  # s: longest interval between records of pins
 ALONG = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the way from pin to pin

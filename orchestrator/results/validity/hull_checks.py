@@ -13,10 +13,10 @@ from orchestrator.results.ground_surface import gives_way, ground, on_terrain
 from orchestrator.results.ground_under_vehicle import POSE
 from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.run_data import Missing, RunData
-from orchestrator.results.validity import limits
-from orchestrator.results.validity.limits import FAILURE, WARNING, Exceedance, exceedance
+from orchestrator.results.validity.exceedance import FAILURE, WARNING, Exceedance, exceedance
 from orchestrator.results.validity.piece import Piece
 from orchestrator.results.validity.sprocket_checks import HULL
+from orchestrator.vocabulary import limits
 
 PLACE = "chassis.chassis.position"
 FORCE = "chassis.ground.force"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from orchestrator.results.run_data import EVER, UNANSWERED, RunData, Window, reason
 from orchestrator.results.table import Table
 from orchestrator.results.validity import chain_checks, hull_checks, sprocket_checks, track_checks
-from orchestrator.results.validity.limits import FAILURE, WARNING, Exceedance
+from orchestrator.results.validity.exceedance import FAILURE, WARNING, Exceedance
 from orchestrator.results.validity.piece import Piece, pieces
 
 

@@ -40,7 +40,7 @@ class Piece:
 
     def columns(self, names: list[str]) -> tuple[Floats, Floats]:
         """Times and values (m, names) of signals of one topic; raises Missing."""
-        topic, _ = place(self.run, names[0])
+        topic, _ = self.run.place(names[0])
         series = self._series.get(topic)
         variables = [name.partition(".")[2] for name in names]
         if series is None or not set(variables) <= set(series.names):
@@ -51,13 +51,6 @@ class Piece:
         """Times (m,) and positions of pins (m, pins, 3), m, world; read on demand; raises Missing."""
         blocks = [*record_blocks.records(self.run, track, self.window, "joint[*].position")]
         return np.concatenate([block.t for block in blocks]), np.concatenate([block.values[0] for block in blocks])
-
-
-def place(run: RunData, name: str) -> tuple[str, int]:
-    """Topic and column of a signal; raises Missing."""
-    if name not in run.log:
-        raise Missing(f"the log has no signal '{name}'")
-    return run.log.find(name)
 
 
 def pieces(run: RunData, names: Iterable[str], window: Window) -> Iterator[Piece]:

@@ -12,9 +12,9 @@ from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.energy import WrenchPort
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import Missing, RunData, pitch_radius
-from orchestrator.results.validity import limits
-from orchestrator.results.validity.limits import FAILURE, Exceedance, exceedance, exceedances
+from orchestrator.results.validity.exceedance import FAILURE, Exceedance, exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
+from orchestrator.vocabulary import limits
 
 HULL = "chassis.chassis.orientation"
 REACH = 1.2  # of the radius of the teeth: pins further away have no contact

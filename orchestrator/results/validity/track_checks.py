@@ -15,10 +15,10 @@ from orchestrator.results.analyses.wheel_loads import is_settling, off_ground
 from orchestrator.results.ground_surface import gives_way
 from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
 from orchestrator.results.run_data import EVER, Missing, RunData, record_durations
-from orchestrator.results.validity import limits
-from orchestrator.results.validity.limits import WARNING, Exceedance, excess
+from orchestrator.results.validity.exceedance import WARNING, Exceedance, excess
 from orchestrator.results.validity.piece import Piece
 from orchestrator.results.validity.sprocket_checks import shaft, tracks_on_sprockets
+from orchestrator.vocabulary import limits
 
 STANDS = 0.1  # rad/s of a sprocket: brakes fade below, unless drive.brake_speed is given
 TURNS = 0.02  # rad/s of the hull: a turning vehicle slides sideways, and its tracks slip by nature

@@ -68,7 +68,7 @@ def child(element: Node | None, *path: str) -> Node | None:
     return next(children(element, *path), None)
 
 
-def document(file: Path, where: str) -> Node:
+def xml_root(file: Path, where: str) -> Node:
     """Root of an XML document; raises BadInput."""
     try:
         return fromstring(read_file(file, DOCUMENT))
@@ -76,7 +76,7 @@ def document(file: Path, where: str) -> Node:
         raise BadInput(f"{where} cannot be read: {error}") from None
 
 
-def inside(source: str, place: Place) -> Path:
+def archive_file(source: str, place: Place) -> Path:
     """File of a relative URI; raises BadInput for any other place."""
     path = PurePosixPath(unquote(source))
     if not source or ":" in source or path.is_absolute() or ".." in path.parts or "\0" in str(path):
@@ -99,13 +99,13 @@ def content(element: Node, kind: str, place: Place, component: Place | None = No
         if component is None:
             raise BadInput(f"{place.where}: source = {value_text(source)}: only FMUs have files of their own")
         base = component
-    root = document(inside(source, base), f"{place.where}: {source}")
+    root = xml_root(archive_file(source, base), f"{place.where}: {source}")
     if local(root) != kind:
         raise BadInput(f"{place.where}: {source} holds {local(root)}, not {kind}")
     return root
 
 
-def number(text: str | None) -> float:
+def double(text: str | None) -> float:
     """Double of XML Schema; raises ValueError, also for one that is not finite."""
     text = (text or "").strip()
     if not REAL.fullmatch(text) or not math.isfinite(float(text)):
@@ -113,7 +113,7 @@ def number(text: str | None) -> float:
     return float(text)
 
 
-def truth(text: str | None) -> bool:
+def boolean(text: str | None) -> bool:
     """Boolean of XML Schema; raises ValueError."""
     try:
         return TRUTH[(text or "false").strip()]
@@ -128,10 +128,18 @@ def linear(element: Node, where: str) -> Conversion:
             raise BadInput(f"{where}: a {local(one)} is not supported, only a LinearTransformation")
         if local(one) == "LinearTransformation":
             try:
-                return Conversion(number(one.get("factor", "1")), number(one.get("offset", "0")))
+                return Conversion(double(one.get("factor", "1")), double(one.get("offset", "0")))
             except ValueError:
                 raise BadInput(f"{where}: its LinearTransformation must have finite numbers") from None
     return UNCHANGED
+
+
+def converts_units(element: Node, where: str) -> bool:
+    """Whether the units of a connection or a mapping are converted; raises BadInput."""
+    try:
+        return not boolean(element.get("suppressUnitConversion"))
+    except ValueError:
+        raise BadInput(f"{where}: suppressUnitConversion must be true or false") from None
 
 
 def units_of(root: Node | None) -> dict[str, BaseUnit]:
@@ -141,9 +149,9 @@ def units_of(root: Node | None) -> dict[str, BaseUnit]:
         base = child(unit, "BaseUnit")
         if base is not None:
             try:
-                exponents = tuple(number(base.get(quantity, "0")) for quantity in QUANTITIES)
+                exponents = tuple(double(base.get(quantity, "0")) for quantity in QUANTITIES)
                 found[unit.get("name", "")] = BaseUnit(
-                    exponents, number(base.get("factor", "1")), number(base.get("offset", "0"))
+                    exponents, double(base.get("factor", "1")), double(base.get("offset", "0"))
                 )
             except ValueError:
                 continue  # a unit that is not defined: refused where it is needed
@@ -261,9 +269,9 @@ def _component(node: Node, path: str, place: Place, units: Mapping[str, BaseUnit
     kind, use = node.get("type") or FMU, node.get("implementation", "any")
     bindings = [*children(node, "ParameterBindings", "ParameterBinding")]
     if kind in (DEFINITION, PACKAGE):
-        file = inside(node.get("source", ""), here)
-        root, inner = opened(file, here.where) if kind == PACKAGE else (document(file, here.where), place)
-        system = system_of(root, here.where)
+        file = archive_file(node.get("source", ""), here)
+        root, inner = unpacked_archive(file, here.where) if kind == PACKAGE else (xml_root(file, here.where), place)
+        system = system_node(root, here.where)
         made = read_system(system, path, inner._replace(where=here.where), units_of(root) | dict(units), depth + 1)
         made.bindings += bindings
         return made
@@ -272,7 +280,7 @@ def _component(node: Node, path: str, place: Place, units: Mapping[str, BaseUnit
             f"{here.where}: a component of type {value_text(kind)}, {use}: only FMUs for co-simulation are run"
         )
     made = Element(path, here, node, units, _connectors(node), bindings=bindings)
-    made.fmu = inside(node.get("source", ""), here)
+    made.fmu = archive_file(node.get("source", ""), here)
     try:
         made.description = description_of(made.fmu)
     except ComponentFailed as failure:
@@ -281,16 +289,16 @@ def _component(node: Node, path: str, place: Place, units: Mapping[str, BaseUnit
     return made
 
 
-def opened(file: Path, where: str) -> tuple[Node, Place]:
+def unpacked_archive(file: Path, where: str) -> tuple[Node, Place]:
     """Unpack an archive; return the root of its document, and its place. Raises BadInput."""
     try:
         folder = unpack(file, DOCUMENT_NAME, "SSP archive")
     except ComponentFailed as failure:
         raise BadInput(f"{where}: {failure}" if f"'{file}'" not in where else str(failure)) from None
-    return document(folder / DOCUMENT_NAME, f"{where}: {DOCUMENT_NAME}"), Place(folder, where)
+    return xml_root(folder / DOCUMENT_NAME, f"{where}: {DOCUMENT_NAME}"), Place(folder, where)
 
 
-def system_of(root: Node, where: str) -> Node:
+def system_node(root: Node, where: str) -> Node:
     """System of a document; raises BadInput."""
     system = child(root, "System")
     if system is None:
@@ -298,10 +306,10 @@ def system_of(root: Node, where: str) -> Node:
     return system
 
 
-def components(system: Element) -> Iterator[Element]:
+def fmu_elements(system: Element) -> Iterator[Element]:
     """All components of a system and of those in it."""
     for element in system.elements.values():
         if element.fmu is not None:
             yield element
         else:
-            yield from components(element)
+            yield from fmu_elements(element)

@@ -26,20 +26,21 @@ from orchestrator.scene.archive.elements import (
     Connector,
     Element,
     Place,
+    boolean,
     child,
     children,
     content,
+    converts_units,
+    double,
     linear,
     local,
-    number,
-    truth,
     units_of,
 )
 
 ENDS = ("startElement", "startConnector"), ("endElement", "endConnector")
 
 
-class End(NamedTuple):
+class ConnectorEnd(NamedTuple):
     """Connector of an element."""
 
     element: Element
@@ -64,45 +65,50 @@ class End(NamedTuple):
 class Link(NamedTuple):
     """Connection from one end to another."""
 
-    source: End
-    target: End
+    source: ConnectorEnd
+    target: ConnectorEnd
     transformation: Conversion  # after the conversion of units
     converts: bool  # units are converted
 
 
-class Stream(NamedTuple):
+class FlowingValue(NamedTuple):
     """Value on its way through links."""
 
-    end: End
+    end: ConnectorEnd
     total: Conversion = UNCHANGED  # from the value where it began
     unit: str = ""  # that it has by now; empty: unknown
-    unit_end: End | None = None  # connector by which the unit is defined
+    unit_end: ConnectorEnd | None = None  # connector by which the unit is defined
     simple: Conversion | None = UNCHANGED  # transformation behind conversions of units alone; None: before some
-    begin: End | None = None  # where it began, if it has gone through links
+    begin: ConnectorEnd | None = None  # where it began, if it has gone through links
 
-    def through(self, link: Link) -> Stream:
+    def through(self, link: Link) -> FlowingValue:
         """The value behind a link; raises BadInput for units that cannot be converted."""
-        stream = self.seen_at(link.source)
+        flowing = self.seen_at(link.source)
         target = link.target.connector
-        converted, unit_end = UNCHANGED, stream.unit_end
-        if link.converts and stream.unit and target.unit and stream.unit != target.unit and unit_end is not None:
-            converted = converted_units((unit_end, stream.unit), (link.target, target.unit), link)
-        simple = stream.simple
+        converted, unit_end = UNCHANGED, flowing.unit_end
+        if link.converts and flowing.unit and target.unit and flowing.unit != target.unit and unit_end is not None:
+            converted = converted_units((unit_end, flowing.unit), (link.target, target.unit), link)
+        simple = flowing.simple
         if converted != UNCHANGED and simple != UNCHANGED:
             simple = None
         if simple is not None:
             simple = simple.then(link.transformation) if link.converts else None
-        total = stream.total.then(converted).then(link.transformation)
+        total = flowing.total.then(converted).then(link.transformation)
         unit_end = link.target if target.unit else unit_end
-        return Stream(link.target, total, target.unit or stream.unit, unit_end, simple, self.begin or self.end)
+        return FlowingValue(link.target, total, target.unit or flowing.unit, unit_end, simple, self.begin or self.end)
 
-    def seen_at(self, end: End) -> Stream:
+    @classmethod
+    def begun_at(cls, end: ConnectorEnd) -> FlowingValue:
+        """The value that begins at a connector, in its unit."""
+        return cls(end).seen_at(end)
+
+    def seen_at(self, end: ConnectorEnd) -> FlowingValue:
         """The value with the unit of a connector, if that has one."""
         unit = end.connector.unit
         return self._replace(unit=unit, unit_end=end) if unit else self
 
 
-def converted_units(one: tuple[End, str], other: tuple[End, str], what: object) -> Conversion:
+def converted_units(one: tuple[ConnectorEnd, str], other: tuple[ConnectorEnd, str], what: object) -> Conversion:
     """Conversion from the unit of one connector to that of another; raises BadInput if there is none."""
     bases = [end.base(unit) for end, unit in (one, other)]
     for (end, unit), base in zip((one, other), bases, strict=True):
@@ -137,7 +143,7 @@ def _link(node: Node, system: Element) -> Link:
         element, connector = node.get(of) or None, node.get(at, "")  # OMSimulator writes an empty name of the system
         if element is not None and element not in system.elements:
             raise BadInput(f"{system.place.where}: no component {value_text(element)}, which a connection names")
-        ends.append(End(system if element is None else system.elements[element], connector))
+        ends.append(ConnectorEnd(system if element is None else system.elements[element], connector))
     words = f"{system.place.where}: connection of '{ends[0]}' and '{ends[1]}'"
     gives = [_gives(end, end.element is system) for end in ends]
     if gives[0] is None and gives[1] is not None:
@@ -148,14 +154,11 @@ def _link(node: Node, system: Element) -> Link:
         kinds = " and ".join(end.connector.kind or "an entry of a signal dictionary" for end in ends)
         raise BadInput(f"{words}: they are {kinds}: one must give, and one take")
     source, target = ends if gives[0] else reversed(ends)
-    try:
-        converts = not truth(node.get("suppressUnitConversion"))
-    except ValueError:
-        raise BadInput(f"{words}: suppressUnitConversion must be true or false") from None
+    converts = converts_units(node, words)
     return Link(source, target, linear(node, words), converts)
 
 
-def _gives(end: End, is_outer: bool) -> bool | None:
+def _gives(end: ConnectorEnd, is_outer: bool) -> bool | None:
     """Whether a connector gives values, seen from inside the system; None: either."""
     kind = end.connector.kind
     if not kind:
@@ -193,7 +196,7 @@ def start_values(system: Element, links: Sequence[Link]) -> tuple[Values, list[s
 
     Raises BadInput.
     """
-    onward: dict[End, list[Link]] = defaultdict(list)
+    onward: dict[ConnectorEnd, list[Link]] = defaultdict(list)
     for link in links:
         onward[link.source].append(link)
     values: Values = defaultdict(dict)
@@ -202,7 +205,7 @@ def start_values(system: Element, links: Sequence[Link]) -> tuple[Values, list[s
     return values, unknown
 
 
-def _apply(element: Element, onward: Mapping[End, list[Link]], values: Values, unknown: list[str]) -> None:
+def _apply(element: Element, onward: Mapping[ConnectorEnd, list[Link]], values: Values, unknown: list[str]) -> None:
     for inner in element.elements.values():
         _apply(inner, onward, values, unknown)
     for binding in element.bindings:
@@ -212,12 +215,12 @@ def _apply(element: Element, onward: Mapping[End, list[Link]], values: Values, u
         targets = None if mapping is None else _targets(content(mapping, "ParameterMapping", place, inside), place)
         for given in _given(content(binding, "ParameterSet", place, inside), binding.get("prefix", ""), place):
             for target in [Target(given.name)] if targets is None else targets.get(given.name, ()):
-                streams = [*_reached(element, target.name, onward)]
-                if not streams:
+                reached = [*_reached(element, target.name, onward)]
+                if not reached:
                     unknown.append(f"{given.where} is ignored: there is no '{target.name}' to take it")
-                for stream in streams:
-                    component, name = stream.end
-                    values[component.path][name] = _coerced(given, target, stream)
+                for flowing in reached:
+                    component, name = flowing.end
+                    values[component.path][name] = _coerced(given, target, flowing)
 
 
 def _targets(root: Node | None, place: Place) -> dict[str, list[Target]]:
@@ -225,10 +228,7 @@ def _targets(root: Node | None, place: Place) -> dict[str, list[Target]]:
     found: dict[str, list[Target]] = defaultdict(list)
     for entry in children(root, "MappingEntry"):
         where = f"{place.where}: mapping of {value_text(entry.get('source'))}"
-        try:
-            converts = not truth(entry.get("suppressUnitConversion"))
-        except ValueError:
-            raise BadInput(f"{where}: suppressUnitConversion must be true or false") from None
+        converts = converts_units(entry, where)
         found[entry.get("source", "")].append(Target(entry.get("target", ""), linear(entry, where), converts))
     return found
 
@@ -244,11 +244,11 @@ def _given(root: Node | None, prefix: str, place: Place) -> Iterator[Given]:
         try:
             value: Scalar
             if kind in FLOATS:
-                kind, value = "Real", number(text)
+                kind, value = "Real", double(text)
             elif kind in WHOLES and INTEGER.fullmatch(text.strip()):
                 kind, value = "Integer", int(text)
             elif kind == "Boolean":
-                value = truth(text or "?")
+                value = boolean(text or "?")
             elif kind in ("String", "Enumeration"):
                 value = text
             else:
@@ -259,26 +259,28 @@ def _given(root: Node | None, prefix: str, place: Place) -> Iterator[Given]:
         yield Given(name, value, kind, unit, units.get(unit), where)
 
 
-def _reached(element: Element, name: str, onward: Mapping[End, list[Link]]) -> Iterator[Stream]:
+def _reached(element: Element, name: str, onward: Mapping[ConnectorEnd, list[Link]]) -> Iterator[FlowingValue]:
     """Variables of components that a hierarchical name stands for."""
     if element.fmu is not None:
         variable = element.variables.get(name)
         if variable is not None and _has_start(variable):
-            yield Stream(End(element, name)).seen_at(End(element, name))
+            yield FlowingValue.begun_at(ConnectorEnd(element, name))
         return
     head, dot, rest = name.partition(".")
     if dot and head in element.elements:
         yield from _reached(element.elements[head], rest, onward)
     elif name in element.connectors:
-        yield from _onward(Stream(End(element, name)).seen_at(End(element, name)), onward, set())
+        yield from _onward(FlowingValue.begun_at(ConnectorEnd(element, name)), onward, set())
 
 
-def _onward(stream: Stream, onward: Mapping[End, list[Link]], seen: set[End]) -> Iterator[Stream]:
-    for link in onward.get(stream.end, ()):
+def _onward(
+    flowing: FlowingValue, onward: Mapping[ConnectorEnd, list[Link]], seen: set[ConnectorEnd]
+) -> Iterator[FlowingValue]:
+    for link in onward.get(flowing.end, ()):
         if link.target in seen:
             continue
         seen.add(link.target)
-        after = stream.through(link)
+        after = flowing.through(link)
         if link.target.element.fmu is not None:
             if _has_start(link.target.element.variables[link.target.name]):
                 yield after
@@ -294,15 +296,15 @@ def _has_start(variable: object) -> bool:
     return bool(settable) and variability != "constant" and causality != "independent"
 
 
-def _coerced(given: Given, target: Target, stream: Stream) -> Scalar:
+def _coerced(given: Given, target: Target, flowing: FlowingValue) -> Scalar:
     """Value of a variable, in its unit and of its type."""
-    component, name = stream.end
+    component, name = flowing.end
     variable = component.variables[name]
     what = f"{given.where} = {value_text(given.value)} ({given.kind})"
     match variable.type, given.kind:
         case "Real", "Real" | "Integer":
-            value = _in_unit(given, target, stream, what)
-            return stream.total.factor * value + stream.total.offset
+            value = _in_unit(given, target, flowing, what)
+            return flowing.total.factor * value + flowing.total.offset
         case "Integer" | "Enumeration", "Integer":
             return given.value
         case "Integer" | "Enumeration", "Real" if float(given.value).is_integer():
@@ -321,10 +323,10 @@ def _coerced(given: Given, target: Target, stream: Stream) -> Scalar:
     raise BadInput(f"{what}: '{component.path}.{name}' is of type {variable.type}")
 
 
-def _in_unit(given: Given, target: Target, stream: Stream, what: str) -> float:
+def _in_unit(given: Given, target: Target, flowing: FlowingValue, what: str) -> float:
     """Value in the unit in which its way begins."""
     value = float(given.value)
-    first = stream.begin or stream.end
+    first = flowing.begin or flowing.end
     wanted = first.connector.unit
     if given.unit and wanted and given.unit != wanted and target.converts:
         bases = given.base or first.element.units.get(given.unit), first.base(wanted)

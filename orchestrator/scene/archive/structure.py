@@ -13,14 +13,14 @@ from orchestrator.scene.archive.elements import (
     VERSIONS,
     Element,
     child,
-    components,
-    number,
-    opened,
+    double,
+    fmu_elements,
     read_system,
-    system_of,
+    system_node,
     units_of,
+    unpacked_archive,
 )
-from orchestrator.scene.archive.flow import End, Link, Scalar, Stream, links, start_values
+from orchestrator.scene.archive.flow import ConnectorEnd, FlowingValue, Link, Scalar, links, start_values
 from orchestrator.scene.fmu_table import Pair
 
 LONGEST_WAY = 100  # connections from an output to an input
@@ -43,12 +43,12 @@ class Structure(NamedTuple):
 def read_structure(file: Path) -> Structure:
     """Unpack an SSP archive into the cache and read its structure; raises BadInput with one sentence."""
     where = path_text(file)
-    root, place = opened(file, where)
+    root, place = unpacked_archive(file, where)
     if root.get("version") not in VERSIONS:
         raise BadInput(f"{where}: SSP {root.get('version')}: only SSP {' and '.join(VERSIONS)} are run")
-    node = system_of(root, where)
+    node = system_node(root, where)
     system = read_system(node, "", place, units_of(root))
-    members = [*components(system)]
+    members = [*fmu_elements(system)]
     if not members:
         raise BadInput(f"{where}: its system has no components")
     names = _names(members)
@@ -81,7 +81,7 @@ def _names(members: Sequence[Element]) -> dict[str, str]:
 
 def _pairs(all_links: Sequence[Link], names: Mapping[str, str]) -> Iterator[Pair]:
     """Connections from outputs to inputs of FMUs, through connectors of systems and dictionaries."""
-    giving: dict[End, Link] = {}
+    giving: dict[ConnectorEnd, Link] = {}
     for link in all_links:
         if link.target.element.fmu is None and link.target in giving:
             raise BadInput(f"{link.target.element.place.where}: '{link.target}' has another connection")
@@ -100,24 +100,24 @@ def _pairs(all_links: Sequence[Link], names: Mapping[str, str]) -> Iterator[Pair
             if source.element.fmu is not None:
                 raise BadInput(f"{target.element.place.where}: '{target}' is a parameter: '{source}' cannot change it")
             continue  # nothing gives: the start value stays
-        stream = Stream(source)
+        flowing = FlowingValue(source)
         for link in way:
-            stream = stream.through(link)
-        transformation = _beyond_units(stream, source, target)
+            flowing = flowing.through(link)
+        transformation = _beyond_units(flowing, source, target)
         yield Pair(names[source.element.path], source.name, names[target.element.path], target.name, transformation)
 
 
-def _beyond_units(stream: Stream, source: End, target: End) -> Conversion:
+def _beyond_units(flowing: FlowingValue, source: ConnectorEnd, target: ConnectorEnd) -> Conversion:
     """Transformation of a connection besides the conversion by the units of the variables of both FMUs."""
     given, taken = source.element.variables[source.name], target.element.variables[target.name]
     if given.type != "Real" or taken.type != "Real":
-        return stream.total
+        return flowing.total
     own = conversion(base_unit(source.element.description, given), base_unit(target.element.description, taken))
     if own == UNCHANGED:
-        return stream.total
-    if stream.simple is not None and _alike(own.then(stream.simple), stream.total):
-        return stream.simple
-    return Conversion(1.0 / own.factor, -own.offset / own.factor).then(stream.total)
+        return flowing.total
+    if flowing.simple is not None and _alike(own.then(flowing.simple), flowing.total):
+        return flowing.simple
+    return Conversion(1.0 / own.factor, -own.offset / own.factor).then(flowing.total)
 
 
 def _alike(one: Conversion, other: Conversion) -> bool:
@@ -129,8 +129,8 @@ def _experiment(root: Node, where: str) -> tuple[float, float | None]:
     if experiment is None:
         return 0.0, None
     try:
-        start, stop = number(experiment.get("startTime", "0")), experiment.get("stopTime")
-        end = None if stop is None else number(stop)
+        start, stop = double(experiment.get("startTime", "0")), experiment.get("stopTime")
+        end = None if stop is None else double(stop)
     except ValueError:
         raise BadInput(f"{where}: its DefaultExperiment must have finite numbers") from None
     if end is not None and end <= start:

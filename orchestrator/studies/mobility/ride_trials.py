@@ -19,7 +19,7 @@ from orchestrator.results.analyses import ride
 from orchestrator.results.analyses.vibration import LIMIT
 from orchestrator.results.run_data import Window
 from orchestrator.results.table import Column
-from orchestrator.studies import Row, files
+from orchestrator.studies import Row, result_files
 from orchestrator.studies.mobility.trial import (
     FIRM,
     Finding,
@@ -115,9 +115,9 @@ def _vibration(seat: ride.SeatRide) -> Figures:
     }
 
 
-def _draw_vibration(rows: Sequence[Row]) -> files.Picture:
+def _draw_vibration(rows: Sequence[Row]) -> result_files.Picture:
     """Weighted acceleration and absorbed power over speed, by class."""
-    figure = files.new_figure(10.0, 3.8, dpi=110)
+    figure = result_files.new_figure(10.0, 3.8, dpi=110)
     panes = figure.subplots(1, 2)
     for pane, key in zip(panes, ("weighted", "power"), strict=True):
         for name, *curve in _curves(rows, "iso_class", key):
@@ -156,9 +156,9 @@ def _peaks(seat: ride.SeatRide) -> Figures:
     return {"peak": float(up.max()), "down": float(-up.min())}
 
 
-def _draw_shock(rows: Sequence[Row]) -> files.Picture:
+def _draw_shock(rows: Sequence[Row]) -> result_files.Picture:
     """Peaks over speed, by radius."""
-    figure = files.new_figure(7.0, 3.8, dpi=110)
+    figure = result_files.new_figure(7.0, 3.8, dpi=110)
     pane = figure.subplots()
     for radius, *curve in _curves(rows, "radius", "peak"):
         pane.plot(*curve, "o-", label=f"{1e3 * radius:.0f} mm")

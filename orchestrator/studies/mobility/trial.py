@@ -13,7 +13,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.table import Column
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.scene import from_table, load
-from orchestrator.studies import Case, Row, files
+from orchestrator.studies import Case, Row, result_files
 from orchestrator.studies.mobility.theory import ends
 from orchestrator.studies.runs import logged
 
@@ -31,7 +31,7 @@ class Trial(NamedTuple):
     notes: tuple[str, ...]
     runs: Callable[[bool], Sequence[tuple[str, Callable[..., list[Row]], tuple[Any, ...], float]]]
     """Label, function of a scene's name and its arguments, seconds; with True those of a quick study."""
-    draw: Callable[[Sequence[Row]], files.Picture]
+    draw: Callable[[Sequence[Row]], result_files.Picture]
     find: Callable[[Sequence[Row]], list[Finding]]  # what rows with figures say of the vehicle, for the summary
 
     def cases(self, scene: str, quick: bool) -> list[Case]:

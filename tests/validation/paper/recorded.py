@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from fmus.build import BuildFailed, identity
-from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.scene.assembly import assemble, system

@@ -1,4 +1,4 @@
-"""Limits of the validity ledger, each with its reason, the kinds of entries, and the entries.
+"""Limits of the validity ledger, each with its reason, and the kinds of limits.
 
 Beyond a warning limit results are doubtful. Beyond a failure limit the model no longer describes the machine, and the
 run fails unless the scene allows that kind (``[run] allow``). Lengths are those of the vehicle table: face (half of
@@ -7,20 +7,13 @@ the thickness of a link), radius of a pin, travel of the tensioner.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
-
-import numpy as np
-
-from orchestrator.log.time_series import Floats
-from orchestrator.results.units import figure, size
+from typing import NamedTuple
 
 
 class LimitKind(NamedTuple):
-    """Kind of entry."""
+    """Kind of limit."""
 
-    text: str  # begins the sentence of an entry
+    text: str  # begins the sentence of an exceedance
     unit: str  # display unit of value and limit
     fails: bool = False  # failures of this kind exist, which a scene may allow
 
@@ -93,70 +86,3 @@ LANE, ASKEW = 0.0, 0.1
 # 1 the contact's period has 6 steps and is off by a tenth ((w h)^2 / 12 and numerical damping). For the communication
 # step, an explicit exchange is stable up to 2.
 STEP = 1.0
-
-
-WARNING, FAILURE = "warning", "failure"
-
-
-class Exceedance(NamedTuple):
-    """Limit that a run exceeded."""
-
-    what: str  # key of ``limits.KINDS``
-    component: str
-    time: float  # s, first time
-    place: str  # on the component, "road_wheel[3]"; empty for the whole
-    value: float  # worst value, SI
-    limit: float  # SI
-    severity: str  # WARNING or FAILURE
-
-    @property
-    def sentence(self) -> str:
-        """Sentence for the reader."""
-        kind = KINDS[self.what]
-        value, limit = (figure(number / size(kind.unit), 3) for number in (self.value, self.limit))
-        where = f" at {self.place}" if self.place else ""
-        return f"{kind.text}{where}: {value} {kind.unit}, limit {limit} {kind.unit}"
-
-
-def recorded_entries(results: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Entries in the results of a closing record, as arguments of ``Exceedance``; invalid ones are left out."""
-    try:
-        entries = json.loads(results.get("validity", "[]"))
-    except (ValueError, RecursionError):
-        return []
-    texts = dict.fromkeys(("what", "component", "place", "severity"), str)
-    types = {**texts, **dict.fromkeys(("time", "value", "limit"), float)}
-    tables = (entry for entry in entries if isinstance(entry, dict)) if isinstance(entries, list) else ()
-    return [
-        entry
-        for entry in tables
-        if {key: type(value) for key, value in entry.items()} == types and entry["what"] in KINDS
-    ]
-
-
-def excess(t: Floats, values: Floats, limit: float) -> tuple[float, float, float] | None:
-    """First time above the limit, largest value and its time, of values (m,) at times (m,), s; else None."""
-    beyond = values > limit  # false for a NaN
-    if not beyond.any():
-        return None
-    worst = int(np.argmax(np.where(beyond, values, -np.inf)))
-    return float(t[np.argmax(beyond)]), float(values[worst]), float(t[worst])
-
-
-def exceedance(
-    what: str, component: str, place: str, t: Floats, values: Floats, limit: float, severity: str = WARNING
-) -> Iterator[Exceedance]:
-    """Entry of a limit that values (m,) at times (m,), s, exceed: the first time and the largest value; else none."""
-    if (first_and_worst := excess(t, values, limit)) is not None:
-        yield Exceedance(what, component, first_and_worst[0], place, first_and_worst[1], limit, severity)
-
-
-def exceedances(
-    what: str, component: str, t: Floats, values: Floats, warning: float, failure: float
-) -> list[tuple[Exceedance, float]]:
-    """Warning and failure of values above their limits, without a place, with times of the worst, s."""
-    return [
-        (Exceedance(what, component, first_and_worst[0], "", first_and_worst[1], limit, severity), first_and_worst[2])
-        for limit, severity in ((warning, WARNING), (failure, FAILURE))
-        if (first_and_worst := excess(t, values, limit)) is not None
-    ]

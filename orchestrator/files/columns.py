@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.vehicle import to_si
-from orchestrator.log.time_series import Floats
 
 # Numbers that stand for a missing one: those of GDAL, ESRI and int16 and int32 rasters; beyond HUGE, fill values of
 # floats (1e20 of CF, 9.97e36 of netCDF, the largest of float32).
@@ -40,6 +39,6 @@ def unit_size(given: str, unit: str) -> float:
         raise ValueError(f"is in {given}, which does not convert to {unit}") from None
 
 
-def no_data(values: Floats) -> NDArray[np.bool_]:
+def no_data(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which values, as in the file, are no numbers or marks of no data."""
     return np.isin(values, MARKS) | ~(np.abs(values) < HUGE)

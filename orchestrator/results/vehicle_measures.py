@@ -1,0 +1,171 @@
+"""Measures of a vehicle; functions as in ``measures.py``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmus.ground_keys import is_plane
+from fmus.sides import of_side
+from orchestrator.results.analyses import hull
+from orchestrator.results.analyses import slip as slips
+from orchestrator.results.energy import ports
+from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
+from orchestrator.results.run_data import BLOCK, Missing, RunData, Window, drive_of, mean, track_of, vectors
+
+RUN_REACH = 0.2  # m: half length of the sample in the middle between two wheels, or two pitches of short links
+LOWER = -0.1  # m over the sprocket axle: the lower run is below it, or below half the height of small road wheels
+
+
+def ground_force(run: RunData, of: str, window: Window) -> float:
+    """Mean vertical ground reaction of all tracks, and of the chassis where it has ground contact, N."""
+    touching = [name for name in (*run.tracks, "chassis") if run.has(f"{name}.ground.force.z")]
+    return sum(run.copies(name) * run.mean(f"{name}.ground.force.z", window) for name in touching)
+
+
+def uphill_force(run: RunData, of: str, window: Window) -> float:
+    """Mean force of the ground on all tracks up the slope of ``ground.grade`` and ``ground.bank``, N.
+
+    At constant speed it is the weight's component along the slope.
+    """
+    table = run.scene.get("ground") or {}
+    grade, bank = table.get("grade") or 0.0, table.get("bank") or 0.0
+    steepness = float(np.hypot(grade, bank))
+    if steepness == 0.0:
+        raise Missing("the ground is not inclined: it has neither grade nor bank")
+    uphill = np.array([grade, bank, steepness**2]) / (steepness * np.hypot(1.0, steepness))
+    force = np.zeros(3)
+    for name in run.tracks:
+        force += run.copies(name) * np.array([run.mean(f"{name}.ground.force.{axis}", window) for axis in "xyz"])
+    return float(force @ uphill)
+
+
+def slip(run: RunData, of: str, window: Window) -> float:
+    """Slip 1 - v/V, V a pitch a tooth; positive where tracks drive, either way; raises Missing where they stand."""
+    found = slips.of(run, window, of)
+    return _share(slips.ratio(found.t, found.pitched, found.lag))
+
+
+def pad_slip(run: RunData, of: str, window: Window) -> float:
+    """Velocity of the pads on the ground, weighted by load, over the chain speed; the rest as ``slip``."""
+    found = slips.of(run, window, of)
+    return _share(slips.ratio(found.t, found.chain, found.pads))
+
+
+def speed_excess(run: RunData, of: str, window: Window) -> float:
+    """Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1: the other sign of ``slip``; needs no yaw or pose.
+
+    The sprocket is a polygon: its chain's speed rises and falls by some 2 % as each tooth passes, but the mean stays
+    one pitch a tooth. With pads on the line of the pins the hull runs at that mean less the slip, at -0.2 %. Pads lie
+    29 mm below the pins, though, and road wheels rock each loaded link forward about its pad: the hull runs ahead, by
+    1.4 % with contact spread along the link, by 2.4 % where two points bear it. So 0 to 5 % is that band and as much
+    again: a vehicle below it spins its tracks, one beyond it is not driven by its teeth. It cannot tell contact models
+    apart.
+    """
+    vehicle = run.scene["vehicle"]
+    omega = np.mean([run.mean(f"{drive_of(run, side)}.speed", window) for side in run.sides])
+    kinematic = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] * omega / (2 * np.pi)
+    if abs(kinematic) < slips.SLOWEST:
+        raise Missing("the sprockets stand")
+    return run.mean("chassis.speed", window) / float(kinematic) - 1.0
+
+
+def settlement(run: RunData, of: str, window: Window) -> float:
+    """How far the hull is below its drawn place, m; raises Missing on uneven ground, as it counts from the first."""
+    if not is_plane(run.scene.get("ground") or {}):
+        raise Missing("settlement is not known on uneven ground: it counts from that of the start")
+    return run.mean("chassis.settlement", window)
+
+
+def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
+    """Share of the springs in the settlement: mean rise of the road wheels in the hull, m.
+
+    The rise counts from the drawn position, along the normal of the ground under the vehicle.
+    """
+    wheels = [
+        f"{side}.road_wheel[{i}].position"
+        for side in run.sides
+        for i in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
+    ]
+    t, _ = run.signal("chassis.yaw", window)
+    place, *above = (run.vectors("chassis", "out", name, window=window)[1] for name in ("chassis.position", *wheels))
+    up = ground_axes(run, np.stack([run.signal(name, window)[1] for name in pose_signals(run)], axis=1)).up
+    rise = np.mean([component(wheel - place, up) for wheel in above], axis=0)
+    vehicle = run.scene["vehicle"]
+    return mean(t, rise) - (vehicle["road_wheel"]["z"] - vehicle["chassis"]["centre"][2])
+
+
+def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
+    """Share of the contacts in the settlement: wheels into the chain, chain into the ground, m.
+
+    Raises Missing on uneven ground.
+    """
+    return settlement(run, of, window) - settlement_of_springs(run, of, window)
+
+
+def rut_depth(run: RunData, of: str, window: Window) -> float:
+    """Depth of the deepest link of a track, or of all, in the soil, m; raises Missing on hard ground."""
+    return max(float(pressed_by(run, track, window).depth.max(initial=0.0)) for track in hull.tracks(run, of))
+
+
+def tension_top(run: RunData, of: str, window: Window) -> float:
+    """Mean tension of the upper run, N; of one side or of all tracks."""
+    return _run_tension(run, of, window, "top")
+
+
+def tension_rear(run: RunData, of: str, window: Window) -> float:
+    """Mean tension between the last road wheel and the wheel behind it, N: with the sprocket in front, the idler."""
+    return _run_tension(run, of, window, "rear")
+
+
+def tension_front(run: RunData, of: str, window: Window) -> float:
+    """Mean tension between the first road wheel and the wheel ahead of it, N: the sprocket, or the idler."""
+    return _run_tension(run, of, window, "front")
+
+
+def third_law(run: RunData, of: str, window: Window) -> float:
+    """Impulse of the tracks on their wheels less that received by the chassis, over the sum of magnitudes.
+
+    The sprockets' share passes through the drives, which transmit the whole force.
+    """
+    given, received, size = np.zeros(3), np.zeros(3), 0.0
+    track_outputs = [(port.giver, f"{port.giver_connector}.force") for port in ports(run) if port.giver in run.tracks]
+    chassis_inputs = [("chassis", f"{port.taker_connector}.force") for port in ports(run) if port.taker == "chassis"]
+    topics = sorted({f"/{name}/out" for name, _ in track_outputs} | {f"/{name}/in" for name, _ in chassis_inputs})
+    for block in run.log.blocks(topics, BLOCK):
+        for name, connector in track_outputs:
+            series = block[f"/{name}/out"]
+            inside = (series.t > window.start + 1e-9) & (series.t <= window.end + 1e-9)
+            force = vectors(series, name, connector)[inside]
+            given += force.sum(axis=0)
+            size += float(np.abs(force).sum())
+        for name, connector in chassis_inputs:
+            series = block[f"/{name}/in"]
+            inside = (series.t >= window.start - 1e-9) & (series.t < window.end - 1e-9)
+            received += vectors(series, name, connector)[inside].sum(axis=0)
+    return float(np.linalg.norm(given - received) / size)
+
+
+def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
+    means = []
+    for track in (track_of(run, of),) if of else run.tracks:
+        vehicle = of_side(run.scene["vehicle"], track.removesuffix("_track"))
+        first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
+        sample, height = min(RUN_REACH, 2.0 * vehicle["track"]["pitch"]), vehicle["road_wheel"]["z"]
+        middle, reach = {
+            "top": (idler / 2, abs(idler) / 2 - 2 * sample),
+            "rear": ((last + min(idler, 0.0)) / 2, sample),
+            "front": ((first + max(idler, 0.0)) / 2, sample),
+        }[where]
+        links = run.links(track, window)
+        forward, up = links.middles()
+        split = height if where == "top" else max(LOWER, 0.5 * height)
+        inside = (np.abs(forward - middle) < reach) & ((up > split) if where == "top" else (up < split))
+        means.append(mean(links.t, links.tension, inside))
+    return float(np.mean(means))
+
+
+def _share(slip: float) -> float:
+    """A slip; raises Missing if it is none."""
+    if np.isnan(slip):
+        raise Missing("the chain stands: there is no share of its speed; track_slip is the pads' velocity")
+    return slip

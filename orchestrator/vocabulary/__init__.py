@@ -1,0 +1,1 @@
+"""Names that scenes, commands and results share: measures, analyses and limits, with units and meanings."""
