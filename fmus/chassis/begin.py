@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from fmus.chassis.dynamics import ROOT, energies, is_fixed
 from fmus.chassis.tree import unpacked, with_leaves, with_sprockets
-from fmus.jit import allocating, kernel
-from fmus.stance import part_at_rest
-from fmus.start import AFTER_POSE, FRAME, lay_frame
+from fmus.kernels.jit import allocating, kernel
+from fmus.start.pose import AFTER_POSE, FRAME, lay_frame
+from fmus.start.stance import part_at_rest
 
 PRELOADS = AFTER_POSE  # index of the preloads in ``p``: of suspension springs, of tensioners
 NUMBERS = (  # numbers of the vehicle table that follow the preloads in ``p``
@@ -32,7 +32,7 @@ GRAVITY, MASS, INERTIA, SPROCKET, SUSPENSION, TENSIONER = (
 
 @allocating
 def begin(c, messages, p):
-    """See ``fmus.model.ComponentModel``; p: the start pose, then the preloads, N, then NUMBERS, SI."""
+    """See ``interface.model.ComponentModel``; p: the start pose, then the preloads, N, then NUMBERS, SI."""
     set_masses(c.packed, p)
     tree, x, start = unpacked(c.packed), c.state, c.start
     n = tree.is_arm.size

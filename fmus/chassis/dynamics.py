@@ -16,13 +16,13 @@ import numpy as np
 from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time
 from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
-from fmus.jit import allocating, kernel
-from fmus.model import too_many_steps
+from fmus.interface.model import too_many_steps
+from fmus.kernels.jit import allocating, kernel
 from fmus.physics.elementary import cos, sin
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import put_matrix, put_quat, quat_normalise
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
-from fmus.stance import Stance
+from fmus.start.stance import Stance
 
 ROOT = 13  # numbers of the free body in the state
 LEAF = 4  # numbers of a leaf in the state
@@ -311,7 +311,7 @@ def advance(c, x, u, h, steps):
 
 @allocating
 def step(c, messages, t, h, u):
-    """See ``fmus.model.ComponentModel``; u: mean wrenches on the places, world."""
+    """See ``interface.model.ComponentModel``; u: mean wrenches on the places, world."""
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
     tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fmus.jit import dispatch
-from fmus.model import InvalidParameter
-from fmus.ports import Port
+from fmus.interface.model import InvalidParameter
+from fmus.interface.ports import Port
+from fmus.kernels.jit import dispatch
 
 
 class Fittings:
@@ -31,7 +31,7 @@ class Fittings:
         self.inputs: list[Port] = []
         self.outputs: list[Port] = []
         self.parameters: list[Port] = []
-        self.free: Mapping[str, str] = {}  # of ``fmus.model.FreeParameters``
+        self.free: Mapping[str, str] = {}  # of ``interface.model.FreeParameters``
         self.end = first_state  # index after their states
         if config.get("hitch"):
             from fmus.chassis import hitch

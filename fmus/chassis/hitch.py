@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.course import Course, evaluate, has_points, parse_course, ramp
-from fmus.jit import kernel
-from fmus.model import InvalidParameter
+from fmus.interface.course import Course, evaluate, has_points, parse_course, ramp
+from fmus.interface.model import InvalidParameter
+from fmus.interface.ports import Port
+from fmus.kernels.jit import kernel
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
-from fmus.ports import Port
 
 STATES = 2  # in the state of the chassis: time, s; work of the hull on what it tows, J
 INPUTS = 3  # force, N, world
@@ -65,7 +65,7 @@ def parameter_ports() -> list[Port]:
     ]  # fmt: skip
 
 
-# numbers of a ``Hitch`` that follow from free parameters, see ``fmus.model.FreeParameters``
+# numbers of a ``Hitch`` that follow from free parameters, see ``interface.model.FreeParameters``
 FREE = {
     "hitch.force": "{hitch.load.force}",
     "hitch.ramp_start": "{hitch.load.ramp.start}",

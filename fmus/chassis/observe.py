@@ -10,12 +10,12 @@ from fmus.chassis.dynamics import ROOT, compression, energies, is_fixed, wheel_o
 from fmus.chassis.fittings import put_hitch, put_seats
 from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
-from fmus.jit import allocating, kernel
+from fmus.kernels.jit import allocating, kernel
 from fmus.physics.elementary import asin, atan2, cos, sin
 from fmus.physics.rotation import put_matrix, put_quat, quat_multiply
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 from fmus.physics.wheels import into_frame
-from fmus.start import FRAME
+from fmus.start.pose import FRAME
 
 
 @allocating
@@ -79,7 +79,7 @@ def put_springs(tree, x, sides, y, i):
 
 @allocating
 def write_outputs(c, y):
-    """See ``fmus.model.ComponentModel``."""
+    """See ``interface.model.ComponentModel``."""
     tree, x = unpacked(c.packed), c.state
     i = put_sides(tree, x, c.sides, y, 0)
     i = put_chassis(tree, x, c.start, y, i)

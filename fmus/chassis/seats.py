@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
+from fmus.interface.ports import Port
+from fmus.kernels.jit import kernel
 from fmus.physics.vector import add, cross, put, scale, to_world, vector
-from fmus.ports import Port
 
 STATES = 3  # of a seat in the state of the chassis: its mean acceleration, world, m/s2
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fmus.jit import dispatch
+from fmus.kernels.jit import dispatch
 
 
 def _kernels(contacts: type) -> Any:

@@ -15,11 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.jit import allocating, kernel, plain
+from fmus.kernels.jit import allocating, kernel, plain
 from fmus.physics.arrays import Floats
 from fmus.physics.elementary import hypot
-from fmus.return_rollers import return_rollers
-from fmus.sides import SIDES, of_side
+from fmus.vehicles.sides import SIDES, of_side, return_rollers
 
 Integers = NDArray[np.int64]
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from fmus.jit import kernel
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.elementary import atan2, cos, hypot, of_each, sin
 

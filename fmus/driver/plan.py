@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.driver import path as route
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 
 STEP = 0.1  # distance of two places, m, on paths of at most PLACES of them

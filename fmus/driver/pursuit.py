@@ -14,18 +14,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.course import Course, evaluate, has_points, ramp
 from fmus.driver import path as route
 from fmus.driver import plan as planning
 from fmus.driver import skid
 from fmus.drives.mount import rest_if_unconnected
-from fmus.jit import kernel
-from fmus.model import no_rotation
+from fmus.interface.course import Course, evaluate, has_points, ramp
+from fmus.interface.model import no_rotation
+from fmus.kernels.jit import kernel
 from fmus.physics.elementary import atan, atan2, cos, hypot, sin
 from fmus.physics.exponential import root
 from fmus.physics.rotation import quat_forward, quat_normalise
 from fmus.physics.vector import add, cross, scale, vector
-from fmus.start import HEADING, put_point_at_rest, world_position
+from fmus.start.pose import HEADING, put_point_at_rest, world_position
 
 # indices in the flat state; LEFT to CURVATURE are outputs
 RATE_INTEGRAL, LEFT, RIGHT, LATERAL_ERROR, HEADING_ERROR, PROGRESS, SPEED, YAW_RATE, CURVATURE, LOST = range(10)
@@ -88,7 +88,7 @@ class Parts(NamedTuple):
 
 @kernel
 def begin(c, messages, p):
-    """See ``fmus.model.ComponentModel``; p: the start pose."""
+    """See ``interface.model.ComponentModel``; p: the start pose."""
     messages[0, 0], heading = c.law.ramp_end, p[HEADING]
     if c.law.ramp_end < c.law.ramp_start:
         return 1
@@ -150,7 +150,7 @@ def turn_resistance(footing):
 
 @kernel
 def step(c, messages, t, h, u):
-    """See ``fmus.model.ComponentModel``; u: motion (13) of the hull at t."""
+    """See ``interface.model.ComponentModel``; u: motion (13) of the hull at t."""
     x, inputs, was_lost = c.state, c.inputs, c.state[LOST] != 0.0
     for i in range(u.size):
         inputs[i] = u[i]
@@ -172,7 +172,7 @@ def step(c, messages, t, h, u):
 
 @kernel
 def write_outputs(c, y):
-    """See ``fmus.model.ComponentModel``."""
+    """See ``interface.model.ComponentModel``."""
     for i in range(LOST - LEFT):
         y[i] = c.state[LEFT + i]
 

@@ -20,11 +20,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel, plain
+from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats
 from fmus.physics.elementary import asin, atan2, hypot, sin
-from fmus.return_rollers import return_rollers
-from fmus.sides import of_side, wheel_places
+from fmus.vehicles.sides import of_side, return_rollers, wheel_places
 
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.course import NONE, Course, evaluate, has_points, ramp
-from fmus.jit import kernel
+from fmus.interface.course import NONE, Course, evaluate, has_points, ramp
+from fmus.kernels.jit import kernel
 from fmus.physics.elementary import cos, sin
 
 SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmus.drives.shaft import ANGLE, PORT_WORK, RATE, SHAFT
-from fmus.jit import kernel
-from fmus.model import not_given
+from fmus.interface.model import not_given
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Four, Vector
 from fmus.physics.elementary import cos, sin
 from fmus.physics.rotation import put_quat, quat_advance, quat_multiply, quat_normalise, quat_rotate

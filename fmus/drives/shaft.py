@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.course import evaluate, has_points, set_line
 from fmus.drives.motor import CONTROLLER, SPEED, motor_torque, speed_profile
-from fmus.jit import kernel
+from fmus.interface.course import evaluate, has_points, set_line
+from fmus.kernels.jit import kernel
 from fmus.physics.exponential import exp
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fmus.chassis.dynamics import FINE, fault
-from fmus.jit import allocating
+from fmus.kernels.jit import allocating
 from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, NOT_FINITE, STEP_TOO_SHORT, accumulate, rates
 from fmus.physics.chain.interface import project, speed
 from fmus.physics.chain.report import TRAVEL

@@ -13,7 +13,7 @@ import numpy as np
 from fmus.chassis.dynamics import FINE, fault
 from fmus.chassis.dynamics import rates as chassis_rates
 from fmus.chassis.observe import put_sides
-from fmus.jit import allocating
+from fmus.kernels.jit import allocating
 from fmus.monolith.spins import Spins, write_motions, write_powers, write_reactions
 from fmus.monolith.spins import accumulate as accumulate_spins
 from fmus.physics.chain.interface import derivative, project, speed, stage_joints

@@ -14,7 +14,7 @@ from fmus.drives.motor import SPEED, speed_profile, speed_profile_slope
 from fmus.drives.mount import SPROCKET, put_sprocket_motion
 from fmus.drives.shaft import ANGLE, BRAKE_WORK, IMPULSE, INTEGRAL, INTEGRATED, PORT_WORK, RATE, WORK
 from fmus.drives.shaft import rates as spin_rates
-from fmus.jit import allocating, kernel
+from fmus.kernels.jit import allocating, kernel
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel, noalias
+from fmus.kernels.jit import kernel, noalias
 from fmus.physics.arrays import Floats, Four, Size
 
 SMALL = 1e-3  # least ratio of a block's determinant to its products, and of 1 to P B: else all rows are exchanged

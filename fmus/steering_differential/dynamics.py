@@ -8,12 +8,12 @@ import numpy as np
 
 from fmus.drives import mount, shaft
 from fmus.drives.motor import CONTRADICTIONS, SPEED, DriveParameters, find_contradiction, speed_profile
-from fmus.jit import kernel
-from fmus.model import MOST_STEPS, no_rotation
+from fmus.interface.model import MOST_STEPS, no_rotation
+from fmus.kernels.jit import kernel
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.vector import vector
-from fmus.stance import Stance, put_part_at_rest
-from fmus.start import AFTER_POSE
+from fmus.start.pose import AFTER_POSE
+from fmus.start.stance import Stance, put_part_at_rest
 
 BAD_QUATERNION, STIFF, STIFF_STEERING, NOT_FINITE = 1, 2, 3, 4  # failures
 # indices in the flat state: a sprocket on its mount on each side, then the two shafts of the gearbox
@@ -73,7 +73,7 @@ class Parts(NamedTuple):
 
 @kernel
 def begin(c, messages, p):
-    """See ``fmus.model.ComponentModel``; p: the start pose, then the angle of the sprockets, rad."""
+    """See ``interface.model.ComponentModel``; p: the start pose, then the angle of the sprockets, rad."""
     g, x = c.gearbox, c.state
     refusal = find_contradiction(g.propulsion, messages[0])
     if refusal:
@@ -95,7 +95,7 @@ def begin(c, messages, p):
 
 @kernel
 def step(c, messages, t, h, u):
-    """See ``fmus.model.ComponentModel``; u: for each side mount (13) at t and mean wrench (6), then demands."""
+    """See ``interface.model.ComponentModel``; u: for each side mount (13) at t and mean wrench (6), then demands."""
     g, x, inputs = c.gearbox, c.state, c.inputs
     for i in range(u.size):
         inputs[i] = u[i]
@@ -149,7 +149,7 @@ def advance(g, x, t, h, propulsion_steps, steering_steps, u):
 
 @kernel
 def write_outputs(c, y):
-    """See ``fmus.model.ComponentModel``."""
+    """See ``interface.model.ComponentModel``."""
     x, inertia = c.state, c.gearbox.inertia
     kinetic = port = 0.0
     for k in range(2):

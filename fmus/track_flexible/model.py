@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from fmus.jit import implementation
-from fmus.model import Floats, FreeParameters, InvalidParameter, StepFailed
+from fmus.interface.model import Floats, FreeParameters, InvalidParameter, StepFailed
+from fmus.interface.ports import POSITIVE, Port, Range
+from fmus.kernels.jit import implementation
 from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain import state
@@ -29,9 +30,7 @@ from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, IntegrationOutcome
 from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
-from fmus.ports import POSITIVE, Port, Range
-from fmus.track import TrackModel, not_at_rest
-from fmus.track_choices import (
+from fmus.track.choices import (
     ADAMS,
     CHOLESKY,
     CONSTRAINED,
@@ -40,8 +39,10 @@ from fmus.track_choices import (
     NODAL,
     conflict_of_links,
 )
+from fmus.track.model import TrackModel
+from fmus.track.parameters import PIN, SPRING, closure_ports, integrator_coefficients, integrator_ports
+from fmus.track.start import not_at_rest
 from fmus.track_flexible import parameters
-from fmus.track_parameters import PIN, SPRING, closure_ports, integrator_coefficients, integrator_ports
 
 REST_RESIDUAL = 1e-3  # residual of static equilibrium, N, or if that is less:
 REST_ACCELERATION = 1e-4  # that residual over the mass of a link, m/s2
@@ -436,7 +437,7 @@ class Model(TrackModel):
             inertia = self.rotary_factor * self.vehicle["track"]["inertia"][1]
             link = link._replace(element=link.element._replace(rotary=inertia))
         if partners is not None:
-            from fmus.contacts import at_rest, without_friction
+            from fmus.track.contacts import at_rest, without_friction
 
             partners = at_rest(without_friction(partners), env.gravity)
         longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from fmus.build import identity
-from fmus.ground_keys import SLOPES, is_plane
-from fmus.saved import SlaveState, from_bytes, to_bytes
-from fmus.vehicle import BadInput, value_text
+from fmus.fmi.build import identity
+from fmus.fmi.saved import SlaveState, from_bytes, to_bytes
+from fmus.ground.keys import SLOPES, is_plane
+from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.checkpoint import time_of
 from orchestrator.cosim.component import Component, Logger
 from orchestrator.cosim.narration import Narration

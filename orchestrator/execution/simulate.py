@@ -11,8 +11,8 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any
 
-from fmus.build import BuildFailed
-from fmus.vehicle import BadInput
+from fmus.fmi.build import BuildFailed
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.component import ComponentFailed, Logger
 from orchestrator.cosim.coupling.scheme import CouplingFailed

@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fmus.ground_keys import is_plane
-from fmus.sides import of_side
+from fmus.ground.keys import is_plane
+from fmus.vehicles.sides import of_side
 from orchestrator.results import turning
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses import slip as slips

@@ -12,7 +12,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from fmus.vehicle import BadInput, path_text, value_text, vehicle
+from fmus.vehicles.tables import BadInput, path_text, value_text
+from fmus.vehicles.vehicle import vehicle
 from orchestrator.files.replacing import replacing
 from orchestrator.scene import data_files
 from orchestrator.scene.fmu_table import set_folder

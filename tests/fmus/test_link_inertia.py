@@ -19,7 +19,7 @@ from test_free_chains import (
     made,
 )
 
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
 from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import mass, straight
 from fmus.physics.chain.flexible.link_layout import coordinate_indices

@@ -8,8 +8,8 @@ from beam_chains import coordinates, scattered
 from fmpy.validation import validate_fmu
 from test_track_flexible import LINKS, PITCH, TABLE, at_rest, carrier, hanging, make, parameters, wheels
 
-from fmus.build import build
-from fmus.model import InvalidParameter
+from fmus.fmi.build import build
+from fmus.interface.model import InvalidParameter
 from fmus.physics.ancf import beam as library
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.condensation import correct

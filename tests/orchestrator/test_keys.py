@@ -9,7 +9,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from short_run import last
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution.loading import require_signals
 from orchestrator.results import measures
 from orchestrator.scene import commented_file

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.container_writer import growing_log
 from orchestrator.log.events_topic import WARNINGS, Event
 from orchestrator.log.extra import library

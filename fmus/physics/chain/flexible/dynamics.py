@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import allocating, kernel, namesake, noalias
+from fmus.kernels.jit import allocating, kernel, namesake, noalias
 from fmus.physics.ancf.element import highest_frequency, vector_count
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.carrier import carrier

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.contact.face import NO_MATRIX, NOTHING, ContactForce, Face
 from fmus.physics.contact.soil import memory as rows
