@@ -107,7 +107,9 @@ def eigenvalues(model):
     """Eigenvalues of a link's mass matrix relative to that of its line or volume alone."""
     c = model.link.element
     alone = np.zeros_like(model.work.M)
-    mass(c._replace(rotary=(0.0, 0.0, 0.0) if isinstance(model, Beams) and model.element == "beam" else 0.0), alone)
+    mass(
+        c._replace(rotary=(0.0, 0.0, 0.0) if isinstance(model, Beams) and model.kind.element == "beam" else 0.0), alone
+    )
     return eigh(model.work.M, alone, eigvals_only=True)
 
 

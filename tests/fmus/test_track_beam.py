@@ -189,7 +189,7 @@ def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
     """
 
     def momentum(model, M) -> np.ndarray:
-        if model.element == "beam":
+        if model.kind.element == "beam":
             e, v = coordinates(model), coordinates(model, model.s.v)
         else:
             e, v = np.zeros((2, LINKS, 4, 3))
