@@ -13,14 +13,11 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kernels.jit import allocating, kernel, plain
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Integers, Matrix, Vector
 from fmus.physics.elementary import hypot
 from fmus.vehicles.sides import SIDES, of_side, return_rollers
-
-Integers = NDArray[np.int64]
 
 
 class VehicleTree(NamedTuple):
@@ -152,7 +149,15 @@ def _hinges(table: Mapping[str, Any]) -> Floats:
 
 
 @kernel
-def with_sprockets(mass, moments, sprocket_mass, transverse_inertia, mounts, centre, inertia):
+def with_sprockets(
+    mass: float,
+    moments: Vector,
+    sprocket_mass: float,
+    transverse_inertia: float,
+    mounts: Floats,
+    centre: Floats,
+    inertia: Matrix,
+) -> float:
     """Mass, kg, of the chassis with sprockets on the mounts (2, 3), m.
 
     ``moments``: principal moments of inertia of the chassis alone, kg m2. Writes the centre of mass (3), m, and the
@@ -177,7 +182,7 @@ def with_sprockets(mass, moments, sprocket_mass, transverse_inertia, mounts, cen
 
 
 @kernel
-def with_leaves(mass, is_arm, leaf_mass):
+def with_leaves(mass: float, is_arm: Integers, leaf_mass: Floats) -> float:
     """Mass of the vehicle, kg, from that of the chassis with sprockets and those of the leaves (n)."""
     leaves, arms = is_arm.size // 2, 0  # of a side: arms, the idler, rollers
     for k in range(leaves):
@@ -209,7 +214,7 @@ def packed(tree: VehicleTree) -> PackedTree:
 
 
 @allocating
-def unpacked(packed):
+def unpacked(packed: PackedTree) -> VehicleTree:
     """Tree whose arrays are views of the packed ones."""
     b, x, integers, w = packed.body, packed.leaves, packed.integers, packed.work
     n = len(x)
