@@ -193,13 +193,7 @@ def rates(tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, u: Floats, ou
     if contacts is not None:
         touch(contacts, tree, x, A, v, w)
         dissipated += contacts.sums[1]
-    F, T, power = free_body(tree, A, v, w, u, M)
-    if contacts is not None:
-        F, T = add(F, vector(contacts.f, 6 * n)), add(T, vector(contacts.f, 6 * n + 3))
-    if hitch is not None:
-        f, torque = pull(hitch, x, A, u, out)
-        F, T = add(F, f), add(T, torque)
-
+    F, T, power = root_wrench(tree, contacts, hitch, x, v, w, u, out)
     for k in range(n):
         q, qd, y = x[d + k], x[rate + k], float(tree.is_arm[k])
         r, dr = wheel_offset(tree, k, q)
@@ -236,14 +230,31 @@ def rates(tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, u: Floats, ou
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)
 
     T = add(T, cross((0.0, momentum, 0.0), w))  # gyroscopic moment of the wheels' spin (8)
-    for i in range(3):
-        b[i] += F[i]
-        b[3 + i] += T[i]
+    put(b, 0, add(vector(b, 0), F))
+    put(b, 3, add(vector(b, 3), T))
     solve_symmetric(M, b)
     for k in range(n):  # (11)
         out[rate + k] = g[k] - dot(Q[k], b) - dot(Q[k, 3:], b[3:])
     root_rates(tree.gravity, x, A, w, b, out)
     out[-2], out[-1] = dissipated, power
+
+
+@kernel
+def root_wrench(
+    tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, v: Vector, w: Vector, u: Floats, out: Floats
+) -> tuple[Vector, Vector, float]:
+    """Wrench on the root about O, in B, of its free body, contacts and hitch, and power of the mounts' wrenches, W.
+
+    Writes the rates of the hitch's states to ``out``; other arguments as of ``free_body``.
+    """
+    n, A = len(tree.is_arm), tree.rotation
+    F, T, power = free_body(tree, A, v, w, u, tree.root_mass)
+    if contacts is not None:
+        F, T = add(F, vector(contacts.f, 6 * n)), add(T, vector(contacts.f, 6 * n + 3))
+    if hitch is not None:
+        f, torque = pull(hitch, x, A, u, out)
+        F, T = add(F, f), add(T, torque)
+    return F, T, power
 
 
 @kernel

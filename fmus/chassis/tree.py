@@ -65,7 +65,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     body, sprocket, idler, roller = vehicle["chassis"], vehicle["sprocket"], vehicle["idler"], return_rollers(vehicle)
     wheel, arm, spring = vehicle["road_wheel"], vehicle["road_arm"], vehicle["suspension"]
     tensioner, lateral = vehicle["tensioner"], vehicle["track"]["lateral"]
-    origin = np.array(body["centre"])
+    origin, pivot = np.array(body["centre"]), np.array(arm["pivot"])  # the latter from the wheel centre, as all points
     arms, rollers = len(wheel["x"]), len(roller["x"])
     count = arms + 1 + rollers  # leaves a side
 
@@ -74,7 +74,6 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         side = np.repeat(np.array([road, idling, rolling], dtype=float), [arms, 1, rollers], axis=0)
         return np.concatenate([side, side])
 
-    pivot = np.array(arm["pivot"])  # from the wheel centre, like all points of the table
     left, right = (_hinges(of_side(vehicle, side)) for side in SIDES)
     hinge = np.concatenate([left, right * [1, -1, 1]]) - origin
     mounts = np.array([[0.0, lateral, 0.0], [0.0, -lateral, 0.0]]) - origin
@@ -83,15 +82,12 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     centre, inertia = np.zeros(3), np.zeros((3, 3))
     masses = body["mass"], body["inertia"], sprocket["mass"], sprocket["transverse_inertia"]
     mass = plain(with_sprockets)(*masses, mounts, centre, inertia)
-    leaf_mass = wheel["mass"] + arm["mass"]
-    is_arm = leaves(1, 0, 0).astype(np.int64)
+    is_arm, leaf_mass = leaves(1, 0, 0).astype(np.int64), wheel["mass"] + arm["mass"]
     leaf_masses = leaves(leaf_mass, idler["mass"], roller["mass"])
     # arm and wheel: point masses at a distance of half an arm, on the line of the arm
     reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
     length_squared = float((pivot * pivot).sum())
-    per_unit = np.arange(2 * count)
-    sources = np.concatenate([per_unit + per_unit // count, [count, 2 * count + 1]])  # inputs: leaves, then the mount
-    on_right = np.concatenate([per_unit >= count, [False, True]])
+    input_index, mirror = _inputs(count, sides)
     return VehicleTree(
         gravity=float(vehicle["gravity"]),
         mass=mass,
@@ -115,8 +111,8 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         preload=leaves(spring["preload"], tensioner["preload"], 0.0),
         travel=leaves(0.0, idler["radius"], 0.0),
         sprocket=mounts,
-        input_index=np.where(on_right & (sides == 1), sources - count - 1, sources),
-        mirror=np.where(on_right & (sides == 1), -1.0, 1.0),
+        input_index=input_index,
+        mirror=mirror,
         rotation=np.eye(3),
         root_mass=np.zeros((6, 6)),
         root_force=np.zeros(6),
@@ -124,6 +120,14 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         coupling=np.zeros((2 * count, 6)),
         leaf_force=np.zeros(2 * count),
     )
+
+
+def _inputs(leaves: int, sides: int) -> tuple[Integers, Floats]:
+    """Fields ``input_index`` and ``mirror`` of a tree with so many ``leaves`` a side and wrenches of so many sides."""
+    per_unit = np.arange(2 * leaves)
+    sources = np.concatenate([per_unit + per_unit // leaves, [leaves, 2 * leaves + 1]])  # leaves, then the mount
+    mirrored = np.concatenate([per_unit >= leaves, [False, True]]) & (sides == 1)
+    return np.where(mirrored, sources - leaves - 1, sources), np.where(mirrored, -1.0, 1.0)
 
 
 def fastest_rate(tree: VehicleTree) -> float:

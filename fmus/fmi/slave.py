@@ -336,7 +336,9 @@ class Slave(Fmi2Slave):
     # ---------------------------------------------------------------- initialisation and steps
 
     @_guarded
-    def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None):
+    def setup_experiment(
+        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
+    ) -> None:
         """Set the time of the first step, and that after which none may end, s."""
         stop = math.nan if stop_time is None else stop_time
         if not math.isfinite(start_time) or stop < start_time:
@@ -543,7 +545,7 @@ class Slave(Fmi2Slave):
         for sentence in unlogged_warnings():
             self.log(sentence, Fmi2Status.warning)
 
-    def log(self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None):
+    def log(self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None) -> None:
         """Queue a message."""
         super().log(_printf_format(msg), status, category)
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from fmus.kernels.jit import kernel
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Integers
 from fmus.physics.contact.terrain.fade import EVERYWHERE
 from fmus.physics.contact.terrain.rough import Rough
 from fmus.physics.elementary import PI, acos, cos, of_each, sin
@@ -83,7 +83,7 @@ def _angles(generator: np.random.PCG64, count: int) -> Floats:
 
 
 @kernel
-def _add_waves(k, along, across, bend, wave, nodes):
+def _add_waves(k: Integers, along: Floats, across: Floats, bend: Floats, wave: Floats, nodes: Floats) -> None:
     """Add waves of the numbers ``k`` (m) to heights and second derivatives, the first columns of ``nodes`` (n, _).
 
     ``along``, ``across``: their amplitudes times cosine and sine of their phases, m; ``wave`` (n): one wave.

@@ -5,12 +5,13 @@ Beyond its first and last point a course keeps their values.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmus.interface.model import InvalidParameter
 from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.elementary import cos, sin
 
 
@@ -44,13 +45,13 @@ def parse_course(name: str, text: str, pair: str = "time value") -> Course:
 
 
 @kernel
-def has_points(c):
+def has_points(c: Course) -> bool:
     """Whether the course has points."""
     return c.time.size > 0
 
 
 @kernel
-def interval(grid, t):
+def interval(grid: Floats, t: float) -> int:
     """Index of the last of the rising numbers ``grid`` (n) that is at most ``t``; 0 where all are larger."""
     low, high = 0, grid.size
     while high - low > 1:
@@ -63,7 +64,7 @@ def interval(grid, t):
 
 
 @kernel
-def evaluate(c, t):
+def evaluate(c: Course, t: float) -> Vector:
     """Value at ``t``, integral since the first point, and slope (at a point: of the part that follows)."""
     n = c.time.size
     if t < c.time[0]:
@@ -77,7 +78,7 @@ def evaluate(c, t):
 
 
 @kernel
-def set_line(c, t, h, now, then):
+def set_line(c: Course, t: float, h: float, now: float, then: float) -> None:
     """Set a course of two points to the straight line from ``now`` at ``t`` to ``then`` at t + h."""
     c.time[0], c.time[1] = t, t + h
     c.value[0], c.value[1] = now, then
@@ -85,7 +86,7 @@ def set_line(c, t, h, now, then):
 
 
 @kernel
-def ramp(p, t):
+def ramp(p: Any, t: float) -> tuple[float, float]:
     """Speed of a half-cosine ramp at t, rad/s or m/s, and its integral since the start of the ramp.
 
     ``p`` has the fields ramp_start, ramp_end (s), start_speed and end_speed.

@@ -51,7 +51,7 @@ NO_ROTATION = "at t = {0:.6g} s the input {1:name}.orientation is no rotation: i
 
 
 @kernel
-def too_many_steps(numbers, t, h, longest):
+def too_many_steps(numbers: Floats, t: float, h: float, longest: float) -> bool:
     """Whether a communication step of ``h`` s takes more internal steps of ``longest`` s than are allowed.
 
     Writes the numbers of the sentence ``TOO_MANY_STEPS`` into ``numbers``.
@@ -62,7 +62,7 @@ def too_many_steps(numbers, t, h, longest):
 
 
 @kernel
-def no_rotation(numbers, t, name, u, i):
+def no_rotation(numbers: Floats, t: float, name: int, u: Floats, i: int) -> bool:
     """Whether the quaternion at ``u[i]`` of the input number ``name`` is no rotation (length 0.9 to 1.1).
 
     Writes the numbers of the sentence ``NO_ROTATION`` into ``numbers``.
@@ -73,7 +73,7 @@ def no_rotation(numbers, t, name, u, i):
 
 
 @kernel
-def not_given(steps, u, i):
+def not_given(steps: int, u: Floats, i: int) -> bool:
     """Whether a motion is still to come: before the first step (``steps`` 0) its quaternion at ``u[i]`` is zero.
 
     Some tools begin with zeros in all inputs and exchange values for the first time after their first step.

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.kernels.jit import kernel, plain
-from fmus.physics.arrays import Vector
+from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.elementary import asin, atan2, cos, sin
 from fmus.physics.rotation import quat_multiply
 
@@ -62,14 +62,14 @@ def start_pose(parameters: Mapping[str, Any]) -> StartPose:
 
 
 @kernel
-def pitch_point(p, x, z):
+def pitch_point(p: Sequence[float], x: float, z: float) -> tuple[float, float]:
     """See ``StartPose``; ``p`` begins with the values of ``KEYS``, also in the kernels below."""
     c, s = cos(p[PITCH]), sin(p[PITCH])
     return c * x + s * z, c * z - s * x
 
 
 @kernel
-def tilt(p, x, y, z):
+def tilt(p: Sequence[float], x: float, y: float, z: float) -> Vector:
     """Vector of the frame of the start after the roll and the pitch of the ground."""
     cr, sr, cp, sp = cos(p[SLOPE_ROLL]), sin(p[SLOPE_ROLL]), cos(p[SLOPE_PITCH]), sin(p[SLOPE_PITCH])
     up = sr * y + cr * z
@@ -77,14 +77,14 @@ def tilt(p, x, y, z):
 
 
 @kernel
-def down(p):
+def down(p: Sequence[float]) -> Vector:
     """Unit vector downwards in the frame of the start."""
     cp = cos(p[SLOPE_PITCH])
     return sin(p[SLOPE_PITCH]), 0.0 - cp * sin(p[SLOPE_ROLL]), -cp * cos(p[SLOPE_ROLL])
 
 
 @kernel
-def world_position(p, x, y, z):
+def world_position(p: Sequence[float], x: float, y: float, z: float) -> Vector:
     """World position of a point of the vehicle frame, m."""
     x, z = pitch_point(p, x, z)
     x, y, z = tilt(p, x, y, z)
@@ -95,7 +95,7 @@ def world_position(p, x, y, z):
 
 
 @kernel
-def vehicle_quaternion(p):
+def vehicle_quaternion(p: Sequence[float]) -> Four:
     """Quaternion (w, x, y, z) of the vehicle, body to world."""
     ch, sh = cos(0.5 * p[HEADING]), sin(0.5 * p[HEADING])
     cp, sp = cos(0.5 * p[PITCH]), sin(0.5 * p[PITCH])
@@ -106,13 +106,13 @@ def vehicle_quaternion(p):
 
 
 @kernel
-def point_at_rest(p, x, y, z):
+def point_at_rest(p: Sequence[float], x: float, y: float, z: float) -> tuple[float, ...]:
     """Motion (13) at rest, see ``StartPose``."""
     return (*world_position(p, x, y, z), *vehicle_quaternion(p), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
-def lay_frame(p, x, y, z, frame):
+def lay_frame(p: Sequence[float], x: float, y: float, z: float, frame: Floats) -> None:
     """Write the frame of the start (FRAME) with its origin at a point of the vehicle frame, m."""
     frame[0], frame[1], frame[2] = world_position(p, x, y, z)
     c, s = cos(p[HEADING]), sin(p[HEADING])
@@ -123,7 +123,7 @@ def lay_frame(p, x, y, z, frame):
 
 
 @kernel
-def put_point_at_rest(p, x, y, z, out, i):
+def put_point_at_rest(p: Sequence[float], x: float, y: float, z: float, out: Floats, i: int) -> None:
     """Write the 13 numbers of ``point_at_rest`` to ``out[i:]``."""
     values = point_at_rest(p, x, y, z)
     for k in range(13):

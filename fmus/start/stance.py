@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.elementary import cos, sin
 from fmus.physics.rotation import quat_multiply
 from fmus.start.pose import vehicle_quaternion, world_position
@@ -36,14 +37,14 @@ def roll_pitch_quaternion(roll: float, pitch: float) -> tuple[float, float, floa
 
 
 @kernel
-def part_at_rest(p, s):
+def part_at_rest(p: Sequence[float], s: Stance) -> tuple[float, ...]:
     """World motion (13, as ``ports.motion_ports``) of a part at rest with stance ``s``; ``p``: start pose."""
     q = quat_multiply(vehicle_quaternion(p), (s[3], s[4], s[5], s[6]))
     return (*world_position(p, s[0], s[1], s[2]), *q, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
-def put_part_at_rest(p, s, out, i):
+def put_part_at_rest(p: Sequence[float], s: Stance, out: Floats, i: int) -> None:
     """Write the 13 numbers of ``part_at_rest`` to ``out[i:]``."""
     values = part_at_rest(p, s)
     for k in range(13):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,10 +11,11 @@ from fmus.interface.model import no_rotation, not_given, too_many_steps
 from fmus.interface.ports import STATE
 from fmus.interface.sentences import GAPS
 from fmus.kernels.jit import allocating, kernel
+from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain import on_links
 from fmus.physics.chain.explicit import march, march_adaptively
 from fmus.physics.chain.implicit import advance
-from fmus.physics.chain.integration import CommunicationStep, Environment
+from fmus.physics.chain.integration import CommunicationStep, Environment, IntegrationOutcome
 from fmus.physics.chain.interface import fibres, observe_links, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
@@ -79,7 +81,16 @@ class Parts(NamedTuple):
     report: np.ndarray
 
 
-def parts_without_contacts(link, environment, scheme, longest, s, work, report, counters):
+def parts_without_contacts(
+    link: Any,
+    environment: Environment,
+    scheme: Any,
+    longest: float,
+    s: Any,
+    work: Any,
+    report: Floats,
+    counters: Integers,
+) -> tuple[Parts, Floats]:
     """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
     none = np.zeros((0, WIDTH))
     common = CommonData(longest, 0, 0.0, 0.0, np.zeros(FRAME), none, none, np.zeros(len(WARNINGS)), counters, 1.0)
@@ -109,7 +120,7 @@ class LinkOutputData(NamedTuple):
 
 
 @allocating
-def begin(c, messages, p):
+def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
     """See ``interface.model.ComponentModel``; p: the start pose, then the track's lateral place, m.
 
     Sets the frame only: the state is already that of the laid-out chain.
@@ -119,7 +130,7 @@ def begin(c, messages, p):
 
 
 @allocating
-def implicit(c, messages, t, h, u):
+def implicit(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     """Implicit step, see ``interface.model.ComponentModel``; u: motions of the wheels (13 each); empty: unchanged."""
     common = c.common
     refusal = _read_wheels(common, messages, t, h, u)
@@ -142,7 +153,7 @@ def implicit(c, messages, t, h, u):
 
 
 @kernel
-def warn_of_halvings(given_warnings, messages, t, halvings):
+def warn_of_halvings(given_warnings: Floats, messages: Floats, t: float, halvings: int) -> None:
     """Warn once of a communication step at ``t`` in which the internal step was halved too often."""
     if halvings > MOST_HALVINGS and given_warnings[HALVED] == 0.0:
         given_warnings[HALVED] = messages[1 + HALVED, 0] = 1.0
@@ -150,7 +161,7 @@ def warn_of_halvings(given_warnings, messages, t, halvings):
 
 
 @kernel
-def warn_of_rut(rut, messages, t):
+def warn_of_rut(rut: Floats, messages: Floats, t: float) -> None:
     """Warn once that a part of the ``rut`` was forgotten, in the communication step at ``t``."""
     if rut.size > 0 and rut[FORGOTTEN] == 1.0:
         rut[FORGOTTEN] = 2.0
@@ -158,7 +169,7 @@ def warn_of_rut(rut, messages, t):
 
 
 @allocating
-def explicit(c, messages, t, h, u):
+def explicit(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     """Explicit Runge-Kutta step; arguments and result as of ``implicit``."""
     common = c.common
     refusal = _read_wheels(common, messages, t, h, u)
@@ -172,7 +183,7 @@ def explicit(c, messages, t, h, u):
 
 
 @allocating
-def adams(c, messages, t, h, u):
+def adams(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     """Step by Adams' methods; arguments and result as of ``implicit``."""
     common = c.common
     refusal = _read_wheels(common, messages, t, h, u)
@@ -186,7 +197,7 @@ def adams(c, messages, t, h, u):
 
 
 @kernel
-def _failure(c, messages, t, h, outcome):
+def _failure(c: Parts, messages: Floats, t: float, h: float, outcome: IntegrationOutcome) -> int:
     """Failure of an explicit integration from its outcome; 0 for none."""
     on_links.count_step(c.s, h)
     failure, elapsed, link, _ = outcome
@@ -197,7 +208,7 @@ def _failure(c, messages, t, h, outcome):
 
 
 @kernel
-def _read_wheels(c, messages, t, h, u):
+def _read_wheels(c: CommonData, messages: Floats, t: float, h: float, u: Floats) -> int:
     """Read the wheels from the inputs and check them; 0, or the failure."""
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
@@ -211,51 +222,76 @@ def _read_wheels(c, messages, t, h, u):
             return NO_WHEEL
         else:
             cosine = min(cosine, dot(vector(c.rows[k], 9), vector(c.start_rows[k], 9)))
+    failure = 0
     if c.counters[STEPS] == 0 and u.size > 0:
-        farthest, wheel = 0.0, 0
-        for k in range(c.rows.shape[0]):
-            distance_squared = 0.0
-            for i in range(3):
-                off = abs(c.rows[k, i] - c.start_rows[k, i])
-                distance_squared += max(off - (c.play if i == 1 else 0.0), 0.0) ** 2
-            deviation = np.sqrt(distance_squared)
-            if deviation > farthest:
-                farthest, wheel = deviation, k
-        cosine = min(cosine, _turned(c.rows, c.start_rows))
-        if farthest <= c.pitch and not cosine > MOST_TURNED:
-            messages[0, 0], messages[0, 1] = t, acos(max(cosine, -1.0)) * 180.0 / np.pi
-            return TURNED
-        if farthest > NOTICED * c.pitch:
-            refused = farthest > MISPLACED * c.pitch
-            row, at = (0, 0) if refused else (1 + OFF_ITS_PLACE, 1)
-            messages[row, at], messages[row, at + 1], messages[row, at + 2] = t, wheel, farthest
-            for i in range(3):
-                messages[row, at + 3 + i] = c.rows[wheel, i] - c.start_rows[wheel, i]
-            if refused:
-                return ELSEWHERE
-            messages[row, 0] = 1.0
-    for k in range(1, u.size // STATE):
+        failure = _check_places(c, messages, t, min(cosine, _turned(c.rows, c.start_rows)))
+    if failure == 0:
+        failure = _check_distances(c, messages, t, u.size // STATE)
+    if failure == 0 and c.plane == 1 and u.size > 0:
+        failure = _check_axes(c, messages, t)
+    return failure
+
+
+@kernel
+def _check_places(c: CommonData, messages: Floats, t: float, cosine: float) -> int:
+    """Compare the wheels of the first step with those of the start; 0, or the failure.
+
+    ``cosine``: of the largest angle by which they are turned.
+    """
+    farthest, wheel = 0.0, 0
+    for k in range(c.rows.shape[0]):
+        distance_squared = 0.0
+        for i in range(3):
+            off = abs(c.rows[k, i] - c.start_rows[k, i])
+            distance_squared += max(off - (c.play if i == 1 else 0.0), 0.0) ** 2
+        deviation = np.sqrt(distance_squared)
+        if deviation > farthest:
+            farthest, wheel = deviation, k
+    if farthest <= c.pitch and not cosine > MOST_TURNED:
+        messages[0, 0], messages[0, 1] = t, acos(max(cosine, -1.0)) * 180.0 / np.pi
+        return TURNED
+    if farthest > NOTICED * c.pitch:
+        refused = farthest > MISPLACED * c.pitch
+        row, at = (0, 0) if refused else (1 + OFF_ITS_PLACE, 1)
+        messages[row, at], messages[row, at + 1], messages[row, at + 2] = t, wheel, farthest
+        for i in range(3):
+            messages[row, at + 3 + i] = c.rows[wheel, i] - c.start_rows[wheel, i]
+        if refused:
+            return ELSEWHERE
+        messages[row, 0] = 1.0
+    return 0
+
+
+@kernel
+def _check_distances(c: CommonData, messages: Floats, t: float, wheels: int) -> int:
+    """Compare the distances of the ``wheels`` from the first one with those at the start; 0, or the failure."""
+    for k in range(1, wheels):
         distance, start_distance = _distance(c.rows, k), _distance(c.start_rows, k)
         if not abs(distance - start_distance) < MOST_APART * c.pitch:
             messages[0, 0], messages[0, 1], messages[0, 2] = t, k, distance
             messages[0, 3], messages[0, 4] = start_distance, 0
             return APART
-    if c.plane == 1 and u.size > 0:
-        cosine = 1.0
-        for k in range(c.rows.shape[0]):
-            cosine = min(cosine, abs(c.rows[k, 10]))
-        deviation = acos(cosine) * 180.0 / np.pi
-        if cosine < OUT_OF_PLANE:
-            messages[0, 0], messages[0, 1] = t, deviation
-            return ASKEW
-        if cosine < ALIGNED and c.given_warnings[TILTED] == 0.0:
-            c.given_warnings[TILTED] = messages[1 + TILTED, 0] = 1.0
-            messages[1 + TILTED, 1], messages[1 + TILTED, 2] = deviation, t
     return 0
 
 
 @kernel
-def _turned(rows, start_rows):
+def _check_axes(c: CommonData, messages: Floats, t: float) -> int:
+    """Compare the axes of the wheels with the pins of links that stay in their plane; 0, or the failure."""
+    cosine = 1.0
+    for k in range(c.rows.shape[0]):
+        cosine = min(cosine, abs(c.rows[k, 10]))
+    deviation = acos(cosine) * 180.0 / np.pi
+    if cosine < OUT_OF_PLANE:
+        messages[0, 0], messages[0, 1] = t, deviation
+        return ASKEW
+    if cosine < ALIGNED and c.given_warnings[TILTED] == 0.0:
+        c.given_warnings[TILTED] = messages[1 + TILTED, 0] = 1.0
+        messages[1 + TILTED, 1], messages[1 + TILTED, 2] = deviation, t
+    return 0
+
+
+@kernel
+def _turned(rows: Floats, start_rows: Floats) -> float:
     """Cosine of the angle between the longest line from the first wheel to another one and that at the start."""
     last = 0
     for k in range(1, rows.shape[0]):
@@ -269,13 +305,13 @@ def _turned(rows, start_rows):
 
 
 @kernel
-def _distance(rows, k):
+def _distance(rows: Floats, k: int) -> float:
     """Distance of wheel k from the first one, m."""
     return np.sqrt((rows[k, 0] - rows[0, 0]) ** 2 + (rows[k, 1] - rows[0, 1]) ** 2 + (rows[k, 2] - rows[0, 2]) ** 2)
 
 
 @allocating
-def write_outputs(c, y):
+def write_outputs(c: OutputData, y: Floats) -> None:
     """Mean wrenches on the wheels and the report, world axes, see ``interface.model.ComponentModel``.
 
     c: ``OutputData``.
@@ -290,7 +326,7 @@ def write_outputs(c, y):
 
 
 @allocating
-def write_link_outputs(c, y):
+def write_link_outputs(c: LinkOutputData, y: Floats) -> None:
     """Write the chosen groups of ``link_outputs`` in order, see ``interface.model.ComponentModel``.
 
     c: ``LinkOutputData``.
@@ -317,7 +353,7 @@ def write_link_outputs(c, y):
 
 
 @allocating
-def _write_extra_groups(extra, c, y, index):
+def _write_extra_groups(extra: int | None, c: LinkOutputData, y: Floats, index: int) -> None:
     """Write the groups with kernels of their own, which are not compiled where no such group is shown."""
     if extra is not None:
         axis, fibre_stress, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
@@ -332,7 +368,7 @@ def _write_extra_groups(extra, c, y, index):
 
 
 @kernel
-def _copy_numbers(flag, a, y, index):
+def _copy_numbers(flag: int, a: Floats, y: Floats, index: int) -> int:
     """Copy the array ``a``, if ``flag``, to ``y[index:]``; return the index after it."""
     if flag:
         for i in range(a.shape[0]):
@@ -342,7 +378,7 @@ def _copy_numbers(flag, a, y, index):
 
 
 @kernel
-def _copy_vectors(flag, a, frame, y, index):
+def _copy_vectors(flag: int, a: Floats, frame: Floats, y: Floats, index: int) -> int:
     """Copy vectors (k, 3) in the track's frame to ``y[index:]`` in world axes, as ``_copy_numbers`` does."""
     if flag:
         to_world(a, frame, y[index : index + 3 * a.shape[0]])

@@ -19,7 +19,7 @@ SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 
 
 class ChainKind(NamedTuple):
-    """What decides the kernels and the sizes of a chain: the parameters of these names."""
+    """Kind of a chain, which decides its kernels and the sizes of its arrays: the parameters of these names."""
 
     element: str = "cable"
     elasticity: str = "small_deformation"
