@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from fmus.cache.files import sources, temporary_folder
+from fmus.cache import sources
+from fmus.cache.files import temporary_folder
 from fmus.kernels import jit
 
 MODULES = {
