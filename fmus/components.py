@@ -6,7 +6,7 @@ import re
 from importlib import import_module
 from typing import Any
 
-from fmus.track_choices import TRACKS
+from fmus.track.choices import TRACKS
 
 
 def folder(kind: str) -> str:

@@ -18,7 +18,7 @@ import pytest
 import typer
 from hypothesis import HealthCheck, settings
 
-from fmus.build import build_shell
+from fmus.fmi.build import build_shell
 from orchestrator.cli import app, main
 from orchestrator.log.stream import Stream
 from orchestrator.results import run_data

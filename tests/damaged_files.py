@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-import fmus.cache
+import fmus.cache.files
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="no owners and modes there")
 DAMAGES = ("flip", "cut", "empty", "delete")
@@ -26,5 +26,5 @@ def damage(file, how, rng):
 
 def forget_notices(monkeypatch):
     """Begin a test as a process that has reported nothing about the cache."""
-    monkeypatch.setattr(fmus.cache, "_reported", set())
-    monkeypatch.setattr(fmus.cache, "_unlogged", [])
+    monkeypatch.setattr(fmus.cache.files, "_reported", set())
+    monkeypatch.setattr(fmus.cache.files, "_unlogged", [])

@@ -11,8 +11,8 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 import fmpy
 
+from fmus.interface.ports import UNITS, motion_ports, wrench_ports
 from fmus.native.link import FLAGS, HERE, compiler
-from fmus.ports import UNITS, motion_ports, wrench_ports
 
 SOURCES = Path(__file__).parent / "foreign"
 Base = Mapping[str, float]  # attributes of a BaseUnit
@@ -31,7 +31,7 @@ class Variable(NamedTuple):
 
 
 def ports(name: str, causality: str, of: str) -> list[Variable]:
-    """Variables of a motion or a wrench as ``fmus.ports`` names them."""
+    """Variables of a motion or a wrench as ``fmus.interface.ports`` names them."""
     made = motion_ports(name, causality) if of == "motion" else wrench_ports(name, causality)
     return [Variable(port.name, causality, port.start, unit="" if port.unit == "1" else port.unit) for port in made]
 

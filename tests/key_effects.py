@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from vehicle_in_process import Overrides
 
-from fmus.track_choices import TRACKS
+from fmus.track.choices import TRACKS
 
 
 class Case(NamedTuple):

@@ -66,7 +66,7 @@ def drive(scene: str, links: str, settings: Sequence[str], steps: int, file: Pat
     """
     from vehicle_in_process import InProcess
 
-    from fmus import equilibrium, tensioning
+    from fmus.rest import equilibrium, tensioning
     from orchestrator.scene.scene import load
 
     for module in (equilibrium, tensioning):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from fmus.vehicle import read_table, vehicle
+from fmus.vehicles.vehicle import read_table, vehicle
 
 SEED, COUNT = 64, 100
 M113 = vehicle(*read_table("m113")).model_dump(mode="json", exclude_none=True)

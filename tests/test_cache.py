@@ -17,9 +17,9 @@ import pytest
 from conftest import build_toy
 from damaged_files import DAMAGES, POSIX, damage, forget_notices
 
-import fmus.cache
-from fmus.jit import _Overloads
-from fmus.vehicle import BadInput
+import fmus.cache.files
+from fmus.kernels.jit import _Overloads
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.execution import precision
 from orchestrator.execution.precision import Setting
@@ -33,33 +33,33 @@ _nothing_said_yet = pytest.fixture(autouse=True)(forget_notices)
 
 
 def test_a_kept_file_is_found_whole_or_not_at_all(fresh_cache):
-    file = fmus.cache.private_folder(fresh_cache / "kind" / "key") / "name"
-    assert fmus.cache.read_checked(file) is None
-    fmus.cache.write_checked(file, b"content")
-    assert fmus.cache.read_checked(file) == b"content"
+    file = fmus.cache.files.private_folder(fresh_cache / "kind" / "key") / "name"
+    assert fmus.cache.files.read_checked(file) is None
+    fmus.cache.files.write_checked(file, b"content")
+    assert fmus.cache.files.read_checked(file) == b"content"
     whole = file.read_bytes()
     for bit in range(0, 8 * len(whole), 5):
         file.write_bytes(bytes(byte ^ (1 << bit % 8) * (i == bit // 8) for i, byte in enumerate(whole)))
-        assert fmus.cache.read_checked(file) is None, bit
+        assert fmus.cache.files.read_checked(file) is None, bit
     for size in range(len(whole)):
         file.write_bytes(whole[:size])
-        assert fmus.cache.read_checked(file) is None, size
+        assert fmus.cache.files.read_checked(file) is None, size
     file.write_bytes(whole)
-    assert fmus.cache.read_checked(file) == b"content"
+    assert fmus.cache.files.read_checked(file) == b"content"
     file.unlink()
     os.mkfifo(file)
-    assert fmus.cache.read_checked(file) is None, "a pipe was opened"
-    fmus.cache.write_checked(file, b"content")
-    assert fmus.cache.read_checked(file) == b"content"
-    elsewhere = fmus.cache.private_folder(fresh_cache / "kind" / "other key") / "name"
+    assert fmus.cache.files.read_checked(file) is None, "a pipe was opened"
+    fmus.cache.files.write_checked(file, b"content")
+    assert fmus.cache.files.read_checked(file) == b"content"
+    elsewhere = fmus.cache.files.private_folder(fresh_cache / "kind" / "other key") / "name"
     elsewhere.write_bytes(whole)
-    assert fmus.cache.read_checked(elsewhere) is None, "the content of another key was accepted"
+    assert fmus.cache.files.read_checked(elsewhere) is None, "the content of another key was accepted"
     file.rename(file.with_name("other"))
-    assert fmus.cache.read_checked(file.with_name("other")) is None, "the content of another file was accepted"
+    assert fmus.cache.files.read_checked(file.with_name("other")) is None, "the content of another file was accepted"
 
 
 def test_a_damaged_kernel_is_not_unpickled(fresh_cache, monkeypatch):
-    overloads = _Overloads(fmus.cache.private_folder(fresh_cache / "kernels" / "module"), "kernel", "stamp")
+    overloads = _Overloads(fmus.cache.files.private_folder(fresh_cache / "kernels" / "module"), "kernel", "stamp")
     overloads.save("signature", list(range(2000)))
     assert overloads.load("signature") == list(range(2000))
     (file,) = (fresh_cache / "kernels" / "module").iterdir()
@@ -73,7 +73,7 @@ def test_a_damaged_kernel_is_not_unpickled(fresh_cache, monkeypatch):
 
 
 def test_a_kernel_is_that_of_its_compiler(fresh_cache, monkeypatch):
-    overloads = _Overloads(fmus.cache.private_folder(fresh_cache / "kernels" / "module"), "kernel", "stamp")
+    overloads = _Overloads(fmus.cache.files.private_folder(fresh_cache / "kernels" / "module"), "kernel", "stamp")
     overloads.save("signature", 1)
     for place, value in (
         ("numba.__version__", "1"), ("llvmlite.__version__", "1"), ("numpy.__version__", "3"),
@@ -91,12 +91,12 @@ def test_a_damaged_fmu_is_built_again(fresh_cache):
     with zipfile.ZipFile(fmu) as archive:
         packed = {name: archive.read(name) for name in archive.namelist()}
     damage(fmu, "flip", random.Random(2))
-    assert fmus.cache.read_checked(fmu) is None
+    assert fmus.cache.files.read_checked(fmu) is None
     assert build_toy() == fmu
     with zipfile.ZipFile(fmu) as archive:
         again = {name: archive.read(name) for name in archive.namelist()}
     assert {name for name in packed if again[name] != packed[name]} <= {"modelDescription.xml"}, "only its date differs"
-    assert fmus.cache.read_checked(fmu) is not None
+    assert fmus.cache.files.read_checked(fmu) is not None
 
 
 def as_packed(fmu, folder):
@@ -180,7 +180,7 @@ def built_of(counter):
         for name in LOGS:
             (folder / name).write_bytes(name.encode() * 100)
         figures = {"internal_step": 1e-6, "wall_time": 1.0, "difference": {}, "sha256": _hashes(folder)}
-        fmus.cache.write_checked(folder / FIGURES, json.dumps(figures).encode())
+        fmus.cache.files.write_checked(folder / FIGURES, json.dumps(figures).encode())
         return figures
 
     return build
@@ -234,24 +234,24 @@ def test_folders_are_made_for_their_user_alone(toy, tmp_path, monkeypatch):
 @POSIX
 @pytest.mark.parametrize("level", range(3))
 def test_what_others_can_write_or_own_is_not_trusted(fresh_cache, level, monkeypatch):
-    place = fmus.cache.private_folder(fresh_cache / "kind" / "key")
-    fmus.cache.write_checked(place / "file", b"content")
+    place = fmus.cache.files.private_folder(fresh_cache / "kind" / "key")
+    fmus.cache.files.write_checked(place / "file", b"content")
     folder = (place, *place.parents)[level]
     for mode in (0o720, 0o702, 0o777):
         folder.chmod(mode)
-        for call in (fmus.cache.private_folder, lambda place: fmus.cache.read_checked(place / "file")):
-            with pytest.raises(fmus.cache.UntrustedFolder) as caught:
+        for call in (fmus.cache.files.private_folder, lambda place: fmus.cache.files.read_checked(place / "file")):
+            with pytest.raises(fmus.cache.files.UntrustedFolder) as caught:
                 call(place)
             assert str(caught.value).startswith(f"others can write into {folder} (mode {mode:o}); chmod -R go-w it, ")
     folder.chmod(0o755)
-    assert fmus.cache.read_checked(place / "file") == b"content"
+    assert fmus.cache.files.read_checked(place / "file") == b"content"
     me = os.geteuid()
     monkeypatch.setattr(os, "geteuid", lambda: me + 1)
     if me:  # files of root are trusted
         with pytest.raises(
-            fmus.cache.UntrustedFolder, match=rf"belongs to another user \({me}\); name a folder of your own"
+            fmus.cache.files.UntrustedFolder, match=rf"belongs to another user \({me}\); name a folder of your own"
         ):
-            fmus.cache.private_folder(place)
+            fmus.cache.files.private_folder(place)
 
 
 # --- runs without a cache ---------------------------------------------------------------------------
@@ -262,14 +262,14 @@ def full(tmp_path, monkeypatch):
     """A cache on a full disk."""
     place = tmp_path / "full"
     monkeypatch.setenv("COTRACK_CACHE", str(place))
-    put = fmus.cache.write
+    put = fmus.cache.files.write
 
     def write(file, content):
         if file.is_relative_to(place):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
         put(file, content)
 
-    for module in ("fmus.cache", "orchestrator.cosim.fmu_files"):
+    for module in ("fmus.cache.files", "orchestrator.cosim.fmu_files"):
         monkeypatch.setattr(f"{module}.write", write)
     return place
 
@@ -280,8 +280,8 @@ def test_without_a_cache_fmus_are_built_and_unpacked_for_this_process(full, capl
     assert build_toy() == fmu
     folder = unpack(fmu)
     assert as_packed(fmu, folder) == []
-    assert fmu.is_relative_to(fmus.cache.temporary_folder())
-    assert folder.is_relative_to(fmus.cache.temporary_folder())
+    assert fmu.is_relative_to(fmus.cache.files.temporary_folder())
+    assert folder.is_relative_to(fmus.cache.files.temporary_folder())
     (record,) = caplog.records
     assert record.levelno == logging.WARNING
     assert record.getMessage().startswith(

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from damaged_files import POSIX, damage, forget_notices
 
-import fmus.cache
+import fmus.cache.files
 from orchestrator.execution import precision
 from orchestrator.execution.precision import Setting
 from orchestrator.log.reader import Log
@@ -101,7 +101,7 @@ class Trap:
 def test_nothing_is_unpickled_from_a_folder_that_others_can_write(environment, warm, cache, tmp_path):
     trap = tmp_path / "trap"
     (kernel,) = cache.glob("kernels/*/*advance*.kernel")
-    fmus.cache.write_checked(kernel, pickle.dumps(Trap(trap)))
+    fmus.cache.files.write_checked(kernel, pickle.dumps(Trap(trap)))
     cache.chmod(0o777)
     messages, values, hits, said = run_toy(environment, cache)
     assert (values, hits, trap.exists()) == (warm[1], 0, False)
@@ -112,7 +112,7 @@ def test_nothing_is_unpickled_from_a_folder_that_others_can_write(environment, w
     assert messages == [f"1 {sentence}"], "the message for a host without Python's log"
     assert said == f"{sentence}\n"
     cache.chmod(0o700)
-    pickle.loads(fmus.cache.read_checked(kernel))
+    pickle.loads(fmus.cache.files.read_checked(kernel))
     assert trap.exists(), "the trap does not work"
 
 
@@ -181,7 +181,7 @@ def command(arguments, folder, environment):
 def test_two_hundred_flips_and_sixty_other_damages(environment, tmp_path):
     """A run is right after any damage, possibly with a message. Takes half an hour."""
     precision_table = tmp_path / "cache" / "precision.json"
-    fmus.cache.make_folder(precision_table.parent)
+    fmus.cache.files.make_folder(precision_table.parent)
     swing = ("run.step=2 ms", "track.step=1 ms")
     precision.write([Setting("hanging_chain", "flexible", swing, 0.004, 0.2)], precision_table)
     for arguments in COMMANDS:

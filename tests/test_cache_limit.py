@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from fmus import cache_limit
-from fmus.cache import cache_folder, private_folder, read_checked, write_checked
+from fmus.cache import limit as cache_limit
+from fmus.cache.files import cache_folder, private_folder, read_checked, write_checked
 from orchestrator.cosim.fmu_files import unpack
 
 DAY = 86400.0

@@ -10,12 +10,12 @@ import pytest
 from random_vehicles import random_vehicle
 from vehicle_in_process import InProcess
 
-from fmus import equilibrium
+from fmus.interface.ports import motion_ports
 from fmus.physics.wheels import read_states
-from fmus.ports import motion_ports
-from fmus.track import TrackModel
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput
+from fmus.rest import equilibrium
+from fmus.track.choices import TRACKS
+from fmus.track.model import TrackModel
+from fmus.vehicles.tables import BadInput
 from orchestrator.results.energy import STORED
 from orchestrator.scene import placing
 from orchestrator.scene.placing import placed

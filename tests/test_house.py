@@ -61,10 +61,11 @@ GENERIC = [
     "execution/replays.py",
 ]
 DOORS = {
-    "fmus.ahead", "fmus.build", "fmus.cache", "fmus.cache_limit", "fmus.defaults", "fmus.equilibrium", "fmus.ground",
-    "fmus.ground_keys", "fmus.link_outputs", "fmus.loaded", "fmus.vehicle", "fmus.ports", "fmus.ranges", "fmus.saved",
-    "fmus.sides", "fmus.soils", "fmus.stance", "fmus.standing", "fmus.tensioning", "fmus.track_choices",
-    "fmus.monolith.model", "fmus.native.pack",
+    "fmus.ahead.contents", "fmus.ahead.kernels", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.fmi.build",
+    "fmus.fmi.saved", "fmus.ground.keys", "fmus.ground.soils", "fmus.ground.terrain", "fmus.interface.defaults",
+    "fmus.interface.ports", "fmus.monolith.model", "fmus.native.pack", "fmus.rest.equilibrium", "fmus.rest.tensioning",
+    "fmus.start.pose", "fmus.start.stance", "fmus.track.choices", "fmus.track.link_outputs", "fmus.vehicles.ranges",
+    "fmus.vehicles.sides", "fmus.vehicles.tables", "fmus.vehicles.vehicle",
 }  # fmt: skip
 PROOF = ROOT / "tests"
 TO_PHYSICS = ORCHESTRATOR / "studies" / "step_limits.py"  # predicts the limit of a link's highest frequency
@@ -161,7 +162,7 @@ def test_physics_knows_arrays_and_kernels_only():
     allowed = {"numpy", "scipy", "numba"} | set(sys.stdlib_module_names)
     for file in sources(FMUS / "physics"):
         for name in imports(file.read_text()):
-            inside = name.startswith(("fmus.physics", "fmus.jit"))
+            inside = name.startswith(("fmus.physics", "fmus.kernels.jit"))
             assert inside or name == "fmus" or name.split(".")[0] in allowed, (file, name)
 
 
@@ -197,14 +198,14 @@ def test_an_fmu_needs_few_packages_at_run_time(folder):
 
 
 def test_the_cache_knows_the_standard_library_alone():
-    assert reachable("fmus.cache") <= set(sys.stdlib_module_names)
+    assert reachable("fmus.cache.files") <= set(sys.stdlib_module_names)
 
 
 @pytest.mark.parametrize("name", GENERIC)
 def test_generic_modules_import_nothing_of_fmus_but_the_cache(name):
     source = (ORCHESTRATOR / name).read_text(encoding="utf-8")
     modules = imports(source)
-    assert ours(modules, "fmus") <= {"fmus.cache"}
+    assert ours(modules, "fmus") <= {"fmus.cache.files"}
     inner = {module.removeprefix("orchestrator.").replace(".", "/") for module in ours(modules, "orchestrator")}
     files = {f"{module}.py" for module in inner if (ORCHESTRATOR / f"{module}.py").is_file()}  # the others are folders
     assert files <= set(GENERIC), "a generic module imports one that is not"
@@ -263,8 +264,8 @@ def test_each_peer_is_known_by_one_module():
 
 def test_the_checks_see_forbidden_imports():
     assert imports("def f():\n    from orchestrator import scene\n") >= {"orchestrator.scene"}
-    assert ours({"fmus.chassis.model", "fmus.vehicle.BadInput"}, "fmus") == {"fmus.chassis.model"}
-    derived = "import fmus.track_parameters\nfrom fmus.track_rigid import model\nfrom fmus.chassis.model import Model\n"
+    assert ours({"fmus.chassis.model", "fmus.vehicles.vehicle.BadInput"}, "fmus") == {"fmus.chassis.model"}
+    derived = "import fmus.track.parameters\nfrom fmus.track_rigid import model\nfrom fmus.chassis.model import Model\n"
     assert others("track_flexible", derived) == {"fmus.chassis.model"}
     assert others("driver", derived) == {"fmus.track_rigid", "fmus.track_rigid.model", "fmus.chassis.model"}
     assert others("track_rigid", "import fmus.track_rigid.model\n") == set()
@@ -321,7 +322,7 @@ def depends_on_the_processor(source: str) -> list[str]:
 # finite; the spline of a path, whose tridiagonal solve calls no BLAS (``test_processors.py``).
 EXEMPT = {
     "physics/ancf/element.py", "physics/chain/flexible/turning.py", "physics/chain/flexible/closing.py",
-    "physics/integrate/adams.py", "ranges.py", "physics/elementary.py", "model.py", "driver/path.py",
+    "physics/integrate/adams.py", "vehicles/ranges.py", "physics/elementary.py", "interface/model.py", "driver/path.py",
 }  # fmt: skip
 
 

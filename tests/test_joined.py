@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log

@@ -14,7 +14,7 @@ import pytest
 from fmpy.fmi2 import FMU2Slave
 from vehicle_in_process import InProcess
 
-from fmus.build import build_all
+from fmus.fmi.build import build_all
 from fmus.native.link import compiler
 from fmus.native.platform import LINUX, WINDOWS
 from orchestrator.cosim.component import Component

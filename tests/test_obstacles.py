@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
-from fmus.ground import heights
+from fmus.ground.terrain import heights
 from orchestrator.execution.simulate import simulate
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import from_table, load

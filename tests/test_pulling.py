@@ -11,7 +11,7 @@ import pytest
 from rolling_links import WHEELS, rocking
 from scipy.optimize import brentq
 
-from fmus.track_choices import TRACKS
+from fmus.track.choices import TRACKS
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import Window

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import pytest
 
 from fmus import components
-from fmus.loaded import component_ports
+from fmus.ahead.contents import component_ports
 from fmus.physics.contact.laws import LAWS
-from fmus.track_choices import TRACKS
+from fmus.track.choices import TRACKS
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load, scene_names

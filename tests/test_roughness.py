@@ -10,9 +10,9 @@ from scipy.integrate import quad
 from scipy.signal import welch
 from scipy.special import j0
 
-from fmus.ground import heights, heights_of, terrain
+from fmus.ground.roughness import CLASSES, REFERENCE, rough_ground, spectral_density
+from fmus.ground.terrain import heights, heights_of, terrain
 from fmus.physics.contact.terrain.surface import surface
-from fmus.roughness import CLASSES, REFERENCE, rough_ground, spectral_density
 
 TABLE = {
     "iso_class": "D",

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from fmus.track_choices import TRACKS
+from fmus.track.choices import TRACKS
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate

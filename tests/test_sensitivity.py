@@ -20,7 +20,7 @@ import pytest
 from key_effects import APART, CASES, CHOICES, KEYS, Acts, Case
 from vehicle_in_process import InProcess
 
-from fmus.track_choices import TRACKS
+from fmus.track.choices import TRACKS
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
@@ -190,7 +190,7 @@ def test_a_key_changes_what_is_computed(key, kind):
 @pytest.mark.long
 def test_a_mass_that_does_nothing_is_found(monkeypatch):
     """A mass without effect is found: a chassis and links that ignore their mass in the table."""
-    from fmus import numbers
+    from fmus.interface import numbers
     from fmus.track_flexible import model as flexible
 
     values, cables = numbers.values, flexible.Model._cables

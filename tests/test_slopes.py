@@ -9,11 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from vehicle_in_process import InProcess
 
-from fmus.jit import plain
-from fmus.model import StepFailed
-from fmus.standing import ground_level, standing_pose
-from fmus.start import KEYS, StartPose, start_pose, vehicle_quaternion, world_position
-from fmus.vehicle import BadInput
+from fmus.interface.model import StepFailed
+from fmus.kernels.jit import plain
+from fmus.start.pose import KEYS, StartPose, ground_level, standing_pose, start_pose, vehicle_quaternion, world_position
+from fmus.vehicles.tables import BadInput
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 

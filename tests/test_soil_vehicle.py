@@ -11,7 +11,7 @@ from fmus.physics.chain.sums import GROUND_DAMPING, LOSSES
 from fmus.physics.contact.soil import pressure
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE, SHEAR
 from fmus.physics.contact.soil.rut import FIRST, MADE, TILE, TILES
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution.estimate import SHARE
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log

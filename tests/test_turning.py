@@ -11,8 +11,8 @@ import pytest
 from skid_steering import Vehicle, turn
 from vehicle_in_process import InProcess
 
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput
+from fmus.track.choices import TRACKS
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli.inventory import contact_pairs
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate

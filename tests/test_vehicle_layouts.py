@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from vehicle_in_process import InProcess
 
-from fmus.vehicle import BadInput, read_table, vehicle
+from fmus.vehicles.tables import BadInput
+from fmus.vehicles.vehicle import read_table, vehicle
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 

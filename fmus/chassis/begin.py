@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from fmus.chassis.dynamics import ROOT, energies, is_fixed
-from fmus.chassis.tree import unpacked, with_leaves, with_sprockets
-from fmus.jit import allocating, kernel
-from fmus.stance import part_at_rest
-from fmus.start import AFTER_POSE, FRAME, lay_frame
+from collections.abc import Sequence
+from typing import Any
+
+from fmus.chassis.dynamics import ROOT, Parts, energies, is_fixed
+from fmus.chassis.tree import PackedTree, unpacked, with_leaves, with_sprockets
+from fmus.kernels.jit import allocating, kernel
+from fmus.physics.arrays import Floats
+from fmus.start.pose import AFTER_POSE, FRAME, lay_frame
+from fmus.start.stance import part_at_rest
 
 PRELOADS = AFTER_POSE  # index of the preloads in ``p``: of suspension springs, of tensioners
 NUMBERS = (  # numbers of the vehicle table that follow the preloads in ``p``
@@ -31,8 +35,8 @@ GRAVITY, MASS, INERTIA, SPROCKET, SUSPENSION, TENSIONER = (
 
 
 @allocating
-def begin(c, messages, p):
-    """See ``fmus.model.ComponentModel``; p: the start pose, then the preloads, N, then NUMBERS, SI."""
+def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
+    """See ``interface.model.ComponentModel``; p: the start pose, then the preloads, N, then NUMBERS, SI."""
     set_masses(c.packed, p)
     tree, x, start = unpacked(c.packed), c.state, c.start
     n = tree.is_arm.size
@@ -55,7 +59,7 @@ def begin(c, messages, p):
 
 
 @allocating
-def set_masses(packed, p):
+def set_masses(packed: PackedTree, p: Sequence[float]) -> None:
     """Set gravity and the masses of a packed tree, see ``begin``."""
     tree = unpacked(packed)
     moments = p[INERTIA], p[INERTIA + 1], p[INERTIA + 2]
@@ -65,6 +69,6 @@ def set_masses(packed, p):
 
 
 @kernel
-def _lay_contact_frame(contacts, p):
+def _lay_contact_frame(contacts: Any, p: Sequence[float]) -> None:
     if contacts is not None:
         lay_frame(p, 0.0, 0.0, 0.0, contacts.frame)

@@ -1,7 +1,7 @@
 """FMI shell of the chassis."""
 
 from fmus.chassis.model import Model
-from fmus.slave import Slave
+from fmus.fmi.slave import Slave
 
 _keep = globals()  # the host's second instance would otherwise find this module's names released
 

@@ -12,15 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.chassis.dynamics import ROOT, wheel_offset
-from fmus.contacts import contact_law, ground_shape
-from fmus.jit import kernel
+from fmus.chassis.tree import VehicleTree
+from fmus.ground.contact import contact_law, ground_shape
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.contact.face import point_contact_force
 from fmus.physics.contact.grounds import ground_face, ground_law, wheel_normal
 from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 from fmus.physics.wheels import from_frame, into_frame
-from fmus.return_rollers import return_rollers
-from fmus.start import FRAME
+from fmus.start.pose import FRAME
+from fmus.vehicles.sides import return_rollers
 
 STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbers
 
@@ -30,7 +32,7 @@ class ChassisContacts(NamedTuple):
 
     ground: Any  # shape (``physics.contact.grounds``) in the frame of the start
     law: Any  # a law of ``physics.contact.laws``
-    frame: np.ndarray  # (12) of the start, see ``fmus.start``
+    frame: np.ndarray  # (12) of the start, see ``fmus.start.pose``
     points: np.ndarray  # (m, 3) points of the hull, frame B, m
     radius: np.ndarray  # (n) radius of road wheels and idlers without a track, 0 for others, m
     half_width: np.ndarray  # (n) half the width of their rims, m
@@ -64,7 +66,9 @@ def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: 
 
 
 @kernel
-def _add_contact(contacts, A, share, index, p, velocity, centre):
+def _add_contact(
+    contacts: ChassisContacts, A: Matrix, share: float, index: int, p: Vector, velocity: Vector, centre: Vector
+) -> None:
     """Add the contact of a point to ``f[index : index + 6]``, its torque about ``centre``, and to the sums.
 
     p, velocity, centre: of the point, world; ``share`` scales the stiffness; A: rotation of B (3, 3).
@@ -87,7 +91,7 @@ def _add_contact(contacts, A, share, index, p, velocity, centre):
 
 
 @kernel
-def touch(contacts, tree, x, A, v, w):
+def touch(contacts: ChassisContacts, tree: VehicleTree, x: Floats, A: Matrix, v: Vector, w: Vector) -> None:
     """Compute all contacts in the state x into ``contacts.f`` and ``contacts.sums``.
 
     A, v, w: rotation of B (3, 3), velocity of O and angular velocity in B.

@@ -15,14 +15,15 @@ import numpy as np
 
 from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time
 from fmus.chassis.touch import touch
-from fmus.chassis.tree import unpacked
-from fmus.jit import allocating, kernel
-from fmus.model import too_many_steps
+from fmus.chassis.tree import VehicleTree, unpacked
+from fmus.interface.model import too_many_steps
+from fmus.kernels.jit import allocating, kernel
+from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.elementary import cos, sin
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import put_matrix, put_quat, quat_normalise
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
-from fmus.stance import Stance
+from fmus.start.stance import Stance
 
 ROOT = 13  # numbers of the free body in the state
 LEAF = 4  # numbers of a leaf in the state
@@ -54,13 +55,13 @@ class Parts(NamedTuple):
 
 
 @kernel
-def is_fixed(tree, k):
+def is_fixed(tree: VehicleTree, k: int) -> bool:
     """Whether leaf k is a return roller, whose coordinate stays 0."""
     return tree.is_arm[k] == 0 and tree.travel[k] == 0.0
 
 
 @kernel
-def wheel_offset(tree, k, d):
+def wheel_offset(tree: VehicleTree, k: int, d: float) -> tuple[Vector, Vector]:
     """Wheel centre of leaf k from its hinge, m, and the derivative by its coordinate d, in B. (1)"""
     if tree.is_arm[k] == 0:
         return (d, 0.0, 0.0), (1.0, 0.0, 0.0)
@@ -70,7 +71,7 @@ def wheel_offset(tree, k, d):
 
 
 @kernel
-def compression(tree, k, d):
+def compression(tree: VehicleTree, k: int, d: float) -> tuple[float, float]:
     """Compression of the spring of leaf k since the drawn position, m, and its derivative by d. (2)"""
     if tree.is_arm[k] == 0:
         sense = tree.on_arm[k, 0]
@@ -83,14 +84,14 @@ def compression(tree, k, d):
 
 
 @kernel
-def leaf_inertia(tree, k, r, w):
+def leaf_inertia(tree: VehicleTree, k: int, r: Vector, w: Vector) -> Vector:
     """Product J w of leaf k about its centre of mass, in B; r: from the hinge to the wheel centre. (3)"""
     a, b, t = tree.across[k], tree.along[k] * dot(r, w), tree.transverse[k]
     return (a + t) * w[0] - b * r[0], a * w[1] - b * r[1], (a + t) * w[2] - b * r[2]
 
 
 @kernel
-def unit_wrench(tree, k, A, u):
+def unit_wrench(tree: VehicleTree, k: int, A: Matrix, u: Floats) -> tuple[Vector, Vector]:
     """Force and torque on unit k in B, from the world wrenches u (6 for each input)."""
     i, m = 6 * tree.input_index[k], tree.mirror[k]
     f, g = to_body(A, vector(u, i)), to_body(A, vector(u, i + 3))
@@ -98,7 +99,7 @@ def unit_wrench(tree, k, A, u):
 
 
 @kernel
-def add_body(M, mass, c, J):
+def add_body(M: Floats, mass: float, c: Vector, J: Matrix) -> None:
     """Add a body, centre c, inertia J (3, 3) about c, to the lower triangle of the root's M (6, 6). (5)"""
     for i in range(3):
         M[i, i] += mass
@@ -112,7 +113,9 @@ def add_body(M, mass, c, J):
 
 
 @kernel
-def leaf_bias(tree, k, w, qd, r, c, lc):
+def leaf_bias(
+    tree: VehicleTree, k: int, w: Vector, qd: float, r: Vector, c: Vector, lc: Vector
+) -> tuple[Vector, Vector]:
     """Force and torque about c, in B, of leaf k by its acceleration at rest of the unknowns. (7)
 
     w: angular velocity of B; qd: rate of the leaf; r: from the hinge to the wheel centre; c: centre of mass, and lc its
@@ -126,7 +129,7 @@ def leaf_bias(tree, k, w, qd, r, c, lc):
 
 
 @kernel
-def spring(tree, k, q, qd):
+def spring(tree: VehicleTree, k: int, q: float, qd: float) -> Vector:
     """Push of spring and damper of leaf k, N, derivative of the compression, and lost power, W. (9)"""
     e, slope = compression(tree, k, q)
     ed = slope * qd
@@ -135,7 +138,7 @@ def spring(tree, k, q, qd):
 
 
 @kernel
-def leaf_tensor(tree, k, r, J):
+def leaf_tensor(tree: VehicleTree, k: int, r: Vector, J: Matrix) -> None:
     """Write the inertia (3, 3) of ``leaf_inertia`` to J, kg m2. (3)"""
     for i in range(3):
         for j in range(3):
@@ -144,7 +147,7 @@ def leaf_tensor(tree, k, r, J):
 
 
 @kernel
-def eliminate(M, b, Q, k, g, generalized_mass):
+def eliminate(M: Floats, b: Floats, Q: Floats, k: int, g: float, generalized_mass: float) -> None:
     """Eliminate leaf k from M (6, 6) and b (6); divide its row of Q (n, 6) by its ``generalized_mass``. (10)"""
     for i in range(6):
         b[i] -= Q[k, i] * g
@@ -155,7 +158,7 @@ def eliminate(M, b, Q, k, g, generalized_mass):
 
 
 @kernel
-def solve_symmetric(M, b):
+def solve_symmetric(M: Floats, b: Floats) -> None:
     """Solve M x = b in place of b; M: positive definite, its lower triangle becomes the Cholesky factor."""
     n = len(b)
     for j in range(n):
@@ -174,7 +177,7 @@ def solve_symmetric(M, b):
 
 
 @allocating
-def rates(tree, contacts, hitch, x, u, out):
+def rates(tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, u: Floats, out: Floats) -> None:
     """Write dx/dt at the state x to ``out``; the rates of the states of seats, which are 0, are left as they are.
 
     u: wrenches on the units, world (6 for each input); the wrenches of the ground are added where there are contacts,
@@ -190,13 +193,7 @@ def rates(tree, contacts, hitch, x, u, out):
     if contacts is not None:
         touch(contacts, tree, x, A, v, w)
         dissipated += contacts.sums[1]
-    F, T, power = free_body(tree, A, v, w, u, M)
-    if contacts is not None:
-        F, T = add(F, vector(contacts.f, 6 * n)), add(T, vector(contacts.f, 6 * n + 3))
-    if hitch is not None:
-        f, torque = pull(hitch, x, A, u, out)
-        F, T = add(F, f), add(T, torque)
-
+    F, T, power = root_wrench(tree, contacts, hitch, x, v, w, u, out)
     for k in range(n):
         q, qd, y = x[d + k], x[rate + k], float(tree.is_arm[k])
         r, dr = wheel_offset(tree, k, q)
@@ -233,9 +230,8 @@ def rates(tree, contacts, hitch, x, u, out):
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)
 
     T = add(T, cross((0.0, momentum, 0.0), w))  # gyroscopic moment of the wheels' spin (8)
-    for i in range(3):
-        b[i] += F[i]
-        b[3 + i] += T[i]
+    put(b, 0, add(vector(b, 0), F))
+    put(b, 3, add(vector(b, 3), T))
     solve_symmetric(M, b)
     for k in range(n):  # (11)
         out[rate + k] = g[k] - dot(Q[k], b) - dot(Q[k, 3:], b[3:])
@@ -244,7 +240,25 @@ def rates(tree, contacts, hitch, x, u, out):
 
 
 @kernel
-def free_body(tree, A, v, w, u, M):
+def root_wrench(
+    tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, v: Vector, w: Vector, u: Floats, out: Floats
+) -> tuple[Vector, Vector, float]:
+    """Wrench on the root about O, in B, of its free body, contacts and hitch, and power of the mounts' wrenches, W.
+
+    Writes the rates of the hitch's states to ``out``; other arguments as of ``free_body``.
+    """
+    n, A = len(tree.is_arm), tree.rotation
+    F, T, power = free_body(tree, A, v, w, u, tree.root_mass)
+    if contacts is not None:
+        F, T = add(F, vector(contacts.f, 6 * n)), add(T, vector(contacts.f, 6 * n + 3))
+    if hitch is not None:
+        f, torque = pull(hitch, x, A, u, out)
+        F, T = add(F, f), add(T, torque)
+    return F, T, power
+
+
+@kernel
+def free_body(tree: VehicleTree, A: Matrix, v: Vector, w: Vector, u: Floats, M: Floats) -> tuple[Vector, Vector, float]:
     """Wrench on the free body with the sprockets about O, in B, and power of the mounts' wrenches, W. (6)
 
     Adds its inertia to M (6, 6). A, v, w: rotation of B (3, 3), velocity of O and angular velocity, in B.
@@ -262,7 +276,7 @@ def free_body(tree, A, v, w, u, M):
 
 
 @kernel
-def root_rates(gravity, x, A, w, b, out):
+def root_rates(gravity: float, x: Floats, A: Matrix, w: Vector, b: Floats, out: Floats) -> None:
     """Write the derivative of pose and velocity of B to ``out``; b (6): accelerations but gravity, in B."""
     p = vector(x, 4)
     put(out, 0, vector(x, 7))
@@ -274,7 +288,7 @@ def root_rates(gravity, x, A, w, b, out):
 
 
 @allocating
-def fault(tree, x):
+def fault(tree: VehicleTree, x: Floats) -> int:
     """Fault of the state x, a code of this module; FINE if it has none."""
     for i in range(x.size):
         if not np.isfinite(x[i]):
@@ -293,7 +307,7 @@ def fault(tree, x):
 
 
 @allocating
-def advance(c, x, u, h, steps):
+def advance(c: Parts, x: Floats, u: Floats, h: float, steps: int) -> tuple[int, int]:
     """Integrate x in place over ``steps`` steps of h s under constant u; return steps done and fault."""
     tree, k = unpacked(c.packed), c.stages
     y = k[len(RK4.b)]
@@ -310,8 +324,8 @@ def advance(c, x, u, h, steps):
 
 
 @allocating
-def step(c, messages, t, h, u):
-    """See ``fmus.model.ComponentModel``; u: mean wrenches on the places, world."""
+def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
+    """See ``interface.model.ComponentModel``; u: mean wrenches on the places, world."""
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
     tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
@@ -328,7 +342,7 @@ def step(c, messages, t, h, u):
 
 
 @kernel
-def warn_of_unrest(message, x, h):
+def warn_of_unrest(message: Floats, x: Floats, h: float) -> None:
     """Write a warning where the hull, at rest h s ago, rises or falls: the start is no equilibrium of these numbers.
 
     It is looked for when the second step begins, because masters try a first one. Only on level ground: on a slope
@@ -340,7 +354,7 @@ def warn_of_unrest(message, x, h):
 
 
 @kernel
-def begin_step(hitch, seats, x, A, t):
+def begin_step(hitch: Any, seats: Any, x: Floats, A: Matrix, t: float) -> None:
     """Give hitch and seats, where there are any, what they need of the beginning of a step at t; A: scratch (3, 3)."""
     if hitch is not None:
         set_time(hitch, x, t)
@@ -350,7 +364,7 @@ def begin_step(hitch, seats, x, A, t):
 
 
 @kernel
-def end_step(seats, x, A, h):
+def end_step(seats: Any, x: Floats, A: Matrix, h: float) -> None:
     """Set the accelerations of seats, where there are any, after a step of h s; A: scratch (3, 3)."""
     if seats is not None:
         put_matrix(A, x[3:7])
@@ -358,7 +372,7 @@ def end_step(seats, x, A, h):
 
 
 @kernel
-def step_failure(tree, code, x, numbers):
+def step_failure(tree: VehicleTree, code: int, x: Floats, numbers: Floats) -> int:
     """Failure of a step that led to the state ``x`` with the fault ``code``.
 
     Writes the part (an index in the state) and its coordinate to ``numbers``.
@@ -376,7 +390,7 @@ def step_failure(tree, code, x, numbers):
 
 
 @allocating
-def energies(tree, x):
+def energies(tree: VehicleTree, x: Floats) -> Vector:
     """Kinetic, gravity (0 where the common centre of mass is at z = 0) and spring energy, J. (13)"""
     n, A = len(tree.is_arm), tree.rotation
     put_matrix(A, x[3:7])

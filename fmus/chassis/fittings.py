@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fmus.jit import dispatch
-from fmus.model import InvalidParameter
-from fmus.ports import Port
+from fmus.interface.model import InvalidParameter
+from fmus.interface.ports import Port
+from fmus.kernels.jit import dispatch
+from fmus.physics.arrays import Floats, Matrix, Vector
 
 
 class Fittings:
@@ -31,7 +32,7 @@ class Fittings:
         self.inputs: list[Port] = []
         self.outputs: list[Port] = []
         self.parameters: list[Port] = []
-        self.free: Mapping[str, str] = {}  # of ``fmus.model.FreeParameters``
+        self.free: Mapping[str, str] = {}  # of ``interface.model.FreeParameters``
         self.end = first_state  # index after their states
         if config.get("hitch"):
             from fmus.chassis import hitch
@@ -80,30 +81,30 @@ def _seats(kind: type) -> Any:
 
 
 @dispatch(_hitch)
-def pull(hitch, x, A, u, out):
+def pull(hitch: Any, x: Floats, A: Matrix, u: Floats, out: Floats) -> tuple[Vector, Vector]:  # type: ignore[empty-body]
     """See ``hitch.pull``."""
 
 
 @dispatch(_hitch)
-def set_time(hitch, x, t):
+def set_time(hitch: Any, x: Floats, t: float) -> None:
     """See ``hitch.set_time``."""
 
 
 @dispatch(_hitch)
-def put_hitch(hitch, x, A, y, i):
+def put_hitch(hitch: Any, x: Floats, A: Matrix, y: Floats, i: int) -> int:  # type: ignore[empty-body]
     """See ``hitch.put_hitch``."""
 
 
 @dispatch(_seats)
-def keep_velocities(seats, x, A):
+def keep_velocities(seats: Any, x: Floats, A: Matrix) -> None:
     """See ``seats.keep_velocities``."""
 
 
 @dispatch(_seats)
-def put_accelerations(seats, x, A, h):
+def put_accelerations(seats: Any, x: Floats, A: Matrix, h: float) -> None:
     """See ``seats.put_accelerations``."""
 
 
 @dispatch(_seats)
-def put_seats(seats, x, A, y, i):
+def put_seats(seats: Any, x: Floats, A: Matrix, y: Floats, i: int) -> None:
     """See ``seats.put_seats``."""

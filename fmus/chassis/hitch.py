@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.course import Course, evaluate, has_points, parse_course, ramp
-from fmus.jit import kernel
-from fmus.model import InvalidParameter
+from fmus.interface.course import Course, evaluate, has_points, parse_course, ramp
+from fmus.interface.model import InvalidParameter
+from fmus.interface.ports import Port
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
-from fmus.ports import Port
 
 STATES = 2  # in the state of the chassis: time, s; work of the hull on what it tows, J
 INPUTS = 3  # force, N, world
@@ -65,7 +66,7 @@ def parameter_ports() -> list[Port]:
     ]  # fmt: skip
 
 
-# numbers of a ``Hitch`` that follow from free parameters, see ``fmus.model.FreeParameters``
+# numbers of a ``Hitch`` that follow from free parameters, see ``interface.model.FreeParameters``
 FREE = {
     "hitch.force": "{hitch.load.force}",
     "hitch.ramp_start": "{hitch.load.ramp.start}",
@@ -84,13 +85,13 @@ def hitch(place: Sequence[float], first_input: int, state: int, parameters: Mapp
 
 
 @kernel
-def velocity_of(hitch, x, A):
+def velocity_of(hitch: Hitch, x: Floats, A: Matrix) -> Vector:
     """Velocity of the hitch in the state x, world, m/s; A: rotation of B (3, 3). (14)"""
     return add(vector(x, 7), to_world(A, cross(vector(x, 10), hitch.place)))
 
 
 @kernel
-def load_of(hitch, x, A, velocity):
+def load_of(hitch: Hitch, x: Floats, A: Matrix, velocity: Vector) -> tuple[float, Vector]:
     """Rearward force of the load, N, and its direction in the world. (15)"""
     length = np.sqrt(A[0, 0] ** 2 + A[1, 0] ** 2)
     if length < UPRIGHT:
@@ -104,7 +105,7 @@ def load_of(hitch, x, A, velocity):
 
 
 @kernel
-def pull(hitch, x, A, u, out):
+def pull(hitch: Hitch, x: Floats, A: Matrix, u: Floats, out: Floats) -> tuple[Vector, Vector]:
     """Force and torque about O of load and input, in B; writes the rates of time and work to ``out``. (16)"""
     velocity = velocity_of(hitch, x, A)
     force, direction = load_of(hitch, x, A, velocity)
@@ -115,13 +116,13 @@ def pull(hitch, x, A, u, out):
 
 
 @kernel
-def set_time(hitch, x, t):
+def set_time(hitch: Hitch, x: Floats, t: float) -> None:
     """Set the time in the state."""
     x[hitch.state] = t
 
 
 @kernel
-def put_hitch(hitch, x, A, y, i):
+def put_hitch(hitch: Hitch, x: Floats, A: Matrix, y: Floats, i: int) -> int:
     """Write motion, speed, load and work from ``y[i]`` on; return the index after them."""
     velocity = velocity_of(hitch, x, A)
     put(y, i, add(vector(x, 0), to_world(A, hitch.place)))

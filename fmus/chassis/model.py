@@ -7,22 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from fmus import numbers
 from fmus.chassis.begin import NUMBERS, begin
 from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts, step, step_failure
 from fmus.chassis.fittings import Fittings
 from fmus.chassis.observe import write_outputs
 from fmus.chassis.tree import VehicleTree, fastest_rate, packed, tree, unpacked
-from fmus.defaults import parameter_values
-from fmus.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
+from fmus.interface import numbers
+from fmus.interface.defaults import parameter_values
+from fmus.interface.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
+from fmus.interface.ports import POSITIVE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
+from fmus.interface.sentences import GAPS, Sentence, format_sentence
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
-from fmus.ports import POSITIVE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
-from fmus.return_rollers import return_rollers
-from fmus.sentences import GAPS, Sentence, format_sentence
-from fmus.sides import SIDES, of_side
-from fmus.stance import roll_pitch_quaternion, stance
-from fmus.start import FRAME, KEYS
+from fmus.start.pose import FRAME, KEYS
+from fmus.start.stance import roll_pitch_quaternion, stance
+from fmus.vehicles.sides import SIDES, of_side, return_rollers
 
 RESOLVED = 0.5  # largest product of the default internal step and a rate
 LEAST_STEP, MOST_STEP, MOST_STEP_ON_GROUND = 1e-5, 1e-3, 1e-4  # s: bounds of that default
@@ -100,7 +99,7 @@ class Model(ComponentModel):
 
     ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"], "ground"}}. With
     the left side alone the right side is computed too, with the left side's wrenches mirrored. ``ground``, where hull
-    or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.equilibrium.VehicleEquilibrium`` as a
+    or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.rest.equilibrium.VehicleEquilibrium`` as a
     mapping, by default the drawn position. ``push``, N: the part of tensioner.preload that balances a track; the
     tensioner of a side without a track lacks it. The parameter tensioner.preload is that of the left side; the right
     one differs from it as in the vehicle table. ``hitch``: true for a chassis that tows at the ``hitch`` of the vehicle

@@ -6,20 +6,23 @@ that of the ports in ``model.py``. There is no physics here.
 
 from __future__ import annotations
 
-from fmus.chassis.dynamics import ROOT, compression, energies, is_fixed, wheel_offset
+from typing import Any
+
+from fmus.chassis.dynamics import ROOT, Parts, compression, energies, is_fixed, wheel_offset
 from fmus.chassis.fittings import put_hitch, put_seats
 from fmus.chassis.touch import touch
-from fmus.chassis.tree import unpacked
-from fmus.jit import allocating, kernel
+from fmus.chassis.tree import VehicleTree, unpacked
+from fmus.kernels.jit import allocating, kernel
+from fmus.physics.arrays import Floats, Four, Matrix, Quaternion, Vector
 from fmus.physics.elementary import asin, atan2, cos, sin
 from fmus.physics.rotation import put_matrix, put_quat, quat_multiply
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 from fmus.physics.wheels import into_frame
-from fmus.start import FRAME
+from fmus.start.pose import FRAME
 
 
 @allocating
-def put_motion(y, i, x, A, r, dr, q, w):
+def put_motion(y: Floats, i: int, x: Floats, A: Matrix, r: Vector, dr: Vector, q: Quaternion | Four, w: Vector) -> int:
     """Write the motion (13) of a wheel at r that moves at dr, with quaternion q and rate w; r, dr, w in B."""
     put(y, i, add(vector(x, 0), to_world(A, r)))
     put_quat(y, i + 3, q)
@@ -29,7 +32,7 @@ def put_motion(y, i, x, A, r, dr, q, w):
 
 
 @allocating
-def put_sides(tree, x, sides, y, i):
+def put_sides(tree: VehicleTree, x: Floats, sides: int, y: Floats, i: int) -> int:
     """Write the motions (13 each) of road wheels, idler, return rollers and sprocket mount of each side."""
     n, still = len(tree.is_arm), (0.0, 0.0, 0.0)
     A, w = tree.rotation, vector(x, 10)
@@ -46,7 +49,7 @@ def put_sides(tree, x, sides, y, i):
 
 
 @allocating
-def put_chassis(tree, x, start, y, i):
+def put_chassis(tree: VehicleTree, x: Floats, start: Floats, y: Floats, i: int) -> int:
     """Write motion (13), pitch, roll, yaw, speed, distance, settlement; start: see ``dynamics.Parts``."""
     A, zero = tree.rotation, (0.0, 0.0, 0.0)
     put_matrix(A, x[3:7])
@@ -61,7 +64,7 @@ def put_chassis(tree, x, start, y, i):
 
 
 @kernel
-def put_springs(tree, x, sides, y, i):
+def put_springs(tree: VehicleTree, x: Floats, sides: int, y: Floats, i: int) -> int:
     """Write arm angle, force and length of each suspension, then the tensioner's force, side by side."""
     n = len(tree.is_arm)
     for k in range(sides * n // 2):
@@ -78,8 +81,8 @@ def put_springs(tree, x, sides, y, i):
 
 
 @allocating
-def write_outputs(c, y):
-    """See ``fmus.model.ComponentModel``."""
+def write_outputs(c: Parts, y: Floats) -> None:
+    """See ``interface.model.ComponentModel``."""
     tree, x = unpacked(c.packed), c.state
     i = put_sides(tree, x, c.sides, y, 0)
     i = put_chassis(tree, x, c.start, y, i)
@@ -92,7 +95,7 @@ def write_outputs(c, y):
 
 
 @allocating
-def put_touch(contacts, tree, x, y, i):
+def put_touch(contacts: Any, tree: VehicleTree, x: Floats, y: Floats, i: int) -> int:
     """Write stored energy and force of the ground, where there are contacts."""
     if contacts is not None:
         A = tree.rotation
@@ -105,7 +108,7 @@ def put_touch(contacts, tree, x, y, i):
 
 
 @allocating
-def put_fittings(hitch, seats, x, A, y, i):
+def put_fittings(hitch: Any, seats: Any, x: Floats, A: Matrix, y: Floats, i: int) -> None:
     """Write the outputs of hitch and seats, where there are any; A: scratch (3, 3)."""
     put_matrix(A, x[3:7])
     if hitch is not None:

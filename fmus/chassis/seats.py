@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
+from fmus.interface.ports import Port
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.vector import add, cross, put, scale, to_world, vector
-from fmus.ports import Port
 
 STATES = 3  # of a seat in the state of the chassis: its mean acceleration, world, m/s2
 
@@ -51,20 +52,20 @@ def seats(table: Mapping[str, Any], names: Sequence[str], origin: Sequence[float
 
 
 @kernel
-def velocity_of(seats, k, x, A):
+def velocity_of(seats: Seats, k: int, x: Floats, A: Matrix) -> Vector:
     """Velocity of a seat in the state x, world, m/s; A: rotation of B (3, 3)."""
     return add(vector(x, 7), to_world(A, cross(vector(x, 10), vector(seats.places[k], 0))))
 
 
 @kernel
-def keep_velocities(seats, x, A):
+def keep_velocities(seats: Seats, x: Floats, A: Matrix) -> None:
     """Keep the velocities before a step where the accelerations are."""
     for k in range(len(seats.places)):
         put(x, seats.state + STATES * k, velocity_of(seats, k, x, A))
 
 
 @kernel
-def put_accelerations(seats, x, A, h):
+def put_accelerations(seats: Seats, x: Floats, A: Matrix, h: float) -> None:
     """Set the accelerations from the velocities after a step of ``h`` s and those that were kept."""
     for k in range(len(seats.places)):
         i = seats.state + STATES * k
@@ -73,7 +74,7 @@ def put_accelerations(seats, x, A, h):
 
 
 @kernel
-def put_seats(seats, x, A, y, i):
+def put_seats(seats: Seats, x: Floats, A: Matrix, y: Floats, i: int) -> None:
     """Write position, velocity and acceleration of each seat from ``y[i]`` on."""
     for k in range(len(seats.places)):
         put(y, i, add(vector(x, 0), to_world(A, vector(seats.places[k], 0))))

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from fmus.jit import dispatch
+from fmus.chassis.tree import VehicleTree
+from fmus.kernels.jit import dispatch
+from fmus.physics.arrays import Floats, Matrix, Vector
 
 
 def _kernels(contacts: type) -> Any:
@@ -17,5 +19,5 @@ def _kernels(contacts: type) -> Any:
 
 
 @dispatch(_kernels, shared=True)
-def touch(contacts, tree, x, A, v, w):
+def touch(contacts: Any, tree: VehicleTree, x: Floats, A: Matrix, v: Vector, w: Vector) -> None:
     """See ``contacts.touch``."""

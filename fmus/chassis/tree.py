@@ -13,15 +13,11 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fmus.jit import allocating, kernel, plain
-from fmus.physics.arrays import Floats
+from fmus.kernels.jit import allocating, kernel, plain
+from fmus.physics.arrays import Floats, Integers, Matrix, Vector
 from fmus.physics.elementary import hypot
-from fmus.return_rollers import return_rollers
-from fmus.sides import SIDES, of_side
-
-Integers = NDArray[np.int64]
+from fmus.vehicles.sides import SIDES, of_side, return_rollers
 
 
 class VehicleTree(NamedTuple):
@@ -69,7 +65,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     body, sprocket, idler, roller = vehicle["chassis"], vehicle["sprocket"], vehicle["idler"], return_rollers(vehicle)
     wheel, arm, spring = vehicle["road_wheel"], vehicle["road_arm"], vehicle["suspension"]
     tensioner, lateral = vehicle["tensioner"], vehicle["track"]["lateral"]
-    origin = np.array(body["centre"])
+    origin, pivot = np.array(body["centre"]), np.array(arm["pivot"])  # the latter from the wheel centre, as all points
     arms, rollers = len(wheel["x"]), len(roller["x"])
     count = arms + 1 + rollers  # leaves a side
 
@@ -78,7 +74,6 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         side = np.repeat(np.array([road, idling, rolling], dtype=float), [arms, 1, rollers], axis=0)
         return np.concatenate([side, side])
 
-    pivot = np.array(arm["pivot"])  # from the wheel centre, like all points of the table
     left, right = (_hinges(of_side(vehicle, side)) for side in SIDES)
     hinge = np.concatenate([left, right * [1, -1, 1]]) - origin
     mounts = np.array([[0.0, lateral, 0.0], [0.0, -lateral, 0.0]]) - origin
@@ -87,15 +82,12 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     centre, inertia = np.zeros(3), np.zeros((3, 3))
     masses = body["mass"], body["inertia"], sprocket["mass"], sprocket["transverse_inertia"]
     mass = plain(with_sprockets)(*masses, mounts, centre, inertia)
-    leaf_mass = wheel["mass"] + arm["mass"]
-    is_arm = leaves(1, 0, 0).astype(np.int64)
+    is_arm, leaf_mass = leaves(1, 0, 0).astype(np.int64), wheel["mass"] + arm["mass"]
     leaf_masses = leaves(leaf_mass, idler["mass"], roller["mass"])
     # arm and wheel: point masses at a distance of half an arm, on the line of the arm
     reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
     length_squared = float((pivot * pivot).sum())
-    per_unit = np.arange(2 * count)
-    sources = np.concatenate([per_unit + per_unit // count, [count, 2 * count + 1]])  # inputs: leaves, then the mount
-    on_right = np.concatenate([per_unit >= count, [False, True]])
+    input_index, mirror = _inputs(count, sides)
     return VehicleTree(
         gravity=float(vehicle["gravity"]),
         mass=mass,
@@ -119,8 +111,8 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         preload=leaves(spring["preload"], tensioner["preload"], 0.0),
         travel=leaves(0.0, idler["radius"], 0.0),
         sprocket=mounts,
-        input_index=np.where(on_right & (sides == 1), sources - count - 1, sources),
-        mirror=np.where(on_right & (sides == 1), -1.0, 1.0),
+        input_index=input_index,
+        mirror=mirror,
         rotation=np.eye(3),
         root_mass=np.zeros((6, 6)),
         root_force=np.zeros(6),
@@ -128,6 +120,14 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         coupling=np.zeros((2 * count, 6)),
         leaf_force=np.zeros(2 * count),
     )
+
+
+def _inputs(leaves: int, sides: int) -> tuple[Integers, Floats]:
+    """Fields ``input_index`` and ``mirror`` of a tree with so many ``leaves`` a side and wrenches of so many sides."""
+    per_unit = np.arange(2 * leaves)
+    sources = np.concatenate([per_unit + per_unit // leaves, [leaves, 2 * leaves + 1]])  # leaves, then the mount
+    mirrored = np.concatenate([per_unit >= leaves, [False, True]]) & (sides == 1)
+    return np.where(mirrored, sources - leaves - 1, sources), np.where(mirrored, -1.0, 1.0)
 
 
 def fastest_rate(tree: VehicleTree) -> float:
@@ -153,7 +153,15 @@ def _hinges(table: Mapping[str, Any]) -> Floats:
 
 
 @kernel
-def with_sprockets(mass, moments, sprocket_mass, transverse_inertia, mounts, centre, inertia):
+def with_sprockets(
+    mass: float,
+    moments: Vector,
+    sprocket_mass: float,
+    transverse_inertia: float,
+    mounts: Floats,
+    centre: Floats,
+    inertia: Matrix,
+) -> float:
     """Mass, kg, of the chassis with sprockets on the mounts (2, 3), m.
 
     ``moments``: principal moments of inertia of the chassis alone, kg m2. Writes the centre of mass (3), m, and the
@@ -178,7 +186,7 @@ def with_sprockets(mass, moments, sprocket_mass, transverse_inertia, mounts, cen
 
 
 @kernel
-def with_leaves(mass, is_arm, leaf_mass):
+def with_leaves(mass: float, is_arm: Integers, leaf_mass: Floats) -> float:
     """Mass of the vehicle, kg, from that of the chassis with sprockets and those of the leaves (n)."""
     leaves, arms = is_arm.size // 2, 0  # of a side: arms, the idler, rollers
     for k in range(leaves):
@@ -210,7 +218,7 @@ def packed(tree: VehicleTree) -> PackedTree:
 
 
 @allocating
-def unpacked(packed):
+def unpacked(packed: PackedTree) -> VehicleTree:
     """Tree whose arrays are views of the packed ones."""
     b, x, integers, w = packed.body, packed.leaves, packed.integers, packed.work
     n = len(x)

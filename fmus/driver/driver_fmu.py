@@ -1,7 +1,7 @@
 """FMI shell of the driver."""
 
 from fmus.driver.model import Model
-from fmus.slave import Slave
+from fmus.fmi.slave import Slave
 
 _keep = globals()  # the host's second instance would otherwise find this module's names released
 

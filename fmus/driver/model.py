@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from fmus.course import parse_course
-from fmus.defaults import configured_ports, parameter_values
 from fmus.driver.path import NONE, Path, path_of_arcs, path_through_points
 from fmus.driver.plan import empty_plan
 from fmus.driver.pursuit import PIECE, WIDTH, ControlLaw, Parts, begin, step, write_outputs
 from fmus.driver.skid import footing
-from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
+from fmus.interface.course import parse_course
+from fmus.interface.defaults import configured_ports, parameter_values
+from fmus.interface.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
+from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, motion_ports, start_pose_ports
+from fmus.interface.sentences import Sentence
 from fmus.physics.arrays import Floats
-from fmus.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, motion_ports, start_pose_ports
-from fmus.sentences import Sentence
-from fmus.sides import wheel_places
-from fmus.start import KEYS, start_pose
+from fmus.start.pose import KEYS, start_pose
+from fmus.vehicles.sides import wheel_places
 
 SHARE = Range(0.05, 0.9, "between 0.05 and 0.9")
 LAW = dict(  # numbers of the ``ControlLaw`` that are parameters -> their names

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from fmus.jit import kernel
-from fmus.model import InvalidParameter
-from fmus.physics.arrays import Floats
+from fmus.interface.model import InvalidParameter
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.elementary import atan2, cos, hypot, of_each, sin
 
 ARC_LENGTH = 0.05  # length of the arcs of a curve through points, m
@@ -107,7 +107,7 @@ def _number_pairs(name: str, text: str, form: str) -> Floats:
 
 
 @kernel
-def _point_on_arc(path, k, way):
+def _point_on_arc(path: Path, k: int, way: float) -> Vector:
     """Position, m, and heading, rad, at ``way`` m along the arc k."""
     c, h, way = path.curvature[k], path.heading[k], path.direction[k] * way
     if path.direction[k] == 0.0:
@@ -118,14 +118,14 @@ def _point_on_arc(path, k, way):
 
 
 @kernel
-def piece_range(path, piece):
+def piece_range(path: Path, piece: int) -> tuple[float, float]:
     """Ways s at which a piece begins and ends, m."""
     last = path.first[piece + 1]
     return path.s[path.first[piece]], path.s[last] if last < path.s.size else path.length
 
 
 @kernel
-def _arc(path, piece, s):
+def _arc(path: Path, piece: int, s: float) -> int:
     """Index of the arc of a piece at the way ``s``; beyond its ends the first or the last arc."""
     low, high = path.first[piece], path.first[piece + 1]
     while high - low > 1:
@@ -138,7 +138,7 @@ def _arc(path, piece, s):
 
 
 @kernel
-def point(path, piece, s):
+def point(path: Path, piece: int, s: float) -> Four:
     """Position, heading and curvature of a piece at the way ``s``; beyond its ends it is straight."""
     begin, end = piece_range(path, piece)
     within = min(max(s, begin), end)
@@ -150,7 +150,7 @@ def point(path, piece, s):
 
 
 @kernel
-def nearest(path, piece, x, y, s):
+def nearest(path: Path, piece: int, x: float, y: float, s: float) -> tuple[float, float]:
     """Way s of the point of a piece that is nearest to (x, y), and the distance left of it, m.
 
     ``s``: initial guess. The distance of a point behind the beginning of a piece counts from the straight line that

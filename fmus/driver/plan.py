@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.driver import path as route
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 
 STEP = 0.1  # distance of two places, m, on paths of at most PLACES of them
@@ -69,7 +69,7 @@ def empty_plan(path: route.Path) -> PathPlan:
 
 
 @kernel
-def compute(plan, path, bounds):
+def compute(plan: PathPlan, path: route.Path, bounds: Bounds) -> None:
     """Compute the plan of a path."""
     for piece in range(plan.first.size - 1):
         if path.direction[path.first[piece]] != 0.0:
@@ -77,7 +77,7 @@ def compute(plan, path, bounds):
 
 
 @kernel
-def _compute_piece(plan, path, p, piece):
+def _compute_piece(plan: PathPlan, path: route.Path, p: Bounds, piece: int) -> None:
     a, b = plan.first[piece], plan.first[piece + 1]
     begin, end = route.piece_range(path, piece)
     ds, direction = (end - begin) / (b - a - 1), path.direction[path.first[piece]]
@@ -116,7 +116,7 @@ def _compute_piece(plan, path, p, piece):
 
 
 @kernel
-def _limit_speed(plan, p, a, b, ds):
+def _limit_speed(plan: PathPlan, p: Bounds, a: int, b: int, ds: float) -> None:
     """Set ``speed_squared``, with speed 0 at the end of a piece; ``reached_squared``, with 0 at both ends."""
     plan.speed_squared[b - 1] = 0.0
     for i in range(b - 2, a - 1, -1):
@@ -129,7 +129,7 @@ def _limit_speed(plan, p, a, b, ds):
 
 
 @kernel
-def _longitudinal_acceleration(plan, p, speed_squared, i, b, ds):
+def _longitudinal_acceleration(plan: PathPlan, p: Bounds, speed_squared: float, i: int, b: int, ds: float) -> float:
     """Acceleration along the path that the grip leaves at the place i, m/s2; ``speed_squared``: of the speed there."""
     slope = (plan.curvature[min(i + 1, b - 1)] - plan.curvature[i - 1]) / (2.0 * ds)
     rate = np.sqrt(speed_squared) * plan.curvature[i]
@@ -138,7 +138,7 @@ def _longitudinal_acceleration(plan, p, speed_squared, i, b, ds):
 
 
 @kernel
-def available_acceleration(grip, turn_resistance, rate, lateral, yaw_share):
+def available_acceleration(grip: float, turn_resistance: float, rate: float, lateral: float, yaw_share: float) -> float:
     """Acceleration along that the grip leaves, m/s2.
 
     ``rate``: yaw rate, rad/s; ``lateral``: acceleration, m/s2; ``yaw_share``: share of the largest yaw acceleration.
@@ -153,7 +153,7 @@ def available_acceleration(grip, turn_resistance, rate, lateral, yaw_share):
 
 
 @kernel
-def _smooth(plan, p, a, b, ds):
+def _smooth(plan: PathPlan, p: Bounds, a: int, b: int, ds: float) -> None:
     """Set distance and curvature of the planned line from the normal equations of (2), a band matrix."""
     offset, band = plan.offset, plan.band
     for i in range(a, b):
@@ -173,13 +173,13 @@ def _smooth(plan, p, a, b, ds):
 
 
 @kernel
-def _third(j):
+def _third(j: int) -> float:
     """Weight j of the third difference."""
     return (-1.0, 3.0, -3.0, 1.0)[j]
 
 
 @kernel
-def _cholesky(band, y, a, b):
+def _cholesky(band: Floats, y: Floats, a: int, b: int) -> None:
     """Solve A x = y in place of y[a:b]; band[i, k] = A[i, i - k], A positive definite."""
     for i in range(a, b):
         for k in range(3, -1, -1):
@@ -201,7 +201,7 @@ def _cholesky(band, y, a, b):
 
 
 @kernel
-def evaluate(plan, path, piece, s):
+def evaluate(plan: PathPlan, path: route.Path, piece: int, s: float) -> tuple[float, float, float, float, float]:
     """Plan at the way ``s`` of a piece: largest speed, curvature, slope of the curvature, distance, angle."""
     a, b = plan.first[piece], plan.first[piece + 1]
     begin, end = route.piece_range(path, piece)

@@ -10,22 +10,24 @@ errors of the theory.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from fmus.course import Course, evaluate, has_points, ramp
 from fmus.driver import path as route
 from fmus.driver import plan as planning
 from fmus.driver import skid
 from fmus.drives.mount import rest_if_unconnected
-from fmus.jit import kernel
-from fmus.model import no_rotation
+from fmus.interface.course import Course, evaluate, has_points, ramp
+from fmus.interface.model import no_rotation
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.elementary import atan, atan2, cos, hypot, sin
 from fmus.physics.exponential import root
 from fmus.physics.rotation import quat_forward, quat_normalise
 from fmus.physics.vector import add, cross, scale, vector
-from fmus.start import HEADING, put_point_at_rest, world_position
+from fmus.start.pose import HEADING, put_point_at_rest, world_position
 
 # indices in the flat state; LEFT to CURVATURE are outputs
 RATE_INTEGRAL, LEFT, RIGHT, LATERAL_ERROR, HEADING_ERROR, PROGRESS, SPEED, YAW_RATE, CURVATURE, LOST = range(10)
@@ -87,8 +89,8 @@ class Parts(NamedTuple):
 
 
 @kernel
-def begin(c, messages, p):
-    """See ``fmus.model.ComponentModel``; p: the start pose."""
+def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
+    """See ``interface.model.ComponentModel``; p: the start pose."""
     messages[0, 0], heading = c.law.ramp_end, p[HEADING]
     if c.law.ramp_end < c.law.ramp_start:
         return 1
@@ -107,7 +109,7 @@ def begin(c, messages, p):
 
 
 @kernel
-def bounds(p, footing):
+def bounds(p: ControlLaw, footing: skid.Footing) -> planning.Bounds:
     """Bounds of the plan."""
     speed = max(p.start_speed, p.end_speed)
     for i in range(p.speeds.value.size):
@@ -125,13 +127,13 @@ def bounds(p, footing):
 
 
 @kernel
-def friction_limit(p, footing):
+def friction_limit(p: ControlLaw, footing: skid.Footing) -> float:
     """Acceleration that friction gives, m/s2; inf where it is unknown."""
     return p.friction * footing.gravity if p.friction > 0.0 else np.inf
 
 
 @kernel
-def largest_yaw_acceleration(p, footing):
+def largest_yaw_acceleration(p: ControlLaw, footing: skid.Footing) -> float:
     """Yaw acceleration that friction gives beside the resistance to turning, rad/s2; at least a tenth."""
     return (
         friction_limit(p, footing)
@@ -143,14 +145,14 @@ def largest_yaw_acceleration(p, footing):
 
 
 @kernel
-def turn_resistance(footing):
+def turn_resistance(footing: skid.Footing) -> float:
     """Share of the friction that resists turning on the spot; at most nine tenths."""
     return min(footing.arm / footing.half_gauge, 0.9)
 
 
 @kernel
-def step(c, messages, t, h, u):
-    """See ``fmus.model.ComponentModel``; u: motion (13) of the hull at t."""
+def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
+    """See ``interface.model.ComponentModel``; u: motion (13) of the hull at t."""
     x, inputs, was_lost = c.state, c.inputs, c.state[LOST] != 0.0
     for i in range(u.size):
         inputs[i] = u[i]
@@ -171,8 +173,8 @@ def step(c, messages, t, h, u):
 
 
 @kernel
-def write_outputs(c, y):
-    """See ``fmus.model.ComponentModel``."""
+def write_outputs(c: Parts, y: Floats) -> None:
+    """See ``interface.model.ComponentModel``."""
     for i in range(LOST - LEFT):
         y[i] = c.state[LEFT + i]
 
@@ -197,7 +199,7 @@ class MotionTarget(NamedTuple):
 
 
 @kernel
-def advance(c, t, h, u):
+def advance(c: Parts, t: float, h: float, u: Floats) -> None:
     """Set the demands of a step, computed for its middle; u: motion (13) of the hull at t."""
     p, x, half = c.law, c.state, 0.5 * h
     q, v, w = quat_normalise(u[3:7]), vector(u, 7), vector(u, 10)
@@ -217,7 +219,7 @@ def advance(c, t, h, u):
 
 
 @kernel
-def hold_heading(c, point, speed, h):
+def hold_heading(c: Parts, point: SteeredPoint, speed: float, h: float) -> MotionTarget:
     """Target that holds the heading."""
     p, x = c.law, c.state
     x[HEADING_ERROR] = wrapped_angle(point.heading - p.heading)
@@ -228,7 +230,7 @@ def hold_heading(c, point, speed, h):
 
 
 @kernel
-def follow_path(c, point, speed, h):
+def follow_path(c: Parts, point: SteeredPoint, speed: float, h: float) -> MotionTarget:
     """Target on the present piece of the path."""
     x, path, piece = c.state, c.path, int(c.state[PIECE])
     x[PROGRESS], x[LATERAL_ERROR] = route.nearest(path, piece, point.x, point.y, x[PROGRESS])
@@ -241,7 +243,7 @@ def follow_path(c, point, speed, h):
 
 
 @kernel
-def piece_done(path, piece, s, point):
+def piece_done(path: route.Path, piece: int, s: float, point: SteeredPoint) -> bool:
     """Whether the vehicle is at rest at the end of a piece."""
     if is_turn_on_the_spot(path, piece):
         return abs(remaining_angle(path, piece, point)) < STOP_ANGLE and abs(point.rate) < STOP_ANGLE
@@ -249,20 +251,20 @@ def piece_done(path, piece, s, point):
 
 
 @kernel
-def is_turn_on_the_spot(path, piece):
+def is_turn_on_the_spot(path: route.Path, piece: int) -> bool:
     """Whether a piece is a turn on the spot."""
     return path.s.size > 0 and path.direction[path.first[piece]] == 0.0
 
 
 @kernel
-def remaining_angle(path, piece, point):
+def remaining_angle(path: route.Path, piece: int, point: SteeredPoint) -> float:
     """Remaining angle of a turn on the spot, to the left, rad."""
     arc = path.first[piece]
     return path.heading[arc] + path.curvature[arc] - point.heading
 
 
 @kernel
-def turn_on_the_spot(c, piece, point, speed, h):
+def turn_on_the_spot(c: Parts, piece: int, point: SteeredPoint, speed: float, h: float) -> MotionTarget:
     """Target on a turn on the spot; half of the friction could stop it, and no track exceeds ``speed``."""
     p, x, angle = c.law, c.state, remaining_angle(c.path, piece, point)
     x[HEADING_ERROR], x[CURVATURE], yaw_limit = -angle, 0.0, min(0.5 * largest_yaw_acceleration(p, c.footing), 1.0)
@@ -274,7 +276,7 @@ def turn_on_the_spot(c, piece, point, speed, h):
 
 
 @kernel
-def follow_piece(c, piece, point, speed, h):
+def follow_piece(c: Parts, piece: int, point: SteeredPoint, speed: float, h: float) -> MotionTarget:
     """Target along a piece: the plan, and the correction of errors. (4)"""
     p, x, s, direction = c.law, c.state, c.state[PROGRESS], c.path.direction[c.path.first[piece]]
     speed_limit, k, slope, offset, angle = planning.evaluate(c.plan, c.path, piece, s)
@@ -308,7 +310,7 @@ def follow_piece(c, piece, point, speed, h):
 
 
 @kernel
-def limit_speed_change(c, point, speed, yaw_acceleration, h):
+def limit_speed_change(c: Parts, point: SteeredPoint, speed: float, yaw_acceleration: float, h: float) -> float:
     """Speed, m/s, limited to the change that friction allows beside the ``yaw_acceleration``, rad/s2."""
     if h == 0.0 or c.law.friction == 0.0:
         return speed
@@ -321,14 +323,14 @@ def limit_speed_change(c, point, speed, yaw_acceleration, h):
 
 
 @kernel
-def largest_curvature(p, footing, speed):
+def largest_curvature(p: ControlLaw, footing: skid.Footing, speed: float) -> float:
     """Largest curvature at a speed, 1/m; corrections may use half of the friction that the plan leaves."""
     across = min(1.1 * p.lateral, 0.5 * (1.0 + p.grip) * friction_limit(p, footing))
     return min(p.largest_curvature, across / max(speed * speed, LEAST_SPEED * LEAST_SPEED))
 
 
 @kernel
-def set_demands(c, point, target, pace, h):
+def set_demands(c: Parts, point: SteeredPoint, target: MotionTarget, pace: float, h: float) -> None:
     """Set the demanded speeds of both sprockets. (5), (6)"""
     p, x, f = c.law, c.state, c.footing
     rate_error = target.rate - point.rate
@@ -357,6 +359,6 @@ def set_demands(c, point, target, pace, h):
 
 
 @kernel
-def wrapped_angle(angle):
+def wrapped_angle(angle: float) -> float:
     """Equivalent angle between -pi and pi."""
     return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))

@@ -20,17 +20,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel, plain
-from fmus.physics.arrays import Floats
+from fmus.kernels.jit import kernel, plain
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.elementary import asin, atan2, hypot, sin
-from fmus.return_rollers import return_rollers
-from fmus.sides import of_side, wheel_places
+from fmus.vehicles.sides import of_side, return_rollers, wheel_places
 
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
 HALVINGS = 8  # of a Newton correction
 MOST_REDUCTIONS = 4  # halvings of accelerations that friction cannot give
 LARGEST_SLIP = 0.5  # largest slip beside that of the vehicle's turn, m/s
+
+Rows = tuple[Vector, Vector, Vector]  # a matrix (3, 3)
 
 
 class Footing(NamedTuple):
@@ -119,7 +120,7 @@ def _shares(v: Mapping[str, Any], wheels: Floats, load: float) -> Floats:
 
 
 @kernel
-def _loads(p, ahead, left, k):
+def _loads(p: Footing, ahead: float, left: float, k: int) -> tuple[float, float]:
     """Load, N, of a contact point under wheel k of the left and of the right track, which have two points each.
 
     ``ahead``, ``left``: accelerations of the vehicle, m/s2.
@@ -131,7 +132,9 @@ def _loads(p, ahead, left, k):
 
 
 @kernel
-def balance(p, law, rate, ahead, left, yaw_acceleration, z):
+def balance(
+    p: Footing, law: tuple[float, float], rate: float, ahead: float, left: float, yaw_acceleration: float, z: Vector
+) -> tuple[Vector, Rows]:
     """Residuals of (5) over the weight, and their Jacobian by rows, at z.
 
     z: slip left, slip right, lateral velocity, m/s; ``rate``, rad/s; accelerations ``ahead``, ``left``, m/s2, and
@@ -160,7 +163,7 @@ def balance(p, law, rate, ahead, left, yaw_acceleration, z):
 
 
 @kernel
-def _solve_linear(A, b):
+def _solve_linear(A: Rows, b: Vector) -> Vector:
     """Solution of three linear equations by Cramer's rule; zeros where A is singular."""
     (a, d, g), (e, h, i), (c, f, k) = A
     first, second, third = h * k - i * f, i * c - e * k, e * f - h * c
@@ -174,12 +177,14 @@ def _solve_linear(A, b):
 
 
 @kernel
-def _squared_norm(r):
+def _squared_norm(r: Vector) -> float:
     return r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
 
 
 @kernel
-def slips(p, law, rate, ahead, left, yaw_acceleration, z):
+def slips(
+    p: Footing, law: tuple[float, float], rate: float, ahead: float, left: float, yaw_acceleration: float, z: Vector
+) -> tuple[Vector, bool]:
     """Slip left and right and lateral velocity, m/s, from the guess z; and whether (5) is solved.
 
     Arguments as of ``balance``. Accelerations that friction cannot give are halved, up to ``MOST_REDUCTIONS`` times.
@@ -197,7 +202,9 @@ def slips(p, law, rate, ahead, left, yaw_acceleration, z):
 
 
 @kernel
-def _newton(p, law, rate, ahead, left, yaw_acceleration, z):
+def _newton(
+    p: Footing, law: tuple[float, float], rate: float, ahead: float, left: float, yaw_acceleration: float, z: Vector
+) -> tuple[Vector, bool]:
     r, A = balance(p, law, rate, ahead, left, yaw_acceleration, z)
     size, most = _squared_norm(r), LARGEST_SLIP + 3.0 * p.half_gauge * abs(rate)
     for _ in range(ITERATIONS):

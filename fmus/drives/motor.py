@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.course import NONE, Course, evaluate, has_points, ramp
-from fmus.jit import kernel
+from fmus.interface.course import NONE, Course, evaluate, has_points, ramp
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.elementary import cos, sin
 
 SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes
@@ -46,7 +47,7 @@ class DriveParameters(NamedTuple):
 
 
 @kernel
-def find_contradiction(p, numbers):
+def find_contradiction(p: DriveParameters, numbers: Floats) -> int:
     """Index of the contradiction between parameters (``parameters.contradictions``, from 1); 0 for none.
 
     Writes the numbers of its sentence to ``numbers``.
@@ -65,7 +66,7 @@ def find_contradiction(p, numbers):
 
 
 @kernel
-def speed_profile(p, t):
+def speed_profile(p: DriveParameters, t: float) -> tuple[float, float]:
     """Speed of the profile at t, rad/s, and angle since ramp_start, rad: half-cosine ramp, and stop. (1)"""
     if has_points(p.speeds):
         speed, angle, _ = evaluate(p.speeds, t)
@@ -82,7 +83,7 @@ def speed_profile(p, t):
 
 
 @kernel
-def speed_profile_slope(p, t):
+def speed_profile_slope(p: DriveParameters, t: float) -> float:
     """Angular acceleration of the profile at t, rad/s2."""
     if has_points(p.speeds):
         return evaluate(p.speeds, t)[2]
@@ -95,7 +96,7 @@ def speed_profile_slope(p, t):
 
 
 @kernel
-def motor_torque(p, t, speed, integral):
+def motor_torque(p: DriveParameters, t: float, speed: float, integral: float) -> tuple[float, float]:
     """Torque of the motor on the sprocket, N m, and rate of the controller's integral, rad/s. (2)"""
     most = p.gear * evaluate(p.engine, p.gear * abs(speed))[0] if has_points(p.engine) else np.inf
     if p.mode == TORQUE:

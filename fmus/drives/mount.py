@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmus.drives.shaft import ANGLE, PORT_WORK, RATE, SHAFT
-from fmus.jit import kernel
-from fmus.model import not_given
-from fmus.physics.arrays import Four, Vector
+from fmus.interface.model import not_given
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats, Four, Quaternion, Vector
 from fmus.physics.elementary import cos, sin
 from fmus.physics.rotation import put_quat, quat_advance, quat_multiply, quat_normalise, quat_rotate
 from fmus.physics.vector import add, dot, put, scale, vector
@@ -44,7 +44,9 @@ class ExtrapolatedMount(NamedTuple):
 
 
 @kernel
-def rest_if_unconnected(inputs, first, unconnected, rest_motion, i, steps):
+def rest_if_unconnected(
+    inputs: Floats, first: int, unconnected: Floats, rest_motion: Floats, i: int, steps: int
+) -> None:
     """Set a mount that nothing moves to its motion at rest.
 
     A mount ``inputs[first : first + 13]`` whose inputs equal their start values, ``unconnected[i : i + 13]``, or whose
@@ -59,7 +61,7 @@ def rest_if_unconnected(inputs, first, unconnected, rest_motion, i, steps):
 
 
 @kernel
-def extrapolate(with_acceleration, x, h, u, i):
+def extrapolate(with_acceleration: int, x: Floats, h: float, u: Floats, i: int) -> ExtrapolatedMount:
     """Extrapolate the mount over a step of ``h`` s. (7)
 
     ``u[i:]``: motion of the mount (13) at the start of the step, then mean wrench of the chain (6);
@@ -86,13 +88,13 @@ def extrapolate(with_acceleration, x, h, u, i):
 
 
 @kernel
-def set_start_momentum(inertia, x, m):
+def set_start_momentum(inertia: float, x: Floats, m: ExtrapolatedMount) -> None:
     """Set, before the first step, the momentum J Omega a of the sprocket on its mount ``m``."""
     put(x, MOMENTUM, scale(inertia * x[RATE], m.start_axis))
 
 
 @kernel
-def finish_step(inertia, x, h, u, i, m):
+def finish_step(inertia: float, x: Floats, h: float, u: Floats, i: int, m: ExtrapolatedMount) -> None:
     """Set the mean wrench on the mount: the chain's wrench less the change of the spin's momentum. (8)
 
     Also sets the motion of the sprocket and what the next step needs of this one.
@@ -113,7 +115,7 @@ def finish_step(inertia, x, h, u, i, m):
 
 
 @kernel
-def put_sprocket_motion(x, position, q, velocity, omega):
+def put_sprocket_motion(x: Floats, position: Vector, q: Quaternion | Four, velocity: Vector, omega: Vector) -> None:
     """Write the sprocket's motion (13): the mount's pose turned by the angle, its rates with the spin. (6)
 
     ``omega``: angular velocity of the mount, world, rad/s.

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from fmus.course import Course, parse_course
 from fmus.drives.motor import DriveParameters
 from fmus.drives.shaft import INTEGRATED
-from fmus.model import InvalidParameter
+from fmus.interface.course import Course, parse_course
+from fmus.interface.model import InvalidParameter
+from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, Port
+from fmus.interface.sentences import Sentence
 from fmus.physics.integrate.runge_kutta import RK4
-from fmus.ports import NOT_NEGATIVE, POSITIVE, Port
-from fmus.sentences import Sentence
 
 MODES = ("speed", "torque", "controller")
 EXTRAPOLATIONS = ("velocity", "acceleration")
@@ -86,8 +86,8 @@ def contradictions(prefix: str = "") -> tuple[Sentence, ...]:
 def free_numbers(values: Mapping[str, Any], demanded: bool, path: str, prefix: str = "") -> dict[str, str]:
     """Numbers of the ``DriveParameters`` at ``path`` in a component's parts that follow from free parameters.
 
-    Place -> expression, see ``fmus.model.FreeParameters``; ``values``: checked parameters; ``demanded``: it follows an
-    input.
+    Place -> expression, see ``interface.model.FreeParameters``; ``values``: checked parameters; ``demanded``: it
+    follows an input.
     """
     names = FREE
     if not demanded:

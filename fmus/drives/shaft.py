@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.course import evaluate, has_points, set_line
-from fmus.drives.motor import CONTROLLER, SPEED, motor_torque, speed_profile
-from fmus.jit import kernel
+from fmus.drives.motor import CONTROLLER, SPEED, DriveParameters, motor_torque, speed_profile
+from fmus.interface.course import evaluate, has_points, set_line
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.exponential import exp
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 
@@ -24,7 +25,7 @@ SHAFT = 10  # numbers of a shaft
 
 
 @kernel
-def start_shaft(p, x, angle):
+def start_shaft(p: DriveParameters, x: Floats, angle: float) -> None:
     """Set a shaft's state x (SHAFT) to its start on a mount at rest; ``angle``, rad."""
     if p.lag > 0.0:
         set_line(p.speeds, 0.0, 0.0, p.start_speed, p.start_speed)
@@ -32,7 +33,7 @@ def start_shaft(p, x, angle):
 
 
 @kernel
-def rates(p, t, y, chain_torque, mount_rate, out):
+def rates(p: DriveParameters, t: float, y: Floats, chain_torque: float, mount_rate: float, out: Floats) -> None:
     """Write the derivatives of the INTEGRATED quantities y; ``chain_torque``: about the axis, N m. (3)"""
     speed = y[RATE] - mount_rate
     torque, growth = motor_torque(p, t, speed, y[INTEGRAL])
@@ -43,7 +44,7 @@ def rates(p, t, y, chain_torque, mount_rate, out):
 
 
 @kernel
-def substeps(p, h):
+def substeps(p: DriveParameters, h: float) -> int:
     """Internal steps in ``h`` s, each half the time constant of brake, controller and engine. (4)"""
     if p.mode == SPEED:
         return 1
@@ -53,7 +54,16 @@ def substeps(p, h):
 
 
 @kernel
-def integrate_spin(p, x, t, h, steps, chain_torque, start_rate, end_rate):
+def integrate_spin(
+    p: DriveParameters,
+    x: Floats,
+    t: float,
+    h: float,
+    steps: int,
+    chain_torque: float,
+    start_rate: float,
+    end_rate: float,
+) -> None:
     """Integrate the INTEGRATED quantities of x (SHAFT) over h s in ``steps`` Runge-Kutta steps.
 
     ``chain_torque``: mean torque of the chain, N m; ``start_rate``, ``end_rate``: of the mount at t, t + h, rad/s.
@@ -70,7 +80,7 @@ def integrate_spin(p, x, t, h, steps, chain_torque, start_rate, end_rate):
 
 
 @kernel
-def advance_prescribed(p, x, t, h, chain_torque, end_rate):
+def advance_prescribed(p: DriveParameters, x: Floats, t: float, h: float, chain_torque: float, end_rate: float) -> None:
     """Advance a shaft with a prescribed speed; the impulse of the motor follows. (5)"""
     (now, angle), (then, end) = speed_profile(p, t), speed_profile(p, t + h)
     angle_change, rate = end - angle, then + end_rate
@@ -81,7 +91,16 @@ def advance_prescribed(p, x, t, h, chain_torque, end_rate):
 
 
 @kernel
-def advance_shaft(p, x, t, h, steps, chain_torque, start_rate, end_rate):
+def advance_shaft(
+    p: DriveParameters,
+    x: Floats,
+    t: float,
+    h: float,
+    steps: int,
+    chain_torque: float,
+    start_rate: float,
+    end_rate: float,
+) -> None:
     """Advance a shaft's x by ``h`` s, and set its motor's mean torque and power and the work of its port."""
     angle, work = x[ANGLE], x[WORK]
     if p.mode == SPEED:
@@ -93,7 +112,7 @@ def advance_shaft(p, x, t, h, steps, chain_torque, start_rate, end_rate):
 
 
 @kernel
-def follow_demand(p, x, t, h, demand):
+def follow_demand(p: DriveParameters, x: Floats, t: float, h: float, demand: float) -> None:
     """Set the profile of a step from a demand, rad/s, held over the step and followed with the lag."""
     target = demand + (x[TARGET] - demand) * exp(-h / p.lag)
     set_line(p.speeds, t, h, x[TARGET], target)

@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 from fmus.chassis.dynamics import FINE, fault
-from fmus.jit import allocating
-from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, NOT_FINITE, STEP_TOO_SHORT, accumulate, rates
+from fmus.kernels.jit import allocating
+from fmus.monolith.equations import (
+    CHAIN_FAILED,
+    CHASSIS_FAILED,
+    DONE,
+    NOT_FINITE,
+    STEP_TOO_SHORT,
+    PortMap,
+    accumulate,
+    rates,
+)
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.interface import project, speed
 from fmus.physics.chain.report import TRAVEL
 from fmus.physics.chain.state import copy
@@ -13,7 +26,16 @@ from fmus.physics.rotation import put_quat, quat_normalise
 
 
 @allocating
-def march(chains, drives, tree, ports, m, sums, interval, fresh):
+def march(
+    chains: Sequence[Any],
+    drives: Any,
+    tree: Any,
+    ports: PortMap,
+    m: Any,
+    sums: Floats,
+    interval: tuple[float, float, int],
+    fresh: bool,
+) -> tuple[int, float, int]:
     """Integrate ``m.x`` over the ``interval``.
 
     The chains' states are views of ``m.y``. ``fresh`` restarts the method at order 1. The flat ``sums``, of which the
@@ -66,7 +88,7 @@ def march(chains, drives, tree, ports, m, sums, interval, fresh):
 
 
 @allocating
-def _evaluate(chains, drives, tree, ports, m, sums, t):
+def _evaluate(chains: Sequence[Any], drives: Any, tree: Any, ports: PortMap, m: Any, sums: Floats, t: float) -> int:
     """Write the rates of ``m.y`` and of the sums at t into ``m.k``; result as of ``rates``."""
     n = m.controlled
     failed = rates(chains, drives, tree, ports, t, m.y[:n], m.k[:n])

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.model import Floats, InvalidParameter
+from fmus.interface.model import Floats, InvalidParameter
 from fmus.physics.chain.flexible import cholesky
 from fmus.physics.chain.flexible.state import State as Flexible
 from fmus.physics.chain.interface import accelerate, observe
@@ -16,7 +16,7 @@ from fmus.physics.chain.rigid.jointed import to_joint_coordinates
 from fmus.physics.chain.rigid.state import State as Rigid
 from fmus.physics.chain.state import integrated_views
 from fmus.physics.chain.state import store_evaluation as store_evaluation
-from fmus.track import TrackModel
+from fmus.track.model import TrackModel
 
 # signs under reflection in the plane of the track:
 FORCE = np.array([1.0, -1, 1])  # force

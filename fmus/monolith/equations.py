@@ -6,16 +6,18 @@ them; both sides of a port use the values of the same instant.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmus.chassis.dynamics import FINE, fault
 from fmus.chassis.dynamics import rates as chassis_rates
 from fmus.chassis.observe import put_sides
-from fmus.jit import allocating
+from fmus.kernels.jit import allocating
 from fmus.monolith.spins import Spins, write_motions, write_powers, write_reactions
 from fmus.monolith.spins import accumulate as accumulate_spins
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.interface import derivative, project, speed, stage_joints
 from fmus.physics.chain.report import TRAVEL, WORK
 from fmus.physics.chain.report import accumulate as accumulate_report
@@ -43,7 +45,7 @@ class PortMap(NamedTuple):
 
 
 @allocating
-def rates(chains, drives, tree, ports, t, x, k):
+def rates(chains: Sequence[Any], drives: Any, tree: Any, ports: PortMap, t: float, x: Floats, k: Floats) -> int:
     """Write dx/dt into ``k``. Returns -1, or the link of a chain whose accelerations do not exist."""
     motion, wrench, u = ports.motion, ports.wrench, ports.u
     failed = -1
@@ -72,7 +74,7 @@ def rates(chains, drives, tree, ports, t, x, k):
 
 
 @allocating
-def accumulate(chains, drives, ports, share):
+def accumulate(chains: Sequence[Any], drives: Any, ports: PortMap, share: float) -> None:
     """Add ``share`` s of the wrenches and powers of the last evaluation to the sums of the step."""
     for c in chains:
         add_share(share, c.w.wrench, c.slot.impulse)
@@ -85,7 +87,16 @@ def accumulate(chains, drives, ports, share):
 
 
 @allocating
-def march(chains, drives, tree, ports, interval, x, y, k):
+def march(
+    chains: Sequence[Any],
+    drives: Any,
+    tree: Any,
+    ports: PortMap,
+    interval: tuple[float, float, int],
+    x: Floats,
+    y: Floats,
+    k: Floats,
+) -> tuple[int, int, int]:
     """Integrate x over the ``interval`` in equal steps.
 
     The chains' states are views of y, the argument of the stages. Adds impulses and energies to the sums of chains and

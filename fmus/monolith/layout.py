@@ -9,13 +9,13 @@ import numpy as np
 
 from fmus.drives import mount as mounts
 from fmus.drives.motor import SPEED, DriveParameters
-from fmus.model import Floats, InvalidParameter
+from fmus.interface.model import Floats, InvalidParameter
+from fmus.interface.ports import STATE, WRENCH
 from fmus.monolith.chains import REPORT_SUMS, ChainSlot
 from fmus.monolith.equations import PortMap
 from fmus.monolith.parts import DriveSprocket, MonolithPart, initialised_model
 from fmus.monolith.spins import HALF, SPIN, Spins
-from fmus.ports import STATE, WRENCH
-from fmus.track import TrackModel
+from fmus.track.model import TrackModel
 
 Connector = tuple[str, str]  # names of a part and of its connector
 

@@ -12,10 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fmus.cache.sources import ROOT, reachable_hash
 from fmus.components import KINDS, folder
 from fmus.drives import mount as mounts
 from fmus.drives import shaft
-from fmus.model import Floats, InvalidParameter, StepFailed
+from fmus.interface.model import Floats, InvalidParameter, StepFailed
+from fmus.interface.ports import TOLERANCE, TOLERANCES
 from fmus.monolith import chains as chain_parts
 from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, STEP_TOO_SHORT, march, rates
 from fmus.monolith.layout import Hull, Sources, hull, lay_out
@@ -36,9 +38,7 @@ from fmus.physics.integrate.adams import EVALUATIONS, ORDERS, REJECTED, RESTARTS
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
-from fmus.ports import TOLERANCE, TOLERANCES
-from fmus.sources import ROOT, reachable_hash
-from fmus.track_choices import ADAMS, EXPLICIT
+from fmus.track.choices import ADAMS, EXPLICIT
 
 LONGEST = 1e-3  # s, internal step where nothing else bounds it
 INTEGRATORS = EQUAL, ADAPTIVE = EXPLICIT, ADAMS

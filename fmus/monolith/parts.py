@@ -11,11 +11,11 @@ from fmus.chassis.observe import put_sides
 from fmus.components import KINDS, model_of
 from fmus.drives import mount as mounts
 from fmus.drives import shaft
-from fmus.model import Floats, InvalidParameter
+from fmus.interface.model import Floats, InvalidParameter
+from fmus.interface.ports import STATE
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
-from fmus.ports import STATE
-from fmus.track_choices import TRACKS
+from fmus.track.choices import TRACKS
 
 CHAINS = tuple(track.fmu for track in TRACKS.values())  # kinds of parts that are chains
 DIFFERENTIAL = "SteeringDifferential"

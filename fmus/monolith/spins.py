@@ -6,7 +6,7 @@ both: its shafts then turn at the mean of both sides and at right less left (``s
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,8 @@ from fmus.drives.motor import SPEED, speed_profile, speed_profile_slope
 from fmus.drives.mount import SPROCKET, put_sprocket_motion
 from fmus.drives.shaft import ANGLE, BRAKE_WORK, IMPULSE, INTEGRAL, INTEGRATED, PORT_WORK, RATE, WORK
 from fmus.drives.shaft import rates as spin_rates
-from fmus.jit import allocating, kernel
+from fmus.kernels.jit import allocating, kernel
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
@@ -43,7 +44,7 @@ class Spins(NamedTuple):
 
 
 @kernel
-def side(p, d, first, second):
+def side(p: Spins, d: int, first: float, second: float) -> float:
     """Value at side ``d`` of a quantity that is ``first`` at the first shaft and ``second`` at the second."""
     if p.differential == 1:
         return first + (d - 0.5) * second
@@ -51,14 +52,14 @@ def side(p, d, first, second):
 
 
 @kernel
-def _of(p, x, d, i):
+def _of(p: Spins, x: Floats, d: int, i: int) -> float:
     """Value at side ``d`` of the number ``i`` of the shafts' state."""
     last = p.start + SPIN * (p.mount.size - 1) + i
     return side(p, d, x[p.start + i], x[last])
 
 
 @kernel
-def _shaft(p, d, c, both):
+def _shaft(p: Spins, d: int, c: int, both: float) -> float:
     """Value at shaft ``d`` of column ``c`` of ``about_axis``; ``both``: 0.5 for rates, 1 for torques."""
     if p.differential == 0:
         return p.about_axis[d, c]
@@ -70,7 +71,7 @@ def _shaft(p, d, c, both):
 
 
 @allocating
-def _axis(p, motion, d):
+def _axis(p: Spins, motion: Floats, d: int) -> tuple[Vector, Vector]:
     """Lateral axis of a mount and its angular velocity, rad/s, both in world axes."""
     m = 13 * p.mount[d]
     a = quat_rotate(motion[m + 3 : m + 7], (0.0, 1.0, 0.0))
@@ -78,7 +79,7 @@ def _axis(p, motion, d):
 
 
 @allocating
-def write_motions(drives, p, motion, t, x):
+def write_motions(drives: Any, p: Spins, motion: Floats, t: float, x: Floats) -> None:
     """Write the sprockets' motions, and the rates of shafts with prescribed speed into x. (1)"""
     for d in range(p.mount.size):
         axis, w = _axis(p, motion, d)
@@ -97,7 +98,7 @@ def write_motions(drives, p, motion, t, x):
 
 
 @allocating
-def write_reactions(drives, p, motion, wrench, t, x, k):
+def write_reactions(drives: Any, p: Spins, motion: Floats, wrench: Floats, t: float, x: Floats, k: Floats) -> None:
     """Write the wrenches on the mounts, and the rates of shafts whose speed is not prescribed into k."""
     for d in range(p.mount.size):
         axis, _ = _axis(p, motion, d)
@@ -126,7 +127,7 @@ def write_reactions(drives, p, motion, wrench, t, x, k):
 
 
 @allocating
-def write_powers(drives, p, t, x, k):
+def write_powers(drives: Any, p: Spins, t: float, x: Floats, k: Floats) -> None:
     """Write powers and torques of motors and ports into k; k holds the chassis' acceleration. (4)"""
     for d in range(p.mount.size):
         drive, start = drives[d], p.start + SPIN * d
@@ -148,7 +149,7 @@ def write_powers(drives, p, t, x, k):
 
 
 @kernel
-def accumulate(p, wrench, share):
+def accumulate(p: Spins, wrench: Floats, share: float) -> None:
     """Add ``share`` s of the chains' wrenches to the sums of the step."""
     for d in range(p.mount.size):
         i = 6 * p.chain[d]

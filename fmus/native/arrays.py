@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from fmus.link_outputs import GROUPS
-from fmus.ports import Port
+from fmus.interface.ports import Port
+from fmus.track.link_outputs import GROUPS
 
 AXES = ("x", "y", "z"), ("w", "x", "y", "z")
 OF_LINKS = {f"{group.owner}.{group.signal}" for group in GROUPS.values()}

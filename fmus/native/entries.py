@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import numba
 from numba import carray, types
 
-from fmus.model import ComponentModel
+from fmus.interface.model import ComponentModel
+from fmus.interface.ports import Port
 from fmus.native.freeze import NUMBERED, DerivedNumber, Frozen
-from fmus.ports import Port
 
 FLOATS, WHOLE, TRUTHS = (types.CPointer(each) for each in (types.float64, types.int64, types.boolean))
 BLOCKS = FLOATS, WHOLE, FLOATS, WHOLE, TRUTHS, FLOATS, WHOLE
@@ -76,7 +76,7 @@ class Entries(NamedTuple):
 
 
 def free_names(free: Any) -> set[str]:
-    """Names of the free parameters, see ``fmus.model.FreeParameters``."""
+    """Names of the free parameters, see ``interface.model.FreeParameters``."""
     return {name for how in free.numbers.values() for name in re.findall(r"{([^}]+)}", how)} | set(free.start_only)
 
 
@@ -85,8 +85,8 @@ def entries(
 ) -> Entries:
     """Entries of an initialised model with ``outputs`` Real outputs besides those of links.
 
-    ``numbers``: see ``fmus.model.FreeParameters``; ``reals``, ``choices``: the Real and String parameters in order,
-    with the values of the model. Raises TypeError if the parts lack a number or cannot be written down.
+    ``numbers``: see ``interface.model.FreeParameters``; ``reals``, ``choices``: the Real and String parameters in
+    order, with the values of the model. Raises TypeError if the parts lack a number or cannot be written down.
     """
     p = [float(port.start) for port in reals]
     c = [port.choices.index(str(port.start)) if port.choices else 0 for port in choices]

@@ -1,4 +1,4 @@
-"""modelDescription.xml of an FMI 3.0 co-simulation FMU, sibling of ``fmus.description``, with arrays."""
+"""modelDescription.xml of an FMI 3.0 co-simulation FMU, sibling of ``fmus.fmi.description``, with arrays."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
-from fmus.description import add_definitions, initial, origin, quantity, variability_of
+from fmus.fmi.description import add_definitions, initial, origin, quantity, variability_of
+from fmus.interface.ports import Port
 from fmus.native.arrays import ArrayVariable
-from fmus.ports import Port
 
 TIME = Port("time", "independent", "s", "time of the instance")
 
@@ -29,7 +29,7 @@ def document(
     :param arrays: Float64 variables; those with the causality "local" are constants.
     :param others: Integers (outputs), then Strings (parameters).
 
-    For the other parameters see ``fmus.description.document``.
+    For the other parameters see ``fmus.fmi.description.document``.
     """
     identity = {"fmiVersion": "3.0", "modelName": name, "instantiationToken": guid}
     root = Element("fmiModelDescription", identity | origin(text, tool))
@@ -104,7 +104,7 @@ def _other(parent: Element, reference: int, port: Port) -> None:
 
 
 def _structure(structure: Element, ports: Sequence[Port]) -> None:
-    """Add outputs and initial unknowns, with the dependencies of ``fmus.description``."""
+    """Add outputs and initial unknowns, with the dependencies of ``fmus.fmi.description``."""
     outputs, known = (
         [str(reference) for reference, port in enumerate(ports) if port.causality == causality]
         for causality in ("output", "parameter")

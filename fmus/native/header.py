@@ -6,11 +6,11 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
+from fmus.fmi.phases import ALLOWED, ALLOWED_FMI3, JUMP, LATE, RESOLUTION, ROUNDING, SHORT, InstancePhase, not_allowed
+from fmus.interface.ports import Port
+from fmus.interface.sentences import GAPS, Sentence
 from fmus.native.arrays import ArrayVariable
 from fmus.native.numbers_file import FILE, MAGIC, VERSION, longest
-from fmus.phases import ALLOWED, ALLOWED_FMI3, JUMP, LATE, RESOLUTION, ROUNDING, SHORT, InstancePhase, not_allowed
-from fmus.ports import Port
-from fmus.sentences import GAPS, Sentence
 
 
 def quoted(texts: Iterable[str]) -> str:
@@ -28,8 +28,8 @@ def header(
 ) -> str:
     """Text of ``model.h`` without the digest of the shape, for FMI 3.0 if ``arrays`` are given, else for FMI 2.0.
 
-    ``sizes``: lengths of the blocks x, n, f, k, z; ``indices``: see ``fmus.model.ModelProtocol``; ``sentences``: tables
-    of texts by name.
+    ``sizes``: lengths of the blocks x, n, f, k, z; ``indices``: see ``interface.model.ModelProtocol``; ``sentences``:
+    tables of texts by name.
     """
     reals = [port for port in variables if isinstance(port.start, float)]
     inputs = sum(port.causality == "input" for port in reals)
@@ -76,7 +76,7 @@ def _arrays(arrays: Sequence[ArrayVariable]) -> list[str]:
 
 
 def _phases(allowed: Mapping[str, Sequence[InstancePhase]]) -> list[str]:
-    """Phases, and the calls with their sentence for each phase that does not allow them, see ``fmus.phases``."""
+    """Phases, and the calls with their sentence for each phase that does not allow them, see ``fmus.fmi.phases``."""
     rows = (quoted(not_allowed(call, phase) for phase in InstancePhase) for call in allowed)
     refusals = (f"{{ {row.replace(json.dumps(''), '0')} }}" for row in rows)
     return [

@@ -1,7 +1,7 @@
 /* Instance of a component: state machine, kernels, messages, variables, saved states; the same for all kinds of
    components and both versions of FMI. Included once, by fmi2.c or fmi3.c; model.h holds the component's data.
 
-   Behaviour and messages are those of fmus/slave.py. No threads, no global variables. Before the inclusion there is the
+   Behaviour and messages are those of fmus/fmi/slave.py. No threads, no global variables. Before the inclusion there is the
    type Host, the callbacks of a tool; after it, log_message, which writes to it. */
 #include <math.h>
 #include <stdarg.h>

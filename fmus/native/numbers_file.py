@@ -24,8 +24,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.interface.ports import Port
 from fmus.native.freeze import Frozen
-from fmus.ports import Port
 
 FILE, MAGIC, VERSION = "numbers.bin", b"COTRACKN", 1
 HEAD = struct.Struct("<8sQQQ72s")

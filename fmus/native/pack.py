@@ -13,14 +13,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import tostring
 
-from fmus import numbers
-from fmus.build import DESCRIPTION, DIGITS, SHAPE, BuildFailed, archive, build_once, packed_config
-from fmus.cache import CHECKSUM, cached_result
+from fmus.cache.files import CHECKSUM, cached_result
+from fmus.cache.sources import ROOT, source_hash
 from fmus.components import KINDS, model_of
-from fmus.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment, parameter_values
-from fmus.description import document
-from fmus.documentation import documentation, key_parts, readme_beside
-from fmus.model import InvalidParameter
+from fmus.fmi.build import DESCRIPTION, DIGITS, SHAPE, BuildFailed, archive, build_once, packed_config
+from fmus.fmi.description import document
+from fmus.fmi.documentation import documentation, key_parts, readme_beside
+from fmus.interface import numbers
+from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment, parameter_values
+from fmus.interface.model import InvalidParameter
+from fmus.interface.ports import Port, variables
 from fmus.native import fmi3_description, numbers_file, terminals
 from fmus.native.arrays import ArrayVariable, arrays
 from fmus.native.emit import LEVELS, emit
@@ -28,9 +30,7 @@ from fmus.native.entries import Entries, entries, free_names
 from fmus.native.header import header
 from fmus.native.link import FLAGS, NoCompiler, compiler, compiler_release, headers, link, sources
 from fmus.native.platform import LINUX, WINDOWS, Platform
-from fmus.ports import Port, variables
-from fmus.sources import ROOT, source_hash
-from fmus.vehicle import number_meanings
+from fmus.vehicles.vehicle import number_meanings
 
 NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the entries rely on
 INCLUDED = ("numba",)  # distributions of which a library has compiled functions

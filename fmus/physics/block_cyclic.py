@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel, noalias
+from fmus.kernels.jit import kernel, noalias
 from fmus.physics.arrays import Floats, Size
 from fmus.physics.inverse import invert
 
@@ -115,9 +115,16 @@ def solve(A: Floats, U: Floats, work: Factors, closed: bool, *sides: Floats) -> 
 
     A (inverted pivots), U (n, m, m) and ``work`` as ``factor`` leaves them.
     """
-    E, G, H, F, size = work
-    n, m = A.shape[0], len(size)
-    y = F[n - 1, 0]
+    _eliminate(work, closed, sides)
+    _substitute(A, U, work, closed, sides)
+
+
+@kernel
+@noalias
+def _eliminate(work: Factors, closed: bool, sides: tuple[Floats, ...]) -> None:
+    """Eliminate block after block from each of ``sides``, see ``solve``."""
+    E, _, H, _, size = work
+    n, m = E.shape[0], len(size)
     for i in range(n - 1):
         if closed:
             for b in sides:
@@ -134,6 +141,15 @@ def solve(A: Floats, U: Floats, work: Factors, closed: bool, *sides: Floats) -> 
                 for c in range(m):
                     s += E[i, r, c] * b[i, c]
                 b[i + 1, r] -= s
+
+
+@kernel
+@noalias
+def _substitute(A: Floats, U: Floats, work: Factors, closed: bool, sides: tuple[Floats, ...]) -> None:
+    """Substitute back from the last block in each of ``sides``, see ``solve``."""
+    _, G, _, F, size = work
+    n, m = A.shape[0], len(size)
+    y = F[n - 1, 0]
     for i in range(n - 1, -1, -1):
         for b in sides:
             for r in range(m):

@@ -19,7 +19,7 @@ from math import copysign
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 
 INFINITY, NAN = float("inf"), float("nan")

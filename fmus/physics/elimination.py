@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel, noalias
+from fmus.kernels.jit import kernel, noalias
 from fmus.physics.arrays import Floats
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import copysign
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.elementary import INFINITY, LARGE, NAN, SMALL, TO_WHOLE, quadratic
 
 LN2, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10  # LN2 has 33 bits

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel, noalias
+from fmus.kernels.jit import kernel, noalias
 from fmus.physics.arrays import Floats, Four, Size
 
 SMALL = 1e-3  # least ratio of a block's determinant to its products, and of 1 to P B: else all rows are exchanged
@@ -80,6 +80,19 @@ def _by_quarters(A: Floats) -> bool:
 
 
 @kernel
+def _largest(A: Floats, k: int, m: int) -> float:
+    """Size of the largest number of the product P B of the leading block (k, k) of ``A`` and those right of it."""
+    largest = 0.0
+    for c in range(k, m):
+        for r in range(k):
+            s = 0.0
+            for a in range(k):
+                s += A[r, a] * A[a, c]
+            largest = max(largest, abs(s))
+    return largest
+
+
+@kernel
 def _eliminate_lead(A: Floats, y: Floats, m: int) -> int:
     """Eliminate the first 4 or 2 columns of ``A`` (m, m) at once; their number, or 0 with ``A`` unchanged.
 
@@ -95,14 +108,7 @@ def _eliminate_lead(A: Floats, y: Floats, m: int) -> int:
             _put(A, 0, 0, P, 1.0)
     if not done:
         return 0
-    largest = 0.0
-    for c in range(k, m):
-        for r in range(k):
-            y[r] = 0.0
-            for a in range(k):
-                y[r] += A[r, a] * A[a, c]
-            largest = max(largest, abs(y[r]))
-    if not SMALL * largest < 1.0:
+    if not SMALL * _largest(A, k, m) < 1.0:
         _put(A, 0, 0, kept[0], 1.0)
         _put(A, 0, k - 2, kept[1], 1.0)
         _put(A, k - 2, 0, kept[2], 1.0)

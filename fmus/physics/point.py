@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 
 POINTS = 8  # most contact points of a link on one partner: 4 on a face, 2 on guides, 2 on a pin
 ON_FACE = 4  # of them, those on a face

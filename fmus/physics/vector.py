@@ -5,7 +5,7 @@ The caller keeps track of frames; ``to_world(A, v)`` and ``to_body(A, v)`` apply
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Matrix, Vector, VectorLike
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Vector, VectorLike
 from fmus.physics.elementary import cos, sin
 
@@ -83,7 +83,7 @@ def read_state(a: Floats, frame: Floats, row: Floats) -> bool:
     """Convert the state ``a`` (13) of a wheel to its ``row`` (15) in the track's frame.
 
     ``a``: position m, quaternion, velocity m/s, angular velocity rad/s, in the world. ``frame`` (12): origin of the
-    track's frame in the world and its rotation matrix by rows (``fmus.start``). Returns whether all numbers are finite
+    track's frame in the world and its rotation matrix by rows (``start.pose``). Returns whether all numbers are finite
     and the length of the quaternion differs from 1 by less than ``UNIT``.
     """
     row[0], row[1], row[2] = into_frame(frame, a[0] - frame[0], a[1] - frame[1], a[2] - frame[2])

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from fmus.drives import mount, shaft
 from fmus.drives.motor import SPEED, DriveParameters, find_contradiction, speed_profile
-from fmus.jit import kernel
-from fmus.model import MOST_STEPS, no_rotation
+from fmus.interface.model import MOST_STEPS, no_rotation
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.vector import vector
-from fmus.stance import Stance, put_part_at_rest
-from fmus.start import AFTER_POSE
+from fmus.start.pose import AFTER_POSE
+from fmus.start.stance import Stance, put_part_at_rest
 
 BAD_QUATERNION, STIFF, NOT_FINITE = 1, 2, 3  # failures
 
@@ -31,8 +33,8 @@ class Parts(NamedTuple):
 
 
 @kernel
-def begin(c, messages, p):
-    """See ``fmus.model.ComponentModel``; p: start pose, lateral place of the mount, m, sprocket's angle, rad."""
+def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
+    """See ``interface.model.ComponentModel``; p: start pose, lateral place of the mount, m, sprocket's angle, rad."""
     x = c.state
     refusal = find_contradiction(c.drive, messages[0])
     if refusal:
@@ -46,8 +48,8 @@ def begin(c, messages, p):
 
 
 @kernel
-def step(c, messages, t, h, u):
-    """See ``fmus.model.ComponentModel``; u: mount (13) at t, mean wrench (6), demanded speed where one exists."""
+def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
+    """See ``interface.model.ComponentModel``; u: mount (13) at t, mean wrench (6), demanded speed where one exists."""
     p, x, inputs = c.drive, c.state, c.inputs
     for i in range(u.size):
         inputs[i] = u[i]
@@ -69,7 +71,7 @@ def step(c, messages, t, h, u):
 
 
 @kernel
-def advance(p, x, t, h, steps, u):
+def advance(p: DriveParameters, x: Floats, t: float, h: float, steps: int, u: Floats) -> None:
     """Advance x in place by ``h`` s in ``steps`` internal steps."""
     if p.lag > 0.0:
         shaft.follow_demand(p, x, t, h, u[19])
@@ -83,8 +85,8 @@ def advance(p, x, t, h, steps, u):
 
 
 @kernel
-def write_outputs(c, y):
-    """See ``fmus.model.ComponentModel``."""
+def write_outputs(c: Parts, y: Floats) -> None:
+    """See ``interface.model.ComponentModel``."""
     x, inertia = c.state, c.drive.inertia
     for i in range(13):
         y[i] = x[mount.SPROCKET + i]

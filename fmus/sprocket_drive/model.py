@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from fmus.defaults import configured_ports, parameter_values
 from fmus.drives.motor import DriveParameters
 from fmus.drives.mount import WIDTH
 from fmus.drives.parameters import contradictions, drive_parameters, free_numbers, lag_port, motor_ports, mount_ports
-from fmus.jit import plain
-from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
+from fmus.interface.defaults import configured_ports, parameter_values
+from fmus.interface.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
+from fmus.interface.ports import STATE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
+from fmus.interface.sentences import Sentence
+from fmus.kernels.jit import plain
 from fmus.physics.arrays import Floats
-from fmus.ports import STATE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
-from fmus.sentences import Sentence
 from fmus.sprocket_drive.dynamics import Parts, begin, step, write_outputs
-from fmus.stance import part_at_rest, stance
-from fmus.start import KEYS, start_pose
+from fmus.start.pose import KEYS, start_pose
+from fmus.start.stance import part_at_rest, stance
 
 DEMAND = "speed.demand"
 
@@ -37,7 +37,7 @@ def parameter_ports(demanded: bool) -> list[Port]:
 class Model(ComponentModel):
     """Spin of one sprocket on its mount.
 
-    ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": stance of the mount at the start (``fmus.stance``),
+    ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": stance of the mount at the start (``start.stance``),
     "demanded": whether the speed follows an input, false by default}}; other keys are not read. A mount whose inputs
     still have their start values stands still at the start pose: an unconnected drive is a fixed axle.
     """

@@ -1,6 +1,6 @@
 """FMI shell of the sprocket drive."""
 
-from fmus.slave import Slave
+from fmus.fmi.slave import Slave
 from fmus.sprocket_drive.model import Model
 
 _keep = globals()  # the host's second instance would otherwise find this module's names released

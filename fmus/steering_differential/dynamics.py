@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from fmus.drives import mount, shaft
 from fmus.drives.motor import CONTRADICTIONS, SPEED, DriveParameters, find_contradiction, speed_profile
-from fmus.jit import kernel
-from fmus.model import MOST_STEPS, no_rotation
+from fmus.interface.model import MOST_STEPS, no_rotation
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.vector import vector
-from fmus.stance import Stance, put_part_at_rest
-from fmus.start import AFTER_POSE
+from fmus.start.pose import AFTER_POSE
+from fmus.start.stance import Stance, put_part_at_rest
 
 BAD_QUATERNION, STIFF, STIFF_STEERING, NOT_FINITE = 1, 2, 3, 4  # failures
 # indices in the flat state: a sprocket on its mount on each side, then the two shafts of the gearbox
@@ -31,20 +33,29 @@ class Gearbox(NamedTuple):
 
 
 @kernel
-def set_sprocket(x, sign, propulsion, steering):
+def set_sprocket(x: Floats, sign: float, propulsion: Floats, steering: Floats) -> None:
     """Set angle and rate of a side's sprocket from the two shafts; ``sign``: -1 left, 1 right. (3)"""
     x[shaft.ANGLE] = propulsion[shaft.ANGLE] + 0.5 * sign * steering[shaft.ANGLE]
     x[shaft.RATE] = propulsion[shaft.RATE] + 0.5 * sign * steering[shaft.RATE]
 
 
 @kernel
-def shaft_speed(p, x, t, mount_rate):
+def shaft_speed(p: DriveParameters, x: Floats, t: float, mount_rate: float) -> float:
     """Speed of a shaft at t, relative to its mounts, rad/s."""
     return speed_profile(p, t)[0] if p.mode == SPEED else x[shaft.RATE] - mount_rate
 
 
 @kernel
-def set_side(inertia, x, sign, propulsion, steering, h, m, speed_before):
+def set_side(
+    inertia: float,
+    x: Floats,
+    sign: float,
+    propulsion: Floats,
+    steering: Floats,
+    h: float,
+    m: mount.ExtrapolatedMount,
+    speed_before: float,
+) -> None:
     """Set the sprocket of a side after the step, and torque and work of its half shaft.
 
     ``x``: state of the side; ``sign``: -1 left, 1 right; ``propulsion``, ``steering``: states of the shafts; ``h``, s;
@@ -72,8 +83,8 @@ class Parts(NamedTuple):
 
 
 @kernel
-def begin(c, messages, p):
-    """See ``fmus.model.ComponentModel``; p: the start pose, then the angle of the sprockets, rad."""
+def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
+    """See ``interface.model.ComponentModel``; p: the start pose, then the angle of the sprockets, rad."""
     g, x = c.gearbox, c.state
     refusal = find_contradiction(g.propulsion, messages[0])
     if refusal:
@@ -94,8 +105,8 @@ def begin(c, messages, p):
 
 
 @kernel
-def step(c, messages, t, h, u):
-    """See ``fmus.model.ComponentModel``; u: for each side mount (13) at t and mean wrench (6), then demands."""
+def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
+    """See ``interface.model.ComponentModel``; u: for each side mount (13) at t and mean wrench (6), then demands."""
     g, x, inputs = c.gearbox, c.state, c.inputs
     for i in range(u.size):
         inputs[i] = u[i]
@@ -120,7 +131,7 @@ def step(c, messages, t, h, u):
 
 
 @kernel
-def advance(g, x, t, h, propulsion_steps, steering_steps, u):
+def advance(g: Gearbox, x: Floats, t: float, h: float, propulsion_steps: int, steering_steps: int, u: Floats) -> None:
     """Advance x in place by ``h`` s; ``propulsion_steps``, ``steering_steps``: internal steps."""
     left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:]
     if g.propulsion.lag > 0.0:
@@ -148,8 +159,8 @@ def advance(g, x, t, h, propulsion_steps, steering_steps, u):
 
 
 @kernel
-def write_outputs(c, y):
-    """See ``fmus.model.ComponentModel``."""
+def write_outputs(c: Parts, y: Floats) -> None:
+    """See ``interface.model.ComponentModel``."""
     x, inertia = c.state, c.gearbox.inertia
     kinetic = port = 0.0
     for k in range(2):

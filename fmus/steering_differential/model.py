@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from fmus.defaults import configured_ports, parameter_values
 from fmus.drives.motor import DriveParameters
 from fmus.drives.parameters import contradictions, drive_parameters, free_numbers, lag_port, motor_ports, mount_ports
-from fmus.jit import plain
-from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
+from fmus.interface.defaults import configured_ports, parameter_values
+from fmus.interface.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
+from fmus.interface.ports import STATE, Port, motion_ports, start_pose_ports, wrench_ports
+from fmus.interface.sentences import Sentence
+from fmus.kernels.jit import plain
 from fmus.physics.arrays import Floats
-from fmus.ports import STATE, Port, motion_ports, start_pose_ports, wrench_ports
-from fmus.sentences import Sentence
-from fmus.stance import mirror_stance, part_at_rest, stance
-from fmus.start import KEYS, start_pose
+from fmus.start.pose import KEYS, start_pose
+from fmus.start.stance import mirror_stance, part_at_rest, stance
 from fmus.steering_differential.dynamics import (
     SIDE,
     SIZE,
@@ -94,7 +94,7 @@ class Model(ComponentModel):
     """Spins of both sprockets of a vehicle on their mounts, joined by two shafts: mean and difference.
 
     ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": stance of the left mount at the start
-    (``fmus.stance``), "right": stance of the right mount, by default the left one mirrored, "demanded": whether the
+    (``start.stance``), "right": stance of the right mount, by default the left one mirrored, "demanded": whether the
     speeds follow inputs, false by default}}; other keys are not read. Mounts whose inputs still have their start values
     stand still at the start pose.
     """

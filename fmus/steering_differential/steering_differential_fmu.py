@@ -1,6 +1,6 @@
 """FMI shell of the steering differential."""
 
-from fmus.slave import Slave
+from fmus.fmi.slave import Slave
 from fmus.steering_differential.model import Model
 
 _keep = globals()  # the host's second instance would otherwise find this module's names released

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from fmus.jit import implementation
-from fmus.model import Floats, FreeParameters, InvalidParameter, StepFailed
-from fmus.physics.ancf import rotary
-from fmus.physics.ancf.element import ELASTICITIES
+from fmus.interface.model import FreeParameters, InvalidParameter, StepFailed
+from fmus.interface.ports import POSITIVE, Port, Range
+from fmus.kernels.jit import implementation
+from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain import state
 from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.dynamics import NOTHING, stable
@@ -29,34 +29,38 @@ from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, IntegrationOutcome
 from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
-from fmus.ports import POSITIVE, Port, Range
-from fmus.track import TrackModel, not_at_rest
-from fmus.track_choices import (
+from fmus.track.choices import (
     ADAMS,
     CHOLESKY,
     CONSTRAINED,
-    ELIMINATED,
     EXPLICIT,
     NODAL,
     conflict_of_links,
 )
+from fmus.track.model import TrackModel
+from fmus.track.parameters import SPRING, closure_ports, integrator_coefficients, integrator_ports
+from fmus.track.start import not_at_rest
 from fmus.track_flexible import parameters
-from fmus.track_parameters import PIN, SPRING, closure_ports, integrator_coefficients, integrator_ports
+from fmus.track_flexible.links import ChainKind, Material, chain_kind, chain_links, mesh_size
 
 REST_RESIDUAL = 1e-3  # residual of static equilibrium, N, or if that is less:
 REST_ACCELERATION = 1e-4  # that residual over the mass of a link, m/s2
 LAST_PSEUDO_STEP = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
 TILTS = 2  # corrections of the roll of free axes at rest
-SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 BEAM_PART = 0.1  # part of the tolerance that holds for beams, whose sections strain by more than their pins move
 TOLERANCE_RANGE = Range(POSITIVE.least, 1e-5, "greater than 0 and 1e-05 at most")
+
+
+def _singular_mass(link: int) -> StepFailed:
+    """Failure of a ``link``, an index, that has no inertia in some direction."""
+    return StepFailed(f"the chain's mass matrix is singular at the start, link {link + 1}")
 
 
 class Model(TrackModel):
     """Chain of cables or beams between ideal pins, integrated implicitly or explicitly."""
 
     State = State
-    element, axes, closure, joints, coordinates = "cable", "fixed", PIN, ELIMINATED, NODAL
+    kind = ChainKind()
 
     @classmethod
     def reads(cls, config: Mapping[str, Any]) -> list[str]:
@@ -83,13 +87,12 @@ class Model(TrackModel):
 
     def shapes(self) -> state.Shapes:
         """Shapes of the views into the chain's state, by name."""
-        axes = 0
-        if self.axes == "free":
+        axes, width = 0, PIN_WIDTH[self.kind.element]
+        if self.kind.axes == "free":
             from fmus.physics.chain.flexible.axes_state import SIZE
 
             axes = SIZE
-        width = PIN_WIDTH[self.element]
-        if self.joints == CONSTRAINED:
+        if self.kind.joints == CONSTRAINED:
             from fmus.physics.chain.flexible.constrained import NODE
 
             width = NODE
@@ -99,92 +102,84 @@ class Model(TrackModel):
             len(self.wheel_list),
             axes,
             self.on_links_shape,
-            self.coordinates == CHOLESKY,
+            self.kind.coordinates == CHOLESKY,
             self.ground_memory,
         )
 
     @property
     def mesh(self) -> int:
-        """Number of pins of the mesh: one more with a closing spring, 2 a link with constrained joints."""
-        return 2 * self.links_count if self.joints == CONSTRAINED else self.nodes + (self.closure == SPRING)
+        """Number of pins of the mesh."""
+        return mesh_size(self.kind, self.links_count, self.closed)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
-        """Make the links from material and section, allocate state and work; raises InvalidParameter."""
+        """Make the chain from material and section, as it starts; raises InvalidParameter."""
         if conflict := conflict_of_links(p):
             raise InvalidParameter(conflict)
-        element, elasticity, axes = p["element"], p["elasticity"], p["axes"]
-        if axes == "free" and not self.wheel_list:
+        self._run_kind = kind = chain_kind(p)
+        if kind.axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
-        young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
-        closed_by = p.get("closure", PIN)
-        self.closing = ClosingSpring(p["closure.stiffness"], p["closure.damping"]) if closed_by == SPRING else None
-        beam = element == "beam"
-        tolerance = p["tolerance"] * (BEAM_PART if beam else 1.0)
+        self.closing = None
+        if kind.closure == SPRING:
+            self.closing = ClosingSpring(p["closure.stiffness"], p["closure.damping"])
+        self.material = Material(p["material.youngs_modulus"], p["material.relaxation_time"])
+        tolerance = p["tolerance"] * (BEAM_PART if kind.element == "beam" else 1.0)
         self.method = ImplicitMethod(integrator_coefficients(p), tolerance, True)
-        self.link = self._beams(young, tau) if beam else self._cables(element, elasticity, axes, young, tau)
-        self._nodal_link = self.link
-        axial = young * self.vehicle["section"]["area"]
+        self._build(kind.at_start())
+        axial = self.material.young * self.vehicle["section"]["area"]
         self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # axial, N
-        self.kit = implementation("elements")(type(self.link))
-        kind = element, axes, closed_by, ELIMINATED, NODAL  # every chain starts so, see ``begin_run``
-        if kind != (self.element, self.axes, self.closure, self.joints, self.coordinates):
-            self.element, self.axes, self.closure, self.joints, self.coordinates = kind
-            self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
-        self.work = self._work(self.kit)
-        self._run_formulation = p["joints"], p["coordinates"]
-        self.plane = int(element != "beam" and axes == "fixed")
+        self.work = self._work()
+        self.plane = int(kind.element != "beam" and kind.axes == "fixed")
+
+    def _build(self, kind: ChainKind) -> None:
+        """Make the links and allocate the state of a chain of a kind; raises InvalidParameter."""
+        if kind != self.kind:
+            self.kind = kind
+            self.allocate()
+        self.link = chain_links(kind, self.vehicle, self.links_count, self.closed, self.material, self.closing)
+        self.kit = implementation("elements")(type(self.own_links))
 
     @property
     def stable_step(self) -> float:
         """See ``TrackModel``; joints and coordinates of a run change nothing in it."""
-        return stable(self._nodal_link)
+        return stable(self.own_links)
 
     def begin_run(self) -> None:
-        """Change to the wanted joints and coordinates, then begin as ``TrackModel.begin_run``."""
-        joints, coordinates = self._run_formulation
-        if joints == CONSTRAINED and self.joints == ELIMINATED:
-            self._constrain()
-        if coordinates == CHOLESKY and self.coordinates == NODAL:
-            self._transform()
+        """Carry the start over to the joints and coordinates of the run, and begin as ``TrackModel.begin_run``.
+
+        Raises StepFailed for a singular mass.
+        """
+        if self.kind != self._run_kind:
+            start, nodal, places = self.s, self.state, self._coordinate_indices()
+            self._build(self._run_kind)
+            if self.kind.joints == CONSTRAINED:
+                self.work = self._work()
+                own_places = self._coordinate_indices()
+                for own, shared in ((self.s.q, start.q), (self.s.v, start.v)):
+                    own.reshape(-1)[own_places] = shared.reshape(-1)[places]
+                self._evaluate_start()
+            else:
+                from fmus.physics.chain.flexible import cholesky
+
+                singular = cholesky.factor(self.link, self.environment, self.s, self.work)
+                if singular >= 0:
+                    raise _singular_mass(singular)
+                self.copy_state(nodal)
         super().begin_run()
 
-    def _transform(self) -> None:
-        """Change to Cholesky coordinates, stored before the nodal ones; raises StepFailed for a singular mass."""
-        from fmus.physics.chain.flexible import cholesky
-
-        nodal, layout = self.state, self.kit.LAYOUT
-        self.link = cholesky.cholesky_links(self.link, len(layout.own), (self.mesh, len(layout.shared)))
-        self.coordinates = CHOLESKY
-        self.allocate()
-        singular = cholesky.factor(self.link, self.environment, self.s, self.work)
-        if singular >= 0:
-            raise StepFailed(f"the chain's mass matrix is singular at the start, link {singular + 1}")
-        self.copy_state(nodal)
+    def _coordinate_indices(self) -> Integers:
+        """Indices in the flat ``s.q`` of the coordinates of all links (links, rows, axes)."""
+        return coordinate_indices(self.kit, self.s.q, len(self.work.M), self.links_count)
 
     def copy_state(self, state: Floats) -> bool:
         """See ``ComponentModel``; a state of the same chain in nodal coordinates is accepted too."""
-        if self.coordinates == NODAL or state.size != self.state.size - self.s.p.size:
+        if self.kind.coordinates == NODAL or state.size != self.state.size - self.s.p.size:
             return super().copy_state(state)
         from fmus.physics.chain.flexible.cholesky import to_cholesky
 
         self.state[self.s.p.size :] = state
         to_cholesky(self.link, self.s, self.work)
         return True
-
-    def _constrain(self) -> None:
-        """Change to links with own coordinates and constrained joints, and evaluate their accelerations."""
-        from fmus.physics.chain.flexible import constrained
-
-        eliminated, rows = self.s, len(self.work.M)
-        old_places = coordinate_indices(self.kit, eliminated.q, rows, self.links_count)
-        self.joints, self.kit, self.link = CONSTRAINED, constrained, constrained.ConstrainedCables(*self.link)
-        self.allocate()
-        new_places = coordinate_indices(constrained, self.s.q, rows, self.links_count)
-        for new, old in ((self.s.q, eliminated.q), (self.s.v, eliminated.v)):
-            new.reshape(-1)[new_places] = old.reshape(-1)[old_places]
-        self.work = self._work(constrained)
-        self._evaluate_start()
 
     def compile(self, parameters: Mapping[str, float | int | str]) -> None:
         """Compile the kernels of a run; those of the start take as long and are compiled by the one who starts."""
@@ -206,11 +201,11 @@ class Model(TrackModel):
             numbers["link.element.nuI"] = f"{tau} * <{young * s['bending']!r}>"
         return free._replace(numbers={**free.numbers, **numbers})
 
-    def _work(self, links_module: Any) -> Work:
-        """Work arrays of a chain of the links of a module."""
+    def _work(self) -> Work:
+        """Zeroed work arrays of the chain."""
         touching = self.contacts is not None
         return work(
-            links_module,
+            self.kit,
             self.links_count,
             self.mesh,
             len(self.wheel_list),
@@ -218,98 +213,6 @@ class Model(TrackModel):
             touching,
             self.ground_memory,
             self.s.rut,
-        )
-
-    def _cables(self, element: str, elasticity: str, turning: str, young: float, tau: float) -> Any:
-        if element == "planar":
-            from fmus.physics.chain.flexible.planar import PlanarCables
-
-            kind: Any = PlanarCables
-            axes: tuple[int, ...] = (0, 2)
-        else:
-            from fmus.physics.chain.flexible.cables import Cables
-
-            kind, axes = Cables, (0, 1, 2)
-        s, v = self.vehicle["section"], self.vehicle
-        area, second = s["area"], s["bending"]
-        cable = ELASTICITIES[elasticity](
-            self.pitch,
-            v["track"]["mass"] / self.pitch,
-            young * area,
-            young * second,
-            tau * (young * area),
-            tau * (young * second),
-            axes,
-            self._rotary_of_cables(),
-        )
-        common = self.links_count, int(self.closed), cable, v["track"]["face"], s["outer_fibre"], area, second
-        if turning == "free":
-            from fmus.physics.chain.flexible.turning import TurningCables
-
-            track = v["track"]
-            across = rotary.second_moments(track["inertia"])[1]
-            if across <= 0.0:
-                raise self._inertia_error(1)
-            lateral_bending, twist = young * (s["lateral_bending"] - second), self.links_count * across
-            return TurningCables(*common, 0.25 * track["width"], lateral_bending, twist, self.closing)
-        return kind(*common, self.closing)
-
-    def _beams(self, young: float, tau: float) -> Any:
-        """Beams with a rectangle of the section's radii of gyration, moduli scaled to its area, a link's mass."""
-        from fmus.physics.chain.flexible.beams import Beam, Beams
-
-        s, m, track = self.vehicle["section"], self.vehicle["material"], self.vehicle["track"]
-        poisson = 0.5 * m["youngs_modulus"] / m["shear_modulus"] - 1.0
-        if not 0.0 <= poisson < 0.5:
-            raise InvalidParameter(
-                f"material.shear_modulus = {m['shear_modulus']}: with the vehicle's Young's modulus it makes"
-                f" Poisson's ratio {poisson:.3g}, of a beam 0 or more and below 0.5"
-            )
-        width, height = (np.sqrt(12.0 * s[key] / s["area"]) for key in ("lateral_bending", "bending"))
-        scale = s["area"] / (width * height)
-        rho, twist = track["mass"] / (self.pitch * width * height), s["torsion"] / (s["bending"] + s["lateral_bending"])
-        more = self._rotary_of_beams(width, height)
-        beam = Beam(self.pitch, width, height, rho, scale * young, poisson, SHEAR, twist, True, tau, more)
-        return Beams(
-            self.links_count,
-            int(self.closed),
-            beam,
-            track["face"],
-            0.25 * track["width"],
-            s["outer_fibre"],
-            s["area"],
-            young,
-            self.closing,
-        )
-
-    def _rotary_of_cables(self) -> float:
-        """Inertia of a link about its pin less that of a rod, kg m2; raises InvalidParameter."""
-        mass, pin = self.vehicle["track"]["mass"], self.vehicle["track"]["inertia"][1]
-        rod, least = mass * self.pitch**2 / 12.0, rotary.NONE
-        if pin < least * rod:
-            raise InvalidParameter(
-                f"vehicle.track.inertia[1] = {pin:g} kg m2, about the pin: must be at least {least:g} of a rod's of"
-                f" {mass:g} kg and {self.pitch:g} m, {least * rod:.6g} kg m2, or a cable's mass matrix is singular"
-            )
-        return float(pin - rod)
-
-    def _rotary_of_beams(self, width: float, height: float) -> tuple[float, float, float]:
-        """Second moments of a link's mass less those of the beam's section, kg m2; raises InvalidParameter."""
-        mass, moments = self.vehicle["track"]["mass"], rotary.second_moments(self.vehicle["track"]["inertia"])
-        section_moments = tuple(float(mass * size * size / 12.0) for size in (self.pitch, width, height))
-        for axis, (moment, section) in enumerate(zip(moments, section_moments, strict=True)):
-            if moment < rotary.NONE * section:
-                raise self._inertia_error(axis)
-        x, y, z = (moment - section for moment, section in zip(moments, section_moments, strict=True))
-        return x, y, z
-
-    def _inertia_error(self, axis: int) -> InvalidParameter:
-        """Error for an inertia that no body has about the ``axis`` (0 to 2) of a link."""
-        inertia = self.vehicle["track"]["inertia"]
-        return InvalidParameter(
-            f"vehicle.track.inertia[{axis}] = {inertia[axis]:g} kg m2: must be less than the sum of the other two,"
-            f" {sum(inertia) - inertia[axis]:g} kg m2 (no body has more), or the chain's mass matrix is not positive"
-            " definite"
         )
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
@@ -325,7 +228,7 @@ class Model(TrackModel):
     def find_equilibrium(self, rows: Floats) -> None:
         """See ``TrackModel``."""
         self.start_rows[:] = rows
-        if self.axes != "free" or not rows[0, 11]:
+        if self.kind.axes != "free" or not rows[0, 11]:
             self._lay_axes()
             self._evaluate_start(rest=True)
             return
@@ -394,7 +297,7 @@ class Model(TrackModel):
 
     def _lay_axes(self, roll: float = 0.0) -> None:
         """Set axes that turn to those at rest at the start, with the wheels at ``start_rows`` and a ``roll``, rad."""
-        if self.axes == "free":
+        if self.kind.axes == "free":
             from fmus.physics.chain.flexible.axes_state import begin as lay
 
             low = float(self.s.q[:, self.kit.PLANE[0][1]].min())
@@ -415,13 +318,13 @@ class Model(TrackModel):
 
     def _evaluate_start(self, rest: bool = False) -> None:
         """Evaluate accelerations and outputs of the start, with ``rest`` after equilibrium; raises StepFailed."""
-        if self.joints == CONSTRAINED:  # already at its start: equilibrium is not compiled for these links
+        if self.kind.joints == CONSTRAINED:  # already at its start: equilibrium is not compiled for these links
             link = start_released(*self.system(), self.start_rows, self.s, self.work, self.report)
             failure, residual = SINGULAR if link >= 0 else DONE, 0.0
         else:
             failure, _, link, residual = self._run_release(REST if rest else RELEASED)
         if failure == SINGULAR:
-            raise StepFailed(f"the chain's mass matrix is singular at the start, link {link + 1}")
+            raise _singular_mass(link)
         if failure:
             raise not_at_rest(link, residual)
 
@@ -432,11 +335,11 @@ class Model(TrackModel):
         motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
         partners, least, env = self.contacts, self._rest_tolerance(), self.rest_environment(self.start_rows)
         link = self.link
-        if self.rotary_factor != 1.0 and self.element != "beam":  # beams find the equilibrium without
+        if self.rotary_factor != 1.0 and self.kind.element != "beam":  # beams find the equilibrium without
             inertia = self.rotary_factor * self.vehicle["track"]["inertia"][1]
             link = link._replace(element=link.element._replace(rotary=inertia))
         if partners is not None:
-            from fmus.contacts import at_rest, without_friction
+            from fmus.track.contacts import at_rest, without_friction
 
             partners = at_rest(without_friction(partners), env.gravity)
         longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0

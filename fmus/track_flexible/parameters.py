@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, Port
 from fmus.physics.ancf.element import ELASTICITIES
-from fmus.ports import NOT_NEGATIVE, POSITIVE, Port
-from fmus.track_choices import AXES, COORDINATES, JOINTS
+from fmus.track.choices import AXES, COORDINATES, JOINTS
 
 
 def _choice(name: str, text: str, choices: Sequence[str]) -> Port:

@@ -1,6 +1,6 @@
 """FMI shell of the flexible track."""
 
-from fmus.slave import Slave
+from fmus.fmi.slave import Slave
 from fmus.track_flexible.model import Model
 
 _keep = globals()

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fmus.model import Floats, InvalidParameter, StepFailed
+from fmus.interface.model import Floats, InvalidParameter, StepFailed
+from fmus.interface.ports import Port
 from fmus.physics.chain import state
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import HELD, PINNED
@@ -19,10 +20,10 @@ from fmus.physics.chain.rigid.newton import TOLERANCE
 from fmus.physics.chain.rigid.state import State, shapes, work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
-from fmus.ports import Port
-from fmus.track import TrackModel, not_at_rest
-from fmus.track_choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
-from fmus.track_parameters import SPRING, closure_ports, integrator_coefficients, integrator_ports
+from fmus.track.choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
+from fmus.track.model import TrackModel
+from fmus.track.parameters import SPRING, closure_ports, integrator_coefficients, integrator_ports
+from fmus.track.start import not_at_rest
 
 REST = ImplicitMethod(BACKWARD, 1e-11, False)  # integrator towards static equilibrium
 
@@ -117,7 +118,7 @@ class Model(TrackModel):
         links = links._replace(inertia=self.rotary_factor * links.inertia)
         partners = self._vehicle_partners
         if partners is not None:
-            from fmus.contacts import at_rest, without_friction
+            from fmus.track.contacts import at_rest, without_friction
 
             leans = len(rows) and rows[0, 11]  # friction of wheels would hold links askew: Newton's steps become short
             partners = at_rest(without_friction(partners) if leans else partners, env.gravity)

@@ -1,6 +1,6 @@
 """FMI shell of the rigid track."""
 
-from fmus.slave import Slave
+from fmus.fmi.slave import Slave
 from fmus.track_rigid.model import Model
 
 _keep = globals()

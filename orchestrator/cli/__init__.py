@@ -19,8 +19,8 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from fmus.cache_limit import keep_limit
-from fmus.vehicle import BadInput
+from fmus.cache.limit import keep_limit
+from fmus.vehicles.tables import BadInput
 from orchestrator import __version__
 from orchestrator.cli import common, log_commands
 from orchestrator.cli.analysis_commands import analyse, plot, view

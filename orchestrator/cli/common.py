@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, path_text
+from fmus.track.choices import TRACKS
+from fmus.vehicles.tables import BadInput, path_text
 from orchestrator.cosim.messages import WARNING
 from orchestrator.cosim.narration import Narration
 from orchestrator.log.extra import lacking
@@ -155,7 +155,7 @@ def shortened(message: str, most: int = LONGEST_MESSAGE) -> str:
 
 def refusals() -> tuple[type[Exception], ...]:
     """Return the exceptions that report bad input, before anything ran."""
-    from fmus.build import BuildFailed
+    from fmus.fmi.build import BuildFailed
     from orchestrator.cosim.checkpoint import UnusableCheckpoint
     from orchestrator.cosim.coupling.scheme import CouplingFailed
     from orchestrator.cosim.graph import ComponentFailed, Miswired

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.bitwise import BitDifference as Bits
 from orchestrator.results.difference import ObservableDifference
 from orchestrator.results.divergence import Divergence

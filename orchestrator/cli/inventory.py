@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import isclose
 from typing import Any
 
-from fmus.loaded import loaded_contents
-from fmus.track_choices import TRACKS
+from fmus.ahead.contents import loaded_contents
+from fmus.track.choices import TRACKS
 from orchestrator.scene.assembly import Assembly, assemble
 from orchestrator.scene.fmu_table import ARROW, FmuTable
 from orchestrator.scene.kinds import Scene, VehicleScene

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput
+from fmus.track.choices import TRACKS
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli.common import (
     ClockOption,
     DifferentOption,

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, value_text
+from fmus.track.choices import TRACKS
+from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cli import common
 from orchestrator.cli.common import (
     JsonLine,
@@ -41,7 +41,7 @@ def scenes() -> None:
 
 def vehicles() -> None:
     """List the packaged vehicles."""
-    from fmus.vehicle import names, read_table, vehicle
+    from fmus.vehicles.vehicle import names, read_table, vehicle
 
     for name in names():
         table = vehicle(*read_table(name))
@@ -203,19 +203,19 @@ def cache(
     Every command keeps it below its largest size; what was used in the last day stays. With --most, --prune removes
     that too. What is missing is made again.
     """
-    from fmus import cache_limit
-    from fmus.cache import cache_folder
+    from fmus.cache import limit
+    from fmus.cache.files import cache_folder
 
     try:
-        limit = cache_limit.limit() if most is None else most * cache_limit.GB
+        largest = limit.limit() if most is None else most * limit.GB
     except ValueError as error:
         raise BadInput(str(error)) from None
     if prune:
-        removed = cache_limit.prune(limit, cache_limit.RECENT if most is None else 0.0)
+        removed = limit.prune(largest, limit.RECENT if most is None else 0.0)
         print(f"removed {len(removed)} folders, {_size(sum(entry.size for entry in removed))}")
-    held = cache_limit.entries()
-    print(f"{cache_folder()}: {_size(sum(entry.size for entry in held))} of {_size(limit)} at most")
-    for kind, about in cache_limit.KINDS.items():
+    held = limit.entries()
+    print(f"{cache_folder()}: {_size(sum(entry.size for entry in held))} of {_size(largest)} at most")
+    for kind, about in limit.KINDS.items():
         if own := [entry for entry in held if entry.kind == kind]:
             oldest = (time.time() - own[0].used) / 86400.0
             size = _size(sum(entry.size for entry in own))

@@ -9,7 +9,7 @@ import zipfile
 import zlib
 from pathlib import Path
 
-from fmus.cache import cache_folder, make_folder, private_folder, temporary_folder, write
+from fmus.cache.files import cache_folder, make_folder, private_folder, temporary_folder, write
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.files.budget import (
     DESCRIBED,

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.ports import TOLERANCE
+from fmus.interface.ports import TOLERANCE
 from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import ObservableDifference, differences, observables, worst

@@ -24,10 +24,10 @@ from pathlib import Path
 import numpy as np
 import scipy  # loads its parts when they are used
 
-from fmus.ahead import start_compilation
-from fmus.loaded import component_ports
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, value_text
+from fmus.ahead.contents import component_ports
+from fmus.ahead.kernels import start_compilation
+from fmus.track.choices import TRACKS
+from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import power_residual

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution import manifest, summary
 from orchestrator.log.log_metadata import BRANCHED
 from orchestrator.log.reader import Log

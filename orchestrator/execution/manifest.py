@@ -24,7 +24,7 @@ from typing import Any
 from llvmlite.binding import llvm_version_info
 from pydantic import BaseModel, ValidationError, model_validator
 
-from fmus.build import identity
+from fmus.fmi.build import identity
 from orchestrator import __version__
 from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import Component

@@ -20,12 +20,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.build import identity
-from fmus.cache import cache_folder, private_folder, read_checked, write_checked
+from fmus.cache.files import cache_folder, private_folder, read_checked, write_checked
+from fmus.fmi.build import identity
+from fmus.fmi.saved import from_bytes
+from fmus.interface.ports import TOLERANCE, Port
 from fmus.monolith.model import ADAPTIVE, EQUAL, Monolith, MonolithPart
-from fmus.ports import TOLERANCE, Port
-from fmus.saved import from_bytes
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim import checkpoint, master
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import Scheme

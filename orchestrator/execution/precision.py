@@ -14,9 +14,9 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.cache import UntrustedFolder, cache_folder, check_trust, make_folder, report_error
-from fmus.cache import write as put
-from fmus.vehicle import BadInput
+from fmus.cache.files import UntrustedFolder, cache_folder, check_trust, make_folder, report_error
+from fmus.cache.files import write as put
+from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import DOCUMENT, read_file
 
 SHIPPED = Path(__file__).parents[1] / "gallery" / "precision.json"

@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.build import built_here, identity
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, value_text
+from fmus.fmi.build import built_here, identity
+from fmus.track.choices import TRACKS
+from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import GuestTerms, Instance, System

@@ -13,10 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fmus.build import identity
-from fmus.ground_keys import SLOPES, is_plane
-from fmus.saved import SlaveState, from_bytes, to_bytes
-from fmus.vehicle import BadInput, value_text
+from fmus.fmi.build import identity
+from fmus.fmi.saved import SlaveState, from_bytes, to_bytes
+from fmus.ground.keys import SLOPES, is_plane
+from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.checkpoint import time_of
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.messages import Logger

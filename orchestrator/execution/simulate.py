@@ -10,8 +10,8 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any
 
-from fmus.build import BuildFailed
-from fmus.vehicle import BadInput
+from fmus.fmi.build import BuildFailed
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.cosim.graph import ComponentFailed

@@ -18,10 +18,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.cache import cache_folder, error_text, private_folder, read_checked, write_checked
-from fmus.link_outputs import STANDARD
+from fmus.cache.files import cache_folder, error_text, private_folder, read_checked, write_checked
 from fmus.monolith.model import content
-from fmus.vehicle import BadInput
+from fmus.track.link_outputs import STANDARD
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution import monolithic
 from orchestrator.results.difference import INTERVAL, ObservableDifference, differences_of_logs

@@ -7,7 +7,7 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.vehicle import to_si
+from fmus.vehicles.tables import to_si
 
 # Numbers that stand for a missing one: those of GDAL, ESRI and int16 and int32 rasters; beyond HUGE, fill values of
 # floats (1e20 of CF, 9.97e36 of netCDF, the largest of float32).

@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.simulate import simulate
 from orchestrator.interface.recorded_run import Run

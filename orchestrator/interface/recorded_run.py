@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution import log_report, summary, summary_text
 from orchestrator.log.export import columns_of, to_pandas
 from orchestrator.log.reader import Log, NoSuchSignal

@@ -22,7 +22,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from fmus.cache import cache_folder, private_folder, read_checked, write_checked
+from fmus.cache.files import cache_folder, private_folder, read_checked, write_checked
 
 CAN_STEP = sys.platform == "linux" and platform.machine() == "x86_64"  # on which ``stepping`` is tested
 WORD, REAL = ctypes.c_int64, ctypes.c_double

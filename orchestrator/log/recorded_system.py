@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
-from fmus.vehicle import first_error
+from fmus.vehicles.tables import first_error
 from orchestrator.log.log_metadata import TEXTS
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.signal_names import recorded_texts

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import within
 from orchestrator.results.run_data import EVER, UNANSWERED, Floats, Missing, RunData, Window, record_durations

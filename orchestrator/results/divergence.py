@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.bitwise import BitDifference, bit_difference, bit_patterns
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats, Series, join_series

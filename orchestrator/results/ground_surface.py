@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmus.ground_keys import is_terrain
-from fmus.standing import ground_level
+from fmus.ground.keys import is_terrain
+from fmus.start.pose import ground_level
 from orchestrator.log.time_series import Floats
 
 FINE = 9  # points on each rounded edge
@@ -95,7 +95,7 @@ def ground(scene: Mapping[str, Any]) -> GroundSurface | None:
     ahead = np.array([np.cos(start["heading"]), np.sin(start["heading"]), 0.0])
     place, level = np.array(start["position"], float), level_of(scene)
     if on_terrain(scene):
-        from fmus.ground import heights_of, terrain  # loads the kernels of a terrain
+        from fmus.ground.terrain import heights_of, terrain  # loads the kernels of a terrain
 
         shape = terrain(scene["ground"])
         return GroundSurface(place, ahead, level, np.zeros(0), np.zeros(0), partial(heights_of, shape))

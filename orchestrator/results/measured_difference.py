@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.time_series import Floats, within
 from orchestrator.results.analyses import phases
 from orchestrator.results.difference import ObservableSamples, aligned, instants, rms

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput, to_si
+from fmus.vehicles.tables import BadInput, to_si
 from orchestrator.files.budget import MEASURED, MEASURED_ROWS
 from orchestrator.files.columns import head, no_data, unit_size
 from orchestrator.files.csv_lines import csv_lines

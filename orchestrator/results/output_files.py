@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmus.vehicle import BadInput, path_text
+from fmus.vehicles.tables import BadInput, path_text
 from orchestrator.files.replacing import replacing
 
 

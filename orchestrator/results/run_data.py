@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.extra import NotInstalled
 from orchestrator.log.reader import Log, NoSuchSignal

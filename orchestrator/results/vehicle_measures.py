@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.ground_keys import is_plane
-from fmus.sides import of_side
+from fmus.ground.keys import is_plane
+from fmus.vehicles.sides import of_side
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses import slip as slips
 from orchestrator.results.energy import ports

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.build import Product, build_shapes, start_values
-from fmus.equilibrium import stances
-from fmus.vehicle import BadInput
+from fmus.fmi.build import Product, build_shapes, start_values
+from fmus.rest.equilibrium import stances
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.fmu_table import Pair, joined, pair_of, require_free_inputs
 from orchestrator.scene.kinds import BenchScene, ChainScene, RigScene, Scene, VehicleScene

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import CSV, MEASURED, ROWS, read_file
 from orchestrator.files.columns import head, no_data, unit_size
 from orchestrator.files.csv_lines import csv_lines

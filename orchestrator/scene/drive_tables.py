@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from fmus.vehicle import Distance, Force, FrozenTable, In, ratio, to_si
+from fmus.vehicles.tables import Distance, Force, FrozenTable, In, ratio, to_si
 from orchestrator.scene.values import OR_FALSE, SIDES, Angle, Duration, Place, Side, Time
 
 POINTS_OF = {  # and the modes that use them

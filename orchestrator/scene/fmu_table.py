@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, Field
 
-from fmus.vehicle import BadInput, FrozenTable, In
+from fmus.vehicles.tables import BadInput, FrozenTable, In
 from orchestrator.cosim.base_units import UNCHANGED, Conversion
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.settings import hint, toml_text

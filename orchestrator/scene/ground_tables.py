@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from fmus.soils import SoilTable
-from fmus.vehicle import Distance, FrozenTable, In, Length, ratio
+from fmus.ground.soils import SoilTable
+from fmus.vehicles.tables import Distance, FrozenTable, In, Length, ratio
 from orchestrator.scene.values import Angle, Place
 
 Slope = Annotated[float, In("1", ge=-2.0, le=2.0)]
@@ -272,7 +272,7 @@ class GroundTable(FrozenTable):
         obstacles: dict[str, Any] = {key: getattr(self, key) for key in ("bump", "step", "half_round", "trench")}
         given = {key: table.model_dump() for key, table in obstacles.items() if table is not None}
         if given.keys() - {"bump"}:
-            from fmus.ground import obstacles_profile
+            from fmus.ground.terrain import obstacles_profile
 
             obstacles_profile(given)  # refuses those that overlap
         return self

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
-from fmus.loaded import component_ports
-from fmus.ranges import VEHICLE, PlausibleRange
-from fmus.track_choices import TRACKS
-from fmus.vehicle import VehicleTable
+from fmus.ahead.contents import component_ports
+from fmus.track.choices import TRACKS
+from fmus.vehicles.ranges import VEHICLE, PlausibleRange
+from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.data_files import UNITS
 from orchestrator.scene.kinds import Scene

@@ -11,8 +11,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, Force, Vehicle, path_text, value_text
+from fmus.track.choices import TRACKS
+from fmus.vehicles.tables import BadInput, Force, path_text, value_text
+from fmus.vehicles.vehicle import Vehicle
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable, VehicleDriveTable
 from orchestrator.scene.fmu_table import FmuTable, pair_of, require_instance_name
 from orchestrator.scene.ground_tables import GroundTable, LevelGroundTable

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.ground_keys import is_plane, is_terrain
-from fmus.link_outputs import INTERVAL
-from fmus.ports import motion_ports, wrench_ports
-from fmus.stance import Stance
-from fmus.standing import ground_level, standing_pose
-from fmus.track_choices import HHT, TRACKS
-from fmus.vehicle import ReturnRollerTable, RoadWheelTable, VehicleTable
+from fmus.ground.keys import is_plane, is_terrain
+from fmus.interface.ports import motion_ports, wrench_ports
+from fmus.start.pose import ground_level, standing_pose
+from fmus.start.stance import Stance
+from fmus.track.choices import HHT, TRACKS
+from fmus.track.link_outputs import INTERVAL
+from fmus.vehicles.vehicle import ReturnRollerTable, RoadWheelTable, VehicleTable
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, points_text
 from orchestrator.scene.fmu_table import FmuTable
@@ -48,7 +48,7 @@ def footing(
     if is_plane(ground):
         ahead, left = ground.get("grade") or 0.0, ground.get("bank") or 0.0
         return Footing(ahead * x + left * y, ahead, left, False)
-    from fmus.ground import heights  # loads the terrain's kernels
+    from fmus.ground.terrain import heights  # loads the terrain's kernels
 
     wheels = vehicle["road_wheel"]["x"]
     along = np.linspace(min(wheels), max(wheels), PLACES)
@@ -153,7 +153,7 @@ def _ground_config(scene: VehicleScene) -> dict[str, Any]:
 
 
 def _ground_shape(scene: VehicleScene) -> dict[str, Any]:
-    """Ground as a config has it (``fmus.contacts.ground_shape``); a slope everywhere is level in the start's frame."""
+    """Ground as a config has it (``contacts.ground_shape``); a slope everywhere is level in the start's frame."""
     ground, vehicle = scene.ground.model_dump(exclude_none=True), scene.vehicle.model_dump()
     if is_terrain(ground) and not is_plane(ground):
         return {"terrain": {**ground, "level": scene.start.position[2] + ground_level(vehicle)}}

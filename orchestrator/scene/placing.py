@@ -6,10 +6,11 @@ import json
 from functools import cache
 from typing import Any
 
-from fmus.equilibrium import FlexibleTrack, equilibrium
-from fmus.standing import hull_clearance
-from fmus.tensioning import CABLES, Links, tension_wheel
-from fmus.vehicle import BadInput, RightIdlerTable, RightTensionerTable
+from fmus.rest.equilibrium import FlexibleTrack, equilibrium
+from fmus.rest.tensioning import CABLES, Links, tension_wheel
+from fmus.start.pose import hull_clearance
+from fmus.vehicles.tables import BadInput
+from fmus.vehicles.vehicle import RightIdlerTable, RightTensionerTable
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import Parameters, Part, footing_of, rig_track_config, vehicle_track_config

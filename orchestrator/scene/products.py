@@ -20,11 +20,11 @@ from xml.etree.ElementTree import Element, SubElement, fromstring, indent, regis
 
 from markdown_it import MarkdownIt
 
-from fmus.build import Product, archive, build_all
-from fmus.defaults import EXPERIMENT, KEY
-from fmus.link_outputs import INTERVAL
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput
+from fmus.fmi.build import Product, archive, build_all
+from fmus.interface.defaults import EXPERIMENT, KEY
+from fmus.track.choices import TRACKS
+from fmus.track.link_outputs import INTERVAL
+from fmus.vehicles.tables import BadInput
 from orchestrator import __version__
 from orchestrator.cosim.graph import Connection
 from orchestrator.cosim.variable_arrays import LINK_FAMILIES

@@ -19,10 +19,10 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any, NamedTuple
 
-from fmus.build import built_here
-from fmus.loaded import component_ports
-from fmus.ports import UNITS, Port
-from fmus.vehicle import BadInput, path_text
+from fmus.ahead.contents import component_ports
+from fmus.fmi.build import built_here
+from fmus.interface.ports import UNITS, Port
+from fmus.vehicles.tables import BadInput, path_text
 from orchestrator.cosim.base_units import (
     QUANTITIES,
     UNCHANGED,

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from fmus.vehicle import BadInput, value_text
+from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.scene.scene import from_table
 from orchestrator.scene.track_table import TrackModelTable
 

@@ -14,7 +14,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from fmus.vehicle import BadInput, first_error, foremost, path_text, read_table, value_text
+from fmus.vehicles.tables import BadInput, first_error, foremost, path_text, value_text
+from fmus.vehicles.vehicle import read_table
 from orchestrator.files.budget import read_toml
 from orchestrator.scene import data_files
 from orchestrator.scene.fmu_table import set_folder

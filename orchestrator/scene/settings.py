@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 
 Schema = dict[str, Any]  # JSON schema
 CHOSEN = "NAME"  # in place of a part of a key that a file chooses: the names of checks, of parts with an FMU

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fmus.build import start_values
-from fmus.vehicle import BadInput, path_text, value_text
+from fmus.fmi.build import start_values
+from fmus.vehicles.tables import BadInput, path_text, value_text
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
 from orchestrator.scene.archive.structure import Structure, read_structure
 from orchestrator.scene.assembly import Assembly, assemble

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
-from fmus.ranges import range_violations
-from fmus.vehicle import FrozenTable
+from fmus.vehicles.ranges import range_violations
+from fmus.vehicles.tables import FrozenTable
 from orchestrator.scene.fmu_table import FmuTable, Pair, pair_of, require_free_inputs, require_instance_name
 from orchestrator.scene.settings import file_part
 from orchestrator.scene.tables import Check, RunTable

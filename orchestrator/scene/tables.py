@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from fmus.vehicle import BadInput, Distance, Force, FrozenTable, In, ratio, value_text
+from fmus.vehicles.tables import BadInput, Distance, Force, FrozenTable, In, ratio, value_text
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.scene.settings import hint
 from orchestrator.scene.values import OR_FALSE, Duration, Every, Time, TrackName
@@ -22,7 +22,7 @@ else:
 from math import pi, remainder
 from typing import Literal
 
-from fmus.vehicle import Length
+from fmus.vehicles.tables import Length
 from orchestrator.scene.values import SOLVED, Angle, Place
 
 Joint = Annotated[float, Field(allow_inf_nan=False, json_schema_extra={"unit": "rad, m"})]
@@ -38,7 +38,7 @@ class StartTable(FrozenTable):
 
 
 class EquilibriumTable(FrozenTable):
-    """Equilibrium position of hull, arms and idlers, from the drawn position (``fmus.equilibrium``)."""
+    """Equilibrium position of hull, arms and idlers, from the drawn position (``fmus.rest.equilibrium``)."""
 
     height: Length
     """rise of the hull's centre of mass"""

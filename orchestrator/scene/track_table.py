@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from fmus.link_outputs import GROUPS, STANDARD
-from fmus.ports import TOLERANCES
-from fmus.track_choices import TRACKS, TrackKind, models_with
-from fmus.vehicle import FrozenTable, In, ratio
+from fmus.interface.ports import TOLERANCES
+from fmus.track.choices import TRACKS, TrackKind, models_with
+from fmus.track.link_outputs import GROUPS, STANDARD
+from fmus.vehicles.tables import FrozenTable, In, ratio
 from orchestrator.scene.values import Duration, TrackName
 
 Tolerance = Annotated[float, ratio(ge=TOLERANCES.least, le=TOLERANCES.most)]

@@ -1,6 +1,6 @@
 """Values of the tables of a scene: types that several tables share; ranges, and warnings about implausible numbers.
 
-Ranges are those of ``fmus/ranges.py``; overlapping wheels are warned of as well.
+Ranges are those of ``fmus/vehicles/ranges.py``; overlapping wheels are warned of as well.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 from annotated_types import GroupedMetadata
 from pydantic import BeforeValidator, Field
 
-from fmus.ranges import VEHICLE, PlausibleRange, impossible_sections, range_violations
-from fmus.sides import of_side
-from fmus.track_choices import TRACKS
-from fmus.vehicle import In
+from fmus.track.choices import TRACKS
+from fmus.vehicles.ranges import VEHICLE, PlausibleRange, impossible_sections, range_violations
+from fmus.vehicles.sides import of_side
+from fmus.vehicles.tables import In
 from orchestrator.log.message_records import MOST_STEPS
 
 Duration = Annotated[float, In("s", gt=0)]

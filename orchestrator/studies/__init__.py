@@ -21,7 +21,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.scene.settings import hint
 
 

@@ -14,8 +14,8 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.cache import reporting_errors
-from fmus.track_choices import TRACKS
+from fmus.cache.files import reporting_errors
+from fmus.track.choices import TRACKS
 from orchestrator.execution import precision
 from orchestrator.execution.estimate import estimate
 from orchestrator.execution.truth import ORDER, require_known, truth

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.observers import Logging
 from orchestrator.execution.loading import load_components

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from fmus.vehicle import BadInput, path_text, value_text
+from fmus.vehicles.tables import BadInput, path_text, value_text
 from orchestrator.execution import summary
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.simulate import simulate

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from fmus.build import BuildFailed
+from fmus.fmi.build import BuildFailed
 from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate

@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.kinds import RigScene
 from orchestrator.scene.scene import load

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
-from fmus.cache import write
+from fmus.cache.files import write
 from orchestrator.studies import Case, Row
 
 PACKAGES = ("fmus", "orchestrator")

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 
 MOST = 10_000  # cases of a sweep
 # A number and its unit, which begins with no digit, sign or point.

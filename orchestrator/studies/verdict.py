@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from fmus.build import BuildFailed
-from fmus.vehicle import BadInput
+from fmus.fmi.build import BuildFailed
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate

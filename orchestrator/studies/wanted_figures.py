@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from fmus.link_outputs import GROUPS
-from fmus.vehicle import BadInput
+from fmus.track.link_outputs import GROUPS
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results import measures
 from orchestrator.results.analyses import catalogue

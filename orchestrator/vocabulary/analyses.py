@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 
 
 class Option(NamedTuple):

@@ -14,7 +14,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.results.table import Column, Table
 from tests.benchmarks.process import ROOT, Failed, environment, last_line
 from tests.benchmarks.tables import costs

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from fmus.jit import allocating, kernel
+from fmus.kernels.jit import allocating, kernel
 from fmus.physics import block_cyclic
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.state import Motion

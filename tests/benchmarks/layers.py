@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.build import build
+from fmus.fmi.build import build
 from orchestrator.cosim.component import Component
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, Series

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from fmus.build import KINDS, build
+from fmus.fmi.build import KINDS, build
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import Scene

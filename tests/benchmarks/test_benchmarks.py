@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fmus.jit import cache_folder
+from fmus.kernels.jit import cache_folder
 from orchestrator.log.log_metadata import CHECKPOINT
 from orchestrator.log.reader import Log, Series
 from orchestrator.scene.scene import load

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from fmus.chassis.dynamics import ROOT
 from fmus.chassis.model import Model
-from fmus.vehicle import read_table, vehicle
+from fmus.vehicles.vehicle import read_table, vehicle
 
 TABLE = vehicle(*read_table("m113")).model_dump()
 ROLLERS = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmus.vehicle import read_table, vehicle
+from fmus.vehicles.vehicle import read_table, vehicle
 
 VEHICLE = vehicle(*read_table("m113")).model_dump()
 TRACK = VEHICLE["track"]

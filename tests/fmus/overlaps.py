@@ -12,7 +12,7 @@ from functools import wraps
 
 import numpy as np
 
-from fmus import jit
+from fmus.kernels import jit
 
 violations: list[str] = []
 calls = 0

@@ -10,9 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from conftest import TOY, build_toy
 
-from fmus import ahead, loaded
-from fmus.build import KINDS, BuildFailed, Shell, build, build_shell, build_shells
-from fmus.sources import ROOT, search_path, source_hash, sources
+from fmus.ahead import contents as loaded
+from fmus.ahead import kernels as ahead
+from fmus.cache.sources import ROOT, search_path, source_hash, sources
+from fmus.fmi.build import KINDS, BuildFailed, Shell, build, build_shell, build_shells
 from orchestrator.fmu_check import runner
 
 
@@ -42,7 +43,9 @@ def test_fmus_built_together_are_those_built_alone(tmp_path, monkeypatch):
     """One child describes those that the cache lacks, each with its own configuration."""
     children = []
     run = subprocess.run
-    monkeypatch.setattr("fmus.build.subprocess.run", lambda *words, **how: children.append(how) or run(*words, **how))
+    monkeypatch.setattr(
+        "fmus.fmi.build.subprocess.run", lambda *words, **how: children.append(how) or run(*words, **how)
+    )
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "together"))
     first = build_toy(start=0.1)
     configs = [{"spare": 3, "start": start} for start in (0.1, 0.3, 0.4, 0.3)]
@@ -55,7 +58,9 @@ def test_fmus_built_together_are_those_built_alone(tmp_path, monkeypatch):
     assert build_toy(start=0.4).read_bytes() == built[2].read_bytes()
 
 
-@pytest.mark.parametrize("module", ["fmus.build", "fmus.loaded", "fmus.ahead", "orchestrator.fmu_check.runner"])
+@pytest.mark.parametrize(
+    "module", ["fmus.fmi.build", "fmus.ahead.contents", "fmus.ahead.kernels", "orchestrator.fmu_check.runner"]
+)
 def test_a_child_finds_what_its_parent_finds(tmp_path, monkeypatch, module):
     """Packages that came by PYTHONPATH, or that the program put on its path, are on that of every child."""
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
@@ -72,9 +77,9 @@ def test_a_child_finds_what_its_parent_finds(tmp_path, monkeypatch, module):
         monkeypatch.setattr(f"{module}.subprocess.{name}", started)
     part = ("SprocketDrive", {}, {})
     calls = {
-        "fmus.build": lambda: build_toy(start=0.77),
-        "fmus.loaded": lambda: loaded.loaded_contents([part]),
-        "fmus.ahead": lambda: ahead.start_compilation([part]),
+        "fmus.fmi.build": lambda: build_toy(start=0.77),
+        "fmus.ahead.contents": lambda: loaded.loaded_contents([part]),
+        "fmus.ahead.kernels": lambda: ahead.start_compilation([part]),
         "orchestrator.fmu_check.runner": lambda: runner.in_child("units", tmp_path / "a.fmu", None, 1.0),
     }
     with pytest.raises((OSError, BuildFailed), match="no child here"):
@@ -171,7 +176,7 @@ def test_without_a_folder_for_it_an_fmu_is_refused_in_one_sentence(toy, tmp_path
     with pytest.raises(BuildFailed, match=r"^cannot build toy_fmu.fmu: .*Not a directory"):
         build_toy(tmp_path / "file" / "folder")
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "file"))
-    monkeypatch.setattr("fmus.build.temporary_folder", lambda: tmp_path / "file")
+    monkeypatch.setattr("fmus.fmi.build.temporary_folder", lambda: tmp_path / "file")
     with pytest.raises(BuildFailed, match=r"^cannot build toy_fmu.fmu: .*Not a directory"):
         build_toy()
 

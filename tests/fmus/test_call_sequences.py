@@ -9,7 +9,7 @@ import pytest
 from native_cases import CHAIN, CHASSIS, DRIVE, FEW, MANY, native, ran
 from test_native_fmi3 import native3
 
-from fmus.build import build
+from fmus.fmi.build import build
 from fmus.native.pack import with_constants
 from tests.fuzz import calls, memory, states
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_free_chains import TABLE, Flexible, P, made, per_link
 
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
 from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.report import DISSIPATED, KINETIC, STRAIN
 from orchestrator.scene.assembly import assemble

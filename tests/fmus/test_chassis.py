@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from fmus.chassis.dynamics import ROOT, rates
 from fmus.chassis.model import Model, default_step
 from fmus.chassis.tree import tree
-from fmus.model import InvalidParameter, StepFailed
+from fmus.interface.model import InvalidParameter, StepFailed
 
 IDLER = TABLE["idler"]["x"]
 G = 9.81

@@ -6,7 +6,7 @@ from chassis_probe import TABLE, Probe, stir
 from test_chassis_conservation import momenta
 
 from fmus.chassis.model import Model
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
 
 HITCH = np.array([TABLE["hitch"]["x"], 0.0, TABLE["hitch"]["z"]]) - TABLE["chassis"]["centre"]
 SEAT = np.array(TABLE["seat"]["driver"]["position"]) - TABLE["chassis"]["centre"]

@@ -5,7 +5,7 @@ import pytest
 from test_chain_closure import CLOSURES, loop, on_wheels, run
 from test_free_chains import Beams, PlanarCables, made, per_link
 
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
 from fmus.physics.chain.flexible import cholesky
 from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.interface import derivative, stage_joints

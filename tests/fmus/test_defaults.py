@@ -7,10 +7,10 @@ import pytest
 from conftest import build_toy
 from toy.model import Model as Toy
 
-from fmus.build import BuildFailed
-from fmus.defaults import check_names, configured_ports
 from fmus.driver.model import Model as Driver
-from fmus.model import InvalidParameter, StepFailed
+from fmus.fmi.build import BuildFailed
+from fmus.interface.defaults import check_names, configured_ports
+from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.sprocket_drive.model import Model as Drive
 from fmus.steering_differential.model import Model as Differential
 from fmus.track_rigid.model import Model as RigidTrack

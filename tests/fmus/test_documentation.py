@@ -5,11 +5,11 @@ from xml.etree.ElementTree import tostring
 
 import pytest
 
+from fmus.cache.sources import ROOT
 from fmus.components import KINDS
-from fmus.description import document
-from fmus.documentation import documentation, key_parts, readme_beside
-from fmus.ports import NOT_NEGATIVE, Port
-from fmus.sources import ROOT
+from fmus.fmi.description import document
+from fmus.fmi.documentation import documentation, key_parts, readme_beside
+from fmus.interface.ports import NOT_NEGATIVE, Port
 
 PORTS = (
     Port("brake.torque", "input", "N.m", "torque of the brake"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from drive_probe import RAMP, J, Probe, half_cosine
 
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
 
 POINTS = "0.5 0; 1.5 8; 2.25 -4; 3 -4"
 

@@ -6,10 +6,10 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
-from fmus.build import build
 from fmus.driver import path
 from fmus.driver.model import Model
-from fmus.model import InvalidParameter, StepFailed
+from fmus.fmi.build import build
+from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.sprocket_drive.model import Model as SprocketDrive
 from orchestrator.scene.scene import load
 

@@ -7,12 +7,12 @@ import pytest
 from test_free_chains import HOLD, TABLE, P, Rigid, made
 from vehicle_in_process import InProcess
 
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
 from fmus.monolith.model import Monolith
 from fmus.physics.chain.report import CONTACT, COUNTERS, DISSIPATED, KINETIC, STRAIN
 from fmus.physics.chain.rigid.closing import gap_and_rate
 from fmus.physics.chain.rigid.dynamics import LIMIT
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution import monolithic
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from fmus.model import InvalidParameter, StepFailed
+from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.physics.ancf.rotary import second_moments
 from fmus.physics.chain import layout as chain_layout
 from fmus.physics.chain.integration import HELD
@@ -14,7 +14,7 @@ from fmus.physics.chain.layout import catenary, closed_polygon, folded, hanging_
 from fmus.physics.chain.report import KINETIC, SPEED, STRAIN, T_MEAN
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
-from fmus.vehicle import read_table, vehicle
+from fmus.vehicles.vehicle import read_table, vehicle
 
 TABLE = vehicle(*read_table("m113")).model_dump()
 P, PIN = TABLE["track"]["pitch"], TABLE["track"]["inertia"][1]

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from fmus import jit, sources
-from fmus.cache import temporary_folder
+from fmus.cache import sources
+from fmus.cache.files import temporary_folder
+from fmus.kernels import jit
 
 MODULES = {
     "__init__.py": "",
     "caller.py": """
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from parts.deep.callee import factor
 @kernel
 def scaled(x):
@@ -23,7 +24,7 @@ def scaled(x):
 """,
     "deep/__init__.py": "",
     "deep/callee.py": """
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 @kernel
 def factor(x):
     return 2.0 + 0.0 * x

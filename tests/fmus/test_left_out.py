@@ -23,7 +23,7 @@ HANGING = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9144, 0.0]}
 
 
 def loaded(kind: str, track: dict, **changes) -> set[str]:
-    from fmus.vehicle import read_table, vehicle
+    from fmus.vehicles.vehicle import read_table, vehicle
 
     table = vehicle(*read_table("m113")).model_dump()
     base = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": HANGING}
@@ -61,10 +61,10 @@ def test_a_scene_on_a_plane_loads_no_terrain(setting, loads):
 @pytest.mark.long
 def test_a_chain_over_the_ground_does():
     names = loaded("track_rigid", {"ground": True}, **{"start.slope.pitch": -0.2})
-    assert {"fmus.contacts", "fmus.physics.chain.rigid.faces"} <= names
+    assert {"fmus.track.contacts", "fmus.physics.chain.rigid.faces"} <= names
     assert not [name for name in names if "ancf" in name or "cable" in name or "beam" in name]
     assert not [name for name in names if "soil" in name], "hard ground"
-    assert not [name for name in names if "terrain" in name or name == "fmus.ground"], "a plane in the start's frame"
+    assert not [name for name in names if "terrain" in name], "a plane in the start's frame"
 
 
 OTHERS = {
@@ -103,8 +103,8 @@ def test_a_planar_chain_loads_no_beams_and_another_chain_no_planar_one():
 @pytest.mark.long
 def test_contents_are_what_a_component_loads():
     """The list from a child that compiles nothing is the list of modules that a real step loads."""
-    from fmus.loaded import loaded_contents
-    from fmus.vehicle import read_table, vehicle
+    from fmus.ahead.contents import loaded_contents
+    from fmus.vehicles.vehicle import read_table, vehicle
 
     table = vehicle(*read_table("m113")).model_dump()
     held = {"ends": {"kind": "held", "first": [0.0, 0.0]}}
@@ -114,7 +114,7 @@ def test_contents_are_what_a_component_loads():
         config = {"vehicle": table, "track": base | track}
         contents = loaded_contents([("TrackFlexible", config, parameters)])
         real = {name for name in loaded("track_flexible", track, **parameters) if name not in FOLDERS}
-        assert real - {"fmus.build", "fmus.vehicle"} <= set(contents.modules)
+        assert real - {"fmus.fmi.build", "fmus.vehicles.vehicle"} <= set(contents.modules)
         assert set(contents.left_out) >= {
             "fmus.chassis.model",
             "fmus.physics.chain.rigid.dynamics",
@@ -130,7 +130,7 @@ def test_contents_are_what_a_component_loads():
 
 
 def test_contents_are_listed_once_for_a_build(monkeypatch, tmp_path):
-    from fmus import loaded
+    from fmus.ahead import contents as loaded
 
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
     contents, started = loaded.Contents(("fmus.a",), ("fmus.b",), (3,), (4,), (5,)), []
@@ -145,8 +145,8 @@ def test_contents_are_listed_once_for_a_build(monkeypatch, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("spin", [0.0, 5.0])
 def test_a_loop_that_spins_is_stretched(spin):
-    from fmus.loaded import loaded_contents
-    from fmus.vehicle import read_table, vehicle
+    from fmus.ahead.contents import loaded_contents
+    from fmus.vehicles.vehicle import read_table, vehicle
 
     track = {"links": 64, "closed": True, "wheels": [], "ground": False, "gravity": 0.0, "ends": None}
     config = {"vehicle": vehicle(*read_table("m113")).model_dump(), "track": track}
@@ -155,7 +155,8 @@ def test_a_loop_that_spins_is_stretched(spin):
 
 
 FOLDERS = {
-    "fmus", "fmus.physics", "fmus.physics.ancf", "fmus.physics.integrate", "fmus.physics.contact", "fmus.physics.chain",
+    "fmus", "fmus.cache", "fmus.ground", "fmus.interface", "fmus.kernels", "fmus.start", "fmus.track",
+    "fmus.physics", "fmus.physics.ancf", "fmus.physics.integrate", "fmus.physics.contact", "fmus.physics.chain",
     "fmus.physics.chain.flexible", "fmus.track_flexible",
 }  # fmt: skip
 

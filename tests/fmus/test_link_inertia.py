@@ -19,7 +19,7 @@ from test_free_chains import (
     made,
 )
 
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
 from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import mass, straight
 from fmus.physics.chain.flexible.link_layout import coordinate_indices
@@ -107,7 +107,9 @@ def eigenvalues(model):
     """Eigenvalues of a link's mass matrix relative to that of its line or volume alone."""
     c = model.link.element
     alone = np.zeros_like(model.work.M)
-    mass(c._replace(rotary=(0.0, 0.0, 0.0) if isinstance(model, Beams) and model.element == "beam" else 0.0), alone)
+    mass(
+        c._replace(rotary=(0.0, 0.0, 0.0) if isinstance(model, Beams) and model.kind.element == "beam" else 0.0), alone
+    )
     return eigh(model.work.M, alone, eigvals_only=True)
 
 

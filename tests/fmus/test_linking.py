@@ -11,7 +11,8 @@ import numba
 import numpy as np
 import pytest
 
-from fmus import jit, linking, sources
+from fmus.cache import sources
+from fmus.kernels import jit, linking
 from fmus.physics.wheels import move
 
 
@@ -75,7 +76,7 @@ import numba
 numba.__version__ = "0.67.9"
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 parts = [JITCodeLibrary.get_pointer_to_function, JITCPUCodegen.set_env]
-from fmus import linking
+from fmus.kernels import linking
 print(parts == [JITCodeLibrary.get_pointer_to_function, JITCPUCodegen.set_env])
 """
 

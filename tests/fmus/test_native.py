@@ -18,9 +18,9 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 from native_cases import CHAIN, CHASSIS, DRIVE, FEW, MANY, SOIL, STEPS, H, begun, follow, native, ran
 
-from fmus.build import BuildFailed, packed_config
-from fmus.cache import CHECKSUM
-from fmus.model import StepFailed
+from fmus.cache.files import CHECKSUM
+from fmus.fmi.build import BuildFailed, packed_config
+from fmus.interface.model import StepFailed
 from fmus.native import link, pack
 from fmus.native.pack import build_native, with_constants
 from fmus.native.platform import LINUX, WINDOWS

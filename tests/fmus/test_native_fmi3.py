@@ -18,15 +18,15 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 from native_cases import CHAIN, CHASSIS, DRIVE, H, begun, follow, ran
 
-from fmus import link_outputs
 from fmus.components import model_of
-from fmus.link_outputs import GROUPS
+from fmus.interface.ports import NOT_NEGATIVE, Port, motion_ports, variables, wrench_ports
 from fmus.native.arrays import arrays
 from fmus.native.header import header
 from fmus.native.link import HERE, compiler
 from fmus.native.pack import build_native, with_constants
 from fmus.native.terminals import KINDS, terminals
-from fmus.ports import NOT_NEGATIVE, Port, motion_ports, variables, wrench_ports
+from fmus.track import link_outputs
+from fmus.track.link_outputs import GROUPS
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.products import scene_products

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from native_cases import CHASSIS, DRIVE, FEW, MANY, H, begun, native, ran
 
-from fmus import numbers
 from fmus.components import KINDS
-from fmus.model import InvalidParameter
+from fmus.interface import numbers
+from fmus.interface.model import InvalidParameter
 from fmus.native.pack import build_native, with_constants
-from fmus.stance import part_at_rest
-from fmus.track import start_stance
-from fmus.track_choices import TRACKS
+from fmus.start.stance import part_at_rest
+from fmus.track.choices import TRACKS
+from fmus.track.ports import start_stance
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.scene.assembly import assemble

@@ -16,7 +16,7 @@ from numba.core.caching import FunctionCache
 from numba.core.compiler import Flags
 from numba.core.options import DefaultOptions
 
-from fmus import jit, linking
+from fmus.kernels import jit, linking
 
 ROOT = Path(jit.__file__).parents[1]
 

@@ -13,13 +13,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fmus import numbers
-from fmus.build import BuildFailed, build_shapes, packed_config, start_values
 from fmus.components import model_of
+from fmus.fmi.build import BuildFailed, build_shapes, packed_config, start_values
+from fmus.interface import numbers
 from fmus.native import numbers_file
 from fmus.native.pack import build_native, build_native_shape, with_constants
-from fmus.ranges import contradictions
-from fmus.vehicle import number_meanings
+from fmus.vehicles.ranges import contradictions
+from fmus.vehicles.vehicle import number_meanings
 from orchestrator.cosim import fmi2_library
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import ComponentFailed

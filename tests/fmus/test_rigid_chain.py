@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from m113 import MASS, TRACK, P
 
-from fmus import track_steps
 from fmus.physics.chain.explicit import slopes
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import LOOP, Environment
@@ -19,6 +18,7 @@ from fmus.physics.chain.rigid.state import shapes, views, work
 from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
+from fmus.track import steps as track_steps
 
 pytestmark = pytest.mark.long  # kernels of their own
 

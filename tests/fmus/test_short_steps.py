@@ -5,7 +5,7 @@ import pytest
 from vehicle_in_process import InProcess
 
 from fmus.drives import mount
-from fmus.jit import plain
+from fmus.kernels.jit import plain
 from fmus.physics.chain.implicit import LENGTH, SINCE, is_short, set_length
 from fmus.physics.chain.on_links import GROUND
 from fmus.physics.integrate.generalized_alpha import WITHOUT_MEMORY, auxiliary, coefficients

@@ -13,7 +13,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
-import fmus.slave
+import fmus.fmi.slave
 from orchestrator.cosim.component import ARRAY, Component
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed
@@ -271,12 +271,12 @@ def test_wrong_parameter_is_refused_at_the_end_of_initialisation(toy, raw, param
 @pytest.mark.parametrize("wait", [False, True])
 def test_a_refusal_gives_its_sentence_whether_or_not_messages_wait(toy, monkeypatch, wait):
     """From Python 3.13 on, a message that is passed on while an exception is set ends that exception."""
-    monkeypatch.setattr("fmus.slave._MESSAGES_WAIT", wait or sys.version_info >= (3, 13))
+    monkeypatch.setattr("fmus.fmi.slave._MESSAGES_WAIT", wait or sys.version_info >= (3, 13))
     heard, sentence = [], "stiffness = -1.0: 100 % of springs push back"
     with Component(toy, "toy", lambda *message: heard.append(message[2])) as component:
         with pytest.raises(ComponentFailed, match=re.escape(f"toy: {sentence}")):
             component.initialise({"stiffness": -1.0})
-        assert any("Traceback" in message for message in heard) is not fmus.slave._MESSAGES_WAIT
+        assert any("Traceback" in message for message in heard) is not fmus.fmi.slave._MESSAGES_WAIT
         assert sentence in heard[0].splitlines()
         with pytest.raises(ComponentFailed, match="not allowed in the phase initialising"):
             component._call(component._library.fmi2Terminate)

@@ -7,8 +7,8 @@ import zipfile
 
 import pytest
 
-from fmus.build import build
-from fmus.vehicle import read_table, vehicle
+from fmus.fmi.build import build
+from fmus.vehicles.vehicle import read_table, vehicle
 
 TABLE = vehicle(*read_table("m113")).model_dump()
 
@@ -126,8 +126,8 @@ def test_fmu_of_another_build_is_refused_in_one_sentence(toy, tmp_path, environm
 ELSEWHERE = """
 import fmpy, sys
 result = fmpy.simulate_fmu(sys.argv[1], stop_time=0.003, step_size=1e-3, output=["x"])
-import fmus.slave, toy.kernels
-assert "resources" in fmus.slave.__file__, fmus.slave.__file__
+import fmus.fmi.slave, toy.kernels
+assert "resources" in fmus.fmi.slave.__file__, fmus.fmi.slave.__file__
 hits = toy.kernels.advance.stats.cache_hits
 assert sum(hits.values()) == 1, hits
 print(result["x"][-1])

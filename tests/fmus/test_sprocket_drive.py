@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from fmus.drives.motor import motor_torque, speed_profile, speed_profile_slope
 from fmus.drives.mount import WIDTH
 from fmus.drives.shaft import ANGLE, INTEGRATED, RATE, integrate_spin
-from fmus.model import InvalidParameter, StepFailed
+from fmus.interface.model import InvalidParameter, StepFailed
 
 
 @pytest.mark.parametrize("t", [1.0, 2.5, 4.0, 5.9, 6.5, 7.001, 7.02, 7.04, 7.1])

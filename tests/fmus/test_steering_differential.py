@@ -7,8 +7,8 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 from scipy.spatial.transform import Rotation
 
-from fmus.build import build
-from fmus.model import InvalidParameter, StepFailed
+from fmus.fmi.build import build
+from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.sprocket_drive.model import Model as Drive
 from fmus.steering_differential.model import Model
 

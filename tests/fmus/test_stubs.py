@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numba
 import pytest
 
-from fmus import jit, sources
+from fmus.cache import sources
+from fmus.kernels import jit
 
 
 class Square(NamedTuple):
@@ -118,7 +119,7 @@ def test_an_edit_behind_any_stub_is_another_kernel(tmp_path):
 
 
 STUB = """
-from fmus.jit import allocating, dispatch
+from fmus.kernels.jit import allocating, dispatch
 
 def one(kind):
     from parts import room
@@ -134,7 +135,7 @@ def doubled(x):
 """
 KIND = """
 from typing import NamedTuple
-from fmus.jit import implemented_in
+from fmus.kernels.jit import implemented_in
 
 @implemented_in(values=".room")
 class Kind(NamedTuple):
@@ -163,7 +164,7 @@ def test_an_edit_behind_a_stub_compiles_its_caller_again(environment, tmp_path, 
 
     def outcome(factor: float) -> tuple[str, bool]:
         (package / "room.py").write_text(
-            f"from fmus.jit import kernel\n\n@kernel\ndef value(x):\n    return {factor} * x.x\n"
+            f"from fmus.kernels.jit import kernel\n\n@kernel\ndef value(x):\n    return {factor} * x.x\n"
         )
         done = subprocess.run(
             [sys.executable, "-c", program],

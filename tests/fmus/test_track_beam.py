@@ -8,8 +8,8 @@ from beam_chains import coordinates, scattered
 from fmpy.validation import validate_fmu
 from test_track_flexible import LINKS, PITCH, TABLE, at_rest, carrier, hanging, make, parameters, wheels
 
-from fmus.build import build
-from fmus.model import InvalidParameter
+from fmus.fmi.build import build
+from fmus.interface.model import InvalidParameter
 from fmus.physics.ancf import beam as library
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.condensation import correct
@@ -189,7 +189,7 @@ def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
     """
 
     def momentum(model, M) -> np.ndarray:
-        if model.element == "beam":
+        if model.kind.element == "beam":
             e, v = coordinates(model), coordinates(model, model.s.v)
         else:
             e, v = np.zeros((2, LINKS, 4, 3))

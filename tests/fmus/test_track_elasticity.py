@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 from test_track_flexible import LINKS, PITCH, TABLE, at_rest, carrier, hanging
 
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
 from fmus.physics.ancf import cable, cable_engineering, cable_general, element
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import ELASTICITIES

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import fmus.track_rigid.model as track_rigid
-from fmus.model import InvalidParameter, StepFailed
+from fmus.interface.model import InvalidParameter, StepFailed
+from fmus.interface.sentences import GAPS, format_sentence
 from fmus.physics.chain.flexible.cables import LAYOUT
 from fmus.physics.chain.report import EVALUATIONS, KINETIC, REJECTED, REPORT, SPEED, STEPS, STRAIN, T_MAX, TRAVEL
 from fmus.physics.wheels import read_states
-from fmus.sentences import GAPS, format_sentence
+from fmus.track.steps import HALVED, warn_of_halvings
 from fmus.track_flexible.model import Model
-from fmus.track_steps import HALVED, warn_of_halvings
-from fmus.vehicle import read_table, vehicle
+from fmus.vehicles.vehicle import read_table, vehicle
 
 TABLE = vehicle(*read_table("m113")).model_dump()
 PITCH, LINKS = 0.1524, 64

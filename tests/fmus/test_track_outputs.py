@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import fmus
-from fmus.link_outputs import GROUPS
-from fmus.track import OUTPUTS
+from fmus.track.link_outputs import GROUPS
+from fmus.track.ports import OUTPUTS
 
 PAGE = Path(fmus.__file__).with_name("track.md").read_text(encoding="utf-8")
 WRENCH = ["S.force", "S.torque"]  # for each wheel

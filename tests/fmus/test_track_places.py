@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from fmus.model import StepFailed
+from fmus.interface.model import StepFailed
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
 from orchestrator.scene.assembly import assemble

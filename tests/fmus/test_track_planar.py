@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
 from fmus.physics.ancf import cable
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.interface import observe

@@ -7,7 +7,7 @@ import pytest
 from m113 import LINKS, MASS, TRACK, VEHICLE, P
 from vehicle_in_process import InProcess
 
-from fmus.model import InvalidParameter, StepFailed
+from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.physics.chain.rigid.faces import add_last_correction
 from fmus.physics.chain.rigid.links import pins as evaluate_pins
 from fmus.physics.chain.rigid.links import residual
@@ -15,7 +15,7 @@ from fmus.physics.chain.rigid.newton import TOLERANCE
 from fmus.physics.integrate import hht
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import body
-from fmus.track import INTEGRATORS
+from fmus.track.choices import INTEGRATORS
 from fmus.track_rigid.model import Model
 from orchestrator.scene.scene import load
 

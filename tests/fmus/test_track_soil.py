@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from m113 import MASS, VEHICLE, P
 
-from fmus.model import InvalidParameter, StepFailed
+from fmus.ground.soils import SoilTable, named
+from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.physics.chain import sums
 from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE
 from fmus.physics.contact.soil.pressure import compaction
 from fmus.physics.contact.soil.rut import CELL, FIRST, MADE, TILE, TILES
-from fmus.soils import SoilTable, named
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
 

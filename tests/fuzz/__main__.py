@@ -18,7 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a process with threads sho
 
 import typer
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli import main
 from orchestrator.results.table import Column, Table
 from tests.fuzz import caches, grounds, guests, logs, measured, oracle, sequences, settings, sweeps, tables

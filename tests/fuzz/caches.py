@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fmus.build import build_shell
+from fmus.fmi.build import build_shell
 from orchestrator.cosim.component import Component
 from tests.fuzz import oracle
 

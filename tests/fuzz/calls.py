@@ -1,7 +1,7 @@
 """Random sequences of FMI calls, judged by a state machine of their own.
 
 The rules here follow FMI 2.0.4, section 4.2.4, FMI 3.0.2, section 2.3, and `fmus/README.md`; they are written anew,
-so that a mistake in `fmus/phases.py` shows. A sequence is repeated without the calls that were refused: its outputs
+so that a mistake in `fmus/fmi/phases.py` shows. A sequence is repeated without the calls that were refused: its outputs
 must be the same bits. Refusals have the status Error. In an FMU of pythonfmu, whose wrapper makes fmi2Fatal of every
 exception, they are that, and a refused step is fmi2Discard. After each step, the last successful time must be where
 the instance stands; of a step that was refused, pythonfmu says the time that was passed, and from then on that the

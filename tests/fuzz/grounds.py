@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from fmus import soils
-from fmus.model import InvalidParameter, StepFailed
-from fmus.vehicle import BadInput
+from fmus.ground import soils
+from fmus.interface.model import InvalidParameter, StepFailed
+from fmus.vehicles.tables import BadInput
 from orchestrator.scene.scene import load
 from tests.fuzz import values
 from tests.vehicle_in_process import InProcess

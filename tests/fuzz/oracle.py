@@ -141,7 +141,7 @@ def describe_by_fork() -> None:
     """Let FMUs be described in forks of this process: a new interpreter would take two seconds for each."""
     import pythonfmu.builder  # noqa: F401
 
-    import fmus.build
+    import fmus.fmi.build
     from orchestrator.cli import inventory
 
     class Forked:
@@ -157,7 +157,7 @@ def describe_by_fork() -> None:
                 text = stream.read()
             return subprocess.CompletedProcess(arguments, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), "", text)
 
-    fmus.build.subprocess = Forked  # type: ignore[assignment]
+    fmus.fmi.build.subprocess = Forked  # type: ignore[assignment]
     inventory._evaluated = lambda scene, assembly: iter(())  # the kernels that a scene uses, from a new interpreter
 
 
@@ -171,7 +171,7 @@ def _describe(how: Mapping[str, Any]) -> None:
         for name in [name for name in sys.modules if name.split(".")[0] == "fmus"]:
             del sys.modules[name]
         sys.path.insert(0, str(how["cwd"]))
-        runpy.run_module("fmus.build", run_name="__main__")
+        runpy.run_module("fmus.fmi.build", run_name="__main__")
         code = 0
     except BaseException:
         traceback.print_exc()

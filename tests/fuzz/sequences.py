@@ -8,7 +8,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from fmus.build import build
+from fmus.fmi.build import build
 from fmus.native.pack import build_native
 from orchestrator.cosim.component import Component
 from orchestrator.scene.products import scene_products

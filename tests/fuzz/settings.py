@@ -7,7 +7,7 @@ import random
 from functools import cache
 from typing import Any
 
-from fmus.ranges import VEHICLE
+from fmus.vehicles.ranges import VEHICLE
 from orchestrator.scene.scene import KINDS, load, scene_names
 from orchestrator.scene.settings import keys
 from orchestrator.scene.values import SCENE_RANGES

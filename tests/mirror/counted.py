@@ -17,7 +17,7 @@ from fmus.physics.chain.rigid import dynamics as rigid_dynamics
 from fmus.physics.chain.rigid import newton as rigid
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
-from fmus.vehicle import read_table, vehicle
+from fmus.vehicles.vehicle import read_table, vehicle
 
 STEPS = (1e-3, 1e-3, 0.3, 1e-3)
 CALLS = {  # per kind: functions called once per evaluation, per iteration, per accepted step, per started step

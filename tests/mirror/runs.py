@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from vehicle_in_process import InProcess
 
-from fmus.link_outputs import GROUPS
+from fmus.track.link_outputs import GROUPS
 from mirror.record import Record
 from orchestrator.scene.scene import load
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
-from fmus.link_outputs import INTERVAL
+from fmus.track.link_outputs import INTERVAL
 from mirror import runs
 from mirror.kinds import chain
 from mirror.record import Floats, Part, Record

@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 
 from fmus import components
-from fmus.slave import BUILD, Slave
-from fmus.track_choices import TRACKS
-from fmus.vehicle import number_meanings
+from fmus.fmi.slave import BUILD, Slave
+from fmus.track.choices import TRACKS
+from fmus.vehicles.vehicle import number_meanings
 from mirror import chassis_checks, drive_checks, driver_checks, joined_checks, runs, track_checks
 from mirror.check import FAULTS, Check, View
 from orchestrator.scene.assembly import assemble

@@ -17,7 +17,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli import main
 from orchestrator.results.table import Column, Table
 from tests.mutation.areas import AREAS, ROOT, Area, known_faults, nearest

@@ -35,7 +35,7 @@ AREAS = (
          ("tests/physics/test_contact.py", "tests/physics/test_contact_laws.py", "tests/physics/test_contact_depth.py",
           "tests/fmus/test_contact_patch.py")),
     Area("tracks and their FMUs", 8,
-         ("fmus/track.py", "fmus/track_steps.py", "fmus/track_flexible", "fmus/track_rigid", "fmus/slave.py"),
+         ("fmus/track", "fmus/track_flexible", "fmus/track_rigid", "fmus/fmi/slave.py"),
          ("tests/fmus/test_track_flexible.py", "tests/fmus/test_track_rigid.py", "tests/fmus/test_slave.py",
           "tests/fmus/test_slave_processes.py")),
     Area("chassis, drives, driver", 14,

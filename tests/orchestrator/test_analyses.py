@@ -11,7 +11,7 @@ import pytest
 from analysis_logs import STEP, driven_log, made, spinning_log
 from matplotlib.figure import Figure
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import circuit, power, signal_curves, signal_picture
 from orchestrator.results.analyses.catalogue import analyse, module_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.results import answer_comparison

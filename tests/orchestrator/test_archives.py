@@ -7,7 +7,7 @@ import foreign_fmus
 import pytest
 from foreign_fmus import Variable
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log

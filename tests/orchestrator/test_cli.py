@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from short_run import SHORT, last
 
-from fmus import vehicle as vehicles
+from fmus.vehicles import vehicle as vehicles
 from orchestrator.cli import common
 from orchestrator.cli.common import message_and_status
 from orchestrator.execution import summary
@@ -122,7 +122,9 @@ def test_a_package_that_is_needed_later_is_named_too():
     half = ModuleNotFoundError("No module named 'scipy.linalg'", name="scipy.linalg")
     assert message_and_status(half)[0].startswith("scipy is installed but cannot be imported (No module named")
     assert message_and_status(unfit)[1] == message_and_status(missing)[1] == 2
-    assert message_and_status(ImportError("cannot import name 'x'", name="fmus.jit"))[0].startswith("internal error")
+    assert message_and_status(ImportError("cannot import name 'x'", name="fmus.kernels.jit"))[0].startswith(
+        "internal error"
+    )
 
 
 def test_every_package_of_the_core_has_a_name_to_install():

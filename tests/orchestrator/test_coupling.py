@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.iterative import Iterative, anderson

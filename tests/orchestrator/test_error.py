@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from short_run import SHORT, last
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli import common, main
 from orchestrator.execution import precision
 from orchestrator.execution.estimate import _NoEstimate, _with_differences, companions, estimate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from analysis_logs import STEP, made, spinning_log
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import fatigue
 from orchestrator.results.run_data import Missing, RunData

@@ -14,7 +14,7 @@ import foreign_fmus
 import pytest
 from foreign_fmus import Variable
 
-from fmus.build import build
+from fmus.fmi.build import build
 from fmus.native import link
 from fmus.native.pack import build_native
 from orchestrator.fmu_check import runner

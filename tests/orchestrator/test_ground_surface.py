@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fmus.contacts import ground_shape
+from fmus.ground.contact import ground_shape
 from fmus.physics.contact.ground import surface_depth
 from orchestrator.results.ground_surface import ground
 from orchestrator.results.rotation import link_axes

@@ -11,9 +11,9 @@ import pytest
 from matplotlib import image
 from PIL import Image
 
-from fmus.ground import heights, terrain
-from fmus.ground_keys import is_terrain
-from fmus.vehicle import BadInput
+from fmus.ground.keys import is_terrain
+from fmus.ground.terrain import heights, terrain
+from fmus.vehicles.tables import BadInput
 from orchestrator.scene.data_files import read_heights
 from orchestrator.scene.ground_tables import GroundTable
 from orchestrator.scene.scene import load

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from foreign_fmus import Variable
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests import room
 from orchestrator.execution.simulate import simulate

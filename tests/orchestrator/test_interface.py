@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from short_run import SHORT, last
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.interface import calls
 from orchestrator.log.reader import Log, NoSuchSignal
 

@@ -9,7 +9,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from short_run import last
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli.key_reference import key_text, measure_keys, page
 from orchestrator.execution.loading import require_signals
 from orchestrator.results import measures

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli.inventory import contact_pairs, lines
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble

@@ -11,7 +11,7 @@ from test_phases import made as made_vehicle
 from test_phases import times, trapezoid
 
 import orchestrator as package
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.files import budget
 from orchestrator.files.csv_lines import csv_lines
 from orchestrator.log.reader import NoSuchSignal

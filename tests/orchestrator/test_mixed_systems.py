@@ -11,7 +11,7 @@ from fmpy.fmi2 import FMU2Slave
 from foreign_fmus import Variable, library_of
 from numpy.testing import assert_array_equal
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.base_units import QUANTITIES, UNCHANGED, Conversion, base_unit, conversion, unit_of
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.simulate import simulate

@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from fmus.soils import law_of
-from fmus.vehicle import BadInput
+from fmus.ground.soils import law_of
+from fmus.vehicles.tables import BadInput
 from orchestrator.studies import Row, mobility
 from orchestrator.studies.mobility import limit_trials, soil_trials, theory
 from orchestrator.studies.mobility.limit_trials import STEP_AND_GAP

@@ -9,7 +9,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 import pytest
 from mutated import Content, change_bytes, change_content
 
-from fmus.build import BuildFailed
+from fmus.fmi.build import BuildFailed
 from orchestrator.cli import main
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate

@@ -8,7 +8,7 @@ import pytest
 from recorded import record_in_chunks
 
 import orchestrator as cotrack_package
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import notices
 from orchestrator.log.reader import Log

@@ -10,7 +10,7 @@ from page_logs import embedded
 from test_phases import made, phases_of, times, trapezoid
 
 import orchestrator as package
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.units import number, percent
 

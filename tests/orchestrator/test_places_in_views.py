@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from view_logs import STEP, bodies_of, decoded, driven_log, hanging_log, stretched
 
 from fmus.physics.contact.guide import HORN
-from fmus.vehicle import BadInput, read_table, vehicle
+from fmus.vehicles.tables import BadInput
+from fmus.vehicles.vehicle import read_table, vehicle
 from orchestrator.log.reader import Log
 from orchestrator.results.ground_surface import ground
 from orchestrator.results.page import player

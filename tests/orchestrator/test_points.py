@@ -5,7 +5,7 @@ from math import pi
 
 import pytest
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.scene.data_files import OF_DRIVER, UNITS, read_files
 from orchestrator.scene.drive_tables import DriverTable, HitchTable, VehicleDriveTable
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from conftest import messages
 
-from fmus.build import KINDS
-from fmus.link_outputs import INTERVAL
-from fmus.loaded import component_ports
-from fmus.sources import source_hash
-from fmus.track_choices import TRACKS
-from fmus.vehicle import number_meanings
+from fmus.ahead.contents import component_ports
+from fmus.cache.sources import source_hash
+from fmus.fmi.build import KINDS
+from fmus.track.choices import TRACKS
+from fmus.track.link_outputs import INTERVAL
+from fmus.vehicles.vehicle import number_meanings
 from orchestrator.cli import main
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire

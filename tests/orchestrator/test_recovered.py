@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from fmus.track_choices import TRACKS
+from fmus.track.choices import TRACKS
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import page, recorder

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from foreign_fmus import DRIVE, UNITS, Variable, library_of
 
-from fmus.build import build
-from fmus.vehicle import BadInput
+from fmus.fmi.build import build
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution import monolithic, truth
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.resume import resume

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from mutated import Content
 
-from fmus.build import build, identity
-from fmus.vehicle import BadInput
+from fmus.fmi.build import build, identity
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution import replay_model, replays
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import tools

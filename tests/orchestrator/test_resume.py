@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from mutated import Content
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.checkpoint import UnusableCheckpoint
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.power_residual import PowerResidual

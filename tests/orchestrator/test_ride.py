@@ -5,7 +5,7 @@ import pytest
 from analysis_logs import made
 from scipy.spatial.transform import Rotation
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import ride
 from orchestrator.results.analyses.vibration import (

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fmus import vehicle
-from fmus.start import KEYS, start_pose, vehicle_quaternion
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput
+from fmus.start.pose import KEYS, start_pose, vehicle_quaternion
+from fmus.track.choices import TRACKS
+from fmus.vehicles import tables, vehicle
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli.inventory import describe
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import Scene
@@ -205,9 +205,9 @@ def test_quantities(quantity):
 
 def test_common_units_are_those_of_pint():
     """Common units give the same bits as pint."""
-    pint, values = vehicle._registry(), np.random.default_rng(3).uniform(0.0, 300.0, 50).tolist()
-    for (given, unit), factor in vehicle.COMMON.items():
-        read = vehicle.to_si(unit)
+    pint, values = tables._registry(), np.random.default_rng(3).uniform(0.0, 300.0, 50).tolist()
+    for (given, unit), factor in tables.COMMON.items():
+        read = tables.to_si(unit)
         for value in values:
             assert read(f"{value!r} {given}") == value * factor == pint.Quantity(value, given).to(unit).magnitude
 

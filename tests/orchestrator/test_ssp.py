@@ -16,7 +16,7 @@ from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import read_ssd
 from lxml import etree
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli import main
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from foreign_fmus import Variable
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary import LARGEST_RESIDUAL, verdict
 from orchestrator.log.reader import Log

@@ -19,7 +19,7 @@ from scipy.stats import qmc
 from short_run import last
 
 import orchestrator as offered
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution import summary
 from orchestrator.log.reader import Log
 from orchestrator.results import chain_measures

@@ -4,7 +4,7 @@ import json
 import numpy as np
 import pytest
 
-from fmus.ports import STATE, WRENCH
+from fmus.interface.ports import STATE, WRENCH
 from orchestrator.cli.inventory import describe
 from orchestrator.cosim.graph import Connection, Instance, Miswired, System, wire
 from orchestrator.scene.assembly import assemble

@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 from packed import unpacked
 from view_logs import bodies_of, decoded, terrain_log
 
-from fmus.ground import heights
-from fmus.vehicle import BadInput
+from fmus.ground.terrain import heights
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.ground_mesh import MOST, PRECISION, bends, ground_mesh
 from orchestrator.results.ground_surface import ground

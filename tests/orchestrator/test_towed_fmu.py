@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from foreign_fmus import UNITS, Variable
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.energy import hitch_works, ledger

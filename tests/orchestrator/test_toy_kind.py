@@ -26,7 +26,7 @@ class Model(rigid.Model):
 ''',
     "fmus/track_toy/track_toy_fmu.py": '''"""The FMU shell of the toy track."""
 
-from fmus.slave import Slave
+from fmus.fmi.slave import Slave
 from fmus.track_toy.model import Model
 
 
@@ -44,7 +44,7 @@ import json
 from pathlib import Path
 from fmus.monolith.model import Monolith
 from fmus.native.pack import with_constants
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli.inventory import lines
 from orchestrator.execution.monolithic import parts_of
 from orchestrator.execution.replay_model import open_replay
@@ -94,7 +94,7 @@ def house(tmp_path_factory):
     for name, text in NEW.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
-    with (folder / "fmus" / "track_choices.py").open("a", encoding="utf-8") as declared:
+    with (folder / "fmus" / "track" / "choices.py").open("a", encoding="utf-8") as declared:
         declared.write(DECLARATION)
     return folder
 

@@ -5,9 +5,9 @@ from typing import Annotated, Literal, get_args, get_origin
 import pytest
 
 from fmus.components import model_of
-from fmus.track import STARTS
-from fmus.track_choices import TRACKS, models_with
-from fmus.vehicle import BadInput
+from fmus.track.choices import TRACKS, models_with
+from fmus.track.ports import STARTS
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli.inventory import describe
 from orchestrator.execution.truth import physical_scene
 from orchestrator.scene.assembly import assemble

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from fmus.model import InvalidParameter
+from fmus.interface.model import InvalidParameter
 from fmus.monolith.model import Monolith
 from fmus.physics.chain.report import KINETIC
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli import app
 from orchestrator.execution import monolithic
 from orchestrator.execution import truth as module

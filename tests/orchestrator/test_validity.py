@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from fmus.soils import named
-from fmus.standing import ground_level
-from fmus.vehicle import BadInput
+from fmus.ground.soils import named
+from fmus.start.pose import ground_level
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.container_reader import LogUnreadable

@@ -10,7 +10,7 @@ import pytest
 from vehicle_in_process import InProcess
 
 from fmus.monolith.model import Monolith
-from fmus.track_choices import TRACKS
+from fmus.track.choices import TRACKS
 from orchestrator.execution import monolithic
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log

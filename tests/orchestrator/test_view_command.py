@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from short_run import SHORT
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import flat_views

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from view_logs import bodies_of, driven_log, hanging_log, stretched
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import events, link_loads, profile, wheel_loads

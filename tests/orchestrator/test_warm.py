@@ -7,9 +7,9 @@ from contextlib import ExitStack
 
 import pytest
 
-from fmus.build import BuildFailed
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput
+from fmus.fmi.build import BuildFailed
+from fmus.track.choices import TRACKS
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution import loading
 from orchestrator.scene.scene import load
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import build_toy, messages
 
-from fmus.build import build_all
+from fmus.fmi.build import build_all
 from orchestrator.cli import main
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import scheme

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus import track_steps
 from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.explicit import slopes
@@ -26,6 +25,7 @@ from fmus.physics.chain.report import COUNTERS, GRAVITY, KINETIC, REPORT
 from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate import adams, generalized_alpha, hht, runge_kutta
 from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
+from fmus.track import steps as track_steps
 from tests.validation.rods import EXPLICIT, IMPLICIT, P, Rods, of_angles  # noqa: F401 - for tests
 
 AREA, SECOND = 0.01516, 2.03e-6  # of a link's section

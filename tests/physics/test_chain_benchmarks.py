@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from chains import AREA, INTEGRATORS, SECOND, STEEL, Flexible, P, Rigid, line, of_angles, ring
 
-from fmus import track
 from fmus.physics.ancf import cable
 from fmus.physics.chain.flexible.cables import gather
+from fmus.track import choices
 
 G, LINKS = 9.81, 64
 
@@ -270,7 +270,7 @@ def drift(chain, h, integrator, time=10.0):
 
 
 def test_every_integrator_is_here():
-    assert set(INTEGRATORS) == set(track.INTEGRATORS)
+    assert set(INTEGRATORS) == set(choices.INTEGRATORS)
 
 
 @pytest.mark.long

@@ -13,7 +13,7 @@ from pressed import PointContact, soil
 from fmus.physics.contact.ground import GroundShape
 from fmus.physics.contact.laws import LAWS, normal
 from fmus.physics.point import sharpen
-from fmus.vehicle import ContactLawTable
+from fmus.vehicles.vehicle import ContactLawTable
 
 
 def assert_no_jump_at_first_touch(law):

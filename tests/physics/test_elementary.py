@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from fmus.jit import plain
+from fmus.kernels.jit import plain
 from fmus.physics import elementary, exponential
 
 mpmath.mp.prec = 160

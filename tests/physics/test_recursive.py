@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from fmus.jit import plain
+from fmus.kernels.jit import plain
 from fmus.physics.chain.explicit import march, slopes
 from fmus.physics.chain.integration import HELD, LOOP, CommunicationStep, Environment
 from fmus.physics.chain.rigid import jointed

@@ -11,13 +11,13 @@ import pytest
 from pydantic import ValidationError
 from soil_points import AREA, LOAM, PITCH, SAND, WIDTH, SoilPoint, law
 
+from fmus.ground.soils import SoilTable, named
 from fmus.physics.chain.state import FORGOTTEN
 from fmus.physics.contact.soil import pressure
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE, SHEAR
 from fmus.physics.contact.soil.parameters import soil
 from fmus.physics.contact.soil.rut import CELL, FIRST, MADE, RUT, SIDE, TILE, TILES, deepest_at, press
 from fmus.physics.contact.soil.shear import mobilise
-from fmus.soils import SoilTable, named
 
 LOAD, K, PHI = 10e3, 0.025, radians(28.0)
 STIFFNESS = 0.99e3 / PITCH + 1528.43e3
@@ -359,7 +359,7 @@ def test_soil_that_cannot_be_is_refused(changes, words):
 
 def test_every_named_soil_is_complete():
     """Each has a title, a source for every number, and a slope of unloading; keys given with the name count."""
-    source = (resources.files("fmus") / "soils.toml").read_text(encoding="utf-8")
+    source = (resources.files("fmus.ground") / "soils.toml").read_text(encoding="utf-8")
     rows = [line for line in source.splitlines() if "=" in line and not line.startswith("#")]
     assert len(rows) > 40
     assert all(re.search(r"# \[[123]\]$", row) for row in rows)

@@ -8,9 +8,9 @@ from contact_parts import LAW
 from pressed import PointContact, soil
 from scipy.optimize import minimize
 
-from fmus.ground import heights, terrain
-from fmus.ground_keys import is_terrain
-from fmus.jit import plain
+from fmus.ground.keys import is_terrain
+from fmus.ground.terrain import heights, terrain
+from fmus.kernels.jit import plain
 from fmus.physics.contact import grounds
 from fmus.physics.contact.ground import bumpy_ground
 from fmus.physics.contact.hunt_crossley import HuntCrossley

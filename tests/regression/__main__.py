@@ -15,7 +15,7 @@ from typing import Annotated
 
 import typer
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli import main
 from orchestrator.log.reader import Log
 from orchestrator.results.divergence import divergence

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fmus.track_choices import TRACKS
+from fmus.track.choices import TRACKS
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.scene.scene import scene_names
 

@@ -1,4 +1,4 @@
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 
 
 @kernel

@@ -1,7 +1,7 @@
 import numpy as np
 
-from fmus.model import InvalidParameter, StepFailed
-from fmus.ports import Port
+from fmus.interface.model import InvalidParameter, StepFailed
+from fmus.interface.ports import Port
 from toy.kernels import advance
 
 

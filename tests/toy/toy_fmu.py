@@ -1,4 +1,4 @@
-from fmus.slave import Slave
+from fmus.fmi.slave import Slave
 from toy.model import Model
 
 

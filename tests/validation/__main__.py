@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.cli import main
 from orchestrator.cli.study_commands import Output, Quick, Scheduler, Workers, conduct, folder_of
 from orchestrator.scene.settings import hint

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from fmus import track_steps
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.explicit import slopes
 from fmus.physics.chain.implicit import ImplicitMethod
@@ -19,6 +18,7 @@ from fmus.physics.chain.rigid.state import shapes, views, work
 from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
+from fmus.track import steps as track_steps
 
 P, MASS, G = 0.1524, 18.0, 9.81  # pitch, m; mass of a link, kg; gravity, m/s2
 FACE, LATERAL = 0.029, 0.1  # of a link, m: there is no contact

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator import studies
 from orchestrator.studies import Case, Row, pool, store
 from orchestrator.studies.store import Store

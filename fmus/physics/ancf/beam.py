@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import allocating, implemented_in, kernel, namesake
+from fmus.kernels.jit import allocating, implemented_in, kernel, namesake
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.arrays import Floats, Four

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import namesake
+from fmus.kernels.jit import namesake
 from fmus.physics.ancf.cable import GeneralCable as Section
 from fmus.physics.ancf.cable_local import ROWS, damping, energy, force, mass, section_force, shape, tangent
 from fmus.physics.ancf.centreline import Density

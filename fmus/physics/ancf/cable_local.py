@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import allocating, dispatch
+from fmus.kernels.jit import allocating, dispatch
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import ROWS, Cable, mass, shape
 from fmus.physics.ancf.centreline import (

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.arrays import Floats, Four

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy  # loads its parts when they are used
 
-from fmus.jit import dispatch
+from fmus.kernels.jit import dispatch
 from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
 from fmus.physics.arrays import Floats
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import allocating, kernel
+from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.integration import DONE, PINS_OPEN, SINGULAR, STEP_TOO_SHORT, UNSTABLE, IntegrationOutcome
 from fmus.physics.chain.interface import accelerate, derivative, first_speed, observe, project, speed, stage_joints

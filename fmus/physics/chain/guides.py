@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel, namesake
+from fmus.kernels.jit import kernel, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.contact_points import ContactPoint
 from fmus.physics.chain.interface import (

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import allocating, kernel
+from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.integration import DONE, IntegrationOutcome
 from fmus.physics.chain.interface import commit_contacts, end_work, first_speed, newton, newton_joints, observe, speed

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from fmus.jit import dispatch
+from fmus.kernels.jit import dispatch
 from fmus.physics.arrays import Floats, Integers, Vector
 
 if TYPE_CHECKING:

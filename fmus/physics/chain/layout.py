@@ -14,7 +14,7 @@ import numpy as np
 import scipy  # loads its parts when they are used
 from numpy.typing import NDArray
 
-from fmus.jit import allocating
+from fmus.kernels.jit import allocating
 from fmus.physics.arrays import Floats
 from fmus.physics.elementary import atan, atan2, cos, hypot, of_each, sin
 from fmus.physics.elimination import solved

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel, noalias
+from fmus.kernels.jit import kernel, noalias
 from fmus.physics.arrays import Floats, Row, Vector
 from fmus.physics.chain.interface import count, lateral_points, length, pin_positions
 from fmus.physics.vector import dot, vector

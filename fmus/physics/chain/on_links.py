@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Vector
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def average_sliding(on_links: Floats, i: int, points: int) -> None:
 
 
 @kernel
-def begin_interval(s: ChainState, interval: int) -> None:
+def begin_interval(s: ChainState, interval: float) -> None:
     """Start an interval of ``interval`` steps before a communication step, if the last one is complete."""
     if s.span[LEFT] <= 0.0:
         clear(s.on_links_sum)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel, namesake, noalias
+from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Row
 from fmus.physics.chain import sums
 from fmus.physics.chain.contact_points import ContactPoint

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Vector
 from fmus.physics.contact.dual import tangent_slip
 from fmus.physics.contact.laws import normal

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from fmus.jit import implemented_in, kernel
+from fmus.kernels.jit import implemented_in, kernel
 from fmus.physics.arrays import Four, Vector, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.elementary import cos, hypot, sin

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from fmus.jit import dispatch
+from fmus.kernels.jit import dispatch
 from fmus.physics.arrays import Vector, VectorLike
 
 if TYPE_CHECKING:

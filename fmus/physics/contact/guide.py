@@ -6,7 +6,7 @@ along the wheel's axis, with the laws of the other contacts (friction in the pla
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Row, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.contact.wheel_kinematics import slip_velocity

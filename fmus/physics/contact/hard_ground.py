@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.contact.face import ContactForce, Face, point_contact_force
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 Every law has a linear spring k, which the spread contacts require for their stored and lost energies
 (``wheel.gauss_excess``, ``wheel.patch_defect``), the friction of ``face``, and its own damper. A new law needs a file
-with a class of these fields, ``normal`` and ``with_friction``, and its name here and in ``fmus.vehicle``.
+with a class of these fields, ``normal`` and ``with_friction``, and its name here and in ``fmus.vehicles.vehicle``.
 """
 
 # the stubs of ``dispatch`` have no bodies
@@ -13,7 +13,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from fmus.jit import dispatch
+from fmus.kernels.jit import dispatch
 from fmus.physics.arrays import Four
 from fmus.physics.contact import hunt_crossley, linear
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fmus.jit import implemented_in, kernel
+from fmus.kernels.jit import implemented_in, kernel
 from fmus.physics.arrays import Four
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Four, Row, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.contact.wheel_kinematics import slip_velocity

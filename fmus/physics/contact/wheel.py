@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Row, Vector, VectorLike
 from fmus.physics.contact.face import Face
 from fmus.physics.contact.wheel_kinematics import slip_velocity

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Row, Vector, VectorLike
 from fmus.physics.vector import add, cross, scale, vector
 

@@ -35,7 +35,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.exponential import root
 
 order = 12  # the highest order of the predictor; a start has order 1

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from fmus.jit import allocating, kernel
+from fmus.kernels.jit import allocating, kernel
 
 if TYPE_CHECKING:
     from typing import TypeVar

@@ -8,7 +8,7 @@ alpha_m = 0, and alpha_f is the authors' -alpha. At LEAST it equals the generali
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha
 
 order = 2

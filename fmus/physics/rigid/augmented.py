@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel, noalias
+from fmus.kernels.jit import kernel, noalias
 from fmus.physics import block_cyclic
 from fmus.physics.arrays import Floats, Matrix
 from fmus.physics.inverse import invert

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Matrix, VectorLike
 from fmus.physics.elementary import cos, sin
 

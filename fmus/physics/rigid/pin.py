@@ -15,7 +15,7 @@ N m. The Jacobian by the increments of the two bodies (rigid/body.py) is, row by
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Matrix, Vector, VectorLike
 
 

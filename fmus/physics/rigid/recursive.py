@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Vector, VectorLike
 from fmus.physics.inverse import invert
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import EVER, RunData, Window

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, to_si
+from fmus.track.choices import TRACKS
+from fmus.vehicles.tables import BadInput, to_si
 from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks

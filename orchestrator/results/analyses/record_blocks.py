@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.link_outputs import INTERVAL
-from fmus.vehicle import BadInput
+from fmus.track.link_outputs import INTERVAL
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import (

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import vibration
 from orchestrator.results.analyses.spectrum import FEWEST, resample_evenly

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, spectrum

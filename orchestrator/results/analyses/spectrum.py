@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fmus.sides import of_side
+from fmus.vehicles.sides import of_side
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.ground_surface import gives_way, ground, on_terrain
@@ -115,7 +115,7 @@ def lanes(piece: Piece) -> Iterator[Exceedance]:
     if rough:
         found.append(("askew", np.where(x > rough["start"], 1.0 - np.sqrt(1.0 - askew * askew), 0.0), limits.ASKEW))
     if lanes:
-        from fmus.ground import BLEND  # loads the kernels of a terrain
+        from fmus.ground.terrain import BLEND  # loads the kernels of a terrain
 
         inner = hull.vehicle_number(run, "track", "lateral") - 0.5 * hull.vehicle_number(run, "track", "width")
         found.append(("lanes", np.where(x > min(lanes), y + reach * askew + BLEND - inner, 0.0), limits.LANE))

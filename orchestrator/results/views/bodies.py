@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.ground_surface import GroundSurface, ground
 from orchestrator.results.rotation import body_axis, link_axes

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log import events_topic
 from orchestrator.log.events_topic import WARNINGS, Event
 from orchestrator.log.extra import library

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, ValidationError, create_model
 
-from fmus.vehicle import BadInput, first_error
+from fmus.vehicles.tables import BadInput, first_error
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import RunData, pitch_radius
 

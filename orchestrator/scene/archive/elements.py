@@ -15,7 +15,7 @@ from urllib.parse import unquote
 from xml.etree.ElementTree import Element as Node
 from xml.etree.ElementTree import ParseError, fromstring
 
-from fmus.vehicle import BadInput, value_text
+from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.base_units import QUANTITIES, UNCHANGED, BaseUnit, Conversion, base_unit, unit_of
 from orchestrator.cosim.component import description_of
 from orchestrator.cosim.fmu_files import unpack

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 from xml.etree.ElementTree import Element as Node
 
-from fmus.vehicle import BadInput, value_text
+from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, conversion
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.archive.elements import (

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element as Node
 
-from fmus.vehicle import BadInput, path_text
+from fmus.vehicles.tables import BadInput, path_text
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, conversion
 from orchestrator.scene.archive.elements import (
     VERSIONS,

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from fmus.soils import law_of
+from fmus.ground.soils import law_of
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
 from orchestrator.scene.kinds import Scene

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from fmus.soils import law_of, named
+from fmus.ground.soils import law_of, named
 from orchestrator.results import turning, vehicle_measures
 from orchestrator.results.analyses import circuit
 from orchestrator.results.analyses.contact import SIGNAL, pad_area, pressure

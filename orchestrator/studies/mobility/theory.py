@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.soils import work_of_pressure
-from fmus.vehicle import VehicleTable
+from fmus.ground.soils import work_of_pressure
+from fmus.vehicles.vehicle import VehicleTable
 
 if TYPE_CHECKING:
-    from fmus.soils import Soil
+    from fmus.ground.soils import Soil
 
 
 class Bracket(NamedTuple):

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-from fmus.vehicle import BadInput, VehicleTable
+from fmus.vehicles.tables import BadInput
+from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
 from orchestrator.results.table import Column

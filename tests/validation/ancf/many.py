@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.ancf.element import damping, energy, force, tangent
 
 

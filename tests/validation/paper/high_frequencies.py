@@ -19,7 +19,8 @@ import numpy as np
 from fmus.physics.ancf.element import highest_frequency
 from fmus.physics.chain import on_links
 from fmus.physics.chain.interface import observe_links
-from fmus.vehicle import BadInput, VehicleTable
+from fmus.vehicles.tables import BadInput
+from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.execution.monolithic import states_at
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats

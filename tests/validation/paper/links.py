@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.studies import Row
 from tests.validation.paper.models import CLOSED, RIGID, TRANSFORMED, named, scene
 from tests.validation.paper.states import model

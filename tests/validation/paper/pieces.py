@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution.monolithic import states_at
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.kinds import Scene

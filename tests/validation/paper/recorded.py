@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fmus.build import BuildFailed, identity
+from fmus.fmi.build import BuildFailed, identity
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, LogUnreadable

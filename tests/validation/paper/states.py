@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from fmus.fmi.saved import from_bytes
 from fmus.monolith.model import LONGEST, Monolith, initialised_model
-from fmus.saved import from_bytes
 from orchestrator.cosim import checkpoint
 from orchestrator.execution.monolithic import parts_of
 from orchestrator.log.log_metadata import CHECKPOINT, checkpoint_step

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fmus.physics.chain.report import EVALUATIONS, STEPS
-from fmus.vehicle import BadInput
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.kinds import Scene

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel, noalias
+from fmus.kernels.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count, energy, force, mass, tangent, total_mass, vector_count
 from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.chain.flexible.closing import spring_energy

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Vector, VectorLike
 from fmus.physics.elementary import cos, sin
 

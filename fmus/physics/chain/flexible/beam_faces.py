@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel, namesake
+from fmus.kernels.jit import kernel, namesake
 from fmus.physics.ancf.beam import shape
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.interface import layout

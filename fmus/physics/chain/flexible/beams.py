@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import allocating, implemented_in, namesake
+from fmus.kernels.jit import allocating, implemented_in, namesake
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, section_vectors
 from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS

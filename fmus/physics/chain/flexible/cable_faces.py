@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel, namesake
+from fmus.kernels.jit import kernel, namesake
 from fmus.physics.ancf.cable import axis_count, shape, shape_slope
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.interface import in_space, layout

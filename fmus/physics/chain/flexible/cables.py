@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from fmus.jit import implemented_in, namesake
+from fmus.kernels.jit import implemented_in, namesake
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, mean_curvature, section_force, tension
 from fmus.physics.arrays import Floats, Four, Vector

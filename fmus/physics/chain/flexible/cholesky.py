@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel, namesake
+from fmus.kernels.jit import implemented_in, kernel, namesake
 from fmus.physics import cholesky_cyclic
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible import dynamics, pins

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.ancf.element import mass, vector_count
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.sums import JOINTS

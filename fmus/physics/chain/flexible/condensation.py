@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel, noalias
+from fmus.kernels.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.closing import add_spring

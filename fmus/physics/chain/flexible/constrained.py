@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel, namesake
+from fmus.kernels.jit import implemented_in, kernel, namesake
 from fmus.physics import block_cyclic
 from fmus.physics.arrays import Floats
 from fmus.physics.block_cyclic import Factors, workspace

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import allocating, kernel, namesake, noalias
+from fmus.kernels.jit import allocating, kernel, namesake, noalias
 from fmus.physics.ancf.element import highest_frequency, vector_count
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.carrier import carrier
@@ -124,15 +124,21 @@ def newton(
                     s.a[i, k] = auxiliary(c, before.a[i, k], before.vdot[i, k], s.vdot[i, k])
             finish_axes(links, method, s, w)
             if contacts is not None:
-                points = w.points
-                for i in range(s.q.shape[0]):
-                    for k in range(s.q.shape[1]):
-                        points.step[i, k] = s.q[i, k] - points.step[i, k]
-                add_last_correction(links, Motion(points.q, points.step, w.still, s.axes), w)
+                _finish_contacts(links, s, w)
             return DONE, where, worst
         if size > SLOW * last and fresh and not sharp[0]:
             sharpen(w.contact)
     return STALLED, where, worst
+
+
+@kernel
+def _finish_contacts(links: FlexibleLinks, s: State, w: Work) -> None:
+    """Add to the contact forces what the last correction changes in them."""
+    points = w.points
+    for i in range(s.q.shape[0]):
+        for k in range(s.q.shape[1]):
+            points.step[i, k] = s.q[i, k] - points.step[i, k]
+    add_last_correction(links, Motion(points.q, points.step, w.still, s.axes), w)
 
 
 # step times highest frequency, within the stability region of the method for lightly damped modes

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel, namesake
+from fmus.kernels.jit import kernel, namesake
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.block_cyclic import solve
 from fmus.physics.chain.flexible import inertia

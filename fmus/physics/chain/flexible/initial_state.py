@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import allocating, kernel
+from fmus.kernels.jit import allocating, kernel
 from fmus.physics.ancf.element import axis_count, mass, vector_count
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.assembly import evaluate

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from fmus.jit import dispatch, kernel
+from fmus.kernels.jit import dispatch, kernel
 from fmus.physics import block_cyclic
 from fmus.physics.ancf.element import axis_count, vector_count
 from fmus.physics.arrays import Floats, Vector

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel, plain
+from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Integers
 
 if TYPE_CHECKING:

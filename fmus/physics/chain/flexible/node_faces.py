@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel, namesake, noalias
+from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain import contact_points as at

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel, namesake
+from fmus.kernels.jit import kernel, namesake
 from fmus.physics.ancf.element import axis_count, total_mass, vector_count
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.flexible import inertia

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import implemented_in, namesake
+from fmus.kernels.jit import implemented_in, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - interface
 from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, layout_of_halves

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy  # loads its parts when they are used
 
-from fmus.jit import implemented_in, namesake
+from fmus.kernels.jit import implemented_in, namesake
 from fmus.physics.ancf.cable import Cable, linear, mass
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible import cables

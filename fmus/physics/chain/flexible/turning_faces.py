@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel, namesake, noalias
+from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.flexible.axes_state import OMEGA, ORIGIN, ROLL, VELOCITY, YAW, from_axes, to_axes

@@ -6,7 +6,7 @@ as (f, N^T f) and its derivatives as (1, N)^T g (1, N).
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Matrix, Nine, Vector
 from fmus.physics.vector import add, scale, vector
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.rigid.arms import axis, rate
 from fmus.physics.chain.sums import JOINTS

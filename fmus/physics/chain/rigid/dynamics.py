@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import allocating, kernel, namesake
+from fmus.kernels.jit import allocating, kernel, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.carrier import carrier, chain_speed
 from fmus.physics.chain.on_links import JOINT

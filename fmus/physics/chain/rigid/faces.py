@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel, namesake, noalias
+from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain import contact_points as at
 from fmus.physics.chain.contact_points import record

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import allocating, kernel
+from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.integration import DONE, STALLED, IntegrationOutcome
 from fmus.physics.chain.interface import commit_contacts

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel, namesake
+from fmus.kernels.jit import implemented_in, kernel, namesake
 from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.chain.rigid import closing, dynamics
 from fmus.physics.chain.rigid.arms import axis

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.jit import implemented_in, kernel, noalias
+from fmus.kernels.jit import implemented_in, kernel, noalias
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.interface import evaluate_contacts
 from fmus.physics.chain.rigid import closing

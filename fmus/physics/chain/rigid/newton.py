@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import allocating, kernel, noalias
+from fmus.kernels.jit import allocating, kernel, noalias
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.integration import DONE, SINGULAR, STALLED
 from fmus.physics.chain.interface import add_last_correction

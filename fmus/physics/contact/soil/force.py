@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
-from fmus.physics.arrays import Floats
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats, Nine, Vector
 from fmus.physics.contact.face import NO_MATRIX, NOTHING, ContactForce, Face
 from fmus.physics.contact.soil import memory as rows
 from fmus.physics.contact.soil import shear
@@ -96,21 +96,27 @@ def soil_force(
     if not tangent:
         return ContactForce(f, NO_MATRIX, NOTHING, normal, energy, 0.0, damping)
     c, stiff = area * effect, area * (by_depth + by_rate * effect)
-    curved, u1 = normal * face.curvature, face.u
     r = add(scale(area * law.tan * slope, m), scale(-stiff, n))
     g = shear.derivative(mobilised, n) if held else NO_MATRIX
-    matrix = (
-        r[0] * n[0] + curved * u1[0] * u1[0] - limit * g[0],
-        r[0] * n[1] + curved * u1[0] * u1[1] - limit * g[1],
-        r[0] * n[2] + curved * u1[0] * u1[2] - limit * g[2],
-        r[1] * n[0] + curved * u1[1] * u1[0] - limit * g[3],
-        r[1] * n[1] + curved * u1[1] * u1[1] - limit * g[4],
-        r[1] * n[2] + curved * u1[1] * u1[2] - limit * g[5],
-        r[2] * n[0] + curved * u1[2] * u1[0] - limit * g[6],
-        r[2] * n[1] + curved * u1[2] * u1[1] - limit * g[7],
-        r[2] * n[2] + curved * u1[2] * u1[2] - limit * g[8],
-    )
+    matrix = _by_place(face, r, normal * face.curvature, limit, g)
     return ContactForce(f, matrix, scale(c, n), normal, energy, 0.0, damping)
+
+
+@kernel
+def _by_place(face: Face, r: Vector, curved: float, limit: float, g: Nine) -> Nine:
+    """Derivative r n^T + ``curved`` u u^T - ``limit`` g of a force by the place of its point, by rows."""
+    n, u = face.n, face.u
+    return (
+        r[0] * n[0] + curved * u[0] * u[0] - limit * g[0],
+        r[0] * n[1] + curved * u[0] * u[1] - limit * g[1],
+        r[0] * n[2] + curved * u[0] * u[2] - limit * g[2],
+        r[1] * n[0] + curved * u[1] * u[0] - limit * g[3],
+        r[1] * n[1] + curved * u[1] * u[1] - limit * g[4],
+        r[1] * n[2] + curved * u[1] * u[2] - limit * g[5],
+        r[2] * n[0] + curved * u[2] * u[0] - limit * g[6],
+        r[2] * n[1] + curved * u[2] * u[1] - limit * g[7],
+        r[2] * n[2] + curved * u[2] * u[2] - limit * g[8],
+    )
 
 
 @kernel

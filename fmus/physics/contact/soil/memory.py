@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.contact.soil.failure import strength
 from fmus.physics.contact.soil.pressure import compaction

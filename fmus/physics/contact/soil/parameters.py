@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from fmus.jit import implemented_in, kernel
+from fmus.kernels.jit import implemented_in, kernel
 from fmus.physics.elementary import cos, sin
 from fmus.physics.exponential import power
 

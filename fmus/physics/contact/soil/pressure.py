@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.exponential import power
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.state import FORGOTTEN
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Nine, Vector
 from fmus.physics.exponential import expm1
 from fmus.physics.vector import add, dot, scale

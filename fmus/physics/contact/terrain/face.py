@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Vector, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.contact.laws import with_friction

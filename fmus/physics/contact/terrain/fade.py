@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 
 Three = tuple[float, float, float]  # a function of one variable and its first two derivatives
 

@@ -8,7 +8,7 @@ it from the nearest points of profile and kerbs, which are exact where nothing i
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Vector, VectorLike
 from fmus.physics.contact.terrain.fade import fade
 from fmus.physics.contact.terrain.profile import curve_point, height, nearest, piece_at

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 
 X_FROM, X_TO, Y_FROM, Y_TO, FACTOR, VALUE, REGION = range(7)  # columns: bounds, m; coefficient FACTOR x mu + VALUE

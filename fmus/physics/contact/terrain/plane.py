@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.contact.terrain.fade import EVERYWHERE, fade, faded_length
 from fmus.physics.contact.terrain.sum import Six
 

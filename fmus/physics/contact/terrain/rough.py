@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.contact.terrain.fade import Three, fade
 from fmus.physics.contact.terrain.sum import Six, times

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import implemented_in
+from fmus.kernels.jit import implemented_in
 from fmus.physics.contact.terrain.fade import EVERYWHERE
 from fmus.physics.contact.terrain.heightmap import HeightMap
 from fmus.physics.contact.terrain.plane import Plane

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.contact.terrain.fade import Three
 
 Six = tuple[float, float, float, float, float, float]  # h, m, h_x, h_y, h_xx, h_xy, h_yy

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmus.jit import kernel
+from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.contact.terrain.fade import EVERYWHERE, fade
 from fmus.physics.contact.terrain.heightmap import heightmap, map_top

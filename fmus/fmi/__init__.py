@@ -1,0 +1,1 @@
+"""FMUs that run in Python: their build, modelDescription.xml, calls, phases and saved states."""

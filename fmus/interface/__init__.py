@@ -1,0 +1,1 @@
+"""Interface of a component: its model, ports, parameters, numbers and sentences."""

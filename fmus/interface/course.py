@@ -1,0 +1,103 @@
+"""Piecewise linear course of a quantity over time (or of a torque over speed), and a half-cosine ramp.
+
+Beyond its first and last point a course keeps their values.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.interface.model import InvalidParameter
+from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats, Vector
+from fmus.physics.elementary import cos, sin
+
+
+class Course(NamedTuple):
+    """Points of a course; no points stand for no course."""
+
+    time: np.ndarray  # (n) s, rising
+    value: np.ndarray  # (n)
+    integral: np.ndarray  # (n) integral from the first point to each point
+
+
+NONE = Course(np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+def parse_course(name: str, text: str, pair: str = "time value") -> Course:
+    """Course from the text of the parameter ``name``: "time value; ...", or other pairs (``pair``).
+
+    Raises InvalidParameter.
+    """
+    if not text.strip():
+        return NONE
+    try:
+        points = np.array([[float(number) for number in point.split()] for point in text.split(";") if point.strip()])
+        time, value = points.T
+    except ValueError:
+        raise InvalidParameter(f"{name} = '{text[:80]}': must be '{pair}; {pair}; ...'") from None
+    if not np.isfinite(points).all() or not (np.diff(time) > 0.0).all():
+        raise InvalidParameter(f"{name} = '{text[:80]}': must be finite numbers, its {pair.split()[0]}s must rise")
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(time))])
+    return Course(time.copy(), value.copy(), integral)
+
+
+@kernel
+def has_points(c: Course) -> bool:
+    """Whether the course has points."""
+    return c.time.size > 0
+
+
+@kernel
+def interval(grid: Floats, t: float) -> int:
+    """Index of the last of the rising numbers ``grid`` (n) that is at most ``t``; 0 where all are larger."""
+    low, high = 0, grid.size
+    while high - low > 1:
+        middle = (low + high) // 2
+        if grid[middle] <= t:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def evaluate(c: Course, t: float) -> Vector:
+    """Value at ``t``, integral since the first point, and slope (at a point: of the part that follows)."""
+    n = c.time.size
+    if t < c.time[0]:
+        return c.value[0], c.value[0] * (t - c.time[0]), 0.0
+    low = interval(c.time, t)
+    past = t - c.time[low]
+    if low == n - 1:
+        return c.value[low], c.integral[low] + c.value[low] * past, 0.0
+    slope = (c.value[low + 1] - c.value[low]) / (c.time[low + 1] - c.time[low])
+    return c.value[low] + slope * past, c.integral[low] + (c.value[low] + 0.5 * slope * past) * past, slope
+
+
+@kernel
+def set_line(c: Course, t: float, h: float, now: float, then: float) -> None:
+    """Set a course of two points to the straight line from ``now`` at ``t`` to ``then`` at t + h."""
+    c.time[0], c.time[1] = t, t + h
+    c.value[0], c.value[1] = now, then
+    c.integral[0], c.integral[1] = 0.0, 0.5 * (now + then) * h
+
+
+@kernel
+def ramp(p: Any, t: float) -> tuple[float, float]:
+    """Speed of a half-cosine ramp at t, rad/s or m/s, and its integral since the start of the ramp.
+
+    ``p`` has the fields ramp_start, ramp_end (s), start_speed and end_speed.
+    """
+    length, past = p.ramp_end - p.ramp_start, t - p.ramp_start
+    rise = p.end_speed - p.start_speed
+    angle = p.start_speed * past
+    if past <= 0.0:
+        return p.start_speed, angle
+    if past >= length:
+        return p.end_speed, angle + rise * (past - 0.5 * length)
+    s = past / length
+    shape = 0.5 * (s - sin(np.pi * s) / np.pi)
+    return p.start_speed + rise * 0.5 * (1.0 - cos(np.pi * s)), angle + rise * length * shape

@@ -1,0 +1,1 @@
+"""Kernels: their compilation and linking."""

@@ -1,0 +1,1 @@
+"""Vehicle at rest: its static equilibrium, and the place of the idler."""

@@ -1,0 +1,170 @@
+"""Position of a wheel at which a closed chain carries a wanted static tension (build side).
+
+The links are so stiff that a millimetre changes the tension by a kilonewton: the position is solved from the static
+equilibrium of the track, not taken from the drawing. At each place the chain is laid out anew, as a run's track is at
+its start, so that the run has the tension that was found here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+import scipy  # loads its parts when they are used
+
+from fmus.cache.files import cached_result
+from fmus.cache.sources import source_hash
+from fmus.components import model_of
+from fmus.interface.model import InvalidParameter, StepFailed
+from fmus.interface.numbers import packed
+from fmus.physics.chain.layout import belt_length
+from fmus.physics.chain.report import T_MEAN
+from fmus.track.drawn_wheels import drawn
+from fmus.vehicles.tables import BadInput
+
+REACH, PITCH = 0.06, 0.1524  # m: largest distance of the wheel from its drawn place, for links of this pitch
+ACCEPTED = 1e-3  # relative difference of the tension from the wanted one
+PARTS = 16  # of the largest distance, by which the range ends earlier where the chain cannot rest
+SECANTS, BEYOND = 4, 1.2  # most steps towards the wanted tension, and how far they go past what a secant gives
+Links = tuple[str, Mapping[str, Any]]  # kind of component of a track, and its parameters other than the defaults
+CABLES: Links = ("TrackFlexible", {})
+
+
+def tension_wheel(
+    config: Mapping[str, Any], name: str, tension: float, keys: str = "vehicle.track", links: Links = CABLES
+) -> tuple[float, float]:
+    """Position x of the wheel ``name``, m, for a mean static ``tension``, N, and the push on it.
+
+    The push, N, away from the sprocket at the origin, holds the wheel there against the chain. A tension of 0 is a
+    slack track: the wheel is drawn in. ``config`` is that of a track, ``keys`` the table in which the user gave links
+    and tension (for messages). The place is that of cables, unless ``links`` carry another tension there: rigid ones do
+    not stretch. The result is cached for this build. Raises BadInput when the chain cannot carry that tension, to
+    0.1 %, with the wheel within 60 mm of its drawn place (links of 152.4 mm; others in proportion).
+    """
+    read = packed(config, model_of(CABLES[0]).reads(config))
+    if links == CABLES:
+        read["vehicle"] = without_motion(read["vehicle"])
+    request = [source_hash(), read, name, tension, links]
+    x, push = cached_result("places", "place", request, lambda: _search(read, name, tension, keys, links))
+    return x, push
+
+
+def without_motion(vehicle: Mapping[str, Any]) -> dict[str, Any]:
+    """Vehicle table without friction and damping of contacts, which a chain of cables at rest has no use for.
+
+    What is found for such a chain is the same to the bit for all of them.
+    """
+    laws = {pair: {**law, "damping": 0.0, "friction": 0.0, "friction_velocity": 1.0}
+            for pair, law in vehicle["contact"].items()}  # fmt: skip
+    return {**vehicle, "contact": laws}
+
+
+class _Track:
+    """A track whose wheel ``name`` is tried at several places."""
+
+    def __init__(self, config: Mapping[str, Any], name: str, links: Links) -> None:
+        self.config, self.links = config, links
+        self.index = next(i for i, wheel in enumerate(config["track"]["wheels"]) if wheel["name"] == name)
+        self.drawn, self.height = drawn(config["vehicle"], config["track"]["wheels"])[self.index]["position"]
+        self.outwards = 1.0 if self.drawn > 0.0 else -1.0  # away from the sprocket
+        self.found: dict[float, tuple[float, float]] = {}  # by place: mean tension, push outwards, N
+
+    def tension(self, x: float) -> float:
+        """Mean tension, N, of the chain laid out with the wheel at x; raises InvalidParameter, StepFailed."""
+        if x not in self.found:
+            track = self.config["track"]
+            wheels = [dict(wheel) for wheel in track["wheels"]]
+            wheels[self.index]["position"] = [x, self.height]
+            kind, parameters = self.links
+            model = model_of(kind)({**self.config, "track": {**track, "wheels": wheels}, "link_outputs": False})
+            defaults = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+            model.initialise({**defaults, **parameters})
+            self.found[x] = float(model.report[T_MEAN]), -self.outwards * float(model.s.mean[self.index, 0])
+        return self.found[x][0]
+
+    def end(self, way: float) -> float:
+        """Place at most ``way``, m, from the drawn one, as far as the chain comes to rest on its wheels."""
+        for part in range(PARTS, 0, -1):
+            x = self.drawn + part / PARTS * way
+            with suppress(InvalidParameter, StepFailed):
+                self.tension(x)
+                return x
+        return self.drawn
+
+    def place(self, tension: float, reach: float) -> float:
+        """Place of a tension, N, at most ``reach``, m, from the drawn one, or nearest to it; raises StepFailed."""
+        if tension == 0.0:
+            return self.end(-self.outwards * reach)
+        for bracket in (self.near, self.far):
+            low, high = bracket(tension, reach)
+            if (self.tension(low) - tension) * (self.tension(high) - tension) < 0.0:
+                x = float(scipy.optimize.brentq(lambda x: self.tension(x) - tension, low, high, xtol=1e-9))
+                if self.carries(x := round(x, 8), tension):
+                    return x
+        return min(self.found, key=lambda x: abs(self.found[x][0] - tension))
+
+    def far(self, tension: float, reach: float) -> tuple[float, float]:
+        """Both ends of the range of places."""
+        return self.end(-reach), self.end(reach)
+
+    def near(self, tension: float, reach: float) -> tuple[float, float]:
+        """Places with the tension between them, by a few secants from the drawn place; equal if they find none."""
+        x, lacking = self.drawn, tension - self.tension(self.drawn)
+        end = self.end(self.outwards * (reach if lacking > 0.0 else -reach))
+        way = (end - x) / PARTS
+        with suppress(InvalidParameter, StepFailed):
+            for _ in range(SECANTS):
+                if abs(x + way - self.drawn) > abs(end - self.drawn):
+                    break
+                x, before, left = x + way, x, tension - self.tension(x + way)
+                if left * lacking < 0.0:
+                    return min(x, before), max(x, before)
+                way, lacking = way * BEYOND * left / (lacking - left or left), left
+        return self.drawn, self.drawn
+
+    def carries(self, x: float, tension: float) -> bool:
+        """Whether the chain has that tension, N, with the wheel at x; 0 is slack."""
+        return not tension or abs(self.tension(x) - tension) <= ACCEPTED * abs(tension)
+
+    def advice(self, name: str, keys: str) -> str:
+        """Place of the wheel at which the belt round the wheels is as long as the links, in words; "" for none."""
+        model = model_of(self.links[0])(self.config)
+        length, (centres, radii, _) = model.links_count * model.pitch, model.circles()
+
+        def excess(x: float) -> float:
+            centres[self.index, 0] = x
+            return belt_length(centres, radii) - length
+
+        try:
+            x = float(scipy.optimize.brentq(excess, 0.0, self.outwards * length, xtol=1e-6))
+        except ValueError:  # other wheels alone need a longer belt
+            return ""
+        key = f"rig.axle_distance = {-x:.4g}" if keys == "rig" else f"{keys.replace('track', name)}.x = {x:.4g}"
+        return f"; {key} m would fit"
+
+
+def _search(config: Mapping[str, Any], name: str, tension: float, keys: str, links: Links) -> tuple[float, float]:
+    chain, reach = _Track(config, name, CABLES), REACH * (config["vehicle"]["track"]["pitch"] / PITCH)
+    where = f"{keys}.tension = {tension:.6g} N"
+    try:
+        chain.tension(chain.drawn)
+    except InvalidParameter as error:
+        raise BadInput(f"{keys}.links = {config['track']['links']}: {error}{chain.advice(name, keys)}") from None
+    except StepFailed as error:
+        raise BadInput(f"the chain does not come to rest on its drawn wheels: {error}") from None
+    try:
+        x = chain.place(tension, reach)
+        if links != CABLES and not (own := _Track(config, name, links)).carries(x, tension):
+            chain, x = own, own.place(tension, reach)
+    except (InvalidParameter, StepFailed) as error:
+        raise BadInput(f"{where}: with the {name} near its drawn x = {chain.drawn:.4g} m {error}") from None
+    if chain.carries(x, tension):
+        return x, round(chain.found[x][1], 3)
+    tensions = [found for found, _ in chain.found.values()]
+    low, high = min(tensions), max(tensions)
+    raise BadInput(
+        f"{where}: not reached with the {name} within {reach * 1e3:.3g} mm of x = {chain.drawn:.4g} m, where the track"
+        f" carries {low:.6g} to {high:.6g} N{' and jumps as a pin changes its seat' * (low < tension < high)}; the"
+        f" nearest tension is {chain.tension(x):.6g} N"
+    )

@@ -1,0 +1,1 @@
+"""Start of a vehicle: its pose, and the stance of its parts."""

@@ -1,0 +1,1 @@
+"""Base of all tracks: ports, start, kernels of a step, failures, outputs of links, contact partners."""

@@ -1,0 +1,109 @@
+"""Contact partners of a chain: wheels, teeth and ground with their laws.
+
+Imported only where a chain has such a partner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.ground.contact import contact_law, ground_shape, is_hard, soil_law
+from fmus.interface.model import InvalidParameter
+from fmus.physics.arrays import Vector
+from fmus.physics.contact.ground import GroundShape
+from fmus.physics.contact.teeth import Teeth, teeth
+from fmus.physics.elementary import hypot
+
+STANDING = (0.0, 0.0, 0.0)
+
+
+class Contacts(NamedTuple):
+    """Contact partners of a chain with m wheels, constant through a run."""
+
+    teeth: np.ndarray  # (m) int: 1 where the wheel has teeth
+    radius: np.ndarray  # (m) radius of the rim, m (outer radius of the pins' path for teeth)
+    profile: Teeth  # outline of the teeth
+    clearance: float  # lateral play of the guides on each side, m
+    ground: int  # 1 where there is a ground
+    shape: Any  # shape of the ground (``physics.contact.grounds``) in the track's frame
+    belt: Vector  # velocity of the ground's surface in that frame, m/s
+    sprocket: Any  # contact law (``physics.contact.laws``) of pins with teeth,
+    wheel: Any  # of links with rims
+    soil: Any  # and of links with the ground (``physics.contact.ground_laws``)
+
+
+def contacts(
+    vehicle: Mapping[str, Any],
+    wheels: Sequence[Mapping[str, Any]],
+    ground: Mapping[str, Any] | None,
+    parameters: Mapping[str, Any],
+    soil: Mapping[str, Any] | None = None,
+) -> Contacts:
+    """Contact partners from the vehicle table, the wheels of a track's config and the FMI parameters.
+
+    ``ground`` as in ``ground_shape``, None without one; it is hard, or the ``soil`` of these numbers
+    (``physics.contact.soil.parameters``). Raises InvalidParameter with the key, the value and what is allowed.
+    """
+    laws = {pair: contact_law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")}
+    s, track = vehicle["sprocket"], vehicle["track"]
+    shape = (
+        s["teeth"],
+        track["pitch"],
+        s["pin_radius"],
+        s["outer_radius"],
+        s["seat_clearance"],
+        s["flank_angle"],
+    )
+    try:
+        profile = teeth(*shape, s["tip_radius"])
+    except ValueError as error:
+        raise InvalidParameter(f"sprocket: {error}") from None
+    toothed = np.array([w["kind"] == "teeth" for w in wheels], dtype=np.int64)
+    radius = np.array([profile.top if w["kind"] == "teeth" else w["radius"] for w in wheels], dtype=float)
+    return Contacts(
+        toothed,
+        radius,
+        profile,
+        vehicle["guide"]["clearance"],
+        int(ground is not None),
+        GroundShape(0.0) if ground is None else ground_shape(vehicle, ground, parameters),
+        STANDING,
+        laws["sprocket"],
+        laws["wheel"],
+        laws["ground"] if soil is None else soil_law(soil, track),
+    )
+
+
+def without_friction(partners: Contacts) -> Contacts:
+    """Copy of the partners without friction; soil has none before it was touched."""
+    return partners._replace(
+        sprocket=partners.sprocket._replace(mu=0.0),
+        wheel=partners.wheel._replace(mu=0.0),
+        soil=partners.soil._replace(mu=0.0) if is_hard(partners.soil) else partners.soil,
+        shape=partners.shape.without_friction(),
+    )
+
+
+def at_rest(partners: Contacts, gravity: Vector) -> Contacts:
+    """Copy of the partners for the static equilibrium of a chain under ``gravity``, m/s2 in the track's frame.
+
+    The ground is that in the plane of the chain, and its friction balances gravity along the slope. Regularised
+    friction holds a vehicle only while it creeps, all its points at one velocity. Here the ground moves instead and
+    friction is sharp: each point at rest carries its share, the slope times its normal force. Soil has no friction
+    before it is touched; raises InvalidParameter for soil on a slope ahead.
+    """
+    partners = partners._replace(shape=partners.shape.section())
+    ahead, across = (-g / gravity[2] if gravity[2] else 0.0 for g in gravity[:2])
+    slope = hypot(ahead, across)
+    if slope == 0.0:
+        return partners
+    if not is_hard(partners.soil):
+        if ahead:
+            raise InvalidParameter("ground.soil needs level ground under the tracks at the start")
+        return partners
+    belt = (0.0 - ahead / slope, 0.0 - across / slope, 0.0)
+    soil, shape = partners.soil._replace(mu=slope, v_reg=0.0), partners.shape.without_friction()
+    return partners._replace(belt=belt, soil=soil, shape=shape)

@@ -1,0 +1,386 @@
+"""Kernels of a track component for all kinds of links: start, communication step, outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.interface.model import no_rotation, not_given, too_many_steps
+from fmus.interface.ports import STATE
+from fmus.interface.sentences import GAPS
+from fmus.kernels.jit import allocating, kernel
+from fmus.physics.arrays import Floats, Integers
+from fmus.physics.chain import on_links
+from fmus.physics.chain.explicit import march, march_adaptively
+from fmus.physics.chain.implicit import advance
+from fmus.physics.chain.integration import CommunicationStep, Environment, IntegrationOutcome
+from fmus.physics.chain.interface import fibres, observe_links, pin_axes, slopes
+from fmus.physics.chain.report import GROUND as ON_GROUND
+from fmus.physics.chain.report import REJECTED, REPORT, STEPS
+from fmus.physics.chain.state import FORGOTTEN
+from fmus.physics.elementary import acos
+from fmus.physics.vector import add, dot, scale, vector
+from fmus.physics.wheels import WIDTH, read_state, to_world
+from fmus.start.pose import AFTER_POSE, FRAME, lay_frame
+from fmus.track.failures import APART, ASKEW, ELSEWHERE, NO_WHEEL, OF_EXPLICIT, OF_IMPLICIT, TOO_LONG, TURNED
+from fmus.track.link_outputs import (
+    AXIS,
+    DEPTH,
+    FIBRES,
+    FORCE,
+    GROUND,
+    POSITION,
+    SLIDING,
+    SLOPES,
+    STRESS,
+    TENSION,
+    WHEELS,
+)
+
+# Cosine of the angle between a wheel's axis and the pins of links that stay in their plane:
+ALIGNED = 0.9999939076577904  # cos 0.2 deg: a larger angle is a warning, because the plane of the links holds back
+OUT_OF_PLANE = 0.9961946980917455  # cos 5 deg: a larger angle is a failure, because the results are wrong
+MOST_HALVINGS = 5  # halvings in one communication step, more of which are a warning
+MOST_TURNED = 0.9999143275740072  # cosine of the angle (0.75 deg) by which wheels may be turned at the start
+# Pitches by which a wheel is off its place at the start, beside the play of the guides: more than the first are a
+# warning, more than the second, which change the mean tension by 1.5 %, a failure.
+NOTICED, MISPLACED = 1e-3, 0.02
+MOST_APART = 5.0  # pitches by which the distance of a wheel from the first one may differ from that at the start
+HALVED, TILTED = WARNINGS = range(2)  # warnings, each given once: flags at the end of the state
+# Warnings without such a flag: of the first step alone; of a track on soil alone, whose flag is in the rut
+OFF_ITS_PLACE, FORGOTTEN_RUT = 2, 3
+
+
+class CommonData(NamedTuple):
+    """Pose of a track, its wheels and counters, for all kinds of links."""
+
+    longest: float  # longest internal step, s
+    plane: int  # 1: these links stay in their plane
+    pitch: float  # m
+    play: float  # of the guides on each side, m
+    frame: np.ndarray  # (12) of the track in the world: origin, rotation matrix
+    start_rows: np.ndarray  # (wheels, 15) states of the wheels round which the chain was laid out
+    rows: np.ndarray  # (wheels, 15) states of the wheels now
+    given_warnings: np.ndarray  # (WARNINGS) 1 for warnings that were given
+    counters: np.ndarray  # int
+    interval: float  # communication steps over which link outputs are averaged
+
+
+class Parts(NamedTuple):
+    """Data of a running track: parameters, state and scratch arrays of its kernels."""
+
+    link: Any  # parameters of the links; their class selects the kernels
+    contacts: Any  # ``fmus.track.contacts.Contacts``, or None
+    environment: Environment  # gravity, ends, carrier
+    scheme: Any  # an ``ImplicitMethod``, the stages of the explicit integrator, or an ``Adams``
+    common: CommonData
+    s: Any  # views of the state
+    work: Any  # scratch
+    report: np.ndarray
+
+
+def parts_without_contacts(
+    link: Any,
+    environment: Environment,
+    scheme: Any,
+    longest: float,
+    s: Any,
+    work: Any,
+    report: Floats,
+    counters: Integers,
+) -> tuple[Parts, Floats]:
+    """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
+    none = np.zeros((0, WIDTH))
+    common = CommonData(longest, 0, 0.0, 0.0, np.zeros(FRAME), none, none, np.zeros(len(WARNINGS)), counters, 1.0)
+    return Parts(link, None, environment, scheme, common, s, work, report), np.zeros((1 + len(WARNINGS), GAPS + 1))
+
+
+class OutputData(NamedTuple):
+    """Data behind the outputs of a track without its link outputs."""
+
+    frame: np.ndarray  # (12)
+    mean: np.ndarray  # (wheels, 6) mean wrenches
+    report: np.ndarray
+
+
+class LinkOutputData(NamedTuple):
+    """Data behind the link outputs of a track."""
+
+    frame: np.ndarray  # (12)
+    link: Any
+    environment: Environment
+    s: Any
+    work: Any
+    links: int
+    nodes: int
+    group_flags: np.ndarray  # for each group of ``link_outputs``, 1: it is shown
+    extra: int | None  # None: no group with kernels of its own is shown
+
+
+@allocating
+def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
+    """See ``interface.model.ComponentModel``; p: the start pose, then the track's lateral place, m.
+
+    Sets the frame only: the state is already that of the laid-out chain.
+    """
+    lay_frame(p, 0.0, p[AFTER_POSE], 0.0, c.common.frame)
+    return 0
+
+
+@allocating
+def implicit(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
+    """Implicit step, see ``interface.model.ComponentModel``; u: motions of the wheels (13 each); empty: unchanged."""
+    common = c.common
+    refusal = _read_wheels(common, messages, t, h, u)
+    if refusal:
+        return refusal
+    counters = common.counters
+    before = counters[REJECTED]
+    on_links.begin_interval(c.s, common.interval)
+    failure, elapsed, link, residual = advance(
+        c.link, c.contacts, c.environment, c.scheme, CommunicationStep(common.rows, h, common.longest),
+        c.s, c.work, c.report, counters,
+    )  # fmt: skip
+    if failure:
+        messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, residual
+        return OF_IMPLICIT[failure]
+    on_links.count_step(c.s, h)
+    warn_of_halvings(common.given_warnings, messages, t, counters[REJECTED] - before)
+    warn_of_rut(c.s.rut, messages, t)
+    return 0
+
+
+@kernel
+def warn_of_halvings(given_warnings: Floats, messages: Floats, t: float, halvings: int) -> None:
+    """Warn once of a communication step at ``t`` in which the internal step was halved too often."""
+    if halvings > MOST_HALVINGS and given_warnings[HALVED] == 0.0:
+        given_warnings[HALVED] = messages[1 + HALVED, 0] = 1.0
+        messages[1 + HALVED, 1], messages[1 + HALVED, 2] = halvings, t
+
+
+@kernel
+def warn_of_rut(rut: Floats, messages: Floats, t: float) -> None:
+    """Warn once that a part of the ``rut`` was forgotten, in the communication step at ``t``."""
+    if rut.size > 0 and rut[FORGOTTEN] == 1.0:
+        rut[FORGOTTEN] = 2.0
+        messages[1 + FORGOTTEN_RUT, 0], messages[1 + FORGOTTEN_RUT, 1] = 1.0, t
+
+
+@allocating
+def explicit(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
+    """Explicit Runge-Kutta step; arguments and result as of ``implicit``."""
+    common = c.common
+    refusal = _read_wheels(common, messages, t, h, u)
+    if refusal:
+        return refusal
+    on_links.begin_interval(c.s, common.interval)
+    return _failure(c, messages, t, h, march(
+        c.link, c.contacts, c.environment, c.scheme, CommunicationStep(common.rows, h, common.longest),
+        c.s, c.work, c.report, common.counters,
+    ))  # fmt: skip
+
+
+@allocating
+def adams(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
+    """Step by Adams' methods; arguments and result as of ``implicit``."""
+    common = c.common
+    refusal = _read_wheels(common, messages, t, h, u)
+    if refusal:
+        return refusal
+    on_links.begin_interval(c.s, common.interval)
+    return _failure(c, messages, t, h, march_adaptively(
+        c.link, c.contacts, c.environment, c.scheme, CommunicationStep(common.rows, h, common.longest),
+        c.s, c.work, c.report, common.counters,
+    ))  # fmt: skip
+
+
+@kernel
+def _failure(c: Parts, messages: Floats, t: float, h: float, outcome: IntegrationOutcome) -> int:
+    """Failure of an explicit integration from its outcome; 0 for none."""
+    on_links.count_step(c.s, h)
+    failure, elapsed, link, _ = outcome
+    if failure:
+        messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, c.common.longest
+        return OF_EXPLICIT[failure]
+    return 0
+
+
+@kernel
+def _read_wheels(c: CommonData, messages: Floats, t: float, h: float, u: Floats) -> int:
+    """Read the wheels from the inputs and check them; 0, or the failure."""
+    if too_many_steps(messages[0], t, h, c.longest):
+        return TOO_LONG
+    cosine = 1.0
+    for k in range(u.size // STATE):
+        if not_given(c.counters[STEPS], u, STATE * k + 3):
+            for i in range(WIDTH):
+                c.rows[k, i] = c.start_rows[k, i]
+        elif not read_state(u[STATE * k : STATE * k + STATE], c.frame, c.rows[k]):
+            no_rotation(messages[0], t, k, u, STATE * k + 3)
+            return NO_WHEEL
+        else:
+            cosine = min(cosine, dot(vector(c.rows[k], 9), vector(c.start_rows[k], 9)))
+    failure = 0
+    if c.counters[STEPS] == 0 and u.size > 0:
+        failure = _check_places(c, messages, t, min(cosine, _turned(c.rows, c.start_rows)))
+    if failure == 0:
+        failure = _check_distances(c, messages, t, u.size // STATE)
+    if failure == 0 and c.plane == 1 and u.size > 0:
+        failure = _check_axes(c, messages, t)
+    return failure
+
+
+@kernel
+def _check_places(c: CommonData, messages: Floats, t: float, cosine: float) -> int:
+    """Compare the wheels of the first step with those of the start; 0, or the failure.
+
+    ``cosine``: of the largest angle by which they are turned.
+    """
+    farthest, wheel = 0.0, 0
+    for k in range(c.rows.shape[0]):
+        distance_squared = 0.0
+        for i in range(3):
+            off = abs(c.rows[k, i] - c.start_rows[k, i])
+            distance_squared += max(off - (c.play if i == 1 else 0.0), 0.0) ** 2
+        deviation = np.sqrt(distance_squared)
+        if deviation > farthest:
+            farthest, wheel = deviation, k
+    if farthest <= c.pitch and not cosine > MOST_TURNED:
+        messages[0, 0], messages[0, 1] = t, acos(max(cosine, -1.0)) * 180.0 / np.pi
+        return TURNED
+    if farthest > NOTICED * c.pitch:
+        refused = farthest > MISPLACED * c.pitch
+        row, at = (0, 0) if refused else (1 + OFF_ITS_PLACE, 1)
+        messages[row, at], messages[row, at + 1], messages[row, at + 2] = t, wheel, farthest
+        for i in range(3):
+            messages[row, at + 3 + i] = c.rows[wheel, i] - c.start_rows[wheel, i]
+        if refused:
+            return ELSEWHERE
+        messages[row, 0] = 1.0
+    return 0
+
+
+@kernel
+def _check_distances(c: CommonData, messages: Floats, t: float, wheels: int) -> int:
+    """Compare the distances of the ``wheels`` from the first one with those at the start; 0, or the failure."""
+    for k in range(1, wheels):
+        distance, start_distance = _distance(c.rows, k), _distance(c.start_rows, k)
+        if not abs(distance - start_distance) < MOST_APART * c.pitch:
+            messages[0, 0], messages[0, 1], messages[0, 2] = t, k, distance
+            messages[0, 3], messages[0, 4] = start_distance, 0
+            return APART
+    return 0
+
+
+@kernel
+def _check_axes(c: CommonData, messages: Floats, t: float) -> int:
+    """Compare the axes of the wheels with the pins of links that stay in their plane; 0, or the failure."""
+    cosine = 1.0
+    for k in range(c.rows.shape[0]):
+        cosine = min(cosine, abs(c.rows[k, 10]))
+    deviation = acos(cosine) * 180.0 / np.pi
+    if cosine < OUT_OF_PLANE:
+        messages[0, 0], messages[0, 1] = t, deviation
+        return ASKEW
+    if cosine < ALIGNED and c.given_warnings[TILTED] == 0.0:
+        c.given_warnings[TILTED] = messages[1 + TILTED, 0] = 1.0
+        messages[1 + TILTED, 1], messages[1 + TILTED, 2] = deviation, t
+    return 0
+
+
+@kernel
+def _turned(rows: Floats, start_rows: Floats) -> float:
+    """Cosine of the angle between the longest line from the first wheel to another one and that at the start."""
+    last = 0
+    for k in range(1, rows.shape[0]):
+        if _distance(start_rows, k) > _distance(start_rows, last):
+            last = k
+    if _distance(start_rows, last) == 0.0:
+        return 1.0
+    line = add(vector(rows[last], 0), scale(-1.0, vector(rows[0], 0)))
+    start_line = add(vector(start_rows[last], 0), scale(-1.0, vector(start_rows[0], 0)))
+    return dot(line, start_line) / np.sqrt(dot(line, line) * dot(start_line, start_line))
+
+
+@kernel
+def _distance(rows: Floats, k: int) -> float:
+    """Distance of wheel k from the first one, m."""
+    return np.sqrt((rows[k, 0] - rows[0, 0]) ** 2 + (rows[k, 1] - rows[0, 1]) ** 2 + (rows[k, 2] - rows[0, 2]) ** 2)
+
+
+@allocating
+def write_outputs(c: OutputData, y: Floats) -> None:
+    """Mean wrenches on the wheels and the report, world axes, see ``interface.model.ComponentModel``.
+
+    c: ``OutputData``.
+    """
+    n = c.mean.shape[0]
+    for k in range(n):
+        to_world(c.mean[k].reshape(2, 3), c.frame, y[6 * k : 6 * k + 6])
+    for i in range(REPORT):
+        y[6 * n + i] = c.report[i]
+    first = 6 * n + ON_GROUND
+    to_world(c.report[ON_GROUND : ON_GROUND + 3].reshape(1, 3), c.frame, y[first : first + 3])
+
+
+@allocating
+def write_link_outputs(c: LinkOutputData, y: Floats) -> None:
+    """Write the chosen groups of ``link_outputs`` in order, see ``interface.model.ComponentModel``.
+
+    c: ``LinkOutputData``.
+    """
+    n, m, group_flags, means = c.links, c.nodes, c.group_flags, np.empty(c.s.on_links_sum.shape)
+    tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
+    observe_links(c.link, c.environment, c.s, c.work, tension, stress, place)
+    on_links.interval_means(c.s, means)
+    index = _copy_numbers(group_flags[TENSION], tension, y, 0)
+    index = _copy_numbers(group_flags[STRESS], stress, y, index)
+    if group_flags[POSITION]:
+        to_world(place, c.frame, y[index : index + 3 * m])
+        for k in range(m):
+            for i in range(3):
+                y[index + 3 * k + i] += c.frame[i]
+        index += 3 * m
+    index = _copy_vectors(group_flags[FORCE], means[:, on_links.JOINT : on_links.JOINT + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[GROUND], means[:n, on_links.GROUND : on_links.GROUND + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[WHEELS], means[:n, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[SLIDING], means[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, index)
+    if group_flags[DEPTH]:
+        index = _copy_numbers(1, means[:n, on_links.DEPTH], y, index)
+    _write_extra_groups(c.extra, c, y, index)
+
+
+@allocating
+def _write_extra_groups(extra: int | None, c: LinkOutputData, y: Floats, index: int) -> None:
+    """Write the groups with kernels of their own, which are not compiled where no such group is shown."""
+    if extra is not None:
+        axis, fibre_stress, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
+        pin_axes(c.link, c.s, c.work, axis)
+        index = _copy_vectors(c.group_flags[AXIS], axis, c.frame, y, index)
+        if c.group_flags[FIBRES]:
+            fibres(c.link, c.s, c.work, fibre_stress)
+            index = _copy_numbers(1, fibre_stress.ravel(), y, index)
+        if c.group_flags[SLOPES]:
+            slopes(c.link, c.s, c.work, ends)
+            _copy_vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, index)
+
+
+@kernel
+def _copy_numbers(flag: int, a: Floats, y: Floats, index: int) -> int:
+    """Copy the array ``a``, if ``flag``, to ``y[index:]``; return the index after it."""
+    if flag:
+        for i in range(a.shape[0]):
+            y[index + i] = a[i]
+        index += a.shape[0]
+    return index
+
+
+@kernel
+def _copy_vectors(flag: int, a: Floats, frame: Floats, y: Floats, index: int) -> int:
+    """Copy vectors (k, 3) in the track's frame to ``y[index:]`` in world axes, as ``_copy_numbers`` does."""
+    if flag:
+        to_world(a, frame, y[index : index + 3 * a.shape[0]])
+        index += 3 * a.shape[0]
+    return index

@@ -1,0 +1,173 @@
+"""Chains of cables or beams: their kinds, and parameters of their links from the vehicle's tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.interface.model import InvalidParameter
+from fmus.kernels.jit import implementation
+from fmus.physics.ancf import rotary
+from fmus.physics.ancf.element import ELASTICITIES
+from fmus.physics.chain.flexible.closing import ClosingSpring
+from fmus.track.choices import CHOLESKY, CONSTRAINED, ELIMINATED, NODAL
+from fmus.track.parameters import PIN, SPRING
+
+SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
+
+
+class ChainKind(NamedTuple):
+    """Kind of a chain, which decides its kernels and the sizes of its arrays: the parameters of these names."""
+
+    element: str = "cable"
+    elasticity: str = "small_deformation"
+    axes: str = "fixed"
+    closure: str = PIN
+    joints: str = ELIMINATED
+    coordinates: str = NODAL
+
+    def at_start(self) -> ChainKind:
+        """Kind in which the chain starts: equilibrium is compiled for no other joints and coordinates."""
+        return self._replace(joints=ELIMINATED, coordinates=NODAL)
+
+
+class Material(NamedTuple):
+    """Material of flexible links."""
+
+    young: float  # Young's modulus, Pa
+    tau: float  # damping constants over Young's modulus, s
+
+
+def chain_kind(p: Mapping[str, Any]) -> ChainKind:
+    """Kind of the chain with the FMI parameters ``p``; an open one has no closure."""
+    return ChainKind(**{name: p[name] for name in ChainKind._fields if name in p})
+
+
+def mesh_size(kind: ChainKind, links: int, closed: bool) -> int:
+    """Number of pins of the mesh: one more with a closing spring, 2 a link with constrained joints."""
+    return 2 * links if kind.joints == CONSTRAINED else links + (not closed or kind.closure == SPRING)
+
+
+def chain_links(
+    kind: ChainKind,
+    vehicle: Mapping[str, Any],
+    links: int,
+    closed: bool,
+    material: Material,
+    closing: ClosingSpring | None,
+) -> Any:
+    """Parameters of the links of a chain, of the class of its kind; raises InvalidParameter."""
+    make = _beams if kind.element == "beam" else _cables
+    made = make(kind, vehicle, (links, int(closed)), material, closing)
+    if kind.coordinates != CHOLESKY:
+        return made
+    from fmus.physics.chain.flexible.cholesky import cholesky_links
+
+    layout = implementation("elements")(type(made)).LAYOUT
+    return cholesky_links(made, len(layout.own), (mesh_size(kind, links, closed), len(layout.shared)))
+
+
+def _cables(
+    kind: ChainKind,
+    vehicle: Mapping[str, Any],
+    size: tuple[int, int],
+    material: Material,
+    closing: ClosingSpring | None,
+) -> Any:
+    section, track, (young, tau) = vehicle["section"], vehicle["track"], material
+    pitch, area, second = float(track["pitch"]), section["area"], section["bending"]
+    cable = ELASTICITIES[kind.elasticity](
+        pitch,
+        track["mass"] / pitch,
+        young * area,
+        young * second,
+        tau * (young * area),
+        tau * (young * second),
+        (0, 2) if kind.element == "planar" else (0, 1, 2),
+        _rotary_of_cables(track, pitch),
+    )
+    common = *size, cable, track["face"], section["outer_fibre"], area, second
+    if kind.axes != "free":
+        return _class_of_cables(kind)(*common, closing)
+    from fmus.physics.chain.flexible.turning import TurningCables
+
+    across = rotary.second_moments(track["inertia"])[1]
+    if across <= 0.0:
+        raise _inertia_error(track["inertia"], 1)
+    lateral_bending, twist = young * (section["lateral_bending"] - second), size[0] * across
+    return TurningCables(*common, 0.25 * track["width"], lateral_bending, twist, closing)
+
+
+def _class_of_cables(kind: ChainKind) -> type:
+    """Class of cables whose axes are fixed; its module alone is imported."""
+    if kind.element == "planar":
+        from fmus.physics.chain.flexible.planar import PlanarCables
+
+        return PlanarCables
+    if kind.joints == CONSTRAINED:
+        from fmus.physics.chain.flexible.constrained import ConstrainedCables
+
+        return ConstrainedCables
+    from fmus.physics.chain.flexible.cables import Cables
+
+    return Cables
+
+
+def _beams(
+    kind: ChainKind,
+    vehicle: Mapping[str, Any],
+    size: tuple[int, int],
+    material: Material,
+    closing: ClosingSpring | None,
+) -> Any:
+    """Beams with a rectangle of the section's radii of gyration, moduli scaled to its area, a link's mass."""
+    from fmus.physics.chain.flexible.beams import Beam, Beams
+
+    s, m, track, (young, tau) = vehicle["section"], vehicle["material"], vehicle["track"], material
+    poisson = 0.5 * m["youngs_modulus"] / m["shear_modulus"] - 1.0
+    if not 0.0 <= poisson < 0.5:
+        raise InvalidParameter(
+            f"material.shear_modulus = {m['shear_modulus']}: with the vehicle's Young's modulus it makes"
+            f" Poisson's ratio {poisson:.3g}, of a beam 0 or more and below 0.5"
+        )
+    pitch = float(track["pitch"])
+    width, height = (np.sqrt(12.0 * s[key] / s["area"]) for key in ("lateral_bending", "bending"))
+    scale = s["area"] / (width * height)
+    rho, twist = track["mass"] / (pitch * width * height), s["torsion"] / (s["bending"] + s["lateral_bending"])
+    more = _rotary_of_beams(track, (pitch, width, height))
+    beam = Beam(pitch, width, height, rho, scale * young, poisson, SHEAR, twist, True, tau, more)
+    return Beams(*size, beam, track["face"], 0.25 * track["width"], s["outer_fibre"], s["area"], young, closing)
+
+
+def _rotary_of_cables(track: Mapping[str, Any], pitch: float) -> float:
+    """Inertia of a link about its pin less that of a rod, kg m2; raises InvalidParameter."""
+    mass, pin = track["mass"], track["inertia"][1]
+    rod, least = mass * pitch**2 / 12.0, rotary.NONE
+    if pin < least * rod:
+        raise InvalidParameter(
+            f"vehicle.track.inertia[1] = {pin:g} kg m2, about the pin: must be at least {least:g} of a rod's of"
+            f" {mass:g} kg and {pitch:g} m, {least * rod:.6g} kg m2, or a cable's mass matrix is singular"
+        )
+    return float(pin - rod)
+
+
+def _rotary_of_beams(track: Mapping[str, Any], sizes: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Second moments of a link's mass less those of a beam of ``sizes``, m, kg m2; raises InvalidParameter."""
+    mass, moments = track["mass"], rotary.second_moments(track["inertia"])
+    section_moments = tuple(float(mass * size * size / 12.0) for size in sizes)
+    for axis, (moment, section) in enumerate(zip(moments, section_moments, strict=True)):
+        if moment < rotary.NONE * section:
+            raise _inertia_error(track["inertia"], axis)
+    x, y, z = (moment - section for moment, section in zip(moments, section_moments, strict=True))
+    return x, y, z
+
+
+def _inertia_error(inertia: Sequence[float], axis: int) -> InvalidParameter:
+    """Error for an ``inertia`` that no body has about the ``axis`` (0 to 2) of a link."""
+    return InvalidParameter(
+        f"vehicle.track.inertia[{axis}] = {inertia[axis]:g} kg m2: must be less than the sum of the other two,"
+        f" {sum(inertia) - inertia[axis]:g} kg m2 (no body has more), or the chain's mass matrix is not positive"
+        " definite"
+    )

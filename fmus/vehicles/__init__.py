@@ -1,0 +1,1 @@
+"""Vehicle tables: files of vehicles, and how they are read and checked."""

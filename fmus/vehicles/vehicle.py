@@ -1,0 +1,408 @@
+"""Vehicle file (TOML) -> validated frozen table in SI units; errors name file, key and value."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from importlib import resources
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, ValidationError
+
+from fmus.vehicles.ranges import contradictions
+from fmus.vehicles.sides import SIDES, of_side
+from fmus.vehicles.tables import (
+    BadInput,
+    Damping,
+    Distance,
+    Force,
+    FrozenTable,
+    In,
+    Inertia,
+    Length,
+    Mass,
+    Stiffness,
+    first_error,
+    ratio,
+    value_text,
+)
+
+
+class ChassisTable(FrozenTable):  # noqa: D101
+    mass: Mass
+    """mass of the hull"""
+    inertia: tuple[Inertia, Inertia, Inertia]
+    """moments of inertia of the hull about its centre of mass: roll, pitch, yaw"""
+    centre: tuple[Length, Length, Length]
+    """centre of mass of the hull, from the middle of the sprocket axle line: x forward, y left, z up"""
+    hull: tuple[tuple[Length, Length, Length], ...] = ()
+    """points of the hull that can touch the ground if ground.hull is true"""
+
+
+class HitchTable(FrozenTable):  # noqa: D101
+    x: Length
+    """position forward of the sprocket axle, in the plane of symmetry"""
+    z: Length
+    """position above the sprocket axle"""
+
+
+class SeatTable(FrozenTable):  # noqa: D101
+    position: tuple[Length, Length, Length]
+    """point of the hull whose motion is that of the seat, from the middle of the sprocket axle line, as drawn"""
+
+
+class SprocketTable(FrozenTable):  # noqa: D101
+    mass: Mass
+    """mass of a sprocket"""
+    spin_inertia: Inertia
+    """moment of inertia about the axle"""
+    transverse_inertia: Inertia
+    """moment of inertia across the axle"""
+    teeth: Annotated[int, Field(ge=6, le=40)]
+    """number of teeth"""
+    outer_radius: Distance
+    """radius of the tips of the teeth; must exceed the pitch radius"""
+    pin_radius: Distance
+    """radius of the cylinders on the links that the teeth seat"""
+    seat_clearance: Distance
+    """radius of a seat between two teeth less the pin radius"""
+    flank_angle: Annotated[float, In("rad", gt=0.0, lt=1.2)]
+    """angle of a flank against the radius through the seat, leaning outward"""
+    tip_radius: Distance
+    """rounding of the tip of a tooth"""
+
+
+class IdlerTable(FrozenTable):  # noqa: D101
+    mass: Mass
+    """mass of an idler"""
+    spin_inertia: Inertia
+    """moment of inertia about the axle"""
+    transverse_inertia: Inertia
+    """moment of inertia across the axle"""
+    radius: Distance
+    """radius of the rim"""
+    width: Distance
+    """width of the rim"""
+    x: Length
+    """position forward of the sprocket axle, as drawn; the idler is moved until the track has its tension. Positive:
+    the sprocket is at the rear"""
+    z: Length
+    """position above the sprocket axle"""
+
+
+class RoadWheelTable(FrozenTable):  # noqa: D101
+    mass: Mass
+    """mass of a road wheel"""
+    spin_inertia: Inertia
+    """moment of inertia about the axle"""
+    transverse_inertia: Inertia
+    """moment of inertia across the axle"""
+    radius: Distance
+    """radius of the rim"""
+    width: Distance
+    """width of the rim"""
+    x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
+    """positions forward of the sprocket axle, front to rear; their number is that of the wheels of a side"""
+    z: Length
+    """position above the sprocket axle"""
+
+
+class ReturnRollerTable(FrozenTable):  # noqa: D101
+    mass: Mass
+    """mass of a return roller"""
+    spin_inertia: Inertia
+    """moment of inertia about the axle"""
+    transverse_inertia: Inertia
+    """moment of inertia across the axle"""
+    radius: Distance
+    """radius of the rim"""
+    width: Distance
+    """width of the rim"""
+    x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
+    """positions forward of the sprocket axle, front to rear; their number is that of the rollers of a side"""
+    z: Length
+    """position above the sprocket axle"""
+
+
+class RoadArmTable(FrozenTable):  # noqa: D101
+    mass: Mass
+    """mass of a road arm, whose centre of mass is in its middle"""
+    pin_inertia: Inertia
+    """moment of inertia about the pivot's axis, through the centre of mass"""
+    long_inertia: Inertia
+    """moment of inertia about the long axis of the arm"""
+    pivot: tuple[Length, Length]
+    """(x, z) of the pivot from the wheel centre"""
+
+
+class SuspensionTable(FrozenTable):  # noqa: D101
+    stiffness: Stiffness
+    """stiffness of the spring along the spring-damper"""
+    damping: Damping
+    """damping along the spring-damper"""
+    on_arm: tuple[Length, Length]
+    """(x, z) of the end on the road arm, from the wheel centre"""
+    on_chassis: tuple[Length, Length]
+    """(x, z) of the end on the hull, from the wheel centre as drawn"""
+    preload: Force
+    """push of the spring in the drawn position"""
+
+
+class TensionerTable(FrozenTable):  # noqa: D101
+    stiffness: Stiffness
+    """stiffness of the idler's spring, along x"""
+    damping: Damping
+    """damping of the idler, along x"""
+    preload: Force
+    """push on the idler, away from the sprocket, besides the one that balances the track at the start"""
+    travel: Distance = 0.1
+    """displacement of the idler, either way from its place at the start, beyond which a run warns"""
+
+
+class TrackTable(FrozenTable):  # noqa: D101
+    links: Annotated[int, Field(ge=4, le=4096)]
+    """number of links of a track"""
+    lateral: Length
+    """distance of the track's plane from the plane of symmetry"""
+    pitch: Distance
+    """distance between the pins of a link"""
+    mass: Mass
+    """mass of a link"""
+    inertia: tuple[Inertia, Inertia, Inertia]
+    """moments of inertia of a link about its own x (along), y (pin), z (normal)"""
+    face: Annotated[float, In("m", ge=0)]
+    """distance of the contact faces, pad and wheel side, from the line of the pins"""
+    width: Distance
+    """width of a link"""
+    tension: Force
+    """mean static tension on the wheels as drawn, on level ground, to 0.1 %: the idler's place is solved for it; in
+    equilibrium less (m113: 12 % less). 0: a slack track, its idler drawn in by 60 mm (links of 152.4 mm; others in
+    proportion), the farthest that the search goes"""
+
+
+class RightTrackTable(FrozenTable):  # noqa: D101
+    links: Annotated[int, Field(ge=4, le=4096)]
+    """number of links of the right track"""
+
+
+class RightWheelTable(FrozenTable):  # noqa: D101
+    x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
+    """positions forward of the sprocket axle, front to rear, as many as on the left side"""
+
+
+class RightIdlerTable(FrozenTable):  # noqa: D101
+    x: Length
+    """position forward of the sprocket axle, as drawn; moved like that of the left idler"""
+
+
+class RightTensionerTable(FrozenTable):  # noqa: D101
+    preload: Force
+    """push on the right idler, away from the sprocket, besides the one that balances the track at the start"""
+
+
+class RightTable(FrozenTable):  # noqa: D101
+    track: RightTrackTable | None = None
+    """track of the right side"""
+    road_wheel: RightWheelTable | None = None
+    """road wheels of the right side"""
+    return_roller: RightWheelTable | None = None
+    """return rollers of the right side"""
+    idler: RightIdlerTable | None = None
+    """idler of the right side"""
+    tensioner: RightTensionerTable | None = None
+    """spring-damper of the right idler"""
+
+
+class SectionTable(FrozenTable):  # noqa: D101
+    area: Annotated[float, In("m^2", gt=0)]
+    """area of the section"""
+    bending: Annotated[float, In("m^4", gt=0)]
+    """second moment of area for bending in the plane of the track"""
+    lateral_bending: Annotated[float, In("m^4", gt=0)]
+    """second moment of area for bending to the side, of beams"""
+    torsion: Annotated[float, In("m^4", gt=0)]
+    """torsion constant of Saint-Venant, of beams; at most bending + lateral_bending"""
+    outer_fibre: Distance
+    """distance of the outer fibre from the neutral axis, for the stress of bending"""
+
+
+class MaterialTable(FrozenTable):  # noqa: D101
+    youngs_modulus: Annotated[float, In("Pa", gt=0)]
+    """Young's modulus"""
+    shear_modulus: Annotated[float, In("Pa", gt=0)]
+    """shear modulus, of beams"""
+    relaxation_time: Annotated[float, In("s", ge=0)]
+    """damping constants of the material over its Young's modulus"""
+
+
+class ContactLawTable(FrozenTable):
+    """Contact law: normal force with spring and damper, regularised Coulomb friction."""
+
+    law: Literal["linear", "hunt_crossley"] = "linear"
+    """law of the normal force"""
+    stiffness: Stiffness
+    """normal stiffness"""
+    damping: Damping
+    """normal damping"""
+    friction: Annotated[float, ratio(ge=0)]
+    """coefficient of friction"""
+    friction_velocity: Annotated[float, In("m/s", gt=0)]
+    """regularisation velocity of friction: below it a contact creeps instead of sticking"""
+
+
+class ContactTable(FrozenTable):  # noqa: D101
+    sprocket: ContactLawTable
+    """contact of a pin with a tooth"""
+    wheel: ContactLawTable
+    """contact of a link with a road wheel or an idler"""
+    ground: ContactLawTable
+    """contact of a link with the ground"""
+
+
+class GuideTable(FrozenTable):  # noqa: D101
+    clearance: Annotated[float, In("m", ge=0)]
+    """lateral play of a guide horn, on each side, between the discs of a wheel; of rigid links and beams"""
+
+
+def _check_consistency(vehicle: Vehicle) -> Vehicle:
+    table = vehicle.model_dump()
+    for complaint in contradictions(table):
+        raise ValueError(complaint)
+    for name in vehicle.seat:
+        if not re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name):
+            raise ValueError(f"seat.{name}: a name has small letters, digits and _ alone, a letter first")
+    left, right = (of_side(table, side) for side in SIDES)
+    for name in ("road_wheel", "return_roller"):
+        here, there = (len((table[name] or {}).get("x", ())) for table in (left, right))
+        if here != there:
+            raise ValueError(f"right.{name}.x: has {there} positions, must have {here}, as many as {name}.x")
+    return vehicle
+
+
+class VehicleTable(FrozenTable):
+    """All data of a vehicle, SI, in its drawn (start) position."""
+
+    name: str
+    """name of the vehicle"""
+    title: str = ""
+    """one line about the vehicle"""
+    longest_step: Annotated[float, In("s", gt=0)] | None = None
+    """longest communication step that suits the vehicle: scenes with a longer one take a part of theirs"""
+    gravity: Annotated[float, In("m/s^2", ge=0)]
+    """acceleration of gravity, downwards"""
+    chassis: ChassisTable
+    """hull with all that is fixed to it"""
+    hitch: HitchTable | None = None
+    """point of the hull at which the vehicle tows; a scene that tows needs it"""
+    seat: dict[str, SeatTable] = {}  # noqa: RUF012 - pydantic copies it
+    """points of the hull by names of small letters, digits and _; a scene chooses those whose motion is computed"""
+    sprocket: SprocketTable
+    """driving wheel of each side; the middle of the axle line is the origin of all positions"""
+    idler: IdlerTable
+    """wheel of each side at the other end, which tensions the track"""
+    road_wheel: RoadWheelTable
+    """wheels of each side that run on the track; all are alike"""
+    return_roller: ReturnRollerTable | None = None
+    """rollers of each side, on fixed axles, that carry the upper run of the track; all are alike"""
+    road_arm: RoadArmTable
+    """arms between hull and road wheels; all are alike"""
+    suspension: SuspensionTable
+    """spring-dampers between hull and road arms; all are alike"""
+    tensioner: TensionerTable
+    """spring-damper between hull and idler"""
+    track: TrackTable
+    """chain of links of each side"""
+    right: RightTable | None = None
+    """differences of the right side from the left one, which all other tables describe; without it both are alike"""
+    section: SectionTable
+    """cross-section of flexible links"""
+    material: MaterialTable
+    """material of flexible links"""
+    contact: ContactTable
+    """laws of contact"""
+    guide: GuideTable
+    """guide horns, which keep the track under the wheels"""
+
+    def of_side(self, side: str) -> VehicleTable:
+        """The table that describes a side."""
+        return VehicleTable.model_validate(of_side(self.model_dump(), side)) if self.right else self
+
+    def total_mass(self, tracks: Sequence[str] = SIDES) -> float:
+        """Mass of all bodies with tracks on these sides, kg."""
+        wheels = len(self.road_wheel.x) * (self.road_wheel.mass + self.road_arm.mass)
+        rollers = len(self.return_roller.x) * self.return_roller.mass if self.return_roller else 0.0
+        wheels_of_side = self.sprocket.mass + self.idler.mass + wheels + rollers
+        links = sum(self.of_side(side).track.links for side in tracks)
+        return self.chassis.mass + 2.0 * wheels_of_side + links * self.track.mass
+
+
+Vehicle = Annotated[VehicleTable, AfterValidator(_check_consistency)]
+
+
+@cache
+def number_meanings() -> dict[str, tuple[str, float | str, float | str, str, str]]:
+    """Meanings of the numbers of a vehicle file, by their keys without indices, see ``interface.numbers``.
+
+    A key of a seat has no name of the seat: ``seat.position``.
+    """
+    schema = VehicleTable.model_json_schema()
+    return dict(_meanings(schema, schema["$defs"], ""))
+
+
+def _meanings(table: Mapping[str, Any], definitions: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
+    for key, entry in table["properties"].items():
+        node = entry
+        while "unit" not in node:
+            inner = node.get("items") or node.get("additionalProperties") or (node.get("prefixItems") or [None])[0]
+            inner = inner or next((each for each in node.get("anyOf", ()) if each.get("type") != "null"), None)
+            inner = definitions[node["$ref"].rpartition("/")[2]] if "$ref" in node else inner
+            if inner is None or "properties" in node:
+                break
+            node = inner
+        if "properties" in node:
+            yield from _meanings(node, definitions, f"{above}{key}.")
+        elif "unit" in node:
+            unit = node["unit"].replace("^", "").replace(" ", ".")
+            yield f"{above}{key}", (unit, *_bounds(next(iter(node.get("anyOf", ())), node)), entry["description"])
+
+
+def _bounds(number: Mapping[str, Any]) -> tuple[float | str, float | str, str]:
+    """Least and largest value of a number of a schema, and what is allowed in words."""
+    above, least, most = (number.get(bound) for bound in ("exclusiveMinimum", "minimum", "maximum"))
+    below = number.get("exclusiveMaximum")
+    words = [
+        text.format(bound)
+        for text, bound in (("greater than {:g}", above), ("{:g} or more", least), ("{:g} at most", most),
+                            ("less than {:g}", below))
+        if bound is not None
+    ]  # fmt: skip
+    low = least if above is None else math.nextafter(above, math.inf)
+    high = most if below is None else math.nextafter(below, -math.inf)
+    return "-inf" if low is None else low, "inf" if high is None else high, " and ".join(words) or "a finite number"
+
+
+def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:
+    """Validate a vehicle table; raises BadInput with one sentence that begins with ``where``."""
+    try:
+        return _check_consistency(VehicleTable.model_validate(dict(data)))
+    except ValidationError as error:
+        raise BadInput(first_error(error, where)) from None
+    except ValueError as error:
+        raise BadInput(f"{where}: {error}") from None
+
+
+def names() -> list[str]:
+    """Names of the packaged vehicles."""
+    files = (file.name for file in resources.files("fmus.vehicles").iterdir())
+    return sorted(name.removesuffix(".toml") for name in files if name.endswith(".toml"))
+
+
+def read_table(name: str) -> tuple[dict[str, Any], str]:
+    """Raw table of a packaged vehicle, and its file name for messages; raises BadInput."""
+    if name not in names():
+        raise BadInput(f"no vehicle {value_text(name)}: give a .toml file or one of {', '.join(names())}")
+    file = resources.files("fmus.vehicles") / f"{name}.toml"
+    return tomllib.loads(file.read_text(encoding="utf-8")), file.name
