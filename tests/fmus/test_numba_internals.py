@@ -1,4 +1,4 @@
-"""Names inside numba that the project uses and numba does not promise: each once, with a test that says what has changed.
+"""Names inside numba that the project uses and numba does not promise, each once; a test says what has changed.
 
 A new version of numba is tried like this: allow it in ``pyproject.toml``, set ``linking.TESTED``, run this module. A
 name that has changed fails with the place that relies on it; all other names need no look.
@@ -68,7 +68,10 @@ OF_OBJECTS = {
     "_name", "_object_caching_enabled",
 }  # fmt: skip
 KNOWN = {name for internal in INTERNALS for name in internal.path.split(".")} | OF_OBJECTS | {"_messages"}  # of a model
-USERS = {"fmus": "kernels/jit kernels/linking native/entries native/emit", "orchestrator": "kernels/compiled kernels/intrinsics"}
+USERS = {
+    "fmus": "kernels/jit kernels/linking native/entries native/emit",
+    "orchestrator": "kernels/compiled kernels/intrinsics",
+}
 FILES = [ROOT / folder / f"{name}.py" for folder, names in USERS.items() for name in names.split()]
 
 
