@@ -165,7 +165,8 @@ def test_a_run_without_recorded_inputs_records_little_and_says_what_it_cannot_do
         assert (result["status"], result["energy"]) == ("ok", None)
         assert [entry["text"] for entry in result["warnings"]] == [NO_INPUTS]
         sizes[stop] = path.stat().st_size
-    assert sizes["1.3"] - sizes["0.3"] < 50_000
+    # ten rows take 49 kB; the clock closes chunks, and each has its index; with inputs it would be ten times as much
+    assert sizes["1.3"] - sizes["0.3"] < 55_000
     assert verify(path).code == WHOLE
     with Log(path) as log:
         assert not [topic for topic in log.topics if topic.endswith("/in")]
