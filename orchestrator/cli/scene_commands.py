@@ -127,8 +127,8 @@ def warm(
     scenes: Annotated[list[str] | None, typer.Argument(help="scenes; default the whole gallery")] = None,
 ) -> None:
     """Compile the kernels of scenes before their first run, in one process per core."""
-    from orchestrator.execution.loading import variants
-    from orchestrator.execution.loading import warm as begun
+    from orchestrator.execution.warm import variants
+    from orchestrator.execution.warm import warm as begun
 
     pairs, failed = variants(scenes or ()), 0
     for done, (name, message, seconds) in enumerate(begun(pairs), 1):

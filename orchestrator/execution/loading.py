@@ -10,16 +10,11 @@ its inputs ends this in two rounds, so the dependencies that it declares need no
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import subprocess
-import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from graphlib import TopologicalSorter
-from pathlib import Path
 
 import numpy as np
 import scipy  # loads its parts when they are used
@@ -42,7 +37,6 @@ from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import load, scene_names
 from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import SystemScene
 
@@ -297,32 +291,4 @@ def _settle(names: Sequence[str], loop: Mapping[str, Component], receive: Callab
             return
     raise ComponentFailed(
         f"the start values of {', '.join(names)}, which feed each other, do not settle: in round {ROUNDS} {moved}"
-    )
-
-
-SHORT_RUN = "run.stop=10 ms"
-
-
-def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str]]:
-    """Return pairs of scene and track model, by default of the whole gallery; raises BadInput."""
-    return [(name, track) for name in scenes or scene_names() for track in TRACKS if load(name, track)]
-
-
-def warm(pairs: Sequence[tuple[str, str]]) -> Iterator[tuple[str, str, float]]:
-    """Run the start of each scene; yields name, error message (empty if it started) and start-up time, s."""
-    workers = min(os.cpu_count() or 1, len(pairs))
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(_run_start, *pair) for pair in pairs]):
-            yield future.result()
-
-
-def _run_start(name: str, track: str) -> tuple[str, str, float]:
-    from orchestrator.execution.simulate import simulate
-
-    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        summary = simulate(load(name, track, [SHORT_RUN, "expect={}"]), Path(folder) / "run.mcap", estimated=False)
-    return (
-        f"{name}, {track}",
-        "" if summary["status"] == "ok" else str(summary["message"]),
-        float(summary["startup_time"]),
     )

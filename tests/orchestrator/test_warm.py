@@ -10,18 +10,18 @@ import pytest
 from fmus.fmi.build import BuildFailed
 from fmus.track.choices import TRACKS
 from fmus.vehicles.tables import BadInput
-from orchestrator.execution import loading
+from orchestrator.execution import loading, warm
 from orchestrator.scene.scene import load
 
 
 def test_the_gallery_s_vehicles_and_chains_with_both_tracks():
-    variants = loading.variants()
+    variants = warm.variants()
     assert {("straight", "flexible"), ("straight", "rigid"), ("hanging_chain", "rigid")} <= set(variants)
 
 
 def test_an_unknown_scene_is_refused():
     with pytest.raises(BadInput, match="no scene 'strait'"):
-        loading.variants(["strait"])
+        warm.variants(["strait"])
 
 
 @pytest.mark.parametrize(
