@@ -30,6 +30,12 @@ STOREYS = (
     ("interface",),
     ("cli",),
 )
+# Rooms of fmus from the lowest: each imports only from those before its own, anywhere in its modules.
+ROOMS = (
+    "cache", "kernels", "physics", "interface", "start", "vehicles", "ground", "track", "components", "fmi", "drives",
+    *("track_rigid", "track_flexible", "chassis", "sprocket_drive", "steering_differential", "driver"),
+    *("ahead", "native", "monolith", "rest"),
+)  # fmt: skip
 # Modules that run any co-simulation FMU and depend on no FMU of the project.
 GENERIC = [
     *(
@@ -127,6 +133,21 @@ def reachable(module: str, seen: set[str] | None = None) -> set[str]:
 def test_fmus_never_look_back():
     for file in sources(FMUS):
         assert not any(name.split(".")[0] == "orchestrator" for name in imports(file.read_text())), file
+
+
+def later_rooms(room: str, source: str) -> set[str]:
+    """Rooms behind its own in ``ROOMS`` that a source of a room of fmus imports."""
+    named = {name.split(".")[1] for name in ours(imports(source), "fmus") if "." in name}
+    return {name for name in named if ROOMS.index(name) > ROOMS.index(room)}
+
+
+def test_rooms_of_fmus_import_one_way():
+    assert {file.relative_to(FMUS).parts[0].removesuffix(".py") for file in sources(FMUS)} == {*ROOMS, "__init__"}
+    for file in sources(FMUS):
+        room = file.relative_to(FMUS).parts[0].removesuffix(".py")
+        if room != "__init__":
+            assert later_rooms(room, file.read_text(encoding="utf-8")) == set(), file
+    assert later_rooms("start", "from fmus.track import steps") == {"track"}
 
 
 def others(component: str, source: str) -> set[str]:
