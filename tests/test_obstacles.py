@@ -97,6 +97,7 @@ def test_the_centre_of_a_bare_wheel_follows_an_arc_over_a_half_round():
     assert (gap < -3e3 / stiffness).all()
 
 
+@pytest.mark.long
 def test_a_seed_is_one_ground():
     rough = "ground.rough={iso_class='F', correlated=true, start=-8, seed=%d}"
     first, again, other = (moved(rough % seed, duration=0.1) for seed in (1, 1, 2))

@@ -130,6 +130,7 @@ def test_a_plane_needs_one_quadrangle_and_a_long_way_no_more_than_allowed():
     assert len(bends(lambda x: np.sin(3.0 * x)[:, None], 0.0, 50.0, 30)) == 30
 
 
+@pytest.mark.long
 def test_links_touch_the_drawn_ground(shown):
     """Links lie as deep in the drawn ground as recorded, on the slope and on the half round; means over a step."""
     log, bodies, poses = shown
@@ -169,6 +170,7 @@ def depths_apart(log, bodies, poses, surface):
     return apart[even], apart[~even]
 
 
+@pytest.mark.long
 def test_the_deepest_place_is_the_ground_where_it_is(shown):
     log, _, _ = shown
     depth = chain_checks.depths(RunData(log), "left_track", 0.02)["ground"]
@@ -177,6 +179,7 @@ def test_the_deepest_place_is_the_ground_where_it_is(shown):
     assert depth == pytest.approx(recorded, abs=3e-3)
 
 
+@pytest.mark.long
 def test_renderers_draw_that_ground(shown, tmp_path, monkeypatch):
     pytest.importorskip("foxglove")
     log, bodies, poses = shown
