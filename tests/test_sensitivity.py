@@ -193,17 +193,16 @@ def test_a_mass_that_does_nothing_is_found(monkeypatch):
     from fmus.interface import numbers
     from fmus.track_flexible import model as flexible
 
-    values, cables = numbers.values, flexible.Model._cables
+    values, links = numbers.values, flexible.chain_links
 
     def kept(config):
         return {**values(config), "chassis.mass": 5489.24}
 
-    def light(self, *rest):
-        self.vehicle = {**self.vehicle, "track": {**self.vehicle["track"], "mass": 18.02}}
-        return cables(self, *rest)
+    def light(kind, vehicle, *rest):
+        return links(kind, {**vehicle, "track": {**vehicle["track"], "mass": 18.02}}, *rest)
 
     for key, plant in (("vehicle.chassis.mass", (numbers, "values", kept)),
-                       ("vehicle.track.mass", (flexible.Model, "_cables", light))):  # fmt: skip
+                       ("vehicle.track.mass", (flexible, "chain_links", light))):  # fmt: skip
         assert effect(key, "cable") > ROUNDING
         with monkeypatch.context() as planted:
             planted.setattr(*plant)
