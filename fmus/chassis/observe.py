@@ -1,7 +1,7 @@
 """Outputs from the tree's state: wheel motions, chassis pose, springs, energies.
 
 Each kernel writes its part of the output vector from index ``i`` on and returns the index after it; the order is
-that of the ports in ``model.py``. There is no physics here.
+that of the ports in ``model.py``.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def put_springs(tree: VehicleTree, x: Floats, sides: int, y: Floats, i: int) -> 
 
 @allocating
 def write_outputs(c: Parts, y: Floats) -> None:
-    """See ``interface.model.ComponentModel``."""
+    """See ``output_kernel`` of ``interface.model.ComponentModel``."""
     tree, x = unpacked(c.packed), c.state
     i = put_sides(tree, x, c.sides, y, 0)
     i = put_chassis(tree, x, c.start, y, i)

@@ -1,4 +1,4 @@
-"""FMI 2.0 co-simulation slave around a model: the only module that uses pythonfmu.
+"""FMI 2.0 co-simulation slave around a model, made of pythonfmu's.
 
 A shell derives from `Slave` and names its model. Variables are ordered as Real inputs, Real outputs, Real link outputs,
 Real parameters, Integers, Strings, and last the address of the link outputs in memory: a master copies them from there

@@ -41,7 +41,8 @@ class OpenChain:
     def __init__(self, kit: ModuleType, q: Floats, mass: Floats, pitch: float, pinned: bool) -> None:
         self.q, self.flat, self.mass, self.pitch, self.pinned = q, q.reshape(-1), mass, pitch, pinned
         n, axes, m = len(q) - 1, len(kit.AXES), len(kit.LAYOUT.shared)
-        at = coordinate_indices(kit, q, len(mass), n)
+        at = coordinate_indices(kit, q, len(mass), n)  # in the flat q, of each link (rows, axes)
+        # a link's coordinates: its own; those shared at its first and at its second pin, without the pins' positions
         parts = kit.LAYOUT.inner, kit.LAYOUT.outer[axes:m], kit.LAYOUT.outer[m + axes :]
         self.order = np.concatenate(parts)
         self.own, *self.shared = (at.reshape(n, -1)[:, part] for part in parts)  # shared coordinates at each pin
@@ -100,9 +101,10 @@ class OpenChain:
         return np.cumsum(whole[::-1], axis=0)[::-1] - whole - last
 
     def balance(self, R: Floats, beyond: Floats) -> Floats:
-        """Imbalance of each link (links, size): own coordinates, those shared at both pins, along its chord.
+        """Imbalance of each link, N or N m: own coordinates, those shared at both pins, and one along its chord.
 
-        R (links, rows, axes): residuals; ``beyond`` (links, 2) as above.
+        Returns (links, size), size being the number of these. R (links, rows, axes): residuals; ``beyond`` (links, 2)
+        as above.
         """
         pull = np.sum((in_plane(R)[:, self.second] + beyond) * self.along(), axis=1)
         return np.hstack([R.reshape(len(R), -1)[:, self.order], pull[:, None]])
