@@ -203,6 +203,7 @@ def test_the_estimate_on_soil_is_within_a_factor_of_3(compared):
 # --- soil on a terrain ---
 
 
+@pytest.mark.study
 def test_soil_under_a_terrain_that_is_level_is_soil():
     """An obstacle out of reach changes nothing."""
     level, far = (
