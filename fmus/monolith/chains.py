@@ -60,9 +60,9 @@ class ChainSystem(NamedTuple):
 
 def size(model: TrackModel) -> int:
     """Number of integrated variables; raises InvalidParameter for elements other than cables."""
-    element = getattr(model, "element", "cable")
-    if element != "cable":
-        raise InvalidParameter(f"element = '{element}': the monolith knows chains of cables only")
+    kind = getattr(model, "kind", None)  # of flexible links
+    if kind is not None and kind.element != "cable":
+        raise InvalidParameter(f"element = '{kind.element}': the monolith knows chains of cables only")
     if model.s.soil.size > 0:
         raise InvalidParameter(
             "ground.soil: the monolith knows hard ground only; its steps are not accepted one by one"

@@ -82,7 +82,7 @@ def lying(kind="rigid", soil=SAND, **parameters):
 def push(model, along, up):
     """Add a velocity, m/s, to all of the chain."""
     model.s.v[:, 0] += along
-    model.s.v[:, 1 if getattr(model, "element", "") == "planar" else 2] += up
+    model.s.v[:, 1 if isinstance(model, Flexible) and model.kind.element == "planar" else 2] += up
 
 
 def energy(model):
