@@ -42,7 +42,7 @@ def compiled_by_a_step(part, cache, environment):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("part", [DRIVE, CABLES], ids=lambda part: part[0])
+@pytest.mark.parametrize("part", [DRIVE, pytest.param(CABLES, marks=pytest.mark.study)], ids=["drive", "cables"])
 def test_what_was_compiled_beside_is_not_compiled_again(environment, monkeypatch, tmp_path, part):
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
     process = ahead.start_compilation([part])
