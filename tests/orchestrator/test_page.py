@@ -27,6 +27,8 @@ from orchestrator.execution.log_report import command
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
+from orchestrator.results import measures
+from orchestrator.results.page import trust
 from orchestrator.results.page.embedded import floats, quantity, script, text
 from orchestrator.results.page.player import UNIT
 from orchestrator.results.run_data import EVER, RunData
@@ -274,3 +276,9 @@ def test_numbers_are_told_in_handy_units():
     assert number(123456.0) == "123456"
     assert number(0.00037) == "0.00037"
     assert number(float("nan")) == "not a number"
+
+
+def test_meanings_of_checks_have_no_marks_of_their_source():
+    meanings = [line for measure in measures.NAMES.values() for line in trust._paragraphs(measure)]
+    assert len(meanings) > len(measures.NAMES)
+    assert not [line for line in meanings if "`" in line or "\n" in line]

@@ -69,7 +69,7 @@ def _measure(check: Any) -> Callable[..., Any] | None:
 
 def _paragraphs(measure: Callable[..., Any]) -> list[str]:
     """Paragraphs of a measure's docstring: its meaning and, after that, the reason of its bounds."""
-    return [" ".join(part.split()) for part in (measure.__doc__ or "").split("\n\n")]
+    return [" ".join(part.replace("``", "").split()) for part in (measure.__doc__ or "").split("\n\n")]
 
 
 def _reason(check: Any) -> str:
