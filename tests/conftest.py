@@ -40,13 +40,13 @@ def pytest_collection_modifyitems(items):
 
     One worker compiles the kernels of cables for `test_analyses.py` while the other runs the tests of physics; then one
     compiles those of rigid chains, the other those of rigid links on wheels. Among the long tests one worker compiles
-    those of all kinds of links on vehicles for `test_sensitivity.py` while the other runs the tests of physics. Of the
-    later modules, the large ones come first, so that both workers end at about the same time.
+    those of all kinds of links on vehicles for `test_sensitivity.py` while the other runs the tests of physics; few but
+    slow ones follow. Of the later modules, the large ones come first, so that both workers end at about the same time.
     """
     sizes = Counter(item.path for item in items)
     first = ["test_analyses", "physics", "test_notices", "test_validity"]
     if not any(path.stem == "test_house" for path in sizes):  # long tests alone
-        first.insert(0, "test_sensitivity")
+        first = ["test_sensitivity", *first, "test_pages", "fuzz"]
 
     def place(item):
         name = item.path.parent.name if item.path.parent.name in first else item.path.stem
