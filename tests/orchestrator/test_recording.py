@@ -151,22 +151,26 @@ def test_they_go_on_and_are_replayed_as_others(runs, tmp_path):
 
 def test_a_run_without_recorded_inputs_records_little_and_says_what_it_cannot_do(tmp_path):
     sizes = {}
-    for stop in ("0.3", "1.3"):
-        changes = (
-            f"run.stop={stop}",
-            "run.step=1 ms",
-            "run.outputs=100",
-            "run.links=100",
-            "run.inputs=false",
-            "expect={}",
-        )
-        path = tmp_path / f"{stop}.mcap"
-        result = simulate(load("rig", "rigid", changes), path)
-        assert (result["status"], result["energy"]) == ("ok", None)
-        assert [entry["text"] for entry in result["warnings"]] == [NO_INPUTS]
-        sizes[stop] = path.stat().st_size
-    # ten rows take 49 kB; the clock closes chunks, and each has its index; with inputs it would be ten times as much
-    assert sizes["1.3"] - sizes["0.3"] < 55_000
+    for inputs in ("true", "false"):
+        for stop in ("0.3", "1.3"):
+            changes = (
+                f"run.stop={stop}",
+                "run.step=1 ms",
+                "run.outputs=100",
+                "run.links=100",
+                f"run.inputs={inputs}",
+                "expect={}",
+            )
+            path = tmp_path / f"{stop}.mcap"
+            result = simulate(load("rig", "rigid", changes), path)
+            assert result["status"] == "ok"
+            sizes[inputs, stop] = path.stat().st_size
+        warned = [entry["text"] for entry in result["warnings"]]
+        assert (result["energy"] is None, warned == [NO_INPUTS]) == (inputs == "false", inputs == "false")
+    with_inputs, without = (sizes[inputs, "1.3"] - sizes[inputs, "0.3"] for inputs in ("true", "false"))
+    # ten rows take some 48 kB, a little more or less as the clock closes chunks, each with its index
+    assert without < 55_000
+    assert with_inputs > 5 * without
     assert verify(path).code == WHOLE
     with Log(path) as log:
         assert not [topic for topic in log.topics if topic.endswith("/in")]
