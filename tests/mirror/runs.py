@@ -25,6 +25,7 @@ DRIVE = (
 # all link outputs of a track
 ALL = f"track.link_outputs={json.dumps(list(GROUPS))}"
 EVERY = "run.links=1"  # means of links over one communication step
+HUNT_CROSSLEY = tuple(f"vehicle.contact.{pair}.law=hunt_crossley" for pair in ("ground", "wheel", "sprocket"))
 STEPS = "run.step=1 ms", "track.step=1 ms"  # the steps that the checks' tolerances assume
 RAISED = "start.height=5 cm", "start.pitch=2 deg"
 # the left drive is slower and controlled, or braked
@@ -113,11 +114,11 @@ def sinking(model: str, *settings: str, duration: float = 0.3) -> Record:
                    overrides={"left_drive": {"speed.end": 22.0}}, duration=duration)  # fmt: skip
 
 
-def waving() -> Record:
+def waving(*settings: str) -> Record:
     """A vehicle on waves that end beneath it, other ones on its right side."""
     waves = 'ground.washboard={amplitude=0.005, wavelength=0.9, phase="70 deg", start=7.0, end=11.6}'
     place = "start.position=[12.0, 1.0, 0.4]", "start.height=2 mm"
-    return vehicle("rigid", waves, *place, "ground.grade=0.05", duration=0.2)
+    return vehicle("rigid", waves, *place, "ground.grade=0.05", *settings, duration=0.2)
 
 
 def driven(*settings: str, duration: float = 0.8) -> Record:
@@ -154,10 +155,10 @@ RUNS = {
     "beam": Run(lambda: vehicle("flexible", "track.element=beam", overrides=BRAKED), ("left_track",)),
     "planar": Run(lambda: vehicle("flexible", "symmetric=true", "planar=true", *RAISED)),
     "thrown": Run(thrown),
-    "thrown on a slope": Run(partial(thrown, "ground.grade=0.2", "ground.bank=-0.3")),
+    "thrown on a slope": Run(partial(thrown, "ground.grade=0.2", "ground.bank=-0.3", *HUNT_CROSSLEY)),
     "sloping": Run(partial(sloping, "rigid"), ("left_track",)),
     "sloping turning": Run(partial(sloping, "flexible", "track.axes=free", duration=0.65), ("left_track", "chassis")),
-    "waving": Run(waving, ("left_track", "left_drive", "right_drive", "chassis")),
+    "waving": Run(partial(waving, *HUNT_CROSSLEY), ("left_track", "left_drive", "right_drive", "chassis")),
     "sinking": Run(partial(sinking, "rigid"), ("left_track", "left_drive", "right_drive", "chassis")),
     # with cohesion, the last correction decides whether a point that hardly touches has shear or none
     "sinking turning": Run(partial(sinking, "flexible", "track.axes=free", "ground.soil.cohesion=0 Pa"),

@@ -21,6 +21,7 @@ from mirror.record import Floats
 
 SPREAD = 0.5 / np.sqrt(3.0)  # distance of two Gauss points from the middle of the unit interval
 RAMP = 1e-3  # m, penetration over which a damper sets in
+DEEP = 5e-3  # m, penetration at which a damper of Hunt and Crossley equals that of the table
 HORN = 0.05  # m, penetration depth of a guide horn in a disc
 
 
@@ -29,11 +30,20 @@ class Law(NamedTuple):
     c: float
     mu: float
     v: float
+    name: str
 
     @classmethod
     def of(cls, parameters: dict[str, Any], table: dict[str, Any], pair: str) -> Law:
         keys = "stiffness", "damping", "friction", "friction_velocity"
-        return cls(*(float(parameters.get(f"contact.{pair}.{key}", table[pair][key])) for key in keys))
+        numbers = (float(parameters.get(f"contact.{pair}.{key}", table[pair][key])) for key in keys)
+        return cls(*numbers, table[pair]["law"])
+
+    def damper(self, depth: Floats) -> Floats:
+        """Its damping constant at a penetration, N s/m."""
+        if self.name == "hunt_crossley":
+            return self.c * depth / DEEP
+        s = np.clip(depth / RAMP, 0.0, 1.0)
+        return self.c * s * s * (3.0 - 2.0 * s)
 
 
 class Push(NamedTuple):
@@ -50,9 +60,8 @@ def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | N
     """Contact of points with faces (normals ``n``, relative velocity ``w``; ``rate`` for the damper)."""
     along = (w * n).sum(-1)
     rate = -along if rate is None else rate
-    s = np.clip(depth / RAMP, 0.0, 1.0)
     spring = share * law.k * depth
-    normal = np.maximum(spring + share * law.c * s * s * (3.0 - 2.0 * s) * rate, 0.0)
+    normal = np.maximum(spring + share * law.damper(depth) * rate, 0.0)
     slip = w - along[..., None] * n
     friction = -law.mu * normal[..., None] * slip / np.sqrt((slip**2).sum(-1, keepdims=True) + law.v**2)
     force = normal[..., None] * n + friction
