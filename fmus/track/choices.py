@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-INTEGRATORS = IMPLICIT, EXPLICIT, HHT, ADAMS = "generalized_alpha", "runge_kutta", "hht", "adams"
+INTEGRATORS = IMPLICIT, EXPLICIT, HHT, ADAMS, DORMAND_PRINCE = (
+    "generalized_alpha", "runge_kutta", "hht", "adams", "dormand_prince",
+)  # fmt: skip
+BY_ERROR = ADAMS, DORMAND_PRINCE  # integrators that choose their steps by tolerances
+EXPLICITLY = EXPLICIT, *BY_ERROR  # integrators that solve no equations of a step
+EXPLICIT_NAMES = f"'{EXPLICIT}', '{ADAMS}' or '{DORMAND_PRINCE}'"
 AXES = ("fixed", "free")
 JOINTS = ELIMINATED, CONSTRAINED = "eliminated", "constrained"
 COORDINATES = NODAL, CHOLESKY = "nodal", "cholesky"
@@ -36,9 +41,9 @@ def conflict_of_links(p: Mapping[str, Any]) -> str | None:
     if joints == CONSTRAINED and (element != "cable" or axes != "fixed"):
         return f"joints = '{CONSTRAINED}' needs element = 'cable' and axes = 'fixed', not '{element}' and '{axes}'"
     if p["coordinates"] == CHOLESKY:
-        if p["integrator"] not in (EXPLICIT, ADAMS):
+        if p["integrator"] not in EXPLICITLY:
             return (
-                f"coordinates = '{CHOLESKY}' needs integrator = '{EXPLICIT}' or '{ADAMS}', not '{p['integrator']}':"
+                f"coordinates = '{CHOLESKY}' needs integrator = {EXPLICIT_NAMES}, not '{p['integrator']}':"
                 " an implicit step factors another matrix than the mass"
             )
         if axes != "fixed" or joints != ELIMINATED:
@@ -51,10 +56,10 @@ def conflict_of_links(p: Mapping[str, Any]) -> str | None:
 
 def conflict_of_bodies(p: Mapping[str, Any]) -> str | None:
     """Reason, a sentence, why these parameters of rigid links exclude each other; None for no conflict."""
-    if p["formulation"] == RECURSIVE and p["integrator"] not in (EXPLICIT, ADAMS):
+    if p["formulation"] == RECURSIVE and p["integrator"] not in EXPLICITLY:
         return (
             f"formulation = '{RECURSIVE}' is integrated explicitly: integrator = '{p['integrator']}' must be"
-            f" '{EXPLICIT}' or '{ADAMS}'"
+            f" {EXPLICIT_NAMES}"
         )
     return None
 

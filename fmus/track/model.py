@@ -18,18 +18,20 @@ from fmus.interface.sentences import Sentence
 from fmus.kernels.jit import plain
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
-from fmus.physics.chain.explicit import adams, slopes
+from fmus.physics.chain.explicit import sizes, slopes
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import HELD, LOOP, PINNED, PULLED, Environment
 from fmus.physics.chain.interface import pin_places
 from fmus.physics.chain.layout import ovalling
 from fmus.physics.chain.report import COUNTERS, REPORT
+from fmus.physics.integrate.adams import adams
+from fmus.physics.integrate.dormand_prince import dormand_prince
 from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.start.pose import FRAME, HEIGHT, KEYS, LEVEL, StartPose, start_pose
 from fmus.start.stance import part_at_rest
 from fmus.track import drawn_wheels, link_outputs, steps
-from fmus.track.choices import ADAMS, EXPLICIT, HHT, IMPLICIT
+from fmus.track.choices import ADAMS, DORMAND_PRINCE, EXPLICIT, EXPLICITLY, HHT, IMPLICIT
 from fmus.track.failures import OFF_ITS_PLACE, RUT_SENTENCE, WARNING_SENTENCES, failure_sentences
 from fmus.track.ports import start_stance, track_ports
 from fmus.track.start import LaidChain
@@ -144,7 +146,7 @@ class TrackModel(LaidChain, ComponentModel):
         self.max_step, self.integrator, self.interval = p["step"], p["integrator"], p[link_outputs.INTERVAL]
         if self.interval != round(self.interval):
             raise InvalidParameter(f"{link_outputs.INTERVAL} = {self.interval:g}: must be a whole number")
-        if self.config.get("soil") and p["integrator"] in (EXPLICIT, ADAMS):
+        if self.config.get("soil") and p["integrator"] in EXPLICITLY:
             raise InvalidParameter(
                 f"integrator = '{p['integrator']}': soil remembers accepted steps and needs an implicit integrator,"
                 f" '{IMPLICIT}' or '{HHT}'"
@@ -220,7 +222,9 @@ class TrackModel(LaidChain, ComponentModel):
         if self.integrator == EXPLICIT:
             return steps.explicit, slopes(self.s)
         if self.integrator == ADAMS:
-            return steps.adams, adams(self.s, *self.tolerances)
+            return steps.adams, adams(*sizes(self.s), *self.tolerances)
+        if self.integrator == DORMAND_PRINCE:
+            return steps.dormand_prince, dormand_prince(*sizes(self.s), *self.tolerances)
         return steps.implicit, self.method
 
     def contact_partners(self, p: Mapping[str, Any]) -> Any:

@@ -40,7 +40,7 @@ def integrator_ports() -> tuple[Port, ...]:
         *(
             Port(f"adams.{name}", "parameter", "1", text, TOLERANCE, allowed=TOLERANCES)
             for name, text in (
-                ("rtol", "relative error of a step of integrator = adams"),
+                ("rtol", "relative error of a step of integrator = adams or dormand_prince"),
                 ("atol", "absolute error of such a step, in m, rad, m/s and rad/s"),
             )
         ),

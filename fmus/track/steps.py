@@ -13,7 +13,7 @@ from fmus.interface.sentences import GAPS
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain import on_links
-from fmus.physics.chain.explicit import march, march_adaptively
+from fmus.physics.chain.explicit import march, march_adaptively, march_by_dormand_prince
 from fmus.physics.chain.implicit import advance
 from fmus.physics.chain.integration import CommunicationStep, Environment, IntegrationOutcome
 from fmus.physics.chain.interface import fibres, observe_links, pin_axes, slopes
@@ -191,6 +191,20 @@ def adams(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
         return refusal
     on_links.begin_interval(c.s, common.interval)
     return _failure(c, messages, t, h, march_adaptively(
+        c.link, c.contacts, c.environment, c.scheme, CommunicationStep(common.rows, h, common.longest),
+        c.s, c.work, c.report, common.counters,
+    ))  # fmt: skip
+
+
+@allocating
+def dormand_prince(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
+    """Step by the method of Dormand and Prince; arguments and result as of ``implicit``."""
+    common = c.common
+    refusal = _read_wheels(common, messages, t, h, u)
+    if refusal:
+        return refusal
+    on_links.begin_interval(c.s, common.interval)
+    return _failure(c, messages, t, h, march_by_dormand_prince(
         c.link, c.contacts, c.environment, c.scheme, CommunicationStep(common.rows, h, common.longest),
         c.s, c.work, c.report, common.counters,
     ))  # fmt: skip

@@ -30,10 +30,9 @@ from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, IntegrationOu
 from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.track.choices import (
-    ADAMS,
     CHOLESKY,
     CONSTRAINED,
-    EXPLICIT,
+    EXPLICITLY,
     NODAL,
     conflict_of_links,
 )
@@ -190,7 +189,7 @@ class Model(TrackModel):
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """See ``TrackModel``; besides, the tolerance and, with an implicit integrator, the relaxation time."""
         free = super().free_parameters(p)
-        if p["integrator"] in (EXPLICIT, ADAMS):
+        if p["integrator"] in EXPLICITLY:
             return free
         tau, numbers = "{material.relaxation_time}", {"scheme.tolerance": "{tolerance}"}
         if p["element"] == "beam":

@@ -96,7 +96,8 @@ class Model(TrackModel):
     def stable_step(self) -> float:
         """See ``TrackModel``."""
         links = self.rigid
-        return min(LIMIT, longest(links.spring, links.half, links.mass, links.inertia[1]))
+        free = self.contacts is None and not self.environment.transverse
+        return min(np.inf if free else LIMIT, longest(links.spring, links.half, links.mass, links.inertia[1]))
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
         """See ``TrackModel``; a spinning regular polygon of rigid links is in relative equilibrium as it is."""

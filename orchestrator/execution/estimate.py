@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.interface.ports import TOLERANCE
+from fmus.track.choices import BY_ERROR
 from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import ObservableDifference, differences, observables, worst
@@ -45,7 +46,8 @@ def companions(scene: Scene, internal: float, simulated: float, components: int)
 
     ``internal``: internal step of the tracks, s. A variable step is doubled through its tolerance; internal steps
     that follow it get no scene of their own. An explicit integrator at its stable step cannot be doubled: its own
-    error is unknown, but small beside the coupling error. Adams' methods get ten times their tolerances.
+    error is unknown, but small beside the coupling error. Integrators that choose their steps get ten times their
+    tolerances.
     """
     step = 2.0 * scene.run.step
     stop = step * math.floor(simulated / step + 1e-9)
@@ -58,7 +60,7 @@ def companions(scene: Scene, internal: float, simulated: float, components: int)
         run = run.model_copy(update={"variable": _doubled_tolerances(scene.run.variable)})
         return Companions(None, scene.model_copy(update={"run": run, "track": track}))
 
-    if scene.track.integrator == "adams":
+    if scene.track.integrator in BY_ERROR:
         tolerances = {name: min(10.0 * (getattr(scene.track, name) or TOLERANCE), 0.1) for name in ("rtol", "atol")}
         coarser = scene.model_copy(update={"run": run})
         doubled = coarser.model_copy(update={"track": scene.track.model_copy(update=tolerances)})

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 from pydantic import BeforeValidator, Field, model_validator
 
 from fmus.interface.ports import TOLERANCES
-from fmus.track.choices import TRACKS, TrackKind, models_with
+from fmus.track.choices import BY_ERROR, TRACKS, TrackKind, models_with
 from fmus.track.link_outputs import GROUPS, STANDARD
 from fmus.vehicles.tables import FrozenTable, In, ratio
 from orchestrator.scene.values import Duration, TrackName
@@ -73,16 +73,18 @@ class TrackModelTable(FrozenTable):
     """stiffness of a closing spring"""
     closure_damping: Annotated[Annotated[float, In("N s/m", ge=0)] | None, FmuParameter("closure.damping")] = None
     """damping of a closing spring"""
-    integrator: Annotated[Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None, METHOD] = None
+    integrator: Annotated[
+        Literal["generalized_alpha", "hht", "runge_kutta", "adams", "dormand_prince"] | None, METHOD
+    ] = None
     """time integration of the links"""
     step: Annotated[Duration | None, METHOD] = None
     """largest internal step"""
     spectral_radius: Annotated[Annotated[float, ratio(ge=0, le=1)] | None, METHOD] = None
     """spectral radius of an implicit integrator at high frequencies; of hht at least 0.5, its default"""
     rtol: Annotated[Tolerance | None, FmuParameter("adams.rtol", method=True)] = None
-    """relative error of an internal step, of integrator = 'adams'"""
+    """relative error of an internal step, of integrator = 'adams' or 'dormand_prince'"""
     atol: Annotated[AbsoluteTolerance | None, FmuParameter("adams.atol", method=True)] = None
-    """absolute error of an internal step, of integrator = 'adams'"""
+    """absolute error of an internal step, of integrator = 'adams' or 'dormand_prince'"""
     start: Annotated[Literal["rest", "displaced", "polygon", "straight", "folded"] | None, FmuParameter()] = None
     """layout at the start: static equilibrium, displaced from it, or a polygon of links without load; a held chain:
     straight or folded"""
@@ -123,8 +125,11 @@ class TrackModelTable(FrozenTable):
                 needed = " or ".join(map(repr, models))
                 raise ValueError(f"{key} = '{value}' needs model = {needed}: {self.kind.links} have none")
         for key in ("rtol", "atol"):
-            if getattr(self, key) is not None and self.integrator != "adams":
-                raise ValueError(f"{key} = {getattr(self, key):g} needs integrator = 'adams': others take equal steps")
+            if getattr(self, key) is not None and self.integrator not in BY_ERROR:
+                raise ValueError(
+                    f"{key} = {getattr(self, key):g} needs integrator = {' or '.join(map(repr, BY_ERROR))}: others take"
+                    " equal steps"
+                )
         if conflict := self.kind.conflict(self.choices()):
             raise ValueError(conflict)
         return self

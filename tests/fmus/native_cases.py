@@ -56,6 +56,12 @@ MANY = [
     Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
     Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
+    Case(
+        "hanging_chain",
+        "rigid",
+        "chain",
+        (*QUICK, "track.integrator=dormand_prince", "track.formulation=recursive", "track.start=displaced"),
+    ),
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=hht")),
     Case("hanging_chain", "flexible", "chain", (*QUICK, *CHOLESKY, "track.start=displaced")),
     Case("straight", "rigid", "left_track", (*MOVING, *JOINTED)),

@@ -217,7 +217,10 @@ def test_a_track_on_wheels():
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"integrator": "generalized_alpha"}, "needs integrator = 'runge_kutta' or 'adams', not 'generalized_alpha'"),
+        (
+            {"integrator": "generalized_alpha"},
+            "needs integrator = 'runge_kutta', 'adams' or 'dormand_prince', not 'generalized_alpha'",
+        ),
         ({"integrator": "hht", "spectral_radius": 0.5}, "not 'hht'"),
         ({"joints": "constrained"}, "needs axes = 'fixed' and joints = 'eliminated', not 'fixed' and 'constrained'"),
     ],

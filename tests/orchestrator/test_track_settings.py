@@ -25,8 +25,13 @@ def test_integrators_reach_the_tracks():
     assert "spectral_radius" not in parameters("track.integrator=generalized_alpha")
     assert parameters("track.integrator=hht")["spectral_radius"] == 0.5, "the default is the strongest damping"
     assert parameters("track.integrator=hht", "track.spectral_radius=0.9")["spectral_radius"] == 0.9
-    given = parameters("track.integrator=adams", "track.rtol=1e-8", "track.atol=1e-7")
-    assert (given["adams.rtol"], given["adams.atol"]) == (1e-8, 1e-7)
+    for integrator in ("adams", "dormand_prince"):
+        given = parameters(f"track.integrator={integrator}", "track.rtol=1e-8", "track.atol=1e-7")
+        assert (given["adams.rtol"], given["adams.atol"]) == (1e-8, 1e-7)
+    with pytest.raises(
+        BadInput, match=r"rtol = 1e-08 needs integrator = 'adams' or 'dormand_prince': others take equal"
+    ):
+        parameters("track.integrator=runge_kutta", "track.rtol=1e-8")
 
 
 def test_coordinates_are_for_explicit_integrators():
@@ -39,9 +44,13 @@ def test_coordinates_are_for_explicit_integrators():
         (
             "flexible",
             [cholesky],
-            "needs integrator = 'runge_kutta' or 'adams', not 'generalized_alpha': an implicit step factors",
+            "needs integrator = 'runge_kutta', 'adams' or 'dormand_prince', not 'generalized_alpha': an implicit step",
         ),
-        ("flexible", [cholesky, "track.integrator=hht"], "needs integrator = 'runge_kutta' or 'adams'"),
+        (
+            "flexible",
+            [cholesky, "track.integrator=hht"],
+            "needs integrator = 'runge_kutta', 'adams' or 'dormand_prince'",
+        ),
         (
             "flexible",
             [cholesky, explicit, "track.joints=constrained"],

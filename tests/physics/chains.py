@@ -23,7 +23,7 @@ from fmus.physics.chain.integration import HELD, LOOP, Environment
 from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import COUNTERS, GRAVITY, KINETIC, REPORT
 from fmus.physics.chain.state import size, store_first_evaluation
-from fmus.physics.integrate import adams, generalized_alpha, hht, runge_kutta
+from fmus.physics.integrate import adams, dormand_prince, generalized_alpha, hht, runge_kutta
 from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
 from fmus.track import steps as track_steps
 from tests.validation.rods import EXPLICIT, IMPLICIT, P, Rods, of_angles  # noqa: F401 - for tests
@@ -35,6 +35,7 @@ INTEGRATORS = {  # with their orders
     "hht": hht.order,
     "runge_kutta": runge_kutta.RK4.order,
     "adams": adams.order,
+    "dormand_prince": dormand_prince.order,
 }
 NO_INPUTS = np.zeros(0)
 

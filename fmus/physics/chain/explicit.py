@@ -1,10 +1,13 @@
-"""Communication step of a chain by explicit integration, for any kind of link: Runge-Kutta, and Adams' methods.
+"""Communication step of a chain by explicit integration, for any kind of link.
+
+Runge-Kutta's classical method in equal steps, that of Dormand and Prince and Adams' methods by their errors.
 
 For reference, short runs and soft links: a steel link's highest mode (3e5 rad/s) requires steps of 8 us, regularised
 friction under a loaded rigid link, mu N / (v_reg m) = 2e4 1/s, steps of 50 us.
 
 Adams' methods are of variable order and step. The motion of the wheels changes at each communication step, so they
-restart there; a saved state is then complete. Impulses and dissipated energies are quadratures beside the state.
+restart there; a saved state is then complete. The method of Dormand and Prince begins there with the step that it ended
+with, which the state keeps (``lengths``). Impulses and dissipated energies are quadratures beside the state.
 """
 
 from __future__ import annotations
@@ -31,7 +34,9 @@ from fmus.physics.chain.report import (
 from fmus.physics.chain.state import add_share, copy, integrated_views, store_evaluation
 from fmus.physics.chain.sums import END_POWER, LOSSES, PATCH_POWER, SUMS
 from fmus.physics.integrate import adams as methods
+from fmus.physics.integrate import dormand_prince as eighth
 from fmus.physics.integrate.adams import LEAST, Adams, accept, accurate, correct, length, predict, restart
+from fmus.physics.integrate.dormand_prince import NEXT, DormandPrince
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 
@@ -109,14 +114,10 @@ def march(
 SUMMED_ENTRIES = SUMS - LOSSES + 3  # summed entries of the report: losses by cause, and three more
 
 
-def adams(s: ChainState, rtol: float, atol: float) -> Adams:
-    """Return a zeroed ``Adams`` for the State ``s``, relative tolerance ``rtol``, absolute ``atol`` in SI units."""
-    return methods.adams(
-        sum(part.size for part in integrated_views(s).values()),
-        s.mean.size + s.on_links_sum.size + SUMMED_ENTRIES,
-        rtol,
-        atol,
-    )
+def sizes(s: ChainState) -> tuple[int, int]:
+    """Numbers of variables with an error estimate and of quadratures of the State ``s``."""
+    controlled = sum(part.size for part in integrated_views(s).values())
+    return controlled, s.mean.size + s.on_links_sum.size + SUMMED_ENTRIES
 
 
 @allocating
@@ -133,25 +134,26 @@ def march_adaptively(
 ) -> IntegrationOutcome:
     """Integrate over the communication ``step``.
 
-    ``m`` from ``adams``: ``m.x`` the state at the start of a step, ``m.y`` its argument, ``m.k`` rates; the first
-    entries of ``s.flat`` are the coordinates at ``m.y``. Flexible links require their factored mass in ``w``
-    (``flexible.initial_state``); ``report`` and ``counters`` as in ``report``.
+    ``m`` from ``methods.adams`` with the ``sizes`` of ``s``: ``m.x`` the state at the start of a step, ``m.y`` its
+    argument, ``m.k`` rates; the first entries of ``s.flat`` are the coordinates at ``m.y``. Flexible links require
+    their factored mass in ``w`` (``flexible.initial_state``); ``report`` and ``counters`` as in ``report``.
     After a failure ``s`` is invalid. For the separate arguments see ``implicit``.
     """
     rows, h, longest = step
     n, done = m.controlled, 0.0
-    x, y, first = s.flat[:n], m.y[:n], m.counts.copy()
+    x, y = s.flat[:n], m.y[:n]
     copy(x, m.x[:n])
     copy(x, y)
     m.x[n:] = 0.0
-    failed = _evaluate(links, contacts, env, m, rows, 0.0, s, w)
+    m.counts[:] = 0
+    failed = _evaluate(links, contacts, env, m.y, m.k, rows, 0.0, s, w)
     restart(m, min(longest, h))
     while failed < 0 and done < h * (1.0 - 1e-12):
         dt = length(m, h - done, longest)
         if dt < LEAST:
             return IntegrationOutcome(STEP_TOO_SHORT, done, 0, 0.0)
         predict(m, dt)
-        failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)  # at the prediction
+        failed = _evaluate(links, contacts, env, m.y, m.k, rows, done + dt, s, w)  # at the prediction
         if failed >= 0 or not accurate(m, dt):
             continue
         correct(m, dt)
@@ -160,15 +162,76 @@ def march_adaptively(
         if open_pin >= 0:
             return IntegrationOutcome(PINS_OPEN, done, open_pin, 0.0)
         copy(x, y)
-        failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)
+        failed = _evaluate(links, contacts, env, m.y, m.k, rows, done + dt, s, w)
         accept(m, dt)
         done += dt
     if failed >= 0:
         return IntegrationOutcome(SINGULAR, done, failed, 0.0)
-    for i in range(n):
-        if not abs(x[i]) < FAR:
-            return IntegrationOutcome(UNSTABLE, done, 0, 0.0)
-    _add_integrals(m, first, h, s, report, counters)
+    return _finish_adaptively(links, contacts, env, m, h, s, w, report, counters)
+
+
+@allocating
+def march_by_dormand_prince(
+    links: Links,
+    contacts: Contacts | None,
+    env: Environment,
+    m: DormandPrince,
+    step: CommunicationStep,
+    s: ChainState,
+    w: ChainWork,
+    report: Floats,
+    counters: Integers,
+) -> IntegrationOutcome:
+    """Integrate over the communication ``step``; ``m`` from ``dormand_prince``, else as ``march_adaptively``."""
+    rows, h, longest = step
+    n, done, again = m.controlled, 0.0, 0
+    x = s.flat[:n]
+    copy(x, m.x[:n])
+    m.x[n:] = 0.0
+    m.counts[:] = 0
+    m.step_control[NEXT] = s.lengths[0] if s.lengths[0] > 0.0 else h
+    while done < h * (1.0 - 1e-12):
+        dt = eighth.length(m, h - done, longest)
+        if dt < LEAST:
+            return IntegrationOutcome(STEP_TOO_SHORT, done, 0, 0.0)
+        for i in range(again, m.method.b.size):
+            stage(m.method, i, dt, m.x, m.k, m.y)
+            failed = _evaluate(links, contacts, env, m.y, m.k[i], rows, done + m.method.c[i] * dt, s, w)
+            m.counts[methods.EVALUATIONS] += 1
+            if failed >= 0:
+                return IntegrationOutcome(SINGULAR, done + m.method.c[i] * dt, failed, 0.0)
+        again = 1
+        if not eighth.accurate(m, dt):
+            continue
+        finish(m.method, dt, m.x, m.k)
+        copy(m.x[:n], x)
+        open_pin = project(links, s, w)
+        if open_pin >= 0:
+            return IntegrationOutcome(PINS_OPEN, done, open_pin, 0.0)
+        copy(x, m.x[:n])
+        done += dt
+        again = 0
+    s.lengths[0] = m.step_control[NEXT]
+    return _finish_adaptively(links, contacts, env, m, h, s, w, report, counters)
+
+
+@allocating
+def _finish_adaptively(
+    links: Links,
+    contacts: Contacts | None,
+    env: Environment,
+    m: Adams | DormandPrince,
+    h: float,
+    s: ChainState,
+    w: ChainWork,
+    report: Floats,
+    counters: Integers,
+) -> IntegrationOutcome:
+    """Evaluate the end of a communication step of ``h`` s, over which ``m`` integrated."""
+    for i in range(m.controlled):
+        if not abs(s.flat[i]) < FAR:
+            return IntegrationOutcome(UNSTABLE, h, 0, 0.0)
+    _add_integrals(m, h, s, report, counters)
     accelerate(links, contacts, env, s, w)
     store_evaluation(s, w)
     observe(links, env, s, w, report)
@@ -176,11 +239,11 @@ def march_adaptively(
 
 
 @kernel
-def _add_integrals(m: Adams, first: Integers, h: float, s: ChainState, report: Floats, counters: Integers) -> None:
-    """Add what ``m`` integrated over ``h`` s to means, sums and report; ``first``: its counts at the beginning."""
-    counters[STEPS] += m.counts[methods.STEPS] - first[methods.STEPS]
-    counters[EVALUATIONS] += m.counts[methods.EVALUATIONS] - first[methods.EVALUATIONS]
-    counters[REJECTED] += m.counts[methods.REJECTED] - first[methods.REJECTED]
+def _add_integrals(m: Adams | DormandPrince, h: float, s: ChainState, report: Floats, counters: Integers) -> None:
+    """Add what ``m`` integrated over ``h`` s to means, sums and report, and its counts to ``counters``."""
+    counters[STEPS] += m.counts[methods.STEPS]
+    counters[EVALUATIONS] += m.counts[methods.EVALUATIONS]
+    counters[REJECTED] += m.counts[methods.REJECTED]
     index = m.controlled
     s.mean[:] = 0.0
     for total, per in ((s.mean, 1.0 / h), (s.on_links_sum, 1.0)):
@@ -202,29 +265,30 @@ def _evaluate(
     links: Links,
     contacts: Contacts | None,
     env: Environment,
-    m: Adams,
+    y: Floats,
+    k: Floats,
     rows: Floats,
     t: float,
     s: ChainState,
     w: ChainWork,
 ) -> int:
-    """Rates of ``m.y`` and of all quadratures at ``t`` s into ``m.k``; return -1, or the link where it failed.
+    """Rates of ``y`` and of all quadratures at ``t`` s into ``k``; return -1, or the link where it failed.
 
     ``rows`` (m, 15): the wheels at 0 s.
     """
-    n = m.controlled
-    copy(m.y[:n], s.flat[:n])
+    n = k.size - s.mean.size - s.on_links_sum.size - SUMMED_ENTRIES
+    copy(y[:n], s.flat[:n])
     move(rows, t, w.wheels)
-    failed = derivative(links, contacts, env, s, w, m.k[:n])
+    failed = derivative(links, contacts, env, s, w, k[:n])
     stage_joints(links, env, s, w)
     index = n
     for now in (w.wrench, w.on_links):
         for i in range(now.shape[0]):
-            for k in range(now.shape[1]):
-                m.k[index] = now[i, k]
+            for j in range(now.shape[1]):
+                k[index] = now[i, j]
                 index += 1
-    for k in range(LOSSES, SUMS):
-        m.k[index] = w.sums[k]
+    for j in range(LOSSES, SUMS):
+        k[index] = w.sums[j]
         index += 1
-    m.k[index], m.k[index + 1], m.k[index + 2] = w.sums[PATCH_POWER], w.sums[END_POWER], speed(links, env, s, w)
+    k[index], k[index + 1], k[index + 2] = w.sums[PATCH_POWER], w.sums[END_POWER], speed(links, env, s, w)
     return failed

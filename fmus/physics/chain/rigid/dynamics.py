@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.rigid.state import State, Work
 
 
-LIMIT = 5e-5  # largest step, s
+LIMIT = 5e-5  # largest step of links that touch or whose pins are damped, s
 CORRECTIONS = 4  # most corrections of the projection
 OPEN = 1e-8  # misfit of a pin after the projection that counts as a failure, m and rad
 STABLE = 2.4  # step times the highest rate of a closing spring
