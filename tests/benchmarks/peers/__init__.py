@@ -21,7 +21,11 @@ class Peer(NamedTuple):
     module: str  # module of this folder
 
 
-PEERS = (Peer("Exudyn", "exudyn", "exudyn_loops"), Peer("MuJoCo", "mujoco", "mujoco_loops"))
+PEERS = (
+    Peer("Exudyn", "exudyn", "exudyn_loops"),
+    Peer("MuJoCo", "mujoco", "mujoco_loops"),
+    Peer("Pinocchio", "pinocchio", "pinocchio_loops"),
+)
 
 
 def runs(peer: Peer, case: str, quick: bool, repeats: int) -> tuple[list[dict[str, Any]], str]:
