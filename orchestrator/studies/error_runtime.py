@@ -71,6 +71,18 @@ SINGLE_COMPONENT = (  # a component on its own
     fixed("implicit", (), equal(10, 4, 2, 1, 0.5, 0.25, 0.125, 0.0625)),
     fixed("Runge-Kutta", ("track.integrator=runge_kutta",), ((1, 0.008),)),
 )
+JOINT_COORDINATES = ("track.formulation=recursive",)
+SMOOTH_STEP = ("run.step=10 ms", "track.step=10 ms")
+RIGID_ALONE = (  # rigid links besides
+    fixed("joint coordinates, Runge-Kutta", (*JOINT_COORDINATES, "track.integrator=runge_kutta"), equal(10, 5, 2, 1)),
+    MethodCurve(
+        "joint coordinates, Dormand-Prince",
+        (*JOINT_COORDINATES, *SMOOTH_STEP, "track.integrator=dormand_prince"),
+        tuple(
+            (f"tolerance {each:g}", (f"track.rtol={each}", f"track.atol={each}")) for each in (1e-4, 1e-6, 1e-8, 1e-10)
+        ),
+    ),
+)
 COUPLED = (
     fixed("tracks first", (), equal(4, 2, 1, 0.5, 0.25, 0.125)),
     fixed("tracks first, H = 2 h", (), ((4, 2), (2, 1), (1.25, 0.625), (1, 0.5), (0.5, 0.25))),
@@ -109,7 +121,8 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
     all_cases = []
     for model in [*TRACKS][: 1 if quick else None]:
         all_cases.append(Case(scene, f"truth, {model}", truth_error, (scene, model, base), 600.0, 7200.0))
-        for curve in curves:
+        more = RIGID_ALONE if curves is SINGLE_COMPONENT and model == "rigid" else ()
+        for curve in (*curves, *more):
             if quick and "Runge" in curve.name and loaded.assembly != "chain":
                 continue
             for label, point_settings in curve.points[: 4 if quick else None]:

@@ -136,6 +136,17 @@ def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
     assert soft.total.track.step == 2.0 * soft.coupling.track.step, "the twin: the requested step can be doubled"
 
 
+@pytest.mark.parametrize("integrator", ["adams", "dormand_prince"])
+def test_an_integrator_that_chooses_its_steps_gets_looser_tolerances_and_longer_steps(integrator):
+    chosen = f"track.integrator={integrator}", "track.rtol=1e-8", "track.step=5 ms", "run.step=10 ms"
+    of_one, of_several = (companions(load("hanging_chain", "rigid", chosen), 5e-3, 2.0, n) for n in (1, 2))
+    assert of_one.coupling is None
+    assert of_several.coupling.track.rtol == 1e-8
+    for total in (of_one.total, of_several.total):
+        given = total.track.rtol, total.track.atol, total.track.step, total.run.step
+        assert given == pytest.approx((1e-7, 1e-5, 10e-3, 20e-3))
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(("step", "known"), [("1 ms", False), ("1 us", True)])
 def test_a_chain_at_its_stable_step_has_nothing_coarser_beside_it(tmp_path, step, known):

@@ -121,7 +121,9 @@ def test_a_toy_kind_of_track_is_known_everywhere(house):
     assert "the rigid track model (TrackRigid)" in shown
     assert "fmus.track_toy: model, track_toy_fmu" in shown
     assert (answers["parameters"]["formulation"], answers["parameters"]["integrator"]) == ("recursive", "runge_kutta")
-    assert answers["toy, recursive"].endswith("integrator = 'generalized_alpha' must be 'runge_kutta' or 'adams'")
+    assert answers["toy, recursive"].endswith(
+        "integrator = 'generalized_alpha' must be 'runge_kutta', 'adams' or 'dormand_prince'"
+    )
     needs = "formulation = 'recursive' needs model = 'rigid' or 'toy': flexible links have none"
     assert answers["flexible, recursive"].endswith(needs)
     assert answers["element=beam"].endswith("element = 'beam' needs model = 'flexible': toy links have none")
