@@ -188,7 +188,7 @@ class TrackModel(LaidChain, ComponentModel):
                 *self.system(),
                 scheme=scheme,
                 common=steps.CommonData(
-                    longest=min(self.max_step, self.stable_step) if self.integrator == EXPLICIT else self.max_step,
+                    longest=self.longest_step,
                     plane=self.plane,
                     pitch=self.pitch,
                     play=float(self.vehicle["guide"]["clearance"]),
@@ -279,6 +279,11 @@ class TrackModel(LaidChain, ComponentModel):
         """First arguments of the kernels of a chain: links, contact partners, environment."""
         return self.link, self.contacts, self.environment
 
+    @property
+    def longest_step(self) -> float:
+        """Longest internal step of the chosen integrator, s."""
+        return min(self.max_step, self.stable_step) if self.integrator == EXPLICIT else self.max_step
+
     # Implemented by subclasses ---------------------------------------------------------------------------------
 
     def shapes(self) -> state.Shapes:
@@ -287,7 +292,7 @@ class TrackModel(LaidChain, ComponentModel):
 
     @property
     def stable_step(self) -> float:
-        """Longest stable step of the explicit integrator, s."""
+        """Longest internal step, s, at which the explicit integrator is stable whatever the links touch."""
         raise NotImplementedError
 
     def prepare(self, p: Mapping[str, Any]) -> None:

@@ -20,7 +20,7 @@ from fmus.physics.chain.rigid.newton import TOLERANCE
 from fmus.physics.chain.rigid.state import State, shapes, work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
-from fmus.track.choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
+from fmus.track.choices import AUGMENTED, EXPLICIT, FORMULATIONS, RECURSIVE, conflict_of_bodies
 from fmus.track.model import TrackModel
 from fmus.track.parameters import SPRING, closure_ports, integrator_coefficients, integrator_ports
 from fmus.track.start import not_at_rest
@@ -95,9 +95,19 @@ class Model(TrackModel):
     @property
     def stable_step(self) -> float:
         """See ``TrackModel``."""
+        return min(LIMIT, self._spring_step)
+
+    @property
+    def longest_step(self) -> float:
+        """See ``TrackModel``; links that neither touch nor have damped pins take the steps that they are given."""
+        if self.integrator == EXPLICIT and self.contacts is None and not self.environment.transverse:
+            return min(self.max_step, self._spring_step)
+        return super().longest_step
+
+    @property
+    def _spring_step(self) -> float:
         links = self.rigid
-        free = self.contacts is None and not self.environment.transverse
-        return min(np.inf if free else LIMIT, longest(links.spring, links.half, links.mass, links.inertia[1]))
+        return longest(links.spring, links.half, links.mass, links.inertia[1])
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
         """See ``TrackModel``; a spinning regular polygon of rigid links is in relative equilibrium as it is."""
