@@ -25,6 +25,7 @@ from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.model_description import describe
 from orchestrator.fmu_check import fmi3
+from orchestrator.fmu_check.instance import Subject, instantiate
 
 OK, DISCARD, ERROR, FATAL = 0, 2, 3, 4
 LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3  # kinds of a status
@@ -210,7 +211,7 @@ class Driven3(Driven):
         self._sizes = {v.valueReference: math.prod(v.shape) for v in description.modelVariables if v.type == "Float64"}
         (self._time,) = (v.valueReference for v in description.modelVariables if v.causality == "independent")
         self._last = math.nan
-        return description, *fmi3.instantiate(fmu, None, lambda name, status, text: self._heard(status, text))
+        return description, *instantiate(Subject(fmu), None, lambda name, status, text: self._heard(status, text))
 
     def _start(self, variable: Any) -> list[float]:
         return [float(value) for value in variable.start.split()]
