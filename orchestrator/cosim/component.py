@@ -181,11 +181,6 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         return self._guest is None and bool(self.description.coSimulation.canGetAndSetFMUstate)
 
     @property
-    def functions(self) -> tuple[Any, int]:
-        """Library of the FMI functions, and the instance, their first argument: for calls that no method makes."""
-        return self._library, self._handle
-
-    @property
     def wall_time(self) -> float:
         """Time inside the FMU since it was initialised, s."""
         return self._call_time + (0.0 if self._step_call is None else float(self._step_call["total"][0]))
