@@ -49,7 +49,7 @@ from orchestrator.cosim.messages import (
     status_text,
 )
 from orchestrator.cosim.mixed_exchange import ConvertedReals, MixedExchange, MixedInputs, MixedOutputs, guarded
-from orchestrator.cosim.model_description import Elements, is_fmi3, loadable
+from orchestrator.cosim.model_description import Elements, is_fmi3, load_library, loadable
 from orchestrator.cosim.variable_arrays import VariableArrays
 from orchestrator.kernels.tables import Record, StepCall, record
 
@@ -90,7 +90,6 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         fmu: Path,
         name: str,
         logger: Logger | None = None,
-        guid: str | None = None,
         *,
         discrete: Collection[str] = (),
         conversions: Mapping[str, Conversion] = NO_CONVERSIONS,
@@ -102,9 +101,9 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
     ) -> None:
         """Load and instantiate an FMU.
 
-        ``guid``: another one than that of its description, which it should refuse. ``discrete``: connected variables
-        that are no Reals, which follow them in the arrays. ``conversions``, ``units``, ``guest``, ``resources`` and
-        ``starts``: as of ``graph.Instance``. ``room``: process in which it is loaded, instead of this one.
+        ``discrete``: connected variables that are no Reals, which follow them in the arrays. ``conversions``,
+        ``units``, ``guest``, ``resources`` and ``starts``: as of ``graph.Instance``. ``room``: process in which it is
+        loaded, instead of this one.
         """
         self._resources, self._starts = resources, starts
         self._guest, self._remote = guest, GuestLibrary(room, self._receive) if room is not None else None
@@ -126,28 +125,25 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         super().__init__(name, description, discrete, conversions, units, memory, guest is not None)
         if len(starts):
             self.u[: self._u[1]] = starts[: self._u[1]]
-        self._load(folder, fmu, guid or self.description.guid or "", elements)
+        self._load(folder, fmu, elements)
 
-    def _load(self, folder: Path, fmu: Path, guid: str, elements: Elements) -> None:
-        identifier = self.description.coSimulation.modelIdentifier
+    def _load(self, folder: Path, fmu: Path, elements: Elements) -> None:
+        guid = self.description.guid or ""
         if self._remote is not None:
             self._library: Any = self._remote
             names = self.inputs[: self._u[1]], self.outputs[: self._y[1]]
             inputs, outputs = ([self._variables[name].valueReference for name in group] for group in names)
             places = (inputs, self._u_place), (outputs, self._raw_place)
-            version = self.description.fmiVersion[:3]
+            version, identifier = self.description.fmiVersion[:3], self.description.coSimulation.modelIdentifier
             opening = Opening(version, str(folder), identifier, self.name, guid, *places, elements)
             handle: int | None = int(self._remote.open(opening, self._u[0], self._y[0]))
             self._free: Callable[[], None] = self._remote.free
         else:
-            try:
-                self._library = fmi2_library.load(folder, identifier)
-            except Exception as error:
-                raise ComponentFailed(f"cannot load the binary of '{fmu}': {error}") from None
+            self._library = load_library(folder, self.description, fmu)
             given = self._library, folder, self.name, guid, self._receive, self._resources
             handle, self._free = fmi2_library.instantiate(*given)
         if not handle:
-            raise ComponentFailed(f"{self.name}: {self._messages.first_error() or 'the FMU cannot be instantiated'}")
+            raise ComponentFailed(self._messages.refusal())
         self._mixed = self._mixed_exchange() if self._is_mixed else None
         self._handle = handle
         self._phase = "instantiated"
@@ -183,11 +179,6 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
     def warms_up(self) -> bool:
         """Whether a step that is taken back saves time later: not of an FMU of the user, which compiles nothing."""
         return self._guest is None and bool(self.description.coSimulation.canGetAndSetFMUstate)
-
-    @property
-    def functions(self) -> tuple[Any, int]:
-        """Library of the FMI functions, and the instance, their first argument: for calls that no method makes."""
-        return self._library, self._handle
 
     @property
     def wall_time(self) -> float:

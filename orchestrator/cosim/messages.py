@@ -97,6 +97,10 @@ class CallMessages:
             text = text.splitlines()[-1]
         return " ".join(text.split())
 
+    def refusal(self) -> str:
+        """Return a sentence on an instance that the FMU has not made."""
+        return f"{self._component}: {self.first_error() or 'the FMU cannot be instantiated'}"
+
 
 def status_text(function: str, status: int) -> str:
     """Return the FMI status of a failed function as a sentence."""

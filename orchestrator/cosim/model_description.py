@@ -91,6 +91,14 @@ def require_binary(folder: Path, description: Any, fmu: Path) -> None:
         raise ComponentFailed(f"'{fmu}' has no binary for {library.parent.name}")
 
 
+def load_library(folder: Path, description: Any, fmu: Path) -> Any:
+    """Return the library of an unpacked FMU in this process; raises ComponentFailed."""
+    try:
+        return LIBRARIES[description.fmiVersion[:3]].load(folder, description.coSimulation.modelIdentifier)
+    except Exception as error:
+        raise ComponentFailed(f"cannot load the binary of '{fmu}': {error}") from None
+
+
 def is_fmi3(description: Any) -> bool:
     """Whether a description is one of FMI 3.0."""
     return str(description.fmiVersion).startswith("3.")
@@ -139,20 +147,34 @@ def _of_scalars(folder: Path, content: bytes) -> Loadable:
 
 
 def _scalars(variable: Any, elements: list[tuple[int, str, int, int]]) -> Iterator[ModelVariable]:
-    shape = tuple(variable.shape or ())
-    size = math.prod(shape)
+    size = number_of_elements(variable)
     if len(elements) + size > MOST_ELEMENTS:
         raise ValueError(f"more than {MOST_ELEMENTS} variables and elements of arrays")
-    starts = str(variable.start).split() if shape and variable.type != "String" else [variable.start]
-    starts = starts if len(starts) == size else starts[:1] * size
-    for place, (at, start) in enumerate(zip(np.ndindex(*shape), starts, strict=True)):
-        name = f"{variable.name}[{','.join(str(k + 1) for k in at)}]" if shape else variable.name
+    for place, (name, start) in enumerate(zip(element_names(variable), start_values(variable), strict=True)):
         reference = len(elements)
         elements.append((variable.valueReference, variable.type, size, place))
-        start = None if start == "None" else start
         yield _changed(
             variable, name=name, valueReference=reference, type=KINDS[variable.type], shape=None, start=start
         )
+
+
+def number_of_elements(variable: Any) -> int:
+    """Return the number of elements of a variable; a scalar has one."""
+    return math.prod(variable.shape or ())
+
+
+def element_names(variable: Any) -> list[str]:
+    """Return the names of the elements of a variable; a scalar is its own."""
+    if not variable.shape:
+        return [variable.name]
+    return [f"{variable.name}[{','.join(str(k + 1) for k in at)}]" for at in np.ndindex(*variable.shape)]
+
+
+def start_values(variable: Any) -> list[str | None]:
+    """Return the start values of the elements of a variable as texts; a single one is that of all."""
+    is_list = variable.shape and variable.type != "String" and variable.start is not None
+    given = [*variable.start.split()] if is_list else [variable.start]
+    return given if len(given) == number_of_elements(variable) else given[:1] * number_of_elements(variable)
 
 
 def _changed(original: Any, **values: object) -> Any:

@@ -13,15 +13,15 @@ from functools import partial
 from typing import NamedTuple
 
 from orchestrator.cosim.messages import WARNING
+from orchestrator.cosim.model_description import number_of_elements
 from orchestrator.fmu_check.instance import (
     Instance,
     NotApplicable,
     Refused,
     Subject,
     Verdict,
-    elements,
     listed,
-    size,
+    names_of,
     with_faults,
 )
 
@@ -48,7 +48,7 @@ def _set(causality: str, instance: Instance, subject: Subject) -> int:
     if not variables:
         raise NotApplicable(f"there is no {subject.fmi.REAL} {causality}")
     references = [variables[0].valueReference]
-    return instance.set_reals(references, instance.get_reals(references, size(variables[0]))[1] + 1.0)
+    return instance.set_reals(references, instance.get_reals(references, number_of_elements(variables[0]))[1] + 1.0)
 
 
 def _call(function: str, instance: Instance, subject: Subject) -> int:
@@ -193,7 +193,7 @@ def check_non_finite_inputs(subject: Subject) -> Verdict:
     if not subject.inputs:
         raise NotApplicable(f"there are no {subject.fmi.REAL} inputs")
     refused, faults = 0, []
-    names = [name for variable in subject.inputs for name in elements(variable)]
+    names = names_of(subject.inputs)
     for place, name in enumerate(names):
         for value in VALUES:
             subject.begin(f"with {name} = {value:g}")

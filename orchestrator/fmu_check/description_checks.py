@@ -10,9 +10,8 @@ import fmpy
 from fmpy.validation import validate_fmu
 from lxml import etree
 
-from orchestrator.cosim.fmu_files import unpack
 from orchestrator.fmu_check import fmi3
-from orchestrator.fmu_check.instance import Floats, Instance, NotApplicable, Refused, Subject, Verdict, elements, listed
+from orchestrator.fmu_check.instance import Floats, Instance, NotApplicable, Refused, Subject, Verdict, listed, names_of
 
 TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
 
@@ -20,9 +19,9 @@ TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
 def check_description(subject: Subject) -> Verdict:
     """Validate modelDescription.xml, by FMPy with the XSD of its version, and the terminals; load the binary."""
     faults = [" ".join(problem.split()) for problem in validate_fmu(str(subject.fmu))]
-    folder = unpack(subject.fmu)
+    folder, description = subject.unpacked
     if subject.fmi is fmi3:
-        faults += _faults_of_terminals(folder / TERMINALS, {v.name for v in subject.description.modelVariables})
+        faults += _faults_of_terminals(folder / TERMINALS, {v.name for v in description.modelVariables})
     binaries = sorted(path.name for path in (folder / "binaries").glob("*"))
     try:
         with Instance(subject):
@@ -125,8 +124,7 @@ def _dependent(subject: Subject, instance: Instance) -> Pairs:
         return instance.outputs()
 
     before = outputs(values)
-    names = [name for variable in subject.inputs for name in elements(variable)]
-    for place, name in enumerate(names):
+    for place, name in enumerate(names_of(subject.inputs)):
         changed = values.copy()
         changed[place] += CHANGE * max(1.0, abs(values[place]))
         pairs += [(name, output) for output in subject.differing(before, outputs(changed))]

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from ctypes import c_char, c_double, c_int
-from pathlib import Path
 from typing import Any
 
 import fmpy
-
-from orchestrator.cosim.component import Component
 
 PREFIX = "fmi2"  # of functions
 PLATFORM = fmpy.platform  # folder of the binary
@@ -24,12 +20,6 @@ GETTERS: tuple[tuple[str, Any, tuple[str, ...]], ...] = (  # function, C type, t
 STATE, DESERIALIZE = "FMUstate", "DeSerializeFMUstate"
 BYTE = c_char
 LATE = "SetupExperiment"  # a call that has to come before the first step, and its arguments
-
-
-def instantiate(fmu: Path, guid: str | None, hear: Callable[[str, int, str], None]) -> tuple[Any, Any, Any]:
-    """Return the library, an instance and the function that frees it; raises ComponentFailed."""
-    component = Component(fmu, "checked", hear, guid)
-    return (*component.functions, component.close)
 
 
 def setup(start: float) -> tuple[Any, ...]:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from ctypes import byref, c_bool, c_double
-from pathlib import Path
 from typing import Any
 
 import fmpy
 from fmpy.fmi3 import fmi3Byte
 
 from orchestrator.cosim import fmi3_library
-from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.model_description import describe, require_binary
 
 PREFIX = "fmi3"
 PLATFORM = fmpy.platform_tuple
@@ -27,27 +23,6 @@ STATE, DESERIALIZE = "FMUState", "DeserializeFMUState"
 BYTE = fmi3Byte  # FMPy's: its type has changed
 LATE = "EnterInitializationMode"
 FLAGS = ("asks for event mode, which is not used", "ends the run", "returns early, which is not allowed")
-
-
-def instantiate(fmu: Path, token: str | None, hear: Callable[[str, int, str], None]) -> tuple[Any, Any, Any]:
-    """Return the library, an instance and the function that frees it; raises ComponentFailed."""
-    folder, description = describe(fmu, ("3.0",))
-    require_binary(folder, description, fmu)
-    try:
-        library = fmi3_library.load(folder, description.coSimulation.modelIdentifier)
-    except Exception as error:
-        raise ComponentFailed(f"cannot load the binary of '{fmu}': {error}") from None
-    said: list[str] = []
-
-    def receive(status: int, text: str, category: str) -> None:
-        said.append(text)
-        hear("checked", status, text)
-
-    given = token or description.guid or ""
-    handle, close = fmi3_library.instantiate(library, folder, "checked", given, receive)
-    if not handle:
-        raise ComponentFailed(f"checked: {said[0] if said else 'the FMU cannot be instantiated'}")
-    return library, handle, close
 
 
 def setup(start: float) -> tuple[Any, ...]:

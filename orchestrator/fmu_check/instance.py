@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
 from ctypes import c_double, c_uint
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -15,8 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.messages import FATAL, OK, WARNING
-from orchestrator.cosim.model_description import describe
+from orchestrator.cosim.messages import FATAL, OK, WARNING, CallMessages, Logger
+from orchestrator.cosim.model_description import (
+    LIBRARIES,
+    describe,
+    element_names,
+    load_library,
+    number_of_elements,
+    require_binary,
+    start_values,
+)
 from orchestrator.fmu_check import fmi2, fmi3
 
 SHOWN = 3  # faults in the sentence of a verdict
@@ -75,12 +83,17 @@ class Subject:
         self.instances = 0
 
     @cached_property
-    def description(self) -> Any:
-        """Content of modelDescription.xml."""
+    def unpacked(self) -> tuple[Path, Any]:
+        """Folder of its files, and content of modelDescription.xml."""
         try:
-            return describe(self.fmu, VERSIONS)[1]
+            return describe(self.fmu, VERSIONS)
         except ComponentFailed as failure:
             raise NotApplicable(str(failure)) from None
+
+    @property
+    def description(self) -> Any:
+        """Content of modelDescription.xml."""
+        return self.unpacked[1]
 
     @cached_property
     def fmi(self) -> ModuleType:
@@ -126,7 +139,7 @@ class Subject:
     @cached_property
     def owner(self) -> dict[str, str]:
         """Name of the variable of each element of an input or output, by the name of the element."""
-        return {name: v.name for v in (*self.inputs, *self.outputs) for name in elements(v)}
+        return {name: v.name for v in (*self.inputs, *self.outputs) for name in element_names(v)}
 
     @cached_property
     def amplitude(self) -> float:
@@ -141,36 +154,34 @@ class Subject:
 
     def input_values(self, k: int, amplitude: float) -> Floats:
         """Return the values of the inputs that vary, over step k, by element."""
-        start = np.array([value for v in self.inputs for value in _starts(v)])
+        start = np.array([float(value or 0.0) for v in self.inputs for value in start_values(v)])
         return start + amplitude * np.maximum(1.0, abs(start)) * np.sin(0.5 * (k + 1) + np.arange(start.size))
 
     def differing(self, one: Floats, other: Floats) -> list[str]:
         """Return the names of elements of outputs that differ in a bit; outputs are the last axis of the arrays."""
         differ = one.view(np.int64) != other.view(np.int64)
         differ = differ.any(axis=tuple(range(differ.ndim - 1)))
-        return [name for name, is_other in zip(_names(self.outputs), differ, strict=True) if is_other]
+        return [name for name, is_other in zip(names_of(self.outputs), differ, strict=True) if is_other]
 
 
-def size(variable: Any) -> int:
-    """Return the number of elements of a variable."""
-    return math.prod(variable.shape or ())
+def names_of(variables: Sequence[Any]) -> list[str]:
+    """Return the names of the elements of variables."""
+    return [name for variable in variables for name in element_names(variable)]
 
 
-def elements(variable: Any) -> list[str]:
-    """Return the names of the elements of a variable; a scalar is its own."""
-    if not variable.shape:
-        return [variable.name]
-    return [f"{variable.name}[{','.join(str(i + 1) for i in place)}]" for place in np.ndindex(*variable.shape)]
+def instantiate(subject: Subject, token: str | None, hear: Logger) -> tuple[Any, Any, Callable[[], None]]:
+    """Return the library, an instance and the function that frees it; raises ComponentFailed.
 
-
-def _names(variables: Sequence[Any]) -> list[str]:
-    return [name for variable in variables for name in elements(variable)]
-
-
-def _starts(variable: Any) -> list[float]:
-    """Return the start values of the elements of a variable; a single one is that of all."""
-    given = [float(value) for value in str(variable.start or 0.0).split()]
-    return given if len(given) == size(variable) else given[:1] * size(variable)
+    ``token``: another guid or instantiation token than that of the description.
+    """
+    (folder, description), said = subject.unpacked, CallMessages("checked", hear)
+    require_binary(folder, description, subject.fmu)
+    library = load_library(folder, description, subject.fmu)
+    given = library, folder, "checked", token or description.guid or "", partial(said.receive, time=0.0)
+    handle, close = LIBRARIES[description.fmiVersion[:3]].instantiate(*given)
+    if not handle:
+        raise ComponentFailed(said.refusal())
+    return library, handle, close
 
 
 class Instance(AbstractContextManager["Instance"]):
@@ -179,14 +190,14 @@ class Instance(AbstractContextManager["Instance"]):
     Raises NotApplicable if the FMU cannot be instantiated at all or only once, Refused if it could before.
     """
 
-    def __init__(self, subject: Subject, guid: str | None = None) -> None:
+    def __init__(self, subject: Subject, token: str | None = None) -> None:
         if subject.instances and subject.description.coSimulation.canBeInstantiatedOnlyOncePerProcess:
             raise NotApplicable("the FMU can be instantiated only once per process")
         self._subject = subject
         self._messages: list[str] = []
         self._lost = self._running = False
         try:
-            self._library, self._handle, self._close = subject.fmi.instantiate(subject.fmu, guid, self._hear)
+            self._library, self._handle, self._close = instantiate(subject, token, self._hear)
         except ComponentFailed as failure:
             raise (Refused if subject.instances else NotApplicable)(str(failure)) from None
         subject.instances += 1
@@ -241,7 +252,7 @@ class Instance(AbstractContextManager["Instance"]):
         parts = []
         for function, c_type, kinds in self._subject.fmi.GETTERS:
             variables = self._subject.variables("output", *kinds)
-            content = (c_type * sum(map(size, variables)))()
+            content = (c_type * sum(map(number_of_elements, variables)))()
             if variables:
                 self.must(function, *self._arguments([v.valueReference for v in variables], content))
             parts.append(np.array(content, dtype=float))
@@ -276,7 +287,7 @@ class Instance(AbstractContextManager["Instance"]):
         status = self.call("DoStep", *self._subject.fmi.step(self._subject.start + t, h))
         if status > WARNING:
             return False, self.fatal(status)
-        values = zip(_names(self._subject.outputs), self.outputs(), strict=True)
+        values = zip(names_of(self._subject.outputs), self.outputs(), strict=True)
         return True, [f"{name} = {value:g}" for name, value in values if not math.isfinite(value)]
 
     def fatal(self, status: int) -> list[str]:

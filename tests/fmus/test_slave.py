@@ -139,7 +139,7 @@ def test_restore_brings_back_inputs_outputs_and_link_outputs(component):
     component.read_counters()
     assert np.array_equal((*component.y, *component.y_links, *component.counters), trace[-1])
     component.u[0] = 0.0
-    component._exchange(component.functions[0].fmi2GetReal, component._u)  # read the FMU's own copy of its input
+    component._exchange(component._library.fmi2GetReal, component._u)  # read the FMU's own copy of its input
     assert component.u[0] == force
 
 

@@ -21,10 +21,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.model_description import describe
 from orchestrator.fmu_check import fmi3
+from orchestrator.fmu_check.instance import Subject, instantiate
 
 OK, DISCARD, ERROR, FATAL = 0, 2, 3, 4
 LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3  # kinds of a status
@@ -82,8 +82,8 @@ class Driven:
 
     def _instantiated(self, fmu: Path) -> tuple[Any, Any, Any, Callable[[], None]]:
         """Description, library, instance, and the function that frees it."""
-        component = Component(fmu, "fuzzed", lambda name, status, text: self._heard(status, text))
-        return component.description, *component.functions, component.close
+        subject = Subject(fmu)
+        return subject.description, *instantiate(subject, None, lambda name, status, text: self._heard(status, text))
 
     def _start(self, variable: Any) -> Any:
         return float(variable.start)
@@ -206,11 +206,11 @@ class Driven3(Driven):
     RENAMED: Mapping[str, str] = {"DeSerializeFMUstate": "DeserializeFMUState"}
 
     def _instantiated(self, fmu: Path) -> tuple[Any, Any, Any, Callable[[], None]]:
-        description = describe(fmu, ("3.0",))[1]
-        self._sizes = {v.valueReference: math.prod(v.shape) for v in description.modelVariables if v.type == "Float64"}
-        (self._time,) = (v.valueReference for v in description.modelVariables if v.causality == "independent")
+        made = super()._instantiated(fmu)
+        self._sizes = {v.valueReference: math.prod(v.shape) for v in made[0].modelVariables if v.type == "Float64"}
+        (self._time,) = (v.valueReference for v in made[0].modelVariables if v.causality == "independent")
         self._last = math.nan
-        return description, *fmi3.instantiate(fmu, None, lambda name, status, text: self._heard(status, text))
+        return made
 
     def _start(self, variable: Any) -> list[float]:
         return [float(value) for value in variable.start.split()]

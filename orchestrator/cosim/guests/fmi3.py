@@ -8,16 +8,21 @@ an element. Values are in buffers of bytes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_uint
 from pathlib import Path
 from typing import Any
-
-from fmpy.fmi3 import fmi3Byte
 
 from orchestrator.cosim import fmi3_library
 from orchestrator.cosim.messages import DISCARD, WARNING
 
 _SCALARS: dict[str, Any] = {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p}
+_ALIKE = {  # functions by their names in FMI 2.0, which has other capitals
+    f"fmi2{name}".lower(): f"fmi3{name}"
+    for name in (
+        *("ExitInitializationMode", "Terminate", "Reset", "GetFMUState", "SetFMUState", "FreeFMUState"),
+        *("SerializedFMUStateSize", "SerializeFMUState", "DeserializeFMUState"),
+    )
+}
 _TERMINATED = 3  # kind of a status
 
 
@@ -54,12 +59,12 @@ class Fmi3:
         return int(getattr(self._library, f"fmi3{function}")(self._handle, *arguments))
 
     def __getattr__(self, name: str) -> Any:
-        """Getter, setter, or function without arguments of FMI 2.0."""
+        """Getter, setter, or function of FMI 2.0 that differs from that of FMI 3.0 in its name alone."""
         way, kind = name[4:7], name[7:]
         if name.startswith("fmi2") and way in ("Get", "Set") and kind in _SCALARS:
             return lambda _, references, n, values: self._exchange(way, kind, references, n, values)
-        if name in ("fmi2ExitInitializationMode", "fmi2Terminate", "fmi2Reset"):
-            return lambda _: self._call(name[4:])
+        if name.lower() in _ALIKE:
+            return getattr(self._library, _ALIKE[name.lower()])
         raise AttributeError(name)
 
     def _exchange(self, way: str, kind: str, references: Any, n: int, values: Any) -> int:
@@ -105,22 +110,3 @@ class Fmi3:
     def fmi2GetRealStatus(self, _: int, kind: int, value: Any) -> int:
         c_double.from_buffer(value).value = self._reached.value
         return 0
-
-    def fmi2GetFMUstate(self, _: int, state: Any) -> int:
-        return self._call("GetFMUState", byref(c_void_p.from_buffer(state)))
-
-    def fmi2SetFMUstate(self, _: int, state: int) -> int:
-        return self._call("SetFMUState", state)
-
-    def fmi2FreeFMUstate(self, _: int, state: Any) -> int:
-        return self._call("FreeFMUState", byref(c_void_p.from_buffer(state)))
-
-    def fmi2SerializedFMUstateSize(self, _: int, state: int, size: Any) -> int:
-        return self._call("SerializedFMUStateSize", state, byref(c_size_t.from_buffer(size)))
-
-    def fmi2SerializeFMUstate(self, _: int, state: int, content: Any, size: int) -> int:
-        return self._call("SerializeFMUState", state, (fmi3Byte * size).from_buffer(content), size)
-
-    def fmi2DeSerializeFMUstate(self, _: int, content: Any, size: int, state: Any) -> int:
-        made = byref(c_void_p.from_buffer(state))
-        return self._call("DeserializeFMUState", (fmi3Byte * size).from_buffer(content), size, made)

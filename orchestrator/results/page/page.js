@@ -168,17 +168,31 @@
     return `rgb(${mixed[k].map((low, i) => Math.round(low + (place - k) * (mixed[k + 1][i] - low))).join(",")})`;
   };
 
+  const brush = (pen) => { // draws through points (x, y), in pixels; looks are those of CSS
+    const path = (points) => {
+      pen.beginPath();
+      points.forEach(([x, y]) => pen.lineTo(x, y));
+    };
+    const line = (points, look, thick, closed) => {
+      path(points);
+      if (closed) pen.closePath();
+      pen.strokeStyle = look;
+      pen.lineWidth = thick;
+      pen.stroke();
+    };
+    const area = (points, look) => {
+      path(points);
+      pen.fillStyle = look;
+      pen.fill();
+    };
+    return { path, line, area };
+  };
+
   const fromAbove = (view) => {
     const canvas = document.getElementById("above"), pen = canvas.getContext("2d"), [along, across] = view.half;
     const hull = floats(view.hull), heading = floats(view.heading), feet = shorts(view.feet), arrows = shorts(view.arrows);
     const first = view.counts.reduce((sums, count) => [...sums, sums[sums.length - 1] + count], [0]);
-    const line = (points, stroke, thick) => {
-      pen.beginPath();
-      points.forEach(([x, y]) => pen.lineTo(x, y));
-      pen.strokeStyle = colour(stroke);
-      pen.lineWidth = thick;
-      pen.stroke();
-    };
+    const { line, area } = brush(pen);
     return (k) => {
       const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = Math.min(0.5 * width, 400);
       canvas.style.height = `${height}px`;
@@ -186,27 +200,24 @@
       const scale = height / 2 / view.reach, [hx, hy] = [hull[2 * k], hull[2 * k + 1]], wide = 0.5 * width / scale;
       const at = (x, y) => [0.5 * width + scale * x, 0.5 * height - scale * y]; // metres beside the hull
       pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-      for (let x = Math.ceil(hx - wide); x <= hx + wide; x++) line([at(x - hx, view.reach), at(x - hx, -view.reach)], "line", 1);
-      for (let y = Math.ceil(hy - view.reach); y <= hy + view.reach; y++) line([at(wide, y - hy), at(-wide, y - hy)], "line", 1);
-      line(view.counts.map((_, i) => at(hull[2 * i] - hx, hull[2 * i + 1] - hy)), "muted", 1);
-      const c = Math.cos(heading[k]), s = Math.sin(heading[k]);
-      pen.fillStyle = colour("c0");
+      for (let x = Math.ceil(hx - wide); x <= hx + wide; x++) line([at(x - hx, view.reach), at(x - hx, -view.reach)], colour("line"), 1);
+      for (let y = Math.ceil(hy - view.reach); y <= hy + view.reach; y++) line([at(wide, y - hy), at(-wide, y - hy)], colour("line"), 1);
+      line(view.counts.map((_, i) => at(hull[2 * i] - hx, hull[2 * i + 1] - hy)), colour("muted"), 1);
+      const c = Math.cos(heading[k]), s = Math.sin(heading[k]), shade = colour("c0");
       pen.globalAlpha = 0.35;
       for (let i = first[k]; i < first[k + 1]; i++) {
         const x = feet[2 * i] * view.unit, y = feet[2 * i + 1] * view.unit;
-        pen.beginPath();
-        [[1, 1], [1, -1], [-1, -1], [-1, 1]].forEach(([p, q]) => {
+        area([[1, 1], [1, -1], [-1, -1], [-1, 1]].map(([p, q]) => {
           const [a, b] = [0.94 * p * along, q * across];
-          pen.lineTo(...at(x + c * a - s * b, y + s * a + c * b));
-        });
-        pen.fill();
+          return at(x + c * a - s * b, y + s * a + c * b);
+        }), shade);
       }
       pen.globalAlpha = 1;
       const arrow = (x, y, u, v) => {
         const size = Math.hypot(u, v), [tx, ty] = [x + u, y + v], head = Math.min(0.1, 0.4 * size) / size;
         if (size < 0.02) return;
-        line([at(x, y), at(tx, ty)], "bad", 1.3);
-        line([at(tx - head * (u - 0.5 * v), ty - head * (v + 0.5 * u)), at(tx, ty), at(tx - head * (u + 0.5 * v), ty - head * (v - 0.5 * u))], "bad", 1.3);
+        line([at(x, y), at(tx, ty)], colour("bad"), 1.3);
+        line([at(tx - head * (u - 0.5 * v), ty - head * (v + 0.5 * u)), at(tx, ty), at(tx - head * (u + 0.5 * v), ty - head * (v - 0.5 * u))], colour("bad"), 1.3);
       };
       for (let i = first[k]; i < first[k + 1]; i++) {
         arrow(...[feet, arrows].flatMap((pairs) => [pairs[2 * i] * view.unit, pairs[2 * i + 1] * view.unit]));
@@ -225,7 +236,7 @@
 
   const player = (view) => {
     const above = view.above ? fromAbove(view.above) : () => {};
-    const canvas = document.getElementById("picture"), pen = canvas.getContext("2d");
+    const canvas = document.getElementById("picture"), pen = canvas.getContext("2d"), { path, line, area } = brush(pen);
     const slider = document.getElementById("time"), clock = document.getElementById("clock");
     const button = document.getElementById("play"), pace = document.getElementById("pace");
     const t = floats(view.t), pins = shorts(view.pins), tension = floats(view.tension);
@@ -268,6 +279,8 @@
       oy = 0.5 * (height + scale * (top + bottom));
     };
     const X = (x) => ox + scale * x, Y = (y) => oy - scale * y;
+    const placed = (places, count, k) => Array.from({ length: count }, (_, i) => // those of a picture
+      [X(places[2 * (k * count + i)] * view.unit), Y(places[2 * (k * count + i) + 1] * view.unit)]);
 
     const lineAt = ({ places, first }, k) => { // in the picture
       const points = [];
@@ -284,48 +297,33 @@
     const soil = (k) => {
       const shift = along[k], corners = () => view.ground.corners.map(([a, z]) => [X(a - shift), Y(z)]);
       const points = sections ? lineAt(sections, k) : [[0, Y(0)], ...corners(), [width, Y(0)]];
-      pen.beginPath();
-      points.forEach(([x, y]) => pen.lineTo(x, y));
-      pen.lineTo(width, height);
-      pen.lineTo(0, height);
-      pen.closePath();
-      pen.fillStyle = colour("soil");
-      pen.fill();
-      pen.strokeStyle = colour("soil-edge");
-      pen.lineWidth = 1;
+      const edge = colour("soil-edge");
+      area([...points, [width, height], [0, height]], colour("soil"));
       const first = Math.ceil((0 - ox) / scale + shift), last = Math.floor((width - ox) / scale + shift);
       for (let mark = first; mark <= last; mark++) {
         const x = X(mark - shift), y = sections ? heightOf(points, x) + 0.02 * scale : Y(-0.02);
-        pen.beginPath();
-        pen.moveTo(x, y);
-        pen.lineTo(x, y + 8);
-        pen.stroke();
+        line([[x, y], [x, y + 8]], edge, 1);
       }
-      pen.beginPath();
-      points.forEach(([x, y]) => pen.lineTo(x, y));
-      pen.stroke();
+      line(points, edge, 1);
       if (!untouched) return;
       pen.setLineDash([6, 4]);
-      pen.beginPath();
-      lineAt(untouched, k).forEach(([x, y]) => pen.lineTo(x, y));
-      pen.stroke();
+      line(lineAt(untouched, k), edge, 1);
       pen.setLineDash([]);
     };
 
     const outline = (wheel, k, x, y) => {
       const c = scale * Math.cos(wheel.angle[k]), n = scale * Math.sin(wheel.angle[k]);
-      pen.beginPath();
-      if (wheel.outline.length) wheel.outline.forEach(([ahead, up]) => pen.lineTo(x + c * ahead - n * up, y - n * ahead - c * up));
-      else pen.arc(x, y, scale * wheel.radius, 0, 2 * Math.PI);
+      path(wheel.outline.map(([ahead, up]) => [x + c * ahead - n * up, y - n * ahead - c * up]));
+      if (!wheel.outline.length) pen.arc(x, y, scale * wheel.radius, 0, 2 * Math.PI);
       pen.closePath();
     };
 
-    const drawParts = (kind, pinAt) => { // of all links; in the frame of a link, along and outwards
+    const drawParts = (kind, at) => { // of all links; in the frame of a link, along and outwards
       const part = view.parts[kind];
       if (!part) return;
       pen.fillStyle = `rgb(${part.colour.join(",")})`;
       for (let i = 0; i < view.links; i++) {
-        const [ax, ay] = pinAt(i), [bx, by] = pinAt((i + 1) % view.pinCount);
+        const [ax, ay] = at[i], [bx, by] = at[(i + 1) % view.pinCount];
         pen.save();
         pen.translate(0.5 * (ax + bx), 0.5 * (ay + by));
         pen.rotate(Math.atan2(by - ay, bx - ax));
@@ -336,58 +334,40 @@
     };
 
     const paint = () => {
-      const k = now, pinAt = (i) => [X(pins[2 * (k * view.pinCount + i)] * view.unit), Y(pins[2 * (k * view.pinCount + i) + 1] * view.unit)];
+      const k = now, at = placed(pins, view.pinCount, k);
       pen.clearRect(0, 0, width, height);
       if (view.ground) soil(k);
-      if (hull) {
-        pen.beginPath();
-        for (let i = 0; i < corners; i++) pen.lineTo(X(hull[2 * (k * corners + i)] * view.unit), Y(hull[2 * (k * corners + i) + 1] * view.unit));
-        pen.closePath();
-        pen.fillStyle = colour("hull");
-        pen.fill();
-      }
-      drawParts("horn", pinAt); // between the discs of wheels
+      if (hull) area(placed(hull, corners, k), colour("hull"));
+      drawParts("horn", at); // between the discs of wheels
+      const edge = colour("wheel-edge");
       wheels.forEach((wheel) => {
-        const x = X(wheel.centre[2 * k] * view.unit), y = Y(wheel.centre[2 * k + 1] * view.unit);
+        const [[x, y]] = placed(wheel.centre, 1, k);
         outline(wheel, k, x, y);
         pen.fillStyle = colour("wheel");
         pen.fill();
-        pen.strokeStyle = colour("wheel-edge");
+        pen.strokeStyle = edge;
         pen.lineWidth = 1.2;
         pen.stroke();
         const reach = 0.7 * scale * wheel.radius;
         for (let spoke = 0; spoke < 3; spoke++) {
           const angle = wheel.angle[k] + 2 * Math.PI * spoke / 3;
-          pen.beginPath();
-          pen.moveTo(x, y);
-          pen.lineTo(x + reach * Math.cos(angle), y - reach * Math.sin(angle));
-          pen.stroke();
+          line([[x, y], [x + reach * Math.cos(angle), y - reach * Math.sin(angle)]], edge, 1.2);
         }
       });
       let most = -Infinity, worst = 0;
       pen.lineCap = "butt";
       for (let i = 0; i < view.links; i++) {
-        const [ax, ay] = pinAt(i), [bx, by] = pinAt((i + 1) % view.pinCount), pull = tension[k * view.links + i];
+        const [ax, ay] = at[i], [bx, by] = at[(i + 1) % view.pinCount], pull = tension[k * view.links + i];
         if (pull > most) [most, worst] = [pull, i];
         const gap = 0.5 * (1 - view.drawn);
-        pen.beginPath();
-        pen.moveTo(ax + gap * (bx - ax), ay + gap * (by - ay));
-        pen.lineTo(bx - gap * (bx - ax), by - gap * (by - ay));
-        pen.lineWidth = Math.max(2.5, view.thick * scale);
-        pen.strokeStyle = viridis((pull - view.least) / (view.most - view.least));
-        pen.stroke();
+        const ends = [[ax + gap * (bx - ax), ay + gap * (by - ay)], [bx - gap * (bx - ax), by - gap * (by - ay)]];
+        line(ends, viridis((pull - view.least) / (view.most - view.least)), Math.max(2.5, view.thick * scale));
       }
-      drawParts("pad", pinAt);
+      drawParts("pad", at);
       if (reference && k < view.reference.pictures) {
-        const count = view.reference.pinCount;
-        pen.beginPath();
-        for (let i = 0; i < count; i++) pen.lineTo(X(reference[2 * (k * count + i)] * view.unit), Y(reference[2 * (k * count + i) + 1] * view.unit));
-        if (view.reference.closed) pen.closePath();
-        pen.strokeStyle = colour("outline");
-        pen.lineWidth = 1.4;
-        pen.stroke();
+        line(placed(reference, view.reference.pinCount, k), colour("outline"), 1.4, view.reference.closed);
       }
-      const [ax, ay] = pinAt(worst), [bx, by] = pinAt((worst + 1) % view.pinCount);
+      const [ax, ay] = at[worst], [bx, by] = at[(worst + 1) % view.pinCount];
       pen.beginPath();
       pen.arc(0.5 * (ax + bx), 0.5 * (ay + by), Math.max(9, 0.11 * scale), 0, 2 * Math.PI);
       pen.strokeStyle = colour("bad");

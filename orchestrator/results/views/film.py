@@ -20,6 +20,7 @@ from orchestrator.results.output_files import atomic_write, check_name
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.views import colours, projected, solids
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
+from orchestrator.results.views.primitives import forces_of_the_ground
 from orchestrator.results.views.projected import Camera, Layers
 from orchestrator.results.views.ruts import ground_at, inside, ruts_of, untouched
 
@@ -333,11 +334,11 @@ class FilmPicture:
 
     def _arrows_of(self, camera: Camera, poses: Poses, k: int) -> Floats:
         """Return the arrows of ground forces (n, 2, 2), m in the picture."""
-        arrows = [
-            camera.project(np.stack([origins, origins + vectors], axis=1))
-            for _, origins, vectors, _ in solids.ground_arrows(self._bodies, poses, slice(k, k + 1))
-        ]
-        return np.concatenate([np.empty((0, 2, 2)), *arrows])
+        forces = (
+            forces_of_the_ground(self._bodies, track, poses.links[track.name], slice(k, k + 1))
+            for track in self._bodies.tracks
+        )
+        return np.concatenate([np.empty((0, 2, 2)), *(camera.project(arrows.pairs) for arrows in forces if arrows)])
 
     def _motion(self, t: float) -> str:
         if self._speed is None:

@@ -176,12 +176,11 @@ def _messages(kinds: ModuleType, primitive: Constant) -> Iterator[tuple[str, Any
                 type=kinds.LinePrimitiveLineType.LineList, pose=_pose(kinds), thickness=width,
                 points=_points(kinds, pairs), color=_colour(kinds, colour),
             )  # fmt: skip
-        case Arrows(place, origins, vectors, _, label) if len(origins):
-            tips = origins + vectors
-            yield from _messages(kinds, Lines(place, np.stack([origins, tips], axis=1), colours.FORCE, 0.02))
+        case Arrows(place, origins, label=label) if len(origins):
+            yield from _messages(kinds, Lines(place, primitive.pairs, colours.FORCE, 0.02))
             if label:
                 yield "texts", kinds.TextPrimitive(
-                    pose=_pose(kinds, tips[0]), billboard=True, font_size=14.0, scale_invariant=True,
+                    pose=_pose(kinds, primitive.pairs[0, 1]), billboard=True, font_size=14.0, scale_invariant=True,
                     color=_colour(kinds, colours.FORCE), text=label,
                 )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Primitives of a run in space: one list of meshes, discs, lines, arrows and boxes for all viewers.
+"""Primitives of a run in space: one list of meshes, discs, lines, arrows and boxes for all viewers; arrows for films.
 
 Constant primitives are in the frame of their entity, which moves with a body. Boxes of links and arrows of forces are
 in world, at some instants.
@@ -7,7 +7,7 @@ in world, at some instants.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,14 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_mesh import GroundHole
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.views import colours
-from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
+from orchestrator.results.views.bodies import Bodies, BodyPose, LinkPoses, Poses
 from orchestrator.results.views.colours import Colour, Scale
 from orchestrator.results.views.ruts import floors
 from orchestrator.results.views.shapes import LinkPart, TrackBody, spokes
-from orchestrator.results.views.solids import Reach, Triangles, convex, ground_arrows, prism, scale_on_hull, sheet
+from orchestrator.results.views.solids import Reach, Triangles, convex, force_of_a_metre, prism, scale_on_hull, sheet
 
+SHORTEST = 0.01  # m: shorter arrows are left out
+ASIDE = 0.03  # m beyond the outer edge of a link: wheels and links would hide arrows
 WORLD, HULL = "world", "hull"  # frames; those of wheels have the names of the wheels
 
 Place = tuple[str, ...]  # path of a primitive in the world
@@ -61,6 +63,11 @@ class Arrows(NamedTuple):
     vectors: Floats  # (n, 3) m
     counts: NDArray[np.int64]  # (m,) number of arrows at each instant; one of a constant arrow
     label: str = ""
+
+    @property
+    def pairs(self) -> Floats:
+        """Ends (n, 2, 3) of the arrows, the tip last, m."""
+        return np.stack([self.origins, self.origins + self.vectors], axis=1)
 
     def at(self, k: int) -> Arrows:
         """Return the arrows at the k-th instant."""
@@ -131,17 +138,26 @@ def ruts(bodies: Bodies) -> Iterator[tuple[float, Entity]]:
 
 def moving(bodies: Bodies, poses: Poses, scale: Scale) -> Iterator[MovingTrack]:
     """Yield the links of each track in the colours of a scale, and the forces on them."""
-    forces = {
-        track.name: Arrows(("forces of the ground", track.name), origins, vectors, counts)
-        for track, origins, vectors, counts in ground_arrows(bodies, poses)
-    }
     for track in bodies.tracks:
         links = poses.links[track.name]
         turned, boxes = quaternions(links.axes), []
         for part in track.parts:
             paint = colours.of_part(part.kind, links.colour, turned.shape[:-1], scale)
             boxes.append(Boxes(part, links.centres + links.axes @ part.centre, turned, paint))
-        yield MovingTrack(track, boxes, forces.get(track.name))
+        yield MovingTrack(track, boxes, forces_of_the_ground(bodies, track, links))
+
+
+def forces_of_the_ground(bodies: Bodies, track: TrackBody, links: LinkPoses, rows: Any = slice(None)) -> Arrows | None:
+    """Arrows at the pads of a track at some instants, ``rows``; None without forces."""
+    if links.ground is None:
+        return None
+    outer = (-1.0 if track.name.startswith("right") else 1.0) * (track.half[1] + ASIDE)
+    axes = links.axes[rows]
+    feet = links.centres[rows] + track.half[2] * axes[..., 2] + outer * axes[..., 1]
+    vectors = links.ground[rows] / force_of_a_metre(bodies)
+    visible = np.linalg.norm(vectors, axis=-1) > SHORTEST
+    place = "forces of the ground", track.name
+    return Arrows(place, feet[visible], vectors[visible], visible.sum(axis=1))
 
 
 def frames(poses: Poses) -> dict[str, BodyPose]:

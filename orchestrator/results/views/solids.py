@@ -1,13 +1,12 @@
-"""Triangulated surfaces of shapes that viewers lack: toothed sprockets, hull, ground; ground forces as arrows.
+"""Triangulated surfaces of shapes that viewers lack: toothed sprockets, hull, ground; scale of arrows of ground forces.
 
-Arrows have one scale for all views of vehicles of one size, so that they can be compared.
+It is one for all views of vehicles of one size, so that they can be compared.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,8 @@ from numpy.typing import NDArray
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_mesh import MOST, GroundHole, GroundMesh, ground_mesh
 from orchestrator.results.ground_surface import GroundSurface, whole_metres
-from orchestrator.results.views.bodies import Bodies, Poses
-from orchestrator.results.views.shapes import HullBody, LinkPart, TrackBody, WheelBody, boxes, rim
+from orchestrator.results.views.bodies import Bodies
+from orchestrator.results.views.shapes import HullBody, LinkPart, WheelBody, boxes, rim
 
 ROOM = 5.0  # m of ground beyond the bodies' positions
 OVER = 0.003  # m, height of lines above the ground
@@ -135,10 +134,8 @@ def faceted(surface: Triangles) -> tuple[Floats, Floats]:
 
 ALMOST = 1.2  # a force that is this much below a round one counts as that
 CHAIN, FORCE = 9.8, 20e3  # of the m113: length of a chain, m; force of an arrow of a metre, N
-SHORTEST = 0.01  # m: shorter arrows are left out
 DIGITS = (5.0, 2.0, 1.0)  # first digits of the force of a scale arrow
 BEHIND = 0.4  # m from the hull to the scale arrow
-ASIDE = 0.03  # m beyond the outer edge of a link: wheels and links would hide arrows
 
 
 def force_of_a_metre(bodies: Bodies) -> float:
@@ -152,24 +149,6 @@ def force_of_a_metre(bodies: Bodies) -> float:
 def _round_below(force: float) -> float:
     power = 10.0 ** np.floor(np.log10(force))
     return float(power * next(digit for digit in DIGITS if digit * power <= force * (1.0 + 1e-9)))
-
-
-def ground_arrows(
-    bodies: Bodies, poses: Poses, rows: Any = slice(None)
-) -> Iterator[tuple[TrackBody, Floats, Floats, NDArray[np.int64]]]:
-    """Yield each track with forces, origins (n, 3) at its pads and vectors (n, 3), m, world, and their numbers (m,).
-
-    ``rows``: the instants, m in number.
-    """
-    for track in bodies.tracks:
-        links = poses.links[track.name]
-        if links.ground is not None:
-            outer = (-1.0 if track.name.startswith("right") else 1.0) * (track.half[1] + ASIDE)
-            axes = links.axes[rows]
-            feet = links.centres[rows] + track.half[2] * axes[..., 2] + outer * axes[..., 1]
-            vectors = links.ground[rows] / force_of_a_metre(bodies)
-            visible = np.linalg.norm(vectors, axis=-1) > SHORTEST
-            yield track, feet[visible], vectors[visible], visible.sum(axis=1)
 
 
 def has_forces(bodies: Bodies) -> bool:
