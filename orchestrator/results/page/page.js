@@ -208,7 +208,7 @@
       for (let i = first[k]; i < first[k + 1]; i++) {
         const x = feet[2 * i] * view.unit, y = feet[2 * i + 1] * view.unit;
         area([[1, 1], [1, -1], [-1, -1], [-1, 1]].map(([p, q]) => {
-          const [a, b] = [0.94 * p * along, q * across];
+          const [a, b] = [p * along, q * across];
           return at(x + c * a - s * b, y + s * a + c * b);
         }), shade);
       }
