@@ -90,9 +90,9 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
         observe(m.link, m.environment, m.s, m.work, m.report)
     flat, full = model.work, solid.work
     assert flat.touched.sum() > 20
-    assert same(flat.R, full.R[:, :, XZ], 1e-9)
-    assert same(flat.b, full.b[:, XZ], 1e-7)
-    for name in ("A", "U", "L"):
+    assert same(flat.residual, full.residual[:, :, XZ], 1e-9)
+    assert same(flat.right_side, full.right_side[:, XZ], 1e-7)
+    for name in ("diagonal", "upper", "lower"):
         blocks = getattr(full, name)
         assert same(getattr(flat, name), blocks[:, XZ][:, :, XZ], 1e-11)
         assert np.abs(blocks[:, 1, XZ]).max() == np.abs(blocks[:, XZ, 1]).max() == 0.0, "planes are decoupled"
@@ -102,7 +102,7 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
     assert model.report[measured] == pytest.approx(solid.report[measured], rel=1e-7)
     solid.s.q[5, 0] += 1e-9  # twin: a nanometre
     evaluate(solid)
-    assert not same(flat.b, full.b[:, XZ], 1e-5)
+    assert not same(flat.right_side, full.right_side[:, XZ], 1e-5)
 
 
 def evaluate(m) -> None:

@@ -97,7 +97,7 @@ class Rods:
         """Set the velocities of a rigid rotation ``rate`` (3,), rad/s, about the origin."""
         pin_motion(self.links, self.s, self.w)
         self.s.v[:, :3] = np.cross(rate, self.s.q[:, :3])
-        self.s.v[:, 3:] = np.einsum("nji,j->ni", self.w.system.A, rate)
+        self.s.v[:, 3:] = np.einsum("nji,j->ni", self.w.system.rotation, rate)
 
     def energy(self) -> float:
         """Kinetic and gravity energy, J."""
@@ -109,5 +109,5 @@ class Rods:
         """Angular momentum (3,) about the origin, kg m2/s."""
         s = self.s
         pin_motion(self.links, s, self.w)
-        spin = np.einsum("nij,nj->ni", self.w.system.A, self.links.inertia * s.v[:, 3:])
+        spin = np.einsum("nij,nj->ni", self.w.system.rotation, self.links.inertia * s.v[:, 3:])
         return np.asarray((np.cross(s.q[:, :3], self.links.mass * s.v[:, :3]) + spin).sum(axis=0))

@@ -241,7 +241,7 @@ def pin_axes(links: FlexibleLinks, s: State, w: Work, axis: Floats) -> None:
 def fibres(links: FlexibleLinks, s: State, w: Work, stress: Floats) -> None:
     for i in range(links.n):
         first, second = ends(layout(links), s.q.shape[0], i)
-        gather(links, s.q, first, second, w.e)
+        gather(links, s.q, first, second, w.coordinates)
         stress[i, 0], stress[i, 1] = outer_and_inner(links, w)
 
 
@@ -250,9 +250,9 @@ def slopes(links: FlexibleLinks, s: State, w: Work, slope: Floats) -> None:
     rows = vector_count(links.element)
     for i in range(links.n):
         first, second = ends(layout(links), s.q.shape[0], i)
-        gather(links, s.q, first, second, w.e)
-        put(slope[i], 0, start_frame_vector(links, s, in_space(links, w.e[1])))
-        put(slope[i], 3, start_frame_vector(links, s, in_space(links, w.e[rows // 2 + 1])))
+        gather(links, s.q, first, second, w.coordinates)
+        put(slope[i], 0, start_frame_vector(links, s, in_space(links, w.coordinates[1])))
+        put(slope[i], 3, start_frame_vector(links, s, in_space(links, w.coordinates[rows // 2 + 1])))
 
 
 @namesake

@@ -114,10 +114,10 @@ def condense_mass(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
     """Condense the mass of a chain to its pins into ``w``, without stiffness and contacts."""
     c, rows, dims = links.element, vector_count(links.element), axis_count(links.element)
     clear(w, True)
-    mass(c, w.M)
+    mass(c, w.mass)
     for i in range(links.n):
-        w.K[:] = 0.0
-        add_mass(rows, dims, w.M, 1.0, w.K)
+        w.iteration_matrix[:] = 0.0
+        add_mass(rows, dims, w.mass, 1.0, w.iteration_matrix)
         condense(links, w, i, *ends(layout(links), s.q.shape[0], i))
     pin_loads(links, env, Motion(s.q, w.still, w.still, s.axes), w, 0.0, True)
 

@@ -81,8 +81,8 @@ def settle(
         last, movement, turned = movement, 0.0, 0.0
         for i in range(s.q.shape[0]):
             for k in range(6):
-                movement = max(movement, abs(w.x[i, k]))
-                turned = max(turned, abs(w.x[i, k]) if k > 2 else 0.0)
+                movement = max(movement, abs(w.increment[i, k]))
+                turned = max(turned, abs(w.increment[i, k]) if k > 2 else 0.0)
         if failure or turned > TURNED:
             copy(w.before.flat, s.flat[: w.before.flat.size])
             h *= 0.25
@@ -93,14 +93,14 @@ def settle(
         if not found and h >= CREEP_STEP and movement > 0.5 * last:
             _stop(s)
             residual(links, contacts, env, s, w, slopes(method.alpha, h), False)
-            found = largest_residual(w.system.r)[0] < load
+            found = largest_residual(w.system.residual)[0] < load
         if found:
             break
         h = min(2.0 * h, LONG)
     _stop(s)
     by = slopes(method.alpha, h)
     residual(links, contacts, env, s, w, by, False)
-    worst, link = largest_residual(w.system.r)
+    worst, link = largest_residual(w.system.residual)
     if not found:
         return IntegrationOutcome(STALLED, 0.0, link, worst)
     settle_rates(links, s, w, by)
@@ -139,11 +139,11 @@ def open_closing_pin(
         return failed
     y = w.system
     j = augmented.closing_pin(pinned.ends, s.q.shape[0])
-    y.r[:] = 0.0
+    y.residual[:] = 0.0
     for _ in range(CORRECTIONS):
         pins(pinned, s, w)
         for k in range(3):
-            y.C[j, k] += s.lam[j, k] / links.spring.stiffness
+            y.gap[j, k] += s.lam[j, k] / links.spring.stiffness
         augmented.solve(pinned.half, pinned.ends, y)
         displace(s, w)
     for _ in range(2):  # the second time with the factors of the moved state

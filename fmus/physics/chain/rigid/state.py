@@ -86,7 +86,7 @@ class Work(NamedTuple):
     contact: Memory  # memory of sharp friction
     points: Any  # ``ContactPoints`` at the last iteration matrix; None without contacts
     near: Near  # distances of links from a wheel
-    x: np.ndarray  # (n, 6) increments over the step, m and rad
+    increment: np.ndarray  # (n, 6) increments over the step, m and rad
     wheels: np.ndarray  # (m, 15) wheels at the time of evaluation
     wrench: np.ndarray  # (m + 1, 6) wrenches on the wheels and, last, on the ground, N and N m
     on_links: np.ndarray  # (k, c) forces on each link, see ``on_links``
@@ -94,7 +94,7 @@ class Work(NamedTuple):
     sums: np.ndarray  # (SUMS) see ``sums``
     pins: np.ndarray  # (2, p, 3) positions, m, and velocities, m/s, of the pins
     lever: np.ndarray  # (3) lever of a contact point, m
-    N: np.ndarray  # (3, 3) derivative of the contact point by the link's rotation, m
+    rotation_jacobian: np.ndarray  # (3, 3) derivative of the contact point by the link's rotation, m
     ground: np.ndarray  # (2, 7) poses of the supports of the first and the last pin
     still: np.ndarray  # (3, 3) rotation matrix of the supports, the identity
     soil: np.ndarray  # (points, k) memory that the ground would have after the evaluation; (0, 0) on hard ground
@@ -126,7 +126,7 @@ def work(
         contact=memory(points(wheels, pins)),
         points=_contact_points(points(wheels, pins), links) if contacts else None,
         near=near(links),
-        x=z((links, 6)),
+        increment=z((links, 6)),
         wheels=z((wheels, WIDTH)),
         wrench=z((wheels + 1, 6)),
         on_links=z(forces),
@@ -134,7 +134,7 @@ def work(
         sums=z(SUMS),
         pins=z((2, pins, 3)),
         lever=z(3),
-        N=z((3, 3)),
+        rotation_jacobian=z((3, 3)),
         ground=supports,
         still=np.eye(3),
         soil=z((ground.points, ground.pending)),
