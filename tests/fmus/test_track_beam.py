@@ -11,6 +11,7 @@ from test_track_flexible import LINKS, PITCH, TABLE, at_rest, carrier, hanging, 
 from fmus.fmi.build import build
 from fmus.interface.model import InvalidParameter
 from fmus.physics.ancf import beam as library
+from fmus.physics.ancf import element as elements
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.dynamics import NOTHING
@@ -106,7 +107,7 @@ def test_the_matrix_is_the_derivative_of_force_and_damping():
 
     def force(d: np.ndarray) -> np.ndarray:
         Q = np.zeros((8, 3))
-        library.force(c, e + d.reshape(8, 3), v + by_rate * d.reshape(8, 3), Q)
+        elements.force(c, e + d.reshape(8, 3), v + by_rate * d.reshape(8, 3), Q)
         return Q.ravel()
 
     numeric = np.array([(force(step * d) - force(-step * d)) / (2 * step) for d in np.eye(24)]).T

@@ -109,13 +109,13 @@ def test_the_tangent_is_the_derivative_of_force_and_damping(elasticity):
 
 @each
 def test_force_and_damping_add_up(elasticity):
-    model, kind = bent(elasticity), LIBRARY[elasticity]
+    model = bent(elasticity)
     link = model.link.element._replace(nuA=40.0, nuI=0.2)
     e = coordinates(model)[2]
     v, Q, f = np.random.default_rng(7).standard_normal((4, 3)), np.zeros((4, 3)), np.zeros((4, 3))
     power = element.force(link, e, v, Q)
-    assert kind.force(link, e, np.zeros((4, 3)), f) == 0.0  # at rest the elastic force alone
-    assert power == pytest.approx(kind.damping(link, e, v, f), rel=1e-12)
+    assert element.force(link, e, np.zeros((4, 3)), f) == 0.0  # at rest the elastic force alone
+    assert power == pytest.approx(element.damping(link, e, v, f), rel=1e-12)
     np.testing.assert_allclose(Q, f, atol=1e-12 * abs(f).max())
     others = [other for other in ELASTICITIES if other != elasticity]
     assert all(abs(stored(elasticity, link, e) / stored(other, link, e) - 1) > 1e-4 for other in others)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.interface.model import InvalidParameter
-from fmus.physics.ancf import cable
+from fmus.physics.ancf import cable, element
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.interface import observe
 from fmus.physics.contact.ground import bumpy_ground, surface_depth
@@ -44,7 +44,7 @@ def forces(c: cable.Cable, e: np.ndarray, v: np.ndarray) -> tuple:
         n, one = len(axes), c._replace(axes=tuple(axes))
         p, u, Q, K = e[:, axes].copy(), v[:, axes].copy(), np.zeros((4, n)), np.zeros((4 * n, 4 * n))
         cable.tangent(one, p, u, 2e3, K)
-        results.append((Q, K, cable.force(one, p, u, Q), cable.energy(one, p), cable.end_moments(one, p)))
+        results.append((Q, K, element.force(one, p, u, Q), cable.energy(one, p), cable.end_moments(one, p)))
     return tuple(results)
 
 
