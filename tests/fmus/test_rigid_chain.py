@@ -14,8 +14,8 @@ from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import accelerations, pin_motion
 from fmus.physics.chain.rigid.links import RigidLinks, pins, place
 from fmus.physics.chain.rigid.newton import TOLERANCE
-from fmus.physics.chain.rigid.state import shapes, views, work
-from fmus.physics.chain.state import size, store_first_evaluation
+from fmus.physics.chain.rigid.state import State, shapes, work
+from fmus.physics.chain.state import size, store_first_evaluation, views
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
 from fmus.track import steps as track_steps
@@ -33,7 +33,7 @@ class Chain:
         self.method = ImplicitMethod(coefficients(radius), TOLERANCE, True)
         self.env = Environment((0.0, 0.0, -gravity), LOOP, np.zeros((2, 3)), 0.0, -1)
         sizes = shapes(n, ends.closed, 0)
-        self.s, self.work = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0)
+        self.s, self.work = views(State, sizes, np.zeros(size(sizes))), work(n, ends.closed, 0)
         self.report, self.counters = np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
         place(self.link, np.asarray(pins, float), self.s, self.work)
 

@@ -14,8 +14,8 @@ from fmus.physics.chain.rigid import jointed
 from fmus.physics.chain.rigid.dynamics import accelerations
 from fmus.physics.chain.rigid.jointed import count, to_joint_coordinates, to_poses
 from fmus.physics.chain.rigid.links import RigidLinks, place
-from fmus.physics.chain.rigid.state import shapes, views, work
-from fmus.physics.chain.state import size
+from fmus.physics.chain.rigid.state import State, shapes, work
+from fmus.physics.chain.state import size, views
 from fmus.physics.rigid import pin, recursive
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 
@@ -41,7 +41,7 @@ class Chain:
         self.env = Environment((0.0, 0.0, -gravity), HELD if ends.first else LOOP, np.zeros((2, 3)), 0.0, -1)
         joints = count(n, ends.first)
         sizes = shapes(n, ends.closed, 0, joints=joints)
-        self.s, self.w = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0, joints=joints)
+        self.s, self.w = views(State, sizes, np.zeros(size(sizes))), work(n, ends.closed, 0, joints=joints)
         self.report, self.counters = np.zeros(18), np.zeros(4, np.int64)
         place(self.rigid, np.asarray(pins, float), self.s, self.w)
         to_joint_coordinates(self.rigid, self.s)

@@ -263,9 +263,7 @@ def _add_jacobian_product(
 def rates(half: float, ends: Ends, s: AugmentedSystem, v: Floats) -> None:
     """Rates of the pin equations, m/s and rad/s, for the link velocities ``v`` (n, 6), into ``gap``; ``half`` in m."""
     C, WP, WQ, n, p = s.gap, s.axes_before, s.axes_after, s.iteration_matrix.shape[0], s.gap.shape[0]
-    for j in range(p):
-        for k in range(5):
-            C[j, k] = 0.0
+    C[:] = 0.0
     for i in range(n):
         _add_jacobian_product(half, s.rotation[i], WQ[i], WP[(i + 1) % p], v[i], C[i], C[(i + 1) % p])
     _zero_absent_pins(ends, n, C)

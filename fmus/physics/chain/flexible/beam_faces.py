@@ -13,16 +13,7 @@ from fmus.physics.ancf.beam import shape
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.interface import layout
 from fmus.physics.chain.flexible.link_layout import ends
-from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
-    add_last_correction,
-    begin_contacts,
-    begin_link,
-    count,
-    length,
-    pin_positions,
-    pin_velocities,
-    record_point,
-)
+from fmus.physics.chain.flexible.node_faces import pin_positions
 from fmus.physics.vector import add, scale, vector
 
 if TYPE_CHECKING:

@@ -46,7 +46,7 @@ PIN_AXIS = [4]  # index in a pin of its axis' y component, 1 at rest
 
 
 @implemented_in(
-    dynamics=".dynamics", elements=".beams", faces=".beam_faces",
+    dynamics=".dynamics", elements=".beams", bodies=".node_faces", faces=".beam_faces",
     guides="..guides",
 )  # fmt: skip
 class Beams(NamedTuple):

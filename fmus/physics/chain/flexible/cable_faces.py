@@ -16,16 +16,6 @@ from fmus.physics.ancf.cable import axis_count, shape, shape_slope
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.interface import in_space, layout
 from fmus.physics.chain.flexible.link_layout import node
-from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
-    add_last_correction,
-    begin_contacts,
-    begin_link,
-    count,
-    length,
-    pin_positions,
-    pin_velocities,
-    record_point,
-)
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.cables import CableLinks, Cables

@@ -61,7 +61,7 @@ PIN_AXIS: list[int] = []  # index in a pin of its axis' y component, 1 at rest; 
 
 
 @implemented_in(
-    dynamics=".dynamics", elements=".cables", faces=".cable_faces",
+    dynamics=".dynamics", elements=".cables", bodies=".node_faces", faces=".cable_faces",
 )  # fmt: skip
 class Cables(NamedTuple):
     """Parameters of a chain of equal links."""

@@ -23,6 +23,7 @@ from fmus.physics.chain.flexible.interface import layout, lever
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.chain.integration import HELD, PINNED
+from fmus.physics.chain.state import copy_rows
 from fmus.physics.inverse import invert
 
 if TYPE_CHECKING:
@@ -162,9 +163,7 @@ def reduce(
     pin_loads(links, env, x, w, by_rate, tangent)
     add_spring(links.closing, indices, axis_count(links.element), x, w, by_rate, tangent)
     if w.on_links.shape[0] > 0:
-        for i in range(w.right_side.shape[0]):
-            for k in range(axis_count(links.element)):
-                w.imbalance[i, k] = w.right_side[i, k]
+        copy_rows(w.right_side, w.imbalance)
     return _reduce(indices, env, w.left, w.own, w.right_side, worst, where)
 
 

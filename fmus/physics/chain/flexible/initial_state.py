@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State, Work
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.contact.partners import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 
@@ -143,9 +143,8 @@ def start_released(
         return failed
     copy_rows(rows, w.wheels)
     accelerations(links, contacts, env, s, w)
-    for i in range(s.vdot.shape[0]):
-        for k in range(s.vdot.shape[1]):
-            s.vdot[i, k] = s.a[i, k] = w.change[0, i, k]
+    copy_rows(w.change[0], s.vdot)
+    copy_rows(w.change[0], s.a)
     evaluate(links, contacts, env, Motion(s.q, s.v, s.vdot, s.axes), NOTHING, w, False)
     if contacts is not None:
         commit_contacts(links, contacts, s, w, report)

@@ -19,7 +19,7 @@ import numpy as np
 
 from fmus.kernels.jit import kernel, namesake
 from fmus.physics.ancf.element import axis_count, total_mass, vector_count
-from fmus.physics.arrays import Floats, Vector
+from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.interface import (
     absolute_accelerations,
@@ -132,7 +132,7 @@ def newton_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
             after = ends(indices, nodes, i + 1)[0] if i + 1 < n else (0 if links.closed == 1 else second)
             if after != second:  # the pin has two nodes
                 t[k] += b[after, k]
-        x = add(x, scale(-1.0, _in_space(t, dims)))
+        x = add(x, scale(-1.0, in_space(links, t)))
     if links.closed == 1:
         base, slope = scale(1.0 / n, add(total, scale(-0.5 * (n - 1.0), x))), scale(-1.0 / n, x)
     elif env.ends == PINNED:
@@ -148,12 +148,6 @@ def newton_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
             add(x, scale(-1.0, base)), add(in_space(links, b[last]), scale(-1.0, in_space(links, R[n - 1, half])))
         )
         put(forces[n], JOINT, start_frame_vector(links, s, shift))
-
-
-@kernel
-def _in_space(t: Floats, dims: int) -> Vector:
-    """Vector in space of the ``dims`` components in ``t`` (3)."""
-    return (t[0], t[1], t[2]) if dims == 3 else (t[0], 0.0, t[1])
 
 
 @namesake
@@ -178,4 +172,4 @@ def _end(links: FlexibleLinks, w: Work, i: int, row: int) -> Vector:
         t[k] = w.residual[i, row, k]
         for a in range(vector_count(links.element)):
             t[k] += w.mass[row, a] * w.accelerations[a, k]
-    return _in_space(t, axis_count(links.element))
+    return in_space(links, t)

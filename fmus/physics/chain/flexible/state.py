@@ -12,7 +12,7 @@ from fmus.physics.chain import state
 from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
-from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size
+from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 
@@ -78,12 +78,6 @@ def shapes(
         "wrench": on, "aux": on, "mean": on, "on_links": forces, "on_links_aux": forces, "on_links_sum": forces,
         "span": (2,), "lengths": (2,), "sums": (SUMS,), **ground.shapes,
     }  # fmt: skip
-
-
-def views(flat: Floats, sizes: state.Shapes) -> State:
-    """State of views into the array ``flat``; ``sizes`` from ``shapes``."""
-    state_views: State = state.views(State, sizes, flat)
-    return state_views
 
 
 class Work(NamedTuple):
@@ -163,7 +157,7 @@ def work(
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     wheel_rows = z((wheels, 15))
     return Work(
-        before=views(z(size(sizes)), sizes),
+        before=views(State, sizes, z(size(sizes))),
         diagonal=z(block), upper=z(block), lower=z(block), factors=workspace(nodes, m), right_side=z((nodes, m)),
         iteration_matrix=z((whole, whole)), residual=z((links, *vectors)),
         inner=z((links, n, n)), right=z((links, n, outer)), left=z((links, outer, n)),

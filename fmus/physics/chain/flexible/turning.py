@@ -41,8 +41,8 @@ FREE = SIZE  # size of the state of the axes
 
 
 @implemented_in(
-    dynamics=".dynamics", elements=".turning", axes=".free_axes", faces=".turning_faces",
-    guides="..guides",
+    dynamics=".dynamics", elements=".turning", axes=".free_axes", bodies=".node_faces",
+    faces=".turning_faces", guides="..guides",
 )  # fmt: skip
 class TurningCables(NamedTuple):
     """Parameters of a chain of equal links."""

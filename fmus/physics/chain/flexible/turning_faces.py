@@ -17,16 +17,6 @@ from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.flexible.axes_state import OMEGA, ORIGIN, ROLL, VELOCITY, YAW, from_axes, to_axes
 from fmus.physics.chain.flexible.cable_faces import position_slope  # noqa: F401 - reached by dispatch
-from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
-    add_last_correction,
-    begin_contacts,
-    begin_link,
-    count,
-    length,
-    pin_positions,
-    pin_velocities,
-    record_point,
-)
 from fmus.physics.contact.face import ContactForce
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 

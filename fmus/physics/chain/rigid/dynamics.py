@@ -34,9 +34,9 @@ from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
+    from fmus.physics.contact.partners import Contacts
 
 
 LIMIT = 5e-5  # largest step, s
@@ -271,17 +271,13 @@ def slopes(links: RigidLinks, s: State, w: Work, slope: Floats) -> None:
 @namesake
 def fibres(links: RigidLinks, s: State, w: Work, stress: Floats) -> None:
     """Zero, rigid links have none."""
-    for i in range(stress.shape[0]):
-        for k in range(2):
-            stress[i, k] = 0.0
+    stress[:] = 0.0
 
 
 @namesake
 def pin_places(links: RigidLinks, s: State, w: Work, place: Floats) -> None:
     pin_motion(links, s, w)
-    for j in range(place.shape[0]):
-        for k in range(3):
-            place[j, k] = w.pins[0, j, k]
+    copy_rows(w.pins[0], place)
 
 
 @namesake
@@ -289,6 +285,5 @@ def observe_links(
     links: RigidLinks, env: Environment, s: State, w: Work, tension: Floats, stress: Floats, place: Floats
 ) -> None:
     tensions(links, env, s, w, tension)
-    for i in range(stress.size):
-        stress[i] = 0.0
+    stress[:] = 0.0
     pin_places(links, s, w, place)

@@ -114,7 +114,7 @@ def record_point(links: RigidLinks, w: Work, point: ContactPoint, force: Contact
 @namesake
 def locate_pin(links: RigidLinks, x: State, w: Work, i: int, y: float) -> tuple[Vector, Vector]:
     """A point of the link that begins there; for the last pin, of the one that ends there."""
-    before, after = joined(x.q.shape[0], links.ends.closed, i)
+    before, after, _ = joined(x.q.shape[0], links.ends.closed, i)
     k, end = (after, -links.half) if after >= 0 else (before, links.half)
     A = w.system.rotation[k]
     return add(vector(x.q[k], 0), lever(A, end, y, 0.0)), rate(A, x.v[k], end, y, 0.0)
@@ -123,8 +123,7 @@ def locate_pin(links: RigidLinks, x: State, w: Work, i: int, y: float) -> tuple[
 @kernel
 def apply_pin_force(links: RigidLinks, x: State, w: Work, i: int, y: float, force: ContactForce, tangent: bool) -> None:
     """Apply half of the force to each link of the pin; all of it at an end."""
-    before, after = joined(x.q.shape[0], links.ends.closed, i)
-    share = 1.0 if before < 0 or after < 0 else 0.5
+    before, after, share = joined(x.q.shape[0], links.ends.closed, i)
     for a in range(3):
         x.load[i, a] += force.f[a]
     for k, end in ((after, -links.half), (before, links.half)):
@@ -166,8 +165,7 @@ def _change(links: RigidLinks, w: Work, i: int, on_pin: int, numbers: Floats) ->
     """Change of the force on a point of the link or pin ``i``, N; ``numbers`` as in ``contact_points``."""
     A, dx, (xi, z, y) = w.system.rotation, w.system.correction, vector(numbers, at.PLACE)
     if on_pin:
-        before, after = joined(A.shape[0], links.ends.closed, i)
-        d, share = (0.0, 0.0, 0.0), 1.0 if before < 0 or after < 0 else 0.5
+        d, (before, after, share) = (0.0, 0.0, 0.0), joined(A.shape[0], links.ends.closed, i)
         for k, end in ((after, -links.half), (before, links.half)):
             if k >= 0:
                 d = add(d, scale(share, rate(A[k], dx[k], end, y, 0.0)))

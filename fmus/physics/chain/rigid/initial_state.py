@@ -17,7 +17,7 @@ from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.rigid.dynamics import CORRECTIONS, accelerations, displace, newton_joints, observe, project
 from fmus.physics.chain.rigid.links import pins, residual
 from fmus.physics.chain.rigid.newton import largest_residual, newton, settle_rates
-from fmus.physics.chain.state import copy, store_first_evaluation
+from fmus.physics.chain.state import copy, copy_rows, store_first_evaluation
 from fmus.physics.integrate.generalized_alpha import slopes
 from fmus.physics.rigid import augmented
 from fmus.physics.vector import dot
@@ -26,9 +26,9 @@ from fmus.physics.wheels import move
 if TYPE_CHECKING:
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
+    from fmus.physics.contact.partners import Contacts
 
 
 # Longest pseudo step towards equilibrium, s, and shortest one of a chain that creeps: hardly anything holds it across,
@@ -105,9 +105,7 @@ def settle(
         return IntegrationOutcome(STALLED, 0.0, link, worst)
     settle_rates(links, s, w, by)
     s.v[:] = 0.0
-    for i in range(s.q.shape[0]):
-        for k in range(6):
-            s.a[i, k] = s.vdot[i, k]
+    copy_rows(s.vdot, s.a)
     return IntegrationOutcome(DONE, 0.0, 0, 0.0)
 
 

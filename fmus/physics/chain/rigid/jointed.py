@@ -25,6 +25,7 @@ from fmus.physics.chain.rigid.arms import axis
 from fmus.physics.chain.rigid.dynamics import ANY, CORRECTIONS, OPEN
 from fmus.physics.chain.rigid.links import RigidLinks, loads
 from fmus.physics.chain.rigid.newton import GAP
+from fmus.physics.chain.state import copy_rows
 from fmus.physics.chain.sums import JOINTS
 from fmus.physics.elementary import atan2, cos, sin
 from fmus.physics.rigid import augmented, body, recursive
@@ -32,9 +33,9 @@ from fmus.physics.vector import dot
 
 if TYPE_CHECKING:
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
+    from fmus.physics.contact.partners import Contacts
     from fmus.physics.rigid.augmented import Ends
     from fmus.physics.rigid.recursive import ArticulatedBodies
 
@@ -267,8 +268,7 @@ def _write_accelerations(links: RigidLinks, s: State, w: Work) -> None:
         for k in range(3):
             s.vdot[i, k] = centre[k] + A[k, 0] * whirl[0] + A[k, 1] * whirl[1] + A[k, 2] * whirl[2]
             s.vdot[i, 3 + k] = x[i, k]
-        for k in range(6):
-            s.a[i, k] = s.vdot[i, k]
+    copy_rows(s.vdot, s.a)
     sprung = links.spring.stiffness > 0.0
     closed = links.ends.closed
     for i in range(n - 1, -1, -1):

@@ -15,7 +15,7 @@ from fmus.kernels.jit import implemented_in, kernel, noalias
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.interface import evaluate_contacts
 from fmus.physics.chain.rigid import closing
-from fmus.physics.chain.rigid.arms import add_force, axis, lever, rate
+from fmus.physics.chain.rigid.arms import add_force, axis, joined, lever, rate
 from fmus.physics.chain.rigid.state import State, Work
 from fmus.physics.chain.sums import END_POWER, JOINTS
 from fmus.physics.elementary import atan2, cos, of_each, sin
@@ -25,13 +25,13 @@ from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.contact.partners import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 NONE = (0.0,) * 9  # the matrix of a constant force
 
 
-@implemented_in(dynamics=".dynamics", faces=".faces", guides="..guides")
+@implemented_in(dynamics=".dynamics", bodies=".faces", faces=".faces", guides="..guides")
 class RigidLinks(NamedTuple):
     """Parameters of a chain of equal links."""
 
@@ -61,8 +61,7 @@ def _across(links: RigidLinks, damping: float, s: State, w: Work, by_v: float, t
     """Damping, N s/m, of the pins' velocity across the chain, half on each of a pin's links; ``by_v`` in 1/s."""
     A, r, K, n = w.system.rotation, w.system.residual, w.system.iteration_matrix, s.q.shape[0]
     for j in range(s.lam.shape[0]):
-        before, after = (j - 1 if j > 0 or not links.ends.closed else n - 1), (j if j < n else -1)
-        share = 1.0 if before < 0 or after < 0 else 0.5
+        before, after, share = joined(n, links.ends.closed, j)
         t = (0.0, 0.0, 0.0)
         for i in (before, after):
             if i >= 0:

@@ -18,6 +18,7 @@ import numpy as np
 
 from fmus.kernels.jit import allocating, kernel, noalias
 from fmus.physics.arrays import Floats, Integers
+from fmus.physics.chain.implicit import CHORD, FASTEST, MOST, REUSE, SLOW
 from fmus.physics.chain.integration import DONE, SINGULAR, STALLED
 from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
@@ -31,9 +32,9 @@ from fmus.physics.rigid import augmented, body
 if TYPE_CHECKING:
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
+    from fmus.physics.contact.partners import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 
@@ -77,11 +78,6 @@ GAP = 1e-11  # misfit of a pin that counts as closed, m and rad: 1e-12 of the le
 # A predicted motion is kept if pins are closed and residuals of links at most FORCE times the tolerance, relative to
 # weight and pull. Below TINY, s, corrections would be rounding, which 1/h^2 enlarges: COARSE bounds are enough.
 FORCE, TINY, COARSE_GAP, COARSE_FORCE = 100.0, 1e-6, 1e-8, 1.0
-CHORD = 1e-4  # correction below which the iteration matrix is kept, m
-REUSE = 0.1  # as long as a correction is smaller than this part of the last one
-FASTEST = 10.0  # correction beyond which the iteration has diverged, m
-SLOW = 0.5  # friction is sharp if a correction is larger than this part of the last one
-MOST = 20  # iterations before a step is rejected
 
 
 @allocating

@@ -10,7 +10,7 @@ from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
-from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size
+from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 from fmus.physics.rigid import augmented, recursive
@@ -71,12 +71,6 @@ def shapes(
     }  # fmt: skip
 
 
-def views(flat: Floats, sizes: state.Shapes) -> State:
-    """State of views into the array ``flat``; ``sizes`` from ``shapes``."""
-    state_views: State = state.views(State, sizes, flat)
-    return state_views
-
-
 class Work(NamedTuple):
     """Arrays for n links, p pins, m wheels."""
 
@@ -120,7 +114,7 @@ def work(
     sizes, supports = shapes(links, closed, wheels, forces, joints, ground._replace(rut=0)), z((2, 7))
     supports[:, 3] = 1.0
     return Work(
-        before=views(z(size(sizes)), sizes),
+        before=views(State, sizes, z(size(sizes))),
         system=augmented.system(links, closed),
         articulated=recursive.articulated_bodies(links if joints else 0),
         contact=memory(points(wheels, pins)),
