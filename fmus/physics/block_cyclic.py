@@ -30,10 +30,10 @@ from fmus.physics.inverse import invert
 class Factors(NamedTuple):
     """Factors of the system besides the inverted pivots, from ``factor`` to ``solve``; arrays (n, m, m)."""
 
-    E: np.ndarray  # L D^-1, down the diagonal
-    G: np.ndarray  # last block column
-    H: np.ndarray  # last block row times D^-1
-    F: np.ndarray  # last block row; F[n - 1] is not part of it: its first row is scratch
+    lower_factor: np.ndarray  # E = L D^-1, down the diagonal
+    last_column: np.ndarray  # G
+    last_row_factor: np.ndarray  # H, the last block row times D^-1
+    last_row: np.ndarray  # F; F[n - 1] is not part of it: its first row is scratch
     size: tuple[int, ...]  # length m
 
 

@@ -86,9 +86,9 @@ def factor(A: Floats, U: Floats, L: Floats, work: Factors, closed: bool) -> int:
 
     A, U, L (n, m, m); work from ``block_cyclic.workspace``. Returns -1, or the first block that is not definite.
     """
-    H, F, size = work.H, work.F, work.size
+    H, F, size = work.last_row_factor, work.last_row, work.size
     n, m = A.shape[0], len(size)
-    y = work.F[work.F.shape[0] - 1, 0]
+    y = work.last_row[work.last_row.shape[0] - 1, 0]
     if closed:
         for r in range(m):
             for c in range(m):
@@ -118,9 +118,9 @@ def factor(A: Floats, U: Floats, L: Floats, work: Factors, closed: bool) -> int:
 @noalias
 def forward(A: Floats, L: Floats, work: Factors, closed: bool, b: Floats) -> None:
     """Solve T y = b in place, b (n, m), with the results of ``factor``: A, L (n, m, m) and ``work``."""
-    H, size = work.H, work.size
+    H, size = work.last_row_factor, work.size
     n, m = A.shape[0], len(size)
-    y = work.F[work.F.shape[0] - 1, 0]
+    y = work.last_row[work.last_row.shape[0] - 1, 0]
     for i in range(n):
         for r in range(m):
             s = 0.0
@@ -147,9 +147,9 @@ def forward(A: Floats, L: Floats, work: Factors, closed: bool, b: Floats) -> Non
 @noalias
 def back(A: Floats, L: Floats, work: Factors, closed: bool, *sides: Floats) -> None:
     """Solve T^T x = b in place, for each of ``sides`` (n, m) in one pass; A, L, ``work`` from ``factor``."""
-    H, size = work.H, work.size
+    H, size = work.last_row_factor, work.size
     n, m = A.shape[0], len(size)
-    y = work.F[work.F.shape[0] - 1, 0]
+    y = work.last_row[work.last_row.shape[0] - 1, 0]
     for i in range(n - 1, -1, -1):
         for b in sides:
             for r in range(m):
@@ -173,9 +173,9 @@ def back(A: Floats, L: Floats, work: Factors, closed: bool, *sides: Floats) -> N
 @noalias
 def transposed(U: Floats, L: Floats, work: Factors, closed: bool, b: Floats) -> None:
     """Compute T^T b in place, b (n, m), with the results of ``factor``: U, L (n, m, m) and ``work``."""
-    H, size = work.H, work.size
+    H, size = work.last_row_factor, work.size
     n, m = U.shape[0], len(size)
-    y = work.F[work.F.shape[0] - 1, 0]
+    y = work.last_row[work.last_row.shape[0] - 1, 0]
     for i in range(n):
         for r in range(m):
             y[r] = 0.0

@@ -1,4 +1,4 @@
-"""Contact partners of a chain: wheels, teeth and ground with their laws.
+"""Contact partners of a chain from the tables of its vehicle.
 
 Imported only where a chain has such a partner.
 """
@@ -6,7 +6,7 @@ Imported only where a chain has such a partner.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,25 +14,11 @@ from fmus.ground.contact import contact_law, ground_shape, is_hard, soil_law
 from fmus.interface.model import InvalidParameter
 from fmus.physics.arrays import Vector
 from fmus.physics.contact.ground import GroundShape
-from fmus.physics.contact.teeth import Teeth, teeth
+from fmus.physics.contact.partners import Contacts
+from fmus.physics.contact.teeth import teeth
 from fmus.physics.elementary import hypot
 
 STANDING = (0.0, 0.0, 0.0)
-
-
-class Contacts(NamedTuple):
-    """Contact partners of a chain with m wheels, constant through a run."""
-
-    teeth: np.ndarray  # (m) int: 1 where the wheel has teeth
-    radius: np.ndarray  # (m) radius of the rim, m (outer radius of the pins' path for teeth)
-    profile: Teeth  # outline of the teeth
-    clearance: float  # lateral play of the guides on each side, m
-    ground: int  # 1 where there is a ground
-    shape: Any  # shape of the ground (``physics.contact.grounds``) in the track's frame
-    belt: Vector  # velocity of the ground's surface in that frame, m/s
-    sprocket: Any  # contact law (``physics.contact.laws``) of pins with teeth,
-    wheel: Any  # of links with rims
-    soil: Any  # and of links with the ground (``physics.contact.ground_laws``)
 
 
 def contacts(

@@ -228,7 +228,7 @@ class TrackModel(LaidChain, ComponentModel):
         return steps.implicit, self.method
 
     def contact_partners(self, p: Mapping[str, Any]) -> Any:
-        """Contact partners (``fmus.track.contacts.Contacts``); None, without importing them, where there are none."""
+        """Contact partners (``physics.contact.partners``); None, without importing them, where there are none."""
         if not (self.wheel_list or self.config["ground"]):
             return None
         from fmus.track.contacts import contacts

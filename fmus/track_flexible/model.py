@@ -168,7 +168,7 @@ class Model(TrackModel):
 
     def _coordinate_indices(self) -> Integers:
         """Indices in the flat ``s.q`` of the coordinates of all links (links, rows, axes)."""
-        return coordinate_indices(self.kit, self.s.q, len(self.work.M), self.links_count)
+        return coordinate_indices(self.kit, self.s.q, len(self.work.mass), self.links_count)
 
     def copy_state(self, state: Floats) -> bool:
         """See ``ComponentModel``; a state of the same chain in nodal coordinates is accepted too."""
@@ -265,7 +265,7 @@ class Model(TrackModel):
         from fmus.physics.chain.flexible.consistent_start import OpenChain, balance_links
 
         self.work.wheels[:] = self.start_rows
-        chain = OpenChain(self.kit, self.s.q, self.work.M, self.pitch, self.ends_kind == PINNED)
+        chain = OpenChain(self.kit, self.s.q, self.work.mass, self.pitch, self.ends_kind == PINNED)
         if not balance_links(chain, self._residuals, self._rest_tolerance()):
             raise StepFailed("the tension at which the chain is let go was not found: its links are too soft")
         self._evaluate_start()
@@ -277,7 +277,7 @@ class Model(TrackModel):
     def _residuals(self, accelerations: Floats) -> Floats:
         """Residuals of the links (links, rows, axes), N, at rest with the accelerations (nodes, width)."""
         self.evaluate(Motion(self.s.q, self.work.still, accelerations, self.s.axes))
-        return self.work.R
+        return self.work.residual
 
     def _rounding(self) -> float:
         """Axial force, N, from rounding of the pins' positions: no residual is reliably smaller."""
@@ -306,7 +306,7 @@ class Model(TrackModel):
         """Set a free loop to its equilibrium relative to a rotation at ``spin`` rad/s; raises StepFailed."""
         from fmus.physics.chain.flexible.spinning import deform_open_mesh, deform_polygon
 
-        loop = self.kit, self.s.q, len(self.work.M), self.links_count, spin
+        loop = self.kit, self.s.q, len(self.work.mass), self.links_count, spin
         converged = deform_polygon(*loop, self._residuals, self._rounding())
         if converged and self.closing:
             converged = deform_open_mesh(*loop, self.closing.stiffness, self._residuals, self._rounding())

@@ -62,7 +62,7 @@ def _flexible(track: Any, h: float) -> dict[str, Callable[[int], None]]:
     s, w, closed = track.s, track.work, track.closed
     chain = [*track.system(), Motion(s.q, s.v, s.vdot), slopes(track.method.alpha, h), w]
     _evaluations(1, True, *chain)
-    matrix, right = w.A.copy(), w.b.copy()
+    matrix, right = w.diagonal.copy(), w.right_side.copy()
     return {
         "matrix": lambda n: _evaluations(n, True, *chain),
         "residual": lambda n: _evaluations(n, False, *chain),
@@ -80,15 +80,15 @@ def _evaluations(n, tangent, links, contacts, env, x, by, w):
 @allocating
 def _factorings(n, matrix, w, closed):
     for _ in range(n):
-        w.A[:] = matrix  # factorised in place
-        block_cyclic.factor(w.A, w.U, w.L, w.factors, closed)
+        w.diagonal[:] = matrix  # factorised in place
+        block_cyclic.factor(w.diagonal, w.upper, w.lower, w.factors, closed)
 
 
 @allocating
 def _solutions(n, right, w, closed):
     for _ in range(n):
-        w.b[:] = right
-        block_cyclic.solve(w.A, w.U, w.factors, closed, w.b)
+        w.right_side[:] = right
+        block_cyclic.solve(w.diagonal, w.upper, w.factors, closed, w.right_side)
 
 
 # --- rigid -------------------------------------------------------------------------------------------------
@@ -98,7 +98,7 @@ def _rigid(track: Any, h: float) -> dict[str, Callable[[int], None]]:
     chain = [*track.system(), track.s, track.work, slopes(track.method.alpha, h)]
     half, ends, s = track.link.half, track.link.ends, track.work.system
     _residuals(1, True, *chain)
-    matrix = s.K.copy()
+    matrix = s.iteration_matrix.copy()
     return {
         "matrix": lambda n: _residuals(n, True, *chain),
         "residual": lambda n: _residuals(n, False, *chain),
@@ -116,7 +116,7 @@ def _residuals(n, tangent, links, contacts, env, s, w, by):
 @allocating
 def _eliminations(n, matrix, half, ends, s):
     for _ in range(n):
-        s.K[:] = matrix  # inverted in place
+        s.iteration_matrix[:] = matrix  # inverted in place
         augmented.factor(half, ends, s, 1.0)
 
 

@@ -36,7 +36,7 @@ def test_contacts_give_the_chain_what_the_wheels_get(yaw):
         """Force (N) and moment about the origin (N m) of all contacts; fills ``w.wrench`` of the wheels."""
         rolled(model, model.s.q, model.s.v, 0.0, False, model.contacts._replace(ground=ground))
         on_links = np.where(w.touched[:, None, None], -w.load, 0.0)
-        on_pins, pins = -w.b.reshape(LINKS, 2, 3), model.s.q.reshape(LINKS, 6, 3)[:, :2]
+        on_pins, pins = -w.right_side.reshape(LINKS, 2, 3), model.s.q.reshape(LINKS, 6, 3)[:, :2]
         force = on_links[:, [0, 4]].sum((0, 1)) + on_pins[:, 0].sum(0)
         moments = np.cross(coordinates(model), on_links), np.cross(pins, on_pins)
         assert abs(moments[0][:, [1, 2, 3, 5, 6, 7]]).max() > 1.0  # the part of the section
@@ -45,7 +45,7 @@ def test_contacts_give_the_chain_what_the_wheels_get(yaw):
 
     w.wheels[:] = rows
     for ground in (0, 1):
-        w.b[:], w.sums[:], w.wrench[:] = 0.0, 0.0, 0.0
+        w.right_side[:], w.sums[:], w.wrench[:] = 0.0, 0.0, 0.0
         force, moment = given(ground)
         wheel, largest = w.wrench[:-1], abs(w.wrench).max()
         assert abs(force + w.wrench[:, :3].sum(0)).max() < 1e-12 * largest
@@ -76,9 +76,11 @@ def test_the_matrices_of_contacts_are_their_derivatives(rise):
     w.wheels[1:, 2] += 5.0  # road wheels and idler without contact
 
     def load(d: np.ndarray) -> np.ndarray:
-        w.b[:], w.sums[:], w.wrench[:], w.A[:] = 0.0, 0.0, 0.0, 0.0
+        w.right_side[:], w.sums[:], w.wrench[:], w.diagonal[:] = 0.0, 0.0, 0.0, 0.0
         rolled(model, q + d, v + by_rate * d, by_rate, True, model.contacts)
-        return scattered(model, np.where(w.touched[:, None, None], w.load, 0.0)) + np.pad(w.b, ((0, 0), (0, 12)))
+        return scattered(model, np.where(w.touched[:, None, None], w.load, 0.0)) + np.pad(
+            w.right_side, ((0, 0), (0, 12))
+        )
 
     d, step = rng.standard_normal(q.shape), 1e-8
     numeric = (load(step * d) - load(-step * d)) / (2 * step)
@@ -86,7 +88,7 @@ def test_the_matrices_of_contacts_are_their_derivatives(rise):
     K = np.where(w.touched[:, None, None], w.stiffening, 0.0)
     assert (w.wrench[-1, 2] < -2e5) == bool(rise)
     product = scattered(model, np.einsum("nab,nb->na", K, coordinates(model, d).reshape(LINKS, 24)).reshape(-1, 8, 3))
-    on_pins = np.einsum("nab,nb->na", w.A, d[:, :6])
+    on_pins = np.einsum("nab,nb->na", w.diagonal, d[:, :6])
     product[:, :6] += on_pins
     assert w.touched.sum() > 15
     assert abs(on_pins).max() > 1e3

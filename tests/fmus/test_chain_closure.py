@@ -91,7 +91,7 @@ def test_a_loop_that_a_spring_closes_moves_like_a_closed_one_as_the_spring_stiff
 def momentum(model):
     """Linear momentum (x, z) and angular momentum about y of the mesh, summed link by link."""
     at = coordinate_indices(model.kit, model.s.q, 4, model.links_count)
-    e, v, M = model.s.q.reshape(-1)[at], model.s.v.reshape(-1)[at], model.work.M
+    e, v, M = model.s.q.reshape(-1)[at], model.s.v.reshape(-1)[at], model.work.mass
     p = np.einsum("ab,ibk->iak", M, v)
     turned = e[..., 2] * p[..., 0] - e[..., 0] * p[..., 2]
     return np.array([p[:, [0, 2], 0].sum(), p[:, [0, 2], 2].sum(), turned.sum()])
@@ -154,7 +154,7 @@ def test_accelerations_with_equations_are_those_without(closure):
     assert largest > 1e4
     assert np.abs(here - there).max() < 1e-11 * largest
     assert opened(own.s.vdot, closure) < 1e-11 * largest
-    assert np.abs(own.work.R - whole.work.R).max() < 1e-11 * np.abs(whole.work.R).max()
+    assert np.abs(own.work.residual - whole.work.residual).max() < 1e-11 * np.abs(whole.work.residual).max()
     own.s.q.reshape(-1)[mine[3, 0, 0]] += 1e-6  # a pin that is open by a micrometre gives other accelerations
     own._evaluate_start()
     assert np.abs(own.s.vdot.reshape(-1)[mine] - there).max() > 1e-6 * largest
@@ -207,7 +207,7 @@ def test_counts_of_coordinates_and_equations():
         if equations:
             assert model.work.joints.multipliers[int(closure == "spring") :].size == equations
             # storage grows with the number of links, not with its square: a block row per pin and an inverse per link
-            assert model.work.joints.S.size == 3 * LINKS * 16
+            assert model.work.joints.schur_complement.size == 3 * LINKS * 16
         assert model.nodes == LINKS  # joints among the outputs
 
 

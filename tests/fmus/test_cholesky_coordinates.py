@@ -29,7 +29,7 @@ def pair(build):
 
 def used(model):
     """Indices of the flat nodal coordinates that belong to a link."""
-    return np.unique(coordinate_indices(model.kit, model.s.q, len(model.work.M), model.links_count))
+    return np.unique(coordinate_indices(model.kit, model.s.q, len(model.work.mass), model.links_count))
 
 
 def matrix(model):
@@ -48,7 +48,7 @@ def matrix(model):
 
 def mass(model):
     """Mass matrix of the mesh on the used coordinates, assembled link by link."""
-    at, M = coordinate_indices(model.kit, model.s.q, len(model.work.M), model.links_count), model.work.M
+    at, M = coordinate_indices(model.kit, model.s.q, len(model.work.mass), model.links_count), model.work.mass
     whole = np.zeros((model.s.q.size, model.s.q.size))
     for link in at:
         for k in range(link.shape[1]):

@@ -27,7 +27,7 @@ def flexible(element: str):
     rows = shoved(model.start_rows, element == "beam")
 
     def at(t: float):
-        w.b[:], w.sums[:], w.wrench[:] = 0.0, 0.0, 0.0
+        w.right_side[:], w.sums[:], w.wrench[:] = 0.0, 0.0, 0.0
         move(rows, t, w.wheels)
         model.s.q[:] = q + t * model.s.v
         seen = w.wheels
@@ -38,10 +38,10 @@ def flexible(element: str):
         evaluate_contacts(model.link, model.contacts, motion, w, seen, 0.0, False)
         into = 0.0
         for i in np.flatnonzero(w.touched):
-            model.kit.gather(model.link, model.s.v, i, (i + 1) % model.nodes, w.v)
-            into += np.sum(w.load[i] * w.v)
+            model.kit.gather(model.link, model.s.v, i, (i + 1) % model.nodes, w.rates)
+            into += np.sum(w.load[i] * w.rates)
         pushed = 6 if element == "beam" else len(model.kit.AXES)  # a tooth pushes the pin; a beam has a pin axis too
-        into += np.sum(w.b[:, :pushed] * model.s.v[:, :pushed])
+        into += np.sum(w.right_side[:, :pushed] * model.s.v[:, :pushed])
         return w.sums[CONTACT], w.sums[LOSSES:].sum(), w.sums[PATCH_POWER], into - np.sum(w.wrench[:-1] * rows[:, 3:9])
 
     return at
@@ -53,21 +53,21 @@ def rigid():
     model.initialise(test_track_rigid.parameters(model))
     s, w = model.s, model.work
     s.q[:, 1] += 0.02
-    for pose, v, A in zip(s.q, s.v, w.system.A, strict=True):
+    for pose, v, A in zip(s.q, s.v, w.system.rotation, strict=True):
         body.rotation(pose, A)
         v[:3] = np.array([0.1, 0.02, -0.1]) + np.cross(turning, pose[:3])
         v[3:] = A.T @ turning
     q, rows, turn = s.q.copy(), shoved(model.start_rows, True), np.zeros(6)
 
     def at(t: float):
-        w.system.r[:], w.wrench[:], w.sums[:] = 0.0, 0.0, 0.0
+        w.system.residual[:], w.wrench[:], w.sums[:] = 0.0, 0.0, 0.0
         move(rows, t, w.wheels)
         for i in range(len(q)):
             turn[:] = t * s.v[i]
             body.advance(q[i], turn, s.q[i])
-            body.rotation(s.q[i], w.system.A[i])
+            body.rotation(s.q[i], w.system.rotation[i])
         evaluate_contacts(model.link, model.contacts, s, w, w.wheels, 0.0, False)
-        into = np.sum(w.system.r * s.v) - np.sum(w.wrench[:-1] * rows[:, 3:9])
+        into = np.sum(w.system.residual * s.v) - np.sum(w.wrench[:-1] * rows[:, 3:9])
         return w.sums[CONTACT], w.sums[LOSSES:].sum(), w.sums[PATCH_POWER], into
 
     return at

@@ -59,7 +59,7 @@ def mass_of(model):
     """Mass of a link, kg; of elements, from a shift of both pins."""
     if isinstance(model, Rigid):
         return model.link.mass
-    M = model.work.M
+    M = model.work.mass
     return M[:: len(M) // 2, :: len(M) // 2].sum()
 
 

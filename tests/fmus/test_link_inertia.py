@@ -46,7 +46,7 @@ def turning_energy(model, axis):
         model.s.v[0] = np.concatenate([np.cross(w, [0.5 * P, 0.0, 0.0]), w])
         model._evaluate_start()
     else:
-        at, across = coordinate_indices(model.kit, model.s.q, len(model.work.M), 1)[0], model.kit.AXES
+        at, across = coordinate_indices(model.kit, model.s.q, len(model.work.mass), 1)[0], model.kit.AXES
         e = np.zeros((len(at), 3))
         e[:, across] = model.s.q.reshape(-1)[at]
         e[[0, len(at) // 2]] -= e[0]
@@ -75,11 +75,11 @@ def test_rotary_inertia_neither_weighs_nor_moves():
     """The rotary inertia of the elements has no part in a translation."""
     for kind in (Flexible, PlanarCables, Beams):
         model = made(kind, 1, HOLD)
-        shift = np.zeros(len(model.work.M))
+        shift = np.zeros(len(model.work.mass))
         shift[:: len(shift) // 2] = 1.0
         e = straight(model.link.element)[:, 0]
-        np.testing.assert_allclose(shift @ model.work.M @ shift, MASS, rtol=1e-14)
-        np.testing.assert_allclose(shift @ model.work.M @ e, 0.5 * MASS * P, rtol=1e-14)
+        np.testing.assert_allclose(shift @ model.work.mass @ shift, MASS, rtol=1e-14)
+        np.testing.assert_allclose(shift @ model.work.mass @ e, 0.5 * MASS * P, rtol=1e-14)
 
 
 def motion(kind, inertia, **changes):
@@ -106,11 +106,11 @@ def test_flexible_links_move_as_rigid_ones_the_stiffer_they_are(kind):
 def eigenvalues(model):
     """Eigenvalues of a link's mass matrix relative to that of its line or volume alone."""
     c = model.link.element
-    alone = np.zeros_like(model.work.M)
+    alone = np.zeros_like(model.work.mass)
     mass(
         c._replace(rotary=(0.0, 0.0, 0.0) if isinstance(model, Beams) and model.kind.element == "beam" else 0.0), alone
     )
-    return eigh(model.work.M, alone, eigvals_only=True)
+    return eigh(model.work.mass, alone, eigvals_only=True)
 
 
 CABLES = pytest.mark.parametrize("kind", [Flexible, LONG_PLANAR], ids=["cable", "planar"])

@@ -14,8 +14,8 @@ from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import accelerations, pin_motion
 from fmus.physics.chain.rigid.links import RigidLinks, pins, place
 from fmus.physics.chain.rigid.newton import TOLERANCE
-from fmus.physics.chain.rigid.state import shapes, views, work
-from fmus.physics.chain.state import size, store_first_evaluation
+from fmus.physics.chain.rigid.state import State, shapes, work
+from fmus.physics.chain.state import size, store_first_evaluation, views
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
 from fmus.track import steps as track_steps
@@ -33,7 +33,7 @@ class Chain:
         self.method = ImplicitMethod(coefficients(radius), TOLERANCE, True)
         self.env = Environment((0.0, 0.0, -gravity), LOOP, np.zeros((2, 3)), 0.0, -1)
         sizes = shapes(n, ends.closed, 0)
-        self.s, self.work = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0)
+        self.s, self.work = views(State, sizes, np.zeros(size(sizes))), work(n, ends.closed, 0)
         self.report, self.counters = np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
         place(self.link, np.asarray(pins, float), self.s, self.work)
 
@@ -75,7 +75,7 @@ class Chain:
         """Linear momentum, and angular momentum about the origin, each (3)."""
         s = self.s
         pin_motion(self.link, s, self.work)
-        spin = np.einsum("nij,nj->ni", self.work.system.A, self.link.inertia * s.v[:, 3:])
+        spin = np.einsum("nij,nj->ni", self.work.system.rotation, self.link.inertia * s.v[:, 3:])
         linear = self.link.mass * s.v[:, :3]
         return linear.sum(0), (np.cross(s.q[:, :3], linear) + spin).sum(0)
 
@@ -132,7 +132,7 @@ def test_released_chain_explicitly():
     assert tips[-1] == pytest.approx(9.413161, abs=1e-6)
     assert 3.5 < np.log2((tips[0] - tips[1]) / (tips[1] - tips[2])) < 5.5
     pins(rods.link, rods.s, rods.work)
-    assert np.abs(rods.work.system.C).max() < 1e-11
+    assert np.abs(rods.work.system.gap).max() < 1e-11
 
 
 def test_energy_of_the_released_chain():
@@ -147,10 +147,10 @@ def test_pins_do_not_drift():
     ends = loop.pins()
     chord = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
     assert np.abs(chord - P).max() < 2e-11
-    half = loop.link.half * loop.work.system.A[:, :, 0]
+    half = loop.link.half * loop.work.system.rotation[:, :, 0]
     gap = np.roll(loop.s.q[:, :3] + half, 1, axis=0) - (loop.s.q[:, :3] - half)
     assert np.abs(gap).max() < 1e-11
-    assert np.abs(loop.work.system.A[:, :, 1] - loop.work.system.A[0, :, 1]).max() < 1e-10
+    assert np.abs(loop.work.system.rotation[:, :, 1] - loop.work.system.rotation[0, :, 1]).max() < 1e-10
 
 
 def test_a_polygon_that_cannot_be_closed_is_refused():
@@ -172,7 +172,7 @@ def tumbling(n=12):
     centre, rate = loop.s.q[:, :3].mean(0), np.array([1.0, 2.0, 1.5])
     pin_motion(loop.link, loop.s, loop.work)
     loop.s.v[:, :3] = np.cross(rate, loop.s.q[:, :3] - centre) + np.array([0.5, 0.1, -0.3])
-    loop.s.v[:, 3:] = np.einsum("nji,j->ni", loop.work.system.A, rate)
+    loop.s.v[:, 3:] = np.einsum("nji,j->ni", loop.work.system.rotation, rate)
     return loop.release()
 
 

@@ -11,6 +11,7 @@ from test_track_flexible import LINKS, PITCH, TABLE, at_rest, carrier, hanging, 
 from fmus.fmi.build import build
 from fmus.interface.model import InvalidParameter
 from fmus.physics.ancf import beam as library
+from fmus.physics.ancf import element as elements
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.dynamics import NOTHING
@@ -53,8 +54,8 @@ def newton(model, count: int, mass: float = 0.0) -> None:
     for _ in range(count):
         x = Motion(model.s.q, still, none, model.s.axes)
         model.evaluate(x, Slopes(0.0, 0.0, mass), True)
-        assert factor(w.A, w.U, w.L, w.factors, model.closed) < 0
-        solve(w.A, w.U, w.factors, model.closed, w.b)
+        assert factor(w.diagonal, w.upper, w.lower, w.factors, model.closed) < 0
+        solve(w.diagonal, w.upper, w.factors, model.closed, w.right_side)
         correct(model.link, w, x, NOTHING, np.inf)
     model.evaluate(Motion(model.s.q, still, none, model.s.axes))
 
@@ -81,7 +82,7 @@ def test_force_is_the_gradient_of_the_reported_energy():
     model.s.vdot[:] = 0.0
     model.s.q[:] += 0.02 * np.random.default_rng(3).standard_normal(model.s.q.shape) * ([PITCH] * 3 + [1.0] * 15)
     model.evaluate(Motion(model.s.q, model.s.v, model.s.vdot, model.s.axes))
-    f, gradient, h = scattered(model, model.work.R), np.zeros_like(model.s.q), 1e-5
+    f, gradient, h = scattered(model, model.work.residual), np.zeros_like(model.s.q), 1e-5
 
     def energy() -> float:
         observe(model.link, model.environment, model.s, model.work, model.report)
@@ -106,7 +107,7 @@ def test_the_matrix_is_the_derivative_of_force_and_damping():
 
     def force(d: np.ndarray) -> np.ndarray:
         Q = np.zeros((8, 3))
-        library.force(c, e + d.reshape(8, 3), v + by_rate * d.reshape(8, 3), Q)
+        elements.force(c, e + d.reshape(8, 3), v + by_rate * d.reshape(8, 3), Q)
         return Q.ravel()
 
     numeric = np.array([(force(step * d) - force(-step * d)) / (2 * step) for d in np.eye(24)]).T
@@ -150,7 +151,7 @@ def test_sideways_a_chain_of_pins_is_one_beam():
     model.environment = model.environment._replace(gravity=(0.0, 0.0, 0.0))
     model.s.q[-1, 1] += aside
     newton(model, 12, mass=1.0)  # a little mass stabilises the straight chain, which can fold up and down
-    force = model.work.R[-1, 4, 1]
+    force = model.work.residual[-1, 4, 1]
     c, L, area = model.link.element, n * PITCH, TABLE["section"]["area"]
     EI = model.link.young * TABLE["section"]["lateral_bending"]
     phi = 12 * EI / (c.shear * 0.5 * model.link.young / (1 + c.nu) * area * L**2)
@@ -172,8 +173,8 @@ def test_a_chain_twists_as_its_section_says():
         model.settle_pins(np.column_stack([PITCH * np.arange(n + 1), np.zeros(n + 1)]))
         model.s.q[-1, 4:6] = np.cos(angle), np.sin(angle)
         newton(model, 12, mass=1.0)
-        assert abs(model.work.b).max() < 1e-3
-        return np.cross(model.s.q[-1, 3:6], model.work.R[-1, 6])[0]
+        assert abs(model.work.right_side).max() < 1e-3
+        return np.cross(model.s.q[-1, 3:6], model.work.residual[-1, 6])[0]
 
     expected = TABLE["material"]["shear_modulus"] * section["torsion"] * angle / (n * PITCH)
     assert torque() == pytest.approx(expected, rel=2e-3)
@@ -202,10 +203,10 @@ def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
     for element in ("beam", "cable"):
         model = spun(element, [0.0, 2.0, 1.0])
         model.advance(0.0, 1e-3)
-        start, energy = momentum(model, model.work.M), model.report[[KINETIC, STRAIN, DISSIPATED]].sum()
+        start, energy = momentum(model, model.work.mass), model.report[[KINETIC, STRAIN, DISSIPATED]].sum()
         for k in range(1, 100):
             model.advance(k * 1e-3, 1e-3)
-        lost[element] = abs(momentum(model, model.work.M) - start).max() / abs(start).max()
+        lost[element] = abs(momentum(model, model.work.mass) - start).max() / abs(start).max()
         if element == "beam":
             assert model.report[[KINETIC, STRAIN, DISSIPATED]].sum() == pytest.approx(energy, rel=1e-3)
             assert abs(start[2]) > 0.1 * abs(start[1])
@@ -249,7 +250,7 @@ def test_the_explicit_step_and_the_mass():
     table = TABLE | {"track": TABLE["track"] | {"inertia": (y + z, z + x, x + y)}}
     alone = hanging(links=2, element="beam", start="polygon", table=table)
     assert alone.stable_step == pytest.approx(4.347e-6, rel=1e-3)
-    total = model.work.M[np.ix_([0, 4], [0, 4])].sum()
+    total = model.work.mass[np.ix_([0, 4], [0, 4])].sum()
     assert total == pytest.approx(TABLE["track"]["mass"], rel=1e-12)
 
 

@@ -56,7 +56,7 @@ def bent(elasticity: str, links: int = 4, **changes):
 def residual(model) -> np.ndarray:
     """Residuals of the links summed by coordinate of the pins, shape (nodes, 8)."""
     model.evaluate(Motion(model.s.q, model.s.v, model.s.vdot, model.s.axes))
-    f, R = np.zeros_like(model.s.q), model.work.R
+    f, R = np.zeros_like(model.s.q), model.work.residual
     for i in range(model.links_count):
         j = (i + 1) % model.nodes
         f[i, :3] += R[i, 0]
@@ -109,13 +109,13 @@ def test_the_tangent_is_the_derivative_of_force_and_damping(elasticity):
 
 @each
 def test_force_and_damping_add_up(elasticity):
-    model, kind = bent(elasticity), LIBRARY[elasticity]
+    model = bent(elasticity)
     link = model.link.element._replace(nuA=40.0, nuI=0.2)
     e = coordinates(model)[2]
     v, Q, f = np.random.default_rng(7).standard_normal((4, 3)), np.zeros((4, 3)), np.zeros((4, 3))
     power = element.force(link, e, v, Q)
-    assert kind.force(link, e, np.zeros((4, 3)), f) == 0.0  # at rest the elastic force alone
-    assert power == pytest.approx(kind.damping(link, e, v, f), rel=1e-12)
+    assert element.force(link, e, np.zeros((4, 3)), f) == 0.0  # at rest the elastic force alone
+    assert power == pytest.approx(element.damping(link, e, v, f), rel=1e-12)
     np.testing.assert_allclose(Q, f, atol=1e-12 * abs(f).max())
     others = [other for other in ELASTICITIES if other != elasticity]
     assert all(abs(stored(elasticity, link, e) / stored(other, link, e) - 1) > 1e-4 for other in others)
@@ -131,8 +131,8 @@ def newton(model, most: int = 20, extra: float = 0.0) -> list[float]:
     while len(sizes) < most and (not sizes or sizes[-1] > 1e-11):
         x = Motion(model.s.q, still, none, model.s.axes)
         model.evaluate(x, Slopes(0.0, 0.0, extra), True)
-        assert factor(w.A, w.U, w.L, w.factors, model.closed) < 0
-        solve(w.A, w.U, w.factors, model.closed, w.b)
+        assert factor(w.diagonal, w.upper, w.lower, w.factors, model.closed) < 0
+        solve(w.diagonal, w.upper, w.factors, model.closed, w.right_side)
         sizes.append(correct(model.link, w, x, NOTHING, np.inf))
     return sizes
 

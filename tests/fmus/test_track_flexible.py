@@ -90,7 +90,7 @@ def test_hanging_chain_is_a_catenary():
     model = hanging()
     w = TABLE["track"]["mass"] / PITCH * 9.81
     assert -model.s.q[:, 2].min() == pytest.approx(2.589308, abs=2e-5)
-    force = np.linalg.norm(model.work.R[0, 0])
+    force = np.linalg.norm(model.work.residual[0, 0])
     assert force == pytest.approx(w * np.hypot(3.298471, LINKS * PITCH / 2), rel=1e-3)
     assert force != pytest.approx(1.03 * w * np.hypot(3.298471, LINKS * PITCH / 2), rel=1e-3)
     before = model.s.q.copy()
@@ -124,7 +124,7 @@ def test_a_spinning_loop_carries_its_centrifugal_force():
     tensions = []
     for k in range(400):
         model.advance(k * 1e-3, 1e-3)
-        tensions.append(np.linalg.norm(model.work.R[:, 0, :], axis=1).mean())
+        tensions.append(np.linalg.norm(model.work.residual[:, 0, :], axis=1).mean())
     assert np.mean(tensions[100:]) == pytest.approx(expected, rel=2e-3)
     assert np.mean(tensions[100:]) != pytest.approx(1.03 * expected, rel=2e-3)
 
@@ -133,7 +133,7 @@ def test_a_free_loop_keeps_energy_and_angular_momentum():
     model = spinning()
 
     def angular() -> float:
-        total, M = 0.0, model.work.M
+        total, M = 0.0, model.work.mass
         for i in range(LINKS):
             j = (i + 1) % LINKS
             e = np.array([model.s.q[i, :3], model.s.q[i, [5, 7, 6]], model.s.q[j, :3], model.s.q[j, [3, 7, 4]]])
@@ -309,7 +309,7 @@ def test_tracks_that_cannot_be_are_refused():
 def test_soft_and_hard_chains_find_their_rest(young):
     """The tensions at the ends of a chain carry its weight for any stiffness; 1 % more weight would show."""
     model = hanging(**{"material.youngs_modulus": young})
-    ends = [model.work.R[0, 0], -model.work.R[-1, 2]]
+    ends = [model.work.residual[0, 0], -model.work.residual[-1, 2]]
     weight = 64 * model.link.element.rhoA * model.pitch * 9.81
     assert ends[0][2] - ends[1][2] == pytest.approx(weight, rel=1e-6)
     assert ends[0][2] - ends[1][2] != pytest.approx(1.01 * weight, rel=1e-3)

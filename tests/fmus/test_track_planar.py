@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.interface.model import InvalidParameter
-from fmus.physics.ancf import cable
+from fmus.physics.ancf import cable, element
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.interface import observe
 from fmus.physics.contact.ground import bumpy_ground, surface_depth
@@ -44,7 +44,7 @@ def forces(c: cable.Cable, e: np.ndarray, v: np.ndarray) -> tuple:
         n, one = len(axes), c._replace(axes=tuple(axes))
         p, u, Q, K = e[:, axes].copy(), v[:, axes].copy(), np.zeros((4, n)), np.zeros((4 * n, 4 * n))
         cable.tangent(one, p, u, 2e3, K)
-        results.append((Q, K, cable.force(one, p, u, Q), cable.energy(one, p), cable.end_moments(one, p)))
+        results.append((Q, K, element.force(one, p, u, Q), cable.energy(one, p), cable.end_moments(one, p)))
     return tuple(results)
 
 
@@ -90,9 +90,9 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
         observe(m.link, m.environment, m.s, m.work, m.report)
     flat, full = model.work, solid.work
     assert flat.touched.sum() > 20
-    assert same(flat.R, full.R[:, :, XZ], 1e-9)
-    assert same(flat.b, full.b[:, XZ], 1e-7)
-    for name in ("A", "U", "L"):
+    assert same(flat.residual, full.residual[:, :, XZ], 1e-9)
+    assert same(flat.right_side, full.right_side[:, XZ], 1e-7)
+    for name in ("diagonal", "upper", "lower"):
         blocks = getattr(full, name)
         assert same(getattr(flat, name), blocks[:, XZ][:, :, XZ], 1e-11)
         assert np.abs(blocks[:, 1, XZ]).max() == np.abs(blocks[:, XZ, 1]).max() == 0.0, "planes are decoupled"
@@ -102,7 +102,7 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
     assert model.report[measured] == pytest.approx(solid.report[measured], rel=1e-7)
     solid.s.q[5, 0] += 1e-9  # twin: a nanometre
     evaluate(solid)
-    assert not same(flat.b, full.b[:, XZ], 1e-5)
+    assert not same(flat.right_side, full.right_side[:, XZ], 1e-5)
 
 
 def evaluate(m) -> None:

@@ -205,7 +205,7 @@ def test_sprocket_drives_the_chain_over_wheels_and_ground(track):
     assert model.counters[3] == 0
     assert model.counters[2] < 4 * 400
     evaluate_pins(model.rigid, model.s, model.work)
-    worst = np.abs(model.work.system.C).max()
+    worst = np.abs(model.work.system.gap).max()
     assert worst < 1e-11
 
 
@@ -287,15 +287,15 @@ def test_wheels_links_and_pins_get_the_change_of_the_forces(track):
 
     def forces_at(q, v, tangent=False):
         s.q[:], s.v[:] = q, v
-        w.x[:] = 0.0
+        w.increment[:] = 0.0
         residual(*model.system()[:2], model.environment, s, w, by, tangent)
         return [part.copy() for part in shown]
 
     for axis in range(6):
         before = forces_at(q, v, tangent=True)
-        x = along_the_whole_chain(q, w.system.A, axis)
+        x = along_the_whole_chain(q, w.system.rotation, axis)
         w.points.q[:] = q
-        w.system.dx[:] = x
+        w.system.correction[:] = x
         add_last_correction(model.rigid, s, w)
         given = [now - then for now, then in zip(shown, before, strict=True)]
         ends = [forces_at(moved(q, d * x), v + by.v * d * x) for d in (eps, -eps)]
@@ -316,16 +316,16 @@ def test_matrix_of_the_links_is_the_derivative_of_their_residual(track):
     for k in range(60):
         model.step(1e-3 * k, 1e-3, inputs(model, 1e-3 * k, 20.0, 0.1, 0.1))
     s, w, by, eps = model.s, model.work, Slopes(0.0, 1e5, 0.0), 1e-10
-    w.x[:] = 0.0
+    w.increment[:] = 0.0
 
     def residual_at(q, v, tangent=False):
         s.q[:], s.v[:] = q, v
         residual(*model.system()[:2], model.environment, s, w, by, tangent)
-        return w.system.r.copy()
+        return w.system.residual.copy()
 
     q, v = s.q.copy(), s.v.copy()
     residual_at(q, v, tangent=True)
-    K, A = w.system.K.copy(), w.system.A.copy()
+    K, A = w.system.iteration_matrix.copy(), w.system.rotation.copy()
     for axis in range(6):
         x = along_the_whole_chain(q, A, axis)
         after, before = (residual_at(moved(q, d * x), v + by.v * d * x) for d in (eps, -eps))

@@ -46,7 +46,7 @@ def residual(model, turn=(0.0, 0.0, 0.0), by=BY, moved=None, fresh=False):
     change = still if moved is None else moved
     motion = Motion(model.s.q + change, by.v * change, by.vdot * change, axes)
     model.evaluate(motion, by, fresh)
-    return w.R.reshape(len(w.R), -1).copy(), w.axes.moment.copy()
+    return w.residual.reshape(len(w.residual), -1).copy(), w.axes.moment.copy()
 
 
 def differences(function, step):
@@ -147,8 +147,8 @@ def test_the_balance_is_the_work_of_a_rotation():
     weight = mass * 9.81
     expected = np.zeros(3)  # of the forces on the chain, with the sign of a residual
     for i in range(model.links_count):
-        model.kit.gather(model.link, q, i, (i + 1) % model.nodes, w.e)
-        middle = 0.5 * (w.e[0] + w.e[2]) + PITCH / 12.0 * (w.e[1] - w.e[3])
+        model.kit.gather(model.link, q, i, (i + 1) % model.nodes, w.coordinates)
+        middle = 0.5 * (w.coordinates[0] + w.coordinates[2]) + PITCH / 12.0 * (w.coordinates[1] - w.coordinates[3])
         expected += np.cross(middle, [0.0, 0.0, weight])
     expected += from_wheels
     assert without_ground == pytest.approx(expected[[0, 2]], abs=1e-6 * np.abs(arms).max())
@@ -169,11 +169,11 @@ def test_what_turns_as_a_whole_is_not_loaded_by_turning():
     w.wheels[:, 3:6] += np.cross(rate, w.wheels[:, :3])
     w.wheels[:, 6:9] += rate
     model.evaluate(Motion(model.s.q, w.still, w.still, axes), BY)
-    forces = w.R.reshape(len(w.R), -1) - still
+    forces = w.residual.reshape(len(w.residual), -1) - still
     for i in range(model.links_count):
-        model.kit.gather(model.link, model.s.q, i, (i + 1) % model.nodes, w.e)
-        towards = np.cross(rate, np.cross(rate, w.e))
-        assert forces[i] == pytest.approx((w.M @ towards).ravel(), abs=1e-8)
+        model.kit.gather(model.link, model.s.q, i, (i + 1) % model.nodes, w.coordinates)
+        towards = np.cross(rate, np.cross(rate, w.coordinates))
+        assert forces[i] == pytest.approx((w.mass @ towards).ravel(), abs=1e-8)
 
 
 def driven(model, h, spin, steps):
@@ -214,12 +214,12 @@ def momenta(model):
     R, o, ov = f[:9].reshape(3, 3), f[9:12], f[12:15]
     linear, angular = np.zeros(3), np.zeros(3)
     for i in range(model.links_count):
-        for q, out in ((model.s.q, w.e), (model.s.v, w.v)):
+        for q, out in ((model.s.q, w.coordinates), (model.s.v, w.rates)):
             model.kit.gather(model.link, q, i, (i + 1) % model.nodes, out)
-        e, v = w.e @ R.T, (w.v + np.cross(f[OMEGA : OMEGA + 3], w.e)) @ R.T
+        e, v = w.coordinates @ R.T, (w.rates + np.cross(f[OMEGA : OMEGA + 3], w.coordinates)) @ R.T
         e[::2] += o
         v[::2] += ov
-        p = w.M @ v
+        p = w.mass @ v
         linear += p[0] + p[2]
         angular += np.cross(e, p).sum(axis=0)
     return linear, angular
@@ -249,11 +249,11 @@ def test_energy_over_the_ground_is_what_moves():
     f, w, kinetic = model.s.axes, model.work, 0.0
     R, ov = f[:9].reshape(3, 3), f[12:15]
     for i in range(model.links_count):
-        for q, out in ((model.s.q, w.e), (model.s.v, w.v)):
+        for q, out in ((model.s.q, w.coordinates), (model.s.v, w.rates)):
             model.kit.gather(model.link, q, i, (i + 1) % model.nodes, out)
-        v = (w.v + np.cross(f[OMEGA : OMEGA + 3], w.e)) @ R.T
+        v = (w.rates + np.cross(f[OMEGA : OMEGA + 3], w.coordinates)) @ R.T
         v[::2] += ov
-        kinetic += 0.5 * np.einsum("ak,ab,bk->", v, w.M, v)
+        kinetic += 0.5 * np.einsum("ak,ab,bk->", v, w.mass, v)
     kinetic += 0.5 * model.link.rotary_inertia * f[OMEGA : OMEGA + 3] @ f[OMEGA : OMEGA + 3]
     assert model.report[KINETIC] == pytest.approx(kinetic, rel=1e-9)
 

@@ -90,11 +90,11 @@ class Flexible:
 
     def solve(self):
         w = self.w
-        assert factor(w.A, w.U, w.L, w.factors, bool(self.links.closed)) < 0
-        solve(w.A, w.U, w.factors, bool(self.links.closed), w.b)
+        assert factor(w.diagonal, w.upper, w.lower, w.factors, bool(self.links.closed)) < 0
+        solve(w.diagonal, w.upper, w.factors, bool(self.links.closed), w.right_side)
 
     def correct(self, vdot, by_acceleration=0.0):
-        """Apply the correction in ``w.b`` at rest; return the largest change of a pin, m."""
+        """Apply the correction in ``w.right_side`` at rest; return the largest change of a pin, m."""
         x = Motion(self.s.q, np.zeros_like(self.s.q), vdot)
         return correct(self.links, self.w, x, Slopes(0.0, 0.0, by_acceleration), 0.1)
 
@@ -125,19 +125,19 @@ class Flexible:
         return self.s.q[:, :3].copy()
 
     def energy(self):
-        mass(self.links.element, self.w.M)
+        mass(self.links.element, self.w.mass)
         observe(self.links, self.env, self.s, self.w, self.report)
         return self.report[KINETIC : GRAVITY + 1].sum()
 
     def angular_momentum(self):
         """Angular momentum about the origin (3)."""
         total, e, v = np.zeros(3), np.zeros((4, 3)), np.zeros((4, 3))
-        mass(self.links.element, self.w.M)
+        mass(self.links.element, self.w.mass)
         for i in range(self.links.n):
             j = (i + 1) % len(self.s.q)
             gather(self.links, self.s.q, i, j, e)
             gather(self.links, self.s.v, i, j, v)
-            total += np.cross(e, self.w.M @ v).sum(axis=0)
+            total += np.cross(e, self.w.mass @ v).sum(axis=0)
         return total
 
     def turn(self, rate):
@@ -150,9 +150,9 @@ class Flexible:
         w, n = self.w, len(self.s.q)
         D = np.zeros((n, 4, n, 4))
         for i in range(n):
-            D[i, :, i] += w.A[i]
+            D[i, :, i] += w.diagonal[i]
             if self.links.closed or i < n - 1:
-                D[i, :, (i + 1) % n] += w.U[i]
+                D[i, :, (i + 1) % n] += w.upper[i]
             if self.links.closed or i > 0:
-                D[i, :, i - 1] += w.L[i]
+                D[i, :, i - 1] += w.lower[i]
         return D.reshape(4 * n, 4 * n)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
+from fmus.physics.ancf import element as elements
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments
 from tests.validation.ancf import chord, stress, torsion
@@ -64,13 +65,13 @@ def moved(e, R, by):
 
 def force(kind, c, e):
     Q = np.zeros_like(e)
-    kind.force(c, e, np.zeros_like(e), Q)
+    elements.force(c, e, np.zeros_like(e), Q)
     return Q
 
 
 def damping(kind, c, e, v):
     Q = np.zeros_like(e)
-    return Q, kind.damping(c, e, v, Q)
+    return Q, elements.damping(c, e, v, Q)
 
 
 def tangent(kind, c, e):

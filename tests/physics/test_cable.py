@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.physics.ancf import cable
+from fmus.physics.ancf import cable, element
 
 LINK = cable.Cable(0.1524, 7800 * 0.01516, 2e11 * 0.01516, 2e11 * 2.03e-6, 2e5 * 0.01516, 2e5 * 2.03e-6)
 SOFT = cable.Cable(0.1524, 118.0, 3e4, 4.0, 20.0, 0.01)
@@ -22,7 +22,7 @@ def bent(c: cable.Cable, size: float) -> np.ndarray:
 
 def internal(c, e, v):
     Q = np.zeros((4, 3))
-    cable.force(c, e, v, Q)
+    element.force(c, e, v, Q)
     return Q
 
 
@@ -93,7 +93,7 @@ def test_internal_forces_balance():
 def test_damping_dissipates_what_it_says():
     e, v = bent(SOFT, 0.05), rng.standard_normal((4, 3))
     Q = np.zeros((4, 3))
-    power = cable.force(SOFT, e, v, Q)
+    power = element.force(SOFT, e, v, Q)
     Q -= internal(SOFT, e, np.zeros((4, 3)))
     assert power > 0.0
     assert power == pytest.approx((Q * v).sum(), rel=1e-12)

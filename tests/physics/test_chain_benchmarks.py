@@ -111,8 +111,8 @@ def steel_loop(mass=MASS):
     loop.s.vdot[:, 7] = 0.0
     for _ in range(6):
         loop.evaluate(loop.s.vdot, -(RATE**2))
-        step = np.linalg.lstsq(loop.blocks(), loop.w.b.ravel(), rcond=1e-12)[0]
-        loop.w.b[:] = step.reshape(-1, 4)
+        step = np.linalg.lstsq(loop.blocks(), loop.w.right_side.ravel(), rcond=1e-12)[0]
+        loop.w.right_side[:] = step.reshape(-1, 4)
         size = loop.correct(loop.s.vdot, -(RATE**2))
     assert size < 1e-11
     loop.evaluate(loop.s.vdot)
@@ -120,7 +120,7 @@ def steel_loop(mass=MASS):
 
 
 def joint_forces(loop):
-    forces = loop.s.lam[:, :3] if isinstance(loop, Rigid) else loop.w.R[:, 0]
+    forces = loop.s.lam[:, :3] if isinstance(loop, Rigid) else loop.w.residual[:, 0]
     return np.linalg.norm(forces, axis=1)
 
 

@@ -43,7 +43,7 @@ def lower(U, L, work, closed):
         if i and not (closed and i == n - 1):
             T[i * m : (i + 1) * m, (i - 1) * m : i * m] = L[i]
         if closed and i < n - 1:
-            T[-m:, i * m : (i + 1) * m] = work.H[i]
+            T[-m:, i * m : (i + 1) * m] = work.last_row_factor[i]
     return T
 
 

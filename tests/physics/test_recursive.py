@@ -14,8 +14,8 @@ from fmus.physics.chain.rigid import jointed
 from fmus.physics.chain.rigid.dynamics import accelerations
 from fmus.physics.chain.rigid.jointed import count, to_joint_coordinates, to_poses
 from fmus.physics.chain.rigid.links import RigidLinks, place
-from fmus.physics.chain.rigid.state import shapes, views, work
-from fmus.physics.chain.state import size
+from fmus.physics.chain.rigid.state import State, shapes, work
+from fmus.physics.chain.state import size, views
 from fmus.physics.rigid import pin, recursive
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 
@@ -41,7 +41,7 @@ class Chain:
         self.env = Environment((0.0, 0.0, -gravity), HELD if ends.first else LOOP, np.zeros((2, 3)), 0.0, -1)
         joints = count(n, ends.first)
         sizes = shapes(n, ends.closed, 0, joints=joints)
-        self.s, self.w = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0, joints=joints)
+        self.s, self.w = views(State, sizes, np.zeros(size(sizes))), work(n, ends.closed, 0, joints=joints)
         self.report, self.counters = np.zeros(18), np.zeros(4, np.int64)
         place(self.rigid, np.asarray(pins, float), self.s, self.w)
         to_joint_coordinates(self.rigid, self.s)
@@ -94,7 +94,7 @@ class Chain:
     def momenta(self):
         """Linear and angular momentum about the origin (6)."""
         s = self.s
-        spin = np.einsum("nij,nj->ni", self.w.system.A, self.rigid.inertia * s.v[:, 3:])
+        spin = np.einsum("nij,nj->ni", self.w.system.rotation, self.rigid.inertia * s.v[:, 3:])
         linear = MASS * s.v[:, :3]
         return np.concatenate([linear.sum(0), (np.cross(s.q[:, :3], linear) + spin).sum(0)])
 
@@ -123,7 +123,7 @@ def loop(n, spring=PIN, seed=4, speed=2.0):
 
 def _closing(chain):
     """Dense matrix (5, speeds) of the closing pin's equations by the rates of the joints."""
-    A, n = chain.w.system.A, chain.n
+    A, n = chain.w.system.rotation, chain.n
     B = np.zeros((5, 6 * n))
     pin.jacobian(chain.rigid.half, A[n - 1], A[0], B[:, 6 * n - 6 :], B[:, :6])
     return B @ chain.jacobian()
@@ -132,11 +132,11 @@ def _closing(chain):
 def test_released_chain_of_thin_rods():
     """The tip of 64 rods released from the horizontal is at 9.413161 m after 0.5 s."""
     chain = Chain(of_angles(np.zeros(64)), HANGS, ROD).run(0.5, 1e-4)
-    tip = chain.s.q[-1, :3] + 0.5 * P * chain.w.system.A[-1, :, 0]
+    tip = chain.s.q[-1, :3] + 0.5 * P * chain.w.system.rotation[-1, :, 0]
     assert abs(tip[0] - 9.413161) < 5e-7
     assert abs(chain.energy()) < 1e-9
     heavy = Chain(of_angles(np.zeros(64)), HANGS, (0.25, 1.05 * ROD[1], ROD[2])).run(0.5, 1e-4)
-    assert abs(heavy.s.q[-1, 0] + 0.5 * P * heavy.w.system.A[-1, 0, 0] - 9.413161) > 1e-6
+    assert abs(heavy.s.q[-1, 0] + 0.5 * P * heavy.w.system.rotation[-1, 0, 0] - 9.413161) > 1e-6
 
 
 def pendulum(J):
@@ -170,7 +170,7 @@ def test_three_links_by_lagrange():
         end = solve_ivp(pendulum(J), (0.0, 1.0), [*angles, 0, 0, 0], method="DOP853", rtol=1e-13, atol=1e-13).y[:3, -1]
         return np.column_stack([np.cos(end), np.sin(end)])
 
-    along = chain.w.system.A[:, [0, 2], 0]
+    along = chain.w.system.rotation[:, [0, 2], 0]
     assert np.abs(along - directions(BODY[1])).max() < 1e-9
     assert np.abs(along - directions(1.01 * BODY[1])).max() > 1e-3
 
@@ -186,7 +186,7 @@ def test_dense_mass_matrix_of_five_links(ends):
     weight[:, 2] = -MASS * G
     weight[3, 3:] = 0.0
     chain.env = chain.env._replace(gravity=(0.0, 0.0, -G), pull=np.array([[0.0, 0, 0], [50.0, 20.0, -30.0]]))
-    A = chain.w.system.A[4]
+    A = chain.w.system.rotation[4]
     weight[4, :3] += chain.env.pull[1]
     weight[4, 3:] += np.cross([0.5 * P, 0, 0], A.T @ chain.env.pull[1])
     if not ends.first:
@@ -228,7 +228,7 @@ def test_chain_between_two_pins():
     assert np.abs(force - pull).max() < 1e-12 * np.abs(pull).max()
     energy = chain.energy()
     chain.run(0.5, 1e-4)
-    end = chain.s.q[-1, :3] + 0.5 * P * chain.w.system.A[-1, :, 0]
+    end = chain.s.q[-1, :3] + 0.5 * P * chain.w.system.rotation[-1, :, 0]
     assert np.abs(end - [shape[-1, 0], 0.0, shape[-1, 1]]).max() < 1e-11
     assert abs(chain.energy() - energy) < 1e-9
 
@@ -239,7 +239,7 @@ def test_closing_pin_has_five_equations_of_rank_two():
     Its mobility B M^-1 B^T has the two equations of the solver, in the plane of link 0.
     """
     chain = loop(12)
-    A = chain.w.system.A
+    A = chain.w.system.rotation
     B = _closing(chain)
     values = np.linalg.svd(B, compute_uv=False)
     assert values[1] > 0.1

@@ -123,23 +123,23 @@ def test_stiffness_by_differences():
 def chain(n: int, ends: Ends, rng: np.random.Generator, wobble: float = 0.3):
     """System with random poses near a polygon and random blocks, and its dense Jacobian."""
     s = augmented.system(n, ends.closed)
-    p = len(s.C)
+    p = len(s.gap)
     q = np.array([pose(rng) for _ in range(n)])
     for i in range(n):
         turn = Rotation.from_euler("y", 2 * np.pi * i / n) * Rotation.from_rotvec(wobble * rng.normal(size=3))
         x, y, z, w = turn.as_quat()
         q[i, 3:] = w, x, y, z
-        s.A[i] = matrix(q[i])
-        s.K[i] = rng.normal(size=(6, 6)) + 5.0 * np.eye(6)
+        s.rotation[i] = matrix(q[i])
+        s.iteration_matrix[i] = rng.normal(size=(6, 6)) + 5.0 * np.eye(6)
     B = np.zeros((5 * p, 6 * n))
     still = np.eye(3)
     for j in range(p):
         P, Q = (j - 1) % n if ends.closed else j - 1, j
         if not ends.closed and ((j == 0 and not ends.first) or (j == n and not ends.last)):
             continue
-        AP = s.A[P] if P >= 0 else still
-        AQ = s.A[Q] if n > Q else still
-        pin.axis_rows(AP, AQ, s.WP[j], s.WQ[j])
+        AP = s.rotation[P] if P >= 0 else still
+        AQ = s.rotation[Q] if n > Q else still
+        pin.axis_rows(AP, AQ, s.axes_before[j], s.axes_after[j])
         BP, BQ = np.empty((2, 5, 6))
         pin.jacobian(HALF, AP, AQ, BP, BQ)
         if P >= 0:
@@ -162,27 +162,27 @@ ENDS = [
 def test_solver_equals_dense(ends: Ends):
     rng = np.random.default_rng(7)
     s, B = chain(6, ends, rng)
-    n, p = 6, len(s.C)
-    s.r[:], s.C[:] = rng.normal(size=(n, 6)), rng.normal(size=(p, 5))
+    n, p = 6, len(s.gap)
+    s.residual[:], s.gap[:] = rng.normal(size=(n, 6)), rng.normal(size=(p, 5))
     K = np.zeros((6 * n, 6 * n))
     for i in range(n):
-        K[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = s.K[i]
+        K[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = s.iteration_matrix[i]
     D = np.zeros((5 * p, 5 * p))
     if ends.closed or (ends.first and ends.last):
         j, link = (0, 0) if ends.closed else (n, n - 1)
-        y = s.A[link, :, 1]
+        y = s.rotation[link, :, 1]
         D[5 * j : 5 * j + 3, 5 * j : 5 * j + 3] = np.outer(y, y) / augmented.STIFFNESS
         D[5 * j + 3, 5 * j + 3] = D[5 * j + 4, 5 * j + 4] = 1.0 / augmented.TILTING
-    C = s.C.copy()
+    C = s.gap.copy()
     for j, held in ((0, ends.first), (p - 1, ends.last)):
         if not ends.closed and not held:
             D[5 * j : 5 * j + 5, 5 * j : 5 * j + 5] = np.eye(5)
             C[j] = 0.0
     whole = np.block([[K, -B.T], [B, D]])
-    expected = -np.linalg.solve(whole, np.concatenate([s.r.ravel(), C.ravel()]))
+    expected = -np.linalg.solve(whole, np.concatenate([s.residual.ravel(), C.ravel()]))
     assert augmented.factor(HALF, ends, s, 1.0) == -1
     augmented.solve(HALF, ends, s)
-    solution = np.concatenate([s.dx.ravel(), s.dl.ravel()])
+    solution = np.concatenate([s.correction.ravel(), s.multiplier_correction.ravel()])
     assert np.abs(solution - expected).max() < 1e-9 * np.abs(expected).max()
 
 

@@ -14,8 +14,8 @@ from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import accelerations, pin_motion
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import TOLERANCE
-from fmus.physics.chain.rigid.state import shapes, views, work
-from fmus.physics.chain.state import size, store_first_evaluation
+from fmus.physics.chain.rigid.state import State, shapes, work
+from fmus.physics.chain.state import size, store_first_evaluation, views
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
 from fmus.track import steps as track_steps
@@ -55,7 +55,7 @@ class Rods:
         self.links = RigidLinks(0.5 * pitch, FACE, LATERAL, mass, thin, ends)
         self.env = Environment((0.0, 0.0, -gravity), HELD if held else LOOP, np.zeros((2, 3)), 0.0, -1)
         self.method = ImplicitMethod(coefficients(radius), TOLERANCE, True)
-        self.s, self.w = views(np.zeros(size(sizes)), sizes), work(n, closed, 0)
+        self.s, self.w = views(State, sizes, np.zeros(size(sizes))), work(n, closed, 0)
         self._slopes, self._report, self._counters = slopes(self.s), np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
         place(self.links, np.asarray(pins, dtype=float), self.s, self.w)
 
@@ -97,7 +97,7 @@ class Rods:
         """Set the velocities of a rigid rotation ``rate`` (3,), rad/s, about the origin."""
         pin_motion(self.links, self.s, self.w)
         self.s.v[:, :3] = np.cross(rate, self.s.q[:, :3])
-        self.s.v[:, 3:] = np.einsum("nji,j->ni", self.w.system.A, rate)
+        self.s.v[:, 3:] = np.einsum("nji,j->ni", self.w.system.rotation, rate)
 
     def energy(self) -> float:
         """Kinetic and gravity energy, J."""
@@ -109,5 +109,5 @@ class Rods:
         """Angular momentum (3,) about the origin, kg m2/s."""
         s = self.s
         pin_motion(self.links, s, self.w)
-        spin = np.einsum("nij,nj->ni", self.w.system.A, self.links.inertia * s.v[:, 3:])
+        spin = np.einsum("nij,nj->ni", self.w.system.rotation, self.links.inertia * s.v[:, 3:])
         return np.asarray((np.cross(s.q[:, :3], self.links.mass * s.v[:, :3]) + spin).sum(axis=0))

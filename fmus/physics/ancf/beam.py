@@ -316,18 +316,6 @@ def section_force(c: Beam, e: Floats, v: Floats, a: Floats) -> float:
 
 
 @kernel
-def force(c: Beam, e: Floats, v: Floats, Q: Floats) -> float:
-    """Add elastic and damping force to ``Q`` (8, 3); return the power of the damping, W."""
-    return internal_force(c, e, v, 1.0, Q)
-
-
-@kernel
-def damping(c: Beam, e: Floats, v: Floats, Q: Floats) -> float:
-    """Add the damping force alone to ``Q`` (8, 3); return its power, W."""
-    return internal_force(c, e, v, 0.0, Q)
-
-
-@kernel
 def slope(w: float, C: Floats, T: Floats, G: Floats, B: Floats, H: Floats) -> None:
     """Derivative of the section forces P_i = T_ij G_j by the section vectors into ``H`` (15, 15).
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from fmus.kernels.jit import implemented_in, kernel, namesake
 from fmus.physics.arrays import Floats, Four, Vector
+from fmus.physics.vector import dot
 
 if TYPE_CHECKING:
     from fmus.physics.ancf.element import Element
@@ -138,12 +139,6 @@ def add(f: Vector, i: int, Q: Floats) -> None:
 
 
 @kernel
-def dot(a: Vector, b: Vector) -> float:
-    """Scalar product of two triples."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel
 def strain_gradient(c: Cable, x: Vector) -> Vector:
     """Product of int S_x^T S_x dx of (12) and the parts ``x`` along an axis: a number and two lengths, m."""
     d, p, r = x
@@ -217,21 +212,6 @@ def internal_force(c: Cable, e: Floats, v: Floats, elastic: float, Q: Floats) ->
     if c.nuI > 0.0:
         power += bending_damping(c, e, v, Q)
     return power
-
-
-@kernel
-def force(c: Cable, e: Floats, v: Floats, Q: Floats) -> float:
-    """Add the internal force (15) + (21) at ``e`` and ``v`` to ``Q``, all (4, axes).
-
-    Returns the dissipated power, W.
-    """
-    return internal_force(c, e, v, 1.0, Q)
-
-
-@kernel
-def damping(c: Cable, e: Floats, v: Floats, Q: Floats) -> float:
-    """Add the damping force (21) alone to ``Q`` (4, axes); return its power, W."""
-    return internal_force(c, e, v, 0.0, Q)
 
 
 @kernel

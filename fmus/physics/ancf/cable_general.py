@@ -12,10 +12,10 @@ import numpy as np
 
 from fmus.kernels.jit import namesake
 from fmus.physics.ancf.cable import GeneralCable as Section
-from fmus.physics.ancf.cable_local import ROWS, damping, energy, force, mass, section_force, shape, tangent
+from fmus.physics.ancf.cable_local import ROWS, energy, mass, section_force, shape, tangent
 from fmus.physics.ancf.centreline import Density
 
-__all__ = ["ROWS", "Section", "damping", "energy", "force", "mass", "section_force", "shape", "tangent"]
+__all__ = ["ROWS", "Section", "energy", "mass", "section_force", "shape", "tangent"]
 
 
 @namesake

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from fmus.physics.ancf.centreline import Density
 
 
-__all__ = ["ROWS", "damping", "end_moments", "energy", "force", "mass", "section_force", "shape", "tangent", "tension"]
+__all__ = ["ROWS", "end_moments", "energy", "internal_force", "mass", "section_force", "shape", "tangent", "tension"]
 
 
 @dispatch("densities", shared=True)
@@ -79,18 +79,6 @@ def internal_force(c: Cable, e: Floats, v: Floats, elastic: float, Q: Floats) ->
     if c.nuI > 0.0:
         power += cable.bending_damping(c, e, v, Q)
     return power
-
-
-@allocating
-def force(c: Cable, e: Floats, v: Floats, Q: Floats) -> float:
-    """Add elastic and damping force to ``Q`` (4, 3); return the power of the damping, W."""
-    return internal_force(c, e, v, 1.0, Q)
-
-
-@allocating
-def damping(c: Cable, e: Floats, v: Floats, Q: Floats) -> float:
-    """Add the damping force alone to ``Q`` (4, 3); return its power, W."""
-    return internal_force(c, e, v, 0.0, Q)
 
 
 @allocating

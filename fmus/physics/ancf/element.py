@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy  # loads its parts when they are used
 
-from fmus.kernels.jit import dispatch
+from fmus.kernels.jit import dispatch, kernel
 from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
 from fmus.physics.arrays import Floats
 
@@ -69,16 +69,23 @@ def energy(c: Element, e: Floats) -> float:
 
 
 @dispatch("forces", shared=True)
-def force(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
-    """Add elastic and damping force at rates ``v`` to ``Q`` (rows, axes); it acts as -Q.
+def internal_force(c: Element, e: Floats, v: Floats, elastic: float, Q: Floats) -> float:
+    """Add ``elastic`` times the elastic force and the damping force at rates ``v`` to ``Q`` (rows, axes).
 
-    At rest it is the gradient of the energy. Returns the power of the damping, W.
+    It acts as -Q. Returns the power of the damping, W.
     """
 
 
-@dispatch("forces", shared=True)
+@kernel
+def force(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
+    """Add elastic and damping force to ``Q`` as ``internal_force`` does; at rest it is the gradient of the energy."""
+    return internal_force(c, e, v, 1.0, Q)
+
+
+@kernel
 def damping(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
-    """Add the damping force alone to ``Q`` (rows, axes); return its power, W."""
+    """Add the damping force alone to ``Q`` as ``internal_force`` does."""
+    return internal_force(c, e, v, 0.0, Q)
 
 
 @dispatch("forces", shared=True)

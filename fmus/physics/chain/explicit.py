@@ -42,7 +42,8 @@ from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
     from fmus.physics.chain.integration import CommunicationStep, Environment
-    from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
+    from fmus.physics.chain.protocols import ChainState, ChainWork, Links
+    from fmus.physics.contact.partners import Contacts
 
 
 FAR = 1e9  # m and m/s: a motion beyond counts as unstable

@@ -31,7 +31,8 @@ from fmus.physics.point import GUIDES, POINTS
 from fmus.physics.vector import dot, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion
+    from fmus.physics.chain.protocols import ChainWork, FacedLinks, Motion
+    from fmus.physics.contact.partners import Contacts
 
 
 @namesake

@@ -31,7 +31,8 @@ from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
     from fmus.physics.chain.integration import CommunicationStep, Environment
-    from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
+    from fmus.physics.chain.protocols import ChainState, ChainWork, Links
+    from fmus.physics.contact.partners import Contacts
 
 
 LENGTH, SINCE = 0, 1  # of ``lengths``: that of the steps of the auxiliary values, s, and the time since the last, s
@@ -61,6 +62,12 @@ def set_length(lengths: Floats, h: float) -> None:
 
 
 LEAST = 1e-4  # smallest part of a step that is tried
+# of Newton's iteration of every kind of link
+CHORD = 1e-4  # correction below which the iteration matrix is kept, m
+REUSE = 0.1  # as long as a correction is smaller than this part of the last one
+FASTEST = 10.0  # correction beyond which the iteration has diverged, m
+SLOW = 0.5  # friction is sharp if a correction is larger than this part of the last one
+MOST = 20  # iterations before a step is rejected
 
 
 class ImplicitMethod(NamedTuple):

@@ -1,9 +1,10 @@
 """Interface of a kind of link: functions for integrators and contacts, chosen by the class of ``links``.
 
 Groups: ``dynamics``, for integrators (``flexible.dynamics``, ``flexible.cholesky``, ``rigid.dynamics``,
-``rigid.jointed``); ``faces``, for rolling contact (``flexible.cable_faces``, ``turning_faces``, ``beam_faces``,
-``rigid.faces``); ``guides``, of links that can leave their plane. Where ``contacts`` is None numba drops the calls of
-contacts, and no module of contact is imported.
+``rigid.jointed``); for rolling contact ``bodies``, links and pins (``flexible.node_faces``, ``rigid.faces``), and
+``faces``, points on them (``flexible.cable_faces``, ``turning_faces``, ``beam_faces``, ``rigid.faces``); ``guides``, of
+links that can leave their plane. Where ``contacts`` is None numba drops the calls of contacts, and no module of contact
+is imported.
 
 Arguments: ``links``, parameters; ``contacts``, the partners or None; ``env``, an Environment; ``s``, the State; ``x``,
 the chain's motion; ``w``, its Work; ``report`` (REPORT) and ``counters`` (COUNTERS) of ``report``; ``i``, a link or
@@ -24,8 +25,9 @@ if TYPE_CHECKING:
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.near import WheelAndLink
-    from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, FacedLinks, Links, Motion, Section
+    from fmus.physics.chain.protocols import ChainState, ChainWork, FacedLinks, Links, Motion, Section
     from fmus.physics.contact.face import ContactForce, Sinking
+    from fmus.physics.contact.partners import Contacts
 
 
 # a stub has no body, also where it returns a number
@@ -157,7 +159,7 @@ def commit_contacts(links: FacedLinks, contacts: Contacts, s: ChainState, w: Cha
     """Let the ground remember an accepted step, whose last evaluation is in ``w``; its losses go to the ``report``."""
 
 
-@dispatch("faces")
+@dispatch("bodies")
 def add_last_correction(links: FacedLinks, x: Motion, w: ChainWork) -> None:
     """Add the change of all contact forces to wrenches, forces on links, and loads on links and pins.
 
@@ -185,7 +187,7 @@ def evaluate_horn(
     """Contact of the guide horn of a link with the disc of a wheel near it, the ``pair``."""
 
 
-@dispatch("faces")
+@dispatch("bodies")
 def count(links: FacedLinks, x: Motion) -> tuple[int, int]:
     """Number of links and number of pins."""
 
@@ -195,7 +197,7 @@ def lateral_points(links: FacedLinks) -> tuple[int, float]:
     """Number of contact points side by side across a link, and their distance from its middle, m."""
 
 
-@dispatch("faces")
+@dispatch("bodies")
 def length(links: FacedLinks) -> float:
     """Length of a link, m."""
 
@@ -205,12 +207,12 @@ def depth_below_pins(links: FacedLinks, x: Motion, i: int) -> float:
     """Largest depth of link ``i`` below the lower of its pins, m."""
 
 
-@dispatch("faces")
+@dispatch("bodies")
 def pin_positions(links: FacedLinks, x: Motion, w: ChainWork, i: int) -> tuple[Vector, Vector]:
     """Positions of the first and of the last pin of link ``i``."""
 
 
-@dispatch("faces")
+@dispatch("bodies")
 def pin_velocities(links: FacedLinks, x: Motion, w: ChainWork, i: int) -> tuple[Vector, Vector]:
     """Velocities of the first and of the last pin of link ``i``."""
 
@@ -227,12 +229,12 @@ def from_ground(links: FacedLinks, x: Motion, w: ChainWork, force: ContactForce,
     return force
 
 
-@dispatch("faces", default=True)
+@dispatch("bodies", default=True)
 def begin_contacts(links: FacedLinks, x: Motion, w: ChainWork) -> None:
     """Prepare ``w`` for an evaluation of all contacts."""
 
 
-@dispatch("faces", default=True)
+@dispatch("bodies", default=True)
 def begin_link(links: FacedLinks, x: Motion, w: ChainWork, i: int) -> None:
     """Prepare link ``i`` before contact points are located on it."""
 
@@ -273,7 +275,7 @@ def add_rate_matrix(links: FacedLinks, w: ChainWork, i: int, force: ContactForce
     """Add the matrix of the rate at which a face sinks into a rim."""
 
 
-@dispatch("faces")
+@dispatch("bodies")
 def record_point(links: FacedLinks, w: ChainWork, point: ContactPoint, force: ContactForce, sinking: Sinking) -> None:
     """Record a ``point`` on which a ``force`` with a matrix acts, where an iteration ends before its forces do."""
 

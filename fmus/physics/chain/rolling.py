@@ -63,7 +63,8 @@ from fmus.physics.point import ON_FACE, PINS, POINTS
 from fmus.physics.vector import add, dot, scale
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, FacedLinks, Motion
+    from fmus.physics.chain.protocols import ChainState, ChainWork, FacedLinks, Motion
+    from fmus.physics.contact.partners import Contacts
 
 
 @namesake

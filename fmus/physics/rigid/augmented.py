@@ -37,17 +37,17 @@ SIX = (0,) * 6  # size of a link's block, for the inversion
 class AugmentedSystem(NamedTuple):
     """Arrays of one chain's linear system; p pins, n links."""
 
-    A: np.ndarray  # (n, 3, 3) rotation matrices of the links
-    WP: np.ndarray  # (p, 2, 3) axis rows of the link before each pin
-    WQ: np.ndarray  # (p, 2, 3) axis rows of the link after each pin
-    K: np.ndarray  # (n, 6, 6) diagonal blocks, units of r over dx; inverted in place by ``factor``
-    r: np.ndarray  # (n, 6) residual of the links, N and N m
-    C: np.ndarray  # (p, 5) residual of the pins, m and rad
-    dx: np.ndarray  # (n, 6) increments of the links, m and rad
-    dl: np.ndarray  # (p, 5) increments of the multipliers, N and N m
-    S: np.ndarray  # (3, p, 5, 5) Schur complement, units of dx over r: diagonal, upper, lower
+    rotation: np.ndarray  # (n, 3, 3) rotation matrices of the links
+    axes_before: np.ndarray  # (p, 2, 3) axis rows of the link before each pin
+    axes_after: np.ndarray  # (p, 2, 3) axis rows of the link after each pin
+    iteration_matrix: np.ndarray  # (n, 6, 6) K of each link; ``factor`` inverts it in place
+    residual: np.ndarray  # (n, 6) r of the links, N and N m
+    gap: np.ndarray  # (p, 5) C, misfit of the equations of the pins, m and rad
+    correction: np.ndarray  # (n, 6) dx of the links, m and rad
+    multiplier_correction: np.ndarray  # (p, 5) dl of the multipliers, N and N m
+    schur_complement: np.ndarray  # (3, p, 5, 5) B K^-1 B^T + D: diagonal, upper, lower
     factors: block_cyclic.Factors  # factors of the Schur complement
-    P: np.ndarray  # (10, 6) scratch, also for the inversion
+    scratch: np.ndarray  # (10, 6) also for the inversion
 
 
 class Ends(NamedTuple):
@@ -90,17 +90,17 @@ def system(n: int, closed: bool) -> AugmentedSystem:
     """Return zeroed arrays for ``n`` links."""
     p = n if closed else n + 1
     return AugmentedSystem(
-        A=np.zeros((n, 3, 3)),
-        WP=np.zeros((p, 2, 3)),
-        WQ=np.zeros((p, 2, 3)),
-        K=np.zeros((n, 6, 6)),
-        r=np.zeros((n, 6)),
-        C=np.zeros((p, 5)),
-        dx=np.zeros((n, 6)),
-        dl=np.zeros((p, 5)),
-        S=np.zeros((3, p, 5, 5)),
+        rotation=np.zeros((n, 3, 3)),
+        axes_before=np.zeros((p, 2, 3)),
+        axes_after=np.zeros((p, 2, 3)),
+        iteration_matrix=np.zeros((n, 6, 6)),
+        residual=np.zeros((n, 6)),
+        gap=np.zeros((p, 5)),
+        correction=np.zeros((n, 6)),
+        multiplier_correction=np.zeros((p, 5)),
+        schur_complement=np.zeros((3, p, 5, 5)),
         factors=block_cyclic.workspace(p, 5),
-        P=np.zeros((10, 6)),
+        scratch=np.zeros((10, 6)),
     )
 
 
@@ -148,21 +148,22 @@ def _add_complement(
 @kernel
 @noalias
 def factor(half: float, ends: Ends, s: AugmentedSystem, scale: float, spring: float = 0.0) -> int:
-    """Factor the system from its A, WP, WQ and K; return -1, or the index of the singular block.
+    """Factor the system from its rotations, axis rows and K; return -1, or the index of the singular block.
 
     ``half``: half the pitch, m. ``scale`` multiplies the compliance of the closing pin: 1 where dl are forces of a
     spring; where K is the bare mass, ``REGULAR`` makes it as large as the links' own compliance, so that the unloaded
     spring has little effect. ``spring``: ``spring_compliance``, 0 for a pin.
     """
-    n, p = s.K.shape[0], s.C.shape[0]
-    SA, SU, SL = s.S[0], s.S[1], s.S[2]
+    n, p = s.iteration_matrix.shape[0], s.gap.shape[0]
+    S = s.schur_complement
+    SA, SU, SL = S[0], S[1], S[2]
     SA[:] = 0.0
     for i in range(n):
-        if not invert(s.K[i], s.P[0], SIX):
+        if not invert(s.iteration_matrix[i], s.scratch[0], SIX):
             return i
         j = (i + 1) % p
-        _multiply_inverse(half, s.A[i], s.K[i], s.WQ[i], s.WP[j], s.P)
-        _add_complement(half, s.A[i], s.WQ[i], s.WP[j], s.P, SA[i], SU[i], SL[j], SA[j])
+        _multiply_inverse(half, s.rotation[i], s.iteration_matrix[i], s.axes_after[i], s.axes_before[j], s.scratch)
+        _add_complement(half, s.rotation[i], s.axes_after[i], s.axes_before[j], s.scratch, SA[i], SU[i], SL[j], SA[j])
     if not ends.closed:
         if not ends.first:
             _remove_pin(0, SA, SU, SL)
@@ -179,7 +180,7 @@ def factor(half: float, ends: Ends, s: AugmentedSystem, scale: float, spring: fl
         else:
             for i in range(3):
                 for k in range(3):
-                    SA[close, i, k] += s.A[link, i, 1] * s.A[link, k, 1] * scale / STIFFNESS
+                    SA[close, i, k] += s.rotation[link, i, 1] * s.rotation[link, k, 1] * scale / STIFFNESS
             SA[close, 3, 3] += scale / TILTING
             SA[close, 4, 4] += scale / TILTING
     return block_cyclic.factor(SA, SU, SL, s.factors, ends.closed)
@@ -200,45 +201,47 @@ def _remove_pin(j: int, SA: Floats, SU: Floats, SL: Floats) -> None:
 
 @kernel
 def compliance(ends: Ends, s: AugmentedSystem, lam: Floats) -> None:
-    """Add the compliance of the closing pin under its multipliers ``lam`` (p, 5), N and N m, to the residual C."""
-    n = s.K.shape[0]
+    """Add the compliance of the closing pin under its multipliers ``lam`` (p, 5), N and N m, to ``gap``."""
+    n = s.iteration_matrix.shape[0]
     if ends.closed or (ends.first and ends.last):
         link = 0 if ends.closed else n - 1
         j = 0 if ends.closed else n
-        along = s.A[link, 0, 1] * lam[j, 0] + s.A[link, 1, 1] * lam[j, 1] + s.A[link, 2, 1] * lam[j, 2]
+        along = (
+            s.rotation[link, 0, 1] * lam[j, 0] + s.rotation[link, 1, 1] * lam[j, 1] + s.rotation[link, 2, 1] * lam[j, 2]
+        )
         for i in range(3):
-            s.C[j, i] += s.A[link, i, 1] * along / STIFFNESS
-        s.C[j, 3] += lam[j, 3] / TILTING
-        s.C[j, 4] += lam[j, 4] / TILTING
+            s.gap[j, i] += s.rotation[link, i, 1] * along / STIFFNESS
+        s.gap[j, 3] += lam[j, 3] / TILTING
+        s.gap[j, 4] += lam[j, 4] / TILTING
 
 
 @kernel
 @noalias
 def solve(half: float, ends: Ends, s: AugmentedSystem) -> None:
     """Solve for dx and dl with the residuals r and C and the results of ``factor``; ``half`` in m."""
-    n, p = s.K.shape[0], s.C.shape[0]
-    dx, dl = s.dx, s.dl
+    n, p = s.iteration_matrix.shape[0], s.gap.shape[0]
+    dx, dl, WP, WQ = s.correction, s.multiplier_correction, s.axes_before, s.axes_after
     for j in range(p):
         for k in range(5):
-            dl[j, k] = -s.C[j, k]
+            dl[j, k] = -s.gap[j, k]
     for i in range(n):
         for a in range(6):
             y = 0.0
             for c in range(6):
-                y += s.K[i, a, c] * s.r[i, c]
+                y += s.iteration_matrix[i, a, c] * s.residual[i, c]
             dx[i, a] = y
-        _add_jacobian_product(half, s.A[i], s.WQ[i], s.WP[(i + 1) % p], dx[i], dl[i], dl[(i + 1) % p])
+        _add_jacobian_product(half, s.rotation[i], WQ[i], WP[(i + 1) % p], dx[i], dl[i], dl[(i + 1) % p])
     _zero_absent_pins(ends, n, dl)
-    block_cyclic.solve(s.S[0], s.S[1], s.factors, ends.closed, dl)
-    f = s.P[0]
+    block_cyclic.solve(s.schur_complement[0], s.schur_complement[1], s.factors, ends.closed, dl)
+    f = s.scratch[0]
     for i in range(n):
         for a in range(6):
-            f[a] = -s.r[i, a]
-        pin.reaction(half, s.A[i], dl[i], dl[(i + 1) % p], s.WQ[i], s.WP[(i + 1) % p], f)
+            f[a] = -s.residual[i, a]
+        pin.reaction(half, s.rotation[i], dl[i], dl[(i + 1) % p], WQ[i], WP[(i + 1) % p], f)
         for a in range(6):
             y = 0.0
             for c in range(6):
-                y += s.K[i, a, c] * f[c]
+                y += s.iteration_matrix[i, a, c] * f[c]
             dx[i, a] = y
 
 
@@ -258,14 +261,12 @@ def _add_jacobian_product(
 
 @kernel
 def rates(half: float, ends: Ends, s: AugmentedSystem, v: Floats) -> None:
-    """Rates of the pin equations, m/s and rad/s, for the link velocities ``v`` (n, 6), into C; ``half`` in m."""
-    n, p = s.K.shape[0], s.C.shape[0]
-    for j in range(p):
-        for k in range(5):
-            s.C[j, k] = 0.0
+    """Rates of the pin equations, m/s and rad/s, for the link velocities ``v`` (n, 6), into ``gap``; ``half`` in m."""
+    C, WP, WQ, n, p = s.gap, s.axes_before, s.axes_after, s.iteration_matrix.shape[0], s.gap.shape[0]
+    C[:] = 0.0
     for i in range(n):
-        _add_jacobian_product(half, s.A[i], s.WQ[i], s.WP[(i + 1) % p], v[i], s.C[i], s.C[(i + 1) % p])
-    _zero_absent_pins(ends, n, s.C)
+        _add_jacobian_product(half, s.rotation[i], WQ[i], WP[(i + 1) % p], v[i], C[i], C[(i + 1) % p])
+    _zero_absent_pins(ends, n, C)
 
 
 @kernel

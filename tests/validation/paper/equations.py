@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fmus.physics.ancf import cable, cable_general
+from fmus.physics.ancf import cable, cable_general, element
 from fmus.physics.arrays import Floats
 from orchestrator.studies import Row
 from tests.validation import meshes
@@ -60,7 +60,7 @@ def bent(c: cable.Cable, slope: float) -> Floats:
 def force(c: cable.Cable, e: Floats, v: Floats | None = None) -> tuple[Floats, float]:
     """Internal force, N, and power of damping, W."""
     Q = np.zeros_like(e)
-    power = cable.force(c, e, np.zeros_like(e) if v is None else v, Q)
+    power = element.force(c, e, np.zeros_like(e) if v is None else v, Q)
     return Q, float(power)
 
 
@@ -143,7 +143,7 @@ def _elasticity() -> list[Fact]:
     straight = cable.straight(LINK)
     stiff = [_secant(LINK, eps) for eps in (1e-4, 2e-4)]
     small, general = force(LINK, bent(LINK, 1e-5))[0], np.zeros_like(straight)
-    cable_general.force(cable_general.Section(*LINK), bent(LINK, 1e-5), np.zeros_like(straight), general)
+    element.force(cable_general.Section(*LINK), bent(LINK, 1e-5), np.zeros_like(straight), general)
     return [
         ("7.1", "coupling", "tension of a link bent between held pins, over E A slope^2 / 6", float(pulled), 1.0,
          SERIES),

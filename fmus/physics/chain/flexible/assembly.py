@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import Motion, State, Work
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.contact.partners import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 
@@ -46,9 +46,9 @@ if TYPE_CHECKING:
 def evaluate(
     links: FlexibleLinks, contacts: Contacts | None, env: Environment, x: Motion, by: Slopes, w: Work, fresh: bool
 ) -> tuple[float, int]:
-    """Residual M vdot + Q - Q_ext of the chain in the motion ``x``, condensed to the pins, into ``w.b``.
+    """Residual M vdot + Q - Q_ext of the chain in the motion ``x``, condensed to the pins, into ``w.right_side``.
 
-    With ``fresh`` also the condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``; ``by`` holds the
+    With ``fresh`` also the condensed iteration matrix into ``w.diagonal``, ``w.upper``, ``w.lower``; ``by`` holds the
     derivatives of rates and accelerations. Contact sums, and wrenches on the wheels at ``w.wheels``, go to ``w``.
     Returns the largest entry of the residual, N, and its link.
     """
@@ -56,7 +56,7 @@ def evaluate(
     rows, dims = vector_count(c), axis_count(c)
     whole, weight = rows * dims + len(indices.common), scale(total_mass(c), env.gravity)
     clear(w, fresh)
-    mass(c, w.M)
+    mass(c, w.mass)
     if contacts is not None:
         if fresh:
             w.points.number[0] = 0
@@ -65,17 +65,17 @@ def evaluate(
         wrenches_from_axes(links, x, w)
     for i in range(n):
         first, second = ends(indices, x.q.shape[0], i)
-        gather(links, x.q, first, second, w.e)
-        gather(links, x.v, first, second, w.v)
-        gather(links, x.vdot, first, second, w.dv)
-        r = w.R[i]
+        gather(links, x.q, first, second, w.coordinates)
+        gather(links, x.v, first, second, w.rates)
+        gather(links, x.vdot, first, second, w.accelerations)
+        r = w.residual[i]
         inertia_and_weight(links, x, w, weight, r)
         if fresh:
-            tangent(c, w.e, w.v, by.v, w.K)
-            add_mass(rows, dims, w.M, by.vdot, w.K)
+            tangent(c, w.coordinates, w.rates, by.v, w.iteration_matrix)
+            add_mass(rows, dims, w.mass, by.vdot, w.iteration_matrix)
             couple_inertia(links, w, by.vdot)
         add_lateral_bending(links, w, r, fresh)
-        w.sums[MATERIAL] += force(c, w.e, w.v, r)
+        w.sums[MATERIAL] += force(c, w.coordinates, w.rates, r)
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if w.touched[i]:
                 for a in range(rows):
@@ -84,7 +84,7 @@ def evaluate(
                 if fresh:
                     for a in range(whole):
                         for k in range(whole):
-                            w.K[a, k] += w.stiffening[i, a, k]
+                            w.iteration_matrix[a, k] += w.stiffening[i, a, k]
         if fresh:
             condense(links, w, i, first, second)
             assemble_border(links, w, first, second)
@@ -102,11 +102,11 @@ def totals(links: FlexibleLinks, env: Environment, x: State, w: Work) -> tuple[F
     for i in range(n):
         first, second = ends(layout(links), q.shape[0], i)
         absolute_accelerations(links, x, w, first, second)
-        gather(links, q, first, second, w.e)
-        gather(links, x.v, first, second, w.v)
+        gather(links, q, first, second, w.coordinates)
+        gather(links, x.v, first, second, w.rates)
         absolute_rates(links, x, w)
-        kinetic = add_kinetic(kinetic, w.M, w.v)
-        strain_energy += energy(c, w.e) + lateral_bending_energy(links, w)
+        kinetic = add_kinetic(kinetic, w.mass, w.rates)
+        strain_energy += energy(c, w.coordinates) + lateral_bending_energy(links, w)
         gravity -= dot(weight, centre_of_mass(links, x, w))
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
@@ -120,6 +120,6 @@ def axials(links: FlexibleLinks, x: State, w: Work, tension: Floats, stress: Flo
     for i in range(links.n):
         first, second = ends(layout(links), x.q.shape[0], i)
         absolute_accelerations(links, x, w, first, second)
-        gather(links, x.q, first, second, w.e)
-        gather(links, x.v, first, second, w.v)
+        gather(links, x.q, first, second, w.coordinates)
+        gather(links, x.v, first, second, w.rates)
         tension[i], stress[i] = axial(links, w)

@@ -13,16 +13,7 @@ from fmus.physics.ancf.beam import shape
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.interface import layout
 from fmus.physics.chain.flexible.link_layout import ends
-from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
-    add_last_correction,
-    begin_contacts,
-    begin_link,
-    count,
-    length,
-    pin_positions,
-    pin_velocities,
-    record_point,
-)
+from fmus.physics.chain.flexible.node_faces import pin_positions
 from fmus.physics.vector import add, scale, vector
 
 if TYPE_CHECKING:
@@ -51,8 +42,8 @@ def locate_section(links: Beams, x: Motion, w: Work, i: int, xi: float, z: float
 
 @namesake
 def locate(links: Beams, x: Motion, w: Work, i: int, section: tuple[float, float], y: float) -> tuple[Vector, Vector]:
-    """Leaves shape functions in ``w.S``."""
-    S, e, de = w.S, w.e, w.v
+    """Leaves shape functions in ``w.shape_functions``."""
+    S, e, de = w.shape_functions, w.coordinates, w.rates
     shape(links.element, section[0], y, section[1], S)
     p0 = p1 = p2 = v0 = v1 = v2 = 0.0
     for a in range(8):
@@ -75,7 +66,7 @@ def position_slope(links: Beams, x: Motion, w: Work, i: int) -> Vector:
 @kernel
 def apply_force(links: Beams, w: Work, i: int, force: ContactForce, tangent: bool) -> None:
     """Add a force to residual and matrix of the link: R -= S^T f, K -= S^T g S."""
-    S, R, K, f, g = w.S, w.load[i], w.stiffening[i], force.f, force.g
+    S, R, K, f, g = w.shape_functions, w.load[i], w.stiffening[i], force.f, force.g
     for a in range(8):
         R[a, 0] -= S[a] * f[0]
         R[a, 1] -= S[a] * f[1]
@@ -100,7 +91,7 @@ def apply_force(links: Beams, w: Work, i: int, force: ContactForce, tangent: boo
 def add_rate_matrix(links: Beams, w: Work, i: int, force: ContactForce, sinking: Sinking) -> None:
     """Add K -= S^T r (d rate / d pins), r = df / d rate; the rate falls with motion along the normal."""
     by_rate, foot, normal = sinking
-    S, K, r = w.S, w.stiffening[i], force.by_rate
+    S, K, r = w.shape_functions, w.stiffening[i], force.by_rate
     for a in range(8):
         for k in range(3):
             g = by_rate * S[a] * r[k]
@@ -117,16 +108,16 @@ def locate_pin(links: Beams, x: Motion, w: Work, i: int, y: float) -> tuple[Vect
 
 @kernel
 def apply_pin_force(links: Beams, x: Motion, w: Work, i: int, y: float, force: ContactForce, tangent: bool) -> None:
-    """Add a force to residual ``w.b`` and matrix ``w.A`` of the pin."""
+    """Add a force to residual ``w.right_side`` and matrix ``w.diagonal`` of the pin."""
     f, g = force.f, force.g
     for a in range(3):
-        w.b[i, a] -= f[a]
-        w.b[i, 3 + a] -= y * f[a]
+        w.right_side[i, a] -= f[a]
+        w.right_side[i, 3 + a] -= y * f[a]
     if tangent:
         for a in range(3):
             for b in range(3):
                 k = g[3 * a + b]
-                w.A[i, a, b] -= k
-                w.A[i, a, 3 + b] -= y * k
-                w.A[i, 3 + a, b] -= y * k
-                w.A[i, 3 + a, 3 + b] -= y * y * k
+                w.diagonal[i, a, b] -= k
+                w.diagonal[i, a, 3 + b] -= y * k
+                w.diagonal[i, 3 + a, b] -= y * k
+                w.diagonal[i, 3 + a, 3 + b] -= y * y * k

@@ -46,7 +46,7 @@ PIN_AXIS = [4]  # index in a pin of its axis' y component, 1 at rest
 
 
 @implemented_in(
-    dynamics=".dynamics", elements=".beams", faces=".beam_faces",
+    dynamics=".dynamics", elements=".beams", bodies=".node_faces", faces=".beam_faces",
     guides="..guides",
 )  # fmt: skip
 class Beams(NamedTuple):
@@ -91,14 +91,14 @@ def axial(links: Beams, w: Work) -> tuple[float, float]:
     stress = 0.0
     for p in range(GAUSS):
         basis(links.element, POINTS[GAUSS, p], N)
-        section_vectors(N, w.e, G)
+        section_vectors(N, w.coordinates, G)
         for corner in range(4):
             a, b = y if corner < 2 else -y, z if corner % 2 else -z
             square = 0.0
             for k in range(3):
                 square += (G[0, k] + a * G[1, k] + b * G[2, k]) ** 2
             stress = max(stress, abs(links.young * 0.5 * (square - 1.0)))
-    return section_force(links.element, w.e, w.v, w.dv), stress
+    return section_force(links.element, w.coordinates, w.rates, w.accelerations), stress
 
 
 @allocating
@@ -108,7 +108,7 @@ def outer_and_inner(links: Beams, w: Work) -> tuple[float, float]:
     outer = inner = 0.0
     for p in range(GAUSS):
         basis(links.element, POINTS[GAUSS, p], N)
-        section_vectors(N, w.e, G)
+        section_vectors(N, w.coordinates, G)
         outer_stretch = inner_stretch = 0.0
         for k in range(3):
             outer_stretch += (G[0, k] + up * G[2, k]) ** 2

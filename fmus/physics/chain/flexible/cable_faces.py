@@ -16,16 +16,6 @@ from fmus.physics.ancf.cable import axis_count, shape, shape_slope
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.interface import in_space, layout
 from fmus.physics.chain.flexible.link_layout import node
-from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
-    add_last_correction,
-    begin_contacts,
-    begin_link,
-    count,
-    length,
-    pin_positions,
-    pin_velocities,
-    record_point,
-)
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.cables import CableLinks, Cables
@@ -45,8 +35,8 @@ def depth_below_pins(links: Cables, x: Motion, i: int) -> float:
 
 @namesake
 def locate_section(links: Cables, x: Motion, w: Work, i: int, xi: float, z: float) -> tuple[Vector, Vector]:
-    """Leaves shapes in ``w.S``, z x slopes / |r_x| in ``w.C``, tangent (x, z) in ``w.t``."""
-    S, C, e, de, up = w.S, w.C, w.e, w.v, axis_count(links.element) - 1
+    """Leaves in ``w`` S, C = z x slopes / |r_x| and the unit tangent t (x, z)."""
+    S, C, e, de, up = w.shape_functions, w.shape_slopes, w.coordinates, w.rates, axis_count(links.element) - 1
     shape(links.element, xi, S)
     shape_slope(links.element, xi, C)
     a = b = da = db = p0 = p1 = p2 = v0 = v1 = v2 = 0.0
@@ -67,7 +57,7 @@ def locate_section(links: Cables, x: Motion, w: Work, i: int, xi: float, z: floa
     turn = z * (t0 * db - t2 * da) / rho
     for k in range(4):
         C[k] *= z / rho
-    w.t[0], w.t[2] = t0, t2
+    w.unit_tangent[0], w.unit_tangent[2] = t0, t2
     return (p0 - z * t2, p1, p2 + z * t0), (v0 - turn * t0, v1, v2 - turn * t2)
 
 
@@ -82,14 +72,14 @@ def locate(
 @namesake
 def position_slope(links: CableLinks, x: Motion, w: Work, i: int) -> Vector:
     l = links.element.l
-    return l * w.t[0], 0.0, l * w.t[2]
+    return l * w.unit_tangent[0], 0.0, l * w.unit_tangent[2]
 
 
 @kernel
 def apply_force(links: Cables, w: Work, i: int, force: ContactForce, tangent: bool) -> None:
     """Add a force to residual and matrix of the link: R -= B^T f, K -= B^T g B with B = S - C t n^T."""
-    S, C, R, K, dims = w.S, w.C, w.load[i], w.stiffening[i], axis_count(links.element)
-    t0, t2, f, up = w.t[0], w.t[2], force.f, dims - 1
+    S, C, R, K, dims = w.shape_functions, w.shape_slopes, w.load[i], w.stiffening[i], axis_count(links.element)
+    t0, t2, f, up = w.unit_tangent[0], w.unit_tangent[2], force.f, dims - 1
     a = f[0] * t0 + f[2] * t2
     for k in range(4):
         R[k, 0] -= S[k] * f[0] + C[k] * a * t2
@@ -128,7 +118,8 @@ def apply_force(links: Cables, w: Work, i: int, force: ContactForce, tangent: bo
 def add_rate_matrix(links: Cables, w: Work, i: int, force: ContactForce, sinking: Sinking) -> None:
     """Add K -= B^T r (d rate / d pins), r = df / d rate; the rate falls with motion along the normal."""
     by_rate, foot, normal = sinking
-    S, C, K, t0, t2, r, dims = w.S, w.C, w.stiffening[i], w.t[0], w.t[2], force.by_rate, axis_count(links.element)
+    S, C, K, t0, t2 = w.shape_functions, w.shape_slopes, w.stiffening[i], w.unit_tangent[0], w.unit_tangent[2]
+    r, dims = force.by_rate, axis_count(links.element)
     a = r[0] * t0 + r[2] * t2
     for k in range(4):
         p = S[k] * r[0] + C[k] * a * t2, S[k] * r[1], S[k] * r[2] - C[k] * a * t0
@@ -153,11 +144,11 @@ def locate_pin(links: Cables, x: Motion, w: Work, i: int, y: float) -> tuple[Vec
 
 @kernel
 def apply_pin_force(links: Cables, x: Motion, w: Work, i: int, y: float, force: ContactForce, tangent: bool) -> None:
-    """Add a force to residual ``w.b`` and matrix ``w.A`` of the pin."""
+    """Add a force to residual ``w.right_side`` and matrix ``w.diagonal`` of the pin."""
     f, g, dims, i = force.f, force.g, axis_count(links.element), node(layout(links), x.q.shape[0], i)
     for a in range(dims):
-        w.b[i, a] -= f[_axis(a, dims)]
+        w.right_side[i, a] -= f[_axis(a, dims)]
     if tangent:
         for a in range(dims):
             for b in range(dims):
-                w.A[i, a, b] -= g[3 * _axis(a, dims) + _axis(b, dims)]
+                w.diagonal[i, a, b] -= g[3 * _axis(a, dims) + _axis(b, dims)]

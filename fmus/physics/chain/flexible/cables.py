@@ -61,7 +61,7 @@ PIN_AXIS: list[int] = []  # index in a pin of its axis' y component, 1 at rest; 
 
 
 @implemented_in(
-    dynamics=".dynamics", elements=".cables", faces=".cable_faces",
+    dynamics=".dynamics", elements=".cables", bodies=".node_faces", faces=".cable_faces",
 )  # fmt: skip
 class Cables(NamedTuple):
     """Parameters of a chain of equal links."""
@@ -98,10 +98,10 @@ def lever(links: CableLinks) -> Four:
 
 @namesake
 def axial(links: CableLinks, w: Work) -> tuple[float, float]:
-    first, second = end_moments(links.element, w.e)
+    first, second = end_moments(links.element, w.coordinates)
     bending_stress = max(first, second) * links.outer_fibre / links.second_moment
-    axial_stress = tension(links.element, w.e) / links.area
-    return section_force(links.element, w.e, w.v, w.dv), max(
+    axial_stress = tension(links.element, w.coordinates) / links.area
+    return section_force(links.element, w.coordinates, w.rates, w.accelerations), max(
         abs(axial_stress + bending_stress), abs(axial_stress - bending_stress)
     )
 
@@ -109,8 +109,9 @@ def axial(links: CableLinks, w: Work) -> tuple[float, float]:
 @namesake
 def outer_and_inner(links: CableLinks, w: Work) -> tuple[float, float]:
     """A cable's curvature is linear, so its mean is that at the middle."""
-    axial_stress = tension(links.element, w.e) / links.area
-    bending_stress = links.element.EI * mean_curvature(links.element, w.e) * links.outer_fibre / links.second_moment
+    axial_stress = tension(links.element, w.coordinates) / links.area
+    curvature = mean_curvature(links.element, w.coordinates)
+    bending_stress = links.element.EI * curvature * links.outer_fibre / links.second_moment
     return axial_stress - bending_stress, axial_stress + bending_stress
 
 

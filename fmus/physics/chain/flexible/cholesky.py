@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State, Work
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.contact.partners import Contacts
 
 
 @implemented_in(dynamics=".cholesky")
@@ -64,10 +64,10 @@ def factor(links: CholeskyLinks, env: Environment, s: State, w: Work) -> int:
     indices = layout(nodal)
     for a in range(len(indices.own)):
         for b in range(len(indices.own)):
-            links.inverse[a, b] = w.K[indices.inner[a], indices.inner[b]]
+            links.inverse[a, b] = w.iteration_matrix[indices.inner[a], indices.inner[b]]
     if not cholesky_cyclic.root(links.inverse, links.root, indices.own):
         return 0
-    return cholesky_cyclic.factor(w.A, w.U, w.L, w.factors, nodal.closed == 1)
+    return cholesky_cyclic.factor(w.diagonal, w.upper, w.lower, w.factors, nodal.closed == 1)
 
 
 @kernel
@@ -90,7 +90,7 @@ def to_cholesky(links: CholeskyLinks, s: State, w: Work) -> None:
         for i in range(q.shape[0]):
             for k in range(m):
                 side[i, k] = q[i, indices.pin[k]]
-        cholesky_cyclic.transposed(w.U, w.L, w.factors, nodal.closed == 1, side)
+        cholesky_cyclic.transposed(w.upper, w.lower, w.factors, nodal.closed == 1, side)
         for i in range(q.shape[0]):
             for k in range(m):
                 p[i, indices.pin[k]] = side[i, k]
@@ -106,12 +106,12 @@ def to_nodal(links: CholeskyLinks, s: State, w: Work) -> None:
 def _nodal(links: CholeskyLinks, p: Floats, rates: Floats, q: Floats, v: Floats, w: Work) -> None:
     """Write B^-T ``p`` to ``q`` and B^-T ``rates`` to ``v``, all (nodes, width)."""
     nodal = links.links
-    indices, right, inverse, b, side = layout(nodal), w.right[0], links.inverse, w.b, links.side
+    indices, right, inverse, b, side = layout(nodal), w.right[0], links.inverse, w.right_side, links.side
     m, n = len(indices.shared), len(indices.own)
     for i in range(b.shape[0]):
         for k in range(m):
             b[i, k], side[i, k] = p[i, indices.pin[k]], rates[i, indices.pin[k]]
-    cholesky_cyclic.back(w.A, w.L, w.factors, nodal.closed == 1, b, side)
+    cholesky_cyclic.back(w.diagonal, w.lower, w.factors, nodal.closed == 1, b, side)
     for i in range(b.shape[0]):
         for k in range(m):
             q[i, indices.pin[k]], v[i, indices.pin[k]] = b[i, k], side[i, k]
@@ -135,20 +135,20 @@ def accelerations(links: CholeskyLinks, contacts: Contacts | None, env: Environm
     """Accelerations of p (nodes, width) from nodal coordinates and rates into ``w.change[1]``."""
     nodal = links.links
     evaluate(nodal, contacts, env, Motion(s.q, s.v, w.still, s.axes), NOTHING, w, False)
-    cholesky_cyclic.forward(w.A, w.L, w.factors, nodal.closed == 1, w.b)
+    cholesky_cyclic.forward(w.diagonal, w.lower, w.factors, nodal.closed == 1, w.right_side)
     indices, root, own, a = layout(nodal), links.root, w.own, w.change[1]
     n = len(indices.own)
     a[:] = 0.0
     for link in range(nodal.n):
-        i, j = ends(indices, w.b.shape[0], link)
+        i, j = ends(indices, w.right_side.shape[0], link)
         for k in range(n):
             x = 0.0
             for l in range(k, n):
                 x += root[l, k] * own[link, l]
             a[i if 2 * k < n else j, indices.own_place[k]] = -x
-    for i in range(w.b.shape[0]):
+    for i in range(w.right_side.shape[0]):
         for k in range(len(indices.shared)):
-            a[i, indices.pin[k]] = -w.b[i, k]
+            a[i, indices.pin[k]] = -w.right_side[i, k]
 
 
 @namesake

@@ -36,7 +36,7 @@ class ClosingSpring(NamedTuple):
 def add_spring(
     spring: ClosingSpring | None, layout: LinkLayout, dims: int, x: Motion, w: Work, by_rate: float, tangent: bool
 ) -> None:
-    """Add the ``spring``, or None, to the residuals ``w.b`` of the two pins; with ``tangent`` the matrix.
+    """Add the ``spring``, or None, to the residuals ``w.right_side`` of the two pins; with ``tangent`` the matrix.
 
     ``dims``: components of a position, the first coordinates of a pin; ``by_rate``, 1/s, is d velocity / d position.
     Adds the damper's power to ``w.sums``. For links that share no pins the matrix has corners only, see
@@ -47,16 +47,16 @@ def add_spring(
         for k in range(dims):
             rate = x.v[last, k] - x.v[0, k]
             force = spring.stiffness * (x.q[last, k] - x.q[0, k]) + spring.damping * rate
-            w.b[0, k] -= force
-            w.b[last, k] += force
+            w.right_side[0, k] -= force
+            w.right_side[last, k] += force
             w.sums[JOINTS] += spring.damping * rate * rate
             if tangent:
                 stiff = spring.stiffness + by_rate * spring.damping
                 if len(layout.pins) == 1:
-                    w.A[0, k, k] += stiff
-                    w.A[last, k, k] += stiff
-                w.L[0, k, k] -= stiff
-                w.U[last, k, k] -= stiff
+                    w.diagonal[0, k, k] += stiff
+                    w.diagonal[last, k, k] += stiff
+                w.lower[0, k, k] -= stiff
+                w.upper[last, k, k] -= stiff
 
 
 @kernel

@@ -23,6 +23,7 @@ from fmus.physics.chain.flexible.interface import layout, lever
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.chain.integration import HELD, PINNED
+from fmus.physics.chain.state import copy_rows
 from fmus.physics.inverse import invert
 
 if TYPE_CHECKING:
@@ -36,33 +37,33 @@ if TYPE_CHECKING:
 @kernel
 def clear(w: Work, tangent: bool) -> None:
     """Zero the sums of an evaluation."""
-    w.b[:] = 0.0
+    w.right_side[:] = 0.0
     w.sums[:] = 0.0
     w.wrench[:] = 0.0
     if tangent:
-        w.A[:] = 0.0
-        w.U[:] = 0.0
-        w.L[:] = 0.0
+        w.diagonal[:] = 0.0
+        w.upper[:] = 0.0
+        w.lower[:] = 0.0
 
 
 @kernel
 @noalias
 def eliminate(links: FlexibleLinks, w: Work, i: int) -> None:
-    """Eliminate the own coordinates of link ``i`` from its matrix ``w.K``; the rest goes into ``w.rest``.
+    """Eliminate the own coordinates of link ``i`` from ``w.iteration_matrix``; the rest goes into ``w.rest``.
 
     Leaves the inverse of its own part in ``w.inner``, that times the coupling in ``w.right``, and the coupling in
     ``w.left``.
     """
     indices = layout(links)
     n, outer = len(indices.own), 2 * len(indices.shared) + len(indices.common)
-    K, inner, right, left, coupling, rest = w.K, w.inner[i], w.right[i], w.left[i], w.coupling, w.rest
+    K, inner, right, left, coupling, rest = w.iteration_matrix, w.inner[i], w.right[i], w.left[i], w.coupling, w.rest
     for a in range(n):
         for b in range(n):
             inner[a, b] = K[indices.inner[a], indices.inner[b]]
         for b in range(outer):
             left[b, a] = K[indices.outer[b], indices.inner[a]]
             coupling[a, b] = K[indices.inner[a], indices.outer[b]]
-    invert(inner, w.swap, indices.own)
+    invert(inner, w.scratch, indices.own)
     for a in range(n):
         for b in range(outer):
             right[a, b] = 0.0
@@ -87,10 +88,10 @@ def condense(links: FlexibleLinks, w: Work, link: int, i: int, j: int) -> None:
     m, rest = len(layout(links).shared), w.rest
     for a in range(m):
         for b in range(m):
-            w.A[i, a, b] += rest[a, b]
-            w.U[i, a, b] += rest[a, m + b]
-            w.L[j, a, b] += rest[m + a, b]
-            w.A[j, a, b] += rest[m + a, m + b]
+            w.diagonal[i, a, b] += rest[a, b]
+            w.upper[i, a, b] += rest[a, m + b]
+            w.lower[j, a, b] += rest[m + a, b]
+            w.diagonal[j, a, b] += rest[m + a, m + b]
 
 
 @kernel
@@ -158,25 +159,23 @@ def reduce(
     ``by_rate``, 1/s, is d velocity / d position.
     """
     indices = layout(links)
-    worst, where = _spread(indices, w.R, w.inner, w.own, w.b, w.swap)
+    worst, where = _spread(indices, w.residual, w.inner, w.own, w.right_side, w.scratch)
     pin_loads(links, env, x, w, by_rate, tangent)
     add_spring(links.closing, indices, axis_count(links.element), x, w, by_rate, tangent)
     if w.on_links.shape[0] > 0:
-        for i in range(w.b.shape[0]):
-            for k in range(axis_count(links.element)):
-                w.imbalance[i, k] = w.b[i, k]
-    return _reduce(indices, env, w.left, w.own, w.b, worst, where)
+        copy_rows(w.right_side, w.imbalance)
+    return _reduce(indices, env, w.left, w.own, w.right_side, worst, where)
 
 
 @kernel
 def correct(links: FlexibleLinks, w: Work, x: Motion, by: Slopes, longest: float) -> float:
-    """Subtract the Newton step, the solution ``w.b`` of pins and ``w.own`` of links, from ``x``; rates follow ``by``.
+    """Subtract the Newton step, ``w.right_side`` of pins and ``w.own`` of links, from ``x``; rates follow ``by``.
 
     Returns the largest change of a pin, m, before scaling, by which callers judge convergence; a change of a shared
     coordinate counts by its lever, m. A step above ``longest``, m, is scaled down to it. Where a change is not finite,
     ``x`` stays and inf is returned. ``by``: factors of rates and accelerations.
     """
-    indices, levers, right, own, b = layout(links), lever(links), w.right, w.own, w.b
+    indices, levers, right, own, b = layout(links), lever(links), w.right, w.own, w.right_side
     count, nodes, m, n = own.shape[0], b.shape[0], len(indices.shared), len(indices.own)
     q, v, vdot, size = x.q, x.v, x.vdot, 0.0
     for i in range(nodes):

@@ -82,12 +82,12 @@ class ConstrainedJoints(NamedTuple):
     Pin j joins link j - 1 to link j, pin 0 the last link to link 0.
     """
 
-    W: np.ndarray  # (n, 2 m, 2 m) inverse of each link's matrix
-    S: np.ndarray  # (3, n, m, m) blocks of S: diagonal, to the next pin, to the previous one
-    factors: Factors  # factors of S
+    inverse: np.ndarray  # (n, 2 m, 2 m) of each link's matrix
+    schur_complement: np.ndarray  # (3, n, m, m) diagonal, upper, lower
+    factors: Factors  # factors of these blocks
     multipliers: np.ndarray  # (n, m) forces of the pins on the links that begin there, reversed, N
     gap: np.ndarray  # (n, m) misfit of the equations
-    y: np.ndarray  # (2 m) scratch
+    scratch: np.ndarray  # (2 m)
     whole: tuple[int, ...]  # length 2 m
     places: np.ndarray  # (n + 1, 3) positions of the pins, m, each pin once
     rates: np.ndarray  # (n + 1, 3) their velocities, m/s
@@ -110,18 +110,19 @@ def _first(links: ConstrainedCables) -> int:
 
 @namesake
 def factor(links: ConstrainedCables, w: Work) -> int:
-    indices, D, U, L, n = LAYOUT, w.joints.S[0], w.joints.S[1], w.joints.S[2], links.n
+    indices, S, n = LAYOUT, w.joints.schur_complement, links.n
+    D, U, L = S[0], S[1], S[2]
     m, last = len(indices.shared), 2 * n - 1
     for i in range(n):
-        W, a, b = w.joints.W[i], 2 * i, 2 * i + 1
+        W, a, b = w.joints.inverse[i], 2 * i, 2 * i + 1
         for r in range(m):
             for c in range(m):
-                W[r, c], W[r, m + c] = w.A[a, r, c], w.U[a, r, c]
-                W[m + r, c], W[m + r, m + c] = w.L[b, r, c], w.A[b, r, c]
-        if not invert(W, w.joints.y, w.joints.whole):
+                W[r, c], W[r, m + c] = w.diagonal[a, r, c], w.upper[a, r, c]
+                W[m + r, c], W[m + r, m + c] = w.lower[b, r, c], w.diagonal[b, r, c]
+        if not invert(W, w.joints.scratch, w.joints.whole):
             return i
     for j in range(n):
-        P, Q = w.joints.W[j - 1 if j > 0 else n - 1], w.joints.W[j]
+        P, Q = w.joints.inverse[j - 1 if j > 0 else n - 1], w.joints.inverse[j]
         for r in range(m):
             for c in range(m):
                 D[j, r, c] = Q[r, c] + P[m + r, m + c]
@@ -129,7 +130,7 @@ def factor(links: ConstrainedCables, w: Work) -> int:
                 L[j, r, c] = -P[m + r, c]
     if _first(links) == 1:
         for k in range(m):
-            stiff = -w.U[last, k, k] if links.closed == 1 else 0.0  # of the spring, in the corner; 0: no equation
+            stiff = -w.upper[last, k, k] if links.closed == 1 else 0.0  # of the spring, in the corner; 0: no equation
             for c in range(m):
                 if stiff == 0.0:
                     D[0, k, c] = D[0, c, k] = U[0, k, c] = L[0, k, c] = L[1 % n, c, k] = U[n - 1, c, k] = 0.0
@@ -139,8 +140,8 @@ def factor(links: ConstrainedCables, w: Work) -> int:
 
 @namesake
 def solve(links: ConstrainedCables, w: Work) -> None:
-    W, multipliers, y, n, b = w.joints.W, w.joints.multipliers, w.joints.y, links.n, w.b
-    m, last = len(LAYOUT.shared), 2 * n - 1
+    W, multipliers, y, n, b = w.joints.inverse, w.joints.multipliers, w.joints.scratch, links.n, w.right_side
+    S, m, last = w.joints.schur_complement, len(LAYOUT.shared), 2 * n - 1
     for i in range(n):
         for r in range(2 * m):
             s = 0.0
@@ -155,9 +156,9 @@ def solve(links: ConstrainedCables, w: Work) -> None:
             multipliers[j, k] = b[2 * j, k] - before - w.joints.gap[j, k]
     if _first(links) == 1:
         for k in range(m):
-            if links.closed == 0 or w.U[last, k, k] == 0.0:
+            if links.closed == 0 or w.upper[last, k, k] == 0.0:
                 multipliers[0, k] = 0.0
-    block_cyclic.solve(w.joints.S[0], w.joints.S[1], w.joints.factors, links.closed == 1, multipliers)
+    block_cyclic.solve(S[0], S[1], w.joints.factors, links.closed == 1, multipliers)
     for i in range(n):
         after = i + 1 if i + 1 < n else 0
         open_end = after == 0 and links.closed == 0
@@ -184,7 +185,7 @@ def misfit(links: ConstrainedCables, q: Floats, w: Work) -> None:
 @namesake
 def project(links: ConstrainedCables, s: State, w: Work) -> None:
     for q in (s.q, s.v):
-        w.b[:] = 0.0
+        w.right_side[:] = 0.0
         w.own[:] = 0.0
         misfit(links, q, w)
         solve(links, w)

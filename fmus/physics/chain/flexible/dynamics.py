@@ -46,6 +46,7 @@ from fmus.physics.chain.flexible.interface import project as project_joints
 from fmus.physics.chain.flexible.link_layout import ends, node
 from fmus.physics.chain.flexible.pins import newton_joints  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.implicit import CHORD, FASTEST, MOST, REUSE, SLOW
 from fmus.physics.chain.integration import DONE, PULLED, SINGULAR, STALLED
 from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS, SPEED, write
@@ -61,14 +62,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.state import State, Work
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
-
-
-CHORD = 1e-4  # correction below which the iteration matrix is kept, m
-REUSE = 0.1  # as long as a correction is smaller than this part of the last one
-FASTEST = 10.0  # correction beyond which the iteration has diverged, m
-SLOW = 0.5  # friction is sharp if a correction is larger than this part of the last one
-MOST = 20  # iterations before a step is rejected
+    from fmus.physics.contact.partners import Contacts
 
 
 @allocating
@@ -241,7 +235,7 @@ def pin_axes(links: FlexibleLinks, s: State, w: Work, axis: Floats) -> None:
 def fibres(links: FlexibleLinks, s: State, w: Work, stress: Floats) -> None:
     for i in range(links.n):
         first, second = ends(layout(links), s.q.shape[0], i)
-        gather(links, s.q, first, second, w.e)
+        gather(links, s.q, first, second, w.coordinates)
         stress[i, 0], stress[i, 1] = outer_and_inner(links, w)
 
 
@@ -250,9 +244,9 @@ def slopes(links: FlexibleLinks, s: State, w: Work, slope: Floats) -> None:
     rows = vector_count(links.element)
     for i in range(links.n):
         first, second = ends(layout(links), s.q.shape[0], i)
-        gather(links, s.q, first, second, w.e)
-        put(slope[i], 0, start_frame_vector(links, s, in_space(links, w.e[1])))
-        put(slope[i], 3, start_frame_vector(links, s, in_space(links, w.e[rows // 2 + 1])))
+        gather(links, s.q, first, second, w.coordinates)
+        put(slope[i], 0, start_frame_vector(links, s, in_space(links, w.coordinates[1])))
+        put(slope[i], 3, start_frame_vector(links, s, in_space(links, w.coordinates[rows // 2 + 1])))
 
 
 @namesake

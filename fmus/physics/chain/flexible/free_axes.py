@@ -84,11 +84,11 @@ def inertia_and_weight(links: TurningCables, x: Motion, w: TurningWork, weight: 
     """Adds their moment to the balance."""
     f, a, l = x.axes, w.axes, links.element.l
     _add_frame_accelerations(f, w)
-    inertia.inertia(4, 3, w.M, w.dv, r)
+    inertia.inertia(4, 3, w.mass, w.accelerations, r)
     about_x = about_z = 0.0
     inertia.weigh(to_axes(f, weight), l, 2, 3, r)
     for n in range(4):
-        e, q = vector(w.e[n], 0), vector(r[n], 0)
+        e, q = vector(w.coordinates[n], 0), vector(r[n], 0)
         about_x += e[1] * q[2] - e[2] * q[1]
         about_z += e[0] * q[1] - e[1] * q[0]
     a.moment[0] += about_x
@@ -97,7 +97,7 @@ def inertia_and_weight(links: TurningCables, x: Motion, w: TurningWork, weight: 
 
 @kernel
 def _add_frame_accelerations(f: Floats, w: TurningWork) -> None:
-    """Add the accelerations due to the motion of the axes ``f`` (SIZE) to ``w.dv`` of the link in ``w.e``, ``w.v``."""
+    """Add the accelerations due to the motion of the axes ``f`` (SIZE) to ``w.accelerations``; the link is in ``w``."""
     origin, roll, yaw, d_roll, d_yaw = (
         vector(w.axes.origin_acceleration, 0),
         f[OMEGA],
@@ -107,8 +107,8 @@ def _add_frame_accelerations(f: Floats, w: TurningWork) -> None:
     )
     rate_squared = roll * roll + yaw * yaw
     for n in range(4):
-        x0, y0, z0 = vector(w.e[n], 0)
-        dx, dy, dz = vector(w.v[n], 0)
+        x0, y0, z0 = vector(w.coordinates[n], 0)
+        dx, dy, dz = vector(w.rates[n], 0)
         along = roll * x0 + yaw * z0
         due_to_axes = (  # rate' x e + 2 rate x e' + rate x (rate x e)
             roll * along - rate_squared * x0 - d_yaw * y0 - 2.0 * yaw * dy,
@@ -116,24 +116,25 @@ def _add_frame_accelerations(f: Floats, w: TurningWork) -> None:
             yaw * along - rate_squared * z0 + d_roll * y0 + 2.0 * roll * dy,
         )
         for k in range(3):
-            w.dv[n, k] += due_to_axes[k] + (origin[k] if n % 2 == 0 else 0.0)
+            w.accelerations[n, k] += due_to_axes[k] + (origin[k] if n % 2 == 0 else 0.0)
 
 
 @namesake
 def absolute_accelerations(links: TurningCables, s: State, w: TurningWork, i: int, j: int) -> None:
-    gather(links, s.q, i, j, w.e)
-    gather(links, s.v, i, j, w.v)
-    gather(links, s.vdot, i, j, w.dv)
+    gather(links, s.q, i, j, w.coordinates)
+    gather(links, s.v, i, j, w.rates)
+    gather(links, s.vdot, i, j, w.accelerations)
     _add_frame_accelerations(s.axes, w)
 
 
 @namesake
 def omitted_accelerations(links: TurningCables, s: State, w: TurningWork, i: int, j: int) -> None:
     """Accelerations of the coordinates, and those by the axes' angular acceleration."""
-    gather(links, s.q, i, j, w.e)
-    gather(links, s.vdot, i, j, w.dv)
+    gather(links, s.q, i, j, w.coordinates)
+    gather(links, s.vdot, i, j, w.accelerations)
     for n in range(4):
-        put(w.dv[n], 0, add(vector(w.dv[n], 0), cross(vector(s.axes, OMEGA_RATE), vector(w.e[n], 0))))
+        turning = cross(vector(s.axes, OMEGA_RATE), vector(w.coordinates[n], 0))
+        put(w.accelerations[n], 0, add(vector(w.accelerations[n], 0), turning))
 
 
 @namesake
@@ -144,8 +145,9 @@ def along_axes(links: TurningCables, s: State, v: Vector) -> Vector:
 @namesake
 def couple_inertia(links: TurningCables, w: TurningWork, by_acceleration: float) -> None:
     """M (axis x e)."""
-    K, M = w.K, w.M
-    e = vector(w.e[0], 0), vector(w.e[1], 0), vector(w.e[2], 0), vector(w.e[3], 0)
+    K, M = w.iteration_matrix, w.mass
+    c = w.coordinates
+    e = vector(c[0], 0), vector(c[1], 0), vector(c[2], 0), vector(c[3], 0)
     roll = across = yaw = 0.0
     for n in range(4):
         m = (0.0, 0.0, 0.0)
@@ -212,13 +214,13 @@ def _origin_acceleration(f: Floats, w: TurningWork, o: Vector, v: Vector) -> Vec
 @namesake
 def solve_pins(links: TurningCables, w: TurningWork, fresh: bool) -> None:
     if not fresh:
-        solve(w.A, w.U, w.factors, links.closed == 1, w.b)
+        solve(w.diagonal, w.upper, w.factors, links.closed == 1, w.right_side)
         return
     corner, border, b, d = w.axes.corner, w.axes.border, w.axes.response[0], w.axes.response[1]
     for i in range(b.shape[0]):
         for k in range(b.shape[1]):
             b[i, k], d[i, k] = border[i, k, 0], border[i, k, 1]
-    solve(w.A, w.U, w.factors, links.closed == 1, w.b, b, d)
+    solve(w.diagonal, w.upper, w.factors, links.closed == 1, w.right_side, b, d)
     for i in range(b.shape[0]):
         for k in range(b.shape[1]):
             p, q = border[i, k, 2], border[i, k, 3]
@@ -232,7 +234,7 @@ def _solve_rotation(links: TurningCables, x: Motion, w: TurningWork, by_accelera
 
     ``by_acceleration`` as in ``couple_inertia``; with 1, of a mass matrix, the steps are accelerations, rad/s2.
     """
-    a, y, own, border, Z = w.axes, w.b, w.own, w.axes.border, w.axes.response
+    a, y, own, border, Z = w.axes, w.right_side, w.own, w.axes.border, w.axes.response
     t0, t1 = (
         a.moment[0] + links.rotary_inertia * x.axes[OMEGA_RATE],
         a.moment[1] + links.rotary_inertia * x.axes[OMEGA_RATE + 2],
@@ -302,9 +304,9 @@ def solve_accelerations(links: TurningCables, x: Motion, w: TurningWork) -> None
     w.axes.corner[:] = 0.0
     for i in range(links.n):
         j = i + 1 if i + 1 < nodes else 0
-        gather(links, x.q, i, j, w.e)
-        w.K[:] = 0.0
-        inertia.add_mass(4, 3, w.M, 1.0, w.K)
+        gather(links, x.q, i, j, w.coordinates)
+        w.iteration_matrix[:] = 0.0
+        inertia.add_mass(4, 3, w.mass, 1.0, w.iteration_matrix)
         couple_inertia(links, w, 1.0)
         eliminate(links, w, i)
         assemble_border(links, w, i, j)
@@ -349,13 +351,13 @@ def absolute_rates(links: TurningCables, x: State, w: TurningWork) -> None:
     f = x.axes
     rate, origin_velocity = vector(f, OMEGA), to_axes(f, vector(f, VELOCITY))
     for n in range(4):
-        v = add(vector(w.v[n], 0), cross(rate, vector(w.e[n], 0)))
-        put(w.v[n], 0, add(v, origin_velocity) if n % 2 == 0 else v)
+        v = add(vector(w.rates[n], 0), cross(rate, vector(w.coordinates[n], 0)))
+        put(w.rates[n], 0, add(v, origin_velocity) if n % 2 == 0 else v)
 
 
 @namesake
 def centre_of_mass(links: TurningCables, x: State, w: TurningWork) -> Vector:
-    l, e = links.element.l, w.e
+    l, e = links.element.l, w.coordinates
     place = inertia.centre(l, 2, 0, e), inertia.centre(l, 2, 1, e), inertia.centre(l, 2, 2, e)
     return start_frame_position(links, x, place)
 

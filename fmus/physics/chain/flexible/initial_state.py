@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State, Work
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.contact.partners import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 
@@ -114,10 +114,10 @@ def condense_mass(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
     """Condense the mass of a chain to its pins into ``w``, without stiffness and contacts."""
     c, rows, dims = links.element, vector_count(links.element), axis_count(links.element)
     clear(w, True)
-    mass(c, w.M)
+    mass(c, w.mass)
     for i in range(links.n):
-        w.K[:] = 0.0
-        add_mass(rows, dims, w.M, 1.0, w.K)
+        w.iteration_matrix[:] = 0.0
+        add_mass(rows, dims, w.mass, 1.0, w.iteration_matrix)
         condense(links, w, i, *ends(layout(links), s.q.shape[0], i))
     pin_loads(links, env, Motion(s.q, w.still, w.still, s.axes), w, 0.0, True)
 
@@ -143,9 +143,8 @@ def start_released(
         return failed
     copy_rows(rows, w.wheels)
     accelerations(links, contacts, env, s, w)
-    for i in range(s.vdot.shape[0]):
-        for k in range(s.vdot.shape[1]):
-            s.vdot[i, k] = s.a[i, k] = w.change[0, i, k]
+    copy_rows(w.change[0], s.vdot)
+    copy_rows(w.change[0], s.a)
     evaluate(links, contacts, env, Motion(s.q, s.v, s.vdot, s.axes), NOTHING, w, False)
     if contacts is not None:
         commit_contacts(links, contacts, s, w, report)

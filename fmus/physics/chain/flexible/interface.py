@@ -4,9 +4,9 @@ Groups: ``elements`` (``cables``, ``planar``, ``turning``, ``constrained``, ``be
 which turn with the chain (``free_axes``) or, by default, are those of the track's start; ``joints``, pin equations with
 multipliers (``constrained``), or by default none, for links that share the coordinates of their pins.
 
-Coordinates of a link: ``w.e``, their rates ``w.v``, accelerations ``w.dv`` (rows, axes) and matrix ``w.K``; of the
-pins: ``q`` (nodes, width). Positions are in m, gradients without a unit. The axes are in the motion as ``x.axes``
-(``axes_state``), empty if fixed.
+``w`` has one link: ``w.coordinates``, ``w.rates``, ``w.accelerations`` (rows, axes) and ``w.iteration_matrix``. The
+coordinates of the pins are ``q`` (nodes, width). Positions are in m, gradients without a unit. The axes are in the
+motion as ``x.axes`` (``axes_state``), empty if fixed.
 """
 
 from __future__ import annotations
@@ -63,12 +63,12 @@ def gather(links: FlexibleLinks, q: Floats, i: int, j: int, e: Floats) -> None:
 
 @dispatch("elements", shared=True)
 def axial(links: FlexibleLinks, w: Work) -> tuple[float, float]:
-    """Tension, N, and largest axial stress, Pa, of the link in ``w.e``, ``w.v``, ``w.dv``."""
+    """Tension, N, and largest axial stress, Pa, of the link in ``w``."""
 
 
 @dispatch("elements", shared=True)
 def outer_and_inner(links: FlexibleLinks, w: Work) -> tuple[float, float]:
-    """Axial stress at the outer and at the inner fibre of the link in ``w.e``, Pa, mean along it."""
+    """Axial stress at the outer and at the inner fibre of the link in ``w.coordinates``, Pa, mean along it."""
 
 
 @dispatch("elements")
@@ -112,7 +112,7 @@ def wrenches_from_axes(links: FlexibleLinks, x: Motion, w: Work) -> None:
 def inertia_and_weight(links: FlexibleLinks, x: Motion, w: Work, weight: Vector, r: Floats) -> None:
     """Write inertia forces less ``weight``, N, of the link to its residual ``r`` (rows, axes), N and N m."""
     rows, dims = vector_count(links.element), axis_count(links.element)
-    inertia.inertia(rows, dims, w.M, w.dv, r)
+    inertia.inertia(rows, dims, w.mass, w.accelerations, r)
     inertia.weigh(weight, links.element.l, rows // 2, dims, r)
 
 
@@ -120,13 +120,13 @@ def inertia_and_weight(links: FlexibleLinks, x: Motion, w: Work, weight: Vector,
 def add_lateral_bending(links: FlexibleLinks, w: Work, r: Floats, tangent: bool) -> None:
     """Add the link's bending about its normal, as far as the element lacks it.
 
-    It goes to the residual ``r`` (rows, axes), N and N m, and with ``tangent`` to ``w.K``.
+    It goes to the residual ``r`` (rows, axes), N and N m, and with ``tangent`` to ``w.iteration_matrix``.
     """
 
 
 @dispatch("axes", default=True)
 def couple_inertia(links: FlexibleLinks, w: Work, by_acceleration: float) -> None:
-    """Write the rows and columns of ``w.K`` that couple the link's inertia with the rotation of the axes.
+    """Write what couples the link's inertia with the rotation of the axes into ``w.iteration_matrix``.
 
     ``by_acceleration``, 1/s2, is d acceleration / d position; 1 makes the matrix a mass.
     """
@@ -144,7 +144,7 @@ def predict_axes(links: FlexibleLinks, method: ImplicitMethod, h: float, s: Stat
 
 @dispatch("axes", default=True)
 def solve_pins(links: FlexibleLinks, w: Work, fresh: bool) -> None:
-    """Solve for the pins, ``w.b``; with ``fresh`` factors also for their response to the axes' rotation."""
+    """Solve for the pins, ``w.right_side``; with ``fresh`` factors also for their response to the axes' rotation."""
     solve(links, w)
 
 
@@ -197,22 +197,22 @@ def lateral_bending_frequency(links: FlexibleLinks) -> float:
 
 @dispatch("axes", default=True)
 def absolute_rates(links: FlexibleLinks, x: State, w: Work) -> None:
-    """Convert the rates ``w.v`` of the link to those relative to the ground."""
+    """Convert the rates ``w.rates`` of the link to those relative to the ground."""
 
 
 @dispatch("axes", default=True)
 def absolute_accelerations(links: FlexibleLinks, s: State, w: Work, i: int, j: int) -> None:
-    """Accelerations of the link between pins ``i`` and ``j`` relative to the ground into ``w.dv``.
+    """Accelerations of the link between pins ``i`` and ``j`` relative to the ground into ``w.accelerations``.
 
     They are components along the axes.
     """
-    gather(links, s.vdot, i, j, w.dv)
+    gather(links, s.vdot, i, j, w.accelerations)
 
 
 @dispatch("axes", default=True)
 def omitted_accelerations(links: FlexibleLinks, s: State, w: Work, i: int, j: int) -> None:
     """Part of ``absolute_accelerations`` that an evaluation without accelerations leaves out."""
-    gather(links, s.vdot, i, j, w.dv)
+    gather(links, s.vdot, i, j, w.accelerations)
 
 
 @dispatch("axes", default=True)
@@ -224,9 +224,9 @@ def along_axes(links: FlexibleLinks, s: State, v: Vector) -> Vector:
 @dispatch("axes", default=True)
 def centre_of_mass(links: FlexibleLinks, x: State, w: Work) -> Vector:
     """Centre of mass of the link in the frame of the start, m."""
-    last, l = vector_count(links.element) // 2, links.element.l
-    first, second = inertia.centre(l, last, 0, w.e), inertia.centre(l, last, 1, w.e)
-    return (first, second, inertia.centre(l, last, 2, w.e)) if axis_count(links.element) == 3 else (first, 0.0, second)
+    last, l, e = vector_count(links.element) // 2, links.element.l, w.coordinates
+    first, second = inertia.centre(l, last, 0, e), inertia.centre(l, last, 1, e)
+    return (first, second, inertia.centre(l, last, 2, e)) if axis_count(links.element) == 3 else (first, 0.0, second)
 
 
 @dispatch("axes", default=True)
@@ -255,14 +255,14 @@ def rotary_energy(links: FlexibleLinks, x: State) -> float:
 
 @dispatch("joints", default=True)
 def factor(links: FlexibleLinks, w: Work) -> int:
-    """Factor the pins' matrix ``w.A``, ``w.U``, ``w.L``; -1, or the pin or link where it is singular."""
-    return block_cyclic.factor(w.A, w.U, w.L, w.factors, links.closed == 1)
+    """Factor the pins' matrix ``w.diagonal``, ``w.upper``, ``w.lower``; -1, or the pin or link where it is singular."""
+    return block_cyclic.factor(w.diagonal, w.upper, w.lower, w.factors, links.closed == 1)
 
 
 @dispatch("joints", default=True)
 def solve(links: FlexibleLinks, w: Work) -> None:
-    """Solve for the correction of the pins in ``w.b``, from residuals there and the gap of ``misfit``."""
-    block_cyclic.solve(w.A, w.U, w.factors, links.closed == 1, w.b)
+    """Solve for the correction of the pins in ``w.right_side``, from residuals there and the gap of ``misfit``."""
+    block_cyclic.solve(w.diagonal, w.upper, w.factors, links.closed == 1, w.right_side)
 
 
 @dispatch("joints", default=True)

@@ -60,10 +60,10 @@ def begin_contacts(links: FlexibleLinks, x: Motion, w: Work) -> None:
 
 @namesake
 def begin_link(links: FlexibleLinks, x: Motion, w: Work, i: int) -> None:
-    """Coordinates, rates into ``w.e``, ``w.v``; zeroes the loads at the first contact."""
+    """Coordinates, rates into ``w.coordinates``, ``w.rates``; zeroes the loads at the first contact."""
     first, second = ends(layout(links), x.q.shape[0], i)
-    gather(links, x.q, first, second, w.e)
-    gather(links, x.v, first, second, w.v)
+    gather(links, x.q, first, second, w.coordinates)
+    gather(links, x.v, first, second, w.rates)
     if not w.touched[i]:
         w.touched[i] = True
         w.load[i] = 0.0

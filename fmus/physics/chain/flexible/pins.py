@@ -19,7 +19,7 @@ import numpy as np
 
 from fmus.kernels.jit import kernel, namesake
 from fmus.physics.ancf.element import axis_count, total_mass, vector_count
-from fmus.physics.arrays import Floats, Vector
+from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.interface import (
     absolute_accelerations,
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 @kernel
 def pin_loads(links: FlexibleLinks, env: Environment, x: Motion, w: Work, by_rate: float, tangent: bool) -> None:
-    """Add transverse damping, end loads and supports of the pins to ``w.b``, with ``tangent`` to ``w.A``.
+    """Add transverse damping, end loads and supports to ``w.right_side``, with ``tangent`` to ``w.diagonal``.
 
     A pin whose position has two coordinates moves in the plane x, z, else in space; ``by_rate``, 1/s, is
     d velocity / d position.
@@ -62,45 +62,45 @@ def pin_loads(links: FlexibleLinks, env: Environment, x: Motion, w: Work, by_rat
             n0, n2 = -t2 / size, t0 / size
             across = n0 * v[i, 0] + n2 * v[i, z]
             w.sums[JOINTS] += env.transverse * across * across
-            w.b[i, 0] += env.transverse * across * n0
-            w.b[i, z] += env.transverse * across * n2
+            w.right_side[i, 0] += env.transverse * across * n0
+            w.right_side[i, z] += env.transverse * across * n2
             if tangent:
                 d = by_rate * env.transverse
-                w.A[i, 0, 0] += d * n0 * n0
-                w.A[i, 0, z] += d * n0 * n2
-                w.A[i, z, 0] += d * n0 * n2
-                w.A[i, z, z] += d * n2 * n2
+                w.diagonal[i, 0, 0] += d * n0 * n0
+                w.diagonal[i, 0, z] += d * n0 * n2
+                w.diagonal[i, z, 0] += d * n0 * n2
+                w.diagonal[i, z, z] += d * n2 * n2
             if z == 2:
                 w.sums[JOINTS] += env.transverse * v[i, 1] * v[i, 1]
-                w.b[i, 1] += env.transverse * v[i, 1]
+                w.right_side[i, 1] += env.transverse * v[i, 1]
                 if tangent:
-                    w.A[i, 1, 1] += by_rate * env.transverse
+                    w.diagonal[i, 1, 1] += by_rate * env.transverse
     if env.ends == PULLED:
         for a in range(env.pull.shape[1]):
             w.sums[END_POWER] += env.pull[0, a] * v[0, a] + env.pull[1, a] * v[nodes - 1, a]
-            w.b[0, a] -= env.pull[0, a]
-            w.b[nodes - 1, a] -= env.pull[1, a]
+            w.right_side[0, a] -= env.pull[0, a]
+            w.right_side[nodes - 1, a] -= env.pull[1, a]
     for i in (0, nodes - 1):
         if env.ends == PINNED or (env.ends == HELD and i == 0):
             for a in range(held):
-                w.b[i, a] = 0.0
+                w.right_side[i, a] = 0.0
                 if tangent:
-                    for b in range(w.b.shape[1]):
-                        w.A[i, a, b] = w.U[i, a, b] = w.L[i, a, b] = 0.0
-                    w.A[i, a, a] = 1.0
+                    for b in range(w.right_side.shape[1]):
+                        w.diagonal[i, a, b] = w.upper[i, a, b] = w.lower[i, a, b] = 0.0
+                    w.diagonal[i, a, a] = 1.0
 
 
 @kernel
 def keep_symmetric(links: FlexibleLinks, env: Environment, w: Work) -> None:
     """Zero the columns of held coordinates too, which do not move, so that the matrix is symmetric."""
-    nodes, size = w.A.shape[0], w.A.shape[1]
+    nodes, size = w.diagonal.shape[0], w.diagonal.shape[1]
     for i in (0, nodes - 1):
         if env.ends == PINNED or (env.ends == HELD and i == 0):
             for a in range(layout(links).fixed):
                 for b in range(size):
                     if b != a:
-                        w.A[i, b, a] = 0.0
-                    w.L[(i + 1) % nodes, b, a] = w.U[i - 1, b, a] = 0.0
+                        w.diagonal[i, b, a] = 0.0
+                    w.lower[(i + 1) % nodes, b, a] = w.upper[i - 1, b, a] = 0.0
 
 
 @namesake
@@ -116,7 +116,8 @@ def newton_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
         vector_count(links.element) // 2,
         axis_count(links.element),
     )
-    R, load, b, x, total = w.R, w.load, w.imbalance, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    R, load, b, t, a = w.residual, w.load, w.imbalance, w.unit_tangent, w.accelerations
+    x, total = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     weight, l = scale(total_mass(links.element), along_axes(links, s, env.gravity)), links.element.l
     for i in range(n):
         first, second = ends(indices, nodes, i)
@@ -124,14 +125,14 @@ def newton_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
         put(forces[i], JOINT, x)
         total = add(total, x)
         for k in range(dims):  # (1)
-            more = total_mass(links.element) * inertia.centre(l, half, k, w.dv) - weight[k] - R[i, 0, k] - R[i, half, k]
+            more = total_mass(links.element) * inertia.centre(l, half, k, a) - weight[k] - R[i, 0, k] - R[i, half, k]
             if w.touched[i]:
                 more += load[i, 0, k] + load[i, half, k]
-            w.t[k] = more + b[second, k]
+            t[k] = more + b[second, k]
             after = ends(indices, nodes, i + 1)[0] if i + 1 < n else (0 if links.closed == 1 else second)
             if after != second:  # the pin has two nodes
-                w.t[k] += b[after, k]
-        x = add(x, scale(-1.0, _in_space(w.t, dims)))
+                t[k] += b[after, k]
+        x = add(x, scale(-1.0, in_space(links, t)))
     if links.closed == 1:
         base, slope = scale(1.0 / n, add(total, scale(-0.5 * (n - 1.0), x))), scale(-1.0 / n, x)
     elif env.ends == PINNED:
@@ -147,12 +148,6 @@ def newton_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
             add(x, scale(-1.0, base)), add(in_space(links, b[last]), scale(-1.0, in_space(links, R[n - 1, half])))
         )
         put(forces[n], JOINT, start_frame_vector(links, s, shift))
-
-
-@kernel
-def _in_space(t: Floats, dims: int) -> Vector:
-    """Vector in space of the ``dims`` components in ``t`` (3)."""
-    return (t[0], t[1], t[2]) if dims == 3 else (t[0], 0.0, t[1])
 
 
 @namesake
@@ -172,8 +167,9 @@ def stage_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> N
 @kernel
 def _end(links: FlexibleLinks, w: Work, i: int, row: int) -> Vector:
     """Residual, N, of link ``i`` at the node whose position is its vector ``row``."""
+    t = w.unit_tangent
     for k in range(axis_count(links.element)):
-        w.t[k] = w.R[i, row, k]
+        t[k] = w.residual[i, row, k]
         for a in range(vector_count(links.element)):
-            w.t[k] += w.M[row, a] * w.dv[a, k]
-    return _in_space(w.t, axis_count(links.element))
+            t[k] += w.mass[row, a] * w.accelerations[a, k]
+    return in_space(links, t)

@@ -12,7 +12,7 @@ from fmus.physics.chain import state
 from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
-from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size
+from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 
@@ -80,12 +80,6 @@ def shapes(
     }  # fmt: skip
 
 
-def views(flat: Floats, sizes: state.Shapes) -> State:
-    """State of views into the array ``flat``; ``sizes`` from ``shapes``."""
-    state_views: State = state.views(State, sizes, flat)
-    return state_views
-
-
 class Work(NamedTuple):
     """Arrays for elements of ``rows`` vectors along ``axes`` axes.
 
@@ -93,27 +87,27 @@ class Work(NamedTuple):
     """
 
     before: State  # state at the beginning of a step, without a rut
-    A: np.ndarray  # (nodes, m, m) diagonal blocks of the condensed matrix
-    U: np.ndarray  # (nodes, m, m) blocks to the next pin
-    L: np.ndarray  # (nodes, m, m) blocks to the previous pin
-    factors: Factors  # factors of A, U, L
-    b: np.ndarray  # (nodes, m) residual of the pins, then their correction
-    K: np.ndarray  # (whole, whole) iteration matrix of one link; whole = rows axes + c, c unknowns common to all links
-    R: np.ndarray  # (links, rows, axes) residual of each link: inertia + internal - external, N and N m
+    diagonal: np.ndarray  # (nodes, m, m) diagonal blocks of the condensed matrix
+    upper: np.ndarray  # (nodes, m, m) blocks to the next pin
+    lower: np.ndarray  # (nodes, m, m) blocks to the previous pin
+    factors: Factors  # factors of these blocks
+    right_side: np.ndarray  # (nodes, m) of the equations of the pins: their residual; then their correction
+    iteration_matrix: np.ndarray  # (whole, whole) of one link; whole = rows axes + c, c unknowns common to all
+    residual: np.ndarray  # (links, rows, axes) residual of each link: inertia + internal - external, N and N m
     inner: np.ndarray  # (links, n, n) inverse of its own part
     right: np.ndarray  # (links, n, 2 m + c) inner^-1 times the coupling to pins and common unknowns
     left: np.ndarray  # (links, 2 m + c, n) coupling of these to its own part
     coupling: np.ndarray  # (n, 2 m + c) coupling of one link's own part to them
     rest: np.ndarray  # (2 m + c, 2 m + c) condensed matrix of one link
     own: np.ndarray  # (links, n) inner^-1 times its own residual
-    swap: np.ndarray  # (n) scratch
-    e: np.ndarray  # (rows, axes) coordinates of one link
-    v: np.ndarray  # (rows, axes) their rates, m/s and 1/s
-    dv: np.ndarray  # (rows, axes) their accelerations, m/s2 and 1/s2
-    M: np.ndarray  # (rows, rows) mass of one link, kg
-    S: np.ndarray  # (rows) shape functions
-    C: np.ndarray  # (rows) their slopes
-    t: np.ndarray  # (3) tangent at a contact point
+    scratch: np.ndarray  # (n) scratch
+    coordinates: np.ndarray  # (rows, axes) coordinates of one link
+    rates: np.ndarray  # (rows, axes) their rates, m/s and 1/s
+    accelerations: np.ndarray  # (rows, axes) their accelerations, m/s2 and 1/s2
+    mass: np.ndarray  # (rows, rows) mass of one link, kg
+    shape_functions: np.ndarray  # (rows) at a contact point
+    shape_slopes: np.ndarray  # (rows) their slopes, as the faces weight them
+    unit_tangent: np.ndarray  # (3) of the centreline there; scratch of ``pins``
     wheels: np.ndarray  # (wheels, 15) wheels at the time of evaluation
     flat: np.ndarray  # (wheels, 15) wheels as the chain sees them: in its plane or axes
     touched: np.ndarray  # (links) bool: the link touches a wheel or the ground
@@ -163,13 +157,13 @@ def work(
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     wheel_rows = z((wheels, 15))
     return Work(
-        before=views(z(size(sizes)), sizes),
-        A=z(block), U=z(block), L=z(block), factors=workspace(nodes, m), b=z((nodes, m)),
-        K=z((whole, whole)), R=z((links, *vectors)),
+        before=views(State, sizes, z(size(sizes))),
+        diagonal=z(block), upper=z(block), lower=z(block), factors=workspace(nodes, m), right_side=z((nodes, m)),
+        iteration_matrix=z((whole, whole)), residual=z((links, *vectors)),
         inner=z((links, n, n)), right=z((links, n, outer)), left=z((links, outer, n)),
-        coupling=z((n, outer)), rest=z((outer, outer)), own=z((links, n)), swap=z(n),
-        e=z(vectors), v=z(vectors), dv=z(vectors), M=z((rows, rows)),
-        S=z(rows), C=z(rows), t=z(3),
+        coupling=z((n, outer)), rest=z((outer, outer)), own=z((links, n)), scratch=z(n),
+        coordinates=z(vectors), rates=z(vectors), accelerations=z(vectors), mass=z((rows, rows)),
+        shape_functions=z(rows), shape_slopes=z(rows), unit_tangent=z(3),
         wheels=wheel_rows, flat=wheel_rows if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
         wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),

@@ -41,8 +41,8 @@ FREE = SIZE  # size of the state of the axes
 
 
 @implemented_in(
-    dynamics=".dynamics", elements=".turning", axes=".free_axes", faces=".turning_faces",
-    guides="..guides",
+    dynamics=".dynamics", elements=".turning", axes=".free_axes", bodies=".node_faces",
+    faces=".turning_faces", guides="..guides",
 )  # fmt: skip
 class TurningCables(NamedTuple):
     """Parameters of a chain of equal links."""
@@ -68,7 +68,7 @@ def layout(links: TurningCables) -> LinkLayout:
 @namesake
 def add_lateral_bending(links: TurningCables, w: TurningWork, r: Floats, tangent: bool) -> None:
     """The bending about the normal, of the y components alone."""
-    e, l, s = w.e, links.element.l, links.excess_EI / links.element.l
+    e, l, s = w.coordinates, links.element.l, links.excess_EI / links.element.l
     d = (e[2, 1] - e[0, 1]) / l
     end = s * (6.0 * (e[1, 1] + e[3, 1]) - 12.0 * d) / l
     r[0, 1] += end
@@ -86,7 +86,7 @@ def add_lateral_bending(links: TurningCables, w: TurningWork, r: Floats, tangent
         )
         for a in range(4):
             for b in range(4):
-                w.K[3 * a + 1, 3 * b + 1] += rows[a][b]
+                w.iteration_matrix[3 * a + 1, 3 * b + 1] += rows[a][b]
 
 
 def lateral_bending_frequency(links: TurningCables) -> float:
@@ -102,7 +102,7 @@ def lateral_bending_frequency(links: TurningCables) -> float:
 
 @namesake
 def lateral_bending_energy(links: TurningCables, w: TurningWork) -> float:
-    e, s = w.e, links.excess_EI / links.element.l
+    e, s = w.coordinates, links.excess_EI / links.element.l
     d = (e[2, 1] - e[0, 1]) / links.element.l
     first, second = 4.0 * e[1, 1] + 2.0 * e[3, 1] - 6.0 * d, 6.0 * d - 2.0 * e[1, 1] - 4.0 * e[3, 1]
     return s / 6.0 * (first * first + first * second + second * second)

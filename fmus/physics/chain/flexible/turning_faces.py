@@ -17,16 +17,6 @@ from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.flexible.axes_state import OMEGA, ORIGIN, ROLL, VELOCITY, YAW, from_axes, to_axes
 from fmus.physics.chain.flexible.cable_faces import position_slope  # noqa: F401 - reached by dispatch
-from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
-    add_last_correction,
-    begin_contacts,
-    begin_link,
-    count,
-    length,
-    pin_positions,
-    pin_velocities,
-    record_point,
-)
 from fmus.physics.contact.face import ContactForce
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
@@ -76,11 +66,11 @@ def from_ground(links: TurningCables, x: Motion, w: TurningWork, force: ContactF
 def locate_section(
     links: TurningCables, x: Motion, w: TurningWork, i: int, xi: float, z: float
 ) -> tuple[Vector, Vector, Vector, float]:
-    """Leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``.
+    """Leaves S, c (``w.shape_slopes``) and t in ``w``.
 
     ``w.axes`` receives m without y, the position and j - b t.
     """
-    S, C, e, de, lever = w.S, w.C, w.e, w.v, w.axes.lever
+    S, C, e, de, lever = w.shape_functions, w.shape_slopes, w.coordinates, w.rates, w.axes.lever
     shape(links.element, xi, S)
     shape_slope(links.element, xi, C)
     a = b = yaw = da = db = yaw_rate = 0.0
@@ -93,7 +83,7 @@ def locate_section(
     for k in range(4):
         C[k] *= per
     t0, t2 = a * per, b * per
-    w.t[0], w.t[2] = t0, t2
+    w.unit_tangent[0], w.unit_tangent[2] = t0, t2
     lever[0], lever[2] = -z * t2, z * t0
     turn = per * z * (t0 * db - t2 * da)
     w.axes.sums[:] = 0.0
@@ -110,7 +100,8 @@ def locate(
     """Leaves y in ``w.axes``."""
     p, v, lateral, yaw_rate = section
     w.axes.lever[1] = y
-    return add(p, scale(y, lateral)), (v[0] - y * yaw_rate * w.t[0], v[1], v[2] - y * yaw_rate * w.t[2])
+    t = w.unit_tangent
+    return add(p, scale(y, lateral)), (v[0] - y * yaw_rate * t[0], v[1], v[2] - y * yaw_rate * t[2])
 
 
 @kernel
@@ -169,7 +160,7 @@ def _lever_part(w: TurningWork, h: Vector, h_y: Vector) -> Vector:
 
     Components along the normal, the pin axis and the tangent, N m.
     """
-    t0, t2, lever = w.t[0], w.t[2], w.axes.lever
+    t0, t2, lever = w.unit_tangent[0], w.unit_tangent[2], w.axes.lever
     pull = h[0] * t0 + h[2] * t2
     return pull * lever[0], h_y[0] * t0 + h_y[2] * t2, pull * lever[2]
 
@@ -177,7 +168,7 @@ def _lever_part(w: TurningWork, h: Vector, h_y: Vector) -> Vector:
 @kernel
 def finish_section(links: TurningCables, w: TurningWork, i: int, tangent: bool) -> None:
     """Add the section's forces, R -= B^T f, K -= B^T g B with B = S - c t m^T; moment balance; border."""
-    S, C, R, s, moment = w.S, w.C, w.load[i], w.axes.sums, w.axes.moment
+    S, C, R, s, moment = w.shape_functions, w.shape_slopes, w.load[i], w.axes.sums, w.axes.moment
     if s[COUNT] == 0.0:
         return
     f, f_y = vector(s, FORCE), vector(s, FORCE + 3)
@@ -200,7 +191,8 @@ def _add_matrix(w: TurningWork, i: int, p: Vector, d: Vector) -> None:
     ``p``, m, and ``d`` are those of the section's points. So roll and yaw have columns, their effect on the residual,
     and rows, the effect of the coordinates on their balance. The rotation of forces with the axes is left out.
     """
-    S, C, s, K, e, (m0, y, m2), t0, t2 = w.S, w.C, w.axes.sums, w.stiffening[i], w.e, w.axes.lever, w.t[0], w.t[2]
+    S, C, s, K, e = w.shape_functions, w.shape_slopes, w.axes.sums, w.stiffening[i], w.coordinates
+    (m0, y, m2), t0, t2 = w.axes.lever, w.unit_tangent[0], w.unit_tangent[2]
     f, f_y, lever_tangent = w.axes.section_tangent[0], w.axes.section_tangent[1], w.axes.lever_tangent
     g, g_y, t = _rows(s, MATRIX), _rows(s, MATRIX + 9), (t0, 0.0, t2)
     pull, pull_y = _times(g, t), _times(g_y, t)
@@ -279,10 +271,10 @@ def locate_pin(links: TurningCables, x: Motion, w: TurningWork, i: int, y: float
 def apply_pin_force(
     links: TurningCables, x: Motion, w: TurningWork, i: int, y: float, force: ContactForce, tangent: bool
 ) -> None:
-    """Add a force to ``w.b``, ``w.A`` of the pin, and its coupling with the axes' rotation to the border."""
+    """Add a force to ``w.right_side``, ``w.diagonal``, and its coupling with the axes' rotation to the border."""
     p, f, g, edge, corner = vector(w.axes.point, 0), force.f, force.g, w.axes.border[i], w.axes.corner
     for a in range(3):
-        w.b[i, a] -= f[a]
+        w.right_side[i, a] -= f[a]
     roll, yaw = about_x(p), about_z(p)
     w.axes.moment[0] -= dot(roll, f)
     w.axes.moment[1] -= dot(yaw, f)
@@ -290,7 +282,7 @@ def apply_pin_force(
         return
     for a in range(3):
         for b in range(3):
-            w.A[i, a, b] -= g[3 * a + b]
+            w.diagonal[i, a, b] -= g[3 * a + b]
     rows, columns = (g[:3], g[3:6], g[6:]), (g[::3], g[1::3], g[2::3])
     h, k, roll_row, yaw_row = _times(rows, roll), _times(rows, yaw), _times(columns, roll), _times(columns, yaw)
     for a in range(3):

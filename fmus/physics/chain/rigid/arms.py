@@ -18,9 +18,13 @@ def axis(A: Matrix, k: int) -> Vector:
 
 
 @kernel
-def joined(n: int, closed: bool, i: int) -> tuple[int, int]:
-    """Links that pin ``i`` of a chain of ``n`` links joins, the one before it first, -1 for none."""
-    return (i - 1 if i > 0 or not closed else n - 1), (i if i < n else -1)
+def joined(n: int, closed: bool, i: int) -> tuple[int, int, float]:
+    """Links that pin ``i`` of a chain of ``n`` links joins, the one before it first, -1 for none.
+
+    Third, the share of a force on the pin that each of them bears.
+    """
+    before, after = (i - 1 if i > 0 or not closed else n - 1), (i if i < n else -1)
+    return before, after, 1.0 if before < 0 or after < 0 else 0.5
 
 
 @kernel

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def gap_and_rate(links: RigidLinks, s: State, w: Work) -> tuple[Vector, Vector]:
     """Gap of the closing pin, m, and its rate, m/s, in world axes."""
     n = s.q.shape[0]
-    A, half, last = w.system.A, links.half, n - 1
+    A, half, last = w.system.rotation, links.half, n - 1
     body.rotation(s.q[last], A[last])
     gap = add(vector(s.q[last], 0), scale(half, axis(A[last], 0)))
     opens = rate(A[last], s.v[last], half, 0.0, 0.0)
@@ -43,24 +43,24 @@ def gap_and_rate(links: RigidLinks, s: State, w: Work) -> tuple[Vector, Vector]:
 @kernel
 def zero_tilting(links: RigidLinks, y: AugmentedSystem) -> None:
     """Zero the tilting rows of the closing pin in the system ``y``: a spring carries no moments."""
-    j = closing_pin(links.ends, y.K.shape[0])
+    j = closing_pin(links.ends, y.iteration_matrix.shape[0])
     for k in range(2):
-        y.C[j, 3 + k] = 0.0
+        y.gap[j, 3 + k] = 0.0
         for i in range(3):
-            y.WP[j, k, i] = y.WQ[j, k, i] = 0.0
+            y.axes_before[j, k, i] = y.axes_after[j, k, i] = 0.0
 
 
 @kernel
 def spring_equations(links: RigidLinks, s: State, w: Work, by_v: float) -> None:
-    """Replace the position equations of the closing pin in C by those of the spring, over its stiffness.
+    """Replace the position equations of the closing pin in ``gap`` by those of the spring, over its stiffness.
 
     ``by_v``, 1/s, is d velocity / d position. Adds the power of the damper, W.
     """
     y, (k, c) = w.system, links.spring
-    j = closing_pin(links.ends, y.K.shape[0])
+    j = closing_pin(links.ends, y.iteration_matrix.shape[0])
     _, opens = gap_and_rate(links, s, w)
     for i in range(3):
-        y.C[j, i] = (k * y.C[j, i] + c * opens[i] + s.lam[j, i]) / (k + by_v * c)
+        y.gap[j, i] = (k * y.gap[j, i] + c * opens[i] + s.lam[j, i]) / (k + by_v * c)
     w.sums[JOINTS] += c * dot(opens, opens)
 
 

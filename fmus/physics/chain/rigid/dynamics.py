@@ -34,9 +34,9 @@ from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
+    from fmus.physics.contact.partners import Contacts
 
 
 LIMIT = 5e-5  # largest step of links that touch or whose pins are damped, s
@@ -67,25 +67,25 @@ def accelerations(links: RigidLinks, contacts: Contacts | None, env: Environment
     s.vdot[:] = 0.0
     s.lam[:] = 0.0
     spring = closing.spring_force(links, s, w) if ends.cut else (0.0, 0.0, 0.0)
-    w.x[:] = 0.0
+    w.increment[:] = 0.0
     residual(links, contacts, env, s, w, ANY, False)
     set_mass(links, w)
     for j in range(s.lam.shape[0]):
-        y.C[j] = 0.0
+        y.gap[j] = 0.0
         if links.ends.closed or 0 < j < n:
             b = j - 1 if j > 0 else n - 1
-            pin.velocity_terms(links.half, y.A[b], s.v[b, 3:], y.A[j], s.v[j, 3:], y.C[j])
+            pin.velocity_terms(links.half, y.rotation[b], s.v[b, 3:], y.rotation[j], s.v[j, 3:], y.gap[j])
         elif j == 0 and links.ends.first:
-            pin.velocity_terms(links.half, w.still, 0.0 * s.v[0, 3:], y.A[0], s.v[0, 3:], y.C[0])
+            pin.velocity_terms(links.half, w.still, 0.0 * s.v[0, 3:], y.rotation[0], s.v[0, 3:], y.gap[0])
         elif j == n and links.ends.last:
-            pin.velocity_terms(links.half, y.A[n - 1], s.v[n - 1, 3:], w.still, 0.0 * s.v[0, 3:], y.C[n])
+            pin.velocity_terms(links.half, y.rotation[n - 1], s.v[n - 1, 3:], w.still, 0.0 * s.v[0, 3:], y.gap[n])
     failed = augmented.factor(links.half, ends, y, augmented.REGULAR)
     if failed >= 0:
         return failed
     augmented.solve(links.half, ends, y)
-    copy_rows(y.dx, s.vdot)
-    copy_rows(y.dx, s.a)
-    copy_rows(y.dl, s.lam)
+    copy_rows(y.correction, s.vdot)
+    copy_rows(y.correction, s.a)
+    copy_rows(y.multiplier_correction, s.lam)
     if ends.cut:
         j = augmented.closing_pin(ends, n)
         s.lam[j, 0], s.lam[j, 1], s.lam[j, 2] = spring
@@ -121,9 +121,9 @@ def normalise(s: State) -> None:
 
 @kernel
 def displace(s: State, w: Work) -> None:
-    """Move the links by the increments dx of the system, m and rad."""
+    """Move the links by the corrections of the system, m and rad."""
     for i in range(s.q.shape[0]):
-        body.advance(s.q[i], w.system.dx[i], w.before.q[i])
+        body.advance(s.q[i], w.system.correction[i], w.before.q[i])
         copy(w.before.q[i], s.q[i])
 
 
@@ -132,23 +132,23 @@ def project(links: RigidLinks, s: State, w: Work) -> int:
     """Close the pins in position, then in velocity, with the factors of the last stage."""
     y, ends, gap, worst = w.system, closing.ends_without_pin(links), np.inf, 0
     normalise(s)
-    y.r[:] = 0.0
+    y.residual[:] = 0.0
     for _ in range(CORRECTIONS):
         pins(links, s, w)
         if ends.cut:
-            y.C[augmented.closing_pin(ends, s.q.shape[0])] = 0.0
+            y.gap[augmented.closing_pin(ends, s.q.shape[0])] = 0.0
         gap = 0.0
-        for j in range(y.C.shape[0]):
+        for j in range(y.gap.shape[0]):
             for k in range(5):
-                if not abs(y.C[j, k]) <= gap:
-                    gap, worst = abs(y.C[j, k]), j
+                if not abs(y.gap[j, k]) <= gap:
+                    gap, worst = abs(y.gap[j, k]), j
         if gap <= GAP:
             break
         augmented.solve(links.half, ends, y)
         displace(s, w)
     augmented.rates(links.half, ends, y, s.v)
     augmented.solve(links.half, ends, y)
-    add_share(1.0, y.dx, s.v)
+    add_share(1.0, y.correction, s.v)
     return -1 if gap <= OPEN else worst
 
 
@@ -190,7 +190,7 @@ def tension(links: RigidLinks, env: Environment, s: State, w: Work, i: int) -> f
     pull = s.along[i, 0] + links.mass * links.half * (o1 * o1 + o2 * o2) / 6.0
     for k in range(3):
         before, after = stretching(links, env, s, i, k)
-        pull += 0.5 * (before + after) * w.system.A[i, k, 0]
+        pull += 0.5 * (before + after) * w.system.rotation[i, k, 0]
     return pull
 
 
@@ -198,7 +198,7 @@ def tension(links: RigidLinks, env: Environment, s: State, w: Work, i: int) -> f
 def tensions(links: RigidLinks, env: Environment, s: State, w: Work, tension_of: Floats) -> None:
     """Tensions of all links into ``tension_of`` (n), N."""
     for i in range(s.q.shape[0]):
-        body.rotation(s.q[i], w.system.A[i])
+        body.rotation(s.q[i], w.system.rotation[i])
         tension_of[i] = tension(links, env, s, w, i)
 
 
@@ -239,7 +239,7 @@ def pin_motion(links: RigidLinks, s: State, w: Work) -> None:
     n, nodes = s.q.shape[0], w.pins.shape[1]
     for j in range(nodes):
         i = min(j, n - 1)
-        A = w.system.A[i]
+        A = w.system.rotation[i]
         body.rotation(s.q[i], A)
         end = -links.half if j < n else links.half
         o1, o2 = s.v[i, 4], s.v[i, 5]
@@ -253,7 +253,7 @@ def pin_axes(links: RigidLinks, s: State, w: Work, axis: Floats) -> None:
     """The axes of the links that begin there."""
     n = s.q.shape[0]
     for j in range(axis.shape[0]):
-        A = w.system.A[min(j, n - 1)]
+        A = w.system.rotation[min(j, n - 1)]
         body.rotation(s.q[min(j, n - 1)], A)
         for k in range(3):
             axis[j, k] = A[k, 1]
@@ -262,7 +262,7 @@ def pin_axes(links: RigidLinks, s: State, w: Work, axis: Floats) -> None:
 @namesake
 def slopes(links: RigidLinks, s: State, w: Work, slope: Floats) -> None:
     for i in range(slope.shape[0]):
-        A = w.system.A[i]
+        A = w.system.rotation[i]
         body.rotation(s.q[i], A)
         for k in range(3):
             slope[i, k] = slope[i, 3 + k] = A[k, 0]
@@ -271,17 +271,13 @@ def slopes(links: RigidLinks, s: State, w: Work, slope: Floats) -> None:
 @namesake
 def fibres(links: RigidLinks, s: State, w: Work, stress: Floats) -> None:
     """Zero, rigid links have none."""
-    for i in range(stress.shape[0]):
-        for k in range(2):
-            stress[i, k] = 0.0
+    stress[:] = 0.0
 
 
 @namesake
 def pin_places(links: RigidLinks, s: State, w: Work, place: Floats) -> None:
     pin_motion(links, s, w)
-    for j in range(place.shape[0]):
-        for k in range(3):
-            place[j, k] = w.pins[0, j, k]
+    copy_rows(w.pins[0], place)
 
 
 @namesake
@@ -289,6 +285,5 @@ def observe_links(
     links: RigidLinks, env: Environment, s: State, w: Work, tension: Floats, stress: Floats, place: Floats
 ) -> None:
     tensions(links, env, s, w, tension)
-    for i in range(stress.size):
-        stress[i] = 0.0
+    stress[:] = 0.0
     pin_places(links, s, w, place)

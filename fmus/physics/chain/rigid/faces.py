@@ -1,6 +1,6 @@
 """Faces of rigid links, and the change of their contact forces by Newton's last correction.
 
-Motion ``x``: a ``State``, rotation matrices in ``w.system.A``. The change is as in ``flexible.node_faces``.
+Motion ``x``: a ``State``, rotation matrices in ``w.system.rotation``. The change is as in ``flexible.node_faces``.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ def depth_below_pins(links: RigidLinks, x: State, i: int) -> float:
 
 @namesake
 def pin_positions(links: RigidLinks, x: State, w: Work, i: int) -> tuple[Vector, Vector]:
-    r, l = vector(x.q[i], 0), scale(links.half, axis(w.system.A[i], 0))
+    r, l = vector(x.q[i], 0), scale(links.half, axis(w.system.rotation[i], 0))
     return add(r, scale(-1.0, l)), add(r, l)
 
 
 @namesake
 def pin_velocities(links: RigidLinks, x: State, w: Work, i: int) -> tuple[Vector, Vector]:
-    A, v = w.system.A[i], x.v[i]
+    A, v = w.system.rotation[i], x.v[i]
     return rate(A, v, -links.half, 0.0, 0.0), rate(A, v, links.half, 0.0, 0.0)
 
 
@@ -65,7 +65,7 @@ def locate(
     links: RigidLinks, x: State, w: Work, i: int, section: tuple[float, float], y: float
 ) -> tuple[Vector, Vector]:
     """Leaves the lever, m, in ``w.lever``."""
-    A, (lx, z) = w.system.A[i], section
+    A, (lx, z) = w.system.rotation[i], section
     l = lever(A, lx, y, z)
     w.lever[0], w.lever[1], w.lever[2] = l
     return add(vector(x.q[i], 0), l), rate(A, x.v[i], lx, y, z)
@@ -73,23 +73,24 @@ def locate(
 
 @namesake
 def position_slope(links: RigidLinks, x: State, w: Work, i: int) -> Vector:
-    return scale(2.0 * links.half, axis(w.system.A[i], 0))
+    return scale(2.0 * links.half, axis(w.system.rotation[i], 0))
 
 
 @kernel
 def apply_force(links: RigidLinks, w: Work, i: int, force: ContactForce, tangent: bool) -> None:
     """Add a force to residual and matrix of the link, and its part in the mean tension to ``w.along``."""
     y, l = w.system, vector(w.lever, 0)
-    along = axis(y.A[i], 0)
+    along = axis(y.rotation[i], 0)
     w.along[i, 0] += dot(force.f, along) * dot(l, along) / (2.0 * links.half)
-    add_force(y.A[i], l, 1.0, force.f, force.g, tangent, w.N, y.r[i], y.K[i])
+    A, N, r, K = y.rotation[i], w.rotation_jacobian, y.residual[i], y.iteration_matrix[i]
+    add_force(A, l, 1.0, force.f, force.g, tangent, N, r, K)
 
 
 @kernel
 def add_rate_matrix(links: RigidLinks, w: Work, i: int, force: ContactForce, sinking: Sinking) -> None:
     """Add K -= (r, N^T r) (d rate / d link), r = df / d rate, with N of the last pushed point."""
     by_rate, foot, normal = sinking
-    A, K, N, r = w.system.A[i], w.system.K[i], w.N, force.by_rate
+    A, K, N, r = w.system.rotation[i], w.system.iteration_matrix[i], w.rotation_jacobian, force.by_rate
     place = (2.0 * foot - 1.0) * links.half
     for j in range(6):
         # d rate / d velocity = -side . (1, axis cross lever), the lever along the link's x axis
@@ -113,23 +114,22 @@ def record_point(links: RigidLinks, w: Work, point: ContactPoint, force: Contact
 @namesake
 def locate_pin(links: RigidLinks, x: State, w: Work, i: int, y: float) -> tuple[Vector, Vector]:
     """A point of the link that begins there; for the last pin, of the one that ends there."""
-    before, after = joined(x.q.shape[0], links.ends.closed, i)
+    before, after, _ = joined(x.q.shape[0], links.ends.closed, i)
     k, end = (after, -links.half) if after >= 0 else (before, links.half)
-    A = w.system.A[k]
+    A = w.system.rotation[k]
     return add(vector(x.q[k], 0), lever(A, end, y, 0.0)), rate(A, x.v[k], end, y, 0.0)
 
 
 @kernel
 def apply_pin_force(links: RigidLinks, x: State, w: Work, i: int, y: float, force: ContactForce, tangent: bool) -> None:
     """Apply half of the force to each link of the pin; all of it at an end."""
-    before, after = joined(x.q.shape[0], links.ends.closed, i)
-    share = 1.0 if before < 0 or after < 0 else 0.5
+    before, after, share = joined(x.q.shape[0], links.ends.closed, i)
     for a in range(3):
         x.load[i, a] += force.f[a]
     for k, end in ((after, -links.half), (before, links.half)):
         if k >= 0:
-            A, r, K = w.system.A[k], w.system.r[k], w.system.K[k]
-            add_force(A, lever(A, end, y, 0.0), share, force.f, force.g, tangent, w.N, r, K)
+            A, r, K = w.system.rotation[k], w.system.residual[k], w.system.iteration_matrix[k]
+            add_force(A, lever(A, end, y, 0.0), share, force.f, force.g, tangent, w.rotation_jacobian, r, K)
 
 
 @kernel
@@ -139,7 +139,7 @@ def add_last_correction(links: RigidLinks, x: State, w: Work) -> None:
 
     The last correction is in the linear system, whose rotation matrices become those at the last evaluation.
     """
-    points, wheels, A = w.points, w.wheels.shape[0], w.system.A
+    points, wheels, A = w.points, w.wheels.shape[0], w.system.rotation
     for i in range(x.q.shape[0]):
         body.rotation(points.q[i], A[i])
     for n in range(points.number[0]):
@@ -163,10 +163,9 @@ def add_last_correction(links: RigidLinks, x: State, w: Work) -> None:
 @kernel
 def _change(links: RigidLinks, w: Work, i: int, on_pin: int, numbers: Floats) -> Vector:
     """Change of the force on a point of the link or pin ``i``, N; ``numbers`` as in ``contact_points``."""
-    A, dx, (xi, z, y) = w.system.A, w.system.dx, vector(numbers, at.PLACE)
+    A, dx, (xi, z, y) = w.system.rotation, w.system.correction, vector(numbers, at.PLACE)
     if on_pin:
-        before, after = joined(A.shape[0], links.ends.closed, i)
-        d, share = (0.0, 0.0, 0.0), 1.0 if before < 0 or after < 0 else 0.5
+        d, (before, after, share) = (0.0, 0.0, 0.0), joined(A.shape[0], links.ends.closed, i)
         for k, end in ((after, -links.half), (before, links.half)):
             if k >= 0:
                 d = add(d, scale(share, rate(A[k], dx[k], end, y, 0.0)))

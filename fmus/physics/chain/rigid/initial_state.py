@@ -17,7 +17,7 @@ from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.rigid.dynamics import CORRECTIONS, accelerations, displace, newton_joints, observe, project
 from fmus.physics.chain.rigid.links import pins, residual
 from fmus.physics.chain.rigid.newton import largest_residual, newton, settle_rates
-from fmus.physics.chain.state import copy, store_first_evaluation
+from fmus.physics.chain.state import copy, copy_rows, store_first_evaluation
 from fmus.physics.integrate.generalized_alpha import slopes
 from fmus.physics.rigid import augmented
 from fmus.physics.vector import dot
@@ -26,9 +26,9 @@ from fmus.physics.wheels import move
 if TYPE_CHECKING:
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
+    from fmus.physics.contact.partners import Contacts
 
 
 # Longest pseudo step towards equilibrium, s, and shortest one of a chain that creeps: hardly anything holds it across,
@@ -81,8 +81,8 @@ def settle(
         last, movement, turned = movement, 0.0, 0.0
         for i in range(s.q.shape[0]):
             for k in range(6):
-                movement = max(movement, abs(w.x[i, k]))
-                turned = max(turned, abs(w.x[i, k]) if k > 2 else 0.0)
+                movement = max(movement, abs(w.increment[i, k]))
+                turned = max(turned, abs(w.increment[i, k]) if k > 2 else 0.0)
         if failure or turned > TURNED:
             copy(w.before.flat, s.flat[: w.before.flat.size])
             h *= 0.25
@@ -93,21 +93,19 @@ def settle(
         if not found and h >= CREEP_STEP and movement > 0.5 * last:
             _stop(s)
             residual(links, contacts, env, s, w, slopes(method.alpha, h), False)
-            found = largest_residual(w.system.r)[0] < load
+            found = largest_residual(w.system.residual)[0] < load
         if found:
             break
         h = min(2.0 * h, LONG)
     _stop(s)
     by = slopes(method.alpha, h)
     residual(links, contacts, env, s, w, by, False)
-    worst, link = largest_residual(w.system.r)
+    worst, link = largest_residual(w.system.residual)
     if not found:
         return IntegrationOutcome(STALLED, 0.0, link, worst)
     settle_rates(links, s, w, by)
     s.v[:] = 0.0
-    for i in range(s.q.shape[0]):
-        for k in range(6):
-            s.a[i, k] = s.vdot[i, k]
+    copy_rows(s.vdot, s.a)
     return IntegrationOutcome(DONE, 0.0, 0, 0.0)
 
 
@@ -139,11 +137,11 @@ def open_closing_pin(
         return failed
     y = w.system
     j = augmented.closing_pin(pinned.ends, s.q.shape[0])
-    y.r[:] = 0.0
+    y.residual[:] = 0.0
     for _ in range(CORRECTIONS):
         pins(pinned, s, w)
         for k in range(3):
-            y.C[j, k] += s.lam[j, k] / links.spring.stiffness
+            y.gap[j, k] += s.lam[j, k] / links.spring.stiffness
         augmented.solve(pinned.half, pinned.ends, y)
         displace(s, w)
     for _ in range(2):  # the second time with the factors of the moved state

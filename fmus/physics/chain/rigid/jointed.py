@@ -25,6 +25,7 @@ from fmus.physics.chain.rigid.arms import axis
 from fmus.physics.chain.rigid.dynamics import ANY, CORRECTIONS, OPEN
 from fmus.physics.chain.rigid.links import RigidLinks, loads
 from fmus.physics.chain.rigid.newton import GAP
+from fmus.physics.chain.state import copy_rows
 from fmus.physics.chain.sums import JOINTS
 from fmus.physics.elementary import atan2, cos, sin
 from fmus.physics.rigid import augmented, body, recursive
@@ -32,9 +33,9 @@ from fmus.physics.vector import dot
 
 if TYPE_CHECKING:
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
+    from fmus.physics.contact.partners import Contacts
     from fmus.physics.rigid.augmented import Ends
     from fmus.physics.rigid.recursive import ArticulatedBodies
 
@@ -85,9 +86,9 @@ def to_poses(links: RigidLinks, s: State, w: Work) -> None:
             q[0, k] = x[k]
         for k in range(6):
             v[0, k] = x[rates + k]
-        body.rotation(q[0], w.system.A[0])
+        body.rotation(q[0], w.system.rotation[0])
     for i in range(0 if held else 1, n):
-        A, spin = w.system.A[i], x[rate + i]
+        A, spin = w.system.rotation[i], x[rate + i]
         b, a = sin(0.5 * x[angle + i]), cos(0.5 * x[angle + i])
         s1, c1 = 2.0 * a * b, a * a - b * b
         t.turn[i, 0], t.turn[i, 1] = c1, s1
@@ -105,7 +106,7 @@ def to_poses(links: RigidLinks, s: State, w: Work) -> None:
             # from the centre of the previous link, or the ground's pin, to the pin and on
             position, velocity = w.ground[0, k] + (half if k == 0 else 0.0), 0.0
             if i > 0:
-                B = w.system.A[i - 1]
+                B = w.system.rotation[i - 1]
                 position, velocity = q[i - 1, k] + half * B[k, 0], v[i - 1, k] + half * (B[k, 1] * wz - B[k, 2] * wy)
             q[i, k] = position + half * A[k, 0]
             v[i, k] = velocity + half * (A[k, 1] * uz - A[k, 2] * v[i, 4])
@@ -162,7 +163,7 @@ def accelerations(links: RigidLinks, contacts: Contacts | None, env: Environment
 @kernel
 def _pin_loads(links: RigidLinks, s: State, w: Work) -> None:
     """Collect the loads at the first pins of the links, N m and N, from residuals without accelerations."""
-    half, m, A, r, p = links.half, links.mass, w.system.A, w.system.r, w.articulated.load[0]
+    half, m, A, r, p = links.half, links.mass, w.system.rotation, w.system.residual, w.articulated.load[0]
     for i in range(s.q.shape[0]):
         ox, oy, oz = s.v[i, 3], s.v[i, 4], s.v[i, 5]
         f = r[i, 0], r[i, 1], r[i, 2]
@@ -179,7 +180,7 @@ def _axes(ends: Ends, w: Work) -> tuple[tuple[float, float], tuple[float, float]
 
     Each is given by its components along x and z.
     """
-    A, n = w.system.A, w.system.A.shape[0]
+    A, n = w.system.rotation, w.system.rotation.shape[0]
     B, P = (A[0] if ends.closed else w.still), A[n - 1]
     return (
         (dot(axis(P, 0), axis(B, 0)), dot(axis(P, 2), axis(B, 0))),
@@ -206,7 +207,7 @@ def _relative_acceleration(
 @kernel
 def _close(links: RigidLinks, pin: int, s: State, w: Work) -> None:
     """Add the two forces of the closing pin that give both its sides the same acceleration."""
-    half, ends, t, n = links.half, links.ends, w.articulated, s.q.shape[0]
+    half, ends, t, n, A = links.half, links.ends, w.articulated, s.q.shape[0], w.system.rotation
     axes = _axes(ends, w)
     for k in range(2):
         p, (fx, fz) = t.load[1 + k], axes[k]
@@ -223,7 +224,7 @@ def _close(links: RigidLinks, pin: int, s: State, w: Work) -> None:
     f = _cancelling_forces(t.mobility, a + axes[0][0] * e0 + axes[0][1] * e2, b + axes[1][0] * e0 + axes[1][1] * e2)
     _add(f, t)
     for i in range(3):
-        x, z = (w.system.A[0, i, 0], w.system.A[0, i, 2]) if ends.closed else (w.still[i, 0], w.still[i, 2])
+        x, z = (A[0, i, 0], A[0, i, 2]) if ends.closed else (w.still[i, 0], w.still[i, 2])
         s.lam[pin, i] = f[0] * x + f[1] * z
 
 
@@ -261,14 +262,13 @@ def _write_accelerations(links: RigidLinks, s: State, w: Work) -> None:
     """Accelerations of the links' centres and, from the last link to the first, the forces in the pins."""
     half, m, n, p, x = links.half, links.mass, s.q.shape[0], s.lam.shape[0], w.articulated.response[0]
     for i in range(n):
-        A, ox, oy, oz = w.system.A[i], s.v[i, 3], s.v[i, 4], s.v[i, 5]
+        A, ox, oy, oz = w.system.rotation[i], s.v[i, 3], s.v[i, 4], s.v[i, 5]
         whirl = -half * (oy * oy + oz * oz), half * ox * oy, half * ox * oz
         centre = _centre(half, A, x[i])
         for k in range(3):
             s.vdot[i, k] = centre[k] + A[k, 0] * whirl[0] + A[k, 1] * whirl[1] + A[k, 2] * whirl[2]
             s.vdot[i, 3 + k] = x[i, k]
-        for k in range(6):
-            s.a[i, k] = s.vdot[i, k]
+    copy_rows(s.vdot, s.a)
     sprung = links.spring.stiffness > 0.0
     closed = links.ends.closed
     for i in range(n - 1, -1, -1):
@@ -276,7 +276,7 @@ def _write_accelerations(links: RigidLinks, s: State, w: Work) -> None:
             break
         j = (i + 1) % p
         for k in range(3):
-            s.lam[i, k] = s.lam[j, k] - m * s.vdot[i, k] - w.system.r[i, k]
+            s.lam[i, k] = s.lam[j, k] - m * s.vdot[i, k] - w.system.residual[i, k]
             # the residual already contains the spring's force
             if sprung and i == n - 1:
                 s.lam[i, k] -= s.lam[j, k]
@@ -326,7 +326,7 @@ def project(links: JointedLinks, s: State, w: Work) -> int:
 @kernel
 def _in_plane(ends: Ends, g: Vector, w: Work) -> tuple[float, float]:
     """Components of the world vector ``g`` along the two axes of the closing pin's forces."""
-    B = w.system.A[0] if ends.closed else w.still
+    B = w.system.rotation[0] if ends.closed else w.still
     return dot(axis(B, 0), g), dot(axis(B, 2), g)
 
 
@@ -338,11 +338,11 @@ def _response(f: tuple[float, float], t: ArticulatedBodies, i: int, k: int) -> f
 
 @kernel
 def _base(links: RigidLinks, f: tuple[float, float], w: Work) -> None:
-    """Response of the centre of link 0 to the two impulses, into w.x[0] (6)."""
-    t, x = w.articulated, w.x[0]
+    """Response of the centre of link 0 to the two impulses, into the first row of ``w.increment`` (6)."""
+    t, x = w.articulated, w.increment[0]
     for k in range(6):
         x[k] = _response(f, t, 0, k)
-    centre = _centre(links.half, w.system.A[0], x)
+    centre = _centre(links.half, w.system.rotation[0], x)
     for k in range(3):
         x[3 + k] = x[k]
         x[k] = centre[k]
@@ -355,7 +355,7 @@ def _move(links: RigidLinks, f: tuple[float, float], s: State, w: Work) -> None:
     angle, _, _ = joint_indices(held, n)
     if not held:
         _base(links, f, w)
-        body.advance(s.q[0], w.x[0], x)
+        body.advance(s.q[0], w.increment[0], x)
     for i in range(0 if held else 1, n):
         x[angle + i] += _response(f, t, i, 1) - (_response(f, t, i - 1, 1) if i > 0 else 0.0)
 
@@ -368,7 +368,7 @@ def _push(links: RigidLinks, f: tuple[float, float], s: State, w: Work) -> None:
     if not held:
         _base(links, f, w)
         for k in range(6):
-            x[rates + k] += w.x[0, k]
+            x[rates + k] += w.increment[0, k]
     for i in range(0 if held else 1, n):
         x[rate + i] += _response(f, t, i, 1) - (_response(f, t, i - 1, 1) if i > 0 else 0.0)
 

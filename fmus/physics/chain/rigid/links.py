@@ -15,7 +15,7 @@ from fmus.kernels.jit import implemented_in, kernel, noalias
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.interface import evaluate_contacts
 from fmus.physics.chain.rigid import closing
-from fmus.physics.chain.rigid.arms import add_force, axis, lever, rate
+from fmus.physics.chain.rigid.arms import add_force, axis, joined, lever, rate
 from fmus.physics.chain.rigid.state import State, Work
 from fmus.physics.chain.sums import END_POWER, JOINTS
 from fmus.physics.elementary import atan2, cos, of_each, sin
@@ -25,13 +25,13 @@ from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.contact.partners import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 NONE = (0.0,) * 9  # the matrix of a constant force
 
 
-@implemented_in(dynamics=".dynamics", faces=".faces", guides="..guides")
+@implemented_in(dynamics=".dynamics", bodies=".faces", faces=".faces", guides="..guides")
 class RigidLinks(NamedTuple):
     """Parameters of a chain of equal links."""
 
@@ -59,10 +59,9 @@ def place(links: RigidLinks, pins: Floats, s: State, w: Work) -> None:
 @kernel
 def _across(links: RigidLinks, damping: float, s: State, w: Work, by_v: float, tangent: bool) -> None:
     """Damping, N s/m, of the pins' velocity across the chain, half on each of a pin's links; ``by_v`` in 1/s."""
-    A, r, K, n = w.system.A, w.system.r, w.system.K, s.q.shape[0]
+    A, r, K, n = w.system.rotation, w.system.residual, w.system.iteration_matrix, s.q.shape[0]
     for j in range(s.lam.shape[0]):
-        before, after = (j - 1 if j > 0 or not links.ends.closed else n - 1), (j if j < n else -1)
-        share = 1.0 if before < 0 or after < 0 else 0.5
+        before, after, share = joined(n, links.ends.closed, j)
         t = (0.0, 0.0, 0.0)
         for i in (before, after):
             if i >= 0:
@@ -82,7 +81,7 @@ def _across(links: RigidLinks, damping: float, s: State, w: Work, by_v: float, t
             for a in range(3):
                 s.load[j, a] += share * f[a]
             w.sums[JOINTS] -= share * dot(f, u)
-            add_force(A[i], lever(A[i], end, 0.0, 0.0), share, f, g, tangent, w.N, r[i], K[i])
+            add_force(A[i], lever(A[i], end, 0.0, 0.0), share, f, g, tangent, w.rotation_jacobian, r[i], K[i])
 
 
 @kernel
@@ -93,11 +92,10 @@ def _pull(links: RigidLinks, env: Environment, s: State, w: Work, tangent: bool)
         if links.ends.first if end == 0 else links.ends.last:
             continue
         i, at, f = end * (n - 1), (2.0 * end - 1.0) * links.half, vector(env.pull[end], 0)
-        A = w.system.A[i]
+        A, N, r, K = w.system.rotation[i], w.rotation_jacobian, w.system.residual[i], w.system.iteration_matrix[i]
         w.sums[END_POWER] += dot(f, rate(A, s.v[i], at, 0.0, 0.0))
-        add_force(A, lever(A, at, 0.0, 0.0), 1.0, f, NONE, False, w.N, w.system.r[i], w.system.K[i])
+        add_force(A, lever(A, at, 0.0, 0.0), 1.0, f, NONE, False, N, r, K)
         if tangent:  # of the torque, as in ``pin.stiffness``
-            K = w.system.K[i]
             for a in range(1, 3):
                 K[3 + a, 3] -= at * dot(f, axis(A, a))
                 K[3 + a, 3 + a] += at * dot(f, axis(A, 0))
@@ -108,18 +106,18 @@ def pins(links: RigidLinks, s: State, w: Work) -> None:
     """Rotation matrices of the links, equations and axis rows of the pins, into ``w.system``."""
     y, n, p = w.system, s.q.shape[0], s.lam.shape[0]
     for i in range(n):
-        body.rotation(s.q[i], y.A[i])
+        body.rotation(s.q[i], y.rotation[i])
     for j in range(p):
         if links.ends.closed or 0 < j < n:
             b = j - 1 if j > 0 else n - 1
-            pin.equations(links.half, s.q[b], y.A[b], s.q[j], y.A[j], y.C[j])
-            pin.axis_rows(y.A[b], y.A[j], y.WP[j], y.WQ[j])
+            pin.equations(links.half, s.q[b], y.rotation[b], s.q[j], y.rotation[j], y.gap[j])
+            pin.axis_rows(y.rotation[b], y.rotation[j], y.axes_before[j], y.axes_after[j])
         elif j == 0 and links.ends.first:
-            pin.equations(links.half, w.ground[0], w.still, s.q[0], y.A[0], y.C[0])
-            pin.axis_rows(w.still, y.A[0], y.WP[0], y.WQ[0])
+            pin.equations(links.half, w.ground[0], w.still, s.q[0], y.rotation[0], y.gap[0])
+            pin.axis_rows(w.still, y.rotation[0], y.axes_before[0], y.axes_after[0])
         elif j == n and links.ends.last:
-            pin.equations(links.half, s.q[n - 1], y.A[n - 1], w.ground[1], w.still, y.C[n])
-            pin.axis_rows(y.A[n - 1], w.still, y.WP[n], y.WQ[n])
+            pin.equations(links.half, s.q[n - 1], y.rotation[n - 1], w.ground[1], w.still, y.gap[n])
+            pin.axis_rows(y.rotation[n - 1], w.still, y.axes_before[n], y.axes_after[n])
     if links.spring.stiffness > 0.0:
         closing.zero_tilting(links, y)
 
@@ -128,12 +126,12 @@ def pins(links: RigidLinks, s: State, w: Work) -> None:
 def _inertia(links: RigidLinks, gravity: Vector, s: State, w: Work, by: Slopes, tangent: bool) -> None:
     """Inertia minus weight minus pin forces into the residual of the links, and their tangent; ``gravity`` in m/s2."""
     J, m, p = links.inertia, links.mass, s.lam.shape[0]
-    A, R, KK, WP, WQ = w.system.A, w.system.r, w.system.K, w.system.WP, w.system.WQ
-    vdot, v, lam, xx = s.vdot, s.v, s.lam, w.x
+    y, A, WP, WQ = w.system, w.system.rotation, w.system.axes_before, w.system.axes_after
+    vdot, v, lam, xx = s.vdot, s.v, s.lam, w.increment
     g0, g1, g2 = (J[2] - J[1]), (J[0] - J[2]), (J[1] - J[0])
     h = 0.5 * by.vdot
     for i in range(s.q.shape[0]):
-        r, j = R[i], (i + 1) % p
+        r, j = y.residual[i], (i + 1) % p
         o0, o1, o2 = v[i, 3], v[i, 4], v[i, 5]
         for a in range(6):
             r[a] = 0.0
@@ -146,7 +144,7 @@ def _inertia(links: RigidLinks, gravity: Vector, s: State, w: Work, by: Slopes, 
         r[5] += g2 * o0 * o1
         if not tangent:
             continue
-        K = KK[i]
+        K = y.iteration_matrix[i]
         x0, x1, x2 = xx[i, 3], xx[i, 4], xx[i, 5]
         for a in range(6):
             for b in range(6):

@@ -18,6 +18,7 @@ import numpy as np
 
 from fmus.kernels.jit import allocating, kernel, noalias
 from fmus.physics.arrays import Floats, Integers
+from fmus.physics.chain.implicit import CHORD, FASTEST, MOST, REUSE, SLOW
 from fmus.physics.chain.integration import DONE, SINGULAR, STALLED
 from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
@@ -31,9 +32,9 @@ from fmus.physics.rigid import augmented, body
 if TYPE_CHECKING:
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.chain.protocols import Contacts
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
+    from fmus.physics.contact.partners import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 
@@ -44,7 +45,7 @@ PARTING = 0.1  # least acceleration, m/s2, by which a step would take the rates 
 @kernel
 def set_mass(links: RigidLinks, w: Work) -> None:
     """Set the matrices of all links to their masses and inertias."""
-    K = w.system.K
+    K = w.system.iteration_matrix
     K[:] = 0.0
     for i in range(K.shape[0]):
         for k in range(3):
@@ -60,16 +61,16 @@ def close_rates(links: RigidLinks, h: float, s: State, w: Work) -> None:
     y, ends, parting = w.system, closing.ends_without_pin(links), 0.0
     pins(links, s, w)
     augmented.rates(links.half, ends, y, s.v)
-    for j in range(y.C.shape[0]):
+    for j in range(y.gap.shape[0]):
         for k in range(5):
-            parting = max(parting, abs(y.C[j, k]) * (1.0 if k < 3 else links.half))
+            parting = max(parting, abs(y.gap[j, k]) * (1.0 if k < 3 else links.half))
     if parting < PARTING * h:
         return
     set_mass(links, w)
-    y.r[:] = 0.0
+    y.residual[:] = 0.0
     if augmented.factor(links.half, ends, y, augmented.REGULAR) < 0:
         augmented.solve(links.half, ends, y)
-        add_share(1.0, y.dx, s.v)
+        add_share(1.0, y.correction, s.v)
 
 
 TOLERANCE = 1e-8  # correction at the end of the iteration, m
@@ -77,11 +78,6 @@ GAP = 1e-11  # misfit of a pin that counts as closed, m and rad: 1e-12 of the le
 # A predicted motion is kept if pins are closed and residuals of links at most FORCE times the tolerance, relative to
 # weight and pull. Below TINY, s, corrections would be rounding, which 1/h^2 enlarges: COARSE bounds are enough.
 FORCE, TINY, COARSE_GAP, COARSE_FORCE = 100.0, 1e-6, 1e-8, 1.0
-CHORD = 1e-4  # correction below which the iteration matrix is kept, m
-REUSE = 0.1  # as long as a correction is smaller than this part of the last one
-FASTEST = 10.0  # correction beyond which the iteration has diverged, m
-SLOW = 0.5  # friction is sharp if a correction is larger than this part of the last one
-MOST = 20  # iterations before a step is rejected
 
 
 @allocating
@@ -103,10 +99,10 @@ def newton(
         for k in range(6):
             a0 = s.a[i, k]
             a1 = auxiliary(c, a0, s.vdot[i, k], s.vdot[i, k])
-            w.x[i, k] = h * (s.v[i, k] + h * ((0.5 - c.beta) * a0 + c.beta * a1))
+            w.increment[i, k] = h * (s.v[i, k] + h * ((0.5 - c.beta) * a0 + c.beta * a1))
             s.v[i, k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
             s.a[i, k] = a1
-        body.advance(before.q[i], w.x[i], s.q[i])
+        body.advance(before.q[i], w.increment[i], s.q[i])
     bounds = (COARSE_GAP, COARSE_FORCE) if h < TINY else (GAP, FORCE * method.tolerance)
     size, last, y, sharp = np.inf, np.inf, w.system, w.contact.sharp
     sharp[0] = 0
@@ -123,7 +119,7 @@ def newton(
         if fresh:
             failed = augmented.factor(links.half, links.ends, y, 1.0, augmented.spring_compliance(links.spring, by.v))
             if failed >= 0:
-                return SINGULAR, failed, largest_residual(y.r)[0]
+                return SINGULAR, failed, largest_residual(y.residual)[0]
         augmented.solve(links.half, links.ends, y)
         counters[ITERATIONS] += 1
         last, size = size, _update(links, s, w, by)
@@ -135,7 +131,7 @@ def newton(
             return DONE, 0, 0.0
         if size > SLOW * last and fresh and not sharp[0]:
             sharpen(w.contact)
-    worst, where = largest_residual(y.r)
+    worst, where = largest_residual(y.residual)
     return STALLED, where, worst
 
 
@@ -158,20 +154,20 @@ def _update(links: RigidLinks, s: State, w: Work, by: Slopes) -> float:
     """
     y, d, size = w.system, w.lever, 0.0
     for i in range(s.q.shape[0]):
-        body.turn_rate(w.x[i, 3:], y.dx[i, 3:], d)
+        body.turn_rate(w.increment[i, 3:], y.correction[i, 3:], d)
         for k in range(6):
-            x = y.dx[i, k] if k < 3 else d[k - 3]
+            x = y.correction[i, k] if k < 3 else d[k - 3]
             moved = abs(x) if k < 3 else links.half * abs(x)
             if not moved <= size:
                 size = moved
-            w.x[i, k] += x
+            w.increment[i, k] += x
             s.v[i, k] += by.v * x
             s.a[i, k] += by.a * x
             s.vdot[i, k] += by.vdot * x
-        body.advance(w.before.q[i], w.x[i], s.q[i])
+        body.advance(w.before.q[i], w.increment[i], s.q[i])
     for j in range(s.lam.shape[0]):
         for k in range(5):
-            s.lam[j, k] += y.dl[j, k]
+            s.lam[j, k] += y.multiplier_correction[j, k]
     return size
 
 
@@ -182,12 +178,12 @@ def _is_solution(links: RigidLinks, gap: float, force: float, s: State, w: Work)
     for j in range(s.lam.shape[0]):
         pull = max(pull, abs(s.lam[j, 0]), abs(s.lam[j, 2]))
         for a in range(5):
-            if not abs(y.C[j, a]) <= gap:
+            if not abs(y.gap[j, a]) <= gap:
                 return False
     most = force * (links.mass * 9.81 + pull)
     for i in range(s.q.shape[0]):
         for a in range(6):
-            if not abs(y.r[i, a]) <= (most if a < 3 else most * links.half):
+            if not abs(y.residual[i, a]) <= (most if a < 3 else most * links.half):
                 return False
     return True
 
@@ -197,7 +193,7 @@ def settle_rates(links: RigidLinks, s: State, w: Work, by: Slopes) -> None:
     """Add the residual to the accelerations: momentum is then balanced to rounding."""
     for i in range(s.q.shape[0]):
         for k in range(6):
-            d = -w.system.r[i, k] / (links.mass if k < 3 else links.inertia[k - 3])
+            d = -w.system.residual[i, k] / (links.mass if k < 3 else links.inertia[k - 3])
             s.vdot[i, k] += d
             s.a[i, k] += d * by.a / by.vdot
             s.v[i, k] += d * by.v / by.vdot

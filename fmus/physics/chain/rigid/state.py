@@ -10,7 +10,7 @@ from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
-from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size
+from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 from fmus.physics.rigid import augmented, recursive
@@ -71,12 +71,6 @@ def shapes(
     }  # fmt: skip
 
 
-def views(flat: Floats, sizes: state.Shapes) -> State:
-    """State of views into the array ``flat``; ``sizes`` from ``shapes``."""
-    state_views: State = state.views(State, sizes, flat)
-    return state_views
-
-
 class Work(NamedTuple):
     """Arrays for n links, p pins, m wheels."""
 
@@ -86,7 +80,7 @@ class Work(NamedTuple):
     contact: Memory  # memory of sharp friction
     points: Any  # ``ContactPoints`` at the last iteration matrix; None without contacts
     near: Near  # distances of links from a wheel
-    x: np.ndarray  # (n, 6) increments over the step, m and rad
+    increment: np.ndarray  # (n, 6) increments over the step, m and rad
     wheels: np.ndarray  # (m, 15) wheels at the time of evaluation
     wrench: np.ndarray  # (m + 1, 6) wrenches on the wheels and, last, on the ground, N and N m
     on_links: np.ndarray  # (k, c) forces on each link, see ``on_links``
@@ -94,7 +88,7 @@ class Work(NamedTuple):
     sums: np.ndarray  # (SUMS) see ``sums``
     pins: np.ndarray  # (2, p, 3) positions, m, and velocities, m/s, of the pins
     lever: np.ndarray  # (3) lever of a contact point, m
-    N: np.ndarray  # (3, 3) derivative of the contact point by the link's rotation, m
+    rotation_jacobian: np.ndarray  # (3, 3) derivative of the contact point by the link's rotation, m
     ground: np.ndarray  # (2, 7) poses of the supports of the first and the last pin
     still: np.ndarray  # (3, 3) rotation matrix of the supports, the identity
     soil: np.ndarray  # (points, k) memory that the ground would have after the evaluation; (0, 0) on hard ground
@@ -120,13 +114,13 @@ def work(
     sizes, supports = shapes(links, closed, wheels, forces, joints, ground._replace(rut=0)), z((2, 7))
     supports[:, 3] = 1.0
     return Work(
-        before=views(z(size(sizes)), sizes),
+        before=views(State, sizes, z(size(sizes))),
         system=augmented.system(links, closed),
         articulated=recursive.articulated_bodies(links if joints else 0),
         contact=memory(points(wheels, pins)),
         points=_contact_points(points(wheels, pins), links) if contacts else None,
         near=near(links),
-        x=z((links, 6)),
+        increment=z((links, 6)),
         wheels=z((wheels, WIDTH)),
         wrench=z((wheels + 1, 6)),
         on_links=z(forces),
@@ -134,7 +128,7 @@ def work(
         sums=z(SUMS),
         pins=z((2, pins, 3)),
         lever=z(3),
-        N=z((3, 3)),
+        rotation_jacobian=z((3, 3)),
         ground=supports,
         still=np.eye(3),
         soil=z((ground.points, ground.pending)),
