@@ -23,7 +23,7 @@ from fmus.physics.elementary import cos, sin
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import put_matrix, put_quat, quat_normalise
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
-from fmus.start.stance import Stance
+from fmus.start import Stance
 
 ROOT = 13  # numbers of the free body in the state
 LEAF = 4  # numbers of a leaf in the state

@@ -18,7 +18,7 @@ from fmus.physics.elementary import asin, atan2, cos, sin
 from fmus.physics.rotation import put_matrix, put_quat, quat_multiply
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 from fmus.physics.wheels import into_frame
-from fmus.start.pose import FRAME
+from fmus.start import FRAME
 
 
 @allocating

@@ -23,13 +23,23 @@ from fmus.interface import numbers
 from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment, parameter_values
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import Port, variables
-from fmus.native import fmi3_description, numbers_file, terminals
+from fmus.native import fmi3_description, numbers_file
 from fmus.native.arrays import ArrayVariable, arrays
 from fmus.native.emit import LEVELS, emit
 from fmus.native.entries import Entries, entries, free_names
 from fmus.native.header import header
-from fmus.native.link import FLAGS, NoCompiler, compiler, compiler_release, headers, link, sources
-from fmus.native.platform import LINUX, WINDOWS, Platform
+from fmus.native.link import (
+    FLAGS,
+    LINUX,
+    WINDOWS,
+    NoCompiler,
+    Platform,
+    compiler,
+    compiler_release,
+    headers,
+    link,
+    sources,
+)
 from fmus.vehicles.vehicle import number_meanings
 
 NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the entries rely on
@@ -201,7 +211,7 @@ class _Component:
         files = {DESCRIPTION: description, **libraries}
         files |= documentation(description, readme_beside(ROOT / KINDS[self.kind]), INCLUDED)
         files |= {f"resources/{numbers_file.FILE}": self.numbers(), f"resources/{SHAPE}": self.shape.encode()}
-        return archive(files | (terminals.files(self.arrays) if self.arrays is not None else {}))
+        return archive(files | (fmi3_description.terminal_files(self.arrays) if self.arrays is not None else {}))
 
     def _library(self, platform: Platform) -> bytes:
         with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:

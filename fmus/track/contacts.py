@@ -32,7 +32,7 @@ class Contacts(NamedTuple):
     belt: Vector  # velocity of the ground's surface in that frame, m/s
     sprocket: Any  # contact law (``physics.contact.laws``) of pins with teeth,
     wheel: Any  # of links with rims
-    soil: Any  # and of links with the ground (``physics.contact.ground_laws``)
+    soil: Any  # and of links with the ground (``physics.contact.grounds``)
 
 
 def contacts(

@@ -9,8 +9,7 @@ import numpy as np
 
 from fmus.ground.keys import is_plane, is_terrain
 from fmus.interface.ports import motion_ports, wrench_ports
-from fmus.start.pose import ground_level, standing_pose
-from fmus.start.stance import Stance
+from fmus.start import Stance, ground_level, standing_pose
 from fmus.track.choices import HHT, TRACKS
 from fmus.track.link_outputs import INTERVAL
 from fmus.vehicles.vehicle import ReturnRollerTable, RoadWheelTable, VehicleTable

@@ -8,7 +8,7 @@ from typing import Any
 
 from fmus.rest.equilibrium import FlexibleTrack, equilibrium
 from fmus.rest.tensioning import CABLES, Links, tension_wheel
-from fmus.start.pose import hull_clearance
+from fmus.start import hull_clearance
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import RightIdlerTable, RightTensionerTable
 from orchestrator.scene.assembly import assemble

@@ -9,7 +9,7 @@ import pytest
 from mcap.reader import make_reader
 
 from fmus.ground.soils import named
-from fmus.start.pose import ground_level
+from fmus.start import ground_level
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
-from fmus.physics.contact.terrain.fade import EVERYWHERE, fade
 from fmus.physics.contact.terrain.heightmap import heightmap, map_top
+from fmus.physics.contact.terrain.heights import EVERYWHERE, Six, fade, plus, times
 from fmus.physics.contact.terrain.plane import plane
 from fmus.physics.contact.terrain.profile import height, profile_top
 from fmus.physics.contact.terrain.rough import rough
 from fmus.physics.contact.terrain.shape import Terrain
-from fmus.physics.contact.terrain.sum import Six, plus, times
 from fmus.physics.contact.terrain.washboard import washboard
 
 
