@@ -76,9 +76,11 @@ def from_ground(links: TurningCables, x: Motion, w: TurningWork, force: ContactF
 def locate_section(
     links: TurningCables, x: Motion, w: TurningWork, i: int, xi: float, z: float
 ) -> tuple[Vector, Vector, Vector, float]:
-    """Leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``.
+    """Return position, m, and velocity, m/s, ``z`` m outside the centreline, with j - b t and the rate of b, 1/s.
 
-    ``w.axes`` receives m without y, the position and j - b t.
+    ``w.e`` and ``w.v`` must hold the coordinates of link ``i`` (4, 3), m on positions, and their rates: those of its
+    ``begin_link``. ``xi``: fraction of the length. Leaves shape functions in ``w.S`` (1, m), c, 1/m and 1, in ``w.C``,
+    t in ``w.t``. ``w.axes`` receives m without y, m, the position, m, and j - b t.
     """
     S, C, e, de, lever = w.S, w.C, w.e, w.v, w.axes.lever
     shape(links.element, xi, S)
