@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time
-from fmus.chassis.touch import touch
+from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time, touch
 from fmus.chassis.tree import VehicleTree, unpacked
 from fmus.interface.model import too_many_steps
 from fmus.kernels.jit import allocating, kernel

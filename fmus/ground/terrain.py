@@ -21,8 +21,7 @@ from fmus.physics.contact.terrain.obstacles import Obstacle, bump, half_round, p
 from fmus.physics.contact.terrain.plane import Plane
 from fmus.physics.contact.terrain.profile import TOP, Z
 from fmus.physics.contact.terrain.rough import Rough
-from fmus.physics.contact.terrain.shape import REGION, Kerb, Terrain
-from fmus.physics.contact.terrain.surface import fill_heights
+from fmus.physics.contact.terrain.shape import REGION, Kerb, Terrain, fill_heights
 from fmus.physics.contact.terrain.washboard import Washboard
 from fmus.start import FRAME, LEVEL, StartPose, lay_frame
 

@@ -17,8 +17,7 @@ from fmus.physics.contact.laws import with_friction
 from fmus.physics.contact.terrain.foot import Patch, first_foot, foot_point, patch
 from fmus.physics.contact.terrain.heights import fade
 from fmus.physics.contact.terrain.profile import height
-from fmus.physics.contact.terrain.shape import Terrain, friction_at
-from fmus.physics.contact.terrain.surface import smooth_height, surface, top
+from fmus.physics.contact.terrain.shape import Terrain, friction_at, smooth_height, surface, top
 from fmus.physics.vector import add, cross, dot, scale, vector
 from fmus.physics.wheels import from_frame, into_frame
 
