@@ -11,9 +11,9 @@ from scipy.optimize import brentq
 from fmus.physics.chain import layout
 from fmus.physics.chain.report import T_MEAN
 from fmus.rest import tensioning
+from fmus.track.drawn_wheels import drawn
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
-from fmus.vehicles.sides import drawn
 from fmus.vehicles.tables import BadInput
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import rig_track_config, vehicle_track_config
