@@ -70,7 +70,7 @@ DOORS = {
     "fmus.ahead.contents", "fmus.ahead.kernels", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.fmi.build",
     "fmus.fmi.saved", "fmus.ground.keys", "fmus.ground.soils", "fmus.ground.terrain", "fmus.interface.defaults",
     "fmus.interface.ports", "fmus.monolith.model", "fmus.native.pack", "fmus.rest.equilibrium", "fmus.rest.tensioning",
-    "fmus.start.pose", "fmus.start.stance", "fmus.track.choices", "fmus.track.link_outputs", "fmus.vehicles.ranges",
+    "fmus.start", "fmus.track.choices", "fmus.track.link_outputs", "fmus.vehicles.ranges",
     "fmus.vehicles.sides", "fmus.vehicles.tables", "fmus.vehicles.vehicle",
 }  # fmt: skip
 PROOF = ROOT / "tests"
@@ -286,7 +286,7 @@ def test_each_peer_is_known_by_one_module():
 def test_the_checks_see_forbidden_imports():
     assert imports("def f():\n    from orchestrator import scene\n") >= {"orchestrator.scene"}
     assert ours({"fmus.chassis.model", "fmus.vehicles.vehicle.BadInput"}, "fmus") == {"fmus.chassis.model"}
-    derived = "import fmus.track.parameters\nfrom fmus.track_rigid import model\nfrom fmus.chassis.model import Model\n"
+    derived = "import fmus.track.ports\nfrom fmus.track_rigid import model\nfrom fmus.chassis.model import Model\n"
     assert others("track_flexible", derived) == {"fmus.chassis.model"}
     assert others("driver", derived) == {"fmus.track_rigid", "fmus.track_rigid.model", "fmus.chassis.model"}
     assert others("track_rigid", "import fmus.track_rigid.model\n") == set()

@@ -15,8 +15,7 @@ from fmpy.fmi2 import FMU2Slave
 from vehicle_in_process import InProcess
 
 from fmus.fmi.build import build_all
-from fmus.native.link import compiler
-from fmus.native.platform import LINUX, WINDOWS
+from fmus.native.link import LINUX, WINDOWS, compiler
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.assembly import assemble, build_native_all

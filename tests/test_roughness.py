@@ -12,7 +12,7 @@ from scipy.special import j0
 
 from fmus.ground.roughness import CLASSES, REFERENCE, rough_ground, spectral_density
 from fmus.ground.terrain import heights, heights_of, terrain
-from fmus.physics.contact.terrain.surface import surface
+from fmus.physics.contact.terrain.shape import surface
 
 TABLE = {
     "iso_class": "D",

@@ -9,8 +9,7 @@ from fmus.chassis.dynamics import ROOT, Parts, energies, is_fixed
 from fmus.chassis.tree import PackedTree, unpacked, with_leaves, with_sprockets
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats
-from fmus.start.pose import AFTER_POSE, FRAME, lay_frame
-from fmus.start.stance import part_at_rest
+from fmus.start import AFTER_POSE, FRAME, lay_frame, part_at_rest
 
 PRELOADS = AFTER_POSE  # index of the preloads in ``p``: of suspension springs, of tensioners
 NUMBERS = (  # numbers of the vehicle table that follow the preloads in ``p``

@@ -21,7 +21,7 @@ from fmus.physics.contact.grounds import ground_face, ground_law, wheel_normal
 from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 from fmus.physics.wheels import from_frame, into_frame
-from fmus.start.pose import FRAME
+from fmus.start import FRAME
 from fmus.vehicles.sides import return_rollers
 
 STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbers
@@ -32,7 +32,7 @@ class ChassisContacts(NamedTuple):
 
     ground: Any  # shape (``physics.contact.grounds``) in the frame of the start
     law: Any  # a law of ``physics.contact.laws``
-    frame: np.ndarray  # (12) of the start, see ``fmus.start.pose``
+    frame: np.ndarray  # (12) of the start, see ``fmus.start``
     points: np.ndarray  # (m, 3) points of the hull, frame B, m
     radius: np.ndarray  # (n) radius of road wheels and idlers without a track, 0 for others, m
     half_width: np.ndarray  # (n) half the width of their rims, m

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time
-from fmus.chassis.touch import touch
+from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time, touch
 from fmus.chassis.tree import VehicleTree, unpacked
 from fmus.interface.model import too_many_steps
 from fmus.kernels.jit import allocating, kernel
@@ -23,7 +22,7 @@ from fmus.physics.elementary import cos, sin
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import put_matrix, put_quat, quat_normalise
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
-from fmus.start.stance import Stance
+from fmus.start import Stance
 
 ROOT = 13  # numbers of the free body in the state
 LEAF = 4  # numbers of a leaf in the state

@@ -1,7 +1,7 @@
-"""Hitch and seats as a chassis has them: its ports, states and parts, and dispatch of its kernels.
+"""Hitch and seats as a chassis has them: its ports, states and parts; dispatch of their kernels and of contacts.
 
-A chassis without them imports neither module. A dispatch is resolved when a chassis that has them is compiled; where
-``hitch`` or ``seats`` is None numba removes the calls.
+A chassis without them imports none of these modules. A dispatch is resolved when a chassis that has them is compiled;
+where ``contacts``, ``hitch`` or ``seats`` is None numba removes the calls.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from fmus.chassis.tree import VehicleTree
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import Port
 from fmus.kernels.jit import dispatch
@@ -68,6 +69,12 @@ class Fittings:
         return seats(self._table, self._names, self._origin, self._first_seat)
 
 
+def _contacts(kind: type) -> Any:
+    from fmus.chassis import contacts as kernels
+
+    return kernels
+
+
 def _hitch(kind: type) -> Any:
     from fmus.chassis import hitch as kernels
 
@@ -78,6 +85,11 @@ def _seats(kind: type) -> Any:
     from fmus.chassis import seats as kernels
 
     return kernels
+
+
+@dispatch(_contacts, shared=True)
+def touch(contacts: Any, tree: VehicleTree, x: Floats, A: Matrix, v: Vector, w: Vector) -> None:
+    """See ``contacts.touch``."""
 
 
 @dispatch(_hitch)

@@ -19,8 +19,7 @@ from fmus.interface.ports import POSITIVE, WRENCH, Port, motion_ports, start_pos
 from fmus.interface.sentences import GAPS, Sentence, format_sentence
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
-from fmus.start.pose import FRAME, KEYS
-from fmus.start.stance import roll_pitch_quaternion, stance
+from fmus.start import FRAME, KEYS, roll_pitch_quaternion, stance
 from fmus.vehicles.sides import SIDES, of_side, return_rollers
 
 RESOLVED = 0.5  # largest product of the default internal step and a rate

@@ -9,8 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from fmus.chassis.dynamics import ROOT, Parts, compression, energies, is_fixed, wheel_offset
-from fmus.chassis.fittings import put_hitch, put_seats
-from fmus.chassis.touch import touch
+from fmus.chassis.fittings import put_hitch, put_seats, touch
 from fmus.chassis.tree import VehicleTree, unpacked
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Four, Matrix, Quaternion, Vector
@@ -18,7 +17,7 @@ from fmus.physics.elementary import asin, atan2, cos, sin
 from fmus.physics.rotation import put_matrix, put_quat, quat_multiply
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 from fmus.physics.wheels import into_frame
-from fmus.start.pose import FRAME
+from fmus.start import FRAME
 
 
 @allocating

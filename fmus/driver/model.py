@@ -17,7 +17,7 @@ from fmus.interface.model import NO_ROTATION, ComponentModel, FreeParameters, In
 from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, motion_ports, start_pose_ports
 from fmus.interface.sentences import Sentence
 from fmus.physics.arrays import Floats
-from fmus.start.pose import KEYS, start_pose
+from fmus.start import KEYS, start_pose
 from fmus.vehicles.sides import wheel_places
 
 SHARE = Range(0.05, 0.9, "between 0.05 and 0.9")

@@ -27,7 +27,7 @@ from fmus.physics.elementary import atan, atan2, cos, hypot, sin
 from fmus.physics.exponential import root
 from fmus.physics.rotation import quat_forward, quat_normalise
 from fmus.physics.vector import add, cross, scale, vector
-from fmus.start.pose import HEADING, put_point_at_rest, world_position
+from fmus.start import HEADING, put_point_at_rest, world_position
 
 # indices in the flat state; LEFT to CURVATURE are outputs
 RATE_INTEGRAL, LEFT, RIGHT, LATERAL_ERROR, HEADING_ERROR, PROGRESS, SPEED, YAW_RATE, CURVATURE, LOST = range(10)

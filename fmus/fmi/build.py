@@ -86,7 +86,7 @@ def build_all(products: Sequence[Product], folder: Path | None = None) -> list[P
     def built(product: Product, shape: Path) -> Path:
         kind, config, name = product
         packed = packed_config(kind, config)
-        key = hashlib.sha256(f"{shape.parent.name} {_json(packed, kind)}".encode()).hexdigest()[:24]
+        key = hashlib.sha256(f"{shape.parent.name} {json_text(packed, kind)}".encode()).hexdigest()[:24]
         return build_once(key, f"{name or kind}.fmu", lambda: _with_numbers(shape, kind, packed), folder)
 
     return [built(product, shape) for product, shape in zip(products, shapes, strict=True)]
@@ -150,7 +150,7 @@ def _with_numbers(fmu: Path, kind: str, config: Mapping[str, Any]) -> bytes:
     for times in root.iter("DefaultExperiment"):
         times.attrib |= experiment_attributes(experiment(config))
     files[DESCRIPTION] = tostring(root, encoding="utf-8", xml_declaration=True)
-    return archive({**files, f"resources/{CONFIG}": _json(config, kind).encode()})
+    return archive({**files, f"resources/{CONFIG}": json_text(config, kind).encode()})
 
 
 def build_shell(
@@ -195,14 +195,15 @@ def _digest(shell: Shell, packages: Sequence[Path]) -> str:
     script = shell.script
     if not script.is_file():
         raise BuildFailed(f"no FMU shell at {script}")
-    shape = _json(shell.config if shell.shape is None else shell.shape, script.stem)
+    shape = json_text(shell.config if shell.shape is None else shell.shape, script.stem)
     parts = [version("pythonfmu"), source_hash(), script.name, script.read_text(encoding="utf-8"), shape]
     parts += [f"{package.name} {source_hash(package)}" for package in packages]
     parts += key_parts(readme_beside(script), INCLUDED)
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
-def _json(config: Mapping[str, Any], name: str) -> str:
+def json_text(config: Mapping[str, Any], name: str) -> str:
+    """Config of ``name`` as JSON with sorted keys; raises BuildFailed."""
     try:
         return json.dumps(config, sort_keys=True, allow_nan=False)
     except (TypeError, ValueError) as error:
@@ -288,7 +289,7 @@ def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Ite
         "shells": [
             {
                 "script": shell.script.name,
-                CONFIG: _json(shell.config, shell.script.stem),
+                CONFIG: json_text(shell.config, shell.script.stem),
                 SHAPE: _digest(shell, packages),
                 "target": str(target),
             }

@@ -22,7 +22,7 @@ import numpy as np
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.contact.terrain.fade import EVERYWHERE
+from fmus.physics.contact.terrain.heights import EVERYWHERE
 from fmus.physics.contact.terrain.rough import Rough
 from fmus.physics.elementary import PI, acos, cos, of_each, sin
 

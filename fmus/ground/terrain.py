@@ -15,17 +15,15 @@ from numpy.typing import ArrayLike
 from fmus.ground.roughness import rough_ground
 from fmus.kernels.jit import plain
 from fmus.physics.arrays import Floats
-from fmus.physics.contact.terrain.fade import EVERYWHERE
-from fmus.physics.contact.terrain.friction import REGION
 from fmus.physics.contact.terrain.heightmap import HeightMap, height_map
+from fmus.physics.contact.terrain.heights import EVERYWHERE
 from fmus.physics.contact.terrain.obstacles import Obstacle, bump, half_round, profile, step
 from fmus.physics.contact.terrain.plane import Plane
 from fmus.physics.contact.terrain.profile import TOP, Z
 from fmus.physics.contact.terrain.rough import Rough
-from fmus.physics.contact.terrain.shape import Kerb, Terrain
-from fmus.physics.contact.terrain.surface import fill_heights
+from fmus.physics.contact.terrain.shape import REGION, Kerb, Terrain, fill_heights
 from fmus.physics.contact.terrain.washboard import Washboard
-from fmus.start.pose import FRAME, LEVEL, StartPose, lay_frame
+from fmus.start import FRAME, LEVEL, StartPose, lay_frame
 
 BLEND = 0.5  # m: between the tracks of a vehicle
 
@@ -124,7 +122,7 @@ def _start(table: Table, key: str = "start") -> float:
 
 
 def _regions(regions: Any) -> Floats:
-    """Rows of ``friction``."""
+    """Rows of regions of friction."""
     rows = []
     for each in regions:
         factor, value = each.get("factor"), each.get("coefficient")

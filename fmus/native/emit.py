@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import llvmlite.binding as llvm
 
 from fmus.native.entries import EntryPoint
-from fmus.native.platform import Platform
+from fmus.native.link import Platform
 
 ANY, WIDE = "x86-64-v2", "x86-64-v3"  # processors of the last fifteen years; those with AVX2
 LEVELS = {"any_": ANY, "wide_": WIDE}  # by the prefix of the entries' names; the shell chooses

@@ -1,16 +1,26 @@
-"""modelDescription.xml of an FMI 3.0 co-simulation FMU, sibling of ``fmus.fmi.description``, with arrays."""
+"""Descriptions of an FMI 3.0 co-simulation FMU: modelDescription.xml, with arrays, and terminalsAndIcons.xml.
+
+The first is a sibling of ``fmus.fmi.description``. The second has a terminal for each port of motion, with the wrench
+about it where there is one. Terminals of one kind match by the names of their members ("plug"): what one shows, the
+other takes.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 from fmus.fmi.description import add_definitions, initial, origin, quantity, variability_of
 from fmus.interface.ports import Port
 from fmus.native.arrays import ArrayVariable
 
 TIME = Port("time", "independent", "s", "time of the instance")
+MOTION = "position", "orientation", "velocity", "angular_velocity"
+TERMINALS = {  # kinds, largest first
+    "cotrack.motion_and_wrench": (*MOTION, "force", "torque"),
+    "cotrack.motion": MOTION,
+}
 
 
 def document(
@@ -112,3 +122,36 @@ def _structure(structure: Element, ports: Sequence[Port]) -> None:
     for tag, dependencies in (("Output", ""), ("InitialUnknown", " ".join(known))):
         for reference in outputs:
             SubElement(structure, tag, valueReference=reference, dependencies=dependencies)
+
+
+def terminals(arrays: Sequence[ArrayVariable]) -> dict[str, tuple[str, ...]]:
+    """Members of the terminals, a value of ``TERMINALS`` each, by the terminal's name."""
+    members: dict[str, set[str]] = {}
+    for array in arrays:
+        port, _, member = array.name.rpartition(".")
+        if array.shape:
+            members.setdefault(port, set()).add(member)
+    return {
+        port: next(wanted for wanted in TERMINALS.values() if present >= {*wanted})
+        for port, present in members.items()
+        if present >= {*MOTION}
+    }
+
+
+def terminal_files(arrays: Sequence[ArrayVariable]) -> dict[str, bytes]:
+    """File terminalsAndIcons.xml by its name; none without terminals, which the schema does not allow."""
+    root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    parent = SubElement(root, "Terminals")
+    kinds = {members: kind for kind, members in TERMINALS.items()}
+    for port, members in terminals(arrays).items():
+        terminal = SubElement(parent, "Terminal", name=port, matchingRule="plug", terminalKind=kinds[members])
+        for member in members:
+            SubElement(
+                terminal,
+                "TerminalMemberVariable",
+                variableName=f"{port}.{member}",
+                memberName=member,
+                variableKind="signal",
+            )
+    text = bytes(tostring(root, encoding="utf-8", xml_declaration=True))
+    return {"terminalsAndIcons/terminalsAndIcons.xml": text} if len(parent) else {}

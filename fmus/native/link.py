@@ -1,4 +1,7 @@
-"""Object files and C sources -> shared library, by ziglang's compiler or by the system's."""
+"""Object files and C sources -> shared library of a platform, by ziglang's compiler or by the system's.
+
+All platforms are on x86-64.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-
-from fmus.native.platform import LINUX, Platform
+from typing import NamedTuple
 
 HERE = Path(__file__).parent
 FLAGS = "-std=c11", "-O2", "-fvisibility=hidden", "-fno-sanitize=all", "-g0", "-shared", "-s"
@@ -27,6 +29,28 @@ def sources(fmi: int) -> tuple[Path, ...]:
 def headers(fmi: int) -> tuple[Path, ...]:
     """Files that ``sources`` include, but ``model.h``."""
     return HERE / f"fmi{fmi}.h", HERE / "instance.h", HERE / "numbers.h"
+
+
+class Platform(NamedTuple):
+    """Operating system, as its tools name it."""
+
+    folder: str  # in an FMU's ``binaries``, as FMI 2.0 names it
+    fmi3_folder: str  # as FMI 3.0 does
+    suffix: str  # of a library
+    triple: str  # target triple of LLVM
+    target: str  # target of ziglang, with the oldest C library
+    flags: tuple[str, ...]  # of the linker
+
+
+LINUX = Platform(
+    "linux64",
+    "x86_64-linux",
+    ".so",
+    "x86_64-unknown-linux-gnu",
+    "x86_64-linux-gnu.2.17",  # glibc of 2012
+    ("-fPIC", "-Wl,-z,defs", "-Wl,-z,noexecstack", "-Wl,--gc-sections", "-Wl,--build-id=none"),
+)
+WINDOWS = Platform("win64", "x86_64-windows", ".dll", "x86_64-w64-windows-gnu", "x86_64-windows-gnu", ())
 
 
 class NoCompiler(RuntimeError):

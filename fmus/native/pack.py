@@ -16,20 +16,30 @@ from xml.etree.ElementTree import tostring
 from fmus.cache.files import CHECKSUM, cached_result
 from fmus.cache.sources import ROOT, source_hash
 from fmus.components import KINDS, model_of
-from fmus.fmi.build import DESCRIPTION, DIGITS, SHAPE, BuildFailed, archive, build_once, packed_config
+from fmus.fmi.build import DESCRIPTION, DIGITS, SHAPE, BuildFailed, archive, build_once, json_text, packed_config
 from fmus.fmi.description import document
 from fmus.fmi.documentation import documentation, key_parts, readme_beside
 from fmus.interface import numbers
 from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment, parameter_values
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import Port, variables
-from fmus.native import fmi3_description, numbers_file, terminals
+from fmus.native import fmi3_description, numbers_file
 from fmus.native.arrays import ArrayVariable, arrays
 from fmus.native.emit import LEVELS, emit
 from fmus.native.entries import Entries, entries, free_names
 from fmus.native.header import header
-from fmus.native.link import FLAGS, NoCompiler, compiler, compiler_release, headers, link, sources
-from fmus.native.platform import LINUX, WINDOWS, Platform
+from fmus.native.link import (
+    FLAGS,
+    LINUX,
+    WINDOWS,
+    NoCompiler,
+    Platform,
+    compiler,
+    compiler_release,
+    headers,
+    link,
+    sources,
+)
 from fmus.vehicles.vehicle import number_meanings
 
 NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the entries rely on
@@ -64,7 +74,7 @@ def build_native(
     platforms = (LINUX, WINDOWS) if windows else (LINUX,)
     config = packed_config(kind, config)
     tools = _tools(fmi, platforms)
-    texts = [*key_parts(readme_beside(ROOT / KINDS[kind]), INCLUDED), *tools, kind, _json(kind, config)]
+    texts = [*key_parts(readme_beside(ROOT / KINDS[kind]), INCLUDED), *tools, kind, json_text(config, kind)]
     return build_once(_digest(texts)[:DIGITS], f"{name or kind}.fmu",
                       lambda: _Component(kind, config, fmi, tools).fmu(platforms), folder)  # fmt: skip
 
@@ -81,7 +91,7 @@ def build_native_shape(kind: str, config: Mapping[str, Any]) -> NativeFmu:
     def component() -> _Component:
         return _Component(kind, own, 2, tools)
 
-    key = _digest([*tools, kind, _json(kind, own)])[:DIGITS]
+    key = _digest([*tools, kind, json_text(own, kind)])[:DIGITS]
     file = build_once(key, numbers_file.FILE, lambda: component().numbers(), None, "numbers")
     shape = numbers_file.shape_of(file)
     fmu = build_once(shape[:DIGITS], f"{kind}.fmu", lambda: component().fmu((LINUX,)), None)
@@ -103,7 +113,7 @@ def with_constants(kind: str, config: Mapping[str, Any], parameters: Mapping[str
     packed = packed_config(kind, {**config, KEY: values})
 
     def free() -> list[str]:
-        model = _model(kind, packed)
+        model = model_of(kind)(packed)
         return sorted(free_names(model.free_parameters(parameter_values(model.ports, values))))
 
     known = set(cached_result("numbers", "free", [source_hash(), kind, packed], free))
@@ -111,19 +121,8 @@ def with_constants(kind: str, config: Mapping[str, Any], parameters: Mapping[str
     return {**config, KEY: {**config.get(KEY, {}), **constants}}
 
 
-def _model(kind: str, config: Mapping[str, Any]) -> Any:
-    return model_of(kind)(config)
-
-
 def _digest(texts: Sequence[str]) -> str:
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()
-
-
-def _json(kind: str, config: Mapping[str, Any]) -> str:
-    try:
-        return json.dumps(config, sort_keys=True, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise BuildFailed(f"the configuration of {kind} is not JSON: {error}") from None
 
 
 @lru_cache(maxsize=8)
@@ -145,7 +144,7 @@ class _Component:
 
     def __init__(self, kind: str, config: Mapping[str, Any], fmi: int, tools: Sequence[str]) -> None:
         self.kind, self.config, self.fmi = kind, config, fmi
-        self.model = model = _model(kind, config)
+        self.model = model = model_of(kind)(config)
         try:
             known = (*model.ports, *numbers.ports(config, number_meanings(), model.ports))
             check_names(known, config)
@@ -201,7 +200,7 @@ class _Component:
         files = {DESCRIPTION: description, **libraries}
         files |= documentation(description, readme_beside(ROOT / KINDS[self.kind]), INCLUDED)
         files |= {f"resources/{numbers_file.FILE}": self.numbers(), f"resources/{SHAPE}": self.shape.encode()}
-        return archive(files | (terminals.files(self.arrays) if self.arrays is not None else {}))
+        return archive(files | (fmi3_description.terminal_files(self.arrays) if self.arrays is not None else {}))
 
     def _library(self, platform: Platform) -> bytes:
         with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:

@@ -1,4 +1,4 @@
-"""Motion of wheels in the frame of the track, one row of 15 numbers a wheel.
+"""Motion of wheels in the frame of the track, one row of 15 numbers a wheel; slip against them, reactions on them.
 
 A row holds the centre (0:3), m; its velocity (3:6), m/s; the angular velocity (6:9), rad/s; the unit lateral axis
 (9:12); and a unit radial direction that turns with the wheel (12:15).
@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.kernels.jit import kernel
-from fmus.physics.arrays import Floats, Vector, VectorLike
+from fmus.physics.arrays import Floats, Row, Vector, VectorLike
 from fmus.physics.elementary import cos, sin
+from fmus.physics.vector import add, cross, scale, vector
 
 WIDTH = 15
 UNIT = 0.1  # largest deviation of a quaternion's length from 1
@@ -83,7 +84,7 @@ def read_state(a: Floats, frame: Floats, row: Floats) -> bool:
     """Convert the state ``a`` (13) of a wheel to its ``row`` (15) in the track's frame.
 
     ``a``: position m, quaternion, velocity m/s, angular velocity rad/s, in the world. ``frame`` (12): origin of the
-    track's frame in the world and its rotation matrix by rows (``start.pose``). Returns whether all numbers are finite
+    track's frame in the world and its rotation matrix by rows (``start``). Returns whether all numbers are finite
     and the length of the quaternion differs from 1 by less than ``UNIT``.
     """
     row[0], row[1], row[2] = into_frame(frame, a[0] - frame[0], a[1] - frame[1], a[2] - frame[2])
@@ -109,3 +110,22 @@ def to_world(vectors: Floats, frame: Floats, y: Floats) -> None:
     """
     for k in range(vectors.shape[0]):
         y[3 * k], y[3 * k + 1], y[3 * k + 2] = from_frame(frame, vectors[k])
+
+
+@kernel
+def add_reaction(row: Row, x: VectorLike, f: VectorLike, wrench: Floats) -> None:
+    """Add the reaction of a force ``f``, N, on a point at ``x``, m, to a wheel's ``wrench`` (6).
+
+    The wrench is force, N, and torque, N m, about the centre of the wheel ``row``.
+    """
+    torque = cross(add(x, scale(-1.0, vector(row, 0))), f)
+    for i in range(3):
+        wrench[i] -= f[i]
+        wrench[3 + i] -= torque[i]
+
+
+@kernel
+def slip_velocity(row: Row, x: VectorLike, v: VectorLike) -> Vector:
+    """Velocity, m/s, of a point at ``x``, m, with velocity ``v``, m/s, relative to the wheel's material there."""
+    d = add(x, scale(-1.0, vector(row, 0)))
+    return add(v, scale(-1.0, add(vector(row, 3), cross(vector(row, 6), d))))

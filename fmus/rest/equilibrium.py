@@ -41,8 +41,7 @@ from fmus.physics.elimination import solved
 from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.rest.tensioning import without_motion
-from fmus.start.pose import LEVEL, StartPose, ground_level
-from fmus.start.stance import Stance, roll_pitch_quaternion, stance
+from fmus.start import LEVEL, Stance, StartPose, ground_level, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.track_rigid.model import Model as RigidLinks
 from fmus.vehicles.tables import BadInput

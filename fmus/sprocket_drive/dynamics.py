@@ -14,8 +14,7 @@ from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.vector import vector
-from fmus.start.pose import AFTER_POSE
-from fmus.start.stance import Stance, put_part_at_rest
+from fmus.start import AFTER_POSE, Stance, put_part_at_rest
 
 BAD_QUATERNION, STIFF, NOT_FINITE = 1, 2, 3  # failures
 

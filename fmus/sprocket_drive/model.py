@@ -17,8 +17,7 @@ from fmus.interface.sentences import Sentence
 from fmus.kernels.jit import plain
 from fmus.physics.arrays import Floats
 from fmus.sprocket_drive.dynamics import Parts, begin, step, write_outputs
-from fmus.start.pose import KEYS, start_pose
-from fmus.start.stance import part_at_rest, stance
+from fmus.start import KEYS, part_at_rest, stance, start_pose
 
 DEMAND = "speed.demand"
 
@@ -37,7 +36,7 @@ def parameter_ports(demanded: bool) -> list[Port]:
 class Model(ComponentModel):
     """Spin of one sprocket on its mount.
 
-    ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": stance of the mount at the start (``start.stance``),
+    ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": stance of the mount at the start (``start``),
     "demanded": whether the speed follows an input, false by default}}; other keys are not read. A mount whose inputs
     still have their start values stands still at the start pose: an unconnected drive is a fixed axle.
     """

@@ -15,8 +15,7 @@ from fmus.interface.ports import STATE, Port, motion_ports, start_pose_ports, wr
 from fmus.interface.sentences import Sentence
 from fmus.kernels.jit import plain
 from fmus.physics.arrays import Floats
-from fmus.start.pose import KEYS, start_pose
-from fmus.start.stance import mirror_stance, part_at_rest, stance
+from fmus.start import KEYS, mirror_stance, part_at_rest, stance, start_pose
 from fmus.steering_differential.dynamics import (
     SIDE,
     SIZE,
@@ -94,7 +93,7 @@ class Model(ComponentModel):
     """Spins of both sprockets of a vehicle on their mounts, joined by two shafts: mean and difference.
 
     ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": stance of the left mount at the start
-    (``start.stance``), "right": stance of the right mount, by default the left one mirrored, "demanded": whether the
+    (``start``), "right": stance of the right mount, by default the left one mirrored, "demanded": whether the
     speeds follow inputs, false by default}}; other keys are not read. Mounts whose inputs still have their start values
     stand still at the start pose.
     """

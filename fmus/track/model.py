@@ -28,8 +28,7 @@ from fmus.physics.integrate.adams import adams
 from fmus.physics.integrate.dormand_prince import dormand_prince
 from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
-from fmus.start.pose import FRAME, HEIGHT, KEYS, LEVEL, StartPose, start_pose
-from fmus.start.stance import part_at_rest
+from fmus.start import FRAME, HEIGHT, KEYS, LEVEL, StartPose, part_at_rest, start_pose
 from fmus.track import drawn_wheels, link_outputs, steps
 from fmus.track.choices import ADAMS, DORMAND_PRINCE, EXPLICIT, EXPLICITLY, HHT, IMPLICIT
 from fmus.track.failures import OFF_ITS_PLACE, RUT_SENTENCE, WARNING_SENTENCES, failure_sentences

@@ -1,4 +1,8 @@
-"""Ports of a track: motions of the wheels, wrenches on them, outputs of the chain, parameters of start and contacts."""
+"""Ports of a track: motions of the wheels, wrenches on them, outputs of the chain, parameters.
+
+The parameters are those of the start, of contacts, of the integrators, and of the closure of a loop by a pin or, as in
+paper 8.1, a stiff spring.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fmus.interface.defaults import configured_ports
-from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, Port, Range, motion_ports, start_pose_ports, wrench_ports
+from fmus.interface.model import InvalidParameter
+from fmus.interface.ports import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    TOLERANCE,
+    TOLERANCES,
+    Port,
+    Range,
+    motion_ports,
+    start_pose_ports,
+    wrench_ports,
+)
 from fmus.kernels.jit import plain
-from fmus.start.pose import start_pose
-from fmus.start.stance import Stance, part_at_rest, stance
-from fmus.track.choices import INTEGRATORS
+from fmus.physics.integrate import generalized_alpha, hht
+from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha
+from fmus.start import Stance, part_at_rest, stance, start_pose
+from fmus.track.choices import HHT, INTEGRATORS
 from fmus.track.link_outputs import INTERVAL
 
 # Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
@@ -65,6 +81,8 @@ STARTS = {
 STARTS_OF_ENDS = {"pinned": ("rest", "polygon", "displaced"), "held": ("straight", "folded")}
 OTHER_STARTS = "rest", "polygon"
 SOLVER = "steps", "evaluations", "iterations", "rejected"
+CLOSURES = PIN, SPRING = "pin", "spring"
+STIFFNESS, DAMPING = 1e9, 1e4  # of a spring that closes a loop, N/m and N s/m
 
 
 def start_stance(wheel: Mapping[str, Any]) -> Stance:
@@ -137,3 +155,47 @@ def _contact_ports(
         ):
             name, text = f"contact.{pair}.{key}", f"{text} of {pair} contact"
             yield Port(name, "parameter", unit, text, law[key], allowed=allowed)
+
+
+def closure_ports() -> tuple[Port, ...]:
+    """Parameters of a closed chain."""
+    text = "of the spring that closes a chain with closure = 'spring'"
+    return (
+        Port(
+            "closure",
+            "parameter",
+            "1",
+            "how the loop is closed: pin, by the last pin as by all others; spring, by a stiff spring at a cut there",
+            PIN,
+            CLOSURES,
+        ),
+        Port("closure.stiffness", "parameter", "N/m", f"stiffness {text}", STIFFNESS, allowed=POSITIVE),
+        Port("closure.damping", "parameter", "N.s/m", f"damping {text}", DAMPING, allowed=NOT_NEGATIVE),
+    )
+
+
+def integrator_ports() -> tuple[Port, ...]:
+    """Parameters of the integrators of links."""
+    text = f"of generalised-alpha at infinite frequency, 0 to 1; of hht {hht.LEAST:g} to 1"
+    return (
+        Port("spectral_radius", "parameter", "1", text, 0.4, allowed=Range(0.0, 1.0, "between 0 and 1")),
+        *(
+            Port(f"adams.{name}", "parameter", "1", text, TOLERANCE, allowed=TOLERANCES)
+            for name, text in (
+                ("rtol", "relative error of a step of integrator = adams or dormand_prince"),
+                ("atol", "absolute error of such a step, in m, rad, m/s and rad/s"),
+            )
+        ),
+    )
+
+
+def integrator_coefficients(p: Mapping[str, Any]) -> GeneralizedAlpha:
+    """Coefficients of the implicit integrator that the parameters choose; raises InvalidParameter."""
+    radius = p["spectral_radius"]
+    if p["integrator"] != HHT:
+        coefficients: GeneralizedAlpha = generalized_alpha.coefficients(radius)
+    elif radius < hht.LEAST:
+        raise InvalidParameter(f"spectral_radius = {radius:g}: integrator = '{HHT}' has {hht.LEAST:g} to 1")
+    else:
+        coefficients = hht.coefficients(radius)
+    return coefficients

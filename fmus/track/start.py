@@ -23,7 +23,7 @@ from fmus.physics.chain.layout import (
     rescaled,
 )
 from fmus.physics.elementary import hypot, sin
-from fmus.start.pose import StartPose, ground_level
+from fmus.start import StartPose, ground_level
 
 # Rotary inertia of links that sink, over their own: deep soil holds a link up far below its centre, so that its level
 # place is an equilibrium on an edge, and a search in which links may turn at once tips them over.

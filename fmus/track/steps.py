@@ -23,7 +23,7 @@ from fmus.physics.chain.state import FORGOTTEN
 from fmus.physics.elementary import acos
 from fmus.physics.vector import add, dot, scale, vector
 from fmus.physics.wheels import WIDTH, read_state, to_world
-from fmus.start.pose import AFTER_POSE, FRAME, lay_frame
+from fmus.start import AFTER_POSE, FRAME, lay_frame
 from fmus.track.failures import APART, ASKEW, ELSEWHERE, NO_WHEEL, OF_EXPLICIT, OF_IMPLICIT, TOO_LONG, TURNED
 from fmus.track.link_outputs import (
     AXIS,

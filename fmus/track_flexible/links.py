@@ -1,4 +1,4 @@
-"""Chains of cables or beams: their kinds, and parameters of their links from the vehicle's tables."""
+"""Chains of cables or beams: their kinds, FMI parameters, and links from the vehicle's tables."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.interface.model import InvalidParameter
+from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, Port
 from fmus.kernels.jit import implementation
-from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.track.choices import CHOLESKY, CONSTRAINED, ELIMINATED, NODAL
-from fmus.track.parameters import PIN, SPRING
+from fmus.physics.chain.flexible.inertia import LEAST_SHARE, second_moments
+from fmus.track.choices import AXES, CHOLESKY, CONSTRAINED, COORDINATES, ELIMINATED, JOINTS, NODAL
+from fmus.track.ports import PIN, SPRING
 
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 
@@ -93,7 +94,7 @@ def _cables(
         return _class_of_cables(kind)(*common, closing)
     from fmus.physics.chain.flexible.turning import TurningCables
 
-    across = rotary.second_moments(track["inertia"])[1]
+    across = second_moments(track["inertia"])[1]
     if across <= 0.0:
         raise _inertia_error(track["inertia"], 1)
     lateral_bending, twist = young * (section["lateral_bending"] - second), size[0] * across
@@ -144,7 +145,7 @@ def _beams(
 def _rotary_of_cables(track: Mapping[str, Any], pitch: float) -> float:
     """Inertia of a link about its pin less that of a rod, kg m2; raises InvalidParameter."""
     mass, pin = track["mass"], track["inertia"][1]
-    rod, least = mass * pitch**2 / 12.0, rotary.NONE
+    rod, least = mass * pitch**2 / 12.0, LEAST_SHARE
     if pin < least * rod:
         raise InvalidParameter(
             f"vehicle.track.inertia[1] = {pin:g} kg m2, about the pin: must be at least {least:g} of a rod's of"
@@ -155,10 +156,10 @@ def _rotary_of_cables(track: Mapping[str, Any], pitch: float) -> float:
 
 def _rotary_of_beams(track: Mapping[str, Any], sizes: tuple[float, float, float]) -> tuple[float, float, float]:
     """Second moments of a link's mass less those of a beam of ``sizes``, m, kg m2; raises InvalidParameter."""
-    mass, moments = track["mass"], rotary.second_moments(track["inertia"])
+    mass, moments = track["mass"], second_moments(track["inertia"])
     section_moments = tuple(float(mass * size * size / 12.0) for size in sizes)
     for axis, (moment, section) in enumerate(zip(moments, section_moments, strict=True)):
-        if moment < rotary.NONE * section:
+        if moment < LEAST_SHARE * section:
             raise _inertia_error(track["inertia"], axis)
     x, y, z = (moment - section for moment, section in zip(moments, section_moments, strict=True))
     return x, y, z
@@ -170,4 +171,61 @@ def _inertia_error(inertia: Sequence[float], axis: int) -> InvalidParameter:
         f"vehicle.track.inertia[{axis}] = {inertia[axis]:g} kg m2: must be less than the sum of the other two,"
         f" {sum(inertia) - inertia[axis]:g} kg m2 (no body has more), or the chain's mass matrix is not positive"
         " definite"
+    )
+
+
+def _choice(name: str, text: str, choices: Sequence[str]) -> Port:
+    """String parameter with the first choice as its default."""
+    return Port(name, "parameter", "1", text, choices[0], tuple(choices))
+
+
+def link_kind_ports(elements: Sequence[str]) -> tuple[Port, ...]:
+    """Element, axes and elasticity; ``elements``: names of the elements."""
+    return (
+        _choice(
+            "element",
+            "what a link is: cable, one axis and pins that keep their direction; planar, the cable without its"
+            " lateral dofs; beam, all strains of a solid and pins that turn with the vehicle",
+            elements,
+        ),
+        _choice(
+            "axes",
+            "in which cables have their coordinates: fixed, and the chain stays in its plane, or free, and it turns"
+            " with the vehicle",
+            AXES,
+        ),
+        _choice(
+            "elasticity",
+            "strains of cables: small_deformation, average strain and r_xx; general, Green strain and"
+            " curvature; engineering, |r_x| - 1 and the angle turned per length",
+            tuple(ELASTICITIES),
+        ),
+    )
+
+
+def material_ports(table: Mapping[str, float]) -> tuple[Port, ...]:
+    """Material parameters; ``table``: the vehicle's material."""
+    young, tau = table["youngs_modulus"], table["relaxation_time"]
+    text = "damping constants over Young's modulus"
+    return (
+        Port("material.youngs_modulus", "parameter", "Pa", "Young's modulus of the links", young, allowed=POSITIVE),
+        Port("material.relaxation_time", "parameter", "s", text, tau, allowed=NOT_NEGATIVE),
+    )
+
+
+def coordinate_ports() -> tuple[Port, ...]:
+    """Formulation of the pins, and coordinates of an explicit integrator."""
+    return (
+        _choice(
+            "joints",
+            "the pins of cables: eliminated, shared coordinates and no equations; constrained, coordinates of each"
+            " link's own and equations with multipliers",
+            JOINTS,
+        ),
+        _choice(
+            "coordinates",
+            "what an explicit integrator integrates: nodal coordinates, or Cholesky coordinates, whose mass matrix"
+            " is the identity",
+            COORDINATES,
+        ),
     )

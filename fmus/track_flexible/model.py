@@ -37,10 +37,18 @@ from fmus.track.choices import (
     conflict_of_links,
 )
 from fmus.track.model import TrackModel
-from fmus.track.parameters import SPRING, closure_ports, integrator_coefficients, integrator_ports
+from fmus.track.ports import SPRING, closure_ports, integrator_coefficients, integrator_ports
 from fmus.track.start import not_at_rest
-from fmus.track_flexible import parameters
-from fmus.track_flexible.links import ChainKind, Material, chain_kind, chain_links, mesh_size
+from fmus.track_flexible.links import (
+    ChainKind,
+    Material,
+    chain_kind,
+    chain_links,
+    coordinate_ports,
+    link_kind_ports,
+    material_ports,
+    mesh_size,
+)
 
 REST_RESIDUAL = 1e-3  # residual of static equilibrium, N, or if that is less:
 REST_ACCELERATION = 1e-4  # that residual over the mass of a link, m/s2
@@ -69,9 +77,9 @@ class Model(TrackModel):
     def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of element, material, joints, coordinates, integration and closure."""
         return (
-            *parameters.link_kind_ports(tuple(PIN_WIDTH)),
-            *parameters.material_ports(vehicle["material"]),
-            *parameters.coordinate_ports(),
+            *link_kind_ports(tuple(PIN_WIDTH)),
+            *material_ports(vehicle["material"]),
+            *coordinate_ports(),
             *integrator_ports(),
             Port(
                 "tolerance",

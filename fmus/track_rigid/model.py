@@ -22,7 +22,7 @@ from fmus.physics.integrate.generalized_alpha import BACKWARD
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.track.choices import AUGMENTED, EXPLICIT, FORMULATIONS, RECURSIVE, conflict_of_bodies
 from fmus.track.model import TrackModel
-from fmus.track.parameters import SPRING, closure_ports, integrator_coefficients, integrator_ports
+from fmus.track.ports import SPRING, closure_ports, integrator_coefficients, integrator_ports
 from fmus.track.start import not_at_rest
 
 REST = ImplicitMethod(BACKWARD, 1e-11, False)  # integrator towards static equilibrium

@@ -23,7 +23,7 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.log.log_metadata import CHECKPOINT
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.wire import Rule, Wire
+from orchestrator.log.time_series import Rule, Wire
 
 REFRESH = 0.2  # s of wall time between updates of the bar
 STATS = (WALL_TIME,)  # last signals of /stats/<instance>, after the counters

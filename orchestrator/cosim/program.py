@@ -16,7 +16,7 @@ from orchestrator.cosim.graph import ComponentFailed, Floats, Indices
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, record
-from orchestrator.log.wire import Rule
+from orchestrator.log.time_series import Rule
 
 WORTHWHILE = 5e-5  # s, least step time for threads: a shorter step of our FMUs is mostly Python, which has one lock
 SEMAPHORE = 8  # words, enough for a semaphore of any C library

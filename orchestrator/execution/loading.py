@@ -43,10 +43,10 @@ from orchestrator.scene.system_scene import SystemScene
 STATISTICS = "stats."  # signals of the cost of a component
 
 
-def require_signals(scene: SystemScene) -> None:
-    """Raise BadInput if a check of a scene, of its track model, names a signal that a log of the scene lacks."""
+def require_signals(scene: SystemScene, assembled: Sequence[Part]) -> None:
+    """Raise BadInput if a check of a scene, of its track model, names a signal that a log of its parts lacks."""
     signals = {name: check.signal for name, check in scene.checks.items() if check.signal is not None}
-    parts = {part.name: part for part in assemble(scene).parts} if signals else {}
+    parts = {part.name: part for part in assembled}
     for name, signal in signals.items():
         instance = signal.partition(".")[0]
         if signal.startswith(STATISTICS):

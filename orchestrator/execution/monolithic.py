@@ -37,7 +37,7 @@ from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.log_metadata import CHECKPOINT
 from orchestrator.log.reader import Log
-from orchestrator.log.wire import Rule
+from orchestrator.log.time_series import Rule
 from orchestrator.scene.assembly import Assembly, assemble, system
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed

@@ -31,8 +31,9 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import chain_checks
-from orchestrator.scene.assembly import Assembly, assemble, unfit
+from orchestrator.scene.assembly import Assembly, assemble
 from orchestrator.scene.kinds import Scene, VehicleScene
+from orchestrator.scene.replacement import unfit
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.values import implausible_numbers
 
@@ -62,8 +63,6 @@ def simulate(
     and writes no log. Later failures are reported in the summary's status and message.
     """
     check_writable(path)
-    if continuation is None:  # the checks of a log's scene have been compared before its run
-        require_signals(scene)
     with interruptible(interrupt) as handler:
         try:
             return _simulate(scene, path, logger, narration, estimated, handler, native, continuation)
@@ -86,6 +85,8 @@ def _simulate(
     start, result = time.perf_counter(), summary.empty(scene.name, scene.variant)
     announce = narration or (lambda line: None)
     assembly = assemble(scene)
+    if continuation is None:  # the checks of a log's scene have been compared before its run
+        require_signals(scene, assembly.parts)
     misfits = unfit(scene, assembly)
     for line in _before_building(scene, assembly):
         announce(f"{scene.name}: {line}")

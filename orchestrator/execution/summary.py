@@ -12,12 +12,12 @@ import numpy as np
 from orchestrator.log.reader import NoSuchSignal
 from orchestrator.results import measures, run_data
 from orchestrator.results.analyses import phases
+from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.energy import ledger
 from orchestrator.results.observables import OBSERVABLES
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.user_parts import given_parts
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
-from orchestrator.results.validity.ledger import validity
 from orchestrator.scene.kinds import ChainScene, VehicleScene
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import Check

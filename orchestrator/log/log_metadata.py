@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 
 from orchestrator.log import schema, seal
 from orchestrator.log.message_records import MOST_STEPS
-from orchestrator.log.time_series import Topic
-from orchestrator.log.wire import RULES, Wire
+from orchestrator.log.time_series import RULES, Topic, Wire
 
 FORMAT = "format"  # of the metadata record
 FORMAT_VERSION = 2

@@ -14,8 +14,7 @@ from orchestrator.kernels.tables import RowHead
 from orchestrator.log.log_metadata import RecordedChannel
 from orchestrator.log.message_records import IDENTITY, LOG_TIME, PREFIX, PUBLISH_TIME, SEQUENCE, prefix, size_of
 from orchestrator.log.schema import LENGTH_AT, TIME_AT
-from orchestrator.log.time_series import Floats
-from orchestrator.log.wire import RULES, Rule, wired_inputs
+from orchestrator.log.time_series import RULES, Floats, Rule, wired_inputs
 
 CHUNK = 1 << 21  # bytes of messages that make a chunk
 HEAD = len(RowHead._fields)  # words of a row before its values

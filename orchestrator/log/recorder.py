@@ -29,8 +29,7 @@ from orchestrator.log.log_file import LogFailed, log_failed, prepared_file
 from orchestrator.log.message_records import LONGEST, Messages
 from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.time_series import Series, Topic
-from orchestrator.log.wire import Wire
+from orchestrator.log.time_series import Series, Topic, Wire
 
 FAILED = "-failed"  # ending of the log of a failed run beside that of one that ended well
 BACKLOG = 4  # chunks that may wait for the disk before the run waits too

@@ -18,8 +18,17 @@ from orchestrator.log.container_reader import DAMAGE, HEAD, ContainerReader, Log
 from orchestrator.log.log_metadata import RecordedChannel
 from orchestrator.log.message_records import LOG_TIME, Messages, Records, records_by_channel, size_of
 from orchestrator.log.schema import Bytes
-from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series, within
-from orchestrator.log.wire import Rule, Wire, wired_inputs
+from orchestrator.log.time_series import (
+    EVER,
+    Floats,
+    Rule,
+    Series,
+    Wire,
+    empty_series,
+    join_series,
+    wired_inputs,
+    within,
+)
 
 CACHED_BYTES = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
 SMALL = 32 << 20  # packed bytes of a log whose chunks are all kept: results pass over it a dozen times

@@ -1,16 +1,38 @@
-"""Topics and their messages as arrays over time."""
+"""Topics and their messages as arrays over time, and wires: inputs that equal outputs of another topic.
+
+A wire's inputs are not recorded again. They are the output of another component at the beginning of the step ("start"),
+at its end ("end") or the mean of both ("middle"). Inputs that a coupling extrapolates or iterates have no wire and are
+recorded.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log.wire import Floats, Wire
-
+Floats = NDArray[np.float64]
+Rule = Literal["start", "end", "middle"]
+RULES: tuple[Rule, ...] = get_args(Rule)
 EVER = (-np.inf, np.inf)
+
+
+class Wire(NamedTuple):
+    """Inputs of a topic that follow from outputs of another topic by one rule."""
+
+    source: str  # topic of the outputs
+    rule: Rule
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]  # as many
+
+
+def wired_inputs(rule: Rule, start: Floats, end: Floats) -> Floats:
+    """Return the inputs of a step from the outputs at its beginning and end, all of one shape."""
+    if rule == "middle":
+        return 0.5 * (start + end)
+    return start if rule == "start" else end
 
 
 def within(t: Floats, window: tuple[float, float]) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmus.ground.keys import is_terrain
-from fmus.start.pose import ground_level
+from fmus.start import ground_level
 from orchestrator.log.time_series import Floats
 
 FINE = 9  # points on each rounded edge

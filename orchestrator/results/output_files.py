@@ -1,15 +1,16 @@
-"""Files written whole or not at all, unwritable paths refused before work starts; figures as such files."""
+"""Files written whole or not at all, unwritable paths refused before work starts; figures and tables as such files."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fmus.vehicles.tables import BadInput, path_text
 from orchestrator.files.replacing import replacing
+from orchestrator.results.table import Table
 
 
 def check_output(path: Path, suffixes: Sequence[str], hint: str = "") -> None:
@@ -51,6 +52,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Picture = Any  # figure of matplotlib
 PICTURES = (".png", ".svg", ".pdf")
 OTHER_SUFFIXES = (
     "; a view can be .png, .svg or .pdf (pictures), .gif or .mp4 (films), .rrd (--rerun), .mcap (--foxglove)"
@@ -80,3 +82,25 @@ def save_figure(figure: Figure, output: Path) -> None:
         raise
     except ValueError as error:
         raise BadInput(f"the picture {output} cannot be written: {error}") from None
+
+
+def save_results(
+    folder: Path, stem: str, table: Table, picture: Picture = None, more: Mapping[str, str] | None = None
+) -> list[Path]:
+    """Write a table as CSV and Markdown, ``more`` texts by file name, and a picture as PNG and SVG.
+
+    Each is written whole or not at all. Returns the paths. Raises OSError, BadInput if the folder cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    texts = {f"{stem}.csv": table.csv(), **(more or {}), f"{stem}.md": table.markdown("#")}
+    for file, text in texts.items():
+        with atomic_write(folder / file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    pictures = [folder / f"{stem}.png", folder / f"{stem}.svg"] if picture else []
+    if picture:  # lay it out once for both files
+        picture.draw_without_rendering()
+        picture.set_layout_engine(None)
+    for path in pictures:
+        with atomic_write(path) as temporary:
+            picture.savefig(temporary)
+    return [*(folder / file for file in texts), *pictures]

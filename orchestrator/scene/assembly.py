@@ -1,50 +1,18 @@
-"""Assembly of a scene into a system: component configs, connections by connector, built FMUs."""
+"""Assembly of a scene into a system: its parts, FMUs of the user, connections, built FMUs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from fmus.fmi.build import Product, build_shapes, start_values
-from fmus.rest.equilibrium import stances
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.fmu_table import Pair, joined, pair_of, require_free_inputs
-from orchestrator.scene.kinds import BenchScene, ChainScene, RigScene, Scene, VehicleScene
-from orchestrator.scene.parts import (
-    AXLE,
-    CHASSIS,
-    DRIVE,
-    DRIVER,
-    SIGN_OF_Y,
-    SPROCKET,
-    Parameters,
-    Part,
-    chassis_config,
-    chassis_parameters,
-    differential_part,
-    drive_of_side,
-    drive_part,
-    driven_connections,
-    driver_parameters,
-    rig_track_config,
-    standing_track_config,
-    start_parameters,
-    track_config,
-    track_part,
-    vehicle_track_config,
-    wheel_connections,
-)
-from orchestrator.scene.replacement import (
-    ends_of,
-    input_conversions,
-    replacements,
-    require_fit,
-    require_pairs,
-    typed,
-    user_instance,
-)
+from orchestrator.scene.kinds import Scene, VehicleScene
+from orchestrator.scene.parts import DRIVE, Parameters, Part, own_parts
+from orchestrator.scene.replacement import ends_of, input_conversions, replacements, typed, user_instance
 from orchestrator.scene.scene import with_track
 from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import FreeScene, SystemScene
@@ -69,7 +37,7 @@ def assemble(scene: SystemScene) -> Assembly:
         given = tuple(Part(name, "", {}, {}, table.stage, table) for name, table in scene.fmu.items())
         return Assembly(given, (), joined(scene.pairs()))
     scene = with_track(scene)
-    assembly, fmus = _assembled(scene), scene.fmu or {}
+    assembly, fmus = Assembly(*own_parts(scene)), scene.fmu or {}
     names = [part.name for part in assembly.parts]
     pairs = [pair_of(text) for text in scene.connections or ()]
     connected = {name for pair in pairs for name in (pair.source, pair.target)}
@@ -106,29 +74,6 @@ def _user_connections(scene: Scene, assembly: Assembly, pairs: Sequence[Pair]) -
         if isinstance(scene, VehicleScene) and scene.hitch is None:
             raise BadInput(f"{about}: the chassis has a hitch only with the table [hitch], which may be empty")
     return joined(pairs)
-
-
-def unfit(scene: SystemScene, assembly: Assembly) -> list[tuple[str, str]]:
-    """Warnings about FMUs of the user, as part and sentence; raises BadInput if one does not fit its connections."""
-    where, variable_steps = scene.where, scene.run.variable is not None
-    found = replacements(where, assembly.parts)
-    warnings = [warning for each in found for warning in require_fit(each, assembly.connections, variable_steps)]
-    by_name = {each.part.name: each for each in found}
-    return [*warnings, *require_pairs(where, assembly.parts, by_name, assembly.user_connections)]
-
-
-def _assembled(scene: Scene) -> Assembly:
-    """Assembly of our own parts."""
-    match scene:
-        case ChainScene():
-            return _chain(scene)
-        case BenchScene():
-            return _bench(scene)
-        case RigScene():
-            return _rig(scene)
-        case VehicleScene():
-            return _vehicle(scene)
-    raise TypeError(f"no assembly for {type(scene).__name__}")
 
 
 def system(assembly: Assembly, native: bool = False) -> System:
@@ -195,103 +140,3 @@ def build_native_all(
     from fmus.native.pack import build_native
 
     return [build_native(kind, config, folder, name, windows, fmi) for kind, config, name in products]
-
-
-# --- assemblies ------------------------------------------------------------------------------------
-
-
-def _chain(scene: ChainScene) -> Assembly:
-    chain = scene.chain
-    if chain.ends == "loop":
-        config = track_config(scene, links=chain.links, closed=True, wheels=[], gravity=0.0)
-        part = track_part(scene, "chain", config)
-        moving: Parameters = {"start.spin": chain.spin, "start.ovalling": chain.ovalling}
-        return Assembly((part._replace(parameters={**part.parameters, **moving}),), ())
-    if chain.ends == "lying":
-        pull = [0.5 * chain.pull, 0.0]
-        ends: dict[str, Any] = {"kind": "pulled", "first": pull, "last": pull}
-        config = track_config(scene, links=chain.links, closed=False, wheels=[], ground=True, ends=ends)
-        if scene.ground and scene.ground.soil:
-            config["track"]["soil"] = scene.ground.soil.model_dump()
-        return Assembly((track_part(scene, "chain", config),), ())
-    ends = {"kind": chain.ends, "first": [0.0, 0.0]}
-    if chain.span is not None:
-        ends["last"] = [chain.span * chain.links * scene.vehicle.track.pitch, 0.0]
-    config = track_config(scene, links=chain.links, closed=False, wheels=[], ends=ends)
-    return Assembly((track_part(scene, "chain", config),), ())
-
-
-def _bench(scene: BenchScene) -> Assembly:
-    bench = scene.bench
-    # forces of the pulled ends, N; ends that are held have positions, m
-    ends = {"kind": "pulled", "first": [-bench.upper, 0.0], "last": [-bench.lower, 0.0]}
-    config = track_config(
-        scene,
-        links=bench.links,
-        closed=False,
-        wheels=[SPROCKET],
-        gravity=0.0,
-        ends=ends,
-        transverse_damping=bench.transverse_damping,
-    )
-    drive = drive_part(scene, "drive", scene.drive, scene.vehicle.sprocket.spin_inertia, AXLE)
-    return Assembly(
-        (track_part(scene, "track", config), drive), wheel_connections("track", "sprocket", "drive", "sprocket")
-    )
-
-
-def _rig(scene: RigScene) -> Assembly:
-    rig, vehicle = scene.rig, scene.vehicle
-    parts = (
-        track_part(scene, "track", rig_track_config(scene)),
-        drive_part(scene, "drive", scene.drive, vehicle.sprocket.spin_inertia, AXLE),
-        drive_part(
-            scene,
-            "idler_drive",
-            scene.idler_drive,
-            vehicle.idler.spin_inertia,
-            (-rig.axle_distance, 0.0, 0.0),
-        ),
-    )
-    wiring = (
-        *wheel_connections("track", "sprocket", "drive", "sprocket"),
-        *wheel_connections("track", "idler", "idler_drive", "sprocket"),
-    )
-    return Assembly(parts, wiring)
-
-
-def _vehicle(scene: VehicleScene) -> Assembly:
-    vehicle = scene.vehicle
-    hull = chassis_config(scene)
-    stands = stances(hull) if scene.start.equilibrium else {}
-    wiring: list[Connection] = []
-    tracks, drives = [], []
-    if scene.drive.steering is not None:
-        drives.append(differential_part(scene, scene.drive.steering, stands))
-    sides = hull["chassis"]["sides"]
-    for side in (side for side in scene.tracks if side in sides):
-        track, lateral = f"{side}_track", SIGN_OF_Y[side] * vehicle.track.lateral
-        config = vehicle_track_config(scene, side)
-        rims = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
-        tracks.append(track_part(scene, track, standing_track_config(scene, config, side, stands), lateral))
-        if scene.drive.steering is None:
-            inertia = vehicle.sprocket.spin_inertia
-            mount = stands.get(f"{side}.sprocket", AXLE)
-            drives.append(drive_part(scene, f"{side}_drive", scene.drive.of_side(side), inertia, mount, lateral))
-        drive, connector = drive_of_side(scene, side)
-        wiring += wheel_connections(track, "sprocket", drive, f"{connector}sprocket")
-        for rim in rims:
-            wiring += wheel_connections(track, rim, "chassis", f"{side}.{rim}")
-        wiring += wheel_connections(drive, f"{connector}mount", "chassis", f"{side}.sprocket")
-    chassis = Part("chassis", "Chassis", hull, chassis_parameters(scene), CHASSIS)
-    if scene.driver is None:
-        return Assembly((*tracks, *drives, chassis), tuple(wiring))
-    for part in drives:
-        part.config["drive"]["demanded"] = True
-    config = {"vehicle": vehicle.model_dump()}
-    parameters = {"friction": vehicle.contact.ground.friction, **driver_parameters(scene.driver)}
-    driver = Part("driver", "Driver", config, {**start_parameters(scene), **parameters}, DRIVER)
-    return Assembly((*tracks, *drives, chassis, driver), (*wiring, *driven_connections(scene)))
-
-
-# --- parts -----------------------------------------------------------------------------------------

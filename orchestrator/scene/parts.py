@@ -1,67 +1,24 @@
-"""Components of a scene before they are built: configs, parameters, connections; the plane under a vehicle."""
+"""Components of a scene by its kind, before they are built: configs, parameters, connections."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from fmus.ground.keys import is_plane, is_terrain
 from fmus.interface.ports import motion_ports, wrench_ports
-from fmus.start.pose import ground_level, standing_pose
-from fmus.start.stance import Stance
+from fmus.rest.equilibrium import stances
+from fmus.start import Stance, ground_level, standing_pose
 from fmus.track.choices import HHT, TRACKS
 from fmus.track.link_outputs import INTERVAL
 from fmus.vehicles.vehicle import ReturnRollerTable, RoadWheelTable, VehicleTable
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, points_text
 from orchestrator.scene.fmu_table import FmuTable
-from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
+from orchestrator.scene.footing import footing
+from orchestrator.scene.kinds import BenchScene, ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.scene.tables import VehicleStartTable
 from orchestrator.scene.values import Side
-
-NOTHING = 1e-12  # rounding errors of heights and slopes, m
-PLACES = 50  # along each track, between its first and its last road wheel
-EVEN = 1e-9  # largest distance of the ground from a plane that counts as one, m
-
-
-class Footing(NamedTuple):
-    """Plane of least squares through the ground under the tracks, and whether the ground differs from it."""
-
-    rise: float  # height under the middle of the sprocket axle line over the level part, m
-    ahead: float  # gradient along x, world
-    left: float  # gradient along y
-    uneven: bool  # the ground under the tracks is not that plane
-
-
-LEVEL = Footing(0.0, 0.0, 0.0, False)
-
-
-def footing(
-    ground: Mapping[str, Any], vehicle: Mapping[str, Any], position: Sequence[float], heading: float
-) -> Footing:
-    """Footing of a vehicle, drawn at ``position``, m, with ``heading``, rad, on a resolved table ``ground``."""
-    if not is_terrain(ground):
-        return LEVEL
-    x, y = position[:2]
-    if is_plane(ground):
-        ahead, left = ground.get("grade") or 0.0, ground.get("bank") or 0.0
-        return Footing(ahead * x + left * y, ahead, left, False)
-    from fmus.ground.terrain import heights  # loads the terrain's kernels
-
-    wheels = vehicle["road_wheel"]["x"]
-    along = np.linspace(min(wheels), max(wheels), PLACES)
-    lateral = vehicle["track"]["lateral"]
-    a, b = (part.ravel() for part in np.meshgrid(along, [lateral, -lateral]))
-    c, s = np.cos(heading), np.sin(heading)
-    h = heights(ground, x + c * a - s * b, y + s * a + c * b)
-    design = np.stack([np.ones(a.size), c * a - s * b, s * a + c * b], axis=1)
-    plane = np.linalg.lstsq(design, h, rcond=None)[0]
-    plane[abs(plane) < NOTHING] = 0.0
-    rise, ahead, left = plane.tolist()
-    return Footing(rise, ahead, left, bool(abs(h - design @ plane).max() > EVEN))
-
 
 SIGN_OF_Y: dict[Side, float] = {"left": 1.0, "right": -1.0}
 AXLE: Sequence[float] = (0.0, 0.0, 0.0)  # position of the sprocket in the vehicle frame
@@ -83,7 +40,117 @@ class Part(NamedTuple):
     fmu: FmuTable | None = None  # FMU of the user that runs in its place
 
 
-def chassis_config(scene: VehicleScene) -> dict[str, Any]:
+Wired = tuple[tuple[Part, ...], tuple[Connection, ...]]  # parts of a scene, and their connections
+
+
+def own_parts(scene: Scene) -> Wired:
+    """Parts of a scene and their connections, without what an FMU of the user adds."""
+    match scene:
+        case ChainScene():
+            return _chain(scene)
+        case BenchScene():
+            return _bench(scene)
+        case RigScene():
+            return _rig(scene)
+        case VehicleScene():
+            return _vehicle(scene)
+    raise TypeError(f"no assembly for {type(scene).__name__}")
+
+
+def _chain(scene: ChainScene) -> Wired:
+    chain = scene.chain
+    if chain.ends == "loop":
+        config = _track_config(scene, links=chain.links, closed=True, wheels=[], gravity=0.0)
+        part = _track_part(scene, "chain", config)
+        moving: Parameters = {"start.spin": chain.spin, "start.ovalling": chain.ovalling}
+        return (part._replace(parameters={**part.parameters, **moving}),), ()
+    if chain.ends == "lying":
+        pull = [0.5 * chain.pull, 0.0]
+        ends: dict[str, Any] = {"kind": "pulled", "first": pull, "last": pull}
+        config = _track_config(scene, links=chain.links, closed=False, wheels=[], ground=True, ends=ends)
+        if scene.ground and scene.ground.soil:
+            config["track"]["soil"] = scene.ground.soil.model_dump()
+        return (_track_part(scene, "chain", config),), ()
+    ends = {"kind": chain.ends, "first": [0.0, 0.0]}
+    if chain.span is not None:
+        ends["last"] = [chain.span * chain.links * scene.vehicle.track.pitch, 0.0]
+    config = _track_config(scene, links=chain.links, closed=False, wheels=[], ends=ends)
+    return (_track_part(scene, "chain", config),), ()
+
+
+def _bench(scene: BenchScene) -> Wired:
+    bench = scene.bench
+    # forces of the pulled ends, N; ends that are held have positions, m
+    ends = {"kind": "pulled", "first": [-bench.upper, 0.0], "last": [-bench.lower, 0.0]}
+    config = _track_config(
+        scene,
+        links=bench.links,
+        closed=False,
+        wheels=[SPROCKET],
+        gravity=0.0,
+        ends=ends,
+        transverse_damping=bench.transverse_damping,
+    )
+    drive = _drive_part(scene, "drive", scene.drive, scene.vehicle.sprocket.spin_inertia, AXLE)
+    parts = _track_part(scene, "track", config), drive
+    return parts, _wheel_connections("track", "sprocket", "drive", "sprocket")
+
+
+def _rig(scene: RigScene) -> Wired:
+    rig, vehicle = scene.rig, scene.vehicle
+    parts = (
+        _track_part(scene, "track", rig_track_config(scene)),
+        _drive_part(scene, "drive", scene.drive, vehicle.sprocket.spin_inertia, AXLE),
+        _drive_part(
+            scene,
+            "idler_drive",
+            scene.idler_drive,
+            vehicle.idler.spin_inertia,
+            (-rig.axle_distance, 0.0, 0.0),
+        ),
+    )
+    wiring = (
+        *_wheel_connections("track", "sprocket", "drive", "sprocket"),
+        *_wheel_connections("track", "idler", "idler_drive", "sprocket"),
+    )
+    return parts, wiring
+
+
+def _vehicle(scene: VehicleScene) -> Wired:
+    vehicle = scene.vehicle
+    hull = _chassis_config(scene)
+    stands = stances(hull) if scene.start.equilibrium else {}
+    wiring: list[Connection] = []
+    tracks, drives = [], []
+    if scene.drive.steering is not None:
+        drives.append(_differential_part(scene, scene.drive.steering, stands))
+    sides = hull["chassis"]["sides"]
+    for side in (side for side in scene.tracks if side in sides):
+        track, lateral = f"{side}_track", SIGN_OF_Y[side] * vehicle.track.lateral
+        config = vehicle_track_config(scene, side)
+        rims = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
+        tracks.append(_track_part(scene, track, _standing_track_config(scene, config, side, stands), lateral))
+        if scene.drive.steering is None:
+            inertia = vehicle.sprocket.spin_inertia
+            mount = stands.get(f"{side}.sprocket", AXLE)
+            drives.append(_drive_part(scene, f"{side}_drive", scene.drive.of_side(side), inertia, mount, lateral))
+        drive, connector = _drive_of_side(scene, side)
+        wiring += _wheel_connections(track, "sprocket", drive, f"{connector}sprocket")
+        for wheel in rims:
+            wiring += _wheel_connections(track, wheel, "chassis", f"{side}.{wheel}")
+        wiring += _wheel_connections(drive, f"{connector}mount", "chassis", f"{side}.sprocket")
+    chassis = Part("chassis", "Chassis", hull, _chassis_parameters(scene), CHASSIS)
+    if scene.driver is None:
+        return (*tracks, *drives, chassis), tuple(wiring)
+    for part in drives:
+        part.config["drive"]["demanded"] = True
+    config = {"vehicle": vehicle.model_dump()}
+    parameters = {"friction": vehicle.contact.ground.friction, **_driver_parameters(scene.driver)}
+    driver = Part("driver", "Driver", config, {**_start_parameters(scene), **parameters}, DRIVER)
+    return (*tracks, *drives, chassis, driver), (*wiring, *_driven_connections(scene))
+
+
+def _chassis_config(scene: VehicleScene) -> dict[str, Any]:
     """Config of the chassis: sides, start, contacts, hitch, seats."""
     equilibrium = scene.start.equilibrium
     chassis: dict[str, Any] = {"sides": list(SIGN_OF_Y)[: 1 if scene.symmetric else 2], **_ground_config(scene)}
@@ -94,12 +161,12 @@ def chassis_config(scene: VehicleScene) -> dict[str, Any]:
     return {"vehicle": scene.vehicle.model_dump(), "chassis": chassis}
 
 
-def chassis_parameters(scene: VehicleScene) -> Parameters:
+def _chassis_parameters(scene: VehicleScene) -> Parameters:
     """Chassis parameters that the scene sets: the start, and the load that it tows."""
-    return {**start_parameters(scene), **(scene.hitch.parameters() if scene.hitch is not None else {})}
+    return {**_start_parameters(scene), **(scene.hitch.parameters() if scene.hitch is not None else {})}
 
 
-def standing_track_config(
+def _standing_track_config(
     scene: VehicleScene, config: dict[str, Any], side: str, stands: Mapping[str, Stance]
 ) -> dict[str, Any]:
     """Config of a track whose wheels stand at their equilibrium on this side of the vehicle."""
@@ -110,12 +177,12 @@ def standing_track_config(
     return {**config, "track": {**config["track"], "wheels": wheels}}
 
 
-def drive_of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:
+def _drive_of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:
     """Component that drives a side, and the prefix of its variables for that side."""
     return (f"{side}_drive", "") if scene.drive.steering is None else (DIFFERENTIAL, f"{side}.")
 
 
-def driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
+def _driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
     """Connections from chassis to driver and from driver to drives."""
     motion_outputs, motion_inputs = _names(motion_ports("chassis", "output")), _names(motion_ports("chassis", "input"))
     return (
@@ -124,12 +191,12 @@ def driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
         *(
             Connection("driver", (f"{side}.speed",), drive, (f"{connector}speed.demand",), "mean")
             for side in SIGN_OF_Y
-            for drive, connector in [drive_of_side(scene, side)]
+            for drive, connector in [_drive_of_side(scene, side)]
         ),
     )
 
 
-def driver_parameters(driver: DriverTable) -> Parameters:
+def _driver_parameters(driver: DriverTable) -> Parameters:
     """Driver parameters that the scene sets."""
     unchanged = {"heading", "deceleration", "reach", "preview", "width", "friction", "grip"}
     parameters = driver.model_dump(include=unchanged, exclude_none=True)
@@ -165,23 +232,23 @@ def rig_track_config(scene: RigScene) -> dict[str, Any]:
     rig = scene.rig
     idler = scene.vehicle.idler.model_copy(update={"x": -rig.axle_distance, "z": 0.0})
     vehicle = scene.vehicle.model_copy(update={"idler": idler})
-    wheels = [SPROCKET, rim("idler")]
-    return track_config(scene, vehicle, links=rig.links, closed=True, wheels=wheels, gravity=0.0)
+    wheels = [SPROCKET, _rim("idler")]
+    return _track_config(scene, vehicle, links=rig.links, closed=True, wheels=wheels, gravity=0.0)
 
 
 def vehicle_track_config(scene: VehicleScene, side: str) -> dict[str, Any]:
     """Config of the track of a side of a vehicle, round its wheels as drawn."""
     vehicle = scene.vehicle.of_side(side)
-    wheels = [SPROCKET, *_rims("road_wheel", vehicle.road_wheel), rim("idler")]
+    wheels = [SPROCKET, *_rims("road_wheel", vehicle.road_wheel), _rim("idler")]
     wheels += _rims("return_roller", vehicle.return_roller)
-    config = track_config(scene, vehicle, links=vehicle.track.links, closed=True, wheels=wheels, ground=True)
+    config = _track_config(scene, vehicle, links=vehicle.track.links, closed=True, wheels=wheels, ground=True)
     config["track"] |= _ground_shape(scene)
     if scene.ground.soil is not None:
         config["track"]["soil"] = scene.ground.soil.model_dump()
     return config
 
 
-def track_config(
+def _track_config(
     scene: Scene,
     vehicle: VehicleTable | None = None,
     *,
@@ -209,9 +276,9 @@ def track_config(
     }
 
 
-def track_part(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
+def _track_part(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
     """Track with its parameters, ``lateral`` m to the left of the middle."""
-    parameters = {**start_parameters(scene), "start.lateral": lateral, **scene.track.parameters()}
+    parameters = {**_start_parameters(scene), "start.lateral": lateral, **scene.track.parameters()}
     if scene.track.integrator == HHT:
         parameters.setdefault("spectral_radius", HHT_RADIUS)
     if scene.planar:
@@ -221,7 +288,7 @@ def track_part(scene: Scene, name: str, config: dict[str, Any], lateral: float =
     return Part(name, TRACKS[scene.track.model].fmu, config, parameters, TRACK)
 
 
-def drive_part(
+def _drive_part(
     scene: Scene,
     name: str,
     drive: DriveTable,
@@ -231,11 +298,11 @@ def drive_part(
 ) -> Part:
     """Sprocket drive on its mount, ``lateral`` m to the left of the middle."""
     config = {"vehicle": scene.vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount)}}
-    parameters = {**start_parameters(scene), "start.lateral": lateral, **_drive_parameters(drive)}
+    parameters = {**_start_parameters(scene), "start.lateral": lateral, **_drive_parameters(drive)}
     return Part(name, "SprocketDrive", config, parameters, DRIVE)
 
 
-def differential_part(scene: VehicleScene, steering: DriveTable, stands: Mapping[str, Stance]) -> Part:
+def _differential_part(scene: VehicleScene, steering: DriveTable, stands: Mapping[str, Stance]) -> Part:
     """Steering differential between both sprockets."""
     vehicle = scene.vehicle
     differential: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
@@ -243,7 +310,7 @@ def differential_part(scene: VehicleScene, steering: DriveTable, stands: Mapping
         x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
         differential[key] = [x, y + sign * vehicle.track.lateral, *rest]
     config = {"vehicle": vehicle.model_dump(), "drive": differential}
-    parameters = start_parameters(scene)
+    parameters = _start_parameters(scene)
     for shaft, drive in (("propulsion", scene.drive), ("steering", steering)):
         parameters |= {f"{shaft}.{name}": value for name, value in _drive_parameters(drive).items()}
     return Part(DIFFERENTIAL, "SteeringDifferential", config, parameters, DRIVE)
@@ -269,7 +336,7 @@ def _drive_parameters(drive: DriveTable) -> Parameters:
     return parameters
 
 
-def start_parameters(scene: Scene) -> Parameters:
+def _start_parameters(scene: Scene) -> Parameters:
     """Start parameters that all components share: position, heading, pitch."""
     x, y, z = scene.start.position
     pose: Parameters = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
@@ -282,15 +349,9 @@ def start_parameters(scene: Scene) -> Parameters:
     return pose
 
 
-def footing_of(scene: VehicleScene) -> Footing:
-    """Footing of the vehicle of a scene."""
-    ground, vehicle, start = scene.ground.model_dump(exclude_none=True), scene.vehicle.model_dump(), scene.start
-    return footing(ground, vehicle, start.position, start.heading)
-
-
 def _slope(scene: VehicleScene) -> Parameters:
     """Start parameters of a vehicle that the ground under it moves or tilts."""
-    under = footing_of(scene)
+    under = footing(scene)
     if (under.rise, under.ahead, under.left) == (0.0, 0.0, 0.0):
         return {}
     ground, start = (under.rise, under.ahead, under.left), scene.start
@@ -300,17 +361,17 @@ def _slope(scene: VehicleScene) -> Parameters:
 SPROCKET = {"name": "sprocket", "kind": "teeth"}  # in the config of a track
 
 
-def rim(name: str) -> dict[str, Any]:
+def _rim(name: str) -> dict[str, Any]:
     """Smooth wheel in the config of a track."""
     return {"name": name, "kind": "rim"}
 
 
 def _rims(name: str, wheels: RoadWheelTable | ReturnRollerTable | None) -> list[dict[str, Any]]:
     """Smooth wheels of one kind, numbered from the front."""
-    return [rim(f"{name}[{i + 1}]") for i in range(len(wheels.x))] if wheels else []
+    return [_rim(f"{name}[{i + 1}]") for i in range(len(wheels.x))] if wheels else []
 
 
-def wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:
+def _wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:
     """Power bond of a wheel: pose and rates from taker to giver, mean wrench from giver to taker."""
     motion_outputs, motion_inputs = (
         _names(motion_ports(taker_connector, "output")),

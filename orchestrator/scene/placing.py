@@ -8,12 +8,12 @@ from typing import Any
 
 from fmus.rest.equilibrium import FlexibleTrack, equilibrium
 from fmus.rest.tensioning import CABLES, Links, tension_wheel
-from fmus.start.pose import hull_clearance
+from fmus.start import hull_clearance
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import RightIdlerTable, RightTensionerTable
-from orchestrator.scene.assembly import assemble
+from orchestrator.scene.footing import Footing, footing
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
-from orchestrator.scene.parts import Parameters, Part, footing_of, rig_track_config, vehicle_track_config
+from orchestrator.scene.parts import Parameters, Part, own_parts, rig_track_config, vehicle_track_config
 from orchestrator.scene.tables import EquilibriumTable
 from orchestrator.scene.values import SIDES
 from orchestrator.vocabulary.limits import BELLY
@@ -62,9 +62,10 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
     """Vehicle with tensioned tracks in its equilibrium, unless it starts as drawn."""
     if scene.start.state != "equilibrium":
         return scene
-    parts = {part.name: part for part in assemble(scene.model_copy(update={"symmetric": False})).parts}
-    hull = {**parts["chassis"].config, "chassis": _standing_chassis(scene, parts["chassis"].config["chassis"])}
-    tracks = {side: _equilibrium_track(scene, part) for side in SIDES if (part := parts.get(f"{side}_track"))}
+    parts = {part.name: part for part in own_parts(scene.model_copy(update={"symmetric": False}))[0]}
+    under, chassis = footing(scene), parts["chassis"].config
+    hull = {**chassis, "chassis": _standing_chassis(scene, chassis["chassis"], under)}
+    tracks = {side: _equilibrium_track(scene, part, under) for side in SIDES if (part := parts.get(f"{side}_track"))}
     pose = parts["chassis"].parameters
     slope = pose.get("start.slope.pitch", 0.0), pose.get("start.slope.roll", 0.0)
     problem = json.dumps([hull, tracks, slope])
@@ -84,7 +85,7 @@ def _refuse_belly(scene: VehicleScene, rest: EquilibriumTable) -> None:
         )
 
 
-def _standing_chassis(scene: VehicleScene, chassis: dict[str, Any]) -> dict[str, Any]:
+def _standing_chassis(scene: VehicleScene, chassis: dict[str, Any], under: Footing) -> dict[str, Any]:
     """Config of the chassis for the search of the equilibrium: hull and bare wheels on a plane, or on nothing.
 
     Raises BadInput for bare wheels on uneven ground.
@@ -92,7 +93,7 @@ def _standing_chassis(scene: VehicleScene, chassis: dict[str, Any]) -> dict[str,
     ground = chassis.get("ground", {})
     if "terrain" not in ground:
         return chassis
-    if not footing_of(scene).uneven:
+    if not under.uneven:
         return {**chassis, "ground": {key: value for key, value in ground.items() if key != "terrain"}}
     if ground["bare"]:
         raise BadInput(
@@ -102,7 +103,7 @@ def _standing_chassis(scene: VehicleScene, chassis: dict[str, Any]) -> dict[str,
     return {key: value for key, value in chassis.items() if key != "ground"}
 
 
-def _equilibrium_track(scene: VehicleScene, part: Part) -> tuple[dict[str, Any], Parameters]:
+def _equilibrium_track(scene: VehicleScene, part: Part, under: Footing) -> tuple[dict[str, Any], Parameters]:
     """Track config and closure parameters for the search of the equilibrium.
 
     A closing spring of default stiffness changes the result by 0.3 um only, so it is left out.
@@ -110,7 +111,6 @@ def _equilibrium_track(scene: VehicleScene, part: Part) -> tuple[dict[str, Any],
     soft = scene.track.closure_stiffness is not None
     values = {name: value for name, value in part.parameters.items() if soft and name.startswith("closure")}
     config, parameters = {**part.config, "link_outputs": False}, part.parameters
-    under = footing_of(scene)
     if not under.uneven:
         config["track"] = {key: value for key, value in config["track"].items() if key != "terrain"}
     if "start.slope.pitch" in parameters or under.uneven:

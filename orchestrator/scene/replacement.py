@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from textwrap import shorten
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fmus.ahead.contents import component_ports
 from fmus.fmi.build import built_here
@@ -38,6 +38,10 @@ from orchestrator.cosim.graph import ComponentFailed, Connection, GuestTerms, In
 from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.parts import Parameters, Part
+from orchestrator.scene.system_scene import SystemScene
+
+if TYPE_CHECKING:
+    from orchestrator.scene.assembly import Assembly
 
 NAMED = 150  # characters of a list of variables
 
@@ -57,6 +61,15 @@ def replacements(where: str, parts: Sequence[Part]) -> list[Replacement]:
     return [_replacement(where, part, part.fmu) for part in parts if part.fmu is not None]
 
 
+def unfit(scene: SystemScene, assembly: Assembly) -> list[tuple[str, str]]:
+    """Warnings about FMUs of the user, as part and sentence; raises BadInput if one does not fit its connections."""
+    where, variable_steps = scene.where, scene.run.variable is not None
+    found = replacements(where, assembly.parts)
+    warnings = [warning for each in found for warning in _require_fit(each, assembly.connections, variable_steps)]
+    by_name = {each.part.name: each for each in found}
+    return [*warnings, *_require_pairs(where, assembly.parts, by_name, assembly.user_connections)]
+
+
 def _replacement(where: str, part: Part, table: FmuTable) -> Replacement:
     key = f"{where}: fmu.{part.name}.file"
     try:
@@ -68,7 +81,7 @@ def _replacement(where: str, part: Part, table: FmuTable) -> Replacement:
     return Replacement(part, f"{key} = {path_text(table.file)}", description, variables, ports)
 
 
-def require_fit(
+def _require_fit(
     each: Replacement, connections: Sequence[Connection], variable_steps: bool
 ) -> Iterator[tuple[str, str]]:
     """Warnings about an FMU of the user, as part and sentence; raises BadInput.
@@ -209,7 +222,7 @@ def _seen(own: End, port: End | None) -> End:
     return own._replace(unit=port.unit, base=port.base)
 
 
-def require_pairs(
+def _require_pairs(
     where: str, parts: Sequence[Part], fmus: Mapping[str, Replacement], connections: Sequence[Connection]
 ) -> Iterator[tuple[str, str]]:
     """Warnings about connections of the user, as part and sentence; raises BadInput if the ends do not fit."""

@@ -19,11 +19,12 @@ from fmus.track.choices import TRACKS
 from orchestrator.execution import precision
 from orchestrator.execution.estimate import estimate
 from orchestrator.execution.truth import ORDER, require_known, truth
+from orchestrator.results import output_files
 from orchestrator.results.difference import differences_of_logs, worst
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.kinds import ChainScene
 from orchestrator.scene.scene import load
-from orchestrator.studies import Case, Row, result_files
+from orchestrator.studies import Case, Row
 from orchestrator.studies.runs import record, sampled
 
 __all__ = ["TITLE", "WORKERS", "cases", "table", "write"]
@@ -282,7 +283,7 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     stem = f"{name}-{scenes}"
     title = f"{title}: {scenes}"
     more = {f"{stem}.csv": whole_table(rows).csv()}
-    written = result_files.save(folder, stem, table(rows, title), draw(rows, title), more)
+    written = output_files.save_results(folder, stem, table(rows, title), draw(rows, title), more)
     settings = [
         precision.Setting(row.item, row["track"], method_settings(row), row["error"], row["wall_time"])
         for row in runs(rows)
@@ -301,13 +302,13 @@ def method_settings(row: Row) -> tuple[str, ...]:
     return tuple(s for s in row["settings"] if not s.startswith(("run.stop", "track.start", "chain.")))
 
 
-def draw(rows: Sequence[Row], title: str) -> result_files.Picture:
+def draw(rows: Sequence[Row], title: str) -> output_files.Picture:
     """Draw one pane for the whole error and one per observable; a curve per method, Pareto front shaded."""
     good = runs(rows)
     names = ["", *_observables(good)]
     across = min(3, len(names))
     down = -(-len(names) // across)
-    figure = result_files.new_figure(5.2 * across, 4.2 * down + 1.4)
+    figure = output_files.new_figure(5.2 * across, 4.2 * down + 1.4)
     axes = figure.subplots(down, across, squeeze=False).ravel()
     curves = _curve_styles(good)
     for pane, name in zip(axes, names, strict=False):

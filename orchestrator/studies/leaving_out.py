@@ -30,13 +30,14 @@ from orchestrator.execution.manifest import open_log
 from orchestrator.execution.prepared_run import PreparedRun
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
+from orchestrator.results import output_files
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.assembly import Assembly, assemble, system
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import CHASSIS, TRACK, Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
-from orchestrator.studies import Case, Row, result_files
+from orchestrator.studies import Case, Row
 
 TITLE = "What leaving out saves"
 WORKERS = 1  # timed pairs need the machine for themselves
@@ -282,10 +283,10 @@ def table(rows: Sequence[Row], title: str = "") -> Table:
     return Table.of_records(title, COLUMNS, [row.cells() for row in rows])
 
 
-def draw(rows: Sequence[Row], title: str) -> result_files.Picture:
+def draw(rows: Sequence[Row], title: str) -> output_files.Picture:
     """Draw bars of the remaining cost: CPU time with its spread, log size."""
     drawn_rows = [row for row in rows if math.isfinite(row["cpu_ratio"])][::-1]
-    figure = result_files.new_figure(9.0, 1.2 + 0.42 * len(drawn_rows))
+    figure = output_files.new_figure(9.0, 1.2 + 0.42 * len(drawn_rows))
     axes = figure.subplots()
     positions = np.arange(len(drawn_rows))
     middle, low, high = (
@@ -309,7 +310,7 @@ def draw(rows: Sequence[Row], title: str) -> result_files.Picture:
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Write table and figure; raises OSError if the folder cannot be written."""
-    return result_files.save(folder, name, table(rows, title), draw(rows, title))
+    return output_files.save_results(folder, name, table(rows, title), draw(rows, title))
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.simulate import simulate
 from orchestrator.files.budget import DOCUMENT, read_file
 from orchestrator.log.extra import NotInstalled, library
+from orchestrator.results import output_files
 from orchestrator.results.observables import OBSERVABLES
 from orchestrator.results.output_files import atomic_write
 from orchestrator.results.table import Column, Table
@@ -30,7 +31,7 @@ from orchestrator.scene.kinds import Scene
 from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import SHORT_KEYS, load
 from orchestrator.scene.settings import pairs
-from orchestrator.studies import Case, Row, pool, result_files
+from orchestrator.studies import Case, Row, pool
 from orchestrator.studies.store import Store
 from orchestrator.studies.sweep_picture import draw
 from orchestrator.studies.variations import Design
@@ -223,7 +224,9 @@ class Sweep:
         """Write tables and picture, Parquet if pyarrow is installed; raises OSError, BadInput."""
         title, whole = f"{title} of {self.cases[0].item}", self.whole_table(rows)
         picture = draw(self.design, self._table(rows, "", HIDDEN), title)
-        written = result_files.save(folder, name, self.table(rows, title), picture, {f"{name}.csv": whole.csv()})
+        written = output_files.save_results(
+            folder, name, self.table(rows, title), picture, {f"{name}.csv": whole.csv()}
+        )
         with suppress(NotInstalled):
             content, parquet = whole.arrow(), folder / f"{name}.parquet"
             with atomic_write(parquet) as temporary:

@@ -16,10 +16,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.results import output_files
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.kinds import RigScene
 from orchestrator.scene.scene import load
-from orchestrator.studies import Case, Row, result_files
+from orchestrator.studies import Case, Row
 from orchestrator.studies.step_limits import predicted
 from orchestrator.studies.verdict import (
     BLOWN,
@@ -328,13 +329,13 @@ def _completed(row: Row) -> dict[str, Any]:
     return {**cells, "sensible": "yes" if cells["sensible"] else "no"}
 
 
-def draw(rows: Sequence[Row], title: str) -> result_files.Picture:
+def draw(rows: Sequence[Row], title: str) -> output_files.Picture:
     """Draw the map: a line per family, a field per value, coloured by verdict, with the margin below."""
     from matplotlib.patches import Patch, Rectangle
 
     families = list(dict.fromkeys(row.item for row in rows))
     across = max((sum(row.item == item for row in rows) for item in families), default=1)
-    figure = result_files.new_figure(4.5 + 1.05 * across, 1.6 + 0.42 * len(families), dpi=110)
+    figure = output_files.new_figure(4.5 + 1.05 * across, 1.6 + 0.42 * len(families), dpi=110)
     pane = figure.subplots()
     for y, item in enumerate(families):
         for x, row in enumerate(row for row in rows if row.item == item):
@@ -359,4 +360,4 @@ def draw(rows: Sequence[Row], title: str) -> result_files.Picture:
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Write table and map; raises OSError if the folder cannot be written."""
-    return result_files.save(folder, name, table(rows, title), draw(rows, title))
+    return output_files.save_results(folder, name, table(rows, title), draw(rows, title))

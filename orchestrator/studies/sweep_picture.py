@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.results.output_files import Picture, new_figure
 from orchestrator.results.table import Column, Table, cell_text
-from orchestrator.studies.result_files import Picture, new_figure
 from orchestrator.studies.variations import Design, Variation
 
 MOST_CURVES = 8  # that a legend names

@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import brentq
 
 from fmus.interface.model import InvalidParameter, StepFailed
-from fmus.physics.ancf.rotary import second_moments
 from fmus.physics.chain import layout as chain_layout
+from fmus.physics.chain.flexible.inertia import second_moments
 from fmus.physics.chain.integration import HELD
 from fmus.physics.chain.layout import catenary, closed_polygon, folded, hanging_arc, regular_polygon
 from fmus.physics.chain.report import KINETIC, SPEED, STRAIN, T_MEAN

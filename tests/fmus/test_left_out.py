@@ -155,7 +155,7 @@ def test_a_loop_that_spins_is_stretched(spin):
 
 
 FOLDERS = {
-    "fmus", "fmus.cache", "fmus.ground", "fmus.interface", "fmus.kernels", "fmus.start", "fmus.track",
+    "fmus", "fmus.cache", "fmus.ground", "fmus.interface", "fmus.kernels", "fmus.track",
     "fmus.physics", "fmus.physics.ancf", "fmus.physics.integrate", "fmus.physics.contact", "fmus.physics.chain",
     "fmus.physics.chain.flexible", "fmus.track_flexible",
 }  # fmt: skip

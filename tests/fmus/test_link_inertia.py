@@ -20,8 +20,8 @@ from test_free_chains import (
 )
 
 from fmus.interface.model import InvalidParameter
-from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import mass, straight
+from fmus.physics.chain.flexible.inertia import LEAST_SHARE
 from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.report import KINETIC
 
@@ -127,12 +127,12 @@ def test_one_eigenvalue_is_the_share_of_a_rods_inertia(kind, share):
 @CABLES
 def test_a_cable_bears_all_inertias_that_rounding_leaves(kind):
     def least(share: float) -> Any:
-        return built(kind, 2, HOLD, (INERTIA[0], share * rotary.NONE * ROD, INERTIA[2]))
+        return built(kind, 2, HOLD, (INERTIA[0], share * LEAST_SHARE * ROD, INERTIA[2]))
 
     model = least(1.01)
     for k in range(3):
         model.step(1e-3 * k, 1e-3, np.zeros(0))
-    assert eigenvalues(model)[0] == pytest.approx(1.01 * rotary.NONE, rel=1e-3)
+    assert eigenvalues(model)[0] == pytest.approx(1.01 * LEAST_SHARE, rel=1e-3)
     with pytest.raises(InvalidParameter, match=r"^vehicle.track.inertia\[1\] = 3.45\S+ .* must be at least 1e-06 of"):
         least(0.99)
 

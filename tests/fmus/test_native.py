@@ -22,8 +22,8 @@ from fmus.cache.files import CHECKSUM
 from fmus.fmi.build import BuildFailed, packed_config
 from fmus.interface.model import StepFailed
 from fmus.native import link, pack
+from fmus.native.link import LINUX, WINDOWS
 from fmus.native.pack import build_native, with_constants
-from fmus.native.platform import LINUX, WINDOWS
 from fmus.physics.contact.soil.rut import MADE
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack

@@ -21,10 +21,10 @@ from native_cases import CHAIN, CHASSIS, DRIVE, H, begun, follow, ran
 from fmus.components import model_of
 from fmus.interface.ports import NOT_NEGATIVE, Port, motion_ports, variables, wrench_ports
 from fmus.native.arrays import arrays
+from fmus.native.fmi3_description import TERMINALS, terminals
 from fmus.native.header import header
 from fmus.native.link import HERE, compiler
 from fmus.native.pack import build_native, with_constants
-from fmus.native.terminals import KINDS, terminals
 from fmus.track import link_outputs
 from fmus.track.link_outputs import GROUPS
 from orchestrator.cosim.fmu_files import unpack
@@ -254,7 +254,7 @@ def test_description_and_terminals_are_valid_and_agree(case):
     etree.XMLSchema(etree.parse(FMPY / "schema/fmi3/fmi3TerminalsAndIcons.xsd")).assertValid(root)
     for terminal in root.iter("Terminal"):
         members = {m.get("memberName"): described[m.get("variableName")] for m in terminal}
-        assert tuple(members) == KINDS[terminal.get("terminalKind")]
+        assert tuple(members) == TERMINALS[terminal.get("terminalKind")]
         assert [v.shape for v in members.values()] == [(4,) if m == "orientation" else (3,) for m in members]
     names = [terminal.get("name") for terminal in root.iter("Terminal")]
     assert len(names) == (2 if case == DRIVE else 15)  # of a chassis: 7 of each side, and its own motion

@@ -15,9 +15,8 @@ import pytest
 from native_cases import CHAIN, CHASSIS, DRIVE, ran
 from test_native_fmi3 import PROFILE, Three, native3, pairs_of_terminals, parts_of_a_vehicle, plugged_vehicle
 
-from fmus.native.link import compiler
+from fmus.native.link import LINUX, WINDOWS, compiler
 from fmus.native.pack import build_native, targets_windows, with_constants
-from fmus.native.platform import LINUX, WINDOWS
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.assembly import build_native_all
 from orchestrator.scene.products import scene_products

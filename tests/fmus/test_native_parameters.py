@@ -12,7 +12,7 @@ from fmus.components import KINDS
 from fmus.interface import numbers
 from fmus.interface.model import InvalidParameter
 from fmus.native.pack import build_native, with_constants
-from fmus.start.stance import part_at_rest
+from fmus.start import part_at_rest
 from fmus.track.choices import TRACKS
 from fmus.track.ports import start_stance
 from orchestrator.cosim.component import Component

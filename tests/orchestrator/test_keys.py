@@ -11,10 +11,11 @@ from short_run import last
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cli.key_reference import key_text, measure_keys, page
-from orchestrator.execution.loading import require_signals
+from orchestrator.execution import loading
 from orchestrator.results import measures
 from orchestrator.scene import commented_file
 from orchestrator.scene import scene as scene_module
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.keys import (
     OVERRIDES,
     facts,
@@ -381,6 +382,10 @@ def test_signals_of_checks_are_known_before_anything_is_built(cotrack, monkeypat
     assert (status, len(err.splitlines())) == (2, 1)
     assert err.startswith(f"cotrack: {scene}.toml: expect.own.signal = '{signal}': {said}")
     assert last(out)["message"] in err
+
+
+def require_signals(scene):
+    loading.require_signals(scene, assemble(scene).parts)
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,12 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import turning, vehicle_measures
 from orchestrator.results.analyses import slip
+from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.ground_under_vehicle import component, ground_axes, split
 from orchestrator.results.page.document import document
 from orchestrator.results.page.evaluation import evaluate
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.results.validity import track_checks
-from orchestrator.results.validity.ledger import validity
 from orchestrator.scene.scene import load
 
 STOP = 0.03

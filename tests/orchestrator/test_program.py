@@ -19,7 +19,7 @@ from orchestrator.kernels.compiled import CAN_STEP, kernels
 from orchestrator.kernels.tables import ASLEEP, FREE, SUBMITTED, StepCall, record
 from orchestrator.log.page import HEAD, Block
 from orchestrator.log.reader import Log
-from orchestrator.log.wire import RULES, wired_inputs
+from orchestrator.log.time_series import RULES, wired_inputs
 from orchestrator.scene.scene import load
 
 EXCHANGE = CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t, POINTER(c_double))

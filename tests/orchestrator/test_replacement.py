@@ -19,10 +19,11 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary_text import lines
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
-from orchestrator.scene.assembly import assemble, system, unfit
+from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.commented_file import scene_text
 from orchestrator.scene.placing import placed
 from orchestrator.scene.products import scene_products, write_ssp
+from orchestrator.scene.replacement import unfit
 from orchestrator.scene.scene import load
 
 H, TORQUE, INERTIA = 1e-3, 2000.0, 20.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fmus.start.pose import KEYS, start_pose, vehicle_quaternion
+from fmus.start import KEYS, start_pose, vehicle_quaternion
 from fmus.track.choices import TRACKS
 from fmus.vehicles import tables, vehicle
 from fmus.vehicles.tables import BadInput

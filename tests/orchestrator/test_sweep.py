@@ -22,11 +22,11 @@ import orchestrator as offered
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import summary
 from orchestrator.log.reader import Log
-from orchestrator.results import chain_measures
+from orchestrator.results import chain_measures, output_files
 from orchestrator.results.analyses import joints
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.table import Column, Table
-from orchestrator.studies import parameter_sweep, result_files, sweep_picture
+from orchestrator.studies import parameter_sweep, sweep_picture
 from orchestrator.studies.variations import MOST, Design
 
 CHAIN = ("--set", "chain.links=8", "--set", "run.stop=0.02 s")
@@ -393,7 +393,7 @@ def test_tables_and_pictures_are_written_whole_or_not_at_all(tmp_path):
 
     (tmp_path / "sweep.png").write_bytes(b"before")
     with pytest.raises(BadInput, match=r"sweep\.png.* cannot be written: No space left on device"):
-        result_files.save(tmp_path, "sweep", Table("", (Column("a", "a"),), [(1.0,)]), Full())
+        output_files.save_results(tmp_path, "sweep", Table("", (Column("a", "a"),), [(1.0,)]), Full())
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.suffix != ".md"} == {
         "sweep.csv": b"a\n1.0\n", "sweep.png": b"before",
     }  # fmt: skip

@@ -9,7 +9,7 @@ import pytest
 from mcap.reader import make_reader
 
 from fmus.ground.soils import named
-from fmus.start.pose import ground_level
+from fmus.start import ground_level
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
@@ -17,11 +17,12 @@ from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.results import run_data, vehicle_measures
+from orchestrator.results.analyses import validity
 from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import heading
 from orchestrator.results.page.evaluation import RunSummary, attempt, evaluate
 from orchestrator.results.run_data import EVER, Missing, RunData
-from orchestrator.results.validity import chain_checks, ledger
+from orchestrator.results.validity import chain_checks
 from orchestrator.results.validity.exceedance import recorded_entries
 from orchestrator.results.validity.piece import LENGTH
 from orchestrator.results.validity.sprocket_checks import jumps
@@ -59,7 +60,7 @@ def write(path, columns, t, scene, connections=()):
 
 def entries_of(path):
     with Log(path) as log:
-        return ledger.validity(RunData(log)).entries
+        return validity.of(RunData(log)).entries
 
 
 # tooth jumps
@@ -155,7 +156,7 @@ def settled(tmp_path_factory):
     result = simulate(load("settle", "rigid", ("run.stop=0.25 s", "run.links=5", "symmetric=true")), path)
     assert (result["message"], result["validity"]) == ("", [])
     with Log(path) as log:
-        assert ledger.validity(RunData(log)).unchecked == {}, "a kind cannot look at an ordinary run"
+        assert validity.of(RunData(log)).unchecked == {}, "a kind cannot look at an ordinary run"
     return path
 
 
@@ -168,7 +169,7 @@ def test_penetration_has_limits(settled, scaled, limit, severity):
     for off, passes in ((1.02, True), (0.98, False)):
         with Log(settled) as log:
             scaled(log, "/left_track/out", "penetration.max", off * limit * face / deepest)
-            entries = [e for e in ledger.validity(RunData(log)).entries if e.severity == severity]
+            entries = [e for e in validity.of(RunData(log)).entries if e.severity == severity]
         assert [e.what for e in entries] == ["penetration"] * passes
         if passes:
             assert entries[0].value == pytest.approx(off * limit * face)
@@ -197,7 +198,7 @@ def test_an_idler_beyond_its_travel(settled, scaled):
         x = log.signal("chassis.left.idler.position.x")[1][0]
         for moved, passes in ((0.09, False), (0.11, True)):
             scaled(log, "/chassis/out", "left.idler.position.x", 1.0 + moved / x)
-            entries = ledger.validity(RunData(log)).entries
+            entries = validity.of(RunData(log)).entries
             assert [(e.what, e.place) for e in entries] == [("idler_travel", "left.idler")] * passes
             scaled(log, "/chassis/out", "left.idler.position.x", 1.0 / (1.0 + moved / x))
 
@@ -497,25 +498,25 @@ def test_a_kind_that_breaks_is_counted_and_fails_a_test(tmp_path, monkeypatch, e
     """A fault of ours is counted, also in the summary of a run; what a log does not hold is no fault."""
     path = running(tmp_path / "a.mcap", np.linspace(0.0, 1.0, 20), np.zeros(20))
     with Log(path) as log:
-        whole = ledger.validity(RunData(log))
+        whole = validity.of(RunData(log))
 
     def broken(piece):
         raise error
         yield
 
-    monkeypatch.setitem(ledger.CHECKS, "creep", ledger.CHECKS["creep"]._replace(find=broken))
+    monkeypatch.setitem(validity.CHECKS, "creep", validity.CHECKS["creep"]._replace(find=broken))
     with Log(path) as log, pytest.raises(type(error)):
-        ledger.validity(RunData(log))
+        validity.of(RunData(log))
     monkeypatch.setattr(run_data, "FAULTS_RAISE", False)
-    said = f"1 of {len(ledger.CHECKS)} kinds of validity not looked at: creep: {type(error).__name__}: {error}"
+    said = f"1 of {len(validity.CHECKS)} kinds of validity not looked at: creep: {type(error).__name__}: {error}"
     with Log(path) as log:
-        found = ledger.validity(RunData(log))
+        found = validity.of(RunData(log))
         assert summary.balance(RunData(log))["passed_over"] == [said]
     assert (found.passed_over, found.entries) == ([said], whole.entries)
     assert f"not looked at, creep: {type(error).__name__}: {error}" in found.table().notes
     error = Missing("the log has no 'speed'")
     with Log(path) as log:
-        lacking = ledger.validity(RunData(log))
+        lacking = validity.of(RunData(log))
     assert (lacking.passed_over, lacking.unchecked["creep"]) == ([], "the log has no 'speed'")
 
 
@@ -602,7 +603,7 @@ def test_other_names_are_refused(allow):
 
 
 def test_kinds_are_siblings():
-    for name, check in ledger.CHECKS.items():
+    for name, check in validity.CHECKS.items():
         assert [*inspect.signature(check.find).parameters] == ["piece"], name
         assert [*inspect.signature(check.signals).parameters] == ["run"], name
         assert check.find.__doc__

@@ -15,8 +15,8 @@ from orchestrator.log import recorder as module
 from orchestrator.log.log_file import LogFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
+from orchestrator.log.time_series import RULES, Wire, wired_inputs
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
-from orchestrator.log.wire import RULES, Wire, wired_inputs
 from orchestrator.scene.scene import load
 
 STEP, STEPS = 1e-3, 300

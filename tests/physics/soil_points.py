@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.physics.contact.face import NO_MATRIX, NOTHING, ContactForce, Face
-from fmus.physics.contact.ground_laws import GroundPoint
+from fmus.physics.contact.grounds import GroundPoint
 from fmus.physics.contact.soil.force import soil_force
 from fmus.physics.contact.soil.memory import MEMORY, PENDING, commit
 from fmus.physics.contact.soil.parameters import Soil, soil

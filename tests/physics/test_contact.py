@@ -11,8 +11,7 @@ from scipy.integrate import quad
 from fmus.physics.contact.ground import GroundShape
 from fmus.physics.contact.linear import Linear
 from fmus.physics.contact.wheel import covered_part, end_rates_in_space, gauss_excess, sink_rate
-from fmus.physics.contact.wheel_kinematics import add_reaction, slip_velocity
-from fmus.physics.wheels import WIDTH, move
+from fmus.physics.wheels import WIDTH, add_reaction, move, slip_velocity
 
 
 def on_ground(x, v, s):

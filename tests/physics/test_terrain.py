@@ -20,7 +20,7 @@ from fmus.physics.contact.terrain.foot import first_foot
 from fmus.physics.contact.terrain.heightmap import map_top
 from fmus.physics.contact.terrain.obstacles import half_round, profile, step
 from fmus.physics.contact.terrain.profile import X, Z, curve_point, nearest
-from fmus.physics.contact.terrain.surface import smooth_height, surface
+from fmus.physics.contact.terrain.shape import smooth_height, surface
 
 STILL = (0.0, 0.0, 0.0)
 HALF_ROUND = {"x": [2.0], "radius": 0.2, "fillet": 0.02}

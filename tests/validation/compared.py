@@ -8,8 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from orchestrator.results import output_files
 from orchestrator.results.table import Column, Table
-from orchestrator.studies import Row, result_files
+from orchestrator.studies import Row
 
 COLUMNS = (
     Column("item", "item"),
@@ -69,7 +70,7 @@ def points(rows: Sequence[Row]) -> Table:
     return Table.of_records("", POINTS, records)
 
 
-def draw(rows: Sequence[Row], title: str) -> result_files.Picture:
+def draw(rows: Sequence[Row], title: str) -> output_files.Picture:
     """Draw error over elements or step, log-log: a pane per item, a line per row, dotted orders 2 and 4."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
@@ -117,4 +118,4 @@ def draw(rows: Sequence[Row], title: str) -> result_files.Picture:
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Write tables and picture; raises OSError if the folder cannot be written."""
     more = {f"{name}-convergence.csv": points(rows).csv()}
-    return result_files.save(folder, name, table(rows, title), draw(rows, title), more)
+    return output_files.save_results(folder, name, table(rows, title), draw(rows, title), more)

@@ -60,7 +60,7 @@ class Beam(NamedTuple):
         0.0,
         0.0,
         0.0,
-    )  # second moments of mass added to the volume's, kg m2: ``rotary``
+    )  # second moments of mass added to the volume's, kg m2: ``flexible.inertia``
 
 
 Section = Beam

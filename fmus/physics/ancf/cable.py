@@ -40,7 +40,7 @@ class Cable(NamedTuple):
     nuA: float  # axial damping nu1 A, N s
     nuI: float  # bending damping nu2 I, N s m2
     axes: tuple[int, ...] = (0, 1, 2)  # components of a vector; kernels are compiled for their number
-    rotary: float = 0.0  # second moment of mass of the mean slope, added to the line's, kg m2: ``rotary`` (1)
+    rotary: float = 0.0  # second moment of mass of the mean slope, added to the line's, kg m2: ``flexible.inertia`` (1)
 
 
 @implemented_in(forces=".cable_local", densities=".cable_general")
@@ -119,7 +119,7 @@ def mass(c: Cable, M: Floats) -> None:
 
 @kernel
 def mean_slope(c: Element) -> Four:
-    """Mean slope of the line as factors of the coordinates: ``rotary`` (1)."""
+    """Mean slope of the line as factors of the coordinates: ``flexible.inertia`` (1)."""
     return -1.2 / c.l, -0.1, 1.2 / c.l, -0.1
 
 

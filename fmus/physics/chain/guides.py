@@ -26,9 +26,9 @@ from fmus.physics.chain.sums import PATCH_POWER, add_contact
 from fmus.physics.contact.face import NOT_SINKING, point_contact_force
 from fmus.physics.contact.guide import HORN, guide_face
 from fmus.physics.contact.wheel import GAUSS, covered_part, end_rates_in_space, patch_defect
-from fmus.physics.contact.wheel_kinematics import add_reaction
 from fmus.physics.point import GUIDES, POINTS
 from fmus.physics.vector import dot, vector
+from fmus.physics.wheels import add_reaction
 
 if TYPE_CHECKING:
     from fmus.physics.chain.protocols import ChainWork, FacedLinks, Motion

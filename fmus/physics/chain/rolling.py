@@ -46,8 +46,16 @@ from fmus.physics.chain.near import (
 from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force, add_sliding, average_sliding, clear
 from fmus.physics.chain.report import add_loss
 from fmus.physics.contact.face import NOT_SINKING, Penetration, Sinking, contact_force, point_contact_force
-from fmus.physics.contact.ground_laws import GroundPoint, begin_ground, commit_ground, ground_force, penetration
-from fmus.physics.contact.grounds import ground_face, ground_law, is_above
+from fmus.physics.contact.grounds import (
+    GroundPoint,
+    begin_ground,
+    commit_ground,
+    ground_face,
+    ground_force,
+    ground_law,
+    is_above,
+    penetration,
+)
 from fmus.physics.contact.teeth import tooth_face
 from fmus.physics.contact.wheel import (
     GAUSS,
@@ -58,9 +66,9 @@ from fmus.physics.contact.wheel import (
     rim_face,
     sink_rate,
 )
-from fmus.physics.contact.wheel_kinematics import add_reaction
 from fmus.physics.point import ON_FACE, PINS, POINTS
 from fmus.physics.vector import add, dot, scale
+from fmus.physics.wheels import add_reaction
 
 if TYPE_CHECKING:
     from fmus.physics.chain.protocols import ChainState, ChainWork, FacedLinks, Motion

@@ -9,8 +9,8 @@ from __future__ import annotations
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Row, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
-from fmus.physics.contact.wheel_kinematics import slip_velocity
 from fmus.physics.vector import add, dot, scale, vector
+from fmus.physics.wheels import slip_velocity
 
 HORN = 0.05  # height of a guide horn over the inner face, m
 

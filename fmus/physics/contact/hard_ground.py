@@ -1,4 +1,4 @@
-"""Ground that springs back, for ``ground_laws``: a normal law and the friction of ``face``, without memory."""
+"""Ground that springs back, for ``grounds``: a normal law and the friction of ``face``, without memory."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from fmus.physics.contact.face import ContactForce, Face, point_contact_force
 
 if TYPE_CHECKING:
     from fmus.physics.chain.protocols import ChainState, ChainWork
-    from fmus.physics.contact.ground_laws import GroundPoint
+    from fmus.physics.contact.grounds import GroundPoint
     from fmus.physics.contact.laws import Law
 
 
 @kernel
 def ground_force(law: Law, point: GroundPoint, face: Face, by_rate: float, tangent: bool, w: ChainWork) -> ContactForce:
-    """See ``ground_laws``."""
+    """See ``grounds``."""
     return point_contact_force(law, point.share, point.depth, face, by_rate, tangent, w.contact, point.number)
 
 
 @kernel
 def penetration(law: Law, depth: float) -> float:
-    """See ``ground_laws``: all of it."""
+    """See ``grounds``: all of it."""
     return depth
 
 
 @kernel
 def begin_ground(law: Law, w: ChainWork) -> None:
-    """See ``ground_laws``."""
+    """See ``grounds``."""
 
 
 @kernel
 def commit_ground(law: Law, share: float, s: ChainState, w: ChainWork) -> tuple[float, float]:
-    """See ``ground_laws``."""
+    """See ``grounds``."""
     return 0.0, 0.0

@@ -25,4 +25,4 @@ class Contacts(NamedTuple):
     belt: Vector  # velocity of the ground's surface in that frame, m/s
     sprocket: Law  # contact law of pins with teeth,
     wheel: Law  # of links with rims and of horns with discs,
-    soil: Any  # and of links with the ground (``ground_laws``)
+    soil: Any  # and of links with the ground (``grounds``)

@@ -17,9 +17,9 @@ import numpy as np
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Four, Row, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
-from fmus.physics.contact.wheel_kinematics import slip_velocity
 from fmus.physics.elementary import atan2, cos, sin
 from fmus.physics.vector import add, cross, dot, scale, vector
+from fmus.physics.wheels import slip_velocity
 
 
 class Teeth(NamedTuple):

@@ -16,8 +16,8 @@ import numpy as np
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Row, Vector, VectorLike
 from fmus.physics.contact.face import Face
-from fmus.physics.contact.wheel_kinematics import slip_velocity
 from fmus.physics.vector import add, cross, dot, scale, vector
+from fmus.physics.wheels import slip_velocity
 
 if TYPE_CHECKING:
     from fmus.physics.contact.laws import Law

@@ -5,7 +5,7 @@ from __future__ import annotations
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.scheme import ExtrapolatingScheme
 from orchestrator.cosim.graph import Feed
-from orchestrator.log.wire import Rule
+from orchestrator.log.time_series import Rule
 
 
 class GaussSeidel(ExtrapolatingScheme):

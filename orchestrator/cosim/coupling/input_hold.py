@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from orchestrator.cosim.graph import Feed, Floats
-from orchestrator.log.wire import Rule, wired_inputs
+from orchestrator.log.time_series import Rule, wired_inputs
 
 Outputs = Mapping[str, Floats]  # y of every component by its name
 

@@ -15,7 +15,7 @@ from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, require_states
 from orchestrator.cosim.graph import Feed, Floats, Stages
-from orchestrator.log.wire import Rule
+from orchestrator.log.time_series import Rule
 
 HISTORY = 6  # earlier differences that the acceleration uses
 

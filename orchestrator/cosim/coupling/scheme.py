@@ -17,7 +17,7 @@ from orchestrator.cosim.graph import ComponentFailed, Feed, Floats, Member, Stag
 from orchestrator.cosim.program import InputCopy, Program, Stage
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.kernels.compiled import CAN_STEP
-from orchestrator.log.wire import Rule, wired_inputs
+from orchestrator.log.time_series import Rule, wired_inputs
 
 LONGEST_BATCH = 3e-2  # s of wall time, longest batch: observers wait no longer
 

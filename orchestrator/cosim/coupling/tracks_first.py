@@ -10,7 +10,7 @@ from __future__ import annotations
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Feed
-from orchestrator.log.wire import Rule
+from orchestrator.log.time_series import Rule
 
 
 class TracksFirst(Scheme):

@@ -11,11 +11,11 @@ import numpy as np
 from orchestrator.log.events_topic import Event
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
+from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.analyses.wheel_loads import UnloadedInterval, is_settling, off_ground, switches
 from orchestrator.results.energy import WrenchPort, ports
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
 from orchestrator.results.table import Table
-from orchestrator.results.validity.ledger import validity
 
 STANDS = 0.1  # rad/s: a slower sprocket stands; default speed below which brakes fade
 TURNS = 0.2  # rad/s: a faster sprocket is released

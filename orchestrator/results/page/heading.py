@@ -9,6 +9,7 @@ from orchestrator.results.analyses import link_loads
 from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.analyses.link_loads import SIGNALS
 from orchestrator.results.analyses.record_blocks import has
+from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.analyses.wheel_loads import starts_as_drawn
 from orchestrator.results.energy import Ledger
 from orchestrator.results.ground_surface import on_terrain
@@ -18,7 +19,6 @@ from orchestrator.results.page.embedded import instance, quantity, text, wheel
 from orchestrator.results.page.evaluation import ALIKE, Evaluation
 from orchestrator.results.units import number, percent
 from orchestrator.results.user_parts import given_parts
-from orchestrator.results.validity.ledger import validity
 
 OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
 

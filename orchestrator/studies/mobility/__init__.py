@@ -12,12 +12,13 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from orchestrator.results import output_files
 from orchestrator.results.output_files import atomic_write
 from orchestrator.results.page.document import POLICY
 from orchestrator.results.page.embedded import text
 from orchestrator.results.page.section import table as html_table
 from orchestrator.results.table import Column, Table, cell_text
-from orchestrator.studies import Case, Row, result_files
+from orchestrator.studies import Case, Row
 from orchestrator.studies.mobility.limit_trials import GRADE, STEP_AND_GAP
 from orchestrator.studies.mobility.ride_trials import HALF_ROUNDS, ROUGHNESS
 from orchestrator.studies.mobility.soil_trials import DRAWBAR, PRESSURE, TURNING
@@ -60,13 +61,13 @@ def tables(rows: Sequence[Row]) -> list[tuple[Trial, Sequence[Row], Table]]:
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Write the summary, table and picture of each trial, and a page of all; raises OSError, BadInput."""
     summary = table(rows, title)
-    written = result_files.save(folder, name, summary)
+    written = output_files.save_results(folder, name, summary)
     shown = []
     for trial, own, listed in tables(rows):
         valid = [row for row in own if row.figures]
         figure = trial.draw(valid) if valid else None
         shown.append((trial.name, listed, figure))
-        written += result_files.save(folder, f"{name}-{trial.name}", listed, figure)
+        written += output_files.save_results(folder, f"{name}-{trial.name}", listed, figure)
     path = folder / f"{name}.html"
     with atomic_write(path) as temporary:
         temporary.write_text(_page(summary, shown), encoding="utf-8")

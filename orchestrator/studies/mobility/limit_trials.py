@@ -15,10 +15,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from fmus.ground.soils import law_of
+from orchestrator.results import output_files
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
 from orchestrator.scene.kinds import Scene
-from orchestrator.studies import Row, result_files
+from orchestrator.studies import Row
 from orchestrator.studies.mobility import theory
 from orchestrator.studies.mobility.soil_trials import SOILS
 from orchestrator.studies.mobility.trial import (
@@ -167,9 +168,9 @@ def _row(passed: str, limit: Limit, bracket: theory.Bracket, factor: float, ok: 
     return [Row("", "", figures, ok, "; ".join(filter(None, [limit.reason, doubted if limit.doubts else ""])))]
 
 
-def _draw(rows: Sequence[Row], passed: str, label: str, width: float = 8.0) -> result_files.Picture:
+def _draw(rows: Sequence[Row], passed: str, label: str, width: float = 8.0) -> output_files.Picture:
     """Bar of the passed value of each row, and its bracket."""
-    figure = result_files.new_figure(width, 3.6, dpi=110)
+    figure = output_files.new_figure(width, 3.6, dpi=110)
     pane = figure.subplots()
     pane.bar([row.case for row in rows], [row[passed] for row in rows], color="C0", width=0.5)
     for k, row in enumerate(rows):

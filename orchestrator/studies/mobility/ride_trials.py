@@ -15,11 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.results import output_files
 from orchestrator.results.analyses import ride
 from orchestrator.results.analyses.vibration import LIMIT
 from orchestrator.results.run_data import Window
 from orchestrator.results.table import Column
-from orchestrator.studies import Row, result_files
+from orchestrator.studies import Row
 from orchestrator.studies.mobility.trial import (
     FIRM,
     Finding,
@@ -115,9 +116,9 @@ def _vibration(seat: ride.SeatRide) -> Figures:
     }
 
 
-def _draw_vibration(rows: Sequence[Row]) -> result_files.Picture:
+def _draw_vibration(rows: Sequence[Row]) -> output_files.Picture:
     """Weighted acceleration and absorbed power over speed, by class."""
-    figure = result_files.new_figure(10.0, 3.8, dpi=110)
+    figure = output_files.new_figure(10.0, 3.8, dpi=110)
     panes = figure.subplots(1, 2)
     for pane, key in zip(panes, ("weighted", "power"), strict=True):
         for name, *curve in _curves(rows, "iso_class", key):
@@ -156,9 +157,9 @@ def _peaks(seat: ride.SeatRide) -> Figures:
     return {"peak": float(up.max()), "down": float(-up.min())}
 
 
-def _draw_shock(rows: Sequence[Row]) -> result_files.Picture:
+def _draw_shock(rows: Sequence[Row]) -> output_files.Picture:
     """Peaks over speed, by radius."""
-    figure = result_files.new_figure(7.0, 3.8, dpi=110)
+    figure = output_files.new_figure(7.0, 3.8, dpi=110)
     pane = figure.subplots()
     for radius, *curve in _curves(rows, "radius", "peak"):
         pane.plot(*curve, "o-", label=f"{1e3 * radius:.0f} mm")

@@ -23,12 +23,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fmus.ground.soils import law_of, named
-from orchestrator.results import turning, vehicle_measures
+from orchestrator.results import output_files, turning, vehicle_measures
 from orchestrator.results.analyses import circuit
 from orchestrator.results.analyses.contact import SIGNAL, pad_area, pressure
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
-from orchestrator.studies import Row, result_files
+from orchestrator.studies import Row
 from orchestrator.studies.mobility import theory
 from orchestrator.studies.mobility.trial import Finding, Trial, Vehicle, recorded, trial_scene, vehicle_of
 
@@ -113,10 +113,10 @@ def _shear_length(mobilised: float, slip: float, modulus: float) -> float:
     return float(brentq(lambda length: theory.shear_fraction(slip, length, modulus) - mobilised, 1e-6, 1e6))
 
 
-def _draw_pull(rows: Sequence[Row]) -> result_files.Picture:
+def _draw_pull(rows: Sequence[Row]) -> output_files.Picture:
     """Pull over slip of each soil, inside its bracket, and the resistance."""
     soils = list(dict.fromkeys(row["soil"] for row in rows))
-    figure = result_files.new_figure(10.0, 3.6 * math.ceil(len(soils) / 2), dpi=110)
+    figure = output_files.new_figure(10.0, 3.6 * math.ceil(len(soils) / 2), dpi=110)
     for pane, soil in zip(figure.subplots(math.ceil(len(soils) / 2), 2, squeeze=False).flat, soils, strict=False):
         own = sorted((row for row in rows if row["soil"] == soil), key=lambda row: row["slip"])
         slip = np.array([row["slip"] for row in own])
@@ -188,9 +188,9 @@ def _pressure_row(vehicle: Vehicle, run: RunData, window: Window) -> Row:
     return Row("", "", figures, nominal <= float(by_wheel.mean()) <= 1.05 * single)
 
 
-def _draw_pressure(rows: Sequence[Row]) -> result_files.Picture:
+def _draw_pressure(rows: Sequence[Row]) -> output_files.Picture:
     """Bars of the mean maximum pressure by ground, beside the nominal one."""
-    figure = result_files.new_figure(8.0, 3.6, dpi=110)
+    figure = output_files.new_figure(8.0, 3.6, dpi=110)
     pane = figure.subplots()
     _bars(pane, rows, "mean_maximum", "mean maximum pressure, kPa")
     pane.axhline(rows[0]["nominal"], color="C3", ls="--", label="nominal: weight over both tracks")
@@ -230,9 +230,9 @@ def turn(scene: str, ground: str) -> list[Row]:
     return [Row("", "", figures, bool(figures["radius"] > kinematic and figures["moment"] > 0.0))]
 
 
-def _draw_turn(rows: Sequence[Row]) -> result_files.Picture:
+def _draw_turn(rows: Sequence[Row]) -> output_files.Picture:
     """Bars of radius and steering moment by ground."""
-    figure = result_files.new_figure(10.0, 3.6, dpi=110)
+    figure = output_files.new_figure(10.0, 3.6, dpi=110)
     panes = figure.subplots(1, 2)
     for pane, key, label in zip(panes, ("radius", "moment"), ("radius, m", "steering moment, kN m"), strict=True):
         _bars(pane, rows, key, label)

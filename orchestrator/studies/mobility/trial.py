@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.log.reader import Log
+from orchestrator.results import output_files
 from orchestrator.results.run_data import RunData
 from orchestrator.results.table import Column
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.scene import from_table, load
-from orchestrator.studies import Case, Row, result_files
+from orchestrator.studies import Case, Row
 from orchestrator.studies.mobility.theory import ends
 from orchestrator.studies.runs import logged
 
@@ -32,7 +33,7 @@ class Trial(NamedTuple):
     notes: tuple[str, ...]
     runs: Callable[[bool], Sequence[tuple[str, Callable[..., list[Row]], tuple[Any, ...], float]]]
     """Label, function of a scene's name and its arguments, seconds; with True those of a quick study."""
-    draw: Callable[[Sequence[Row]], result_files.Picture]
+    draw: Callable[[Sequence[Row]], output_files.Picture]
     find: Callable[[Sequence[Row]], list[Finding]]  # what rows with figures say of the vehicle, for the summary
 
     def cases(self, scene: str, quick: bool) -> list[Case]:

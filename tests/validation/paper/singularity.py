@@ -120,7 +120,7 @@ def mesh(n: int, length: float, mass: float, inertia: float) -> Floats:
 
     Coordinates of a node: position, slopes of the ending and of the starting element times the length. The matrix of an
     element integrates products of the cubic shape functions, plus the ``inertia`` beyond a rod's on the mean slope
-    (``fmus.physics.ancf.rotary``).
+    (``fmus.physics.chain.flexible.inertia``).
     """
     slope = np.array([-1.2, -0.1, 1.2, -0.1]) / length
     own = (inertia - mass * length**2 / 12.0) * np.outer(slope, slope)

@@ -66,9 +66,11 @@ def from_ground(links: TurningCables, x: Motion, w: TurningWork, force: ContactF
 def locate_section(
     links: TurningCables, x: Motion, w: TurningWork, i: int, xi: float, z: float
 ) -> tuple[Vector, Vector, Vector, float]:
-    """Leaves S, c (``w.shape_slopes``) and t in ``w``.
+    """Return position, m, and velocity, m/s, ``z`` m outside the centreline, with j - b t and the rate of b, 1/s.
 
-    ``w.axes`` receives m without y, the position and j - b t.
+    ``w.coordinates`` and ``w.rates`` must be those of link ``i`` (4, 3), of its ``begin_link``. ``xi``: fraction of the
+    length. Leaves shape functions in ``w.shape_functions`` (1, m), c, 1/m and 1, in ``w.shape_slopes`` and t in
+    ``w.unit_tangent``. ``w.axes`` receives m without y, m, the position, m, and j - b t.
     """
     S, C, e, de, lever = w.shape_functions, w.shape_slopes, w.coordinates, w.rates, w.axes.lever
     shape(links.element, xi, S)

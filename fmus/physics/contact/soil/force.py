@@ -1,4 +1,4 @@
-"""Force of soil on a contact point, for ``ground_laws``.
+"""Force of soil on a contact point, for ``grounds``.
 
 Depth is the sinkage along the normal of the undeformed surface. A point below the surface keeps the deepest sinkage
 that it has reached, wherever it moves; as it goes below, it reads that of the rut. Slip sinkage, bulldozing and the
@@ -14,7 +14,6 @@ from fmus.physics.arrays import Floats, Nine, Vector
 from fmus.physics.contact.face import NO_MATRIX, NOTHING, ContactForce, Face
 from fmus.physics.contact.soil import memory as rows
 from fmus.physics.contact.soil import shear
-from fmus.physics.contact.soil.failure import strength
 from fmus.physics.contact.soil.memory import (
     ALONG,
     BEFORE,
@@ -30,11 +29,12 @@ from fmus.physics.contact.soil.memory import (
 )
 from fmus.physics.contact.soil.pressure import first_loading, pressure, print_left, reloading
 from fmus.physics.contact.soil.rut import deepest_at
+from fmus.physics.contact.soil.shear import strength
 from fmus.physics.vector import add, dot, put, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.protocols import ChainState, ChainWork
-    from fmus.physics.contact.ground_laws import GroundPoint
+    from fmus.physics.contact.grounds import GroundPoint
     from fmus.physics.contact.soil.parameters import Soil
 
 LIGHT = 1e3  # pressure at which the damper has half of its effect, Pa: it fades in, so that no force jumps
@@ -123,24 +123,24 @@ def _by_place(face: Face, r: Vector, curved: float, limit: float, g: Nine) -> Ni
 def ground_force(
     law: Soil, point: GroundPoint, face: Face, by_rate: float, tangent: bool, w: ChainWork
 ) -> ContactForce:
-    """See ``ground_laws``."""
+    """See ``grounds``."""
     row = point.row
     return soil_force(law, point, face, by_rate, tangent, w.before.soil[row], w.rut, w.soil[row])
 
 
 @kernel
 def penetration(law: Soil, depth: float) -> float:
-    """See ``ground_laws``: none, soil gives way."""
+    """See ``grounds``: none, soil gives way."""
     return 0.0
 
 
 @kernel
 def begin_ground(law: Soil, w: ChainWork) -> None:
-    """See ``ground_laws``."""
+    """See ``grounds``."""
     rows.clear(w.soil)
 
 
 @kernel
 def commit_ground(law: Soil, share: float, s: ChainState, w: ChainWork) -> tuple[float, float]:
-    """See ``ground_laws``."""
+    """See ``grounds``."""
     return rows.commit(law, share, s.soil, w.soil, s.rut)

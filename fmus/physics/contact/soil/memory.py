@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
-from fmus.physics.contact.soil.failure import strength
 from fmus.physics.contact.soil.pressure import compaction
 from fmus.physics.contact.soil.rut import press
-from fmus.physics.contact.soil.shear import stored
+from fmus.physics.contact.soil.shear import stored, strength
 from fmus.physics.vector import vector
 
 if TYPE_CHECKING:

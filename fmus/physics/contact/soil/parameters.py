@@ -14,7 +14,7 @@ OPTIONAL: dict[str, Any] = {"k0": 0.0, "Au": 0.0, "rebound": None, "elastic": 0.
 
 @implemented_in(ground=".force")
 class Soil(NamedTuple):
-    """Parameters of a soil; see ``pressure``, ``shear`` and ``failure``."""
+    """Parameters of a soil; see ``pressure`` and ``shear``."""
 
     stiffness: float  # kc / b + kphi, Pa/m^n
     n: float  # exponent of the sinkage

@@ -1,4 +1,6 @@
-"""Mobilised shear of soil: Janosi and Hanamoto's 1 - exp(-j / K), extended to any way by Dahl's model.
+"""Shear of soil: its strength by Mohr and Coulomb, c + p tan(phi), and the part of it that is mobilised.
+
+Janosi and Hanamoto's 1 - exp(-j / K), extended to any way by Dahl's model.
 
 The mobilised part m of the shear strength is a vector in the tangent plane, at most 1 long. Along a way s in the
 direction d it follows K dm/ds = d - m (Dahl, A solid friction model, Aerospace Corporation, 1968), so after a straight
@@ -13,7 +15,7 @@ of the unit strength is the integral of m . d; K |m|^2 / 2 of it is stored, and 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,6 +23,9 @@ from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Nine, Vector
 from fmus.physics.exponential import expm1
 from fmus.physics.vector import add, dot, scale
+
+if TYPE_CHECKING:
+    from fmus.physics.contact.soil.parameters import Soil
 
 
 class Shear(NamedTuple):
@@ -76,3 +81,9 @@ def derivative(shear: Shear, n: Vector) -> Nine:
 def stored(K: float, m: Vector) -> float:
     """Elastic energy of the mobilised part ``m`` over the strength, m."""
     return 0.5 * K * dot(m, m)
+
+
+@kernel
+def strength(soil: Soil, p: float) -> float:
+    """Largest shear stress, Pa, under the pressure ``p``, Pa; its derivative by ``p`` is ``soil.tan``."""
+    return soil.cohesion + p * soil.tan

@@ -14,12 +14,10 @@ from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Vector, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.contact.laws import with_friction
-from fmus.physics.contact.terrain.fade import fade
 from fmus.physics.contact.terrain.foot import Patch, first_foot, foot_point, patch
-from fmus.physics.contact.terrain.friction import friction_at
+from fmus.physics.contact.terrain.heights import fade
 from fmus.physics.contact.terrain.profile import height
-from fmus.physics.contact.terrain.shape import Terrain
-from fmus.physics.contact.terrain.surface import smooth_height, surface, top
+from fmus.physics.contact.terrain.shape import Terrain, friction_at, smooth_height, surface, top
 from fmus.physics.vector import add, cross, dot, scale, vector
 from fmus.physics.wheels import from_frame, into_frame
 

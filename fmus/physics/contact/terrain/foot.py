@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Vector, VectorLike
-from fmus.physics.contact.terrain.fade import fade
+from fmus.physics.contact.terrain.heights import fade
 from fmus.physics.contact.terrain.profile import curve_point, height, nearest, piece_at
-from fmus.physics.contact.terrain.shape import Terrain
-from fmus.physics.contact.terrain.surface import smooth_height
+from fmus.physics.contact.terrain.shape import Terrain, smooth_height
 from fmus.physics.vector import add, dot, scale
 
 Foot = tuple[int, float, int, float]  # piece and length, m, of the profile, and of the kerbs

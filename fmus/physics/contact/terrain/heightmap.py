@@ -12,8 +12,7 @@ import numpy as np
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
-from fmus.physics.contact.terrain.fade import EVERYWHERE, fade
-from fmus.physics.contact.terrain.sum import Six, times
+from fmus.physics.contact.terrain.heights import EVERYWHERE, Six, fade, times
 
 CELL = 8  # grid lines of the map for one of its maxima
 

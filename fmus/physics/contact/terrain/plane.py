@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmus.kernels.jit import kernel
-from fmus.physics.contact.terrain.fade import EVERYWHERE, fade, faded_length
-from fmus.physics.contact.terrain.sum import Six
+from fmus.physics.contact.terrain.heights import EVERYWHERE, Six, fade, faded_length
 
 
 class Plane(NamedTuple):

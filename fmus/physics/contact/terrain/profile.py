@@ -11,7 +11,7 @@ import numpy as np
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
-from fmus.physics.contact.terrain.fade import Three
+from fmus.physics.contact.terrain.heights import Three
 from fmus.physics.elementary import atan2, cos, hypot, sin
 
 # columns of a piece: length of the profile at its beginning and end, m (LAST - LOW: that of the piece); its reference

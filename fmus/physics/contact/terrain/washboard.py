@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmus.kernels.jit import kernel
-from fmus.physics.contact.terrain.fade import fade
-from fmus.physics.contact.terrain.sum import Six, times
+from fmus.physics.contact.terrain.heights import Six, fade, times
 from fmus.physics.elementary import PI, cos, sin
 
 

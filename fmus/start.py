@@ -1,5 +1,8 @@
-"""Start pose of a vehicle: parameters ``start.*`` of every component with a place, their geometry, and their values
-for a vehicle that stands on the ground.
+"""Start of a vehicle and its parts: its pose in the world, and the stance of a part in the vehicle frame.
+
+The pose is the parameters ``start.*`` of every component with a place; here are their geometry, and their values for a
+vehicle that stands on the ground. A stance has seven numbers: x, y, z of a point, m, and the quaternion (w, x, y, z)
+part to vehicle, which is 1 in the drawn position.
 """
 
 from __future__ import annotations
@@ -22,6 +25,9 @@ X, Y, Z, HEADING, HEIGHT, PITCH, SLOPE_PITCH, SLOPE_ROLL = range(8)
 AFTER_POSE = len(KEYS)  # index of the first parameter behind the pose in the ``p`` of a start kernel
 FRAME = 12  # numbers of a frame: its origin in the world, m, and its rotation matrix by rows, frame to world
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])  # frame of the world
+
+Stance = tuple[float, float, float, float, float, float, float]
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 
 
 class StartPose(NamedTuple):
@@ -126,6 +132,39 @@ def lay_frame(p: Sequence[float], x: float, y: float, z: float, frame: Floats) -
 def put_point_at_rest(p: Sequence[float], x: float, y: float, z: float, out: Floats, i: int) -> None:
     """Write the 13 numbers of ``point_at_rest`` to ``out[i:]``."""
     values = point_at_rest(p, x, y, z)
+    for k in range(13):
+        out[i + k] = values[k]
+
+
+def stance(numbers: Sequence[float]) -> Stance:
+    """Stance from seven numbers, or from three: a point of a part with the drawn orientation."""
+    x, y, z, a, b, c, d = map(float, (*numbers, *UPRIGHT)[:7])
+    return x, y, z, a, b, c, d
+
+
+def mirror_stance(s: Stance) -> Stance:
+    """Stance mirrored in the plane y = 0."""
+    x, y, z, a, b, c, d = s
+    return x, 0.0 - y, z, a, 0.0 - b, c, 0.0 - d
+
+
+def roll_pitch_quaternion(roll: float, pitch: float) -> tuple[float, float, float, float]:
+    """Quaternion (w, x, y, z) of a body that is rolled about x, then pitched about y, rad."""
+    cr, sr, cp, sp = cos(0.5 * roll), sin(0.5 * roll), cos(0.5 * pitch), sin(0.5 * pitch)
+    return cp * cr, cp * sr, sp * cr, 0.0 - sp * sr
+
+
+@kernel
+def part_at_rest(p: Sequence[float], s: Stance) -> tuple[float, ...]:
+    """World motion (13, as ``ports.motion_ports``) of a part at rest with stance ``s``; ``p``: start pose."""
+    q = quat_multiply(vehicle_quaternion(p), (s[3], s[4], s[5], s[6]))
+    return (*world_position(p, s[0], s[1], s[2]), *q, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@kernel
+def put_part_at_rest(p: Sequence[float], s: Stance, out: Floats, i: int) -> None:
+    """Write the 13 numbers of ``part_at_rest`` to ``out[i:]``."""
+    values = part_at_rest(p, s)
     for k in range(13):
         out[i + k] = values[k]
 

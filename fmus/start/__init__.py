@@ -1,1 +1,0 @@
-"""Start of a vehicle: its pose, and the stance of its parts."""
