@@ -1,0 +1,76 @@
+"""Logs of made-up signals for tests of the validity ledger, and its entries."""
+
+import json
+
+import numpy as np
+
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.results.run_data import RunData
+from orchestrator.results.validity import ledger
+from orchestrator.scene.scene import load
+
+TEETH, LINKS = 10, 64
+EVERY = 5e-3  # s, between records of pins
+
+
+def vehicle():
+    return load("straight").vehicle.model_dump(mode="json")
+
+
+def write(path, columns, t, scene, connections=()):
+    """Write a log of signals "instance.variable", also of links, at times (m,)."""
+    topics: dict[str, list[tuple[str, str]]] = {}
+    for name in columns:
+        instance, _, variable = name.partition(".")
+        part = "links" if variable.startswith("joint[") else "out"
+        topics.setdefault(f"/{instance}/{part}", []).append((variable, "1"))
+    names = dict.fromkeys(name.partition(".")[0] for name in columns)
+    system = {"instances": [{"name": name} for name in names], "connections": list(connections)}
+    files = {"scene.json": json.dumps(scene).encode(), "system.json": json.dumps(system).encode()}
+    with Recorder(path, topics, files, {}) as recorder:
+        for k, at in enumerate(t):
+            for topic, variables in topics.items():
+                instance = topic.split("/")[1]
+                row = np.array([columns[f"{instance}.{name}"][k] for name, _ in variables], float)
+                recorder.write(topic, k, float(at), float(t[1] - t[0]), row)
+        recorder.close("ok", "", len(t))
+    return path
+
+
+def entries_of(path):
+    with Log(path) as log:
+        return ledger.validity(RunData(log)).entries
+
+
+SPROCKET = {
+    "source": "left_track", "outputs": ["sprocket.force.x", "sprocket.torque.x"],
+    "target": "left_drive", "inputs": ["sprocket.force.x", "sprocket.torque.x"],
+}  # fmt: skip
+
+
+def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0)):
+    """Log of a sprocket that has ``turned`` (m,) rad and a chain ``off`` (m,) teeth from its gaps."""
+    table = vehicle()
+    step = 2.0 * np.pi / TEETH
+    radius = table["track"]["pitch"] / (2.0 * np.sin(np.pi / TEETH))
+    t = EVERY * np.arange(len(turned))
+    place = np.arange(LINKS) * step + turned[:, None] + off[:, None] * step
+    place = (place + 0.5 * LINKS * step) % (LINKS * step) - 0.5 * LINKS * step  # along the loop, 0 at the front
+    wrapped = np.abs(place) < 0.5 * np.pi
+    angle = np.clip(place, -0.5 * np.pi, 0.5 * np.pi)
+    behind = np.where(wrapped, 0.0, (np.abs(place) - 0.5 * np.pi) * radius)
+    x, z = radius * np.cos(angle) - behind, -radius * np.sin(angle)
+    c, s = np.cos(turn), np.sin(turn)  # about +y
+    travel = table["track"]["pitch"] * (turned / step + off)
+    columns = {"left_drive.angle": turned, "left_track.travel": travel}
+    columns |= {
+        f"left_drive.sprocket.position.{axis}": np.full(len(t), at) for axis, at in zip("xyz", middle, strict=True)
+    }
+    for j in range(LINKS):
+        pin = c * x[:, j] + s * z[:, j], np.zeros(len(t)), c * z[:, j] - s * x[:, j]
+        columns |= {
+            f"left_track.joint[{j + 1}].position.{a}": p + m for a, p, m in zip("xyz", pin, middle, strict=True)
+        }
+    columns["left_track.sprocket.force.x"] = t
+    return write(path, columns, t, {"assembly": "rig", "vehicle": table, "run": {"step": EVERY}}, [SPROCKET])
