@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import rigid_track
 import test_track_flexible
-import test_track_rigid
 
 from fmus.physics.chain.flexible.interface import flatten
 from fmus.physics.chain.flexible.state import Motion
@@ -49,8 +49,8 @@ def flexible(element: str):
 
 def rigid():
     """The same function for rigid links that move as one body, which keeps their pins closed."""
-    model, turning = test_track_rigid.rolling(), np.array([0.03, 0.2, -0.05])
-    model.initialise(test_track_rigid.parameters(model))
+    model, turning = rigid_track.rolling(), np.array([0.03, 0.2, -0.05])
+    model.initialise(rigid_track.parameters(model))
     s, w = model.s, model.work
     s.q[:, 1] += 0.02
     for pose, v, A in zip(s.q, s.v, w.system.A, strict=True):
