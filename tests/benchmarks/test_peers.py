@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.benchmarks import chain, motion, peers
+from tests.named_ports import outputs
 
 
 @pytest.mark.long
@@ -103,11 +104,7 @@ def test_mujoco_moves_the_same_chain(monkeypatch, tmp_path):
 
 def kinetic_energy(case):
     """Kinetic energy of our model at the start, J."""
-    model = motion.model(case, 1e-3)
-    outputs = [port.name for port in model.ports if port.causality == "output" and isinstance(port.start, float)]
-    y = np.empty(len(outputs) - model.link_ports)
-    model.outputs(y)
-    return y[outputs.index("energy.kinetic")]
+    return outputs(motion.model(case, 1e-3), links=False)["energy.kinetic"]
 
 
 @pytest.mark.benchmark

@@ -16,19 +16,6 @@ def hanging(span=0.8, vehicle=VEHICLE, **track):
     return Model({"vehicle": vehicle, "track": config | track, "link_outputs": True})
 
 
-def parameters(model, **given):
-    return {p.name: p.start for p in model.ports if p.causality == "parameter"} | given
-
-
-def outputs(model):
-    names = [p.name for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
-    y = np.zeros(len(names))
-    model.outputs(y[: len(y) - model.link_ports])
-    if model.link_ports:
-        model.link_outputs(y[len(y) - model.link_ports :])
-    return dict(zip(names, y, strict=True))
-
-
 def rolling(ground=True, idler=-3.998, gravity=9.81, **vehicle):
     v = VEHICLE | vehicle
     rims = [("road_wheel", x, v["road_wheel"]) for x in v["road_wheel"]["x"]] + [("idler", idler, v["idler"])]

@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from named_ports import parameters
 from scipy.optimize import brentq
 
 from fmus.interface.model import InvalidParameter, StepFailed
@@ -73,7 +74,7 @@ def made(kind, links, ends=None, gravity=9.81, **changes):
         "ends": ends,
     }
     model = kind({"vehicle": TABLE, "track": track, "link_outputs": True})
-    given = {p.name: p.start for p in model.ports if p.causality == "parameter"}
+    given = parameters(model)
     assert set(changes) <= set(given)
     model.initialise(given | changes)
     return model

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from m113 import LINKS, MASS, VEHICLE, P
-from rigid_track import hanging, inputs, outputs, parameters, rolling
+from named_ports import outputs, parameters
+from rigid_track import hanging, inputs, rolling
 from vehicle_in_process import InProcess
 
 from fmus.interface.model import InvalidParameter, StepFailed

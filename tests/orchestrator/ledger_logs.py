@@ -1,11 +1,9 @@
-"""Logs of made-up signals for tests of the validity ledger, and its entries."""
-
-import json
+"""A made-up log of a sprocket and its chain, and the entries of a log in the validity ledger."""
 
 import numpy as np
+from made_logs import of_columns
 
 from orchestrator.log.reader import Log
-from orchestrator.log.recorder import Recorder
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import ledger
 from orchestrator.scene.scene import load
@@ -16,26 +14,6 @@ EVERY = 5e-3  # s, between records of pins
 
 def vehicle():
     return load("straight").vehicle.model_dump(mode="json")
-
-
-def write(path, columns, t, scene, connections=()):
-    """Write a log of signals "instance.variable", also of links, at times (m,)."""
-    topics: dict[str, list[tuple[str, str]]] = {}
-    for name in columns:
-        instance, _, variable = name.partition(".")
-        part = "links" if variable.startswith("joint[") else "out"
-        topics.setdefault(f"/{instance}/{part}", []).append((variable, "1"))
-    names = dict.fromkeys(name.partition(".")[0] for name in columns)
-    system = {"instances": [{"name": name} for name in names], "connections": list(connections)}
-    files = {"scene.json": json.dumps(scene).encode(), "system.json": json.dumps(system).encode()}
-    with Recorder(path, topics, files, {}) as recorder:
-        for k, at in enumerate(t):
-            for topic, variables in topics.items():
-                instance = topic.split("/")[1]
-                row = np.array([columns[f"{instance}.{name}"][k] for name, _ in variables], float)
-                recorder.write(topic, k, float(at), float(t[1] - t[0]), row)
-        recorder.close("ok", "", len(t))
-    return path
 
 
 def entries_of(path):
@@ -73,4 +51,4 @@ def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0)):
             f"left_track.joint[{j + 1}].position.{a}": p + m for a, p, m in zip("xyz", pin, middle, strict=True)
         }
     columns["left_track.sprocket.force.x"] = t
-    return write(path, columns, t, {"assembly": "rig", "vehicle": table, "run": {"step": EVERY}}, [SPROCKET])
+    return of_columns(path, columns, t, {"assembly": "rig", "vehicle": table, "run": {"step": EVERY}}, [SPROCKET])

@@ -54,6 +54,16 @@ def record_in_chunks(path: Path, steps: int = 1500) -> Path:
         return record(path, steps, flush=60)
 
 
+def small_log(tmp_path_factory):
+    """Log of 100 steps, a fixture's."""
+    return record(tmp_path_factory.mktemp("logs") / "small.mcap")
+
+
+def chunked_log(tmp_path_factory):
+    """Log in several chunks, a fixture's."""
+    return record_in_chunks(tmp_path_factory.mktemp("logs") / "chunked.mcap")
+
+
 def write_steps(recorder: Recorder, steps: int, wall: float = 0.0, change=lambda topic, k, row: row) -> None:
     """Write steps 0 to ``steps``."""
     for k in range(steps + 1):

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from analysis_logs import STEP, driven_log, made, spinning_log
+from analysis_logs import driven_log, spinning_log
+from made_logs import STEP, made
 from matplotlib.figure import Figure
 
 from fmus.vehicles.tables import BadInput

@@ -1,13 +1,12 @@
 """Bad input gets a sentence of at most 400 characters that is no text of a library."""
 
-import json
 import warnings
 
 import numpy as np
 import pytest
+from made_logs import made
 
 from fmus.physics.chain.layout import scale_of_angles
-from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses import links
 
 LONG = "x" * 300
@@ -62,14 +61,9 @@ def log_of_links(path, lengths):
         for axis in ((".x", ".y", ".z") if family in WHOLE else ("",))
     ]
     scene = {"run": {"step": 1e-3}, "vehicle": {"section": {"area": 1.0, "bending": 1.0, "outer_fibre": 1.0}}}
-    system = {"instances": [{"name": "chain"}], "connections": []}
-    attachments = {"system.json": json.dumps(system).encode(), "scene.json": json.dumps(scene).encode()}
     topics = {"/chain/out": [("travel", "m")], "/chain/links": [(name, "N") for name in names]}
-    with Recorder(path, topics, attachments, {}) as recorder:
-        recorder.write("/chain/out", 0, 0.0, 1e-3, np.zeros(1))
-        recorder.write("/chain/links", 0, 0.0, 1e-3, np.random.default_rng(1).random(len(names)))
-        recorder.close("ok", "", 0, {}, [])
-    return path
+    values = {"/chain/out": np.zeros((1, 1)), "/chain/links": np.random.default_rng(1).random((1, len(names)))}
+    return made(path, topics, {topic: ([0.0], row) for topic, row in values.items()}, scene, ("chain",))
 
 
 def test_joints_of_families_of_other_lengths(cotrack, tmp_path):

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mutated import Content
-from recorded import ATTACHMENTS, STEP, TOPICS, record, record_in_chunks
+from recorded import ATTACHMENTS, STEP, TOPICS, chunked_log, small_log
 
 from orchestrator.log import recorder as module
 from orchestrator.log.container_reader import LogUnreadable
@@ -18,17 +18,8 @@ from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, info, recover, verify
 
-
-@pytest.fixture(scope="module")
-def small(tmp_path_factory):
-    return record(tmp_path_factory.mktemp("logs") / "small.mcap")
-
-
-@pytest.fixture(scope="module")
-def chunked(tmp_path_factory):
-    """A log in several chunks."""
-    path = tmp_path_factory.mktemp("logs") / "chunked.mcap"
-    return record_in_chunks(path)
+small = pytest.fixture(scope="module")(small_log)
+chunked = pytest.fixture(scope="module")(chunked_log)
 
 
 def without_digests(closing):

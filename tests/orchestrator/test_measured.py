@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from analysis_logs import made
+from made_logs import made
 from test_phases import made as made_vehicle
 from test_phases import times, trapezoid
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from analysis_logs import made
+from made_logs import made
 from scipy.spatial.transform import Rotation
 
 from fmus.vehicles.tables import BadInput

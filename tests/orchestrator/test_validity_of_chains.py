@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from ledger_logs import EVERY, LINKS, SPROCKET, TEETH, entries_of, running, vehicle, write
+from ledger_logs import EVERY, LINKS, SPROCKET, TEETH, entries_of, running, vehicle
+from made_logs import of_columns
 
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -53,7 +54,7 @@ def test_travel_shows_a_jump_where_no_pins_were_recorded(tmp_path, teeth, jumps_
         "left_drive.sprocket.position.x": t,
     }  # fmt: skip
     scene = {"assembly": "rig", "vehicle": vehicle(), "run": {"step": EVERY}}
-    entries = entries_of(write(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
+    entries = entries_of(of_columns(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
     assert [(e.what, e.place) for e in entries] == [("tooth_jump", "sprocket")] * jumps_
     assert all(1.0 < entry.time <= 1.05 for entry in entries)
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from ledger_logs import SPROCKET, entries_of, vehicle, write
+from ledger_logs import SPROCKET, entries_of, vehicle
+from made_logs import of_columns
 
 
 def standing(tmp_path, drive=(), **changes):
@@ -19,7 +20,7 @@ def standing(tmp_path, drive=(), **changes):
     columns |= {name.replace("__", "."): values for name, values in changes.items()}
     scene = {"assembly": "vehicle", "vehicle": vehicle(), "run": {"step": 1e-2, "variable": {"tolerance": 1e-3}}}
     scene["drive"] = dict(drive)
-    return entries_of(write(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
+    return entries_of(of_columns(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
 
 
 def test_a_vehicle_that_stands_passes_no_limit(tmp_path):

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from ledger_logs import entries_of, write
+from ledger_logs import entries_of
+from made_logs import of_columns
 
 from fmus.start.pose import ground_level
 from orchestrator.log.reader import Log
@@ -29,7 +30,7 @@ def sinking(tmp_path, ground, allow=(), force=None, until=3.0):
         columns |= {f"chassis.ground.force.{axis}": each for axis, each in zip("xyz", forces, strict=True)}
     scene = {"assembly": "vehicle", "vehicle": table, "run": {"step": 1e-2, "allow": list(allow)}, "ground": ground}
     scene["start"] = {"position": [0.0, 0.0, 0.0], "heading": 0.0}
-    return [e for e in entries_of(write(tmp_path / "log.mcap", columns, t, scene)) if e.what in ("belly", "hull")]
+    return [e for e in entries_of(of_columns(tmp_path / "log.mcap", columns, t, scene)) if e.what in ("belly", "hull")]
 
 
 @pytest.mark.parametrize(("ground", "allow", "severity"), [
@@ -81,7 +82,7 @@ def kinds_at(tmp_path, ground, x, y, degrees):
         "ground": ground,
         "run": {"step": 0.1},
     }
-    found = entries_of(write(tmp_path / "log.mcap", columns, 0.1 * np.arange(11), scene))
+    found = entries_of(of_columns(tmp_path / "log.mcap", columns, 0.1 * np.arange(11), scene))
     return {entry.what: entry.value for entry in found if entry.what in ("lanes", "askew")}
 
 
@@ -129,7 +130,7 @@ def test_a_track_in_the_rut_of_the_other_one(tmp_path, ground, until, lift, cros
             columns |= {f"{side}_track.joint[{j + 1}].position.{axis}": p for axis, p in zip("xyz", place, strict=True)}
     scene = {"assembly": "vehicle", "vehicle": table, "run": {"step": 1e-2}, "ground": ground}
     scene["start"] = {"position": [0.0, 0.0, 0.0], "heading": 0.0}
-    path = write(tmp_path / "log.mcap", columns, t, scene)
+    path = of_columns(tmp_path / "log.mcap", columns, t, scene)
     if ground:
         with Log(path) as log:
             for side, deepest in (("", max(0.08, 0.1 - lift)), ("left", 0.08)):

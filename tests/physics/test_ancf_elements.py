@@ -11,6 +11,7 @@ from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments
 from tests.validation.ancf import chord, stress, torsion
+from tests.validation.meshes import rotation
 
 CABLE = Cable(0.5, 2.0, 3e4, 40.0, 20.0, 0.01)
 STEEL = Cable(0.1524, 7800 * 0.01516, 2e11 * 0.01516, 2e11 * 2.03e-6, 2e5 * 0.01516, 2e5 * 2.03e-6)
@@ -48,12 +49,6 @@ def bent(kind, c, size=0.05, seed=5):
     scale[[0, kind.ROWS // 2]] = c.l
     noise = np.random.default_rng(seed).standard_normal((kind.ROWS, 3))
     return straight(kind, c) + size * noise * scale[:, None]
-
-
-def rotation(axis, angle):
-    a = np.asarray(axis) / np.linalg.norm(axis)
-    K = np.cross(np.eye(3), a)  # K x = a x x
-    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
 
 
 def moved(e, R, by):
