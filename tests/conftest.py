@@ -132,10 +132,32 @@ def scaled(monkeypatch):
     return change
 
 
+class Command:
+    """A command line in an empty folder: called, it returns its exit status, stdout, and stderr without progress."""
+
+    def __init__(self, call):
+        self._call = partial(call, app)
+
+    def __call__(self, *arguments):
+        return self._call(*arguments)
+
+    def done(self, *arguments):
+        """Return stdout of a call that succeeds."""
+        status, out, err = self(*arguments)
+        assert status == 0, err
+        return out
+
+    def refused(self, *arguments):
+        """Return stderr of a call that is bad input."""
+        status, _, err = self(*arguments)
+        assert status == 2, err
+        return err
+
+
 @pytest.fixture
 def cotrack(call):
-    """Return ``call`` bound to the command ``cotrack``."""
-    return partial(call, app)
+    """The command ``cotrack``, a ``Command``."""
+    return Command(call)
 
 
 @pytest.fixture

@@ -84,8 +84,7 @@ def test_the_reference_page_is_that_of_the_code():
 
 
 def test_keys_command(cotrack):
-    status, out, _ = cotrack("keys", "Friction_V")
-    assert status == 0
+    out = cotrack.done("keys", "Friction_V")
     assert [line.partition(":")[0] for line in out.splitlines()[::2]] == [
         f"vehicle.contact.{pair}.friction_velocity" for pair in ("sprocket", "wheel", "ground")
     ]

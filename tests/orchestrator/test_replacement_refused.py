@@ -119,10 +119,9 @@ def test_what_is_no_fmu_for_this_machine_is_refused(drive, tmp_path):
 )
 def test_bad_arguments_are_one_sentence(cotrack, drive, tmp_path, arguments, said):
     shutil.copy(drive, tmp_path / "FMU")
-    status, _, err = cotrack(
+    err = cotrack.refused(
         "run", "rig", "--track", "rigid", "--stop", "2 ms", "--json", "--set", "expect={}", *arguments
     )
-    assert status == 2
     errors = [line for line in err.splitlines() if "cotrack: " in line]
     assert said in errors[-1]
     assert not (tmp_path / "logs").exists()
@@ -154,6 +153,5 @@ def test_a_path_is_relative_to_its_scene_or_to_the_folder(cotrack, drive, tmp_pa
 
 
 def test_show_names_the_fmu(cotrack, drive):
-    status, out, _ = cotrack("show", "rig", "--track", "rigid", "--set", f"fmu.drive.file={drive}")
-    assert status == 0
+    out = cotrack.done("show", "rig", "--track", "rigid", "--set", f"fmu.drive.file={drive}")
     assert f"  drive        FMU           {drive}; 6 values in, 13 out a step\n" in out

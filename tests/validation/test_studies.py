@@ -259,8 +259,7 @@ def test_a_study_has_a_title_cases_a_table_and_files(name, tmp_path, fresh_cache
 
 @pytest.mark.parametrize("name", studies.MOVED)
 def test_a_study_that_has_moved_says_where(cotrack, name):
-    status, _, err = cotrack("study", name, "--quick", "-o", "x")
-    assert status == 2
+    err = cotrack.refused("study", name, "--quick", "-o", "x")
     assert err == f"cotrack: study {name} is run in a clone of cotrack: {studies.MOVED[name]}\n"
     assert (ROOT / studies.MOVED[name].split()[2].replace(".", "/") / "__main__.py").is_file()
 
