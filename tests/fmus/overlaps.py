@@ -76,11 +76,7 @@ FLEXIBLE = {
     "spring": {"closure": "spring"},
 }
 EXPLICIT = {"integrator": "runge_kutta", "start": "polygon"}
-RIGID = {
-    "rigid": {"start": "polygon"},
-    "explicit": EXPLICIT,
-    "recursive": EXPLICIT | {"formulation": "recursive"},
-}
+RIGID = {"rigid": {"start": "polygon"}, "explicit": EXPLICIT, "recursive": EXPLICIT | {"formulation": "recursive"}}
 
 
 def steps(kind):

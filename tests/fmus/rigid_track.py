@@ -22,14 +22,7 @@ def rolling(ground=True, idler=-3.998, gravity=9.81, **vehicle):
     wheels = [{"name": "sprocket", "kind": "teeth", "position": [0.0, 0.0]}]
     for i, (name, x, part) in enumerate(rims):
         wheels.append({"name": f"{name}[{i}]", "kind": "rim", "radius": part["radius"], "position": [x, part["z"]]})
-    config = {
-        "links": LINKS,
-        "closed": True,
-        "wheels": wheels,
-        "ground": ground,
-        "gravity": gravity,
-        "ends": None,
-    }
+    config = {"links": LINKS, "closed": True, "wheels": wheels, "ground": ground, "gravity": gravity, "ends": None}
     return Model({"vehicle": v, "track": config, "link_outputs": True})
 
 

@@ -22,10 +22,7 @@ class Body(Probe):
     """A chassis on the ground with bare wheels; ``law`` replaces values of the table's contact law."""
 
     def __init__(self, hull=False, bare=("left", "right"), bump=None, law=(), start=(), **parameters):
-        table = {
-            **TABLE,
-            "contact": {**TABLE["contact"], "ground": {**TABLE["contact"]["ground"], **dict(law)}},
-        }
+        table = {**TABLE, "contact": {**TABLE["contact"], "ground": {**TABLE["contact"]["ground"], **dict(law)}}}
         ground = {"hull": hull, "bare": list(bare), **({"bump": bump} if bump else {})}
         model = Model({"vehicle": table, "chassis": {"sides": ["left", "right"], "ground": ground}})
         super().__init__(model, **{f"start.{key}": value for key, value in dict(start).items()}, **parameters)
@@ -69,12 +66,7 @@ def test_a_hull_slides_as_far_as_friction_says():
     v, mu = 3.0, 0.3
 
     def way(**law):
-        body = Body(
-            hull=True,
-            bare=(),
-            law={"friction": mu, "friction_velocity": 1e-3, **law},
-            start={"height": -0.40},
-        )
+        body = Body(hull=True, bare=(), law={"friction": mu, "friction_velocity": 1e-3, **law}, start={"height": -0.40})
         x = body.model.state
         body.run(2.0)
         x[7] += v  # at rest on its floor; then all of it gets the speed v

@@ -65,14 +65,7 @@ def mass_of(model):
 
 
 def made(kind, links, ends=None, gravity=9.81, **changes):
-    track = {
-        "links": links,
-        "closed": ends is None,
-        "wheels": [],
-        "ground": False,
-        "gravity": gravity,
-        "ends": ends,
-    }
+    track = {"links": links, "closed": ends is None, "wheels": [], "ground": False, "gravity": gravity, "ends": ends}
     model = kind({"vehicle": TABLE, "track": track, "link_outputs": True})
     given = parameters(model)
     assert set(changes) <= set(given)

@@ -25,10 +25,7 @@ TOPICS = {
     ],
     "/stats/chassis": [("wall_time", "s")],
 }
-ATTACHMENTS = {
-    "scene.json": b'{"name": "small"}',
-    "chassis.modelDescription.xml": b"<fmiModelDescription/>" * 50,
-}
+ATTACHMENTS = {"scene.json": b'{"name": "small"}', "chassis.modelDescription.xml": b"<fmiModelDescription/>" * 50}
 METADATA = {"run": {"scene": "small", "step": "0.001"}, "versions": {"cotrack": "0.1.0"}}
 EVERY = {"/left_track/links": 5}
 

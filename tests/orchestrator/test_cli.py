@@ -56,13 +56,7 @@ def test_run_ends_with_one_json_object(cotrack, tmp_path):
     assert result["communication_steps"] == 20
     assert result["simulated_time"] == pytest.approx(0.02)
     assert set(result["checks"]) == {"rest"}, "checks of windows that the run does not reach are reported"
-    assert set(result["components"]["chain"]) >= {
-        "wall_time",
-        "steps",
-        "evaluations",
-        "iterations",
-        "rejected",
-    }
+    assert set(result["components"]["chain"]) >= {"wall_time", "steps", "evaluations", "iterations", "rejected"}
     log = tmp_path / "logs" / "hanging_chain-flexible-run.stop=0.02.mcap"
     assert result["log"] == os.path.join("logs", log.name)
     assert result["log_bytes"] == log.stat().st_size

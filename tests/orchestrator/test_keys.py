@@ -48,10 +48,7 @@ def test_every_key_has_a_meaning_and_every_quantity_a_unit():
     ("key", "text"),
     [
         ("run.stop", "run.stop: s, 1e-09 to 1e+09, required\n    end of the run, a multiple of step"),
-        (
-            "run.checkpoints",
-            "run.checkpoints: s, > 0 or false, default 0.5\n    time from one checkpoint",
-        ),
+        ("run.checkpoints", "run.checkpoints: s, > 0 or false, default 0.5\n    time from one checkpoint"),
         ("track.step", "track.step: s, 1e-12 to 10, default 0.001\n    largest internal step"),
         ("track.rtol", "track.rtol: ratio, 1e-13 to 0.1, default 1e-06\n    relative error of an internal step"),
         ("track.model", 'track.model: "flexible" or "rigid", required\n'),
@@ -59,18 +56,12 @@ def test_every_key_has_a_meaning_and_every_quantity_a_unit():
         ("driver.lateral_acceleration", "driver.lateral_acceleration: m/s^2, > 0, default 10.0, assembly vehicle\n"),
         ("drive.gear_ratio", "drive.gear_ratio: ratio, > 0, default 1.0, assembly bench, rig, vehicle\n"),
         ("drive.left.ramp_time", "drive.left.ramp_time: s, >= 0, assembly vehicle\n"),
-        (
-            "drive.speed_points",
-            "drive.speed_points: s, rad/s, list of [>= 0, number] or text, assembly bench",
-        ),
+        ("drive.speed_points", "drive.speed_points: s, rad/s, list of [>= 0, number] or text, assembly bench"),
         ("vehicle.contact.ground.friction", "vehicle.contact.ground.friction: ratio, 0 to 100, required\n    coeff"),
         ("vehicle.chassis.inertia", "vehicle.chassis.inertia: kg m^2, [> 0, > 0, > 0], required\n    moments of"),
         ("vehicle.tensioner.travel", "vehicle.tensioner.travel: m, 1e-06 to 50, default 0.1\n"),
         ("push", "push: N, number, default 0.0, assembly vehicle, solved by the run\n    share of the tensioners'"),
-        (
-            "expect.NAME.measure",
-            f"expect.NAME.measure: one of {len(measures.NAMES)} names\n    measure that is",
-        ),
+        ("expect.NAME.measure", f"expect.NAME.measure: one of {len(measures.NAMES)} names\n    measure that is"),
     ],
 )
 def test_text_of_a_key(key, text):

@@ -308,10 +308,7 @@ def test_a_log_without_its_beginning_is_broken(tmp_path):
 def test_recovering_leaves_out_a_damaged_chunk_only(chunked, tmp_path):
     data = bytearray(chunked.read_bytes())
     start, _ = chunk_spans(data)[1]
-    for offset in (
-        start + 100,
-        start + 3,
-    ):  # in its content; in its length, so that the next record cannot be found
+    for offset in (start + 100, start + 3):  # in its content; in its length, so that the next record cannot be found
         damaged = data.copy()
         damaged[offset] ^= 0x40
         (tmp_path / "bad.mcap").write_bytes(damaged)

@@ -235,11 +235,7 @@ def test_what_cannot_be_connected_is_refused(files, tmp_path):
         (files["b"], "a.word -> b.forward_in", "input 'forward_in' is of type Boolean, and a.word of type String"),
         (files["b"], "2 * a.count -> b.count_in", "input 'count_in' is of type Integer: only Reals have a factor"),
         (files["b"], "a.count + 1 -> b.count_in", "only Reals have a factor or an offset (a.count)"),
-        (
-            other["gears"],
-            "a.gear -> b.gear_in",
-            "input 'gear_in' has the items 1 low, 2 high, 3 reverse, and",
-        ),
+        (other["gears"], "a.gear -> b.gear_in", "input 'gear_in' has the items 1 low, 2 high, 3 reverse, and"),
         (other["lengths"], "a.x -> b.u", "'u' has the unit 'mm', and 'N' is needed (a.x)"),
         (other["unknown"], "a.x -> b.u", "'u' has the unit 'kip', which the FMU does not define, and 'N' is needed"),
         (files["b"], "1e999 * a.x -> b.u", "factor and offset must be finite, and the factor not 0"),

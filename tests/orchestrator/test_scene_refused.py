@@ -21,10 +21,7 @@ REFUSED = {  # by scene: a setting, and words of its sentence
         ("track=soft", "'flexible' or 'rigid'"),
         ("track.rtol=1e-8", "rtol = 1e-08 needs integrator = 'adams': others take equal steps"),
         ("track.atol=1", "less than or equal to 0.1"),
-        (
-            "track.elasticity=large",
-            "track.elasticity = 'large': input should be 'small_deformation', 'general' or",
-        ),
+        ("track.elasticity=large", "track.elasticity = 'large': input should be 'small_deformation', 'general' or"),
         ("vehicle.sprocket.outer_radius=0.2", "must exceed the pitch radius"),
         ("vehicle.section.torsion=0 m^4", "vehicle.section.torsion = '0 m^4': input should be greater than 0"),
         (

@@ -183,12 +183,7 @@ def test_stress_of_a_stretched_and_of_a_bent_cable(name):
     angle = 1e-3  # an arc, as far as a cubic can be one
     R = c.l / angle
     e = np.array(
-        [
-            [0, 0, 0],
-            [1, 0, 0],
-            R * np.array([np.sin(angle), 0, 1 - np.cos(angle)]),
-            [np.cos(angle), 0, np.sin(angle)],
-        ]
+        [[0, 0, 0], [1, 0, 0], R * np.array([np.sin(angle), 0, 1 - np.cos(angle)]), [np.cos(angle), 0, np.sin(angle)]]
     )
     axial, bending = stress.of_cable(c, e, 0.3, 2e11, 0.02)
     assert bending == pytest.approx(2e11 * 0.02 / R, rel=1e-5)

@@ -89,14 +89,7 @@ def test_rank_of_what_a_joint_eliminates(kind, joint, rank):
 
 @pytest.mark.parametrize(
     ("kind", "axis"),
-    [
-        (cable, Y),
-        (cable_general, Y),
-        (beam, Y),
-        (beam, [0, 0, 1]),
-        (beam, [1, 0, 0]),
-        (beam, [1, 2, 3]),
-    ],
+    [(cable, Y), (cable_general, Y), (beam, Y), (beam, [0, 0, 1]), (beam, [1, 0, 0]), (beam, [1, 2, 3])],
 )
 def test_a_pin_turns_freely_through_360_degrees(kind, axis):
     """A pin turns freely through 360 degrees and about no other axis, between two links at an angle."""

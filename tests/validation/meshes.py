@@ -17,11 +17,7 @@ from fmus.physics.arrays import Floats
 from tests.validation.ancf import corner, joints, loads, sliding, statics, torsion
 from tests.validation.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
 
-ELASTICITIES: dict[str, Any] = {
-    "small_deformation": cable,
-    "general": cable_general,
-    "engineering": cable_engineering,
-}
+ELASTICITIES: dict[str, Any] = {"small_deformation": cable, "general": cable_general, "engineering": cable_engineering}
 Y = [0.0, 1.0, 0.0]
 
 # One beam -----------------------------------------------------------------------------------------------------------
@@ -236,12 +232,7 @@ RAIL = Cable(2.0 / 6, 0.5, 4e3, 2.0, 0.0, 0.0)
 
 
 def rope(
-    slider: str,
-    elements: int = 6,
-    place: float = 0.6,
-    c: Cable = RAIL,
-    mass: float = 1.0,
-    gravity: float = 9.81,
+    slider: str, elements: int = 6, place: float = 0.6, c: Cable = RAIL, mass: float = 1.0, gravity: float = 9.81
 ) -> tuple[Any, Any, Any]:
     """Straight smooth rail of cables ``c`` along x, pinned at both ends, with a slider at ``place``, m.
 
