@@ -14,6 +14,7 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers fill two cores: threads would wait for each other
 
+import foreign_fmus
 import pytest
 import typer
 from hypothesis import HealthCheck, settings
@@ -44,7 +45,7 @@ def pytest_collection_modifyitems(items):
     slow ones follow. Of the later modules, the large ones come first, so that both workers end at about the same time.
     """
     sizes = Counter(item.path for item in items)
-    first = ["test_analyses", "physics", "test_notices", "test_validity"]
+    first = ["test_analyses", "physics", "test_notices", "test_validity_of_chains", "test_validity"]
     if not any(path.stem == "test_house" for path in sizes):  # long tests alone
         first = ["test_sensitivity", *first, "test_pages", "fuzz"]
 
@@ -80,6 +81,12 @@ def toy():
 def xml(toy):
     with zipfile.ZipFile(toy) as archive:
         return archive.read("modelDescription.xml").decode()
+
+
+@pytest.fixture(scope="session")
+def drive(tmp_path_factory):
+    """FMU of a drive that is not ours."""
+    return foreign_fmus.build(tmp_path_factory.mktemp("foreign") / "MyDrive.fmu", "drive", foreign_fmus.DRIVE)
 
 
 @pytest.fixture(scope="session")
@@ -125,10 +132,32 @@ def scaled(monkeypatch):
     return change
 
 
+class Command:
+    """A command line in an empty folder: called, it returns its exit status, stdout, and stderr without progress."""
+
+    def __init__(self, call):
+        self._call = partial(call, app)
+
+    def __call__(self, *arguments):
+        return self._call(*arguments)
+
+    def done(self, *arguments):
+        """Return stdout of a call that succeeds."""
+        status, out, err = self(*arguments)
+        assert status == 0, err
+        return out
+
+    def refused(self, *arguments):
+        """Return stderr of a call that is bad input."""
+        status, _, err = self(*arguments)
+        assert status == 2, err
+        return err
+
+
 @pytest.fixture
 def cotrack(call):
-    """Return ``call`` bound to the command ``cotrack``."""
-    return partial(call, app)
+    """The command ``cotrack``, a ``Command``."""
+    return Command(call)
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ Classical Runge-Kutta; the frame is x forward, y left, from the centre of mass.
 
 import numba
 import numpy as np
+from named_ports import output_names
 from skid_steering import G, Vehicle
 
 X, Y, HEADING, AHEAD, LEFT, RATE, SPEEDS = 0, 1, 2, 3, 4, 5, slice(6, 8)  # indices; speeds of both sprockets
@@ -71,7 +72,7 @@ class Ride:
 
     def __init__(self, model, plant, hull, stop, h=2e-3):
         """Run for ``stop`` s; ``hull``: distance of the hull's centre of mass ahead of the vehicle's, m."""
-        self.names = [p.name for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
+        self.names = output_names(model)
         outputs, motions, y = [], [], np.zeros(len(self.names))
         for k in range(round(stop / h)):
             model.outputs(y)

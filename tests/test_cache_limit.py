@@ -74,16 +74,12 @@ def test_every_use_counts(filled, toy):
 @pytest.mark.parametrize(("text", "said"), [("-1", "must be a size in GB"), ("many", "'many'"), ("nan", "0 or more")])
 def test_a_bad_size_is_a_sentence(fresh_cache, cotrack, monkeypatch, text, said):
     monkeypatch.setenv(cache_limit.SIZE, text)
-    status, _, err = cotrack("cache")
-    assert status == 2
-    assert said in err
+    assert said in cotrack.refused("cache")
 
 
 def test_commands_keep_the_size(filled, cotrack, monkeypatch):
     monkeypatch.setenv(cache_limit.SIZE, "4.5e-6")
-    status, out, _ = cotrack("cache")
-    assert status == 0
-    assert "fmus" in out
+    assert "fmus" in cotrack.done("cache")
     assert len(cache_limit.entries()) == 4  # pruned at the end of the command
     os.utime(filled[9], (time.time() - 20 * DAY,) * 2)
     monkeypatch.setenv(cache_limit.SIZE, "0")

@@ -305,63 +305,6 @@ def test_numbers_in_names_of_signals_are_read_in_one_place():
     assert behind == ["log/schema.py"]
 
 
-def depends_on_the_processor(source: str) -> list[str]:
-    """Expressions of a source whose last digits depend on the processor: of libm, numpy's functions, BLAS and LAPACK.
-
-    Squares and whole powers of arrays and of numbers in kernels are products.
-    """
-    functions = (
-        "a?(sin|cos|tan)h?|atan2|arc(sin|cos|tan)h?|arctan2|exp2?|expm1|log(2|10|1p)?|hypot|pow|float_power|power|cbrt|"
-        "fmod|remainder|dist|sinc|dot|vdot|inner|matmul|tensordot|leggauss|linalg"
-    )
-    parts = "linalg|sparse|special|interpolate|signal|integrate|fft"  # of scipy
-    found = []
-    for node in ast.walk(ast.parse(source)):
-        match node:
-            case ast.Attribute(attr="dot"):  # of an array, too
-                depends = True
-            case ast.Attribute(value=ast.Name(id="np" | "numpy" | "math" | "cmath"), attr=name):
-                depends = re.fullmatch(functions, name) is not None
-            case ast.ImportFrom(module="math" | "cmath" | "numpy", names=names):
-                depends = any(re.fullmatch(functions, alias.name) for alias in names)
-            case ast.Attribute(value=ast.Name(id="scipy"), attr=name):
-                depends = re.fullmatch(parts, name) is not None
-            case ast.ImportFrom(module=module):
-                depends = re.match(rf"scipy\.({parts})", module or "") is not None
-            case ast.BinOp(op=ast.MatMult()):
-                depends = True
-            case ast.BinOp(op=ast.Pow(), right=exponent):
-                depends = not (isinstance(exponent, ast.Constant) and isinstance(exponent.value, int))
-            case _:
-                depends = False
-        found += [ast.unparse(node)] if depends else []
-    return found
-
-
-# Bounds of frequencies, of which nine digits enter the longest stable step (``chain/flexible/explicit.py``); a radius
-# that is checked, not used; powers of 2: products in a kernel, constants of the functions; whether a sum of squares is
-# finite; scipy's table of a method;
-# the spline of a path, whose tridiagonal solve calls no BLAS (``test_processors.py``).
-EXEMPT = {
-    "physics/ancf/element.py", "physics/chain/flexible/turning.py", "physics/chain/flexible/closing.py",
-    "physics/integrate/adams.py", "physics/integrate/dormand_prince.py", "vehicles/ranges.py", "physics/elementary.py",
-    "interface/model.py", "driver/path.py",
-}  # fmt: skip
-
-
-def test_results_do_not_depend_on_the_processor():
-    """FMUs take elementary functions and linear solves from ``elementary``, ``exponential`` and ``elimination``."""
-    behind = {}
-    for file in sources(FMUS):
-        if found := depends_on_the_processor(file.read_text(encoding="utf-8")):
-            behind[file.relative_to(FMUS).as_posix()] = found
-    assert behind.keys() == EXEMPT, behind
-    planted = "import numpy as np\nfrom math import sin\nx = np.cos(1.0) + A @ b + np.linalg.norm(b) + a ** 0.5\n"
-    planted += "y = b.dot(b) + scipy.linalg.norm(b)\n"
-    assert len(depends_on_the_processor(planted)) == 7
-    assert not depends_on_the_processor("from math import isfinite\ny = np.sqrt(x) + x ** 2\n")
-
-
 def test_physics_and_libraries_do_not_print():
     for file in [*sources(FMUS), *sources(ORCHESTRATOR)]:
         if file.is_relative_to(ORCHESTRATOR / "cli"):

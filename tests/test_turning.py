@@ -232,10 +232,7 @@ def test_sides_need_no_common_mode():
         (("drive.left.speed=8", "track.axes=fixed"), "track.axes = 'fixed' keeps cables in their plane"),
         (("drive.left.speed=8", "drive.middle.speed=8"), "unknown key 'drive.middle'"),
         (("drive={left={speed=3}, right={torque=5}}",), "drive.right: torque needs mode = 'torque', not 'speed'"),
-        (
-            ("drive={left={mode='speed'}, rigth={mode='speed'}}",),
-            "unknown key 'drive.rigth': did you mean",
-        ),
+        (("drive={left={mode='speed'}, rigth={mode='speed'}}",), "unknown key 'drive.rigth': did you mean"),
         (("track.axes=free", "track.element=beam"), "axes = 'free' needs element = 'cable'"),
         (("track.axes=free", "symmetric=true", "planar=true"), "planar = true needs track.axes = 'fixed'"),
     ],

@@ -2,6 +2,7 @@
 
 import copy
 
+import named_ports
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -17,8 +18,8 @@ ROLLERS = {
 LEAVES = 12  # left arms, left idler, right arms, right idler: without return rollers
 
 
-class Probe:
-    """A model whose variables are read and set by name; inputs that are not set stay 0."""
+class Probe(named_ports.Probe):
+    """A chassis of the standard vehicle's table with ``changes``; inputs that are not set stay 0."""
 
     def __init__(self, changes=None, sides=("left", "right"), config=None, **parameters):
         table = copy.deepcopy(TABLE)
@@ -28,27 +29,7 @@ class Probe:
             for name in path:
                 part = part[name]
             part[last] = value
-        self.model = Model({"vehicle": table, "chassis": {"sides": list(sides), **(config or {})}})
-        real = [port for port in self.model.ports if isinstance(port.start, float) and port.causality != "parameter"]
-        self.inputs = [port.name for port in real if port.causality == "input"]
-        self.names = [port.name for port in real if port.causality == "output"]
-        self.u, self.y, self.t = np.zeros(len(self.inputs)), np.zeros(len(self.names)), 0.0
-        self.model.initialise({name.replace("__", "."): value for name, value in parameters.items()})
-
-    def __setitem__(self, name, value):
-        self.u[self.inputs.index(name)] = value
-
-    def __getitem__(self, name):
-        self.model.outputs(self.y)
-        if name in self.names:
-            return self.y[self.names.index(name)]
-        return np.array([self.y[self.names.index(f"{name}.{axis}")] for axis in "xyz"])
-
-    def run(self, duration, h=1e-3):
-        for _ in range(round(duration / h)):
-            self.model.step(self.t, h, self.u)
-            self.t += h
-        return self
+        super().__init__(Model({"vehicle": table, "chassis": {"sides": list(sides), **(config or {})}}), **parameters)
 
     @property
     def energy(self):

@@ -1,5 +1,6 @@
 """A sprocket drive whose variables are read by name, its modes, a turning mount, an exact profile."""
 
+import named_ports
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -10,24 +11,11 @@ PLACE = (0.0, 1.0795, 0.0)
 RAMP = {"speed.end": 20.0, "ramp.start": 2.0, "ramp.end": 6.0}
 
 
-class Probe:
-    """A drive whose variables are read by name; its mount is unconnected until ``mount`` is set."""
+class Probe(named_ports.Probe):
+    """A drive; its mount is unconnected until ``mount`` is set."""
 
     def __init__(self, inertia=J, **parameters):
-        self.model = Model({"drive": {"inertia": inertia, "mount": list(PLACE)}})
-        real = [port for port in self.model.ports if isinstance(port.start, float) and port.causality != "parameter"]
-        inputs = [port for port in real if port.causality == "input"]
-        self.u, self.t = np.array([port.start for port in inputs]), 0.0
-        self.names = [port.name for port in real if port.causality == "output"]
-        self.y = np.zeros(len(self.names))
-        self.model.initialise(parameters)
-
-    def __getitem__(self, name):
-        self.model.outputs(self.y)
-        if name in self.names:
-            return self.y[self.names.index(name)]
-        parts = "wxyz" if name.endswith("orientation") else "xyz"
-        return np.array([self.y[self.names.index(f"{name}.{part}")] for part in parts])
+        super().__init__(Model({"drive": {"inertia": inertia, "mount": list(PLACE)}}), **parameters)
 
     @property
     def axis(self):
@@ -40,14 +28,7 @@ class Probe:
             position, rotation, velocity, omega = mount(self.t)
             self.u[:13] = *position, *rotation.as_quat(scalar_first=True), *velocity, *omega
         self.u[13:] = *force, *chain
-        self.model.step(self.t, h, self.u)
-        self.t += h
-        return self
-
-    def run(self, duration, h=1e-3, **inputs):
-        for _ in range(round(duration / h)):
-            self.step(h, **inputs)
-        return self
+        return super().step(h)
 
 
 def turning(omega, velocity=(0.0, 0.0, 0.0), start=(0.2, -0.1, 0.4)):

@@ -62,7 +62,8 @@ def check_overlaps(function):
 
 jit.noalias = check_overlaps
 
-from test_track_flexible import TABLE, at_rest, make, parameters, wheels  # noqa: E402
+from flexible_track import TABLE, at_rest, make, wheels  # noqa: E402
+from named_ports import parameters  # noqa: E402
 
 from fmus.physics.block_cyclic import solve, workspace  # noqa: E402
 from fmus.track_rigid.model import Model as Rigid  # noqa: E402
@@ -75,11 +76,7 @@ FLEXIBLE = {
     "spring": {"closure": "spring"},
 }
 EXPLICIT = {"integrator": "runge_kutta", "start": "polygon"}
-RIGID = {
-    "rigid": {"start": "polygon"},
-    "explicit": EXPLICIT,
-    "recursive": EXPLICIT | {"formulation": "recursive"},
-}
+RIGID = {"rigid": {"start": "polygon"}, "explicit": EXPLICIT, "recursive": EXPLICIT | {"formulation": "recursive"}}
 
 
 def steps(kind):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from beam_chains import coordinates, scattered
-from test_track_flexible import LINKS, at_rest, carrier, make, wheels
+from flexible_track import LINKS, at_rest, carrier, make, wheels
 
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.rolling import evaluate_contacts

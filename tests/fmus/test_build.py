@@ -154,10 +154,7 @@ def test_building_leaves_this_process_alone(fresh_cache):
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (
-            lambda: build("Submarine", {}),
-            "no kind of component is called 'Submarine': there are TrackFlexible",
-        ),
+        (lambda: build("Submarine", {}), "no kind of component is called 'Submarine': there are TrackFlexible"),
         (lambda: build_toy(start=float("nan")), "the configuration of toy_fmu is not JSON: "),
         (lambda: build_toy(spare="many"), "cannot build toy_fmu: TypeError: "),
         (lambda: build_shell(TOY / "toy_fmu.py", {}, packages=[TOY]), "cannot build toy_fmu: KeyError: "),

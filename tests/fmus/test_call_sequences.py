@@ -6,12 +6,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from fmi3_instance import native3
 from native_cases import CHAIN, CHASSIS, DRIVE, FEW, MANY, native, ran
-from test_native_fmi3 import native3
 
 from fmus.fmi.build import build
 from fmus.native.pack import with_constants
-from tests.fuzz import calls, memory, states
+from tests.fuzz import calls, driven, memory, states
 
 VERSIONS = [*((case, 2) for case in (*FEW, *MANY[1:3])), (CHAIN, 3), (DRIVE, 3)]  # whose kernels are the same
 PYTHON = [CHASSIS, *FEW[3:], *MANY[:2]]
@@ -82,11 +82,11 @@ def test_every_native_fmu_answers_as_the_rules_say(case, fmi):
     ],
 )
 def test_the_rules_notice_an_fmu_that_breaks_them(monkeypatch, make, call, status, said):
-    kind = calls.Driven if make is native else calls.Driven3
+    kind = driven.Driven if make is native else driven.Driven3
     do = kind.do
     lying = lambda self, name, argument: (do(self, name, argument), status)[name == call]  # noqa: E731
     monkeypatch.setattr(kind, "do", lying)
-    with pytest.raises(calls.Wrong, match=rf"seed \d+: .*{said}"):
+    with pytest.raises(driven.Wrong, match=rf"seed \d+: .*{said}"):
         [calls.sequence(make(DRIVE), seed) for seed in range(20)]
 
 

@@ -5,6 +5,7 @@ References are exact solutions, conserved quantities, and the same loop with eli
 
 import numpy as np
 import pytest
+from named_ports import parameters
 from test_free_chains import TABLE, Flexible, P, made, per_link
 
 from fmus.interface.model import InvalidParameter
@@ -233,7 +234,7 @@ def on_wheels(*settings):
     scene = load("straight", "flexible", ["placed=true", *settings])
     part = next(part for part in assemble(scene)[0] if part.name == "left_track")
     model = Flexible(part.config)
-    model.initialise({p.name: p.start for p in model.ports if p.causality == "parameter"} | part.parameters)
+    model.initialise(parameters(model, **part.parameters))
     model.rows[:] = model.start_rows
     return model
 

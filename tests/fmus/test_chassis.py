@@ -77,12 +77,7 @@ def test_wheel_rate_from_the_geometry():
 
 def test_a_deep_static_deflection_by_hand():
     """A deep static deflection satisfies the moment balance about the pin, from the drawn points alone."""
-    heavy = {
-        "chassis.mass": 1e12,
-        "chassis.inertia": (1e12, 1e12, 1e12),
-        "suspension.damping": 6e4,
-        "gravity": 0.0,
-    }
+    heavy = {"chassis.mass": 1e12, "chassis.inertia": (1e12, 1e12, 1e12), "suspension.damping": 6e4, "gravity": 0.0}
     probe = Probe(heavy, **{"suspension.preload": 5e3})
     probe["right.road_wheel[4].force.z"] = 25e3
     probe.run(3.0)
@@ -124,12 +119,7 @@ def test_return_rollers_are_a_part_of_the_hull_that_spins():
 
 
 def test_tensioner_pushes_rearward():
-    heavy = {
-        "chassis.mass": 1e12,
-        "chassis.inertia": (1e12, 1e12, 1e12),
-        "gravity": 0.0,
-        "tensioner.damping": 4e4,
-    }
+    heavy = {"chassis.mass": 1e12, "chassis.inertia": (1e12, 1e12, 1e12), "gravity": 0.0, "tensioner.damping": 4e4}
     probe = Probe(heavy, **{"tensioner.preload": 15e3})
     assert probe["left.tensioner.force"] == 15e3
     probe["left.idler.force.x"] = 17e3  # the track pulls forward
@@ -226,16 +216,7 @@ def test_accelerations_agree_with_maximal_coordinates(seed, rollers, idler_x):
 
     numbers = tree(table, 2)
     assert agrees(numbers, 1e-9)
-    for name in (
-        "across",
-        "along",
-        "transverse",
-        "spin_inertia",
-        "leaf_mass",
-        "stiffness",
-        "damping",
-        "inertia",
-    ):
+    for name in ("across", "along", "transverse", "spin_inertia", "leaf_mass", "stiffness", "damping", "inertia"):
         assert not agrees(numbers._replace(**{name: 1.03 * getattr(numbers, name)}), 1e-6), name
 
 

@@ -51,10 +51,7 @@ def momenta(model):
             to_wheel = np.array([-0.288, 0, -0.134])
             e = R @ to_wheel / np.linalg.norm(to_wheel)
             J_arm = arm["pin_inertia"] * np.eye(3) - (arm["pin_inertia"] - arm["long_inertia"]) * np.outer(e, e)
-            for mass, share, J_part, turn in (
-                (arm["mass"], 0.5, J_arm, w_arm),
-                (part["mass"], 1.0, J, w_wheel),
-            ):
+            for mass, share, J_part, turn in ((arm["mass"], 0.5, J_arm, w_arm), (part["mass"], 1.0, J, w_wheel)):
                 r = R @ to_wheel * share
                 add(mass, (pin + r, v + np.cross(w, pin) + np.cross(w_arm, r)), J_part, turn)
     return np.concatenate([P, L])
@@ -126,10 +123,7 @@ def test_heading_changes_nothing():
     def driven(heading):
         probe = Probe(**{"start.heading": heading, "start.position.x": 2.0})
         c, s = np.cos(heading), np.sin(heading)
-        for name, (fx, fy, fz) in {
-            "left.sprocket": (2e4, 500, 100),
-            "right.road_wheel[3]": (0, -900, 4e4),
-        }.items():
+        for name, (fx, fy, fz) in {"left.sprocket": (2e4, 500, 100), "right.road_wheel[3]": (0, -900, 4e4)}.items():
             probe[f"{name}.force.x"], probe[f"{name}.force.y"] = c * fx - s * fy, s * fx + c * fy
             probe[f"{name}.force.z"] = fz
         probe.run(0.3)
@@ -161,10 +155,7 @@ def test_left_side_alone_runs_as_both_sides_driven_alike():
         for side in sides:
             sign = 1 if side == "left" else -1
             probe[f"{side}.road_wheel[4].force.z"], probe[f"{side}.sprocket.force.x"] = 3e4, 2e4
-            probe[f"{side}.road_wheel[4].force.y"], probe[f"{side}.road_wheel[4].torque.z"] = (
-                sign * 900,
-                sign * 300,
-            )
+            probe[f"{side}.road_wheel[4].force.y"], probe[f"{side}.road_wheel[4].torque.z"] = (sign * 900, sign * 300)
         return probe.run(0.2)
 
     half, whole = driven(["left"]), driven(["left", "right"])

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from named_ports import Probe
 
 from fmus.chassis.dynamics import ROOT
 from fmus.chassis.model import Model
@@ -17,30 +18,15 @@ WHEEL = TABLE["road_wheel"]
 RIDGE = {"start": 0.5, "rise": 0.3, "slope": 0.4, "length": 1.0, "radius": 0.5}
 
 
-class Body:
+class Body(Probe):
     """A chassis on the ground with bare wheels; ``law`` replaces values of the table's contact law."""
 
     def __init__(self, hull=False, bare=("left", "right"), bump=None, law=(), start=(), **parameters):
-        table = {
-            **TABLE,
-            "contact": {**TABLE["contact"], "ground": {**TABLE["contact"]["ground"], **dict(law)}},
-        }
+        table = {**TABLE, "contact": {**TABLE["contact"], "ground": {**TABLE["contact"]["ground"], **dict(law)}}}
         ground = {"hull": hull, "bare": list(bare), **({"bump": bump} if bump else {})}
-        self.model = Model({"vehicle": table, "chassis": {"sides": ["left", "right"], "ground": ground}})
-        self.names = [p.name for p in self.model.ports if p.causality == "output" and isinstance(p.start, float)]
-        self.y, self.u, self.t = np.zeros(len(self.names)), np.zeros(6 * (LEAVES + 2)), 0.0
-        self.model.initialise({f"start.{key}": value for key, value in dict(start).items()} | parameters)
+        model = Model({"vehicle": table, "chassis": {"sides": ["left", "right"], "ground": ground}})
+        super().__init__(model, **{f"start.{key}": value for key, value in dict(start).items()}, **parameters)
         self.whole = self.energy
-
-    def __getitem__(self, name):
-        self.model.outputs(self.y)
-        return self.y[self.names.index(name)]
-
-    def run(self, duration, h=1e-3):
-        for _ in range(round(duration / h)):
-            self.model.step(self.t, h, self.u)
-            self.t += h
-        return self
 
     @property
     def energy(self):
@@ -80,12 +66,7 @@ def test_a_hull_slides_as_far_as_friction_says():
     v, mu = 3.0, 0.3
 
     def way(**law):
-        body = Body(
-            hull=True,
-            bare=(),
-            law={"friction": mu, "friction_velocity": 1e-3, **law},
-            start={"height": -0.40},
-        )
+        body = Body(hull=True, bare=(), law={"friction": mu, "friction_velocity": 1e-3, **law}, start={"height": -0.40})
         x = body.model.state
         body.run(2.0)
         x[7] += v  # at rest on its floor; then all of it gets the speed v

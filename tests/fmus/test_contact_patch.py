@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import flexible_track
 import numpy as np
 import pytest
-import test_track_flexible
-import test_track_rigid
+import rigid_track
+from named_ports import parameters
 
 from fmus.physics.chain.flexible.interface import flatten
 from fmus.physics.chain.flexible.state import Motion
@@ -19,7 +20,7 @@ H = 1e-7  # s, step of the finite difference
 
 def flexible(element: str):
     """Return a function of time (0 at the start): stored J, dissipated W, lost by covering W, absorbed W."""
-    model, rng = test_track_flexible.carrier(element=element), np.random.default_rng(3)
+    model, rng = flexible_track.carrier(element=element), np.random.default_rng(3)
     if element == "beam":
         model.s.q[:, 1] += 0.02  # beyond the play of the guides
     model.s.v[:] = 0.05 * rng.standard_normal(model.s.v.shape)
@@ -49,8 +50,8 @@ def flexible(element: str):
 
 def rigid():
     """The same function for rigid links that move as one body, which keeps their pins closed."""
-    model, turning = test_track_rigid.rolling(), np.array([0.03, 0.2, -0.05])
-    model.initialise(test_track_rigid.parameters(model))
+    model, turning = rigid_track.rolling(), np.array([0.03, 0.2, -0.05])
+    model.initialise(parameters(model))
     s, w = model.s, model.work
     s.q[:, 1] += 0.02
     for pose, v, A in zip(s.q, s.v, w.system.rotation, strict=True):

@@ -2,6 +2,7 @@
 
 import json
 
+import named_ports
 import numpy as np
 import pytest
 from conftest import build_toy
@@ -95,15 +96,12 @@ def unconnected(model, parameters, shift=0.0, blank=()):
 
     In the steps ``blank`` all inputs are zero.
     """
-    model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters)
+    model.initialise(named_ports.parameters(model, **parameters))
     u = np.array([port.start for port in model.ports if port.causality == "input"])
     u[0] += shift
     for k in range(10):
         model.step(k * H, H, 0.0 * u if k in blank else u)
-    outputs = [p for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
-    y = np.zeros(len(outputs) - model.link_ports)
-    model.outputs(y)
-    return dict(zip((port.name for port in outputs), y, strict=False))
+    return named_ports.outputs(model, links=False)
 
 
 @pytest.mark.parametrize("lateral", [1.0795, -1.0795])

@@ -77,9 +77,7 @@ def test_the_sprocket_rides_on_its_mount():
     assert np.allclose(probe["sprocket.position"], position, rtol=0, atol=1e-12)
     assert np.allclose(probe["sprocket.velocity"], velocity, rtol=0, atol=1e-12)
     assert np.allclose(
-        Rotation.from_quat(probe["sprocket.orientation"], scalar_first=True).as_matrix(),
-        pose.as_matrix(),
-        atol=1e-11,
+        Rotation.from_quat(probe["sprocket.orientation"], scalar_first=True).as_matrix(), pose.as_matrix(), atol=1e-11
     )
     assert np.allclose(probe["sprocket.angular_velocity"], omega + probe["speed"] * lateral, rtol=0, atol=1e-11)
 

@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from named_ports import parameters
 from scipy.optimize import brentq
 
 from fmus.interface.model import InvalidParameter, StepFailed
@@ -64,16 +65,9 @@ def mass_of(model):
 
 
 def made(kind, links, ends=None, gravity=9.81, **changes):
-    track = {
-        "links": links,
-        "closed": ends is None,
-        "wheels": [],
-        "ground": False,
-        "gravity": gravity,
-        "ends": ends,
-    }
+    track = {"links": links, "closed": ends is None, "wheels": [], "ground": False, "gravity": gravity, "ends": ends}
     model = kind({"vehicle": TABLE, "track": track, "link_outputs": True})
-    given = {p.name: p.start for p in model.ports if p.causality == "parameter"}
+    given = parameters(model)
     assert set(changes) <= set(given)
     model.initialise(given | changes)
     return model

@@ -118,17 +118,7 @@ def test_without_compilation_the_function_itself_comes_back(environment):
 def test_reachable_sources_follow_every_kind_of_import(tmp_path, monkeypatch, clean_imports):
     package = tmp_path / "reach"
     (package / "sub").mkdir(parents=True)
-    for name in (
-        "__init__",
-        "plain",
-        "named",
-        "inside",
-        "guarded",
-        "sub/__init__",
-        "sub/near",
-        "sub/up",
-        "far",
-    ):
+    for name in ("__init__", "plain", "named", "inside", "guarded", "sub/__init__", "sub/near", "sub/up", "far"):
         (package / f"{name}.py").write_text("")
     (package / "start.py").write_text(
         "import reach.plain as p\nfrom reach import named\nfrom .sub import near\n"

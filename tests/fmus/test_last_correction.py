@@ -6,7 +6,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from test_track_flexible import LINKS, TABLE, at_rest, carrier, parameters, wheels
+from flexible_track import LINKS, TABLE, at_rest, carrier, wheels
+from named_ports import parameters
 
 from fmus.physics.chain.flexible.axes_state import from_axes
 from fmus.physics.chain.flexible.node_faces import add_last_correction

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from named_ports import parameters
 from scipy.linalg import eigh
 from test_free_chains import (
     HOLD,
@@ -35,7 +36,7 @@ def built(kind, links, ends, inertia, **changes):
     track = {"links": links, "closed": ends is None, "wheels": [], "ground": False, "gravity": 9.81 if ends else 0.0}
     table = {**TABLE, "track": {**TABLE["track"], "inertia": list(inertia)}}
     model = kind({"vehicle": table, "track": {**track, "ends": ends}, "link_outputs": True})
-    model.initialise({p.name: p.start for p in model.ports if p.causality == "parameter"} | changes)
+    model.initialise(parameters(model, **changes))
     return model
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
+from named_ports import parameters
 from native_cases import CHAIN, CHASSIS, DRIVE, FEW, MANY, SOIL, STEPS, H, begun, follow, native, ran
 
 from fmus.cache.files import CHECKSUM
@@ -111,8 +112,7 @@ def test_tracks_fail_alike(case, place, value, h):
 def assert_same_failure(case, place, value, h):
     run, u = ran(case), bent(case, place, value)
     model = type(run.member.model)(run.part.config)
-    model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"}
-                     | run.part.parameters)  # fmt: skip
+    model.initialise(parameters(model, **run.part.parameters))
     with begun(case) as component:
         y = component.y.copy()
         component.u[:] = u

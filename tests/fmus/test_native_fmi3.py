@@ -4,116 +4,27 @@ from __future__ import annotations
 
 import re
 import subprocess
-from contextlib import contextmanager
-from ctypes import byref, c_bool, c_double, c_int32, c_int64, c_uint32
-from itertools import product
+from ctypes import byref, c_bool, c_double, c_int32, c_int64
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
+from fmi3_instance import Three, begun3, native3, scalars
 from fmpy import read_model_description, simulate_fmu
-from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 from lxml import etree
 from native_cases import CHAIN, CHASSIS, DRIVE, H, begun, follow, ran
 
-from fmus.components import model_of
-from fmus.interface.ports import NOT_NEGATIVE, Port, motion_ports, variables, wrench_ports
+from fmus.interface.ports import motion_ports, wrench_ports
 from fmus.native.arrays import arrays
-from fmus.native.fmi3_description import TERMINALS, terminals
+from fmus.native.fmi3_description import TERMINALS
 from fmus.native.header import header
 from fmus.native.link import HERE, compiler
-from fmus.native.pack import build_native, with_constants
-from fmus.track import link_outputs
-from fmus.track.link_outputs import GROUPS
 from orchestrator.cosim.fmu_files import unpack
-from orchestrator.scene.assembly import assemble, build_native_all
-from orchestrator.scene.products import scene_products
-from orchestrator.scene.scene import load
-from tests import own_master
 
 FMPY = Path(fmpy.__file__).parent
 OK, DISCARD, ERROR = 0, 2, 3
-
-
-def native3(case):
-    part = ran(case).part
-    return build_native(part.kind, with_constants(part.kind, part.config, part.parameters), fmi=3)
-
-
-def scalars(variable):
-    """Names that the elements of a Float64 variable have in FMI 2.0."""
-    name, shape = variable.name, variable.shape
-    if name.startswith(("link.", "joint.")):
-        owner, _, tail = name.partition(".")
-        ends = [f".{axis}" for axis in "xyz"] if len(shape) == 2 else [""]
-        return [f"{owner}[{i + 1}].{tail}{end}" for i, end in product(range(shape[0]), ends)]
-    return [f"{name}.{axis}" for axis in "wxyz"[-shape[0] :]] if shape else [name]
-
-
-class Three:
-    """Instance of an FMU of FMI 3.0 in FMPy; ``messages`` are (status, text)."""
-
-    def __init__(self, file, validate=True, **options):
-        self.description = read_model_description(file, validate=validate)
-        self.messages = []
-        self.slave = FMU3Slave(
-            guid=self.description.guid,
-            modelIdentifier=self.description.coSimulation.modelIdentifier,
-            unzipDirectory=str(unpack(Path(file))),
-            instanceName="one",
-        )
-        self.slave.instantiate(
-            logMessage=lambda _, status, category, text: self.messages.append((status, text.decode())), **options
-        )
-
-    def of(self, causality, kind="Float64"):
-        return [v for v in self.description.modelVariables if (v.causality, v.type) == (causality, kind)]
-
-    def start(self, parameters):
-        for kind, set_ in (("Float64", self.slave.setFloat64), ("String", self.slave.setString)):
-            for variable in self.of("parameter", kind):
-                names = scalars(variable)
-                if values := [parameters[name] for name in names if name in parameters]:
-                    assert len(values) == len(names)
-                    set_([variable.valueReference], values)
-        self.slave.enterInitializationMode()
-        self.slave.exitInitializationMode()
-        return self
-
-    def follow(self, run, steps):
-        """Return outputs, link outputs last, and counters after each of the steps."""
-        row = [port.name for port in run.member.model.ports if port.causality == "input"]
-        inputs, outputs, whole = self.of("input"), self.of("output"), self.of("output", "Int64")
-        order = [row.index(name) for variable in inputs for name in scalars(variable)]
-        assert sorted(order) == list(range(len(row)))
-        u, y, n = ([v.valueReference for v in group] for group in (inputs, outputs, whole))
-        count = sum(len(scalars(variable)) for variable in outputs)
-        shown, counted = [], []
-        for k in steps:
-            if u:
-                self.slave.setFloat64(u, run.u[k][order])
-            assert self.slave.doStep(k * H, H) == (False, False, False, k * H + H)
-            shown.append(self.slave.getFloat64(y, count))
-            counted.append(self.slave.getInt64(n))
-        return np.array(shown), np.array(counted)
-
-    def status(self, function, references, values, type_):
-        """Status of a call that gets or sets values; the message goes to ``messages``."""
-        call = getattr(self.slave.dll, function)
-        n = len(references)
-        array = (type_ * len(values))(*values)
-        return call(self.slave.component, (c_uint32 * n)(*references), n, array, len(values))
-
-
-@contextmanager
-def begun3(case, parameters=True, **options):
-    three = Three(native3(case), **options)
-    try:
-        yield three.start(ran(case).part.parameters) if parameters else three
-    finally:
-        three.slave.freeInstance()
 
 
 @pytest.mark.parametrize(
@@ -291,133 +202,3 @@ def test_fmpy_simulates_it():
     assert result["time"][-1] == pytest.approx(0.01)
     assert result["sprocket.position"].shape == (11, 3)
     assert np.ptp(result["speed"]) > 0.0
-
-
-def test_304_connections_of_a_vehicle_are_16_pairs_of_terminals():
-    assembly = assemble(load("straight"))
-    members = {}  # of the terminals of each part: their variables, and the terminal of each
-    for part in assembly.parts:
-        found = terminals(arrays(variables(model_of(part.kind)(part.config).ports).reals))
-        members[part.name] = {f"{port}.{member}": port for port, own in found.items() for member in own}
-    scalar, array, pair = [], set(), set()
-    for connection in assembly.connections:
-        for output, input_ in zip(connection.outputs, connection.inputs, strict=True):
-            ends = (connection.source, output), (connection.target, input_)
-            ends_of_array = frozenset((part, name.rpartition(".")[0]) for part, name in ends)
-            scalar.append(ends)
-            array.add(ends_of_array)
-            pair.add(frozenset((part, members[part][name]) for part, name in ends_of_array))
-    assert (len(scalar), len(array), len(pair)) == (304, 96, 16)
-
-
-class Plugged(Three):
-    """Instance whose terminals are connected by the rule "plug": members by name, outputs to inputs."""
-
-    def __init__(self, file):
-        super().__init__(file)
-        self.variables = {v.name: v for v in self.description.modelVariables}
-        root = etree.parse(unpack(file) / "terminalsAndIcons/terminalsAndIcons.xml")
-        self.terminals = {t.get("name"): {m.get("memberName"): m.get("variableName") for m in t} for t in
-                          root.iter("Terminal")}  # fmt: skip
-        self.feeds = []
-
-    def plug(self, terminal, other, others):
-        ours, theirs = self.terminals[terminal], other.terminals[others]
-        assert ours.keys() == theirs.keys()
-        for member in ours:
-            mine, its = self.variables[ours[member]], other.variables[theirs[member]]
-            assert {mine.causality, its.causality} == {"input", "output"}
-            taker, to, giver, of = (self, mine, other, its) if mine.causality == "input" else (other, its, self, mine)
-            taker.feeds.append((to.valueReference, giver.slave, of.valueReference, of.shape[0]))
-
-    def read(self):
-        """Values for all connected inputs."""
-        return [(to, giver.getFloat64([of], size)) for to, giver, of, size in self.feeds]
-
-    def step(self, t, h, values):
-        for to, each in values:
-            self.slave.setFloat64([to], each)
-        self.slave.doStep(t, h)
-
-    def show(self, names):
-        """Values of outputs, in a row."""
-        found = [self.variables[name] for name in names]
-        return self.slave.getFloat64([v.valueReference for v in found], sum(len(scalars(v)) for v in found))
-
-
-SIDES = ("left", 1.0), ("right", -1.0)
-PROFILE = {"speed.end": 20.5, "ramp.start": 0.0, "ramp.end": 0.2}
-WHEELS = *(f"road_wheel[{i}]" for i in range(1, 6)), "idler"
-
-
-def parts_of_a_vehicle():
-    """Parts in the order of their steps: their kinds, and the parameters that are not the FMU's defaults."""
-    parts = {}
-    for part, kind, more in (("track", "Track", {}), ("drive", "SprocketDrive", PROFILE)):
-        for side, sign in SIDES:
-            parts[f"{side}_{part}"] = kind, {"start.lateral": sign * 1.0795, **more}
-    return parts | {"chassis": ("Chassis", {})}
-
-
-def pairs_of_terminals():
-    """Pairs that are connected: part and terminal, part and terminal."""
-    for side, _ in SIDES:
-        track, drive = f"{side}_track", f"{side}_drive"
-        yield track, "sprocket", drive, "sprocket"
-        yield drive, "mount", "chassis", f"{side}.sprocket"
-        yield from ((track, wheel, "chassis", f"{side}.{wheel}") for wheel in WHEELS)
-
-
-def plugged_vehicle(folder, track):
-    """Parts of a vehicle, connected by terminals and initialised."""
-    parts = parts_of_a_vehicle()
-    kinds = {name: track if kind == "Track" else kind for name, (kind, _) in parts.items()}
-    fmus = {name: Plugged(folder / f"{kind}.fmu") for name, kind in kinds.items()}
-    for one, terminal, other, others in pairs_of_terminals():
-        fmus[one].plug(terminal, fmus[other], others)
-    for name, (_, values) in parts.items():
-        for parameter, value in values.items():
-            fmus[name].slave.setFloat64([fmus[name].variables[parameter].valueReference], [value])
-        fmus[name].start({})
-    return fmus
-
-
-@pytest.mark.study
-def test_a_vehicle_drives_by_16_pairs_of_terminals_to_the_bits_of_304_connections(tmp_path):
-    products = scene_products([load("straight")])
-    for version in (2, 3):
-        build_native_all(products, tmp_path / str(version), fmi=version)
-    expected = own_master.main(tmp_path / "2", stop=0.05, speed=20.5, ramp=(0.0, 0.2))
-    fmus = plugged_vehicle(tmp_path / "3", "TrackFlexible")
-    assert len([*pairs_of_terminals()]) == 16
-    for k in range(40):
-        for fmu in fmus.values():
-            fmu.step(k * 1.25e-3, 1.25e-3, fmu.read())
-    x, _, z, speed = fmus["chassis"].show(["chassis.position", "speed"])
-    for fmu in fmus.values():
-        fmu.slave.freeInstance()
-    assert dict(zip(expected, (x, z, speed), strict=True)) == expected
-    assert abs(speed) > 0.01
-
-
-def test_reals_that_differ_stay_scalars():
-    xyz = [Port(f"start.position.{axis}", "parameter", "m", f"{axis} of it") for axis in "xyz"]
-    (array,) = arrays(xyz)
-    assert (array.name, array.text, array.shape) == ("start.position", "x, y, z of it", (3,))
-    for changed in ({"causality": "local"}, {"unit": "1"}, {"allowed": NOT_NEGATIVE}):
-        apart = arrays([*xyz[:2], xyz[2]._replace(**changed)])
-        assert [(array.name, array.first, array.shape) for array in apart] == [
-            (port.name, i, ()) for i, port in enumerate(xyz)
-        ]
-    assert [array.name for array in arrays(xyz[:2])] == [port.name for port in xyz[:2]]
-
-
-@pytest.mark.parametrize("group", GROUPS)
-def test_outputs_of_links_are_arrays(group):
-    links = link_outputs.ports((group,), 4, 5)
-    of = GROUPS[group]
-    (array,) = arrays(links)
-    assert array.name == f"{of.owner}.{of.signal}"
-    assert array.shape == (4 if of.owner == "link" else 5, *([len(of.parts)] if len(of.parts) > 1 else []))
-    assert (array.first, array.elements) == (0, tuple(links))
-    assert "1" not in array.text

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmi3_instance import Three, native3
 from native_cases import CHAIN, CHASSIS, DRIVE, ran
-from test_native_fmi3 import PROFILE, Three, native3, pairs_of_terminals, parts_of_a_vehicle, plugged_vehicle
+from plugged import PROFILE, pairs_of_terminals, parts_of_a_vehicle, plugged_vehicle
 
 from fmus.native.link import LINUX, WINDOWS, compiler
 from fmus.native.pack import build_native, targets_windows, with_constants

@@ -66,10 +66,7 @@ OF_OBJECTS = {
     "_name", "_object_caching_enabled",
 }  # fmt: skip
 KNOWN = {name for internal in INTERNALS for name in internal.path.split(".")} | OF_OBJECTS | {"_messages"}  # of a model
-USERS = {
-    "fmus": "kernels/jit kernels/linking native/entries native/emit",
-    "orchestrator": "kernels/compiled",
-}
+USERS = {"fmus": "kernels/jit kernels/linking native/entries native/emit", "orchestrator": "kernels/compiled"}
 FILES = [ROOT / folder / f"{name}.py" for folder, names in USERS.items() for name in names.split()]
 
 

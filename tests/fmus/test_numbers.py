@@ -8,10 +8,12 @@ import zipfile
 from functools import cache
 from xml.etree.ElementTree import fromstring
 
+import named_ports
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from named_ports import output_names, parameters
 
 from fmus.components import model_of
 from fmus.fmi.build import BuildFailed, build_shapes, packed_config, start_values
@@ -94,13 +96,11 @@ def test_every_number_is_read(part_name):
 
     def course(config):
         model = model_of(kind)(config)
-        starts = {port.name: port.start for port in model.ports if port.causality == "parameter"}
-        model.initialise({**starts, **MOVED.get(kind, {})})
+        model.initialise(parameters(model, **MOVED.get(kind, {})))
         u = np.array([port.start for port in model.ports[: model.inputs]])
         if kind == "Chassis":
             u += 100.0 * np.sin(np.arange(len(u)))
-        y = np.zeros(sum(port.causality == "output" and isinstance(port.start, float) for port in model.ports))
-        y = y[: len(y) - model.link_ports]
+        y = np.zeros(len(output_names(model)) - model.link_ports)
         rows = []
         for k in range(3):
             model.step(k * H, H, u)
@@ -150,9 +150,7 @@ def test_a_host_that_sets_ten_keys_has_the_bits_of_a_scene_that_sets_them(part_n
     model.initialise(wanted)
     for k in range(5):
         model.step(k * H, H, u)
-    y = np.zeros(sum(port.causality == "output" and isinstance(port.start, float) for port in model.ports))
-    model.outputs(y[: len(y) - model.link_ports])
-    model.link_outputs(y[len(y) - model.link_ports :])
+    y = [*named_ports.outputs(model).values()]
     assert np.array_equal(outputs(wanted), y)
     off = {"chassis": {"chassis.mass": 12600.0}, "left_track": {"track.mass": 1.02 * wanted.get("track.mass", 0.0)}}
     off["left_drive"] = {"start.angle": 0.01}

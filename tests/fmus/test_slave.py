@@ -251,10 +251,7 @@ def test_step_needs_a_length(component, h):
     ],
 )
 def test_wrong_parameter_is_refused_at_the_end_of_initialisation(toy, raw, parameters, sentence, capfd):
-    with (
-        Component(toy, "toy") as component,
-        pytest.raises(ComponentFailed, match=re.escape(f"toy: {sentence}")),
-    ):
+    with Component(toy, "toy") as component, pytest.raises(ComponentFailed, match=re.escape(f"toy: {sentence}")):
         component.initialise(parameters)
 
     slave, references = raw

@@ -207,12 +207,7 @@ def test_heading_changes_nothing():
         probe = Probe(**MODES["controller"], **{"start.heading": heading})
         wobble = turning(turn.apply([0.3, -0.5, 0.1]), start=(0, 0, heading))
         probe.run(0.2, mount=wobble, chain=turn.apply([30.0, -350.0, 90.0]))
-        return [
-            probe["speed"],
-            probe["torque"],
-            probe["energy.work"],
-            *turn.inv().apply(probe["mount.torque"]),
-        ]
+        return [probe["speed"], probe["torque"], probe["energy.work"], *turn.inv().apply(probe["mount.torque"])]
 
     assert np.allclose(driven(0.0), driven(np.radians(37)), rtol=1e-11, atol=1e-9)
 
@@ -267,11 +262,7 @@ def test_a_drive_needs_inertia():
 
 @pytest.mark.parametrize(
     ("index", "value", "words"),
-    [
-        (13, np.nan, "sprocket.force.x"),
-        (2, np.inf, "mount.position.z"),
-        (slice(3, 7), 0.0, "mount.orientation"),
-    ],
+    [(13, np.nan, "sprocket.force.x"), (2, np.inf, "mount.position.z"), (slice(3, 7), 0.0, "mount.orientation")],
 )
 def test_absurd_inputs_fail_with_a_sentence(index, value, words):
     probe = Probe(mode="torque")

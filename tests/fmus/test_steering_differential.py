@@ -5,6 +5,7 @@ import pytest
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
+from named_ports import Probe
 from scipy.spatial.transform import Rotation
 
 from fmus.fmi.build import build
@@ -23,35 +24,6 @@ MOTION = ("position", "orientation", "velocity", "angular_velocity")
 def both(**values):
     """Return the same settings for both motors."""
     return {f"{shaft}.{name}": value for name, value in values.items() for shaft in ("propulsion", "steering")}
-
-
-class Probe:
-    """A component whose variables are read and set by name."""
-
-    def __init__(self, model, **parameters):
-        self.model, self.t = model, 0.0
-        real = [port for port in model.ports if isinstance(port.start, float) and port.causality != "parameter"]
-        inputs = [port for port in real if port.causality == "input"]
-        self.inputs = {port.name: k for k, port in enumerate(inputs)}
-        self.u = np.array([port.start for port in inputs])
-        self.names = {port.name: k for k, port in enumerate(p for p in real if p.causality == "output")}
-        self.y = np.zeros(len(self.names))
-        model.initialise(parameters)
-
-    def __getitem__(self, name):
-        self.model.outputs(self.y)
-        return self.y[self.names[name]]
-
-    def vector(self, name):
-        return np.array([self[f"{name}.{axis}"] for axis in "xyz"])
-
-    def give(self, name, values, axes="xyz"):
-        for axis, value in zip(axes, values, strict=True):
-            self.u[self.inputs[f"{name}.{axis}"]] = value
-
-    def step(self, h=H):
-        self.model.step(self.t, h, self.u)
-        self.t += h
 
 
 def differential(demanded=False, **parameters):
@@ -186,11 +158,11 @@ def test_impulse_of_the_chains_is_that_of_the_mounts_and_the_change_of_spin():
             probe.give(f"{side}.sprocket.torque", CHAINS[side])
         probe.step()
         for side in SIDES:
-            given[side] += H * (np.array(CHAINS[side]) - probe.vector(f"{side}.mount.torque"))
+            given[side] += H * (np.array(CHAINS[side]) - probe[f"{side}.mount.torque"])
     for side in SIDES:
         quaternion = [probe[f"{side}.sprocket.orientation.{part}"] for part in "wxyz"]
         axle = Rotation.from_quat(quaternion, scalar_first=True).apply([0, 1, 0])
-        spin = J * (probe.vector(f"{side}.sprocket.angular_velocity") @ axle) * axle
+        spin = J * (probe[f"{side}.sprocket.angular_velocity"] @ axle) * axle
         # absolute rates start from those of the sprockets: 0 with controllers at rest in the world
         assert given[side] == pytest.approx(spin, rel=1e-9, abs=1e-9)
 
@@ -200,7 +172,7 @@ def test_each_side_follows_its_own_demand():
     for h in (H, 0.02):
         probe = differential(demanded=True, **{"demand.lag": 0.2})
         for side, speed in (("left", 5.0), ("right", -3.0)):
-            probe.u[probe.inputs[f"{side}.speed.demand"]] = speed
+            probe[f"{side}.speed.demand"] = speed
         for _ in range(round(0.4 / h)):
             probe.step(h)
         for side, speed in (("left", 5.0), ("right", -3.0)):
@@ -210,7 +182,7 @@ def test_each_side_follows_its_own_demand():
 
 def test_unconnected_mounts_stand_and_a_saved_state_goes_on_to_the_bit():
     probe = run(0.2, **MOTORS["torques and brakes"])
-    assert probe.vector("right.sprocket.position") == pytest.approx([0.1, -1.0795, -0.2])
+    assert probe["right.sprocket.position"] == pytest.approx([0.1, -1.0795, -0.2])
     state, u = probe.model.state.copy(), probe.u
     probe.model.step(0.2, H, u)
     after = probe.model.state.copy()
@@ -247,7 +219,7 @@ def test_what_cannot_be_is_refused_by_its_name(parameters, said):
 def test_absurd_inputs_fail_with_a_sentence(name, value, said):
     probe = run(0.01)
     before = probe.model.state.copy()
-    probe.u[probe.inputs[name]] = value
+    probe[name] = value
     with pytest.raises(StepFailed, match=f"t = 0.01 s.*{said}"):
         probe.step()
     assert np.array_equal(probe.model.state, before)

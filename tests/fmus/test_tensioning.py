@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 import random_vehicles
+from named_ports import parameters
 from scipy.optimize import brentq
 
 from fmus.physics.chain import layout
@@ -90,7 +91,7 @@ def laid(config, x, kind=Flexible):
         {**w, "position": [x, w["position"][1]]} if w["name"] == "idler" else w for w in config["track"]["wheels"]
     ]
     model = kind({**config, "track": {**config["track"], "wheels": wheels}, "link_outputs": False})
-    model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"})
+    model.initialise(parameters(model))
     return model
 
 

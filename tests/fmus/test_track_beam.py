@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+from functools import partial
+
+import flexible_track
 import numpy as np
 import pytest
 from beam_chains import coordinates, scattered
+from flexible_track import (
+    LINKS,
+    PITCH,
+    TABLE,
+    carrier,
+    correction,
+    energy_gradient,
+    hanging,
+    make,
+    second_steps,
+    wheels,
+)
 from fmpy.validation import validate_fmu
-from test_track_flexible import LINKS, PITCH, TABLE, at_rest, carrier, hanging, make, parameters, wheels
+from named_ports import parameters
 
 from fmus.fmi.build import build
 from fmus.interface.model import InvalidParameter
 from fmus.physics.ancf import beam as library
 from fmus.physics.ancf import element as elements
-from fmus.physics.block_cyclic import factor, solve
-from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.dynamics import NOTHING
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.interface import observe
-from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN
-from fmus.physics.integrate.generalized_alpha import Slopes
+from fmus.physics.chain.report import DISSIPATED, KINETIC, STRAIN
 from orchestrator.cosim.component import Component
 from tests.validation.ancf import joints, loads, mesh, statics, torsion
 
@@ -50,14 +61,9 @@ def spun(element: str, rate):
 
 def newton(model, count: int, mass: float = 0.0) -> None:
     """Make ``count`` Newton corrections to equilibrium; ``mass`` (1/s2) enters the matrix only."""
-    still, none, w = np.zeros_like(model.s.q), np.zeros_like(model.s.q), model.work
     for _ in range(count):
-        x = Motion(model.s.q, still, none, model.s.axes)
-        model.evaluate(x, Slopes(0.0, 0.0, mass), True)
-        assert factor(w.diagonal, w.upper, w.lower, w.factors, model.closed) < 0
-        solve(w.diagonal, w.upper, w.factors, model.closed, w.right_side)
-        correct(model.link, w, x, NOTHING, np.inf)
-    model.evaluate(Motion(model.s.q, still, none, model.s.axes))
+        correction(model, mass)
+    model.evaluate(Motion(model.s.q, np.zeros_like(model.s.q), np.zeros_like(model.s.q), model.s.axes))
 
 
 def test_coordinates_of_a_track():
@@ -82,18 +88,7 @@ def test_force_is_the_gradient_of_the_reported_energy():
     model.s.vdot[:] = 0.0
     model.s.q[:] += 0.02 * np.random.default_rng(3).standard_normal(model.s.q.shape) * ([PITCH] * 3 + [1.0] * 15)
     model.evaluate(Motion(model.s.q, model.s.v, model.s.vdot, model.s.axes))
-    f, gradient, h = scattered(model, model.work.residual), np.zeros_like(model.s.q), 1e-5
-
-    def energy() -> float:
-        observe(model.link, model.environment, model.s, model.work, model.report)
-        return model.report[STRAIN] + model.report[GRAVITY]
-
-    for place in np.ndindex(model.s.q.shape):
-        was = model.s.q[place]
-        for shift, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
-            model.s.q[place] = was + shift * h
-            gradient[place] += weight * energy() / (12 * h)
-        model.s.q[place] = was
+    f, gradient = scattered(model, model.work.residual), energy_gradient(model)
     np.testing.assert_allclose(f, gradient, atol=1e-8 * abs(f).max())
     assert abs(f - 1.001 * gradient).max() > 1e-4 * abs(f).max()
 
@@ -214,28 +209,16 @@ def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
     assert lost["cable"] > 1e-2
 
 
-def swing(steps: int = 100, links: int = 4, **changes):
-    """Release a chain from a displaced shape.
-
-    Returns the model and the energy error after each millisecond over the largest kinetic energy.
-    """
-    model = hanging(links=links, element="beam", start="displaced", **changes)
-    parts, lacks = [KINETIC, STRAIN, GRAVITY, DISSIPATED], []
-    total, top = model.report[parts].sum(), 0.0
-    for k in range(steps):
-        model.step(k * 1e-3, 1e-3, np.zeros(0))
-        top = max(top, model.report[KINETIC])
-        lacks.append(model.report[parts].sum() - total)
-    return model, np.array(lacks) / top
+swing = partial(flexible_track.swing, 100, element="beam")
 
 
 def test_energy_ledger_of_a_swing_and_the_explicit_chain():
     soft = {"material.youngs_modulus": 2e7, "material.relaxation_time": 2e-4}
-    model, lacks = swing(integrator="runge_kutta", step=1.0, **soft)
+    model, lacks = swing(links=4, integrator="runge_kutta", step=1.0, **soft)
     assert abs(lacks).max() < 1e-6
     # 30 times the allowed energy error; 0.89e-4, and 1.08e-4 before links had the table's rotary inertia
     assert model.report[DISSIPATED] > 0.6e-4 * model.report[KINETIC]
-    other, lacks = swing(step=5e-5, spectral_radius=0.9, **soft)
+    other, lacks = swing(links=4, step=5e-5, spectral_radius=0.9, **soft)
     assert abs(lacks).max() < 1e-4
     assert abs(model.s.q[:, :3] - other.s.q[:, :3]).max() < 1e-5
     _, lacks = swing(links=8)  # steel, as in a scene
@@ -255,16 +238,8 @@ def test_the_explicit_step_and_the_mass():
 
 
 def test_a_copied_state_goes_on_bit_for_bit():
-    model = carrier(element="beam")
-    u = at_rest(model, lift=0.002)
-    model.step(0.0, 1e-3, u)
-    saved = model.state.copy()
-    model.step(1e-3, 1e-3, u)
-    after = model.state.copy()
-    model.step(2e-3, 1e-3, u)
-    model.state[:] = saved
-    model.step(1e-3, 1e-3, u)
-    assert model.state.tobytes() == after.tobytes()
+    after, again = second_steps(carrier(element="beam"))
+    assert again == after
 
 
 def test_one_component_takes_either_element():

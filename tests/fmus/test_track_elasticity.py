@@ -6,21 +6,17 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from flexible_track import LINKS, PITCH, TABLE, at_rest, carrier, correction, energy_gradient, hanging, swing
 from scipy.optimize import brentq
-from test_track_flexible import LINKS, PITCH, TABLE, at_rest, carrier, hanging
 
 from fmus.interface.model import InvalidParameter
 from fmus.physics.ancf import cable, cable_engineering, cable_general, element
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import ELASTICITIES
-from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.cables import gather
-from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.dynamics import NOTHING
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.interface import observe
-from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN, STRESS, T_MAX, T_MEAN, T_MIN
-from fmus.physics.integrate.generalized_alpha import Slopes
+from fmus.physics.chain.report import DISSIPATED, KINETIC, STRAIN, STRESS, T_MAX, T_MEAN, T_MIN
 from tests.validation.ancf import joints, loads, mesh, statics
 
 LIBRARY = {"small_deformation": cable, "general": cable_general, "engineering": cable_engineering}
@@ -70,18 +66,7 @@ def residual(model) -> np.ndarray:
 @each
 def test_force_is_the_gradient_of_the_reported_energy(elasticity):
     model = bent(elasticity)
-    f, gradient, h = residual(model), np.zeros_like(model.s.q), 1e-5
-
-    def energy() -> float:
-        observe(model.link, model.environment, model.s, model.work, model.report)
-        return model.report[STRAIN] + model.report[GRAVITY]
-
-    for place in np.ndindex(model.s.q.shape):
-        for shift, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
-            was = model.s.q[place]
-            model.s.q[place] += shift * h
-            gradient[place] += weight * energy() / (12 * h)
-            model.s.q[place] = was
+    f, gradient = residual(model), energy_gradient(model)
     np.testing.assert_allclose(f, gradient, atol=1e-8 * abs(f).max())
     assert abs(f - 1.001 * gradient).max() > 1e-4 * abs(f).max()
 
@@ -127,13 +112,9 @@ def stored(elasticity: str, link: Cable, e: np.ndarray) -> float:
 
 def newton(model, most: int = 20, extra: float = 0.0) -> list[float]:
     """Sizes of Newton's corrections (m) up to static equilibrium; ``extra`` mass (1/s2) spoils the matrix."""
-    w, sizes, still, none = model.work, [], np.zeros_like(model.s.q), np.zeros_like(model.s.q)
+    sizes = []
     while len(sizes) < most and (not sizes or sizes[-1] > 1e-11):
-        x = Motion(model.s.q, still, none, model.s.axes)
-        model.evaluate(x, Slopes(0.0, 0.0, extra), True)
-        assert factor(w.diagonal, w.upper, w.lower, w.factors, model.closed) < 0
-        solve(w.diagonal, w.upper, w.factors, model.closed, w.right_side)
-        sizes.append(correct(model.link, w, x, NOTHING, np.inf))
+        sizes.append(correction(model, extra))
     return sizes
 
 
@@ -271,21 +252,6 @@ def test_a_closed_track_settles_on_its_wheels():
         )
 
 
-def swing(elasticity: str, steps: int = 200, **changes):
-    """Release a chain from a displaced shape.
-
-    Returns the model and the energy error after each millisecond over the largest kinetic energy.
-    """
-    model = hanging(links=8, elasticity=elasticity, start="displaced", **changes)
-    parts, lacks = [KINETIC, STRAIN, GRAVITY, DISSIPATED], []
-    total, top = model.report[parts].sum(), 0.0
-    for k in range(steps):
-        model.step(k * 1e-3, 1e-3, np.zeros(0))
-        top = max(top, model.report[KINETIC])
-        lacks.append(model.report[parts].sum() - total)
-    return model, np.array(lacks) / top
-
-
 @pytest.mark.long
 @each
 def test_energy_ledger_of_a_swing(elasticity):
@@ -294,13 +260,13 @@ def test_energy_ledger_of_a_swing(elasticity):
     The damping dissipates more than 0.1 % of the kinetic energy.
     """
     soft = {"material.youngs_modulus": 2e7, "material.relaxation_time": 2e-4}
-    model, lacks = swing(elasticity, integrator="runge_kutta", step=2e-5, **soft)
+    model, lacks = swing(200, links=8, elasticity=elasticity, integrator="runge_kutta", step=2e-5, **soft)
     assert abs(lacks).max() < 1e-6
     assert model.report[DISSIPATED] > 1e-3 * model.report[KINETIC]
-    other, lacks = swing(elasticity, step=5e-5, spectral_radius=0.9, **soft)
+    other, lacks = swing(200, links=8, elasticity=elasticity, step=5e-5, spectral_radius=0.9, **soft)
     assert abs(lacks).max() < 1e-4
     assert abs(model.s.q[:, :3] - other.s.q[:, :3]).max() < 1e-5  # explicit and implicit agree
-    _, lacks = swing(elasticity)  # steel, as in a scene
+    _, lacks = swing(200, links=8, elasticity=elasticity)  # steel, as in a scene
     assert abs(lacks).max() < 5e-3
 
 

@@ -2,6 +2,7 @@
 
 import re
 
+import named_ports
 import numpy as np
 import pytest
 
@@ -22,7 +23,7 @@ def laid(kind, element, **parameters):
     """Return an unsettled left track of the standard vehicle, and the inputs of its wheels as drawn."""
     scene = load("straight", "rigid" if kind is Rigid else "flexible")
     model = kind(next(part.config for part in assemble(scene).parts if part.name == "left_track"))
-    given = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+    given = named_ports.parameters(model)
     given |= {"start": "polygon", **({} if element is None else {"element": element})}
     model.initialise({**given, **parameters})
     return model, np.array([port.start for port in model.ports if port.causality == "input"])

@@ -2,11 +2,11 @@
 
 from itertools import pairwise
 
+import flexible_track
 import numpy as np
 import pytest
-import test_track_flexible
+from flexible_track import TABLE, make, wheels
 from scipy.spatial.transform import Rotation
-from test_track_flexible import TABLE, make, wheels
 
 from fmus.physics.chain.flexible.axes_state import OMEGA, OMEGA_RATE, ORIGIN
 from fmus.physics.chain.flexible.link_layout import coordinate_indices
@@ -22,7 +22,7 @@ ALONE = {"wheels": wheels(), "ground": False, "gravity": 0.0}
 
 
 def carrier(**changes):
-    return test_track_flexible.carrier(axes="free", **changes)
+    return flexible_track.carrier(axes="free", **changes)
 
 
 def shaken(model, size=1e-3):
@@ -379,8 +379,8 @@ def test_free_axes_and_fixed_ones_are_the_same_straight_on():
     runs = []
     for axes, speed in (("fixed", 0.5), ("free", 0.5), ("free", 0.505)):
         soft = {"integrator": EXPLICIT, "material.youngs_modulus": 2e9, "step": 1e-5}
-        model = test_track_flexible.carrier(axes=axes, **soft)
-        u = test_track_flexible.at_rest(model)
+        model = flexible_track.carrier(axes=axes, **soft)
+        u = flexible_track.at_rest(model)
         for k, wheel in enumerate(model.wheel_list):
             u[13 * k + 7 : 13 * k + 10] = speed, 0.0, -0.3
             u[13 * k + 11] = 3.0 if wheel["kind"] == "teeth" else 1.0

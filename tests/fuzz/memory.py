@@ -18,6 +18,7 @@ from xml.etree.ElementTree import Element, parse
 from fmus.native import emit, link
 from fmus.native.pack import build_native
 from tests.fuzz import calls, states
+from tests.fuzz.driven import Wrong
 
 SANITIZERS = "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer"
 
@@ -66,7 +67,7 @@ def _run(tool: list[str], fmu: Path, sequences: int, altered: int, environment: 
     command = [*tool, sys.executable, "-m", "tests.fuzz.memory", str(fmu), str(sequences), str(altered)]
     child = subprocess.run(command, capture_output=True, text=True, env=os.environ | environment)
     if child.returncode:
-        raise calls.Wrong(f"{fmu.name}: exit {child.returncode}: {child.stderr[-2000:]}")
+        raise Wrong(f"{fmu.name}: exit {child.returncode}: {child.stderr[-2000:]}")
 
 
 def _in_library(error: Element) -> bool:

@@ -15,7 +15,7 @@ import zlib
 from collections import Counter
 from pathlib import Path
 
-from tests.fuzz.calls import DISCARD, OK, Driven, Wrong, driven_instance
+from tests.fuzz.driven import DISCARD, OK, Driven, Wrong, driven_instance
 
 STEP = 1e-3  # s
 WORDS = (

@@ -29,10 +29,7 @@ HUNT_CROSSLEY = tuple(f"vehicle.contact.{pair}.law=hunt_crossley" for pair in ("
 STEPS = "run.step=1 ms", "track.step=1 ms"  # the steps that the checks' tolerances assume
 RAISED = "start.height=5 cm", "start.pitch=2 deg"
 # the left drive is slower and controlled, or braked
-TURN = {
-    "left_drive": {"mode": "controller", "speed.end": 2.0},
-    "right_drive": {"speed.end": 16.0},
-}
+TURN = {"left_drive": {"mode": "controller", "speed.end": 2.0}, "right_drive": {"speed.end": 16.0}}
 BRAKED = {
     "left_drive": {"mode": "torque", "torque.drive": 2000.0, "brake.torque": 3000.0},
     "right_drive": {"speed.end": 16.0},

@@ -55,8 +55,9 @@ AREAS = (
           "tests/orchestrator/test_fatigue.py", "tests/orchestrator/test_events.py",
           "tests/orchestrator/test_energy.py", "tests/orchestrator/test_measures.py")),
     Area("scene and command line", 6, ("orchestrator/scene", "orchestrator/execution", "orchestrator/cli"),
-         ("tests/orchestrator/test_scene.py", "tests/orchestrator/test_track_settings.py",
-          "tests/orchestrator/test_cli.py", "tests/orchestrator/test_replay_command.py",
+         ("tests/orchestrator/test_scene.py", "tests/orchestrator/test_scene_refused.py",
+          "tests/orchestrator/test_track_settings.py", "tests/orchestrator/test_cli.py",
+          "tests/orchestrator/test_summary.py", "tests/orchestrator/test_replay_command.py",
           "tests/orchestrator/test_view_command.py", "tests/orchestrator/test_interrupted_commands.py")),
 )  # fmt: skip
 

@@ -1,14 +1,8 @@
-"""Logs for tests of analyses: two short runs, and logs of made-up signals."""
-
-import json
-
-import numpy as np
+"""Two short runs for tests of analyses."""
 
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import load
 
-STEP = 1e-3
 GROUPS = "['tension', 'position', 'force', 'ground', 'fibres', 'slopes']"
 
 
@@ -27,16 +21,4 @@ def spinning_log(tmp_path_factory):
     """A log of the free loop that spins."""
     path = tmp_path_factory.mktemp("analyses") / "spinning.mcap"
     assert simulate(load("spinning_loop", "flexible", ("run.stop=0.05 s", "run.links=20")), path)["message"] == ""
-    return path
-
-
-def made(path, topics, rows, scene=None, instances=("track",), connections=(), closing=()):
-    """Write a log of topics: for each its variables and units, and its times with values (m, variables)."""
-    system = {"instances": [{"name": name} for name in instances], "connections": list(connections)}
-    files = {"scene.json": json.dumps(scene or {}).encode(), "system.json": json.dumps(system).encode()}
-    with Recorder(path, topics, files, {}) as recorder:
-        for topic, (t, values) in rows.items():
-            for k, row in enumerate(np.asarray(values, float)):
-                recorder.write(topic, k, float(t[k]), STEP, np.ascontiguousarray(row))
-        recorder.close("ok", "", 1, warnings=closing)
     return path

@@ -3,12 +3,11 @@
 import json
 import re
 
-import numpy as np
+from made_logs import of_columns
 
 from orchestrator.execution.log_report import _judge
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.log.recorder import Recorder
 from orchestrator.results.ground_surface import ground
 from orchestrator.results.page.document import document
 from orchestrator.results.page.evaluation import evaluate
@@ -59,27 +58,11 @@ def signal(log, name):
     return series.t, series.values[:, column]
 
 
-def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=None, results=None, links=None):
+def written(path, columns, t, scene=None, closed="ok", links=None, **options):
     """Write a log of outputs by instance and name; ``links`` are link outputs of "a"."""
-    topics, instances = {}, []
-    for name in columns:
-        instance, _, variable = name.partition(".")
-        topics.setdefault(f"/{instance}/out", []).append((variable, "N"))
-        if instance not in instances:
-            instances.append(instance)
-    if links:
-        topics["/a/links"] = [(name, "N") for name in links]
-        columns = columns | {f"a.{name}": values for name, values in links.items()}
-    system = {"instances": [{"name": name} for name in instances], "connections": []}
-    attachments = {"system.json": json.dumps(system).encode(), "scene.json": json.dumps(scene or {}).encode()}
-    with Recorder(path, topics, attachments, metadata or {}) as recorder:
-        for k, moment in enumerate(t):
-            for topic, variables in topics.items():
-                instance = topic.split("/")[1]
-                row = np.array([columns[f"{instance}.{name}"][k] for name, _ in variables], float)
-                recorder.write(topic, k, float(moment), 1e-3, row)
-        recorder.close(closed, "" if closed == "ok" else "it blew up", len(t), results or {}, warnings)
-    return path
+    columns = columns | {f"a.{name}": values for name, values in (links or {}).items()}
+    message = "" if closed == "ok" else "it blew up"
+    return of_columns(path, columns, t, scene, unit="N", step=1e-3, status=closed, message=message, **options)
 
 
 def side_of_links(log):

@@ -25,10 +25,7 @@ TOPICS = {
     ],
     "/stats/chassis": [("wall_time", "s")],
 }
-ATTACHMENTS = {
-    "scene.json": b'{"name": "small"}',
-    "chassis.modelDescription.xml": b"<fmiModelDescription/>" * 50,
-}
+ATTACHMENTS = {"scene.json": b'{"name": "small"}', "chassis.modelDescription.xml": b"<fmiModelDescription/>" * 50}
 METADATA = {"run": {"scene": "small", "step": "0.001"}, "versions": {"cotrack": "0.1.0"}}
 EVERY = {"/left_track/links": 5}
 
@@ -52,6 +49,16 @@ def record_in_chunks(path: Path, steps: int = 1500) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "CHUNK", 80_000)
         return record(path, steps, flush=60)
+
+
+def small_log(tmp_path_factory):
+    """Log of 100 steps, a fixture's."""
+    return record(tmp_path_factory.mktemp("logs") / "small.mcap")
+
+
+def chunked_log(tmp_path_factory):
+    """Log in several chunks, a fixture's."""
+    return record_in_chunks(tmp_path_factory.mktemp("logs") / "chunked.mcap")
 
 
 def write_steps(recorder: Recorder, steps: int, wall: float = 0.0, change=lambda topic, k, row: row) -> None:

@@ -1,18 +1,15 @@
 """Runs aligned by time, by travel, by an event: the same motion later, or at another pace."""
 
-import json
-
 import numpy as np
 import pytest
+from made_logs import made
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
-from orchestrator.log.recorder import Recorder
 from orchestrator.results.difference import alignment, differences
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
 H, STEPS = 0.005, 800
-SYSTEM = {"instances": [{"name": "chassis"}, {"name": "left_track"}], "connections": []}
 MOTION = [f"chassis.{what}.{axis}" for what in ("position", "velocity") for axis in "xyz"]
 TOPICS = {
     "/chassis/out": [(name, "1") for name in (*MOTION, "speed", "pitch")],
@@ -22,14 +19,11 @@ TOPICS = {
 
 def wrote(path, way, rate, scale=1.0):
     """Write a log of a vehicle at the place ``way(t)`` with a pitch by place, times ``scale``."""
-    with Recorder(path, TOPICS, {"system.json": json.dumps(SYSTEM).encode()}, {}) as recorder:
-        for k in range(STEPS + 1):
-            x, v = way(k * H), rate(k * H)
-            row = np.array([x, 0.0, 0.0, v, 0.0, 0.0, v, scale * 0.1 * np.sin(3.0 * x)])
-            recorder.write("/chassis/out", k, k * H, H, row)
-            recorder.write("/left_track/out", k, k * H, H, np.array([x, 0.0]))
-        recorder.close("ok", "", STEPS)
-    return path
+    t = H * np.arange(STEPS + 1)
+    x, v, none = np.array([way(each) for each in t]), np.array([rate(each) for each in t]), np.zeros(len(t))
+    hull = np.stack([x, none, none, v, none, none, v, scale * 0.1 * np.sin(3.0 * x)], axis=1)
+    rows = {"/chassis/out": (t, hull), "/left_track/out": (t, np.stack([x, none], axis=1))}
+    return made(path, TOPICS, rows, instances=("chassis", "left_track"), step=H)
 
 
 def apart(one, two, along, window=EVER):

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from analysis_logs import STEP, driven_log, made, spinning_log
+from analysis_logs import driven_log, spinning_log
+from made_logs import STEP, made
 from matplotlib.figure import Figure
 
 from fmus.vehicles.tables import BadInput
@@ -53,8 +54,7 @@ def test_analyse_prints_tables_and_json_and_files(cotrack, driven, tmp_path):
     assert answer["rows"][0]["energy"] == pytest.approx(port_power.energy[0] / 1e3, rel=1e-12)
     rows = np.genfromtxt(tmp_path / "p.csv", delimiter=",", skip_header=1)
     np.testing.assert_allclose(rows[:, 2], port_power.relative[:, 0])
-    status, out, _ = cotrack("analyse", driven, "spectrum", "--signal", "left_track.link[3].tension", "--order")
-    assert status == 0
+    out = cotrack.done("analyse", driven, "spectrum", "--signal", "left_track.link[3].tension", "--order")
     assert "tooth order" in out
 
 
@@ -180,9 +180,7 @@ def test_plot_refuses_in_one_sentence(cotrack, driven, tmp_path, arguments, sent
 
 
 def test_what_is_no_log_is_told(cotrack):
-    status, _, err = cotrack("plot", "left_track.speed")
-    assert status == 2
-    assert "plot needs a log" in err
+    assert "plot needs a log" in cotrack.refused("plot", "left_track.speed")
 
 
 # cells of a notebook
@@ -225,9 +223,7 @@ def test_an_analysis_takes_one_module_and_one_entry(cotrack, driven, monkeypatch
     of = SimpleNamespace(of=lambda run, window, track="": Toy())
     monkeypatch.setitem(sys.modules, "orchestrator.results.analyses.toy", of)
     monkeypatch.setitem(ANALYSES, "toy", Analysis("weighs", (TRACK,)))
-    status, out, _ = cotrack("analyse", driven, "toy", "--track", "left_track")
-    assert status == 0
-    assert "weight, N\n      1.5" in out
+    assert "weight, N\n      1.5" in cotrack.done("analyse", driven, "toy", "--track", "left_track")
     note = "of left_track alone: --track right_track for the other\n"
     for tracks, given, ends_with_note in ((1, "", False), (2, "", True), (2, "left_track", False)):
         monkeypatch.setattr(RunData, "tracks", ("left_track", "right_track")[:tracks])

@@ -1,11 +1,11 @@
 """The answer of another model beside the recorded one: known differences."""
 
+import made_logs
 import numpy as np
 import pytest
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
-from orchestrator.log.recorder import Recorder
 from orchestrator.results import answer_comparison
 
 T = 0.001 * np.arange(101)
@@ -14,11 +14,8 @@ FORCE = 100.0 * np.sin(2.0 * np.pi * 20.0 * T)
 
 def wrote(path, rows, every=1, names=("sprocket.force.x", "none", "own")):
     topic = {"/left_track/out": [(name, "N") for name in names]}
-    with Recorder(path, topic, {}, {}, every={"/left_track/out": every}) as recorder:
-        for k, t in enumerate(T):
-            recorder.write("/left_track/out", k, t, 1e-3, np.array([row[k] for row in rows]))
-        recorder.close("ok", "", len(T))
-    return path
+    rows = {"/left_track/out": (T, np.stack(rows, axis=1))}
+    return made_logs.made(path, topic, rows, every={"/left_track/out": every})
 
 
 @pytest.fixture

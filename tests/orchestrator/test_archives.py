@@ -1,11 +1,11 @@
 """SSP archives as the standard has them: systems in systems, mappings, units, start values, dictionaries."""
 
 import itertools
-import zipfile
 
 import foreign_fmus
 import pytest
 from foreign_fmus import Variable
+from ssd_texts import MILLIMETRES, bound, component, connection, connectors, document, packed, system, values
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
@@ -15,21 +15,6 @@ from orchestrator.scene.ssp_scene import load_ssp
 
 GEARS = ("low", "high", "road")
 UNITS = {"m": {"m": 1}, "mm": {"m": 1, "factor": 1e-3}, "degC": {"K": 1, "offset": 273.15}, "K": {"K": 1}}
-SPACES = " ".join(
-    f'xmlns:{letters}="http://ssp-standard.org/SSP1/SystemStructure{name}"'
-    for letters, name in (
-        ("ssd", "Description"),
-        ("ssc", "Common"),
-        ("ssv", "ParameterValues"),
-        ("ssm", "ParameterMapping"),
-        ("ssb", "SignalDictionary"),
-    )
-)
-MILLIMETRES = (
-    '<ssd:Units><ssc:Unit name="m"><ssc:BaseUnit m="1"/></ssc:Unit>'
-    '<ssc:Unit name="mm"><ssc:BaseUnit m="1" factor="0.001"/></ssc:Unit>'
-    '<ssc:Unit name="s"><ssc:BaseUnit s="1"/></ssc:Unit></ssd:Units>'
-)
 
 
 def variables(unit_in="", unit_out="", k=2.0):
@@ -55,66 +40,6 @@ def gain(tmp_path_factory):
 
 def with_units(gain, file, unit_in, unit_out):
     return foreign_fmus.build(file, "gain", variables(unit_in, unit_out), UNITS, foreign_fmus.library_of(gain))
-
-
-def component(name, inner="", source="resources/gain.fmu"):
-    return f'<ssd:Component name="{name}" source="{source}">{inner}</ssd:Component>'
-
-
-def connectors(*kinds, unit=""):
-    """Connectors by "name kind" or "name kind unit"."""
-    made = ""
-    for words in kinds:
-        name, kind, *unit = words.split()
-        of = f' unit="{unit[0]}"' if unit else ""
-        made += f'<ssd:Connector name="{name}" kind="{kind}"><ssc:Real{of}/></ssd:Connector>'
-    return f"<ssd:Connectors>{made}</ssd:Connectors>"
-
-
-def connection(one, other, inside="", more=""):
-    ends = []
-    for which, end in (("start", one), ("end", other)):
-        element, dot, connector = end.rpartition(".")
-        ends.append((f'{which}Element="{element}" ' if dot else "") + f'{which}Connector="{connector}"')
-    return f"<ssd:Connection {' '.join(ends)} {more}>{inside}</ssd:Connection>"
-
-
-def values(prefix="", mapping="", **given):
-    made = ""
-    for name, (kind, value) in given.items():
-        made += f'<ssv:Parameter name="{name.replace("__", ".")}"><ssv:{kind} value="{value}"/></ssv:Parameter>'
-    parameters = f"<ssv:ParameterSet><ssv:Parameters>{made}</ssv:Parameters></ssv:ParameterSet>"
-    content = f"<ssd:ParameterValues>{parameters}</ssd:ParameterValues>"
-    if mapping:
-        mapping = f"<ssd:ParameterMapping><ssm:ParameterMapping>{mapping}</ssm:ParameterMapping></ssd:ParameterMapping>"
-    return f'<ssd:ParameterBinding prefix="{prefix}">{content}{mapping}</ssd:ParameterBinding>'
-
-
-def bound(*bindings):
-    return f"<ssd:ParameterBindings>{''.join(bindings)}</ssd:ParameterBindings>"
-
-
-def system(elements, connections="", before="", name="system", more=""):
-    return (
-        f'<ssd:System name="{name}">{before}<ssd:Elements>{elements}</ssd:Elements>'
-        f"<ssd:Connections>{connections}</ssd:Connections>{more}</ssd:System>"
-    )
-
-
-def document(top, after="", experiment='stopTime="0.003"', version="1.0"):
-    return (
-        f'<ssd:SystemStructureDescription {SPACES} version="{version}" name="t">{top}{after}'
-        f"<ssd:DefaultExperiment {experiment}/></ssd:SystemStructureDescription>"
-    )
-
-
-def packed(file, ssd, **files):
-    """Archive with FMUs and texts by names, in which / is __ and . is _."""
-    with zipfile.ZipFile(file, "w") as archive:
-        archive.writestr("SystemStructure.ssd", ssd)
-        for name, content in files.items():
-            archive.writestr(name, content) if isinstance(content, str) else archive.write(content, name)
-    return file
 
 
 def run(tmp_path, ssd, gain, settings=(), **files):

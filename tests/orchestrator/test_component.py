@@ -35,11 +35,7 @@ def test_arrays_follow_the_description(toy):
         assert component.links == ("link[1].tension", "link[2].tension", "link[3].tension")
         assert component.integers == ("solver.steps", "status")
         assert component.parameters == ("start.x", "stiffness", "damping", "substeps", "trouble")
-        assert (component.unit("stiffness"), component.unit("v"), component.unit("status")) == (
-            "N/m",
-            "m/s",
-            "1",
-        )
+        assert (component.unit("stiffness"), component.unit("v"), component.unit("status")) == ("N/m", "m/s", "1")
         arrays = component.u, component.y, component.y_links, component.counters
         component.initialise({"start.x": 0.25, "substeps": 5})
         component.u[:] = 1.0, 2.0, 3.0, 4.0
@@ -170,11 +166,7 @@ def test_failures_in_threads_find_their_component(toy):
             component.step(5 * H, H)
         return component.name
 
-    with (
-        Component(toy, "one", logger) as one,
-        Component(toy, "two", logger) as two,
-        ThreadPoolExecutor(2) as pool,
-    ):
+    with Component(toy, "one", logger) as one, Component(toy, "two", logger) as two, ThreadPoolExecutor(2) as pool:
         assert list(pool.map(run, (one, two))) == ["one", "two"]
     assert sorted(heard) == [("one", 3)] * 2 + [("two", 3)] * 2  # the message and the traceback
 
@@ -225,9 +217,7 @@ def test_what_is_not_an_fmu_is_refused_in_one_sentence(toy, tmp_path):
             "'{}' is an FMU of FMI 1.0: only FMI 2.0 and 3.0 for co-simulation are supported"
         ),
         changed(
-            toy,
-            tmp_path / "me.fmu",
-            edit(rb"<CoSimulation .*?/>", rb'<ModelExchange modelIdentifier="Toy"/>'),
+            toy, tmp_path / "me.fmu", edit(rb"<CoSimulation .*?/>", rb'<ModelExchange modelIdentifier="Toy"/>')
         ): "'{}' is an FMU for model exchange: only FMI 2.0 and 3.0 for co-simulation are supported",
         changed(toy, tmp_path / "xml.fmu", edit(rb"<ModelVariables>.*", b"")): (
             "'{}' is not an FMU: bad modelDescription.xml: "

@@ -1,17 +1,16 @@
 """The energy balance: rotations between quaternions, ports, integrals of the components."""
 
-import json
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from made_logs import made
 from scipy.spatial.transform import Rotation
 
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
-from orchestrator.log.recorder import Recorder
 from orchestrator.results.energy import ledger, ports, rotation_vectors
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
@@ -138,18 +137,13 @@ def test_pins_that_a_jump_presses_through_the_teeth_keep_their_energy(tmp_path, 
 
 def booked(path, **energies):
     """Energy balance of a log whose components hold the given energies (kind -> (m,)) over time."""
-    names = list(energies)
-    system = {"instances": [{"name": name} for name in names], "connections": []}
-    topics = {f"/{name}/in": [("u", "1")] for name in names}
-    topics |= {f"/{name}/out": [(f"energy.{kind}", "J") for kind in energies[name]] for name in names}
-    steps = len(next(iter(energies[names[0]].values()))) - 1
-    with Recorder(path, topics, {"system.json": json.dumps(system).encode()}, {}) as recorder:
-        for k in range(steps + 1):
-            for name in names:
-                recorder.write(f"/{name}/out", k, k * 0.01, 0.01, np.array([e[k] for e in energies[name].values()]))
-                if k < steps:
-                    recorder.write(f"/{name}/in", k, k * 0.01, 0.01, np.zeros(1))
-        recorder.close("ok", "", steps)
+    topics, rows = {}, {}
+    for name, kinds in energies.items():
+        topics |= {f"/{name}/in": [("u", "1")], f"/{name}/out": [(f"energy.{kind}", "J") for kind in kinds]}
+        values = np.stack([*kinds.values()], axis=1)
+        t = 0.01 * np.arange(len(values))
+        rows |= {f"/{name}/out": (t, values), f"/{name}/in": (t[:-1], np.zeros((len(t) - 1, 1)))}
+    made(path, topics, rows, instances=energies, step=0.01)
     with Log(path) as log:
         return ledger(RunData(log))._asdict()
 

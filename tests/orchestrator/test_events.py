@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from analysis_logs import STEP, driven_log, made
+from analysis_logs import driven_log
+from made_logs import STEP, made
 from mcap.reader import make_reader
 
 from orchestrator.log.events_topic import WARNINGS
@@ -41,7 +42,7 @@ def test_events_come_in_order_with_what_they_are_of(tmp_path):
     }  # fmt: skip
     warning = {"component": "track", "text": "it slips", "time": 0.5, "count": 3}
     scene = {"vehicle": {"sprocket": {"teeth": 10}}}
-    path = made(tmp_path / "e.mcap", topics, rows, scene, ("track", "drive"), [connection], [warning])
+    path = made(tmp_path / "e.mcap", topics, rows, scene, ("track", "drive"), [connection], warnings=[warning])
     with Log(path) as log:
         record = events.of(RunData(log))
         every = events.of(RunData(log), teeth=True)

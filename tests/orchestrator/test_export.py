@@ -9,7 +9,7 @@ import pandas
 import polars
 import pyarrow.parquet
 import pytest
-from recorded import STEP, TOPICS, record, record_in_chunks, values
+from recorded import STEP, TOPICS, chunked_log, small_log, values
 from scipy.io import loadmat
 
 from orchestrator.cli.common import message_and_status
@@ -20,17 +20,10 @@ from orchestrator.log.log_file import LogFailed
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.recorder import Recorder
 
+small = pytest.fixture(scope="module")(small_log)
+chunked = pytest.fixture(scope="module")(chunked_log)
+
 TENSIONS = "left_track.link[*].tension"
-
-
-@pytest.fixture(scope="module")
-def small(tmp_path_factory):
-    return record(tmp_path_factory.mktemp("logs") / "small.mcap")
-
-
-@pytest.fixture(scope="module")
-def chunked(tmp_path_factory):
-    return record_in_chunks(tmp_path_factory.mktemp("logs") / "chunked.mcap")
 
 
 def table(path):

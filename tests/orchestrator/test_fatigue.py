@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from analysis_logs import STEP, made, spinning_log
+from analysis_logs import spinning_log
+from made_logs import STEP, made
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log

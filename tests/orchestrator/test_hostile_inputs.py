@@ -81,48 +81,52 @@ def test_scenes_and_vehicles(environment, tmp_path):
     files += [hostile.pipe(tmp_path / "pipe.toml"), hostile.sparse(tmp_path / "sparse.toml"), "/dev/zero.toml"]
     commands = [command for file in files for command in [["show", file], ["show", "rig", "--set", f"vehicle={file}"]]]
     commands += [command for file in files[-3:] for command in scene_commands(file)[1:]]
-    valid, *results = measured([["show", "no such scene"], *commands], environment, tmp_path)
-    for command, result in zip(commands, results, strict=True):
-        check(valid, command, result)
+    check_all([["show", "no such scene"], *commands], environment, tmp_path)
 
 
-def test_tables_of_points(environment, tmp_path):
-    files = [hostile.table(tmp_path / f"{kind}.csv", kind) for kind in hostile.TABLES]
-    files += [hostile.pipe(tmp_path / "pipe.csv"), hostile.sparse(tmp_path / "sparse.csv"), "/dev/zero"]
-    small = tmp_path / "small.csv"
-    small.write_text("0,1\n1,2\n")
-    commands = [["show", "sprocket_bench", "--set", f"drive.speed_points={file}"] for file in [small, *files]]
-    valid, *results = measured(commands, environment, tmp_path)
+def hostile_files(make, kinds, folder, suffix):
+    """Hostile files of these kinds, a pipe, a file with a hole, and a device."""
+    files = [make(folder / f"{kind}.{suffix}", kind) for kind in kinds]
+    return [*files, hostile.pipe(folder / f"pipe.{suffix}"), hostile.sparse(folder / f"sparse.{suffix}"), "/dev/zero"]
+
+
+def check_all(commands, environment, folder):
+    """Check the commands against the first one, whose file is valid; return the results of the others."""
+    valid, *results = measured(commands, environment, folder)
     for command, result in zip(commands[1:], results, strict=True):
         check(valid, command, result)
+    return results
 
 
-def test_measured_records(environment, tmp_path):
-    files = [hostile.table(tmp_path / f"{kind}.csv", kind) for kind in (*hostile.TABLES, "as many lines as measured")]
-    files += [hostile.pipe(tmp_path / "pipe.csv"), hostile.sparse(tmp_path / "sparse.csv"), "/dev/zero"]
+MEASURED = (*hostile.TABLES, "as many lines as measured")
+COMPARED = ("--clock", "0", "--map", "chain.speed=1", "--shift", "find")
+
+
+@pytest.mark.parametrize(
+    ("kinds", "command"),
+    [
+        (hostile.TABLES, lambda file: ["show", "sprocket_bench", "--set", f"drive.speed_points={file}"]),
+        (MEASURED, lambda file: ["compare", SMALL, file, *COMPARED]),
+    ],
+    ids=["points", "measured"],
+)
+def test_tables(environment, tmp_path, kinds, command):
     small = tmp_path / "small.csv"
     small.write_text("0,1\n1,2\n2,3\n")
-    options = ("--clock", "0", "--map", "chain.speed=1", "--shift", "find")
-    commands = [["compare", SMALL, file, *options] for file in [small, *files]]
-    valid, *results = measured(commands, environment, tmp_path)
-    for command, result in zip(commands[1:], results, strict=True):
-        check(valid, command, result)
+    files = [small, *hostile_files(hostile.table, kinds, tmp_path, "csv")]
+    check_all([command(file) for file in files], environment, tmp_path)
 
 
 def test_fmus(environment, tmp_path):
-    files = [hostile.fmu(tmp_path / f"{kind}.fmu", kind) for kind in hostile.FMUS]
-    files += [hostile.pipe(tmp_path / "pipe.fmu"), hostile.sparse(tmp_path / "sparse.fmu"), "/dev/zero"]
-    commands = [["replay", SMALL, "--component", "chain", "--with", file] for file in ["no.fmu", *files]]
-    valid, *results = measured(commands, environment, tmp_path)
-    for command, result in zip(commands[1:], results, strict=True):
-        check(valid, command, result)
+    files = ["no.fmu", *hostile_files(hostile.fmu, hostile.FMUS, tmp_path, "fmu")]
+    commands = [["replay", SMALL, "--component", "chain", "--with", file] for file in files]
+    for command, result in zip(commands[1:], check_all(commands, environment, tmp_path), strict=True):
         assert result["status"] == 2, (command, result)
 
 
 def test_pipes_and_devices_as_logs(environment, tmp_path):
     pipe, sparse = hostile.pipe(tmp_path / "pipe.mcap"), hostile.sparse(tmp_path / "sparse.mcap")
-    commands = [command for log in (pipe, sparse, "/dev/zero") for command in log_commands(log)]
-    valid, *results = measured([["log", "info", SMALL], *commands], environment, tmp_path)
-    for command, result in zip(commands, results, strict=True):
-        check(valid, command, result)
+    commands = [["log", "info", SMALL]]
+    commands += [command for log in (pipe, sparse, "/dev/zero") for command in log_commands(log)]
+    for command, result in zip(commands[1:], check_all(commands, environment, tmp_path), strict=True):
         assert result["status"] in (1, 2), (command, result)

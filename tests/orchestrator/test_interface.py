@@ -20,8 +20,7 @@ def run(tmp_path_factory):
 
 
 def test_a_run_equals_that_of_the_command_line(run, cotrack, tmp_path):
-    status, out, _ = cotrack(*SHORT, "--no-estimate", "--log", tmp_path / "command.mcap")
-    assert status == 0
+    out = cotrack.done(*SHORT, "--no-estimate", "--log", tmp_path / "command.mcap")
     assert run.ok
     command, timed = last(out), {"log", "log_bytes", "seal", "startup_time", "wall_time", "cpu_time", "components"}
     differing = {key for key in command if command[key] != run.summary[key]}

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mutated import Content
-from recorded import ATTACHMENTS, STEP, TOPICS, record, record_in_chunks
+from recorded import ATTACHMENTS, STEP, TOPICS, chunked_log, small_log
 
 from orchestrator.log import recorder as module
 from orchestrator.log.container_reader import LogUnreadable
@@ -18,17 +18,8 @@ from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, info, recover, verify
 
-
-@pytest.fixture(scope="module")
-def small(tmp_path_factory):
-    return record(tmp_path_factory.mktemp("logs") / "small.mcap")
-
-
-@pytest.fixture(scope="module")
-def chunked(tmp_path_factory):
-    """A log in several chunks."""
-    path = tmp_path_factory.mktemp("logs") / "chunked.mcap"
-    return record_in_chunks(path)
+small = pytest.fixture(scope="module")(small_log)
+chunked = pytest.fixture(scope="module")(chunked_log)
 
 
 def without_digests(closing):
@@ -317,10 +308,7 @@ def test_a_log_without_its_beginning_is_broken(tmp_path):
 def test_recovering_leaves_out_a_damaged_chunk_only(chunked, tmp_path):
     data = bytearray(chunked.read_bytes())
     start, _ = chunk_spans(data)[1]
-    for offset in (
-        start + 100,
-        start + 3,
-    ):  # in its content; in its length, so that the next record cannot be found
+    for offset in (start + 100, start + 3):  # in its content; in its length, so that the next record cannot be found
         damaged = data.copy()
         damaged[offset] ^= 0x40
         (tmp_path / "bad.mcap").write_bytes(damaged)

@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from analysis_logs import made
+from made_logs import made
 from test_phases import made as made_vehicle
 from test_phases import times, trapezoid
 
@@ -292,8 +292,7 @@ def test_the_command_prints_and_judges(run, write, cotrack):
     apart = 0.25 + 0.5 * (T[1000] == T)
     file = write("clock,v [km/h]", T - 1.5, 3.6 * (SPEED + apart))
     command = ("compare", run.log, file, "--map", "chassis.speed=v", "--clock", "clock", "--shift", "1.5")
-    status, out, _ = cotrack(*command)
-    assert status == 0
+    out = cotrack.done(*command)
     _, title, head, row = out.splitlines()
     assert title == f"run minus {file}, 1.5 s added to its times"
     assert re.split("  +", head) == [

@@ -112,10 +112,7 @@ def spans(upper, lower):
 )
 def test_spans(upper, lower, speed, sense):
     torque = (upper - lower) * TEETH * PITCH / (2 * np.pi)
-    signals = {
-        "drive.torque": (np.zeros(1), np.array([torque])),
-        "drive.speed": (np.zeros(1), np.array([speed])),
-    }
+    signals = {"drive.torque": (np.zeros(1), np.array([torque])), "drive.speed": (np.zeros(1), np.array([speed]))}
     run = Record(spans(upper, lower), signals, rig={"axle_distance": 4.0})
     window = Window(0.0, 0.0)
     assert chain_measures.span_tension(run, "upper", window) == upper

@@ -133,11 +133,7 @@ def test_trials_are_of_the_scenes_vehicle(m113):
 
 
 @pytest.mark.parametrize(
-    ("scene", "sentence"),
-    [
-        ("hanging_chain", "assembly = 'chain': must be 'vehicle'"),
-        ("nowhere", "no scene"),
-    ],
+    ("scene", "sentence"), [("hanging_chain", "assembly = 'chain': must be 'vehicle'"), ("nowhere", "no scene")]
 )
 def test_scenes_that_have_no_vehicle(scene, sentence):
     with pytest.raises(BadInput, match=sentence):

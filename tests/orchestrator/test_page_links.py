@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from analysis_logs import made
+from made_logs import made
 from packed import unpacked
 from page_logs import HOSTILE, PLOTS, embedded, page, side_of_links, vehicle_log, written
 

@@ -2,6 +2,7 @@
 
 import json
 
+import made_logs
 import numpy as np
 import pytest
 
@@ -28,7 +29,7 @@ def trapezoid(t, top=TOP, corners=CORNERS):
     return np.interp(t, corners[:4], (0.0, top, top, 0.0))
 
 
-def made(path, t, v, yaw_rate=None, slip=None, tension=None, work=None, tracks=TRACKS, scene=b"{}"):
+def made(path, t, v, yaw_rate=None, slip=None, tension=None, work=None, tracks=TRACKS, scene=None):
     """Log of a vehicle with this motion; its heading is the integral of the yaw rate."""
     zero = np.zeros(len(t))
     yaw_rate = zero if yaw_rate is None else yaw_rate
@@ -36,20 +37,12 @@ def made(path, t, v, yaw_rate=None, slip=None, tension=None, work=None, tracks=T
     yaw = np.concatenate([[0.0], np.cumsum(0.5 * (yaw_rate[1:] + yaw_rate[:-1]) * steps)])
     hull = np.stack([v, (yaw + np.pi) % (2 * np.pi) - np.pi, yaw_rate, v * np.cos(yaw), v * np.sin(yaw)], axis=1)
     topics = {"/chassis/out": [(name, "1") for name in phases.MOTION], "/drive/out": [("energy.work", "J")]}
-    rows = {"/chassis/out": hull, "/drive/out": (zero if work is None else work)[:, None]}
+    rows = {"/chassis/out": (t, hull), "/drive/out": (t, (zero if work is None else work)[:, None])}
     for side, track in enumerate(tracks):
         topics[f"/{track}/out"] = [("travel", "m"), ("slip", "m/s"), ("tension.max", "N")]
         shown = zero if slip is None else slip * (1.0 + side)
-        rows[f"/{track}/out"] = np.stack([zero, shown, zero if tension is None else tension - side], axis=1)
-    names = [topic.split("/")[1] for topic in topics]
-    system = {"instances": [{"name": name} for name in names], "connections": []}
-    files = {"scene.json": scene, "system.json": json.dumps(system).encode()}
-    with Recorder(path, topics, files, {}) as recorder:
-        for k, moment in enumerate(t):
-            for topic, values in rows.items():
-                recorder.write(topic, k, float(moment), STEP, np.ascontiguousarray(values[k]))
-        recorder.close("ok", "", len(t))
-    return path
+        rows[f"/{track}/out"] = t, np.stack([zero, shown, zero if tension is None else tension - side], axis=1)
+    return made_logs.made(path, topics, rows, scene, [topic.split("/")[1] for topic in topics], step=STEP)
 
 
 def phases_of(path, window=EVER):
@@ -197,7 +190,7 @@ def test_thresholds_scale_with_the_vehicle(tmp_path, size, kind):
     """A crawl of 10 mm/s: rest for a track of 9.8 m, motion for one of 1.8 m, whose limit is 8.5 mm/s (Froude)."""
     t = times(4.0)
     track = {"pitch": size * motion_states.TRACK / 64, "links": 64}
-    scene = json.dumps({"vehicle": {"track": track}}).encode()
+    scene = {"vehicle": {"track": track}}
     (of,) = phases_of(made(tmp_path / "c.mcap", t, 0.01 + 0.0 * t, scene=scene))
     assert of.kind == kind
     assert (motion_states.STANDS * size**0.5 < 0.01) == (kind == "steady")

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
-from recorded import ATTACHMENTS, METADATA, STEP, TOPICS, record, record_in_chunks, values
+from recorded import ATTACHMENTS, METADATA, STEP, TOPICS, chunked_log, record, small_log, values
 
 from orchestrator.log import log_metadata, stream
 from orchestrator.log.bitwise import first_difference
@@ -19,17 +19,8 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.log.time_series import Series
 from orchestrator.log.tools import WHOLE, verify
 
-
-@pytest.fixture(scope="module")
-def small(tmp_path_factory):
-    return record(tmp_path_factory.mktemp("logs") / "small.mcap")
-
-
-@pytest.fixture(scope="module")
-def chunked(tmp_path_factory):
-    """A log in several chunks."""
-    path = tmp_path_factory.mktemp("logs") / "chunked.mcap"
-    return record_in_chunks(path)
+small = pytest.fixture(scope="module")(small_log)
+chunked = pytest.fixture(scope="module")(chunked_log)
 
 
 def test_what_a_log_says(small):

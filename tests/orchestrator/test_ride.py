@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from analysis_logs import made
+from made_logs import made
 from scipy.spatial.transform import Rotation
 
 from fmus.vehicles.tables import BadInput
@@ -136,8 +136,7 @@ def test_a_seat_is_looked_at_in_the_axes_of_the_hull(tmp_path, cotrack):
     assert [row["axis"] for row in table] == ["ahead", "left", "up"]
     assert table[2]["peak"] == pytest.approx(5.0 / 9.80665, rel=1e-3)
     assert table[2]["crest factor"] == pytest.approx(np.sqrt(2.0), rel=1e-3)
-    status, out, _ = cotrack("analyse", path, "ride", "--from", "10", "-o", tmp_path / "ride.csv")
-    assert status == 0
+    out = cotrack.done("analyse", path, "ride", "--from", "10", "-o", tmp_path / "ride.csv")
     assert "driver  up" in out
     assert " 3.5355 " in out
     assert len((tmp_path / "ride.csv").read_text().splitlines()) == 10_001

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from analysis_logs import made
+from made_logs import made
 
 from orchestrator.execution import summary, summary_text
 from orchestrator.log.reader import Log

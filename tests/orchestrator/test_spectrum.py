@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from analysis_logs import STEP, made
+from made_logs import STEP, made
 
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import spectrum

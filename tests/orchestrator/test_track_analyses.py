@@ -4,7 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from analysis_logs import STEP, driven_log, made
+from analysis_logs import driven_log
+from made_logs import STEP, made
 
 from orchestrator.log.reader import Log
 from orchestrator.results import energy

@@ -5,6 +5,7 @@ Monoliths with wheels or drives take half a minute to compile; these tests are s
 
 from itertools import pairwise
 
+import named_ports
 import numpy as np
 import pytest
 from vehicle_in_process import InProcess
@@ -245,10 +246,7 @@ def outputs(models):
     """Real outputs of the models of a vehicle, by name."""
     values = {}
     for name, model in models.items():
-        names = [p.name for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
-        y = np.zeros(len(names) - model.link_ports)
-        model.outputs(y)
-        values |= {f"{name}.{port}": value for port, value in zip(names, y, strict=False)}
+        values |= {f"{name}.{port}": value for port, value in named_ports.outputs(model, links=False).items()}
     return values
 
 

@@ -7,15 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from scipy.optimize import brentq
-from scipy.sparse.linalg import splu
-from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
 from fmus.physics.ancf.cable import Cable
-from tests.validation.ancf import chord, dynamics, joints, loads, statics, torsion
+from tests.validation import meshes
+from tests.validation.ancf import chord, dynamics, joints, loads, statics
 from tests.validation.ancf.cholesky import CholeskyMesh
-from tests.validation.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
+from tests.validation.ancf.mesh import Member, Mesh, Support, Tie, nodes
+from tests.validation.meshes import cantilever, elastica, line, section
 
 CABLES = [cable, *(pytest.param(kind, marks=pytest.mark.long) for kind in (cable_general, cable_engineering))]
 CURES = {"nu = 0": {"nu": 0.0, "split": False}, "split": {"nu": 0.3, "split": True}}
@@ -25,46 +24,12 @@ def name(kind):
     return kind.__name__.rpartition(".")[2] if hasattr(kind, "__name__") else str(kind)
 
 
-def section(kind, n, slender, nu=0.0, split=False, stiffer=1.0):
-    """Section with L = 1, EI = 1, mass 1 per length; a square of height 1/slender."""
-    h = 1.0 / slender
-    if kind is beam:
-        twist = torsion.factor(h, h)
-        return beam.Beam(1.0 / n, h, h, 1.0 / h**2, stiffer * 12.0 / h**4, nu, 1.0, twist, split, 0.0)
-    return Cable(1.0 / n, 1.0, 12.0 / h**2, stiffer, 0.0, 0.0)
-
-
-def line(kind, c, n, supports):
-    rows = kind.ROWS // 2
-    held = [Support(end, own(rows)) for end, own in supports]
-    return Mesh([Member(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, n))], in_a_row(rows, n), held)
-
-
-def cantilever(kind, n, slender, **kind_of):
-    return line(kind, section(kind, n, slender, **kind_of), n, [((0, 0), joints.clamped)])
-
-
 # The elastica -----------------------------------------------------------------------------------------------------
 
 TIP = {1: 0.30172077, 5: 0.71379152, 10: 0.81060902}  # w/L at P L^2/EI
 
 
-def elastica(alpha):
-    """w/L of the inextensible cantilever under a dead tip load P, alpha = P L^2/EI, by elliptic integrals."""
-
-    def load(p):
-        return (ellipk(p * p) - ellipkinc(np.arcsin(1 / (p * np.sqrt(2))), p * p)) ** 2
-
-    p = brentq(lambda p: load(p) - alpha, np.sqrt(0.5) + 1e-12, 1 - 1e-12, xtol=1e-15)
-    phi = np.arcsin(1 / (p * np.sqrt(2)))
-    return 1 - 2 * (ellipe(p * p) - ellipeinc(phi, p * p)) / np.sqrt(alpha)
-
-
-@cache
-def deflection(kind, n, alpha, slender, **kind_of):
-    mesh = cantilever(kind, n, slender, **kind_of)
-    mesh = mesh.loaded(loads.point_force(mesh, (n - 1, 1), [0, 0, alpha]))
-    return mesh.end(statics.equilibrium(mesh, mesh.start(), steps=4), (n - 1, 1))[0, 2]
+deflection = cache(meshes.deflection)
 
 
 def test_the_reference_itself():
@@ -229,13 +194,7 @@ def rotating(kind, n=4, stiffer=1.0, damping=0.0):
     A, E, rho = 2.5e-5, 1.6e6 * stiffer, 320.0
     inertia = A * A / (4 * np.pi)
     c = Cable(1.0 / n, rho * A, E * A, E * inertia, damping * A, damping * inertia)
-    mesh = line(kind, c, n, [((0, 0), joints.held)])
-    mesh = mesh.loaded(loads.gravity(mesh, [0, -9.81, 0]))
-    e = mesh.e0.reshape(n, 2, 2, 3)
-    rates = np.zeros_like(e)
-    rates[:, :, 0] = np.cross([0, 4.0, 0], e[:, :, 0])
-    v = splu((mesh.B.T @ mesh.B).tocsc()).solve(mesh.B.T @ rates.ravel())
-    return mesh, mesh.start(), v
+    return meshes.rotating(kind, c, n)
 
 
 def last(motion):

@@ -106,12 +106,7 @@ def test_what_each_joint_needs():
     }
     straight = np.eye(3)  # twin: without an angle there is no discontinuity
     assert bspline.demand("rigid", turn=straight).knot == 2
-    assert bspline.demand("rigid", "beam", turn=straight)[2:] == (
-        12,
-        None,
-        3,
-        3,
-    )  # section by a knot, r_x in addition
+    assert bspline.demand("rigid", "beam", turn=straight)[2:] == (12, None, 3, 3)  # section by a knot, r_x in addition
     for axis in range(3):
         assert bspline.demand("pin", axis=axis).equations == 4
         assert bspline.demand("pin", "beam", axis=axis).equations == 6

@@ -12,6 +12,7 @@ from fmus.physics.ancf import element as elements
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments
 from tests.validation.ancf import chord, stress, torsion
+from tests.validation.meshes import rotation
 
 CABLE = Cable(0.5, 2.0, 3e4, 40.0, 20.0, 0.01)
 STEEL = Cable(0.1524, 7800 * 0.01516, 2e11 * 0.01516, 2e11 * 2.03e-6, 2e5 * 0.01516, 2e5 * 2.03e-6)
@@ -49,12 +50,6 @@ def bent(kind, c, size=0.05, seed=5):
     scale[[0, kind.ROWS // 2]] = c.l
     noise = np.random.default_rng(seed).standard_normal((kind.ROWS, 3))
     return straight(kind, c) + size * noise * scale[:, None]
-
-
-def rotation(axis, angle):
-    a = np.asarray(axis) / np.linalg.norm(axis)
-    K = np.cross(np.eye(3), a)  # K x = a x x
-    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
 
 
 def moved(e, R, by):
@@ -189,12 +184,7 @@ def test_stress_of_a_stretched_and_of_a_bent_cable(name):
     angle = 1e-3  # an arc, as far as a cubic can be one
     R = c.l / angle
     e = np.array(
-        [
-            [0, 0, 0],
-            [1, 0, 0],
-            R * np.array([np.sin(angle), 0, 1 - np.cos(angle)]),
-            [np.cos(angle), 0, np.sin(angle)],
-        ]
+        [[0, 0, 0], [1, 0, 0], R * np.array([np.sin(angle), 0, 1 - np.cos(angle)]), [np.cos(angle), 0, np.sin(angle)]]
     )
     axial, bending = stress.of_cable(c, e, 0.3, 2e11, 0.02)
     assert bending == pytest.approx(2e11 * 0.02 / R, rel=1e-5)

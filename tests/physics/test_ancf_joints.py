@@ -11,21 +11,12 @@ from fmus.physics.ancf.cable import Cable
 from tests.validation.ancf import corner as corners
 from tests.validation.ancf import joints, loads, statics, torsion
 from tests.validation.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
+from tests.validation.meshes import rotation, turned
 
 PITCH = 0.1524
 LINK = Cable(PITCH, 18.0 / PITCH, 2e11 * 0.01516, 2e11 * 2.03e-6, 0.0, 0.0)
 SHOE = beam.Beam(PITCH, 0.378, 0.0401, 7800.0, 2e11, 0.3, 5 / 6, torsion.factor(0.378, 0.0401), True, 0.0)
 Y = [0.0, 1.0, 0.0]
-
-
-def rotation(axis, angle):
-    a = np.asarray(axis) / np.linalg.norm(axis)
-    K = np.cross(np.eye(3), a)  # K x = a x x
-    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
-
-
-def turned(e, R):
-    return (e.reshape(-1, 3) @ R.T).reshape(e.shape)
 
 
 def chain(kind, c, n, closed):
@@ -98,14 +89,7 @@ def test_rank_of_what_a_joint_eliminates(kind, joint, rank):
 
 @pytest.mark.parametrize(
     ("kind", "axis"),
-    [
-        (cable, Y),
-        (cable_general, Y),
-        (beam, Y),
-        (beam, [0, 0, 1]),
-        (beam, [1, 0, 0]),
-        (beam, [1, 2, 3]),
-    ],
+    [(cable, Y), (cable_general, Y), (beam, Y), (beam, [0, 0, 1]), (beam, [1, 0, 0]), (beam, [1, 2, 3])],
 )
 def test_a_pin_turns_freely_through_360_degrees(kind, axis):
     """A pin turns freely through 360 degrees and about no other axis, between two links at an angle."""

@@ -322,14 +322,7 @@ def test_nodes_are_impacts_for_a_cable_on_a_rail_that_is_not_smooth():
     for smooth in (True, False):
         b, r, s = rope("cable", smooth)
         off = []
-        run(
-            b,
-            r,
-            s,
-            1.0,
-            2e-3,
-            lambda s, b=b, r=r, off=off: off.append(np.abs(sliding.rates(b, r, s)[1]).max()),
-        )
+        run(b, r, s, 1.0, 2e-3, lambda s, b=b, r=r, off=off: off.append(np.abs(sliding.rates(b, r, s)[1]).max()))
         worst.append(max(off))
     assert worst[1] > 10 * worst[0]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.physics.ancf import cable, element
+from tests.validation.meshes import rotation
 
 LINK = cable.Cable(0.1524, 7800 * 0.01516, 2e11 * 0.01516, 2e11 * 2.03e-6, 2e5 * 0.01516, 2e5 * 2.03e-6)
 SOFT = cable.Cable(0.1524, 118.0, 3e4, 4.0, 20.0, 0.01)
@@ -24,12 +25,6 @@ def internal(c, e, v):
     Q = np.zeros((4, 3))
     element.force(c, e, v, Q)
     return Q
-
-
-def rotation(axis, angle):
-    a = np.asarray(axis) / np.linalg.norm(axis)
-    K = np.cross(np.eye(3), -a)
-    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
 
 
 @pytest.mark.parametrize("c", [LINK, SOFT])

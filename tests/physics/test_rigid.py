@@ -149,12 +149,7 @@ def chain(n: int, ends: Ends, rng: np.random.Generator, wobble: float = 0.3):
     return s, B
 
 
-ENDS = [
-    Ends(True, False, False),
-    Ends(False, True, True),
-    Ends(False, True, False),
-    Ends(False, False, False),
-]
+ENDS = [Ends(True, False, False), Ends(False, True, True), Ends(False, True, False), Ends(False, False, False)]
 
 
 @pytest.mark.long

@@ -33,9 +33,7 @@ PRIMITIVES = {
     "half rounds": {"half_round": HALF_ROUND | {"x": [2.0, 3.0]}},
     "bump": {"bump": {"start": 1.0, "rise": 0.3, "slope": 0.6, "length": 0.4, "radius": 0.2}},
     "trench": {"trench": {"start": 1.5, "width": 1.0, "depth": 0.4, "radius": 0.05}},
-    "washboard": {
-        "washboard": {"amplitude": 0.05, "wavelength": 1.3, "phase": 1.1, "start": 1.0, "end": 4.5},
-    },
+    "washboard": {"washboard": {"amplitude": 0.05, "wavelength": 1.3, "phase": 1.1, "start": 1.0, "end": 4.5}},
     "kerb": {"kerb": {"y": 0.3, "rise": 0.3, "radius": 0.3, "start": 1.0, "length": 3.0}},
     "kerb on the right": {"kerb": {"y": -0.3, "rise": 0.15, "radius": 0.1}},
 }

@@ -24,14 +24,7 @@ class Model:
             Port("stiffness", "parameter", "N/m", "stiffness", 100.0),
             Port("damping", "parameter", "N.s/m", "damping", 0.1),
             Port("substeps", "parameter", "1", "internal steps in a step", 4),
-            Port(
-                "trouble",
-                "parameter",
-                "1",
-                "what goes wrong",
-                "none",
-                ("none", "raise", "nan", "zero", "warn"),
-            ),
+            Port("trouble", "parameter", "1", "what goes wrong", "none", ("none", "raise", "nan", "zero", "warn")),
         )
         self.state = np.zeros(2)
         self.counters = np.zeros(1, dtype=np.int64)

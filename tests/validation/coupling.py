@@ -102,12 +102,7 @@ def grows(variant: str, cut: str, h: float, o: Oscillator = DAMPED, steps: int =
         sizes.append(max(float(np.abs(a.x).max()), float(np.abs(b.x).max())))
 
     with np.errstate(over="ignore", invalid="ignore"):
-        run(
-            couple(variant, stages),
-            Clock(h, steps),
-            [watch],
-            lambda: len(sizes) > 1 and not sizes[-1] < 1e100,
-        )
+        run(couple(variant, stages), Clock(h, steps), [watch], lambda: len(sizes) > 1 and not sizes[-1] < 1e100)
     if len(sizes) < steps:
         return True
     quarter = steps // 4

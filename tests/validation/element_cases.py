@@ -45,10 +45,7 @@ CABLES: dict[str, Any] = {
     "general (8)-(10)": cable_general,
     "engineering": cable_engineering,
 }
-CURES: dict[str, dict[str, Any]] = {
-    "nu = 0": {"nu": 0.0, "split": False},
-    "split nu = 0.3": {"nu": 0.3, "split": True},
-}
+CURES: dict[str, dict[str, Any]] = {"nu = 0": {"nu": 0.0, "split": False}, "split nu = 0.3": {"nu": 0.3, "split": True}}
 ALPHAS = (1, 5, 10)
 LINKS = 64
 ELEMENTS = "elements"  # abscissa of a series of errors
@@ -141,10 +138,7 @@ def frequencies(name: str, ends: str) -> list[Row]:
 
 TIMES = (0.2, 0.5, 1.0)
 TIPS: dict[str, tuple[list[tuple[float, float, float]], float]] = {
-    "engineering": (
-        [(0.65482, -0.19797, -0.70458), (-0.69153, -0.71131, -0.09043), (0.65581, 0.04280, 0.66516)],
-        2e-5,
-    ),
+    "engineering": ([(0.65482, -0.19797, -0.70458), (-0.69153, -0.71131, -0.09043), (0.65581, 0.04280, 0.66516)], 2e-5),
     "general (8)-(10)": (
         [(0.654762, -0.197966, -0.704555), (-0.691538, -0.711404, -0.090278), (0.655978, 0.042512, 0.665746)],
         1e-4,

@@ -17,22 +17,19 @@ from fmus.physics.arrays import Floats
 from tests.validation.ancf import corner, joints, loads, sliding, statics, torsion
 from tests.validation.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
 
-ELASTICITIES: dict[str, Any] = {
-    "small_deformation": cable,
-    "general": cable_general,
-    "engineering": cable_engineering,
-}
+ELASTICITIES: dict[str, Any] = {"small_deformation": cable, "general": cable_general, "engineering": cable_engineering}
 Y = [0.0, 1.0, 0.0]
 
 # One beam -----------------------------------------------------------------------------------------------------------
 
 
-def section(kind: Any, n: int, slender: float, nu: float = 0.0, split: bool = False) -> Any:
-    """Square section of height 1/slender of a line with L = 1, EI = 1 and mass 1 per length."""
+def section(kind: Any, n: int, slender: float, nu: float = 0.0, split: bool = False, stiffer: float = 1.0) -> Any:
+    """Square section of height 1/slender of a line with L = 1, EI = ``stiffer`` and mass 1 per length."""
     h = 1.0 / slender
     if kind is beam:
-        return beam.Beam(1.0 / n, h, h, 1.0 / h**2, 12.0 / h**4, nu, 1.0, torsion.factor(h, h), split, 0.0)
-    return Cable(1.0 / n, 1.0, 12.0 / h**2, 1.0, 0.0, 0.0)
+        twist = torsion.factor(h, h)
+        return beam.Beam(1.0 / n, h, h, 1.0 / h**2, stiffer * 12.0 / h**4, nu, 1.0, twist, split, 0.0)
+    return Cable(1.0 / n, 1.0, 12.0 / h**2, stiffer, 0.0, 0.0)
 
 
 def line(kind: Any, c: Any, n: int, supports: Any) -> Mesh:
@@ -235,12 +232,7 @@ RAIL = Cable(2.0 / 6, 0.5, 4e3, 2.0, 0.0, 0.0)
 
 
 def rope(
-    slider: str,
-    elements: int = 6,
-    place: float = 0.6,
-    c: Cable = RAIL,
-    mass: float = 1.0,
-    gravity: float = 9.81,
+    slider: str, elements: int = 6, place: float = 0.6, c: Cable = RAIL, mass: float = 1.0, gravity: float = 9.81
 ) -> tuple[Any, Any, Any]:
     """Straight smooth rail of cables ``c`` along x, pinned at both ends, with a slider at ``place``, m.
 

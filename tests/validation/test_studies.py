@@ -60,13 +60,7 @@ def test_a_case_from_the_command_to_the_figure(validate, monkeypatch, tmp_path):
     assert "1/1 L-frame" in err
     assert "| 11 | L-frame of beams with a rigid corner, tip x, m |" in out
     made = {file.name for file in (tmp_path / "found").iterdir() if file.is_file()}
-    assert made == {
-        "mechanics.csv",
-        "mechanics-convergence.csv",
-        "mechanics.md",
-        "mechanics.png",
-        "mechanics.svg",
-    }
+    assert made == {"mechanics.csv", "mechanics-convergence.csv", "mechanics.md", "mechanics.png", "mechanics.svg"}
     assert (tmp_path / "found" / "mechanics.png").read_bytes()[:4] == b"\x89PNG"
     assert "elements" in (tmp_path / "found" / "mechanics.svg").read_text()
     assert out.split("\n\n")[0] in (tmp_path / "found" / "mechanics.md").read_text()
@@ -259,8 +253,7 @@ def test_a_study_has_a_title_cases_a_table_and_files(name, tmp_path, fresh_cache
 
 @pytest.mark.parametrize("name", studies.MOVED)
 def test_a_study_that_has_moved_says_where(cotrack, name):
-    status, _, err = cotrack("study", name, "--quick", "-o", "x")
-    assert status == 2
+    err = cotrack.refused("study", name, "--quick", "-o", "x")
     assert err == f"cotrack: study {name} is run in a clone of cotrack: {studies.MOVED[name]}\n"
     assert (ROOT / studies.MOVED[name].split()[2].replace(".", "/") / "__main__.py").is_file()
 

@@ -80,8 +80,7 @@ def cables(loop: Loop) -> Assembled:
         nodes = [
             mbs.AddNode(
                 item.NodePoint2DSlope1(
-                    referenceCoordinates=[*loop.pins[pin], *slope],
-                    initialVelocities=[*loop.velocity[pin], *turning],
+                    referenceCoordinates=[*loop.pins[pin], *slope], initialVelocities=[*loop.velocity[pin], *turning]
                 )
             )
             for pin in (k, (k + 1) % n)

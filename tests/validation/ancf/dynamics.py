@@ -42,14 +42,7 @@ def runge_kutta(system, q: Floats, v: Floats, h: float, n: int, damped: bool = F
 
 
 def generalized_alpha(
-    system,
-    q: Floats,
-    v: Floats,
-    h: float,
-    n: int,
-    damped: bool = False,
-    radius: float = 0.9,
-    tolerance: float = 1e-10,
+    system, q: Floats, v: Floats, h: float, n: int, damped: bool = False, radius: float = 0.9, tolerance: float = 1e-10
 ) -> Iterator[Moment]:
     """Integrate ``n`` steps of ``h``, s, by generalised alpha of order 2 with spectral radius ``radius``.
 

@@ -47,8 +47,7 @@ def dimension(results: Results) -> Verdict:
     sizes = [row["coordinates"] + row["multipliers"] for row in (own, other)]
     text = f"64 links: {sizes[0]:.0f} unknowns and {own['bytes'] / 1e3:.0f} kB without joints, {sizes[1]:.0f} and "
     return graded(
-        [sizes[0] < sizes[1], own["bytes"] < other["bytes"]],
-        f"{text}{other['bytes'] / 1e3:.0f} kB of {other.case}",
+        [sizes[0] < sizes[1], own["bytes"] < other["bytes"]], f"{text}{other['bytes'] / 1e3:.0f} kB of {other.case}"
     )
 
 
@@ -279,11 +278,7 @@ def soft(results: Results) -> Verdict:
 def crossed(results: Results) -> dict[str, float]:
     """Modulus, Pa, below which the closed mesh costs less, by method and rigid model, as far as known."""
     crossings = {}
-    for method, key in (
-        (pieces.ADAMS, "cpu_adams"),
-        (pieces.RUNGE_KUTTA, "cpu_runge_kutta"),
-        ("implicit", "implicit"),
-    ):
+    for method, key in ((pieces.ADAMS, "cpu_adams"), (pieces.RUNGE_KUTTA, "cpu_runge_kutta"), ("implicit", "implicit")):
         points = [(row["modulus"], row[key]) for row in results.of("modulus", CLOSED) if row[key] > 0.0]
         for model in (RIGID, RIGID_SPRING, RECURSIVE):
             one = (

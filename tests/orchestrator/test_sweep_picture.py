@@ -1,0 +1,70 @@
+"""The picture of a sweep: curves, dots and maps of its figures."""
+
+import numpy as np
+import pytest
+from designs import shown
+
+from orchestrator.results.table import Column, Table
+from orchestrator.studies import sweep_picture
+from orchestrator.studies.variations import Design
+
+
+def picture(vary, sample=None):
+    """Picture of the figure 10 a + b of a design over a, b and perhaps words, and its points."""
+    design = Design.of(vary, sample)
+    rows = [(*point, 10.0 * point[0] + point[1]) for point in shown(design)]
+    rows[-1] = (*rows[-1][:-1], None)  # a case that failed
+    columns = [Column(one.key, one.head) for one in design.variations]
+    return sweep_picture.draw(design, Table("", (*columns, Column("y", "y, N")), rows), "Sweep"), rows
+
+
+def test_curves_and_a_map_of_a_grid():
+    figure, _ = picture(["a=1:3:3", "b=5,4"])
+    over_a, over_b, cells = figure.axes[:3]
+    assert [[*line.get_xydata().ravel()] for line in over_a.lines][1] == [
+        1.0,
+        14.0,
+        2.0,
+        24.0,
+        3.0,
+        pytest.approx(np.nan, nan_ok=True),
+    ]
+    assert [line.get_label() for line in over_a.lines] == ["b = 5", "b = 4"]
+    assert [*over_b.lines[0].get_xydata().ravel()] == [4.0, 14.0, 5.0, 15.0]
+    mesh = cells.collections[0]
+    np.testing.assert_array_equal(np.ma.filled(mesh.get_array(), np.nan), [[14.0, 24.0, np.nan], [15.0, 25.0, 35.0]])
+    assert (over_a.get_xlabel(), over_a.get_ylabel(), cells.get_title()) == ("a", "y, N", "y, N")
+
+
+def test_dots_and_a_map_of_a_sample_for_each_word():
+    figure, rows = picture(["a=1:3", "b=4:5 m", "m=x,y"], 4)
+    over_a, _, over_m, map_x, map_y = figure.axes[:5]
+    assert [line.get_linestyle() for line in over_a.lines] == ["None", "None"]
+    assert len(over_m.lines) == 1
+    np.testing.assert_array_equal(map_x.collections[0].get_offsets(), [row[:2] for row in rows[:4]])
+    np.testing.assert_array_equal(map_x.collections[0].get_array(), [row[3] for row in rows[:4]])
+    assert (map_y.get_title(), map_y.get_ylabel()) == ("y, N, y", "b, m")
+    assert map_x.collections[0].get_clim() == map_y.collections[0].get_clim(), "two maps, two scales"
+
+
+def test_no_map_of_three_numbers_and_no_figure_of_failures():
+    assert len(picture(["a=1,2", "b=1,2", "c=1,2"])[0].axes) == 3
+    design = Design.of(["a=1,2"])
+    table = Table("", (Column("a", "a"), Column("status", "status"), Column("y", "y")), [(1.0, "failed", None)] * 2)
+    assert sweep_picture.draw(design, table, "Sweep").axes[0].lines[:] == []
+
+
+def test_no_figure_of_a_constant_and_units_with_a_prefix():
+    design = Design.of(["a=1,2"])
+    columns = (Column("a", "a"), Column("c", "c"), Column("f", "f, N", unit="N"), Column("m", "m, m", unit="m"))
+    figure = sweep_picture.draw(design, Table("", columns, [(1.0, 3.0, 5e4, 2e3), (2.0, 3.0, 6e4, 3e3)]), "Sweep")
+    drawn = [pane for pane in figure.axes if pane.lines]
+    assert [pane.get_ylabel() for pane in drawn] == ["f, kN", "m, m"]
+    np.testing.assert_allclose(drawn[0].lines[0].get_ydata(), [50.0, 60.0])
+
+
+def test_a_colour_has_one_meaning():
+    over_a, over_b, _ = picture(["a=1:3:3", "b=5,4"])[0].axes[:3]
+    colours = [{line.get_color() for line in pane.lines} for pane in (over_a, over_b)]
+    assert [len(each) for each in colours] == [2, 3]
+    assert not colours[0] & colours[1]

@@ -1,0 +1,138 @@
+"""Validity of chains on their wheels: tooth jumps, penetration, travel of the idler, steps that are too long."""
+
+import numpy as np
+import pytest
+from ledger_logs import EVERY, LINKS, SPROCKET, TEETH, entries_of, running, vehicle
+from made_logs import of_columns
+
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results.analyses import validity
+from orchestrator.results.run_data import RunData
+from orchestrator.results.validity import chain_checks
+from orchestrator.results.validity.piece import LENGTH
+from orchestrator.results.validity.sprocket_checks import jumps
+from orchestrator.scene.scene import load, scene_names
+from orchestrator.vocabulary import limits
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.5], ids=["in front", "behind"])
+def test_pins_that_pass_regularly_do_not_jump(tmp_path, turn):
+    """Pins that pass regularly are no jump, though they climb 0.4 pitch up their flanks."""
+    turned = np.concatenate([np.linspace(0.0, 12.6, 1500), np.linspace(12.6, 6.3, 800)])
+    climbing = 0.4 * np.sin(np.linspace(0.0, 40.0, len(turned)))
+    assert entries_of(running(tmp_path / "log.mcap", turned, climbing, turn)) == ()
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("turn", [0.0, 2.5], ids=["in front", "behind"])
+def test_a_jump_is_found_where_and_when_it_is(tmp_path, turn, way):
+    """A jump is found with place and time: by a tooth at 7 s, back by two at 14 s.
+
+    The chain is in two pieces, and pin 1 follows pin 64.
+    """
+    turned = np.linspace(0.0, 90.0, 3600)
+    t = EVERY * np.arange(len(turned))
+    off = way * (1.0 * (t >= 7.0 - 1e-9) - 2.0 * (t >= 14.0 - 1e-9))
+    assert t[-1] > LENGTH
+    (entry,) = entries_of(running(tmp_path / "log.mcap", turned, off, turn))
+    assert (entry.what, entry.component, entry.severity) == ("tooth_jump", "left_track", "failure")
+    assert entry.time == pytest.approx(7.0)
+    at = round(7.0 / EVERY)
+    pin = int(entry.place.removeprefix("sprocket, pin ")) - 1
+    place = pin * 2.0 * np.pi / TEETH + turned[at] + off[at] * 2.0 * np.pi / TEETH
+    assert abs((place + np.pi) % (LINKS * 2.0 * np.pi / TEETH) - np.pi) < 0.5 * np.pi, "the pin is not on the wrap"
+    assert entry.value == 2.0
+
+
+@pytest.mark.parametrize(("teeth", "jumps_"), [(1.1, True), (0.6, False)])
+def test_travel_shows_a_jump_where_no_pins_were_recorded(tmp_path, teeth, jumps_):
+    t = EVERY * np.arange(400)
+    pitch, turned = 0.1524, 3.0 * t
+    travel = -pitch * (turned * TEETH / (2.0 * np.pi) + teeth * np.clip((t - 1.0) / 0.05, 0.0, 1.0))
+    columns = {
+        "left_track.travel": travel, "left_drive.angle": turned, "left_track.sprocket.force.x": t,
+        "left_drive.sprocket.position.x": t,
+    }  # fmt: skip
+    scene = {"assembly": "rig", "vehicle": vehicle(), "run": {"step": EVERY}}
+    entries = entries_of(of_columns(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
+    assert [(e.what, e.place) for e in entries] == [("tooth_jump", "sprocket")] * jumps_
+    assert all(1.0 < entry.time <= 1.05 for entry in entries)
+
+
+def test_a_chain_that_nobody_seats_jumps_nowhere():
+    far = np.full((5, 4), 1.0)
+    assert [*jumps(np.zeros((5, 4)), far, 0.5)] == []
+
+
+# limits at altered logs
+
+
+@pytest.fixture(scope="module")
+def settled(tmp_path_factory):
+    path = tmp_path_factory.mktemp("validity") / "settled.mcap"
+    result = simulate(load("settle", "rigid", ("run.stop=0.25 s", "run.links=5", "symmetric=true")), path)
+    assert (result["message"], result["validity"]) == ("", [])
+    with Log(path) as log:
+        assert validity.of(RunData(log)).unchecked == {}, "a kind cannot look at an ordinary run"
+    return path
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("limit", "severity"), [(limits.LINK_WARNING, "warning"), (limits.LINK_FAILURE, "failure")])
+def test_penetration_has_limits(settled, scaled, limit, severity):
+    face = vehicle()["track"]["face"]
+    with Log(settled) as log:
+        deepest = log.signal("left_track.penetration.max")[1].max()
+    for off, passes in ((1.02, True), (0.98, False)):
+        with Log(settled) as log:
+            scaled(log, "/left_track/out", "penetration.max", off * limit * face / deepest)
+            entries = [e for e in validity.of(RunData(log)).entries if e.severity == severity]
+        assert [e.what for e in entries] == ["penetration"] * passes
+        if passes:
+            assert entries[0].value == pytest.approx(off * limit * face)
+            assert entries[0].limit == pytest.approx(limit * face)
+        with Log(settled) as log:
+            scaled(log, "/left_track/out", "penetration.max", deepest / (off * limit * face))
+
+
+def test_a_rim_is_named_by_the_geometry_of_the_pins(settled):
+    from orchestrator.results.validity.chain_checks import deepest, depths
+
+    with Log(settled) as log:
+        run = RunData(log)
+        t, depth = run.signal("left_track.penetration.max")
+        at = float(t[depth.argmax()])
+        maxima = depths(run, "left_track", at)
+        assert max(maxima.values()) == pytest.approx(depth.max(), rel=0.15), "the points are near the deepest place"
+        assert deepest(run, "left_track", at, float(depth.max())).startswith("road_wheel[")
+        assert deepest(run, "left_track", at, 2.0 * float(depth.max())) == "sprocket"
+        run.scene["ground"]["soil"] = {"n": 1.0}  # links in soil penetrate nothing
+        assert maxima.keys() - depths(run, "left_track", at).keys() == {"ground"}
+
+
+def test_an_idler_beyond_its_travel(settled, scaled):
+    with Log(settled) as log:
+        x = log.signal("chassis.left.idler.position.x")[1][0]
+        for moved, passes in ((0.09, False), (0.11, True)):
+            scaled(log, "/chassis/out", "left.idler.position.x", 1.0 + moved / x)
+            entries = validity.of(RunData(log)).entries
+            assert [(e.what, e.place) for e in entries] == [("idler_travel", "left.idler")] * passes
+            scaled(log, "/chassis/out", "left.idler.position.x", 1.0 / (1.0 + moved / x))
+
+
+# known before the run
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_no_scene_of_the_gallery_has_steps_that_are_too_long(name):
+    assert [*chain_checks.contact_steps_of_scene(load(name).resolved())] == []
+
+
+@pytest.mark.parametrize(("ms", "long"), [(2.0, False), (2.2, True)])
+def test_a_step_that_is_long_for_a_link_between_wheel_and_ground(ms, long):
+    scene = load("settle", "rigid", [f"run.step={ms} ms", f"track.step={ms} ms", f"run.stop={100 * ms} ms"])
+    entries = [*chain_checks.contact_steps_of_scene(scene.resolved())]
+    assert [entry.place for entry in entries] == ["link"] * long
+    if long:
+        assert entries[0].value == pytest.approx(np.sqrt(4e6 / 18.02) * ms * 1e-3)
