@@ -119,7 +119,7 @@ def ours(name: str, stop: float, quick: bool, repeats: int) -> list[Run]:
 
 def jointed(case: Case, stop: float, integrator: str, point: float) -> tuple[float, tuple[Floats, float]]:
     """CPU time, s, pins and mean step, s, in joint coordinates; ``point``: step, s, or tolerance."""
-    step, changes = point, {}
+    step, changes = point, dict[str, Any]()
     if integrator == "dormand_prince":
         step, changes = stop, {"adams.rtol": point, "adams.atol": point}
     model = motion.model(case, step, formulation="recursive", integrator=integrator, **changes)
@@ -128,7 +128,7 @@ def jointed(case: Case, stop: float, integrator: str, point: float) -> tuple[flo
 
 
 def stepped(
-    case: Case, stop: float, h: float, layer: str, changes: Mapping[str, float | str] | None = None
+    case: Case, stop: float, h: float, layer: str, changes: Mapping[str, Any] | None = None
 ) -> tuple[float, Floats]:
     """CPU time, s, and pins of a model stepped by its ``step``, or of its chain by ``advance``."""
     model, none = motion.model(case, h, **(changes or {})), np.zeros(0)
