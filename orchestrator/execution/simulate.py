@@ -85,10 +85,8 @@ def _simulate(
     start, result = time.perf_counter(), summary.empty(scene.name, scene.variant)
     announce = narration or (lambda line: None)
     assembly = assemble(scene)
-    if continuation is None:  # the checks of a log's scene have been compared before its run
-        require_signals(scene, assembly.parts)
     misfits = unfit(scene, assembly)
-    for line in _before_building(scene, assembly):
+    for line in _before_building(scene, assembly, new=continuation is None):
         announce(f"{scene.name}: {line}")
     reached = ReachedPoint()
     with ExitStack() as stack:
@@ -136,8 +134,10 @@ def _simulate(
     return result | {"log_bytes": file.stat().st_size if log_opened and file.exists() else 0}
 
 
-def _before_building(scene: SystemScene, assembly: Assembly) -> Iterator[str]:
-    """Yield what is told before the components are built."""
+def _before_building(scene: SystemScene, assembly: Assembly, new: bool) -> Iterator[str]:
+    """Yield what is told before the components are built; raises BadInput for signals that checks do not find."""
+    if new:  # the checks of a log's scene have been compared before its run
+        require_signals(scene, assembly.parts)
     if given := [part.name for part in assembly.parts if part.fmu is not None]:
         yield f"FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights"
     if isinstance(scene, VehicleScene) and scene.track.axes == "free" and scene.leaves_plane:
