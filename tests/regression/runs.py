@@ -53,6 +53,7 @@ RUNS = (
     Run("hanging_chain", "rigid", SWAYING),
     *(Run("hanging_chain", "rigid", (*SWAYING, f"track.formulation={formulation}", "track.integrator=runge_kutta"))
       for formulation in ("augmented", "recursive")),
+    Run("hanging_chain", "rigid", (*SWAYING, "track.formulation=recursive", "track.integrator=dormand_prince")),
     *(Run("spinning_loop", track, (*OVAL, f"track.closure={closure}"))
       for track in TRACKS for closure in ("pin", "spring")),
 )  # fmt: skip

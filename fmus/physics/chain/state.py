@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fmus.kernels.jit import kernel
+from fmus.kernels.packed import packed
 from fmus.physics.arrays import Floats
 
 if TYPE_CHECKING:
@@ -45,9 +46,8 @@ def size(shapes: Shapes) -> int:
 def views(kind: Any, shapes: Shapes, flat: np.ndarray) -> Any:
     """Return a State of the class ``kind`` of views into the array ``flat``."""
     parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes.values()])[:-1])
-    return kind(
-        flat=flat, **{name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
-    )
+    named = {name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
+    return packed(kind(flat=flat, **named))
 
 
 def integrated_views(s: Any) -> dict[str, np.ndarray]:

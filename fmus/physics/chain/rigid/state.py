@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fmus.kernels.packed import packed
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
 from fmus.physics.chain.near import Near, near
@@ -113,26 +114,28 @@ def work(
     z, pins = np.zeros, links if closed else links + 1
     sizes, supports = shapes(links, closed, wheels, forces, joints, ground._replace(rut=0)), z((2, 7))
     supports[:, 3] = 1.0
-    return Work(
-        before=views(State, sizes, z(size(sizes))),
-        system=augmented.system(links, closed),
-        articulated=recursive.articulated_bodies(links if joints else 0),
-        contact=memory(points(wheels, pins)),
-        points=_contact_points(points(wheels, pins), links) if contacts else None,
-        near=near(links),
-        increment=z((links, 6)),
-        wheels=z((wheels, WIDTH)),
-        wrench=z((wheels + 1, 6)),
-        on_links=z(forces),
-        along=z((links, 1)),
-        sums=z(SUMS),
-        pins=z((2, pins, 3)),
-        lever=z(3),
-        rotation_jacobian=z((3, 3)),
-        ground=supports,
-        still=np.eye(3),
-        soil=z((ground.points, ground.pending)),
-        rut=rut,
+    return packed(
+        Work(
+            before=views(State, sizes, z(size(sizes))),
+            system=augmented.system(links, closed),
+            articulated=recursive.articulated_bodies(links if joints else 0),
+            contact=memory(points(wheels, pins)),
+            points=_contact_points(points(wheels, pins), links) if contacts else None,
+            near=near(links),
+            increment=z((links, 6)),
+            wheels=z((wheels, WIDTH)),
+            wrench=z((wheels + 1, 6)),
+            on_links=z(forces),
+            along=z((links, 1)),
+            sums=z(SUMS),
+            pins=z((2, pins, 3)),
+            lever=z(3),
+            rotation_jacobian=z((3, 3)),
+            ground=supports,
+            still=np.eye(3),
+            soil=z((ground.points, ground.pending)),
+            rut=rut,
+        )
     )
 
 

@@ -1,0 +1,156 @@
+"""Named tuples of arrays and numbers in memory: one argument of a kernel, whatever is in them.
+
+A kernel takes a named tuple apart: each array in it is seven arguments, which are checked when Python calls, passed on
+to each kernel that is called and compiled at each call. The arrays of a chain are a hundred. Of a ``Packed`` tuple a
+kernel gets the address alone and reads the fields that it names, as numba lays them out: compilation takes three
+quarters of the time, steps a little less. The fields do not change; the arrays stay the same objects.
+"""
+
+from __future__ import annotations
+
+import struct
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+from numba import typeof, types
+from numba.core import cgutils, imputils
+from numba.core.registry import cpu_target
+from numba.core.typing.templates import AttributeTemplate, infer_getattr
+from numba.extending import (
+    NativeValue,
+    intrinsic,
+    lower_getattr_generic,
+    models,
+    register_model,
+    typeof_impl,
+    unbox,
+)
+
+FORMATS = {types.float64: "d", types.int64: "q", types.boolean: "?"}
+Tuple = TypeVar("Tuple", bound=tuple[Any, ...])
+
+
+def packed(parts: Tuple) -> Tuple:
+    """Named tuple in memory; it has the fields of ``parts`` and their ``_replace``, but no order."""
+    found: Any = Packed(parts)
+    return found
+
+
+class PackedType(types.Type):  # type: ignore[misc]
+    """numba's type of a packed tuple."""
+
+    def __init__(self, parts: Any) -> None:
+        self.types = (parts,)
+        super().__init__(f"Packed({parts})")
+
+
+class Packed:
+    """A named tuple in memory, where it is written when a kernel first needs it."""
+
+    def __init__(self, parts: Any) -> None:
+        self.parts = parts  # holds the arrays
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.parts, name)
+
+    def _replace(self, **fields: Any) -> Packed:
+        return Packed(self.parts._replace(**fields))
+
+    @cached_property
+    def kind(self) -> PackedType:
+        """Its type."""
+        return PackedType(typeof(self.parts))
+
+    @cached_property
+    def address(self) -> int:
+        """Place of its content."""
+        return int(self._memory.ctypes.data)
+
+    @cached_property
+    def _memory(self) -> np.ndarray:
+        """Copy of the numbers, of the addresses and shapes of arrays; raises TypeError for other fields."""
+        (kind,), content, context = self.kind.types, bytearray(), cpu_target.target_context
+        _write(content, self.parts, kind)
+        size = context.get_abi_sizeof(context.get_data_type(kind))
+        if len(content) != size:
+            raise TypeError(f"{type(self.parts).__name__} takes {size} bytes in memory, not {len(content)}")
+        return np.frombuffer(content, dtype=np.uint8)
+
+
+def _alignment(kind: Any) -> int:
+    """Alignment of a value in memory, bytes."""
+    if isinstance(kind, types.BaseTuple):
+        return max(map(_alignment, kind), default=1)
+    return 1 if kind == types.boolean else 8
+
+
+def _write(memory: bytearray, value: Any, kind: Any) -> None:
+    """Append a value to the memory, aligned."""
+    alignment = _alignment(kind)
+    memory.extend(bytes(-len(memory) % alignment))
+    if isinstance(kind, types.BaseTuple):
+        for part, of in zip(value, kind, strict=True):
+            _write(memory, part, of)
+        memory.extend(bytes(-len(memory) % alignment))
+    elif isinstance(kind, types.Array):
+        # as numba's arrays: no owner, no object; entries, bytes of one, address, shape, strides
+        words = 0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides
+        memory.extend(struct.pack(f"{len(words)}q", *words))
+    elif isinstance(kind, PackedType):
+        memory.extend(struct.pack("q", value.address))
+    elif kind in FORMATS:
+        memory.extend(struct.pack(FORMATS[kind], value))
+    elif kind == types.none:
+        memory.extend(bytes(8))
+    else:
+        raise TypeError(f"a packed tuple holds no {kind}")
+
+
+@typeof_impl.register(Packed)
+def _typeof(value: Packed, context: Any) -> PackedType:
+    return value.kind
+
+
+@register_model(PackedType)
+class _Address(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: PackedType) -> None:
+        super().__init__(manager, kind, cgutils.intp_t)
+
+
+@unbox(PackedType)
+def _unboxed(kind: PackedType, value: Any, c: Any) -> NativeValue:
+    address = c.pyapi.object_getattr_string(value, "address")
+    native = c.unbox(types.intp, address)
+    c.pyapi.decref(address)
+    return native
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):  # type: ignore[misc]
+    key = PackedType
+
+    def generic_resolve(self, kind: PackedType, name: str) -> Any:
+        (parts,) = kind.types
+        return parts[parts.fields.index(name)] if name in parts.fields else None
+
+
+@lower_getattr_generic(PackedType)
+def _field(context: Any, builder: Any, kind: PackedType, address: Any, name: str) -> Any:
+    (parts,) = kind.types
+    index = parts.fields.index(name)
+    memory = builder.inttoptr(address, context.get_data_type(parts).as_pointer())
+    value = context.unpack_value(builder, parts[index], cgutils.gep_inbounds(builder, memory, 0, index))
+    return imputils.impl_ret_borrowed(context, builder, parts[index], value)
+
+
+@intrinsic
+def pack(typing: Any, parts: Any) -> Any:
+    """Packed tuple in a kernel, as long as that runs: of a named tuple that it has made."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        memory = cgutils.alloca_once(builder, context.get_data_type(parts))
+        context.pack_value(builder, parts, args[0], memory)
+        return builder.ptrtoint(memory, cgutils.intp_t)
+
+    return PackedType(parts)(parts), emit
