@@ -81,7 +81,7 @@ class Packed:
 def _alignment(kind: Any) -> int:
     """Alignment of a value in memory, bytes."""
     if isinstance(kind, types.BaseTuple):
-        return max(map(_alignment, kind), default=1)
+        return max((_alignment(kind[k]) for k in range(len(kind))), default=1)
     return 1 if kind == types.boolean else 8
 
 
@@ -90,8 +90,8 @@ def _write(memory: bytearray, value: Any, kind: Any) -> None:
     alignment = _alignment(kind)
     memory.extend(bytes(-len(memory) % alignment))
     if isinstance(kind, types.BaseTuple):
-        for part, of in zip(value, kind, strict=True):
-            _write(memory, part, of)
+        for k, part in enumerate(value):
+            _write(memory, part, kind[k])
         memory.extend(bytes(-len(memory) % alignment))
     elif isinstance(kind, types.Array):
         # as numba's arrays: no owner, no object; entries, bytes of one, address, shape, strides
@@ -130,9 +130,9 @@ def _unboxed(kind: PackedType, value: Any, c: Any) -> NativeValue:
 class _Fields(AttributeTemplate):  # type: ignore[misc]
     key = PackedType
 
-    def generic_resolve(self, kind: PackedType, name: str) -> Any:
-        (parts,) = kind.types
-        return parts[parts.fields.index(name)] if name in parts.fields else None
+    def generic_resolve(self, value: Any, attr: str) -> Any:
+        (parts,) = value.types
+        return parts[parts.fields.index(attr)] if attr in parts.fields else None
 
 
 @lower_getattr_generic(PackedType)
