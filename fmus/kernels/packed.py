@@ -78,10 +78,15 @@ class Packed:
         return np.frombuffer(content, dtype=np.uint8)
 
 
+def _of_fields(kind: Any) -> list[Any]:
+    """Types of the fields of a tuple."""
+    return list(kind)
+
+
 def _alignment(kind: Any) -> int:
     """Alignment of a value in memory, bytes."""
     if isinstance(kind, types.BaseTuple):
-        return max((_alignment(kind[k]) for k in range(len(kind))), default=1)
+        return max(map(_alignment, _of_fields(kind)), default=1)
     return 1 if kind == types.boolean else 8
 
 
@@ -90,8 +95,8 @@ def _write(memory: bytearray, value: Any, kind: Any) -> None:
     alignment = _alignment(kind)
     memory.extend(bytes(-len(memory) % alignment))
     if isinstance(kind, types.BaseTuple):
-        for k, part in enumerate(value):
-            _write(memory, part, kind[k])
+        for part, of in zip(value, _of_fields(kind), strict=True):
+            _write(memory, part, of)
         memory.extend(bytes(-len(memory) % alignment))
     elif isinstance(kind, types.Array):
         # as numba's arrays: no owner, no object; entries, bytes of one, address, shape, strides
@@ -130,7 +135,7 @@ def _unboxed(kind: PackedType, value: Any, c: Any) -> NativeValue:
 class _Fields(AttributeTemplate):  # type: ignore[misc]
     key = PackedType
 
-    def generic_resolve(self, value: Any, attr: str) -> Any:
+    def generic_resolve(self, value: Any, attr: str) -> Any:  # type: ignore[override]
         (parts,) = value.types
         return parts[parts.fields.index(attr)] if attr in parts.fields else None
 
