@@ -183,7 +183,7 @@ def test_physics_knows_arrays_and_kernels_only():
     allowed = {"numpy", "scipy", "numba"} | set(sys.stdlib_module_names)
     for file in sources(FMUS / "physics"):
         for name in imports(file.read_text()):
-            inside = name.startswith(("fmus.physics", "fmus.kernels.jit", "fmus.kernels.packed"))
+            inside = name.startswith(("fmus.physics", "fmus.kernels.jit", "fmus.kernels.by_reference"))
             assert inside or name == "fmus" or name.split(".")[0] in allowed, (file, name)
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from fmus.interface.ports import Port
 from fmus.interface.sentences import GAPS, Sentence, format_sentence
+from fmus.kernels.by_reference import by_reference
 from fmus.kernels.jit import entry, kernel, plain
-from fmus.kernels.packed import packed
 from fmus.physics.arrays import Floats
 
 
@@ -136,9 +136,9 @@ class ComponentModel:
         ``output_parts`` and ``link_output_parts``: those of the two kernels of outputs, where they are others. Raises
         InvalidParameter with a sentence of ``refusals``.
         """
-        self.parts = packed(parts)
-        self.output_parts = self.parts if output_parts is None else packed(output_parts)
-        self.link_output_parts = self.parts if link_output_parts is None else packed(link_output_parts)
+        self.parts = by_reference(parts)
+        self.output_parts = self.parts if output_parts is None else by_reference(output_parts)
+        self.link_output_parts = self.parts if link_output_parts is None else by_reference(link_output_parts)
         self._messages, self._u = np.zeros((1 + len(self.warning_sentences), GAPS + 1)), np.zeros(self.inputs)
         self._y = np.zeros(0)  # for the type of the outputs
         self._step: Callable[..., int] | None = None  # these three are compiled at their first use

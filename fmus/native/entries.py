@@ -19,7 +19,7 @@ from numba import carray, types
 
 from fmus.interface.model import ComponentModel
 from fmus.interface.ports import Port
-from fmus.kernels.packed import pack
+from fmus.kernels.by_reference import refer
 from fmus.native.freeze import NUMBERED, DerivedNumber, Frozen
 
 FLOATS, WHOLE, TRUTHS = (types.CPointer(each) for each in (types.float64, types.int64, types.boolean))
@@ -119,7 +119,7 @@ def entries(
         outputs=outputs,
         links=model.link_ports,
     )
-    space: dict[str, Any] = {**frozen.classes, "carray": carray, "pack": pack}
+    space: dict[str, Any] = {**frozen.classes, "carray": carray, "refer": refer}
     for name in ("start_kernel", "step_kernel", "output_kernel", "link_output_kernel"):
         space[name] = getattr(model, name) if model.link_ports or name != "link_output_kernel" else None
     return Entries(source, space, frozen)

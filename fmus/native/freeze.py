@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kernels.packed import Packed
+from fmus.kernels.by_reference import Reference
 
 LINE = 8  # floats of a cache line: an array begins with one
 BLOCKS = {"float64": "f", "int64": "k", "bool": "z"}
@@ -60,8 +60,8 @@ class Frozen:
             return re.sub(r"<([^>]+)>", lambda number: self._number(float(number[1])), text)
         if isinstance(value, np.ndarray):
             return self._array(value, SCRATCH in place.split("."))
-        if isinstance(value, Packed):
-            return f"pack({self.text(value.parts, place)})"
+        if isinstance(value, Reference):
+            return f"refer({self.text(value.parts, place)})"
         if isinstance(value, tuple):
             fields = getattr(value, "_fields", range(len(value)))
             parts = zip(fields, value, strict=True)

@@ -59,17 +59,19 @@ INTERNALS = [
     Internal(f"{CODEGEN}.JITCodeLibrary.serialize_using_bitcode", "self", "linking: stores code that was not"),
     Internal(f"{CODEGEN}.JITCodeLibrary.get_llvm_str", "self", "native: intermediate code of an entry"),
     Internal(f"{CODEGEN}.JITCPUCodegen.set_env", "self env_name env", "linking: later, where code is not there yet"),
-    Internal("numba.core.cgutils.alloca_once", "builder ty size name zfill", "packed: a tuple that a kernel packs"),
-    Internal("numba.core.cgutils.gep_inbounds", "builder ptr inds kws", "packed: a field"),
-    Internal("numba.core.cgutils.intp_t", None, "packed: an address"),
-    Internal("numba.core.imputils.impl_ret_borrowed", "ctx builder retty ret", "packed: a field, not counted"),
-    Internal("numba.core.registry.cpu_target.target_context", None, "packed: types as in memory"),
-    Internal(f"{CONTEXT}.get_abi_sizeof", "self ty", "packed: bytes of a tuple"),
-    Internal(f"{CONTEXT}.get_data_type", "self ty", "packed: a tuple as in memory"),
-    Internal(f"{CONTEXT}.pack_value", "self builder ty value ptr align", "packed: writes a tuple"),
-    Internal(f"{CONTEXT}.unpack_value", "self builder ty ptr align", "packed: reads a field"),
-    Internal("numba.core.typing.templates.AttributeTemplate.generic_resolve", None, "packed: type of a field"),
-    Internal("numba.core.typing.templates.infer_getattr", None, "packed: type of a field"),
+    Internal(
+        "numba.core.cgutils.alloca_once", "builder ty size name zfill", "by_reference: a tuple that a kernel makes"
+    ),
+    Internal("numba.core.cgutils.gep_inbounds", "builder ptr inds kws", "by_reference: a field"),
+    Internal("numba.core.cgutils.intp_t", None, "by_reference: an address"),
+    Internal("numba.core.imputils.impl_ret_borrowed", "ctx builder retty ret", "by_reference: a field, not counted"),
+    Internal("numba.core.registry.cpu_target.target_context", None, "by_reference: types as in memory"),
+    Internal(f"{CONTEXT}.get_abi_sizeof", "self ty", "by_reference: bytes of a tuple"),
+    Internal(f"{CONTEXT}.get_data_type", "self ty", "by_reference: a tuple as in memory"),
+    Internal(f"{CONTEXT}.pack_value", "self builder ty value ptr align", "by_reference: writes a tuple"),
+    Internal(f"{CONTEXT}.unpack_value", "self builder ty ptr align", "by_reference: reads a field"),
+    Internal("numba.core.typing.templates.AttributeTemplate.generic_resolve", None, "by_reference: type of a field"),
+    Internal("numba.core.typing.templates.infer_getattr", None, "by_reference: type of a field"),
 ]
 # attributes that an object has, not its class, and those of a dispatcher; tests below need each of them
 OF_OBJECTS = {
@@ -78,7 +80,7 @@ OF_OBJECTS = {
 }  # fmt: skip
 KNOWN = {name for internal in INTERNALS for name in internal.path.split(".")} | OF_OBJECTS | {"_messages"}  # of a model
 USERS = {
-    "fmus": "kernels/jit kernels/linking kernels/packed native/entries native/emit",
+    "fmus": "kernels/jit kernels/linking kernels/by_reference native/entries native/emit",
     "orchestrator": "kernels/compiled",
 }
 FILES = [ROOT / folder / f"{name}.py" for folder, names in USERS.items() for name in names.split()]

@@ -14,15 +14,14 @@ from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.dynamics import accelerations
 from fmus.physics.chain.flexible.initial_state import factor_mass
 from fmus.physics.chain.flexible.link_layout import straight
-from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.flexible.state import Motion, State
 from fmus.physics.chain.flexible.state import shapes as flexible_shapes
-from fmus.physics.chain.flexible.state import views as flexible_views
 from fmus.physics.chain.flexible.state import work as flexible_work
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import HELD, LOOP, Environment
 from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import COUNTERS, GRAVITY, KINETIC, REPORT
-from fmus.physics.chain.state import size, store_first_evaluation
+from fmus.physics.chain.state import size, store_first_evaluation, views
 from fmus.physics.integrate import adams, dormand_prince, generalized_alpha, hht, runge_kutta
 from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
 from fmus.track import steps as track_steps
@@ -77,7 +76,7 @@ class Flexible:
         self.links = cables.Cables(n, int(closed), cable, 0.029, 0.02, AREA, SECOND)
         self.method = ImplicitMethod(coefficients(radius), 1e-12, True)
         sizes = flexible_shapes(cables.NODE, nodes, 0)
-        self.s, self.w = flexible_views(np.zeros(size(sizes)), sizes), flexible_work(cables, n, nodes, 0)
+        self.s, self.w = views(State, sizes, np.zeros(size(sizes))), flexible_work(cables, n, nodes, 0)
         self.place(np.asarray(pins, float))
 
     def place(self, pins):

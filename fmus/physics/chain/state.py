@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fmus.kernels.by_reference import by_reference
 from fmus.kernels.jit import kernel
-from fmus.kernels.packed import packed
 from fmus.physics.arrays import Floats
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def views(kind: Any, shapes: Shapes, flat: np.ndarray) -> Any:
     """Return a State of the class ``kind`` of views into the array ``flat``."""
     parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes.values()])[:-1])
     named = {name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)}
-    return packed(kind(flat=flat, **named))
+    return by_reference(kind(flat=flat, **named))
 
 
 def integrated_views(s: Any) -> dict[str, np.ndarray]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fmus.kernels.packed import packed
+from fmus.kernels.by_reference import by_reference
 from fmus.physics.arrays import Floats
 from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain import state
@@ -157,7 +157,7 @@ def work(
     sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces, ground=ground._replace(rut=0))
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     wheel_rows = z((wheels, 15))
-    return packed(Work(
+    return by_reference(Work(
         before=views(State, sizes, z(size(sizes))),
         diagonal=z(block), upper=z(block), lower=z(block), factors=workspace(nodes, m), right_side=z((nodes, m)),
         iteration_matrix=z((whole, whole)), residual=z((links, *vectors)),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fmus.kernels.packed import packed
+from fmus.kernels.by_reference import by_reference
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
 from fmus.physics.chain.near import Near, near
@@ -114,7 +114,7 @@ def work(
     z, pins = np.zeros, links if closed else links + 1
     sizes, supports = shapes(links, closed, wheels, forces, joints, ground._replace(rut=0)), z((2, 7))
     supports[:, 3] = 1.0
-    return packed(
+    return by_reference(
         Work(
             before=views(State, sizes, z(size(sizes))),
             system=augmented.system(links, closed),

@@ -1,9 +1,8 @@
-"""Named tuples of arrays and numbers in memory: one argument of a kernel, whatever is in them.
+"""Named tuples of arrays and numbers passed to kernels by reference: one argument, whatever is in them.
 
-A kernel takes a named tuple apart: each array in it is seven arguments, which are checked when Python calls, passed on
-to each kernel that is called and compiled at each call. The arrays of a chain are a hundred. Of a ``Packed`` tuple a
-kernel gets the address alone and reads the fields that it names, as numba lays them out: compilation takes three
-quarters of the time, steps a little less. The fields do not change; the arrays stay the same objects.
+numba passes a named tuple as its fields, and an array as seven numbers. Each kernel that passes a tuple on repeats all of
+them, and an entry from Python checks each array. By reference a kernel gets the address of the tuple in memory and reads
+the fields that it names, as numba lays them out there. The fields do not change, and the arrays stay the same objects.
 """
 
 from __future__ import annotations
@@ -31,22 +30,22 @@ FORMATS = {types.float64: "d", types.int64: "q", types.boolean: "?"}
 Tuple = TypeVar("Tuple", bound=tuple[Any, ...])
 
 
-def packed(parts: Tuple) -> Tuple:
-    """Named tuple in memory; it has the fields of ``parts`` and their ``_replace``, but no order."""
-    found: Any = Packed(parts)
+def by_reference(parts: Tuple) -> Tuple:
+    """Return a reference to ``parts``, with their fields and ``_replace``, but without their order."""
+    found: Any = Reference(parts)
     return found
 
 
-class PackedType(types.Type):  # type: ignore[misc]
-    """numba's type of a packed tuple."""
+class ReferenceType(types.Type):  # type: ignore[misc]
+    """numba's type of a tuple by reference."""
 
     def __init__(self, parts: Any) -> None:
         self.types = (parts,)
-        super().__init__(f"Packed({parts})")
+        super().__init__(f"Reference({parts})")
 
 
-class Packed:
-    """A named tuple in memory, where it is written when a kernel first needs it."""
+class Reference:
+    """Reference to a named tuple, which is written into memory when a kernel first needs it."""
 
     def __init__(self, parts: Any) -> None:
         self.parts = parts  # holds the arrays
@@ -54,13 +53,13 @@ class Packed:
     def __getattr__(self, name: str) -> Any:
         return getattr(self.parts, name)
 
-    def _replace(self, **fields: Any) -> Packed:
-        return Packed(self.parts._replace(**fields))
+    def _replace(self, **fields: Any) -> Reference:
+        return Reference(self.parts._replace(**fields))
 
     @cached_property
-    def kind(self) -> PackedType:
+    def kind(self) -> ReferenceType:
         """Its type."""
-        return PackedType(typeof(self.parts))
+        return ReferenceType(typeof(self.parts))
 
     @cached_property
     def address(self) -> int:
@@ -101,30 +100,30 @@ def _write(memory: bytearray, value: Any, kind: Any) -> None:
     elif isinstance(kind, types.Array):
         # as numba's arrays: no owner, no object; entries, bytes of one, address, shape, strides
         words = 0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides
-        memory.extend(struct.pack(f"{len(words)}q", *words))
-    elif isinstance(kind, PackedType):
-        memory.extend(struct.pack("q", value.address))
+        memory.extend(struct.refer(f"{len(words)}q", *words))
+    elif isinstance(kind, ReferenceType):
+        memory.extend(struct.refer("q", value.address))
     elif kind in FORMATS:
-        memory.extend(struct.pack(FORMATS[kind], value))
+        memory.extend(struct.refer(FORMATS[kind], value))
     elif kind == types.none:
         memory.extend(bytes(8))
     else:
-        raise TypeError(f"a packed tuple holds no {kind}")
+        raise TypeError(f"a tuple by reference holds no {kind}")
 
 
-@typeof_impl.register(Packed)
-def _typeof(value: Packed, context: Any) -> PackedType:
+@typeof_impl.register(Reference)
+def _typeof(value: Reference, context: Any) -> ReferenceType:
     return value.kind
 
 
-@register_model(PackedType)
+@register_model(ReferenceType)
 class _Address(models.PrimitiveModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, kind: PackedType) -> None:
+    def __init__(self, manager: Any, kind: ReferenceType) -> None:
         super().__init__(manager, kind, cgutils.intp_t)
 
 
-@unbox(PackedType)
-def _unboxed(kind: PackedType, value: Any, c: Any) -> NativeValue:
+@unbox(ReferenceType)
+def _unboxed(kind: ReferenceType, value: Any, c: Any) -> NativeValue:
     address = c.pyapi.object_getattr_string(value, "address")
     native = c.unbox(types.intp, address)
     c.pyapi.decref(address)
@@ -133,15 +132,15 @@ def _unboxed(kind: PackedType, value: Any, c: Any) -> NativeValue:
 
 @infer_getattr
 class _Fields(AttributeTemplate):  # type: ignore[misc]
-    key = PackedType
+    key = ReferenceType
 
     def generic_resolve(self, value: Any, attr: str) -> Any:  # type: ignore[override]
         (parts,) = value.types
         return parts[parts.fields.index(attr)] if attr in parts.fields else None
 
 
-@lower_getattr_generic(PackedType)
-def _field(context: Any, builder: Any, kind: PackedType, address: Any, name: str) -> Any:
+@lower_getattr_generic(ReferenceType)
+def _field(context: Any, builder: Any, kind: ReferenceType, address: Any, name: str) -> Any:
     (parts,) = kind.types
     index = parts.fields.index(name)
     memory = builder.inttoptr(address, context.get_data_type(parts).as_pointer())
@@ -150,12 +149,12 @@ def _field(context: Any, builder: Any, kind: PackedType, address: Any, name: str
 
 
 @intrinsic
-def pack(typing: Any, parts: Any) -> Any:
-    """Packed tuple in a kernel, as long as that runs: of a named tuple that it has made."""
+def refer(typing: Any, parts: Any) -> Any:
+    """Reference to a tuple that a kernel has made, as long as that kernel runs."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         memory = cgutils.alloca_once(builder, context.get_data_type(parts))
         context.pack_value(builder, parts, args[0], memory)
         return builder.ptrtoint(memory, cgutils.intp_t)
 
-    return PackedType(parts)(parts), emit
+    return ReferenceType(parts)(parts), emit

@@ -9,8 +9,8 @@ import numba
 import numpy as np
 import pytest
 
+from fmus.kernels.by_reference import Reference, by_reference, refer
 from fmus.kernels.jit import allocating, entry, kernel
-from fmus.kernels.packed import Packed, pack, packed
 
 
 class Inner(NamedTuple):
@@ -33,7 +33,7 @@ class Outer(NamedTuple):
     point: tuple[float, float, float]
     places: np.ndarray
     truths: np.ndarray
-    before: Any  # packed
+    before: Any  # by reference
 
 
 class Only(NamedTuple):
@@ -46,7 +46,7 @@ class Only(NamedTuple):
 def outer(value=1.0) -> Outer:
     inner = Inner(True, False, np.arange(3.0) + value, 7)
     matrix, places = np.arange(12.0).reshape(3, 4) * value, np.arange(5)
-    before = packed(Inner(False, True, np.full(2, value), -4))
+    before = by_reference(Inner(False, True, np.full(2, value), -4))
     return Outer(True, 2.5, matrix, inner, None, (1.0, 2.0, 3.0), places, np.array([True, False]), before)
 
 
@@ -67,25 +67,25 @@ def through(c, x: float) -> float:
 
 
 @allocating
-def packs_in_a_kernel(parts, x: float) -> float:
-    return digest(pack(parts), x)
+def refers_in_a_kernel(parts, x: float) -> float:
+    return digest(refer(parts), x)
 
 
 def test_a_kernel_reads_and_writes_the_fields_that_python_has():
     parts = outer()
     expected = digest.py_func(parts, 0.5)
-    whole = packed(parts)
-    for call in (digest, through, entry(through, whole, 0.5), packs_in_a_kernel):
-        given = parts if call is packs_in_a_kernel else whole
+    whole = by_reference(parts)
+    for call in (digest, through, entry(through, whole, 0.5), refers_in_a_kernel):
+        given = parts if call is refers_in_a_kernel else whole
         assert call(given, 0.5) == expected
     assert digest.py_func(whole, 0.5) == expected, "uncompiled kernels read the same fields"
     assert parts.matrix[0, 0] == 6 * 0.5
-    twin = packed(outer(1.03))
+    twin = by_reference(outer(1.03))
     assert digest(twin, 0.5) != expected
 
 
 def test_a_replaced_field_is_another_tuple():
-    whole = packed(outer())
+    whole = by_reference(outer())
     other = whole._replace(scale=3.5)
     assert (other.scale, whole.scale) == (3.5, 2.5)
     assert digest(other, 1.0) == digest(whole, 1.0) + 1.0
@@ -98,19 +98,19 @@ def test_bytes_stand_side_by_side():
     def read(c):
         return 2 * c.on + c.off
 
-    assert read(packed(Only(True, False))) == 2
-    assert read(packed(Only(False, True))) == 1
+    assert read(by_reference(Only(True, False))) == 2
+    assert read(by_reference(Only(False, True))) == 1
 
 
 def test_equal_tuples_have_one_type_and_others_another():
-    kinds = [numba.typeof(packed(outer(value))) for value in (1.0, 2.0)]
+    kinds = [numba.typeof(by_reference(outer(value))) for value in (1.0, 2.0)]
     assert kinds[0] == kinds[1]
-    assert kinds[0] != numba.typeof(packed(Only(True, True)))
-    assert kinds[0] != numba.typeof(packed(outer()._replace(places=np.zeros(5))))
+    assert kinds[0] != numba.typeof(by_reference(Only(True, True)))
+    assert kinds[0] != numba.typeof(by_reference(outer()._replace(places=np.zeros(5))))
 
 
 def test_arrays_live_as_long_as_the_tuple():
-    whole = packed(outer())
+    whole = by_reference(outer())
     gc.collect()
     waste = [np.full((3, 4), np.nan) for _ in range(100)]
     assert np.isfinite(digest(whole, 0.0))
@@ -121,8 +121,8 @@ def test_what_memory_does_not_hold_is_refused():
     class Named(NamedTuple):
         name: str
 
-    with pytest.raises(TypeError, match="a packed tuple holds no unicode_type"):
-        _ = Packed(Named("a")).address
+    with pytest.raises(TypeError, match="a tuple by reference holds no unicode_type"):
+        _ = Reference(Named("a")).address
 
 
 def test_a_field_that_is_not_there_is_an_error_when_compiled():
@@ -131,14 +131,14 @@ def test_a_field_that_is_not_there_is_an_error_when_compiled():
         return c.missing
 
     with pytest.raises(numba.TypingError, match="missing"):
-        wrong(packed(outer()))
+        wrong(by_reference(outer()))
     with pytest.raises(AttributeError, match="missing"):
-        _ = packed(outer()).missing
+        _ = by_reference(outer()).missing
 
 
 def test_a_layout_that_numba_does_not_have_is_refused(monkeypatch):
-    from fmus.kernels import packed as module
+    from fmus.kernels import by_reference as module
 
     monkeypatch.setattr(module, "_alignment", lambda kind: 8)
     with pytest.raises(TypeError, match=r"Only takes 2 bytes in memory, not 16"):
-        _ = Packed(Only(True, False)).address
+        _ = Reference(Only(True, False)).address
