@@ -1,8 +1,9 @@
 """Named tuples of arrays and numbers passed to kernels by reference: one argument, whatever is in them.
 
-numba passes a named tuple as its fields, and an array as seven numbers. Each kernel that passes a tuple on repeats all of
-them, and an entry from Python checks each array. By reference a kernel gets the address of the tuple in memory and reads
-the fields that it names, as numba lays them out there. The fields do not change, and the arrays stay the same objects.
+numba passes a named tuple as its fields, and an array as seven numbers. Each kernel that passes a tuple on repeats all
+of them, and an entry from Python checks each array. By reference a kernel gets the address of the tuple in memory and
+reads the fields that it names, as numba lays them out there. The fields do not change, and the arrays stay the same
+objects.
 """
 
 from __future__ import annotations
@@ -100,11 +101,11 @@ def _write(memory: bytearray, value: Any, kind: Any) -> None:
     elif isinstance(kind, types.Array):
         # as numba's arrays: no owner, no object; entries, bytes of one, address, shape, strides
         words = 0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides
-        memory.extend(struct.refer(f"{len(words)}q", *words))
+        memory.extend(struct.pack(f"{len(words)}q", *words))
     elif isinstance(kind, ReferenceType):
-        memory.extend(struct.refer("q", value.address))
+        memory.extend(struct.pack("q", value.address))
     elif kind in FORMATS:
-        memory.extend(struct.refer(FORMATS[kind], value))
+        memory.extend(struct.pack(FORMATS[kind], value))
     elif kind == types.none:
         memory.extend(bytes(8))
     else:

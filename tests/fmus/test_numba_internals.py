@@ -59,9 +59,7 @@ INTERNALS = [
     Internal(f"{CODEGEN}.JITCodeLibrary.serialize_using_bitcode", "self", "linking: stores code that was not"),
     Internal(f"{CODEGEN}.JITCodeLibrary.get_llvm_str", "self", "native: intermediate code of an entry"),
     Internal(f"{CODEGEN}.JITCPUCodegen.set_env", "self env_name env", "linking: later, where code is not there yet"),
-    Internal(
-        "numba.core.cgutils.alloca_once", "builder ty size name zfill", "by_reference: a tuple that a kernel makes"
-    ),
+    Internal("numba.core.cgutils.alloca_once", "builder ty size name zfill", "by_reference: a kernel's tuple"),
     Internal("numba.core.cgutils.gep_inbounds", "builder ptr inds kws", "by_reference: a field"),
     Internal("numba.core.cgutils.intp_t", None, "by_reference: an address"),
     Internal("numba.core.imputils.impl_ret_borrowed", "ctx builder retty ret", "by_reference: a field, not counted"),
