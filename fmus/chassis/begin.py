@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from fmus.chassis.dynamics import ROOT, Parts, energies, is_fixed
-from fmus.chassis.tree import PackedTree, unpacked, with_leaves, with_sprockets
+from fmus.chassis.tree import BODY, WHOLE, VehicleTree, with_leaves, with_sprockets
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats
 from fmus.start import AFTER_POSE, FRAME, lay_frame, part_at_rest
@@ -36,8 +36,8 @@ GRAVITY, MASS, INERTIA, SPROCKET, SUSPENSION, TENSIONER = (
 @allocating
 def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
     """See ``interface.model.ComponentModel``; p: the start pose, then the preloads, N, then NUMBERS, SI."""
-    set_masses(c.packed, p)
-    tree, x, start = unpacked(c.packed), c.state, c.start
+    set_masses(c.tree, p)
+    tree, x, start = c.tree, c.state, c.start
     n = tree.is_arm.size
     x[:] = 0.0
     for k in range(n):
@@ -58,13 +58,13 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
 
 
 @allocating
-def set_masses(packed: PackedTree, p: Sequence[float]) -> None:
-    """Set gravity and the masses of a packed tree, see ``begin``."""
-    tree = unpacked(packed)
+def set_masses(tree: VehicleTree, p: Sequence[float]) -> None:
+    """Set gravity and the masses of a tree, see ``begin``."""
     moments = p[INERTIA], p[INERTIA + 1], p[INERTIA + 2]
     mounts, centre, inertia = tree.sprocket, tree.centre, tree.inertia
     mass = with_sprockets(p[MASS], moments, p[SPROCKET], p[SPROCKET + 1], mounts, centre, inertia)
-    packed.body[0], packed.body[1], packed.body[2] = p[GRAVITY], mass, with_leaves(mass, tree.is_arm, tree.leaf_mass)
+    tree.gravity[0], tree.masses[BODY] = p[GRAVITY], mass
+    tree.masses[WHOLE] = with_leaves(mass, tree.is_arm, tree.leaf_mass)
 
 
 @kernel

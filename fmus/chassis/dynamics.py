@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time, touch
-from fmus.chassis.tree import VehicleTree, unpacked
+from fmus.chassis.tree import BODY, WHOLE, VehicleTree
 from fmus.interface.model import too_many_steps
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Matrix, Vector
@@ -36,7 +36,7 @@ LEAST_UNREST = 0.2  # m/s2, vertical, of the hull in the first step from an equi
 class Parts(NamedTuple):
     """Data of a running chassis: parameters, state and counters of its kernels."""
 
-    packed: Any  # the tree, see ``tree``
+    tree: VehicleTree
     contacts: Any  # with the ground; None where there are none
     longest: float  # longest internal step, s
     start: np.ndarray  # (16) frame at the drawn centre of mass, its place at the start, m, and gravity energy, J
@@ -234,7 +234,7 @@ def rates(tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, u: Floats, ou
     solve_symmetric(M, b)
     for k in range(n):  # (11)
         out[rate + k] = g[k] - dot(Q[k], b) - dot(Q[k, 3:], b[3:])
-    root_rates(tree.gravity, x, A, w, b, out)
+    root_rates(tree.gravity[0], x, A, w, b, out)
     out[-2], out[-1] = dissipated, power
 
 
@@ -263,8 +263,8 @@ def free_body(tree: VehicleTree, A: Matrix, v: Vector, w: Vector, u: Floats, M: 
     Adds its inertia to M (6, 6). A, v, w: rotation of B (3, 3), velocity of O and angular velocity, in B.
     """
     c, power = vector(tree.centre, 0), 0.0
-    add_body(M, tree.mass, c, tree.inertia)
-    F = scale(-tree.mass, cross(w, cross(w, c)))
+    add_body(M, tree.masses[BODY], c, tree.inertia)
+    F = scale(-tree.masses[BODY], cross(w, cross(w, c)))
     T = add(cross(c, F), cross(to_world(tree.inertia, w), w))
     for side in range(2):
         f, torque = unit_wrench(tree, len(tree.is_arm) + side, A, u)
@@ -308,7 +308,7 @@ def fault(tree: VehicleTree, x: Floats) -> int:
 @allocating
 def advance(c: Parts, x: Floats, u: Floats, h: float, steps: int) -> tuple[int, int]:
     """Integrate x in place over ``steps`` steps of h s under constant u; return steps done and fault."""
-    tree, k = unpacked(c.packed), c.stages
+    tree, k = c.tree, c.stages
     y = k[len(RK4.b)]
     for steps_done in range(steps):
         for i in range(len(RK4.b)):
@@ -327,7 +327,7 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     """See ``interface.model.ComponentModel``; u: mean wrenches on the places, world."""
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
-    tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
+    tree, x, steps = c.tree, c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
     if c.rests == 1 and c.counters[0] == steps and c.start[11] == 1.0:  # after the first step on level ground
         warn_of_unrest(messages[1], x, h)
     begin_step(c.hitch, c.seats, x, tree.rotation, t)
@@ -395,8 +395,8 @@ def energies(tree: VehicleTree, x: Floats) -> Vector:
     put_matrix(A, x[3:7])
     v, w = to_body(A, vector(x, 7)), vector(x, 10)
     c = vector(tree.centre, 0)
-    vc, moment, spring = add(v, cross(w, c)), scale(tree.mass, c), 0.0
-    kinetic = 0.5 * tree.mass * dot(vc, vc) + 0.5 * dot(w, to_world(tree.inertia, w))
+    vc, moment, spring = add(v, cross(w, c)), scale(tree.masses[BODY], c), 0.0
+    kinetic = 0.5 * tree.masses[BODY] * dot(vc, vc) + 0.5 * dot(w, to_world(tree.inertia, w))
     for k in range(n):
         q, qd, spin = x[ROOT + k], x[ROOT + 2 * n + k], x[ROOT + 3 * n + k]
         r, dr = wheel_offset(tree, k, q)
@@ -409,5 +409,5 @@ def energies(tree: VehicleTree, x: Floats) -> Vector:
         e = compression(tree, k, q)[0]
         stored = tree.preload[k] ** 2 / (2 * tree.stiffness[k]) if tree.stiffness[k] > 0.0 else 0.0
         spring += stored + (tree.preload[k] + 0.5 * tree.stiffness[k] * e) * e
-    gravity = tree.gravity * (tree.total_mass * x[2] + to_world(A, moment)[2])
+    gravity = tree.gravity[0] * (tree.masses[WHOLE] * x[2] + to_world(A, moment)[2])
     return kinetic, gravity, spring

@@ -11,7 +11,7 @@ from fmus.chassis.begin import NUMBERS, begin
 from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts, step, step_failure
 from fmus.chassis.fittings import Fittings
 from fmus.chassis.observe import write_outputs
-from fmus.chassis.tree import VehicleTree, fastest_rate, packed, tree, unpacked
+from fmus.chassis.tree import WHOLE, VehicleTree, fastest_rate, tree
 from fmus.interface import numbers
 from fmus.interface.defaults import parameter_values
 from fmus.interface.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
@@ -31,7 +31,7 @@ def default_step(tree: VehicleTree, vehicle: Mapping[str, Any], ground: Mapping[
     rate, most = fastest_rate(tree), MOST_STEP_ON_GROUND if ground else MOST_STEP
     if ground and ground["bare"]:
         wheel, law = vehicle["road_wheel"], vehicle["contact"]["ground"]
-        load = tree.total_mass * tree.gravity / (2 * len(wheel["x"]))
+        load = tree.masses[WHOLE] * tree.gravity[0] / (2 * len(wheel["x"]))
         slowing = law["friction"] * load * wheel["radius"] ** 2 / wheel["spin_inertia"]  # of a sliding wheel, m/s2
         rate = max(rate, slowing / law["friction_velocity"])
     return max(LEAST_STEP, min(most, RESOLVED / max(rate, 1.0)))
@@ -144,8 +144,7 @@ class Model(ComponentModel):
         if sides not in (["left", "right"], ["left"]):
             raise InvalidParameter(f"chassis.sides = {sides} must be ['left', 'right'] or ['left']")
         self.sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
-        self._packed = packed(tree(vehicle, len(sides)))
-        self.tree = unpacked(self._packed)
+        self.tree = tree(vehicle, len(sides))
         self._vehicle, self._ground = vehicle, config["chassis"].get("ground")
         known = numbers.values(config)
         self._numbers: dict[str, Any] = {name: known[name] for name in NUMBERS}
@@ -228,7 +227,7 @@ class Model(ComponentModel):
             self._contacts = contacts(self._vehicle, self._ground, values)
         self.counters[:] = 0
         parts = Parts(
-            self._packed, self._contacts, values["step"], self._start, self._centre, self._hull, self._leaves,
+            self.tree, self._contacts, values["step"], self._start, self._centre, self._hull, self._leaves,
             self._missing_preload, self._rests, len(self.sides), self.state, self.counters, self._stages,
             self._fittings.hitch(values), self._fittings.seats(),
         )  # fmt: skip

@@ -10,7 +10,7 @@ from typing import Any
 
 from fmus.chassis.dynamics import ROOT, Parts, compression, energies, is_fixed, wheel_offset
 from fmus.chassis.fittings import put_hitch, put_seats, touch
-from fmus.chassis.tree import VehicleTree, unpacked
+from fmus.chassis.tree import VehicleTree
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Four, Matrix, Quaternion, Vector
 from fmus.physics.elementary import asin, atan2, cos, sin
@@ -82,7 +82,7 @@ def put_springs(tree: VehicleTree, x: Floats, sides: int, y: Floats, i: int) -> 
 @allocating
 def write_outputs(c: Parts, y: Floats) -> None:
     """See ``output_kernel`` of ``interface.model.ComponentModel``."""
-    tree, x = unpacked(c.packed), c.state
+    tree, x = c.tree, c.state
     i = put_sides(tree, x, c.sides, y, 0)
     i = put_chassis(tree, x, c.start, y, i)
     i = put_springs(tree, x, c.sides, y, i)

@@ -14,18 +14,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.kernels.jit import allocating, kernel, plain
+from fmus.kernels.by_reference import by_reference
+from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Integers, Matrix, Vector
 from fmus.physics.elementary import hypot
 from fmus.vehicles.sides import SIDES, of_side, return_rollers
+
+BODY, WHOLE = range(2)  # indices into ``VehicleTree.masses``
 
 
 class VehicleTree(NamedTuple):
     """Numbers of a vehicle without its tracks, SI, frame B; n leaves, n + 2 units on which wrenches act."""
 
-    gravity: float  # m/s2, downward
-    mass: float  # chassis with both sprockets, kg
-    total_mass: float  # with all leaves, kg
+    gravity: Floats  # (1,) m/s2, downward
+    masses: Floats  # (2,) BODY: chassis with both sprockets, WHOLE: with all leaves, kg
     centre: Floats  # (3,) centre of mass of chassis with sprockets, m
     inertia: Floats  # (3, 3) of chassis with sprockets about that centre, without the sprockets' spin, kg m2
     is_arm: Integers  # (n,) 1 for a road arm, 0 for an idler or a return roller
@@ -88,10 +90,9 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
     length_squared = float((pivot * pivot).sum())
     input_index, mirror = _inputs(count, sides)
-    return VehicleTree(
-        gravity=float(vehicle["gravity"]),
-        mass=mass,
-        total_mass=plain(with_leaves)(mass, is_arm, leaf_masses),
+    whole = VehicleTree(
+        gravity=np.array([float(vehicle["gravity"])]),
+        masses=np.array([mass, plain(with_leaves)(mass, is_arm, leaf_masses)]),
         centre=centre,
         inertia=inertia,
         is_arm=is_arm,
@@ -120,6 +121,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         coupling=np.zeros((2 * count, 6)),
         leaf_force=np.zeros(2 * count),
     )
+    return by_reference(whole)
 
 
 def _inputs(leaves: int, sides: int) -> tuple[Integers, Floats]:
@@ -193,64 +195,3 @@ def with_leaves(mass: float, is_arm: Integers, leaf_mass: Floats) -> float:
         arms += is_arm[k]
     side = arms * leaf_mass[0] + leaf_mass[arms] + (leaves - 1 - arms) * leaf_mass[leaves - 1]
     return mass + 2 * side
-
-
-class PackedTree(NamedTuple):
-    """Tree as four arrays: passing these to a kernel takes a third of the time of passing a ``VehicleTree``."""
-
-    body: Floats  # (n + 23,) numbers that belong to no leaf, gravity and the masses first; mirror
-    leaves: Floats  # (n, 20)
-    integers: Integers  # (2, n + 2) is_arm, filled up with 0; input_index
-    work: Floats  # (60 + 7 n,) work arrays
-
-
-def packed(tree: VehicleTree) -> PackedTree:
-    """Four arrays with the numbers of a tree, see ``unpacked``."""
-    t = tree
-    body = [t.gravity, t.mass, t.total_mass, *t.centre, *t.inertia.ravel(), *t.sprocket.ravel(), *t.mirror]
-    pairs = t.hinge, t.arm, t.on_arm, t.on_chassis
-    numbers = t.fraction, t.leaf_mass, t.across, t.along, t.transverse, t.spin_inertia
-    springs = t.drawn_length, t.stiffness, t.damping, t.preload, t.travel
-    integers = np.array([[*t.is_arm, 0, 0], t.input_index])
-    works = t.rotation, t.root_mass, t.root_force, t.tensor, t.coupling, t.leaf_force
-    work = np.concatenate([each.ravel() for each in works])
-    return PackedTree(np.array(body), np.column_stack([*pairs, *numbers, *springs]), integers, work)
-
-
-@allocating
-def unpacked(packed: PackedTree) -> VehicleTree:
-    """Tree whose arrays are views of the packed ones."""
-    b, x, integers, w = packed.body, packed.leaves, packed.integers, packed.work
-    n = len(x)
-    return VehicleTree(
-        gravity=b[0],
-        mass=b[1],
-        total_mass=b[2],
-        centre=b[3:6],
-        inertia=b[6:15].reshape(3, 3),
-        is_arm=integers[0, :n],
-        hinge=x[:, 0:3],
-        arm=x[:, 3:5],
-        fraction=x[:, 9],
-        leaf_mass=x[:, 10],
-        across=x[:, 11],
-        along=x[:, 12],
-        transverse=x[:, 13],
-        spin_inertia=x[:, 14],
-        on_arm=x[:, 5:7],
-        on_chassis=x[:, 7:9],
-        drawn_length=x[:, 15],
-        stiffness=x[:, 16],
-        damping=x[:, 17],
-        preload=x[:, 18],
-        travel=x[:, 19],
-        sprocket=b[15:21].reshape(2, 3),
-        input_index=integers[1],
-        mirror=b[21:],
-        rotation=w[:9].reshape(3, 3),
-        root_mass=w[9:45].reshape(6, 6),
-        root_force=w[45:51],
-        tensor=w[51:60].reshape(3, 3),
-        coupling=w[60 : 60 + 6 * n].reshape(n, 6),
-        leaf_force=w[60 + 6 * n :],
-    )

@@ -228,7 +228,7 @@ class _Vehicle:
         out = np.zeros_like(x)
         rates(self.chassis.tree, self.chassis.parts.contacts, None, x, wrenches.ravel(), out)
         n = len(self.chassis.tree.is_arm)
-        out[9] += self.chassis.tree.gravity + self.gravity[2]  # weight across the slope; that along it is balanced
+        out[9] += self.chassis.tree.gravity[0] + self.gravity[2]  # weight across the slope; that along it is balanced
         leaf_accelerations = out[ROOT + 2 * n : ROOT + 3 * n].reshape(2, -1)[:, : self.leaves].ravel()
         return np.array([out[9], out[10], out[11], *leaf_accelerations[: guess.size - LEAVES]])[self.unknowns]
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fmus.chassis.dynamics import ROOT, rates
 from fmus.chassis.model import Model, default_step
-from fmus.chassis.tree import tree
+from fmus.chassis.tree import WHOLE, tree
 from fmus.interface.model import InvalidParameter, StepFailed
 
 IDLER = TABLE["idler"]["x"]
@@ -99,7 +99,7 @@ def test_a_deep_static_deflection_by_hand():
 def test_return_rollers_are_a_part_of_the_hull_that_spins():
     """A roller moves with the hull to rounding, carries its load into it, and a torque spins it alone."""
     probe = Probe({"gravity": 0.0, "return_roller": ROLLERS})
-    assert probe.model.tree.total_mass == pytest.approx(BODY_MASS + 6 * 90.0, abs=1e-9)
+    assert probe.model.tree.masses[WHOLE] == pytest.approx(BODY_MASS + 6 * 90.0, abs=1e-9)
     probe["left.return_roller[2].torque.y"] = 7.0
     probe["left.return_roller[3].force.z"] = probe["right.return_roller[3].force.z"] = 2e4
     probe.run(0.5)
@@ -297,4 +297,4 @@ def test_sides_must_include_the_left():
 
 def test_mass_is_the_vehicle_without_its_links():
     probe = Probe()
-    assert probe.model.tree.total_mass == pytest.approx(BODY_MASS, abs=1e-9)
+    assert probe.model.tree.masses[WHOLE] == pytest.approx(BODY_MASS, abs=1e-9)
