@@ -67,7 +67,7 @@ def size(model: TrackModel) -> int:
         raise InvalidParameter(
             "ground.soil: the monolith knows hard ground only; its steps are not accepted one by one"
         )
-    if type(model.s) not in MIRRORS:
+    if type(model.s.parts) not in MIRRORS:
         raise InvalidParameter(f"the monolith knows no mirror image of the state of {type(model.link).__name__}")
     return sum(part.size for part in integrated_views(model.s).values())
 
@@ -102,7 +102,7 @@ def set_state(model: TrackModel, slot: ChainSlot, x: Floats, h: float) -> None:
 def mirror(original: TrackModel, model: TrackModel) -> None:
     """Make ``model`` the mirror image of ``original`` on the other side of the vehicle."""
     s, original_state = model.s, original.s
-    for name, signs in MIRRORS[type(s)].items():
+    for name, signs in MIRRORS[type(s.parts)].items():
         view, original_view = getattr(s, name), getattr(original_state, name)
         if signs is PIN and original_view.shape[-1] == CABLE_END.size:
             signs = CABLE_END
