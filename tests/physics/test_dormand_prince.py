@@ -83,6 +83,18 @@ def test_an_impulse_is_what_the_momentum_gets():
     assert abs(m.x[6] - EXACT[5]) > 1e-9, "as wrong as the momentum"
 
 
+def test_a_step_is_accurate_up_to_its_tolerance():
+    """The error of Hairer, Norsett, Wanner, II (10.17), as numpy has it."""
+    m, h = dormand_prince(3, 1, 1e-6, 1e-4), 0.1
+    m.x[:], rates = (1.0, -2.0, 0.5, 9.0), np.random.default_rng(1).standard_normal(m.k.shape)
+    fifth, third = (np.square(e @ rates[:, :3] / (1e-6 * abs(m.x[:3]) + 1e-4)).sum() for e in m.e)
+    error = h * fifth / np.sqrt((fifth + 0.01 * third) * 3)
+    for share in (0.98, 1.02):
+        m.k[:] = share / error * rates
+        m.step_control[NEXT] = h
+        assert accurate(m, h) == (share < 1.0)
+
+
 def test_a_step_that_leaves_all_bounds_is_rejected_and_the_next_one_does_not_grow():
     m = dormand_prince(1, 0, 1e-6, 1e-6)
     m.step_control[NEXT] = 1.0
