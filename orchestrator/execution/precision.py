@@ -1,6 +1,6 @@
 """Tables of precision: settings of scenes with measured error and run time.
 
-The gallery's table is shipped beside the scenes and names the commit of its measurements. Results of ``cotrack study
+The gallery's table is shipped beside the scenes and names the commit of its last measurements. Results of ``cotrack study
 error-runtime`` on this machine replace its entries. A table has a checksum.
 """
 
