@@ -337,7 +337,7 @@ def test_top_level():
         pytest.skip("not a git checkout")
     top = {name.split("/")[0] for name in listed}
     assert top <= {
-        "pyproject.toml", "fmus", "orchestrator", "tests", "logs", "README.md",
+        "pyproject.toml", "fmus", "orchestrator", "tests", "logs", "findings", "README.md",
         "LICENSE", "CITATION.cff", ".gitignore", ".ci", "constraints.txt",
     }  # fmt: skip
 
