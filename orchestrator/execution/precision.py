@@ -1,7 +1,7 @@
 """Tables of precision: settings of scenes with measured error and run time.
 
-The gallery's table is shipped beside the scenes and names the commit of its last measurements. Results of ``cotrack study
-error-runtime`` on this machine replace its entries. A table has a checksum.
+The gallery's table is shipped beside the scenes and names the commit of its last measurements. Results of ``cotrack
+study error-runtime`` on this machine replace its entries. A table has a checksum.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_adams import END, EXACT, START, oscillators
 
-from fmus.physics.integrate.adams import EVALUATIONS, REJECTED, STEPS
-from fmus.physics.integrate.dormand_prince import FASTEST, NEXT, SLOWEST, accurate, dormand_prince, length, order
+from fmus.physics.integrate.adams import EVALUATIONS, NEXT, REJECTED, STEPS, length
+from fmus.physics.integrate.dormand_prince import FASTEST, SLOWEST, accurate, dormand_prince, order
 from fmus.physics.integrate.runge_kutta import finish, stage
 
 

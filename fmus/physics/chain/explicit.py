@@ -35,8 +35,8 @@ from fmus.physics.chain.state import add_share, copy, integrated_views, store_ev
 from fmus.physics.chain.sums import END_POWER, LOSSES, PATCH_POWER, SUMS
 from fmus.physics.integrate import adams as methods
 from fmus.physics.integrate import dormand_prince as eighth
-from fmus.physics.integrate.adams import LEAST, Adams, accept, accurate, correct, length, predict, restart
-from fmus.physics.integrate.dormand_prince import NEXT, DormandPrince
+from fmus.physics.integrate.adams import LEAST, NEXT, Adams, accept, accurate, correct, length, predict, restart
+from fmus.physics.integrate.dormand_prince import DormandPrince
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 
@@ -192,7 +192,7 @@ def march_by_dormand_prince(
     m.counts[:] = 0
     m.step_control[NEXT] = s.lengths[0] if s.lengths[0] > 0.0 else h
     while done < h * (1.0 - 1e-12):
-        dt = eighth.length(m, h - done, longest)
+        dt = length(m, h - done, longest)
         if dt < LEAST:
             return IntegrationOutcome(STEP_TOO_SHORT, done, 0, 0.0)
         for i in range(again, m.method.b.size):

@@ -7,7 +7,7 @@ the errors over ``rtol`` |x| + ``atol``, taken over the controlled variables; qu
 The model owns the compiled loop (kernels call kernels by import):
 
     while t < end:
-        h = length(m, end - t, longest)
+        h = adams.length(m, end - t, longest)
         for i in range(m.method.b.size):
             stage(m.method, i, h, m.x, m.k, m.y)   # y: argument of stage i; then k[i] = f(t + c_i h, y)
         if accurate(m, h):                         # else once more from stage 1, with a smaller h
@@ -23,12 +23,12 @@ import numpy as np
 
 from fmus.kernels.jit import kernel
 from fmus.physics.exponential import root
-from fmus.physics.integrate.adams import REJECTED, STEPS
+from fmus.physics.integrate.adams import NEXT, REJECTED, STEPS
 from fmus.physics.integrate.runge_kutta import Tableau
 
 order = 8
 SAFETY, SLOWEST, FASTEST = 0.9, 1.0 / 3.0, 6.0  # factor on the next step, and its bounds, as in DOP853
-NEXT, RTOL, ATOL, MOST = range(4)  # indices into ``step_control``
+RTOL, ATOL, MOST = 1, 2, 3  # indices into ``step_control``, after NEXT
 
 
 class DormandPrince(NamedTuple):
@@ -54,15 +54,6 @@ def dormand_prince(controlled: int, quadratures: int, rtol: float, atol: float) 
     return DormandPrince(
         controlled, method, e, z(n), z(n), z((stages, n)), np.array([0.0, rtol, atol, FASTEST]), z(3, dtype=np.int64)
     )
-
-
-@kernel
-def length(m: DormandPrince, left: float, longest: float) -> float:
-    """Length of the next step, s, at most ``longest``; the last two of the remaining time ``left``, s, share it."""
-    h = min(m.step_control[NEXT], longest)
-    if h >= left:
-        return left
-    return 0.5 * left if 2.0 * h > left else h
 
 
 @kernel
