@@ -31,7 +31,7 @@ doi:10.1137/0730076.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -107,8 +107,8 @@ def restart(m: Adams, longest: float) -> None:
 
 
 @kernel
-def length(m: Adams, left: float, longest: float) -> float:
-    """Length of the next step, s, at most ``longest``.
+def length(m: Any, left: float, longest: float) -> float:
+    """Length of the next step, s, at most ``longest``, of any method whose ``step_control`` has NEXT.
 
     The last two steps before the end share the remaining time ``left``, s, so that neither is very short.
     """
