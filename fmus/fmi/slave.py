@@ -1,9 +1,9 @@
 """FMI 2.0 co-simulation slave around a model, made of pythonfmu's.
 
 A shell derives from `Slave` and names its model. Variables are ordered as Real inputs, Real outputs, Real link outputs,
-Real parameters, Integers, Strings, and last the address of the link outputs in memory: a master copies them from there
-in microseconds, while `get_real` makes two Python objects of each number. A value reference is the index in that order,
-so that get and set are array accesses.
+Real parameters, Integers, Strings, and last the addresses of the link outputs and of all Reals in memory: a master copies
+them in less than a microsecond, while `get_real` makes two Python objects of each number. A value reference is the index
+in that order, so that get and set are array accesses.
 
 pythonfmu 0.7.0 releases references that it does not own: one of the shell's globals at every instantiation, and one
 each of class, instance and log queue whenever an exception leaves a call. `_add_references` adds as many, so that a
@@ -45,7 +45,7 @@ from fmus.fmi.saved import SlaveState, from_bytes, to_bytes
 from fmus.interface import numbers
 from fmus.interface.defaults import check_names, check_value, configured_ports, experiment
 from fmus.interface.model import InvalidParameter, ModelProtocol, StepFailed, finite, flaw_of_state
-from fmus.interface.ports import LINKS_ARRAY, Port, variables
+from fmus.interface.ports import LINKS_ARRAY, REALS_ARRAY, Port, variables
 from fmus.kernels.jit import compiled_before
 from fmus.vehicles.ranges import contradictions
 
@@ -88,6 +88,12 @@ class _Access(NamedTuple):
     outputs: bool  # some is an output
     links: bool  # some is a link output
     parameters: bool  # some is a parameter
+
+
+def _place(values: NDArray[np.float64]) -> tuple[int, int, int]:
+    """Address of an array, in two halves, and its number of bytes."""
+    low, high = (ctypes.c_int32(half).value for half in divmod(values.ctypes.data, 1 << 32)[::-1])
+    return low, high, values.nbytes
 
 
 def _add_references(*objects: object) -> None:
@@ -194,11 +200,10 @@ class Slave(Fmi2Slave):
             raise Refused("the Real inputs must come before the Real outputs")
         if counters != len(self._model.counters):
             raise Refused(f"{len(self._model.counters)} counters for {counters} Integer outputs")
-        array = LINKS_ARRAY if link_ports else ()
-        self._variables = (*sorted_variables.row, *array)
+        self._variables = (*sorted_variables.row, *(LINKS_ARRAY if link_ports else ()), *REALS_ARRAY)
         of_integers = [*range(len(self._reals), len(self._reals) + len(self._integers))]
-        of_array = [*range(len(sorted_variables.row), len(self._variables))]
-        self._integer_places = {reference: k for k, reference in enumerate(of_integers + of_array)}
+        of_arrays = [*range(len(sorted_variables.row), len(self._variables))]
+        self._integer_places = {reference: k for k, reference in enumerate(of_integers + of_arrays)}
         names = [p.name for p in self.variables]
         if len(set(names)) < len(names):
             raise Refused(f"two ports are called '{max(names, key=names.count)}'")
@@ -211,8 +216,7 @@ class Slave(Fmi2Slave):
         self._u, self._y = self._values[self._inputs], self._values[self._outputs]
         self._described_inputs = self._u.copy()
         self._y_new, self._links_new = np.zeros(count), np.zeros(link_ports)
-        address, size = self._values[self._links].ctypes.data, self._links_new.nbytes
-        self._array = [*(ctypes.c_int32(half).value for half in (address & 0xFFFFFFFF, address >> 32)), size]
+        self._arrays = [*(_place(self._values[self._links]) if link_ports else ()), *_place(self._values)]
         self._integer_values = np.array([int(p.start) for p in self._integer_parameters], dtype=np.int64)
         self._string_values = [str(p.start) for p in self._string_ports]
         self._accesses: dict[tuple[int, ...], _Access] = {}
@@ -293,7 +297,7 @@ class Slave(Fmi2Slave):
         places = [self._integer_place(reference) for reference in vrs]
         if self._links_stale and max(places, default=0) >= len(self._integers):
             self._refresh_links()
-        values = [*self._model.counters.tolist(), self._status, *self._integer_values.tolist(), *self._array]
+        values = [*self._model.counters.tolist(), self._status, *self._integer_values.tolist(), *self._arrays]
         return [min(values[place], _INT_MAX) for place in places]
 
     @_guarded

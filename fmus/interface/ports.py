@@ -38,12 +38,17 @@ class Port(NamedTuple):
     allowed: Range = ANY  # values of a Real parameter
 
 
-# Address of the link outputs in memory, contiguous doubles: named as in the packaging of the Open Simulation Interface
-# (OSMP, "binary variables") for FMI 2.0, which has no arrays.
+# Addresses of contiguous doubles in memory: named as in the packaging of the Open Simulation Interface (OSMP, "binary
+# variables") for FMI 2.0, which has no arrays.
 LINKS_ARRAY = (
     Port("links.base.lo", "local", "1", "lower 32 bits of the address at which the link outputs lie", 0),
     Port("links.base.hi", "local", "1", "upper 32 bits of it; what lies there is good until the next step", 0),
     Port("links.size", "local", "1", "bytes of the link outputs", 0),
+)
+REALS_ARRAY = (
+    Port("reals.base.lo", "local", "1", "lower 32 bits of the address at which all Reals lie by value reference", 0),
+    Port("reals.base.hi", "local", "1", "upper 32 bits of it; inputs may be written there between steps", 0),
+    Port("reals.size", "local", "1", "bytes of the Reals", 0),
 )
 STATUS = Port("status", "output", "1", "0 ok, 1 the last step warned, 3 the last call failed", 0)
 

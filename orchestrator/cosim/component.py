@@ -53,7 +53,7 @@ from orchestrator.cosim.model_description import Elements, is_fmi3, load_library
 from orchestrator.cosim.variable_arrays import VariableArrays
 from orchestrator.kernels.tables import Record, StepCall, record
 
-ARRAY = ("links.base.lo", "links.base.hi", "links.size")  # address (two words) and bytes of the array of link outputs
+REALS = ("reals.base.lo", "reals.base.hi", "reals.size")  # address (two words) and bytes of an FMU's Reals in memory
 SETTERS: dict[str, tuple[str, Any, Any]] = {  # FMI type: setter, C type, allowed Python types
     "Real": ("fmi2SetReal", c_double, int | float),
     "Integer": ("fmi2SetInteger", c_int, int),
@@ -117,7 +117,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         self._step_call: Record | None = None
         self._call_time = 0.0  # s inside the FMU, without steps by ``step_call``
         self._phase = "made"
-        self._link_address = 0  # address of the FMU's array of link outputs; 0: unknown
+        self._places: tuple[int, int, int] = 0, 0, 0  # addresses of inputs, outputs, link outputs; 0: unknown
         folder, description, elements = loadable(fmu)
         if room is None and is_fmi3(description):
             raise ComponentFailed(f"'{fmu}' is an FMU of FMI 3.0: it runs in a process of its own only")
@@ -289,7 +289,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         self.set_inputs()
         self._call(self._library.fmi2ExitInitializationMode)
         self._phase = "running"
-        self._find_link_array()
+        self._find_places()
         self.read()
         self.read_links()
         self.read_counters()
@@ -375,14 +375,15 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
             times = self.start_time, float(self._clock[0]), 0.0
             call = StepCall(instance, *inputs, step, *outputs, *times, not self._states, begin_at)
             self._step_call = record(call)
+            self._copy_at_places()
             self._clock = self._step_call["t"]
         return self._step_call
 
     def read_links_when(self, due: int) -> None:
         """Let steps by ``step_call`` read link outputs whenever the word at the address ``due`` is not 0."""
         links_at, n_links, _ = self._y_links
-        words = n_links, addressof(links_at), self.y_links.ctypes.data, due, self._link_address
-        for name, word in zip(StepCall._fields[StepCall._fields.index("n_links") :], words, strict=True):
+        words = n_links, addressof(links_at), self.y_links.ctypes.data, due
+        for name, word in zip(("n_links", "links", "y_links", "links_due"), words, strict=True):
             self.step_call[name] = word
 
     def prepare_step(self, t: float) -> None:
@@ -401,21 +402,34 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
 
     def read_links(self) -> None:
         """Read link outputs into ``y_links``."""
-        if self._link_address:
+        if place := self._places[2]:
             reference, _, values = self._y_links
             self._call(self._library.fmi2GetReal, reference, 1, values)  # reading one makes the FMU compute all
-            memmove(values, self._link_address, self.y_links.nbytes)
+            memmove(values, place, self.y_links.nbytes)
         else:
             self._exchange(self._library.fmi2GetReal, self._y_links)
 
-    def _find_link_array(self) -> None:
-        """Ask the FMU for the address of its link outputs, from which they can be copied."""
-        names = [name for name in ARRAY if name in self._variables and self._variables[name].type == "Integer"]
-        if self._remote is None and names == [*ARRAY] and self.links:
-            values = (c_int * len(ARRAY))()
-            self._call(self._library.fmi2GetInteger, self._references(ARRAY), len(ARRAY), values)
+    def _find_places(self) -> None:
+        """Ask the FMU for the address of its Reals, where inputs, outputs and link outputs can be copied."""
+        self._places = 0, 0, 0
+        names = [name for name in REALS if name in self._variables and self._variables[name].type == "Integer"]
+        if self._guest is None and self._remote is None and self._mixed is None and names == [*REALS]:
+            values = (c_int * len(REALS))()
+            self._call(self._library.fmi2GetInteger, self._references(REALS), len(REALS), values)
             low, high, size = values
-            self._link_address = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF if size == self.y_links.nbytes else 0
+            base = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF
+            groups = [[*references] for references, _, _ in (self._u, self._y, self._y_links)]
+            in_rows = all(group == [*range(group[0], group[0] + len(group))] for group in groups if group)
+            if in_rows and size == 8 * sum(v.type == "Real" for v in self._variables.values()):
+                at_u, at_y, at_links = (base + 8 * group[0] if group else 0 for group in groups)
+                self._places = at_u, at_y, at_links
+        if self._step_call is not None:
+            self._copy_at_places()
+
+    def _copy_at_places(self) -> None:
+        """Let steps by ``step_call`` copy values where the FMU has them."""
+        for name, place in zip(("u_array", "y_array", "links_array"), self._places, strict=True):
+            self.step_call[name] = place
 
     def read_counters(self) -> None:
         """Read the Integer, Enumeration and Boolean outputs, in this order, into ``counters``."""
@@ -474,7 +488,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         self._call(fmu.fmi2DeSerializeFMUstate, create_string_buffer(content, size), size, byref(handle))
         self._call(fmu.fmi2SetFMUstate, handle)
         self._phase = "running"
-        self._find_link_array()
+        self._find_places()
         self._exchange(fmu.fmi2GetReal, self._u)
         self.read()
         self.read_links()

@@ -65,24 +65,22 @@ class VariableArrays:
         self.u, self._u_place = memory(len(self.inputs))
         self.u[:] = [_start(self._variables[n]) for n in self.inputs]
         self.received = self.u.copy() if set(self.inputs) & set(self.conversions) else self.u
-        self.y = np.zeros(len(self.outputs) + 1)[:-1]  # memory for one link output follows
+        self.y = np.zeros(len(self.outputs))
         self._is_mixed = bool(self.conversions or self._input_groups or self._output_groups or is_watched)
-        raw, self._raw_place = memory(len(reals_out) + 1)
-        raw = raw[:-1] if self._is_mixed else self.y
+        raw, self._raw_place = memory(len(reals_out))
+        raw = raw if self._is_mixed else self.y
         self.y_links = np.zeros(len(self.links))
         self.counters = np.zeros(len(self.integers), dtype=np.int32)
         self._arrays: tuple[NDArray[Any], ...] = (self.u, self.y, self.y_links, self.counters)
         self._u = self._group(reals_in, self.u, c_double)
-        self._y = self._group(reals_out, raw, c_double, self.links[:1])
+        self._y = self._group(reals_out, raw, c_double)
         self._raw = raw
         self._y_links = self._group(self.links, self.y_links, c_double)
         self._counters = self._group(whole, self.counters, c_int)
         self._truth_values = self._group(truths, self.counters[len(whole) :], c_int)
 
-    def _group(
-        self, names: tuple[str, ...], values: NDArray[Any], kind: type, trailing: tuple[str, ...] = ()
-    ) -> tuple[Any, int, Any]:
-        return self._references((*names, *trailing)), len(names), values.ctypes.data_as(POINTER(kind))
+    def _group(self, names: tuple[str, ...], values: NDArray[Any], kind: type) -> tuple[Any, int, Any]:
+        return self._references(names), len(names), values.ctypes.data_as(POINTER(kind))
 
     def _references(self, names: tuple[str, ...]) -> Any:
         return (c_uint * len(names))(*(self._variables[name].valueReference for name in names))

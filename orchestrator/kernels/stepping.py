@@ -132,7 +132,9 @@ def step_component(address):
 @register_jitable
 def write_inputs(call):
     """Set the inputs of a component; returns the field index of the function if it failed, or 0."""
-    if call.n_inputs != 0:
+    if call.u_array != 0:
+        memcpy(call.u_array, call.u, 8 * call.n_inputs)
+    elif call.n_inputs != 0:
         call.status = call_exchange(call.set_real, call.instance, call.inputs, call.n_inputs, call.u)
         if call.status < 0 or call.status > WARNING:
             return SET_REAL
@@ -157,19 +159,23 @@ def call_functions(call):
     call.status = call_do_step(call.do_step, call.instance, call.start + call.t, call.h, call.no_rollback)
     if call.status < 0 or call.status > WARNING:
         return DO_STEP
-    due = call.n_links != 0 and load_word(call.links_due) != 0
-    copied = due and call.links_array != 0
-    n_outputs = call.n_outputs + 1 if copied else call.n_outputs
-    call.status = call_exchange(call.get_real, call.instance, call.outputs, n_outputs, call.y)
-    if call.status < 0 or call.status > WARNING:
+    if call.y_array != 0:
+        memcpy(call.y, call.y_array, 8 * call.n_outputs)
+    elif read_outputs(call, call.outputs, call.n_outputs, call.y) != 0:
         return GET_REAL
-    if copied:
-        memcpy(call.y_links, call.links_array, 8 * call.n_links)
-    elif due:
-        call.status = call_exchange(call.get_real, call.instance, call.links, call.n_links, call.y_links)
-        if call.status < 0 or call.status > WARNING:
+    if call.n_links != 0 and load_word(call.links_due) != 0:
+        if read_outputs(call, call.links, call.n_links if call.links_array == 0 else 1, call.y_links) != 0:
             return GET_REAL
+        if call.links_array != 0:
+            memcpy(call.y_links, call.links_array, 8 * call.n_links)
     return 0
+
+
+@register_jitable
+def read_outputs(call, references, n, values):
+    """Get n outputs of a component; returns the field index of the function if it failed, or 0."""
+    call.status = call_exchange(call.get_real, call.instance, references, n, values)
+    return GET_REAL if call.status < 0 or call.status > WARNING else 0
 
 
 # ------------------------------------------------------------------ a step

@@ -43,7 +43,9 @@ class StepCall(NamedTuple):
     links: int = 0  # value references
     y_links: int = 0
     links_due: int = 0  # address of a word: 1 if links are read after this step
-    links_array: int = 0  # address of the FMU's link outputs, or 0; reading the output behind the others fills it
+    u_array: int = 0  # address of the FMU's inputs, or 0: there they are copied instead of being set
+    y_array: int = 0  # of its outputs
+    links_array: int = 0  # of its link outputs; reading one of them fills it
 
 
 class Mailbox(NamedTuple):

@@ -14,7 +14,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
 import fmus.fmi.slave
-from orchestrator.cosim.component import ARRAY, Component
+from orchestrator.cosim.component import REALS, Component
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed
 
@@ -324,7 +324,7 @@ def test_link_outputs_lie_where_it_says(raw):
     slave.enterInitializationMode()
     slave.exitInitializationMode()
     array, links = (
-        [references[name] for name in names] for names in (ARRAY, (f"link[{i}].tension" for i in (1, 2, 3)))
+        [references[name] for name in names] for names in (REALS, (f"link[{i}].tension" for i in (1, 2, 3)))
     )
 
     def read_array():
@@ -347,7 +347,7 @@ def test_link_outputs_lie_where_it_says(raw):
 
 def test_the_place_of_link_outputs_is_no_output(xml):
     variables = {v.get("name"): v.attrib for v in ElementTree.fromstring(xml).iter("ScalarVariable")}
-    assert {(variables[name]["causality"], variables[name]["variability"]) for name in ARRAY} == {("local", "discrete")}
+    assert {(variables[name]["causality"], variables[name]["variability"]) for name in REALS} == {("local", "discrete")}
 
 
 def test_warning_is_told_with_its_percent_sign(toy):

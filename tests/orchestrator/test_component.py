@@ -57,14 +57,14 @@ def test_links_are_copied_from_where_they_lie(toy, tmp_path):
     """
 
     def silent(name, content):
-        return content.replace(b"links.size", b"links.length") if name == "modelDescription.xml" else content
+        return content.replace(b"reals.size", b"reals.length") if name == "modelDescription.xml" else content
 
     link_bytes = {}
     for fmu, addressed in ((toy, True), (changed(toy, tmp_path / "silent.fmu", silent), False)):
         with Component(fmu, "toy") as component:
             for _ in range(2):  # a reset changes the address
                 component.initialise({"start.x": 0.25})
-                assert bool(component._link_address) == addressed
+                assert bool(component._places[2]) == addressed
             for k in range(3):
                 component.step(k * H, H)
                 component.read_links()
