@@ -54,7 +54,7 @@ ALLOWED_FMI3 = {
 
 def not_allowed(call: str, phase: InstancePhase) -> str:
     """Sentence that refuses a call of ``ALLOWED`` or ``ALLOWED_FMI3`` in a phase; empty where it is allowed."""
-    allowed = (ALLOWED | ALLOWED_FMI3)[call]
+    allowed = ALLOWED.get(call) or ALLOWED_FMI3[call]
     if phase in allowed:
         return ""
     phases = " or ".join(each.name.lower() for each in allowed)

@@ -34,7 +34,7 @@ from numba.extending import overload
 
 from fmus.cache.files import cache_folder, private_folder, read_checked, reporting_errors, write_checked
 from fmus.cache.sources import reachable_hash
-from fmus.kernels import linking  # noqa: F401 - changes how numba links
+from fmus.kernels import by_reference, linking  # noqa: F401 - change how numba passes tuples, and how it links
 
 COMPILED = logging.getLogger("cotrack.kernels")  # logs each kernel that has to be compiled
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of its Python function
