@@ -19,6 +19,7 @@ from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed
 
 H = 1e-3
+LINKS = ("links.base.lo", "links.base.hi", "links.size")  # address and bytes of the link outputs
 
 
 @pytest.fixture
@@ -317,6 +318,13 @@ def test_outputs_can_be_read_during_initialisation_and_follow_parameters(raw):
     slave.freeInstance()
 
 
+def read_array(slave, array):
+    """Address, and the values that lie there."""
+    low, high, size = slave.getInteger(array)
+    address = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF
+    return address, np.frombuffer(ctypes.string_at(address, size)).tolist()
+
+
 def test_link_outputs_lie_where_it_says(raw):
     """Link outputs lie at the given address, which reading either half computes, to the bit."""
     slave, references = raw
@@ -324,17 +332,11 @@ def test_link_outputs_lie_where_it_says(raw):
     slave.enterInitializationMode()
     slave.exitInitializationMode()
     array, links = (
-        [references[name] for name in names] for names in (REALS, (f"link[{i}].tension" for i in (1, 2, 3)))
+        [references[name] for name in names] for names in (LINKS, (f"link[{i}].tension" for i in (1, 2, 3)))
     )
-
-    def read_array():
-        low, high, size = slave.getInteger(array)
-        address = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF
-        return address, np.frombuffer(ctypes.string_at(address, size)).tolist()
-
     seen = set()
     for k in range(5):
-        address, values = read_array()
+        address, values = read_array(slave, array)
         assert values == slave.getReal(links)
         seen.add((address, *values))
         slave.doStep(k * H, H)
@@ -345,9 +347,40 @@ def test_link_outputs_lie_where_it_says(raw):
     slave.freeInstance()
 
 
-def test_the_place_of_link_outputs_is_no_output(xml):
+def test_reals_lie_where_it_says(raw):
+    """All Reals lie at the given address by value reference; an input that is written there counts as one that is set."""
+    slave, references = raw
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    array, state = [references[name] for name in REALS], slave.getFMUstate()
+    reals = [*range(len(read_array(slave, array)[1]))]
+    outcomes = []
+    for written in (True, False):
+        slave.setFMUState(state)
+        for k in range(3):
+            address, values = read_array(slave, array)
+            assert values == slave.getReal(reals)
+            if written:
+                ctypes.c_double.from_address(address).value = 1.0 + k
+            else:
+                slave.setReal([0], [1.0 + k])
+            slave.doStep(k * H, H)
+        outcomes.append(slave.getReal(reals))
+    assert outcomes[0] == outcomes[1]
+    slave.setFMUState(state)
+    for k in range(3):
+        slave.setReal([0], [2.0 + k])
+        slave.doStep(k * H, H)
+    assert slave.getReal(reals) != outcomes[0]
+    slave.freeFMUState(state)
+    slave.freeInstance()
+
+
+def test_the_places_of_values_are_no_outputs(xml):
     variables = {v.get("name"): v.attrib for v in ElementTree.fromstring(xml).iter("ScalarVariable")}
-    assert {(variables[name]["causality"], variables[name]["variability"]) for name in REALS} == {("local", "discrete")}
+    kinds = {(variables[name]["causality"], variables[name]["variability"]) for name in (*LINKS, *REALS)}
+    assert kinds == {("local", "discrete")}
 
 
 def test_warning_is_told_with_its_percent_sign(toy):
