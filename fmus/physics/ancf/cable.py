@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.kernels.jit import implemented_in, kernel, namesake
+from fmus.kernels.jit import implemented_in, kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.vector import dot
 
@@ -194,6 +194,7 @@ def energy(c: Cable, e: Floats) -> float:
 
 
 @kernel
+@noalias
 def internal_force(c: Cable, e: Floats, v: Floats, elastic: float, Q: Floats) -> float:
     """Add ``elastic`` times the elastic force (15) and the damping force (21) to ``Q`` (4, axes).
 
@@ -215,6 +216,7 @@ def internal_force(c: Cable, e: Floats, v: Floats, elastic: float, Q: Floats) ->
 
 
 @kernel
+@noalias
 def bending_damping(c: Cable, e: Floats, v: Floats, Q: Floats) -> float:
     """Add the curvature damping in the frame of the chord to ``Q`` (4, axes); return its power, W."""
     d2 = du = pd = pu = rd = ru = 0.0  # products of the parts d, p, r with d and with its rate u
@@ -275,6 +277,7 @@ def linear(c: Cable, tension: float, by_rate: float) -> tuple[Four, Four, Four, 
 
 
 @kernel
+@noalias
 def tangent(c: Cable, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
     """Write the derivative of ``force`` to ``K`` (4 axes, 4 axes).
 

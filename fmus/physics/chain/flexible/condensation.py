@@ -47,23 +47,38 @@ def clear(w: Work, tangent: bool) -> None:
 
 
 @kernel
-@noalias
 def eliminate(links: FlexibleLinks, w: Work, i: int) -> None:
     """Eliminate the own coordinates of link ``i`` from ``w.iteration_matrix``; the rest goes into ``w.rest``.
 
     Leaves the inverse of its own part in ``w.inner``, that times the coupling in ``w.right``, and the coupling in
     ``w.left``.
     """
-    indices = layout(links)
+    _complement(
+        layout(links), w.iteration_matrix, w.inner[i], w.right[i], w.left[i], w.coupling, w.scratch, w.rest
+    )
+
+
+@kernel
+@noalias
+def _complement(
+    indices: LinkLayout,
+    K: Floats,
+    inner: Floats,
+    right: Floats,
+    left: Floats,
+    coupling: Floats,
+    scratch: Floats,
+    rest: Floats,
+) -> None:
+    """Schur complement of one link's own part of ``K`` into ``rest``; the arrays are those of ``Work``."""
     n, outer = len(indices.own), 2 * len(indices.shared) + len(indices.common)
-    K, inner, right, left, coupling, rest = w.iteration_matrix, w.inner[i], w.right[i], w.left[i], w.coupling, w.rest
     for a in range(n):
         for b in range(n):
             inner[a, b] = K[indices.inner[a], indices.inner[b]]
         for b in range(outer):
             left[b, a] = K[indices.outer[b], indices.inner[a]]
             coupling[a, b] = K[indices.inner[a], indices.outer[b]]
-    invert(inner, w.scratch, indices.own)
+    invert(inner, scratch, indices.own)
     for a in range(n):
         for b in range(outer):
             right[a, b] = 0.0
@@ -81,20 +96,27 @@ def eliminate(links: FlexibleLinks, w: Work, i: int) -> None:
 
 
 @kernel
-@noalias
 def condense(links: FlexibleLinks, w: Work, link: int, i: int, j: int) -> None:
     """``eliminate``, then scatter the rest to the pins ``i``, ``j`` of the ``link``."""
     eliminate(links, w, link)
-    m, rest = len(layout(links).shared), w.rest
-    for a in range(m):
-        for b in range(m):
-            w.diagonal[i, a, b] += rest[a, b]
-            w.upper[i, a, b] += rest[a, m + b]
-            w.lower[j, a, b] += rest[m + a, b]
-            w.diagonal[j, a, b] += rest[m + a, m + b]
+    _scatter(layout(links), w.rest, i, j, w.diagonal, w.upper, w.lower)
 
 
 @kernel
+@noalias
+def _scatter(indices: LinkLayout, rest: Floats, i: int, j: int, diagonal: Floats, upper: Floats, lower: Floats) -> None:
+    """Add one link's ``rest`` to the blocks (nodes, m, m) of its pins ``i`` and ``j``."""
+    m = len(indices.shared)
+    for a in range(m):
+        for b in range(m):
+            diagonal[i, a, b] += rest[a, b]
+            upper[i, a, b] += rest[a, m + b]
+            lower[j, a, b] += rest[m + a, b]
+            diagonal[j, a, b] += rest[m + a, m + b]
+
+
+@kernel
+@noalias
 def _spread(indices: LinkLayout, R: Floats, inner: Floats, own: Floats, b: Floats, x: Floats) -> tuple[float, int]:
     """Add the residuals ``R`` (links, rows, axes) to the pins ``b`` (nodes, m); solve the own parts into ``own``.
 
@@ -122,6 +144,7 @@ def _spread(indices: LinkLayout, R: Floats, inner: Floats, own: Floats, b: Float
 
 
 @kernel
+@noalias
 def _reduce(
     indices: LinkLayout, env: Environment, left: Floats, own: Floats, b: Floats, worst: float, where: int
 ) -> tuple[float, int]:

@@ -19,7 +19,7 @@ be refused below 0.93 of a rod's.
 
 from __future__ import annotations
 
-from fmus.kernels.jit import kernel
+from fmus.kernels.jit import kernel, noalias
 from fmus.physics.arrays import Floats, Vector
 
 LEAST_SHARE = 1e-6  # part of an element's own second moment below which rounding makes its mass matrix singular
@@ -32,6 +32,7 @@ def second_moments(inertia: tuple[float, float, float]) -> tuple[float, float, f
 
 
 @kernel
+@noalias
 def inertia(rows: int, axes: int, M: Floats, a: Floats, r: Floats) -> None:
     """Write M a, with ``M`` (rows, rows), kg, and accelerations ``a`` (rows, axes), to ``r`` (rows, axes), N, N m."""
     for i in range(rows):
@@ -42,6 +43,7 @@ def inertia(rows: int, axes: int, M: Floats, a: Floats, r: Floats) -> None:
 
 
 @kernel
+@noalias
 def add_mass(rows: int, axes: int, M: Floats, factor: float, K: Floats) -> None:
     """Add ``factor``, 1/s2, times the mass ``M`` (rows, rows), kg, to ``K`` (rows axes, rows axes)."""
     for i in range(rows):
