@@ -43,8 +43,9 @@ def measure(quick: bool, repeats: int) -> list[Table]:
     rows = []
     for native in (False, True):
         for links in ((), ("run.links=1",)):
-            scene = own.scene(SCENE, TRACK, [*MOVING, *links])
             pieces = (QUICK_PIECES if quick else PIECES) * (1 if quick else repeats)
+            end = f"run.stop={PIECE * (2 * pieces + 2):g} s"
+            scene = own.scene(SCENE, TRACK, [*MOVING, *links, end])
             rows.append(row(scene, native, pieces, round(PIECE / scene.run.step)))
     note = (
         f"`{SCENE}`, from standstill; {PIECE:g} s with and without record in turn, wall time until all is in"
