@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Integers
 
 POINTS = 8  # most contact points of a link on one partner: 4 on a face, 2 on guides, 2 on a pin
 ON_FACE = 4  # of them, those on a face
@@ -35,3 +36,9 @@ def sharpen(s: Memory) -> None:
     """Let the friction tangent follow the corrections from now on, and clear the stored directions."""
     s.sharp[0] = 1
     s.dual[:, 6] = 0.0
+
+
+@kernel
+def too_many(number: Integers, rows: Integers) -> bool:
+    """Whether the ``number`` (1) of a chain's contact points is above that of the ``rows`` for them."""
+    return number[0] > rows.shape[0]

@@ -11,11 +11,11 @@ import numpy as np
 
 from fmus.interface.model import NO_ROTATION, TOO_MANY_STEPS
 from fmus.interface.sentences import Sentence
-from fmus.physics.chain.integration import CAUSES, PINS_OPEN, SINGULAR, STEP_TOO_SHORT
+from fmus.physics.chain.integration import CAUSES, CROWDED, PINS_OPEN, SINGULAR, STEP_TOO_SHORT
 
 NO_WHEEL, TOO_LONG, ELSEWHERE, APART, ASKEW, TURNED = range(1, 7)
-NOT_CONVERGED, NO_SOLUTION = 7, 8  # of an implicit step
-NO_ACCELERATION, BLEW_UP, PINS_OPENED, TOO_SHORT = range(9, 13)  # of explicit integration
+NOT_CONVERGED, NO_SOLUTION, IN_A_HEAP = 7, 8, 9  # of an implicit step
+NO_ACCELERATION, BLEW_UP, PINS_OPENED, TOO_SHORT = range(10, 14)  # of explicit integration
 
 OFF_ITS_PLACE = (  # warning or failure of the first step
     "at t = {0:.6g} s the {1:name} is {2:.3g} m too far from where the track was laid round it ({3:.3g} m ahead,"
@@ -41,6 +41,10 @@ FAILURES = {
     ),
     NOT_CONVERGED: f"Newton's iteration of the chain did not converge {IMPLICITLY}",
     NO_SOLUTION: f"the chain's matrix is singular {IMPLICITLY}",
+    IN_A_HEAP: (
+        f"the chain touches wheels and ground at {{2:.0f}} points {WHERE}: there is room for links side by side round"
+        " each wheel, these lie in a heap"
+    ),
     NO_ACCELERATION: f"the chain's matrix is singular in explicit integration {EXPLICITLY}",
     BLEW_UP: f"the explicit integration of the chain blew up {EXPLICITLY}",
     PINS_OPENED: f"the explicit integration of the chain opened its pins {EXPLICITLY}",
@@ -48,7 +52,7 @@ FAILURES = {
 }
 # failures of a track by those of an integrator, of which an implicit and an explicit one have some
 OF_IMPLICIT = np.full(len(CAUSES), NOT_CONVERGED)
-OF_IMPLICIT[SINGULAR] = NO_SOLUTION
+OF_IMPLICIT[[SINGULAR, CROWDED]] = NO_SOLUTION, IN_A_HEAP
 OF_EXPLICIT = np.full(len(CAUSES), BLEW_UP)
 OF_EXPLICIT[[SINGULAR, PINS_OPEN, STEP_TOO_SHORT]] = NO_ACCELERATION, PINS_OPENED, TOO_SHORT
 

@@ -235,6 +235,15 @@ class TrackModel(LaidChain, ComponentModel):
         ground = self.config if self.config["ground"] else None
         return contacts(self.vehicle, self.wheel_list, ground, p, self.config.get("soil"))
 
+    @property
+    def most_points(self) -> int:
+        """Most contact points of the chain; 0 if it can touch nothing."""
+        if self.contacts is None:
+            return 0
+        from fmus.physics.chain.contact_points import most_points
+
+        return most_points(self.contacts, self.pitch, self.nodes)
+
     def rest_environment(self, rows: Floats) -> Environment:
         """Loads of the static equilibrium on wheels ``rows`` (wheels, 15): gravity in the plane of the wheels.
 

@@ -210,14 +210,13 @@ class Model(TrackModel):
 
     def _work(self) -> Work:
         """Zeroed work arrays of the chain."""
-        touching = self.contacts is not None
         return work(
             self.kit,
             self.links_count,
             self.mesh,
             len(self.wheel_list),
             self.on_links_shape,
-            touching,
+            self.most_points,
             self.ground_memory,
             self.s.rut,
         )

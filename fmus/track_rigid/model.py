@@ -80,14 +80,13 @@ class Model(TrackModel):
             from fmus.physics.chain.rigid.jointed import JointedLinks
 
             self.link = JointedLinks(self.rigid)
-        touching = self.contacts is not None
         self.work = work(
             self.links_count,
             self.closed,
             len(self.wheel_list),
             self.on_links_shape,
             self.joints,
-            touching,
+            self.most_points,
             self.ground_memory,
             self.s.rut,
         )

@@ -9,6 +9,7 @@ import pytest
 from flexible_track import LINKS, TABLE, at_rest, carrier, wheels
 from named_ports import parameters
 
+from fmus.interface.model import StepFailed
 from fmus.physics.chain.flexible.axes_state import from_axes
 from fmus.physics.chain.flexible.node_faces import add_last_correction
 from fmus.physics.chain.flexible.state import Motion
@@ -186,3 +187,19 @@ def test_momentum_goes_where_the_wrenches_say(tolerance):
         corrections.append(abs(model.work.points.step[:, :3]).max())
     assert max(corrections) > 0.1 * tolerance
     assert not np.allclose(momentum() - before, h * (weight - 1.03 * given), atol=2e-6 * abs(given * h).max())
+
+
+def test_contact_points_beyond_their_arrays_are_refused():
+    model = chain("fixed", True).model
+    kept, state, u = model.work, model.state.copy(), at_rest(model)
+    model.step(3e-3, 1e-3, u)
+    used = int(kept.points.number[0])
+    assert 0 < used < len(kept.points.which) == model.most_points
+    model.state[:] = state
+    model.work = kept._replace(points=kept.points._replace(which=kept.points.which[: used // 2]))
+    model.begin_run()
+    with pytest.raises(StepFailed, match=r"touches wheels and ground at \d+ points at t = 0.003 s, link \d+"):
+        model.step(3e-3, 1e-3, u)
+    assert np.array_equal(model.state, state)
+    model.work = kept
+    model.begin_run()

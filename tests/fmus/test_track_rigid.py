@@ -376,3 +376,21 @@ def test_bad_parameters_and_hopeless_steps(track):
         rolled.step(1.0, 1e-3, u)
     rolled.contacts = kept
     rolled.begin_run()
+
+
+def test_contact_points_beyond_their_arrays_are_refused(track):
+    """The room is what fits side by side; a chain that needs more is told with its number of points."""
+    rolled, state = track
+    rolled.state[:], kept = state, rolled.work
+    u = inputs(rolled, 0.0, 0.0)
+    rolled.step(0.0, 1e-3, u)
+    used, room = int(kept.points.number[0]), len(kept.points.which)
+    assert 0 < used < room == rolled.most_points < 8 * LINKS * (len(rolled.wheel_list) + 1)
+    rolled.state[:] = state
+    rolled.work = kept._replace(points=kept.points._replace(which=kept.points.which[: used // 2]))
+    rolled.begin_run()
+    with pytest.raises(StepFailed, match=r"at \d+ points at t = 0 s, link \d+: .* these lie in a heap"):
+        rolled.step(0.0, 1e-3, u)
+    assert np.array_equal(rolled.state, state)
+    rolled.work = kept
+    rolled.begin_run()

@@ -8,10 +8,12 @@ import numpy as np
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Vector
+from fmus.physics.point import ON_FACE, POINTS
 from fmus.physics.vector import put
 
 if TYPE_CHECKING:
     from fmus.physics.contact.face import ContactForce, Sinking
+    from fmus.physics.contact.partners import Contacts
 
 PARTNER, BODY, LINK, ON_PIN = range(4)  # wheel, or the ground after the last; link or pin; link of the force; 1: a pin
 # numbers of a point: xi, z, y of ``locate``; position, m; g; of ``Sinking``, where its first is not 0: by_rate,
@@ -49,11 +51,20 @@ def contact_points(points: int, coordinates: tuple[int, int], step: tuple[int, i
     )
 
 
+def most_points(contacts: Contacts, pitch: float, nodes: int) -> int:
+    """Most contact points of a chain of ``nodes`` pins: its links lie side by side round the wheels and on the ground."""
+    links = np.ceil(2.0 * np.pi * (contacts.radius / pitch + 1.0)) + 1.0
+    return POINTS * int(np.minimum(links, nodes).sum()) + ON_FACE * nodes * contacts.ground
+
+
 @kernel
 def record(points: ContactPoints, point: ContactPoint, force: ContactForce, sinking: Sinking) -> None:
-    """Append the ``point``, on which the ``force`` acts, in the axes of the chain's coordinates."""
-    which, numbers, g = points.which[points.number[0]], points.numbers[points.number[0]], force.g
-    points.number[0] += 1
+    """Append the ``point``, on which the ``force`` acts, in the axes of the chain's coordinates; count it if full."""
+    n = points.number[0]
+    points.number[0] = n + 1
+    if n >= points.which.shape[0]:
+        return
+    which, numbers, g = points.which[n], points.numbers[n], force.g
     which[PARTNER], which[BODY], which[LINK], which[ON_PIN] = point.partner, point.body, point.link, point.on_pin
     put(numbers, PLACE, point.place)
     put(numbers, POSITION, point.position)

@@ -34,8 +34,8 @@ class CommunicationStep(NamedTuple):
 
 
 # Newton did not converge; the iteration matrix is singular; the motion is no longer finite; the pins came apart; no
-# step is short enough for its tolerances
-DONE, STALLED, SINGULAR, UNSTABLE, PINS_OPEN, STEP_TOO_SHORT = CAUSES = range(6)
+# step is short enough for its tolerances; there are too many contact points
+DONE, STALLED, SINGULAR, UNSTABLE, PINS_OPEN, STEP_TOO_SHORT, CROWDED = CAUSES = range(7)
 
 
 class IntegrationOutcome(NamedTuple):
@@ -44,4 +44,4 @@ class IntegrationOutcome(NamedTuple):
     failure: int  # DONE, 0, or the failure
     time: float  # integrated time, s
     link: int  # index of the link, from 0
-    residual: float  # largest residual, N
+    residual: float  # largest residual, N; where it is CROWDED the number of contact points

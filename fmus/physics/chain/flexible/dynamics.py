@@ -47,14 +47,14 @@ from fmus.physics.chain.flexible.link_layout import ends, node
 from fmus.physics.chain.flexible.pins import newton_joints  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.implicit import FASTEST, MOST, SLOW, needs_matrix
-from fmus.physics.chain.integration import DONE, PULLED, SINGULAR, STALLED
+from fmus.physics.chain.integration import CROWDED, DONE, PULLED, SINGULAR, STALLED
 from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS, SPEED, write
 from fmus.physics.chain.state import copy_rows
 from fmus.physics.elementary import hypot
 from fmus.physics.integrate import generalized_alpha
 from fmus.physics.integrate.generalized_alpha import Slopes, auxiliary
-from fmus.physics.point import sharpen
+from fmus.physics.point import sharpen, too_many
 from fmus.physics.vector import put
 
 if TYPE_CHECKING:
@@ -101,6 +101,9 @@ def newton(
                 copy_rows(x.q, w.points.q)
         worst, where = evaluate(links, contacts, env, x, by, w, fresh)
         counters[EVALUATIONS] += 1
+        if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
+            if too_many(w.points.number, w.points.which):
+                return CROWDED, where, w.points.number[0]
         if fresh and factor(links, w) >= 0:
             return SINGULAR, where, worst
         misfit(links, x.q, w)

@@ -143,13 +143,13 @@ def work(
     nodes: int,
     wheels: int,
     forces: LinkForcesShape = NONE,
-    contacts: bool = False,
+    contacts: int = 0,
     ground: GroundMemory = HARD,
     rut: Floats = NO_RUT,
 ) -> Work:
     """Return zeroed arrays; ``kit``: module of the links; ``forces``: shape of the forces on each link.
 
-    ``contacts``: the chain may touch something; ``ground``: its memory, ``rut``: that part of it in the state.
+    ``contacts``: most contact points, 0 if the chain can touch nothing; ``ground``: its memory, ``rut``: that part of it in the state.
     """
     rows, dims = kit.ELEMENT
     at = kit.LAYOUT
@@ -169,7 +169,7 @@ def work(
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
         wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
         contact=memory(points(wheels, nodes)),
-        points=_contact_points(points(wheels, nodes), nodes, kit.NODE) if contacts else None,
+        points=_contact_points(contacts, nodes, kit.NODE) if contacts else None,
         near=near(links),
         axes=axes_arrays(nodes, m, whole) if kit.FREE else None,
         joints=_joints(links, m) if len(at.pins) == 2 else None,

@@ -19,14 +19,14 @@ import numpy as np
 from fmus.kernels.jit import allocating, kernel, noalias
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.implicit import FASTEST, MOST, SLOW, needs_matrix
-from fmus.physics.chain.integration import DONE, SINGULAR, STALLED
+from fmus.physics.chain.integration import CROWDED, DONE, SINGULAR, STALLED
 from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.links import pins, residual
 from fmus.physics.chain.state import add_share, copy_rows
 from fmus.physics.integrate.generalized_alpha import auxiliary, slopes
-from fmus.physics.point import sharpen
+from fmus.physics.point import sharpen, too_many
 from fmus.physics.rigid import augmented, body
 
 if TYPE_CHECKING:
@@ -113,6 +113,9 @@ def newton(
                 copy_rows(s.q, w.points.q)
         residual(links, contacts, env, s, w, by, fresh)
         counters[EVALUATIONS] += 1
+        if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
+            if too_many(w.points.number, w.points.which):
+                return CROWDED, largest_residual(y.residual)[1], w.points.number[0]
         if n == 0 and _is_solution(links, *bounds, s, w):
             settle_rates(links, s, w, by)
             return DONE, 0, 0.0

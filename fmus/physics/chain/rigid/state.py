@@ -102,14 +102,14 @@ def work(
     wheels: int,
     forces: LinkForcesShape = NONE,
     joints: int = 0,
-    contacts: bool = False,
+    contacts: int = 0,
     ground: GroundMemory = HARD,
     rut: Floats = NO_RUT,
 ) -> Work:
     """Return zeroed arrays.
 
-    ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates; ``contacts``: the
-    chain may touch something; ``ground``: its memory, ``rut``: that part of it in the state.
+    ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates; ``contacts``: most
+    contact points, 0 if the chain can touch nothing; ``ground``: its memory, ``rut``: that part of it in the state.
     """
     z, pins = np.zeros, links if closed else links + 1
     sizes, supports = shapes(links, closed, wheels, forces, joints, ground._replace(rut=0)), z((2, 7))
@@ -120,7 +120,7 @@ def work(
             system=augmented.system(links, closed),
             articulated=recursive.articulated_bodies(links if joints else 0),
             contact=memory(points(wheels, pins)),
-            points=_contact_points(points(wheels, pins), links) if contacts else None,
+            points=_contact_points(contacts, links) if contacts else None,
             near=near(links),
             increment=z((links, 6)),
             wheels=z((wheels, WIDTH)),
