@@ -1,9 +1,9 @@
 """FMI 2.0 co-simulation slave around a model, made of pythonfmu's.
 
 A shell derives from `Slave` and names its model. Variables are ordered as Real inputs, Real outputs, Real link outputs,
-Real parameters, Integers, Strings, and last the addresses of the link outputs and of all Reals in memory: a master copies
-them in less than a microsecond, while `get_real` makes two Python objects of each number. A value reference is the index
-in that order, so that get and set are array accesses.
+Real parameters, Integers, Strings, and last the addresses of the link outputs and of all Reals in memory: a master
+copies them in less than a microsecond, while `get_real` makes two Python objects of each number. A value reference is
+the index in that order, so that get and set are array accesses.
 
 pythonfmu 0.7.0 releases references that it does not own: one of the shell's globals at every instantiation, and one
 each of class, instance and log queue whenever an exception leaves a call. `_add_references` adds as many, so that a

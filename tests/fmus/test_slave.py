@@ -348,7 +348,7 @@ def test_link_outputs_lie_where_it_says(raw):
 
 
 def test_reals_lie_where_it_says(raw):
-    """All Reals lie at the given address by value reference; an input that is written there counts as one that is set."""
+    """All Reals lie at the given address by value reference; an input written there counts as one that is set."""
     slave, references = raw
     slave.setupExperiment()
     slave.enterInitializationMode()

@@ -52,7 +52,7 @@ def contact_points(points: int, coordinates: tuple[int, int], step: tuple[int, i
 
 
 def most_points(contacts: Contacts, pitch: float, nodes: int) -> int:
-    """Most contact points of a chain of ``nodes`` pins: its links lie side by side round the wheels and on the ground."""
+    """Most contact points of a chain of ``nodes`` pins whose links lie side by side round wheels and on the ground."""
     links = np.ceil(2.0 * np.pi * (contacts.radius / pitch + 1.0)) + 1.0
     return POINTS * int(np.minimum(links, nodes).sum()) + ON_FACE * nodes * contacts.ground
 

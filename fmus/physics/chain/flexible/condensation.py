@@ -53,9 +53,7 @@ def eliminate(links: FlexibleLinks, w: Work, i: int) -> None:
     Leaves the inverse of its own part in ``w.inner``, that times the coupling in ``w.right``, and the coupling in
     ``w.left``.
     """
-    _complement(
-        layout(links), w.iteration_matrix, w.inner[i], w.right[i], w.left[i], w.coupling, w.scratch, w.rest
-    )
+    _complement(layout(links), w.iteration_matrix, w.inner[i], w.right[i], w.left[i], w.coupling, w.scratch, w.rest)
 
 
 @kernel
