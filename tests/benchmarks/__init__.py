@@ -21,7 +21,7 @@ from tests.benchmarks.process import Failed, isolated
 from tests.benchmarks.tables import failed, from_plain, plain
 
 PARTS = {
-    "chain": "a closed chain of 64 links, flexible, rigid and on the ground, against peers at a known error",
+    "chain": "chains, closed and open, flexible, rigid and on the ground, against peers at a known error",
     "vehicle": "real-time factor of `straight`",
     "sweep": "simulated seconds a processor second of runs in parallel processes",
     "layers": "microseconds of a step by part and by layer",

@@ -4,12 +4,13 @@ A loop of 64 links, a regular polygon without gravity, turns at 5 rad/s. Its lin
 so it becomes an oval of 1.6 by 4.2 m and back. All links are thin rods with the m113's mass. Flexible ones have a
 twentieth of the stiffness of steel: rigid links would then be 1.3e-4 of the way off, with steel only 8e-6. On the
 ground the loop only turns, has gravity, and is set down: it slips, drives off and sags. Its first 0.3 s are known to
-1e-7 m; beyond half a second no two steps give the same heap.
+1e-7 m; beyond half a second no two steps give the same heap. Two open chains, held at one end, are those of the gallery.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -41,20 +42,28 @@ class Case(NamedTuple):
     stop: float  # s
     quick: float  # s, end of the quick form
     planar: bool = False  # cables without lateral dofs, as the peers'
+    scene: str = SCENE
+    longest: float = 1.0  # s, longest explicit step that is tried
+
+    def steps(self, steps: Iterable[float]) -> list[float]:
+        """Those of the ``steps``, s, that are tried."""
+        return [step for step in steps if step <= self.longest]
 
 
 CASES = {
     "flexible": Case("flexible", False, 1.0, 0.1, planar=True),
     "rigid": Case("rigid", False, 1.0, 0.1),
     "rigid, on the ground": Case("rigid", True, 0.3, 0.1),
+    "rigid, released": Case("rigid", False, 0.5, 0.1, scene="released_chain", longest=5e-3),
+    "rigid, folded": Case("rigid", False, 0.8, 0.1, scene="folded_chain", longest=5e-3),
 }
 
 
 class Loop(NamedTuple):
-    """Loop at t = 0 for other codes, SI units, in the plane (x, z); n links."""
+    """Chain at t = 0 for other codes, SI units, in the plane (x, z); n links, m = n pins, n + 1 of an open chain."""
 
-    pins: Floats  # (n, 2) first pins of links
-    velocity: Floats  # (n, 2) of pins
+    pins: Floats  # (m, 2) pins, in an open chain the first one is held
+    velocity: Floats  # (m, 2) of pins
     angle: Floats  # (n) of links, from x towards z
     rate: Floats  # (n) derivative of ``angle``
     pitch: float
@@ -62,10 +71,18 @@ class Loop(NamedTuple):
     axial: float  # EA, N
     bending: float  # EI, N m2
     relaxation: float  # s: damping over stiffness
+    gravity: float = 0.0  # m/s2, against z
+
+    @property
+    def closed(self) -> bool:
+        """Whether it is a loop."""
+        return len(self.pins) == len(self.angle)
 
 
 def scene(case: Case, links: int = LINKS, *settings: str) -> Scene:
-    """Scene of a loop without contact."""
+    """Scene of a chain without contact."""
+    if case.scene != SCENE:
+        return own.scene(case.scene, case.track, settings)
     rod = own.scene(SCENE, case.track, ["vehicle=m113"]).vehicle
     inertia = (rod.track.inertia[0], MASS * rod.track.pitch**2 / 12.0, rod.track.inertia[2])
     given = [
@@ -109,13 +126,18 @@ def loop(case: Case, links: int = LINKS) -> Loop:
     """Loop for other codes."""
     vehicle = part(case, links).config["vehicle"]
     track, section, material = vehicle["track"], vehicle["section"], vehicle["material"]
-    pins = regular_polygon(track["pitch"], links)
+    if case.scene != SCENE:
+        start = pins(model(case, 1e-3))
+        chord, gravity = np.diff(start, axis=0), part(case).config["track"]["gravity"]
+        angle, still = np.arctan2(chord[:, 1], chord[:, 0]), np.zeros_like(start)
+        return Loop(start, still, angle, np.zeros(len(angle)), track["pitch"], track["mass"], 0.0, 0.0, 0.0, gravity)
+    first_pins = regular_polygon(track["pitch"], links)
     spin = SPIN * LINKS / links
-    turning, velocity = ovalling(pins, 0.0 if case.ground else OVALLING * LINKS / links)
-    velocity = velocity + spin * np.stack([pins[:, 1], -pins[:, 0]], axis=1)
-    chord = np.roll(pins, -1, axis=0) - pins
+    turning, velocity = ovalling(first_pins, 0.0 if case.ground else OVALLING * LINKS / links)
+    velocity = velocity + spin * np.stack([first_pins[:, 1], -first_pins[:, 0]], axis=1)
+    chord = np.roll(first_pins, -1, axis=0) - first_pins
     return Loop(
-        pins,
+        first_pins,
         velocity,
         np.arctan2(chord[:, 1], chord[:, 0]),
         -(turning + spin),  # rotation about y is from z towards x

@@ -12,7 +12,13 @@ import numpy as np
 
 from tests.benchmarks.motion import CASES, REFERENCE, Case, Floats, model, pins
 
-STEPS = {"flexible": 1.25e-6, "rigid": 25e-6, "rigid, on the ground": 12.5e-6}  # s
+STEPS = {
+    "flexible": 1.25e-6,
+    "rigid": 25e-6,
+    "rigid, on the ground": 12.5e-6,
+    "rigid, released": 25e-6,
+    "rigid, folded": 12.5e-6,
+}  # s
 H = 1e-3  # s between instants at which the path of a pin is measured
 DIGITS = 13
 

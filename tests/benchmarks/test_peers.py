@@ -37,6 +37,20 @@ def test_peers_are_given_what_our_model_starts_with():
     np.testing.assert_allclose(np.arctan2(chord[:, 1], chord[:, 0]), loop.angle, atol=1e-12)
 
 
+OPEN = ("rigid, released", "rigid, folded")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", OPEN)
+def test_open_chains_have_references(name):
+    """Two integrators in joint coordinates agree with the reference; 2 % more gravity does not."""
+    case = motion.CASES[name]
+    for integrator, point in (("runge_kutta", 1e-3), ("dormand_prince", 1e-9)):
+        assert motion.error(case, case.quick, chain.jointed(case, case.quick, integrator, point)[1][0]) < 1e-8
+    heavier = case._replace(stop=case.quick * np.sqrt(1.02))  # as gravity 2 % larger
+    assert motion.error(case, case.quick, chain.jointed(case, heavier.stop, "dormand_prince", 1e-9)[1][0]) > 1e-3
+
+
 def test_a_peer_that_is_missing_is_one_sentence(monkeypatch):
     monkeypatch.setattr(peers, "find_spec", lambda package: None)
     for peer in peers.PEERS:
@@ -114,6 +128,27 @@ def test_pinocchio_moves_the_same_chain():
     )
     assert 3.5 < np.log2(first / second) < 5.5
     assert motion.error(case, 0.1, pinocchio_loops.run(case, 0.1, pinocchio_loops.BY_ERROR, 1e-9)[1][0]) < 1e-10
+
+
+@pytest.mark.benchmark
+@pytest.mark.parametrize("name", OPEN)
+def test_peers_move_the_same_open_chains(name):
+    """At one step the classical Runge-Kutta method has one error in all codes; Exudyn's is of second order."""
+    pytest.importorskip("mujoco"), pytest.importorskip("pinocchio"), pytest.importorskip("exudyn")
+    from tests.benchmarks.peers import exudyn_loops, mujoco_loops, pinocchio_loops
+
+    case, stop = motion.CASES[name], 0.4
+    truth = chain.jointed(case, stop, "dormand_prince", 1e-11)[1][0]
+
+    def off(pins):
+        return float(np.sqrt(np.mean((pins - truth) ** 2)))
+
+    ours = off(chain.jointed(case, stop, "runge_kutta", 2e-3)[1][0])
+    assert off(mujoco_loops.run(case, stop, 2e-3, "RK4")[1][0]) == pytest.approx(ours, rel=0.01)
+    assert off(pinocchio_loops.run(case, stop, pinocchio_loops.FIXED, 2e-3)[1][0]) == pytest.approx(ours, rel=0.01)
+    assert off(pinocchio_loops.run(case, stop, pinocchio_loops.BY_ERROR, 1e-10)[1][0]) < 1e-9
+    first, second = (off(exudyn_loops.run(name, stop, h, "full Newton", 0.4)[1]) for h in (1e-3, 5e-4))
+    assert first / second == pytest.approx(4.0, rel=0.1)
 
 
 def kinetic_energy(case):

@@ -1,4 +1,4 @@
-"""Loop in Exudyn: planar ANCF cables or rigid bodies, joined by pins of two equations each.
+"""Chain in Exudyn: planar ANCF cables or rigid bodies, joined by pins of two equations each.
 
 Generalised-alpha of index 3 with our spectral radius and its own default, a sparse matrix with a reused pattern, the
 build without range checks, one thread. Newton's relative tolerance is 1e-6: the default, 1e-8, takes a tenth longer or
@@ -109,9 +109,10 @@ def rods(loop: Loop) -> Assembled:
     """Chain of rigid bodies, thin rods."""
     exudyn, item = _imported()
 
-    mbs, n, half, bodies = exudyn.SystemContainer().AddSystem(), len(loop.pins), 0.5 * loop.pitch, []
+    mbs, n, half, bodies = exudyn.SystemContainer().AddSystem(), len(loop.angle), 0.5 * loop.pitch, []
     for k in range(n):
-        middle, velocity = (0.5 * (each[k] + each[(k + 1) % n]) for each in (loop.pins, loop.velocity))
+        end = (k + 1) % len(loop.pins)
+        middle, velocity = (0.5 * (each[k] + each[end]) for each in (loop.pins, loop.velocity))
         node = mbs.AddNode(
             item.NodeRigidBody2D(
                 referenceCoordinates=[*middle, loop.angle[k]], initialVelocities=[*velocity, loop.rate[k]]
@@ -119,13 +120,20 @@ def rods(loop: Loop) -> Assembled:
         )
         inertia = loop.mass * loop.pitch**2 / 12.0
         bodies.append(mbs.AddObject(item.ObjectRigidBody2D(mass=loop.mass, inertia=inertia, nodeNumber=node)))
+        if loop.gravity:
+            weight = mbs.AddMarker(item.MarkerBodyMass(bodyNumber=bodies[-1]))
+            mbs.AddLoad(item.LoadMassProportional(markerNumber=weight, loadVector=[0.0, -loop.gravity, 0.0]))
+    before = (bodies[-1], half)
+    if not loop.closed:
+        before = mbs.AddObject(item.ObjectGround(referencePosition=[*loop.pins[0], 0.0])), 0.0
     for k in range(n):
-        ends = ((bodies[k - 1], half), (bodies[k], -half))
+        ends = (before if k == 0 else (bodies[k - 1], half), (bodies[k], -half))
         markers = [item.MarkerBodyPosition(bodyNumber=body, localPosition=[x, 0.0, 0.0]) for body, x in ends]
         _pin(mbs, [mbs.AddMarker(marker) for marker in markers])
     mbs.Assemble()
     place = exudyn.OutputVariableType.Position
-    return mbs, lambda: np.array([mbs.GetObjectOutputBody(body, place, [-half, 0.0, 0.0])[:2] for body in bodies])
+    places = [(body, -half) for body in bodies] + [(bodies[-1], half)] * (not loop.closed)
+    return mbs, lambda: np.array([mbs.GetObjectOutputBody(body, place, [x, 0.0, 0.0])[:2] for body, x in places])
 
 
 def _pin(mbs: Any, markers: list[Any]) -> None:

@@ -1,4 +1,4 @@
-"""Loop in MuJoCo: a tree of hinges from a planar free body, closed by a soft constraint.
+"""Chain in MuJoCo: a tree of hinges, that of a loop from a planar free body and closed by a soft constraint.
 
 As its makers would set it: the free body is the middle link, from which two branches hang, so that the tree is half as
 deep; PGS, cheapest for one constraint, beside the default, Newton; a dense Jacobian, which takes 0.8 of the time of a
@@ -35,7 +35,7 @@ def measure(case: str, quick: bool, repeats: int) -> list[dict[str, Any]]:
     stop = wanted.quick if quick else wanted.stop
     runs = []
     for method, steps in (QUICK_STEPS if quick else STEPS).items():
-        for step in steps:
+        for step in wanted.steps(steps):
             spent, (pins, _) = least(repeats, run, wanted, stop, step, *method)
             runs.append({"code": ", ".join(method), "step": step, "cpu": spent, "pins": pins.tolist()})
     return runs
@@ -50,11 +50,12 @@ def run(
     loop = motion.loop(case)
     model = mujoco.MjModel.from_xml_string(xml(loop, step, integrator, solver))
     data = mujoco.MjData(model)
-    root = len(loop.pins) // 2
-    c, s = np.cos(loop.angle[root]), np.sin(loop.angle[root])  # of the root: longitudinal and transverse slide
-    vx, vz = loop.velocity[root]
-    data.qvel[:3] = c * vx + s * vz, c * vz - s * vx, loop.rate[root]
-    data.qvel[3:] = np.concatenate([np.diff(loop.rate[root:]), np.diff(loop.rate[root::-1])])
+    if loop.closed:
+        root = len(loop.pins) // 2
+        c, s = np.cos(loop.angle[root]), np.sin(loop.angle[root])  # of the root: longitudinal and transverse slide
+        vx, vz = loop.velocity[root]
+        data.qvel[:3] = c * vx + s * vz, c * vz - s * vx, loop.rate[root]
+        data.qvel[3:] = np.concatenate([np.diff(loop.rate[root:]), np.diff(loop.rate[root::-1])])
     warned: list[str] = []
     mujoco.set_mju_user_warning(warned.append)  # default: a file in the current folder
     spent, _ = cpu(lambda: mujoco.mj_step(model, data, nstep=round(stop / step)))
@@ -63,21 +64,23 @@ def run(
         raise RuntimeError(f"steps of {step:g} s: {warned[0]}")
     mujoco.mj_energyPos(model, data)
     mujoco.mj_energyVel(model, data)
-    first = [model.site(f"first{k}").id for k in range(len(loop.pins))]
-    return spent, (np.array(data.site_xpos[first][:, [0, 2]]), float(data.energy.sum()))
+    names = [f"first{k}" for k in range(len(loop.angle))] + [f"last{len(loop.angle) - 1}"] * (not loop.closed)
+    pins = np.array(data.site_xpos[[model.site(name).id for name in names]][:, [0, 2]])
+    return spent, (pins, float(data.energy.sum()))
 
 
 def xml(loop: Loop, step: float, integrator: str, solver: str) -> str:
     """XML model; hinges turn from x towards z. Frames are at the pin towards the root, x along the link."""
-    n, p, inertia = len(loop.pins), loop.pitch, " ".join([f"{loop.mass * loop.pitch**2 / 12.0:.17g}"] * 3)
-    root = n // 2
+    n, p, inertia = len(loop.angle), loop.pitch, " ".join([f"{loop.mass * loop.pitch**2 / 12.0:.17g}"] * 3)
+    root = n // 2 if loop.closed else 0
 
     def body(k: int, before: int | None) -> str:
         """Link ``k`` without its end, on the link ``before``."""
         turn = 0.5 * (loop.angle[k] - (0.0 if before is None else loop.angle[before]))
         first, last = (-p, 0.0) if k < root else (0.0, p)  # pins of the link
         x, z = loop.pins[k] if before is None else (p if k > root else -p if k < root - 1 else 0.0, 0.0)
-        slides = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>' if before is None else ""
+        moves = before is None and loop.closed
+        slides = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>' if moves else ""
         return (
             f'<body pos="{x:.17g} 0 {z:.17g}" quat="{np.cos(turn):.17g} 0 {-np.sin(turn):.17g} 0">'
             f'<inertial pos="{0.5 * (first + last)} 0 0" mass="{loop.mass}" diaginertia="{inertia}"/>{slides}'
@@ -88,10 +91,10 @@ def xml(loop: Loop, step: float, integrator: str, solver: str) -> str:
     ahead = [body(k, k - 1) for k in range(root + 1, n)]
     behind = [body(k, k + 1) for k in range(root - 1, -1, -1)]
     branches = "".join("".join(branch) + "</body>" * len(branch) for branch in (ahead, behind))
-    closure = f'site1="last{n - 1}" site2="first0" solref="{2.0 * step} 1" solimp="{STIFF}"'
+    closure = f'<connect site1="last{n - 1}" site2="first0" solref="{2.0 * step} 1" solimp="{STIFF}"/>'
     return (
         f'<mujoco><option timestep="{step}" integrator="{integrator}" solver="{solver}" jacobian="dense"'
-        ' gravity="0 0 0"/>'
+        f' gravity="0 0 {-loop.gravity}"/>'
         f'<compiler angle="radian" inertiafromgeom="false"/><worldbody>{body(root, None)}{branches}</body></worldbody>'
-        f"<equality><connect {closure}/></equality></mujoco>"
+        f"<equality>{closure if loop.closed else ''}</equality></mujoco>"
     )

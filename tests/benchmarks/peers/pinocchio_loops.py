@@ -1,8 +1,9 @@
-"""Loop in Pinocchio, called from Python: a tree of hinges from a planar free body, closed by a point constraint.
+"""Chain in Pinocchio, called from Python: a tree of hinges, a loop's from a planar free body, closed at a point.
 
 ``lcaba`` eliminates the constraint along the tree, with the classical Runge-Kutta method in equal steps;
 ``constraintDynamics`` factors the joint space, with scipy's DOP853 by its tolerance. Both need a proximal parameter:
 the constraint has three equations, of which two are independent. At its default, 0, the second one returns no numbers.
+An open chain has neither: ``aba``.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from tests.benchmarks import motion
 from tests.benchmarks.motion import Case, Floats, Loop
 from tests.benchmarks.timing import cpu, least
 
-STEPS = (14e-3, 12.5e-3, 10e-3, 5e-3)  # s, of the Runge-Kutta method
+STEPS = (14e-3, 12.5e-3, 10e-3, 5e-3, 2e-3, 1e-3)  # s, of the Runge-Kutta method
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)  # of DOP853
-QUICK_STEPS, QUICK_TOLERANCES = (10e-3,), (1e-6,)
+QUICK_TOLERANCES = (1e-6,)
 PROXIMAL = 1e-8
 FIXED, BY_ERROR = "lcaba, RK4", "constraintDynamics, DOP853"
 
@@ -32,24 +33,25 @@ def measure(case: str, quick: bool, repeats: int) -> list[dict[str, Any]]:
     stop = wanted.quick if quick else wanted.stop
     runs = []
     for code, points in (
-        (FIXED, QUICK_STEPS if quick else STEPS),
+        (FIXED, wanted.steps(STEPS[-1:] if quick else STEPS)),
         (BY_ERROR, QUICK_TOLERANCES if quick else TOLERANCES),
     ):
         for point in points:
             spent, (pins, step) = least(repeats, run, wanted, stop, code, point)
-            runs.append({"code": code, "step": step, "cpu": spent, "pins": pins.tolist()})
+            name = code if wanted.scene == motion.SCENE else f"aba, {code.split(', ')[1]}"
+            runs.append({"code": name, "step": step, "cpu": spent, "pins": pins.tolist()})
     return runs
 
 
 def run(case: Case, stop: float, code: str, point: float) -> tuple[float, tuple[Floats, float]]:
     """CPU time, s; pins at ``stop`` and mean step, s. ``point``: step, s, or tolerance."""
     loop = motion.loop(case)
-    rates, places = system(loop, code)
-    n = len(loop.pins)
-    x = np.concatenate(
-        [loop.pins[0], [loop.angle[0]], np.diff(loop.angle), loop.velocity[0], np.diff(loop.rate, prepend=0.0)]
-    )
-    x[3 : n + 2] = (x[3 : n + 2] + np.pi) % (2.0 * np.pi) - np.pi
+    rates, places = system(loop, code) if loop.closed else open_system(loop)
+    turns = (np.diff(loop.angle) + np.pi) % (2.0 * np.pi) - np.pi
+    x = np.concatenate([[loop.angle[0]], turns, np.diff(loop.rate, prepend=0.0)])
+    if loop.closed:
+        n = len(loop.pins)
+        x = np.concatenate([loop.pins[0], x[:n], loop.velocity[0], x[n:]])
     if code == FIXED:
         steps = round(stop / point)
         spent, end = cpu(lambda: runge_kutta(rates, x, stop / steps, steps))
@@ -69,6 +71,39 @@ def runge_kutta(f: Callable[[Floats], Floats], x: Floats, h: float, steps: int) 
     return x
 
 
+def tree(loop: Loop, first: Any, place: Any) -> tuple[Any, Any]:
+    """Model of links from the joint ``first`` at ``place``, and the place of a link's end from its beginning."""
+    import pinocchio as pin
+
+    p, model, link = loop.pitch, pin.Model(), 0
+    model.gravity.linear = np.array([0.0, -loop.gravity, 0.0])
+    rod = pin.Inertia(loop.mass, np.array([0.5 * p, 0.0, 0.0]), np.diag([0.0, 1.0, 1.0]) * loop.mass * p**2 / 12.0)
+    ahead = pin.SE3(np.eye(3), np.array([p, 0.0, 0.0]))
+    for k in range(len(loop.angle)):
+        link = model.addJoint(link, pin.JointModelRZ() if k else first, ahead if k else place, f"link {k}")
+        model.appendBodyToJoint(link, rod, pin.SE3.Identity())
+    return model, ahead
+
+
+def open_system(loop: Loop) -> tuple[Callable[[Floats], Floats], Callable[[Floats], Floats]]:
+    """Rates of a state (2 n) of an open chain, angles and their rates, and its pins (n + 1, 2)."""
+    import pinocchio as pin
+
+    model, ahead = tree(loop, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([*loop.pins[0], 0.0])))
+    data, n = model.createData(), model.nv
+    torque = np.zeros(n)
+
+    def rates(x: Floats) -> Floats:
+        return np.concatenate([x[n:], pin.aba(model, data, x[:n], x[n:], torque)])
+
+    def places(x: Floats) -> Floats:
+        pin.forwardKinematics(model, data, x[:n])
+        last = data.oMi[n].act(ahead.translation)
+        return np.array([*(data.oMi[k + 1].translation[:2] for k in range(n)), last[:2]])
+
+    return rates, places
+
+
 def system(loop: Loop, code: str) -> tuple[Callable[[Floats], Floats], Callable[[Floats], Floats]]:
     """Rates of a state (2 n + 4), and its pins (n, 2).
 
@@ -77,14 +112,8 @@ def system(loop: Loop, code: str) -> tuple[Callable[[Floats], Floats], Callable[
     import pinocchio as pin
 
     n, p = len(loop.pins), loop.pitch
-    model = pin.Model()
-    model.gravity.linear = np.zeros(3)
-    rod = pin.Inertia(loop.mass, np.array([0.5 * p, 0.0, 0.0]), np.diag([0.0, 1.0, 1.0]) * loop.mass * p**2 / 12.0)
-    ahead, link = pin.SE3(np.eye(3), np.array([p, 0.0, 0.0])), 0
-    for k in range(n):
-        joint = pin.JointModelRZ() if k else pin.JointModelPlanar()
-        link = model.addJoint(link, joint, ahead if k else pin.SE3.Identity(), f"link {k}")
-        model.appendBodyToJoint(link, rod, pin.SE3.Identity())
+    model, ahead = tree(loop, pin.JointModelPlanar(), pin.SE3.Identity())
+    link = model.njoints - 1
     closing = pin.RigidConstraintModel(
         pin.ContactType.CONTACT_3D, model, link, ahead, 1, pin.SE3.Identity(), pin.ReferenceFrame.LOCAL
     )

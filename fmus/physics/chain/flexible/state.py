@@ -149,8 +149,8 @@ def work(
 ) -> Work:
     """Return zeroed arrays; ``kit``: module of the links; ``forces``: shape of the forces on each link.
 
-    ``contacts``: most contact points, 0 if the chain can touch nothing; ``ground``: its memory, ``rut``: that part of it
-    in the state.
+    ``contacts``: most contact points, 0 if the chain can touch nothing; ``ground``: its memory, ``rut``: that part of
+    it in the state.
     """
     rows, dims = kit.ELEMENT
     at = kit.LAYOUT
