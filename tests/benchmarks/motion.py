@@ -4,7 +4,7 @@ A loop of 64 links, a regular polygon without gravity, turns at 5 rad/s. Its lin
 so it becomes an oval of 1.6 by 4.2 m and back. All links are thin rods with the m113's mass. Flexible ones have a
 twentieth of the stiffness of steel: rigid links would then be 1.3e-4 of the way off, with steel only 8e-6. On the
 ground the loop only turns, has gravity, and is set down: it slips, drives off and sags. Its first 0.3 s are known to
-1e-7 m; beyond half a second no two steps give the same heap. Two open chains, held at one end, are those of the gallery.
+1e-7 m; beyond half a second no two steps give the same heap. Two open chains, held at one end, are the gallery's.
 """
 
 from __future__ import annotations

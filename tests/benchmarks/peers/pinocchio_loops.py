@@ -111,7 +111,7 @@ def system(loop: Loop, code: str) -> tuple[Callable[[Floats], Floats], Callable[
     """
     import pinocchio as pin
 
-    n, p = len(loop.pins), loop.pitch
+    n = len(loop.pins)
     model, ahead = tree(loop, pin.JointModelPlanar(), pin.SE3.Identity())
     link = model.njoints - 1
     closing = pin.RigidConstraintModel(
