@@ -61,7 +61,7 @@ INTERNALS = [
     Internal(f"{CODEGEN}.JITCPUCodegen.set_env", "self env_name env", "linking: later, where code is not there yet"),
     Internal("numba.core.cgutils.alloca_once", "builder ty size name zfill", "by_reference: a kernel's tuple"),
     Internal("numba.core.cgutils.gep_inbounds", "builder ptr inds kws", "by_reference: a field"),
-    Internal("numba.core.cgutils.intp_t", None, "by_reference: an address"),
+    Internal("numba.core.cgutils.voidptr_t", None, "by_reference: an address"),
     Internal("numba.core.imputils.impl_ret_borrowed", "ctx builder retty ret", "by_reference: a field, not counted"),
     Internal("numba.core.registry.cpu_target.target_context", None, "by_reference: types as in memory"),
     Internal(f"{CONTEXT}.get_abi_sizeof", "self ty", "by_reference: bytes of a tuple"),

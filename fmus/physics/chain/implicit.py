@@ -65,17 +65,9 @@ LEAST = 1e-4  # smallest part of a step that is tried
 # of Newton's iteration of every kind of link
 CHORD = 1e-4  # correction below which the iteration matrix is kept, m
 REUSE = 0.1  # as long as a correction is smaller than this part of the last one
-CORRECTIONS = 3  # or, at the present rate, that many more do: they cost less than a matrix
 FASTEST = 10.0  # correction beyond which the iteration has diverged, m
 SLOW = 0.5  # friction is sharp if a correction is larger than this part of the last one
 MOST = 20  # iterations before a step is rejected
-
-
-@kernel
-def needs_matrix(size: float, last: float, tolerance: float) -> bool:
-    """Whether Newton's iteration needs a new matrix after corrections of ``last`` and ``size``, m."""
-    rate = size / last
-    return size > CHORD or (rate > REUSE and size * rate**CORRECTIONS > tolerance)
 
 
 class ImplicitMethod(NamedTuple):

@@ -46,7 +46,7 @@ from fmus.physics.chain.flexible.interface import project as project_joints
 from fmus.physics.chain.flexible.link_layout import ends, node
 from fmus.physics.chain.flexible.pins import newton_joints  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.implicit import FASTEST, MOST, SLOW, needs_matrix
+from fmus.physics.chain.implicit import CHORD, FASTEST, MOST, REUSE, SLOW
 from fmus.physics.chain.integration import CROWDED, DONE, PULLED, SINGULAR, STALLED
 from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS, SPEED, write
@@ -95,7 +95,7 @@ def newton(
     sharp = w.contact.sharp
     sharp[0] = 0
     for _ in range(MOST):
-        fresh = needs_matrix(size, last, method.tolerance) or sharp[0] == 1  # near the solution the last is reused
+        fresh = size > CHORD or size > REUSE * last or sharp[0] == 1  # near the solution the last matrix is reused
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if fresh:
                 copy_rows(x.q, w.points.q)

@@ -18,7 +18,7 @@ import numpy as np
 
 from fmus.kernels.jit import allocating, kernel, noalias
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.implicit import FASTEST, MOST, SLOW, needs_matrix
+from fmus.physics.chain.implicit import CHORD, FASTEST, MOST, REUSE, SLOW
 from fmus.physics.chain.integration import CROWDED, DONE, SINGULAR, STALLED
 from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
@@ -107,7 +107,7 @@ def newton(
     size, last, y, sharp = np.inf, np.inf, w.system, w.contact.sharp
     sharp[0] = 0
     for n in range(MOST):
-        fresh = needs_matrix(size, last, method.tolerance) or sharp[0] == 1  # near the solution the last is reused
+        fresh = size > CHORD or size > REUSE * last or sharp[0] == 1  # near the solution the last matrix is reused
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if fresh:
                 copy_rows(s.q, w.points.q)
