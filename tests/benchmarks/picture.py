@@ -28,7 +28,7 @@ def draw(rows: Sequence[dict[str, Any]]) -> Picture:
     drawn = {}
     for pane, case in zip(figure.subplots(1, len(cases), squeeze=False)[0], cases, strict=True):
         for code in codes:
-            points = sorted((row["cpu"], row["error"]) for row in shown if (row["case"], row["code"]) == (case, code))
+            points = [(row["cpu"], row["error"]) for row in shown if (row["case"], row["code"]) == (case, code)]
             if points:
                 marker = MARKERS[code.split(",")[0].split(" ")[0]]
                 line = "-" if code.startswith("ours") else "--"
