@@ -46,7 +46,7 @@ class Case(NamedTuple):
     longest: float = 1.0  # s, longest explicit step that is tried
 
     def steps(self, steps: Iterable[float]) -> list[float]:
-        """Those of the ``steps``, s, that are tried."""
+        """Steps of a list, s, that are tried."""
         return [step for step in steps if step <= self.longest]
 
 
