@@ -22,6 +22,7 @@ from tests.benchmarks import (
     machine,
     memory_run,
     motion,
+    picture,
     start,
     sweep,
     tables,
@@ -30,6 +31,7 @@ from tests.benchmarks import memory as memory_part
 from tests.benchmarks import recording as recording_part
 from tests.benchmarks import vehicle as vehicle_part
 from tests.benchmarks.__main__ import app
+from tests.benchmarks.chain import LAYERS
 from tests.benchmarks.process import Failed, isolated
 from tests.benchmarks.tables import ABOUT, COST, Column, Table
 from tests.benchmarks.timing import laps, least, per_step
@@ -228,6 +230,14 @@ def test_parts_of_an_iteration_by_todays_kernels():
         times = kernels.parts(kind, model, 1e-3, 2)
         assert tuple(times) == kernels.PARTS == tuple(column.key for column in layers.NEWTON[1:5])
         assert min(times.values()) > 0.0
+
+
+def test_the_picture_has_a_pane_for_each_free_chain():
+    cases, codes = ("rigid", "rigid, on the ground"), ("ours, model", LAYERS[0])
+    rows = [{"case": case, "code": code, "cpu": 1.0, "error": 1e-5} for case in cases for code in codes]
+    figure = picture.draw(rows)
+    assert [pane.get_title() for pane in figure.axes] == ["rigid"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["ours, model"]
 
 
 def test_pieces_with_a_record_stand_between_pieces_without(tmp_path):

@@ -47,8 +47,8 @@ def test_open_chains_have_references(name):
     case = motion.CASES[name]
     for integrator, point in (("runge_kutta", 1e-3), ("dormand_prince", 1e-9)):
         assert motion.error(case, case.quick, chain.jointed(case, case.quick, integrator, point)[1][0]) < 1e-8
-    heavier = case._replace(stop=case.quick * np.sqrt(1.02))  # as gravity 2 % larger
-    assert motion.error(case, case.quick, chain.jointed(case, heavier.stop, "dormand_prince", 1e-9)[1][0]) > 1e-3
+    later = case.quick * np.sqrt(1.02)  # moves as far as 2 % more gravity
+    assert motion.error(case, case.quick, chain.jointed(case, later, "dormand_prince", 1e-9)[1][0]) > 1e-3
 
 
 def test_a_peer_that_is_missing_is_one_sentence(monkeypatch):
