@@ -8,10 +8,10 @@ from typing import Any
 
 from fmus.ahead.contents import loaded_contents
 from fmus.track.choices import TRACKS
-from orchestrator.scene.assembly import Assembly, assemble
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.fmu_table import ARROW, FmuTable
 from orchestrator.scene.kinds import Scene, VehicleScene
-from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, Part
+from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, Assembly, Part
 from orchestrator.scene.system_scene import SystemScene
 
 CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"

@@ -35,7 +35,7 @@ from orchestrator.log.signal_names import did_you_mean, worded
 from orchestrator.results import measures
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.kinds import Scene
-from orchestrator.scene.parts import Part
+from orchestrator.scene.parts import Assembly, Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import SystemScene
@@ -85,19 +85,22 @@ LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 def load_scene(
     scene: SystemScene,
+    assembly: Assembly,
     stack: ExitStack,
     logger: Logger | None,
     native: bool = False,
     rooms: Rooms | None = None,
 ) -> tuple[SystemScene, System, dict[str, Component]]:
-    """Place a scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed.
+    """Place an assembled scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed.
 
     ``rooms``: where FMUs of the user get their processes; they are closed with the stack.
     """
-    processes = _compile_in_processes(scene) if isinstance(scene, Scene) else []
+    processes: list[subprocess.Popen[str]] = []
     try:
-        scene = placed(scene) if isinstance(scene, Scene) else scene
-        assembly = assemble(scene)
+        if isinstance(scene, Scene) and not scene.placed:
+            processes = _compile_in_processes(assembly.parts)
+            scene = placed(scene)
+            assembly = assemble(scene)
         graph = system(assembly, native)
         for process in processes:
             process.wait()
@@ -110,12 +113,10 @@ def load_scene(
     return scene, graph, load_components(graph, scene.run.times, stack, logger, rooms)
 
 
-def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
+def _compile_in_processes(parts: Sequence[Part]) -> list[subprocess.Popen[str]]:
     """Start processes that compile kernels while the search for the idler position compiles the start of cables."""
-    if scene.placed:
-        return []
-    parts = reversed(assemble(scene).parts)  # the first part of each kind; its start does not depend on inputs
-    kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts if part.fmu is None}
+    # The first part of each kind; its start does not depend on inputs.
+    kinds = {part.kind: (part.kind, part.config, part.parameters) for part in reversed(parts) if part.fmu is None}
     rigid, cables = (kinds.pop(TRACKS[name].fmu, None) for name in ("rigid", "flexible"))
     tracks, others = [rigid] if rigid else [], [*kinds.values()]
     # A step of cables last, when the start has compiled what they share; alone, both would compile it at once.

@@ -38,8 +38,9 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.log_metadata import CHECKPOINT
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Rule
-from orchestrator.scene.assembly import Assembly, assemble, system
+from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.kinds import Scene
+from orchestrator.scene.parts import Assembly
 from orchestrator.scene.placing import placed
 
 

@@ -31,8 +31,9 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import chain_checks
-from orchestrator.scene.assembly import Assembly, assemble
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import Scene, VehicleScene
+from orchestrator.scene.parts import Assembly
 from orchestrator.scene.replacement import unfit
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.values import implausible_numbers
@@ -91,7 +92,7 @@ def _simulate(
     reached = ReachedPoint()
     with ExitStack() as stack:
         rooms = Rooms(interrupt.signals, announce)
-        run = PreparedRun.prepare(*load_scene(scene, stack, logger, native, rooms), continuation)
+        run = PreparedRun.prepare(*load_scene(scene, assembly, stack, logger, native, rooms), continuation)
         for line in _shared_parameters(run, assembly):
             announce(f"{scene.name}: {line}")
         result["warnings"] = early_warnings = _early_warnings(run, logger, misfits)
@@ -221,7 +222,9 @@ def record_companion(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str
     try:
         with ExitStack() as stack:
             rooms = Rooms(interrupt.signals)
-            return _recorded(PreparedRun.prepare(*load_scene(scene, stack, None, rooms=rooms)), path, interrupt)
+            return _recorded(
+                PreparedRun.prepare(*load_scene(scene, assemble(scene), stack, None, rooms=rooms)), path, interrupt
+            )
     except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable, BadInput) as failure:
         return {"status": "failed", "message": str(failure)}
 

@@ -11,21 +11,12 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.fmu_table import Pair, joined, pair_of, require_free_inputs
 from orchestrator.scene.kinds import Scene, VehicleScene
-from orchestrator.scene.parts import DRIVE, Parameters, Part, own_parts
+from orchestrator.scene.parts import DRIVE, Assembly, Parameters, Part, own_parts
 from orchestrator.scene.replacement import ends_of, input_conversions, replacements, typed, user_instance
-from orchestrator.scene.scene import with_track
 from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import FreeScene, SystemScene
 
 HITCH_FORCE = [("chassis", f"hitch.force.{axis}") for axis in "xyz"]  # input of a part that an FMU of the user may feed
-
-
-class Assembly(NamedTuple):
-    """Parts and connections of a scene."""
-
-    parts: tuple[Part, ...]
-    connections: tuple[Connection, ...]  # of our own parts, or of FMUs in their places
-    user_connections: tuple[Connection, ...] = ()  # those that the scene adds from or to FMUs of the user
 
 
 def assemble(scene: SystemScene) -> Assembly:
@@ -33,13 +24,13 @@ def assemble(scene: SystemScene) -> Assembly:
 
     Raises BadInput if the scene has an FMU for a part that it has not.
     """
+    assert isinstance(scene, Scene | FreeScene)
+    pairs = [pair_of(text) for text in scene.connections or ()]
     if isinstance(scene, FreeScene):
         given = tuple(Part(name, "", {}, {}, table.stage, table) for name, table in scene.fmu.items())
-        return Assembly(given, (), joined(scene.pairs()))
-    scene = with_track(scene)
-    assembly, fmus = Assembly(*own_parts(scene)), scene.fmu or {}
+        return Assembly(given, (), joined(pairs))
+    assembly, fmus = own_parts(scene), scene.fmu or {}
     names = [part.name for part in assembly.parts]
-    pairs = [pair_of(text) for text in scene.connections or ()]
     connected = {name for pair in pairs for name in (pair.source, pair.target)}
     for name in fmus:
         if name not in names and name not in connected:

@@ -7,11 +7,13 @@ start leave the ground level behind it.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from fmus.ground.keys import is_plane, is_terrain
 from fmus.ground.soils import SoilTable
 from fmus.vehicles.tables import Distance, FrozenTable, In, Length, ratio
 from orchestrator.scene.values import Angle, Place
@@ -23,6 +25,9 @@ Height = Annotated[float, Field(allow_inf_nan=False, ge=-1e4, le=1e4, json_schem
 MOST_HEIGHTS = 200_000  # of a map: a log holds them as text
 STEEPEST = 10.0  # 84 degrees, between neighbours of a map: beyond is no ground, but a gap in the data or another unit
 MOST_WAVES = 6000  # of a rough profile: the time to add them grows with the square
+NOTHING = 1e-12  # rounding errors of heights and slopes under a vehicle, m
+PLACES = 50  # along each track, between its first and its last road wheel
+EVEN = 1e-9  # largest distance of the ground from a plane that counts as one, m
 
 
 class BumpTable(FrozenTable):
@@ -226,6 +231,15 @@ class LevelGroundTable(FrozenTable):
     """soil under the tracks that gives way; without it the ground is hard"""
 
 
+class Footing(NamedTuple):
+    """Plane of least squares through the ground under the tracks, and whether the ground differs from it."""
+
+    rise: float  # height under the middle of the sprocket axle line over the level part, m
+    ahead: float  # gradient along x, world
+    left: float  # gradient along y
+    uneven: bool  # the ground under the tracks is not that plane
+
+
 class GroundTable(FrozenTable):
     """Ground beyond its level, and contacts beyond those of the tracks."""
 
@@ -296,3 +310,26 @@ class GroundTable(FrozenTable):
             "friction": any(region.y[0] != -region.y[1] for region in self.friction or ()),
         }
         return next((key for key, one_sided in differs.items() if one_sided), next(iter(crossed), None))
+
+    def footing(self, position: Sequence[float], heading: float, wheels: Sequence[float], lateral: float) -> Footing:
+        """Plane under a vehicle whose drawn sprocket axle is at ``position``, m, world, with this heading, rad.
+
+        ``wheels``: places of its road wheels along its x axis, m; ``lateral``: of its tracks to either side, m.
+        """
+        ground, (x, y) = self.model_dump(exclude_none=True), position[:2]
+        if not is_terrain(ground):
+            return Footing(0.0, 0.0, 0.0, False)
+        if is_plane(ground):
+            ahead, left = ground.get("grade") or 0.0, ground.get("bank") or 0.0
+            return Footing(ahead * x + left * y, ahead, left, False)
+        from fmus.ground.terrain import heights  # loads the terrain's kernels
+
+        along = np.linspace(min(wheels), max(wheels), PLACES)
+        a, b = (part.ravel() for part in np.meshgrid(along, [lateral, -lateral]))
+        c, s = np.cos(heading), np.sin(heading)
+        h = heights(ground, x + c * a - s * b, y + s * a + c * b)
+        design = np.stack([np.ones(a.size), c * a - s * b, s * a + c * b], axis=1)
+        plane = np.linalg.lstsq(design, h, rcond=None)[0]
+        plane[abs(plane) < NOTHING] = 0.0
+        rise, ahead, left = plane.tolist()
+        return Footing(rise, ahead, left, bool(abs(h - design @ plane).max() > EVEN))

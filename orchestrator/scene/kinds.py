@@ -16,7 +16,7 @@ from fmus.vehicles.tables import BadInput, Force, path_text, value_text
 from fmus.vehicles.vehicle import Vehicle
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable, VehicleDriveTable
 from orchestrator.scene.fmu_table import FmuTable, pair_of, require_instance_name
-from orchestrator.scene.ground_tables import GroundTable, LevelGroundTable
+from orchestrator.scene.ground_tables import Footing, GroundTable, LevelGroundTable
 from orchestrator.scene.system_scene import ASSUMED_SPEED, SystemScene
 from orchestrator.scene.tables import BenchTable, ChainTable, RigTable, StartTable, VehicleStartTable
 from orchestrator.scene.track_table import TrackModelTable, short_track
@@ -109,6 +109,11 @@ class Scene(SystemScene):
     def variant(self) -> str:
         """The track model."""
         return self.track.model
+
+    @property
+    def start_pose(self) -> dict[str, float]:
+        """Start parameters that all parts share: places in m, angles in rad."""
+        return self.start.parameters()
 
     def with_axes(self) -> Scene:
         """The scene with the default axes of its cables: fixed."""
@@ -259,6 +264,21 @@ class VehicleScene(Scene):
         speeds = [speed for side in SIDES if (speed := self.drive.of_side(side).top_speed) is not None]
         steering = self.drive.steering and self.drive.steering.top_speed
         return self._teeth_rate(max(speeds) + 0.5 * (steering or 0.0) if speeds else None)
+
+    @property
+    def footing(self) -> Footing:
+        """Plane under the vehicle, drawn at its position of the start with its heading."""
+        vehicle, start = self.vehicle, self.start
+        return self.ground.footing(start.position, start.heading, vehicle.road_wheel.x, vehicle.track.lateral)
+
+    @property
+    def start_pose(self) -> dict[str, float]:
+        """Start parameters that all parts share, also those of a vehicle that the ground moves or tilts."""
+        from fmus.start import standing_pose  # late: it loads kernels
+
+        ground, start = self.footing[:3], self.start
+        slope = standing_pose(self.vehicle.model_dump(), start.position, start.heading, ground) if any(ground) else {}
+        return start.parameters() | slope
 
     def with_state(self) -> VehicleScene:
         """The scene with its start state, by default equilibrium where possible; raises ValueError."""

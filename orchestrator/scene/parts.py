@@ -8,16 +8,14 @@ from typing import Any, NamedTuple
 from fmus.ground.keys import is_plane, is_terrain
 from fmus.interface.ports import motion_ports, wrench_ports
 from fmus.rest.equilibrium import stances
-from fmus.start import Stance, ground_level, standing_pose
+from fmus.start import Stance, ground_level
 from fmus.track.choices import HHT, TRACKS
 from fmus.track.link_outputs import INTERVAL
 from fmus.vehicles.vehicle import ReturnRollerTable, RoadWheelTable, VehicleTable
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, points_text
 from orchestrator.scene.fmu_table import FmuTable
-from orchestrator.scene.footing import footing
 from orchestrator.scene.kinds import BenchScene, ChainScene, RigScene, Scene, VehicleScene
-from orchestrator.scene.tables import VehicleStartTable
 from orchestrator.scene.values import Side
 
 SIGN_OF_Y: dict[Side, float] = {"left": 1.0, "right": -1.0}
@@ -40,45 +38,54 @@ class Part(NamedTuple):
     fmu: FmuTable | None = None  # FMU of the user that runs in its place
 
 
-Wired = tuple[tuple[Part, ...], tuple[Connection, ...]]  # parts of a scene, and their connections
+class Assembly(NamedTuple):
+    """Parts and connections of a scene."""
+
+    parts: tuple[Part, ...]
+    connections: tuple[Connection, ...]  # of our own parts, or of FMUs in their places
+    user_connections: tuple[Connection, ...] = ()  # those that the scene adds from or to FMUs of the user
 
 
-def own_parts(scene: Scene) -> Wired:
-    """Parts of a scene and their connections, without what an FMU of the user adds."""
+def own_parts(scene: Scene) -> Assembly:
+    """Parts of a scene, all with the pose of its start, and connections, without what an FMU of the user adds."""
     match scene:
         case ChainScene():
-            return _chain(scene)
+            assembly = _chain(scene)
         case BenchScene():
-            return _bench(scene)
+            assembly = _bench(scene)
         case RigScene():
-            return _rig(scene)
+            assembly = _rig(scene)
         case VehicleScene():
-            return _vehicle(scene)
-    raise TypeError(f"no assembly for {type(scene).__name__}")
+            assembly = _vehicle(scene)
+        case _:
+            raise TypeError(f"no assembly for {type(scene).__name__}")
+    pose = scene.start_pose
+    parts = tuple(part._replace(parameters={**pose, **part.parameters}) for part in assembly.parts)
+    return assembly._replace(parts=parts)
 
 
-def _chain(scene: ChainScene) -> Wired:
+def _chain(scene: ChainScene) -> Assembly:
     chain = scene.chain
     if chain.ends == "loop":
         config = _track_config(scene, links=chain.links, closed=True, wheels=[], gravity=0.0)
         part = _track_part(scene, "chain", config)
         moving: Parameters = {"start.spin": chain.spin, "start.ovalling": chain.ovalling}
-        return (part._replace(parameters={**part.parameters, **moving}),), ()
+        return Assembly((part._replace(parameters={**part.parameters, **moving}),), ())
     if chain.ends == "lying":
         pull = [0.5 * chain.pull, 0.0]
         ends: dict[str, Any] = {"kind": "pulled", "first": pull, "last": pull}
         config = _track_config(scene, links=chain.links, closed=False, wheels=[], ground=True, ends=ends)
         if scene.ground and scene.ground.soil:
             config["track"]["soil"] = scene.ground.soil.model_dump()
-        return (_track_part(scene, "chain", config),), ()
+        return Assembly((_track_part(scene, "chain", config),), ())
     ends = {"kind": chain.ends, "first": [0.0, 0.0]}
     if chain.span is not None:
         ends["last"] = [chain.span * chain.links * scene.vehicle.track.pitch, 0.0]
     config = _track_config(scene, links=chain.links, closed=False, wheels=[], ends=ends)
-    return (_track_part(scene, "chain", config),), ()
+    return Assembly((_track_part(scene, "chain", config),), ())
 
 
-def _bench(scene: BenchScene) -> Wired:
+def _bench(scene: BenchScene) -> Assembly:
     bench = scene.bench
     # forces of the pulled ends, N; ends that are held have positions, m
     ends = {"kind": "pulled", "first": [-bench.upper, 0.0], "last": [-bench.lower, 0.0]}
@@ -91,32 +98,28 @@ def _bench(scene: BenchScene) -> Wired:
         ends=ends,
         transverse_damping=bench.transverse_damping,
     )
-    drive = _drive_part(scene, "drive", scene.drive, scene.vehicle.sprocket.spin_inertia, AXLE)
+    drive = _drive_part(scene.vehicle, "drive", scene.drive, scene.vehicle.sprocket.spin_inertia, AXLE)
     parts = _track_part(scene, "track", config), drive
-    return parts, _wheel_connections("track", "sprocket", "drive", "sprocket")
+    return Assembly(parts, _wheel_connections("track", "sprocket", "drive", "sprocket"))
 
 
-def _rig(scene: RigScene) -> Wired:
+def _rig(scene: RigScene) -> Assembly:
     rig, vehicle = scene.rig, scene.vehicle
     parts = (
         _track_part(scene, "track", rig_track_config(scene)),
-        _drive_part(scene, "drive", scene.drive, vehicle.sprocket.spin_inertia, AXLE),
+        _drive_part(vehicle, "drive", scene.drive, vehicle.sprocket.spin_inertia, AXLE),
         _drive_part(
-            scene,
-            "idler_drive",
-            scene.idler_drive,
-            vehicle.idler.spin_inertia,
-            (-rig.axle_distance, 0.0, 0.0),
+            vehicle, "idler_drive", scene.idler_drive, vehicle.idler.spin_inertia, (-rig.axle_distance, 0.0, 0.0)
         ),
     )
     wiring = (
         *_wheel_connections("track", "sprocket", "drive", "sprocket"),
         *_wheel_connections("track", "idler", "idler_drive", "sprocket"),
     )
-    return parts, wiring
+    return Assembly(parts, wiring)
 
 
-def _vehicle(scene: VehicleScene) -> Wired:
+def _vehicle(scene: VehicleScene) -> Assembly:
     vehicle = scene.vehicle
     hull = _chassis_config(scene)
     stands = stances(hull) if scene.start.equilibrium else {}
@@ -133,21 +136,22 @@ def _vehicle(scene: VehicleScene) -> Wired:
         if scene.drive.steering is None:
             inertia = vehicle.sprocket.spin_inertia
             mount = stands.get(f"{side}.sprocket", AXLE)
-            drives.append(_drive_part(scene, f"{side}_drive", scene.drive.of_side(side), inertia, mount, lateral))
+            drives.append(_drive_part(vehicle, f"{side}_drive", scene.drive.of_side(side), inertia, mount, lateral))
         drive, connector = _drive_of_side(scene, side)
         wiring += _wheel_connections(track, "sprocket", drive, f"{connector}sprocket")
         for wheel in rims:
             wiring += _wheel_connections(track, wheel, "chassis", f"{side}.{wheel}")
         wiring += _wheel_connections(drive, f"{connector}mount", "chassis", f"{side}.sprocket")
-    chassis = Part("chassis", "Chassis", hull, _chassis_parameters(scene), CHASSIS)
+    load = scene.hitch.parameters() if scene.hitch is not None else {}
+    chassis = Part("chassis", "Chassis", hull, load, CHASSIS)
     if scene.driver is None:
-        return (*tracks, *drives, chassis), tuple(wiring)
+        return Assembly((*tracks, *drives, chassis), tuple(wiring))
     for part in drives:
         part.config["drive"]["demanded"] = True
     config = {"vehicle": vehicle.model_dump()}
     parameters = {"friction": vehicle.contact.ground.friction, **_driver_parameters(scene.driver)}
-    driver = Part("driver", "Driver", config, {**_start_parameters(scene), **parameters}, DRIVER)
-    return (*tracks, *drives, chassis, driver), (*wiring, *_driven_connections(scene))
+    driver = Part("driver", "Driver", config, parameters, DRIVER)
+    return Assembly((*tracks, *drives, chassis, driver), (*wiring, *_driven_connections(scene)))
 
 
 def _chassis_config(scene: VehicleScene) -> dict[str, Any]:
@@ -159,11 +163,6 @@ def _chassis_config(scene: VehicleScene) -> dict[str, Any]:
     chassis |= {"hitch": True} if scene.hitch is not None else {}
     chassis |= {"seats": list(scene.seats)} if scene.seats else {}
     return {"vehicle": scene.vehicle.model_dump(), "chassis": chassis}
-
-
-def _chassis_parameters(scene: VehicleScene) -> Parameters:
-    """Chassis parameters that the scene sets: the start, and the load that it tows."""
-    return {**_start_parameters(scene), **(scene.hitch.parameters() if scene.hitch is not None else {})}
 
 
 def _standing_track_config(
@@ -278,7 +277,7 @@ def _track_config(
 
 def _track_part(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
     """Track with its parameters, ``lateral`` m to the left of the middle."""
-    parameters = {**_start_parameters(scene), "start.lateral": lateral, **scene.track.parameters()}
+    parameters: Parameters = {"start.lateral": lateral, **scene.track.parameters()}
     if scene.track.integrator == HHT:
         parameters.setdefault("spectral_radius", HHT_RADIUS)
     if scene.planar:
@@ -289,7 +288,7 @@ def _track_part(scene: Scene, name: str, config: dict[str, Any], lateral: float 
 
 
 def _drive_part(
-    scene: Scene,
+    vehicle: VehicleTable,
     name: str,
     drive: DriveTable,
     inertia: float,
@@ -297,9 +296,8 @@ def _drive_part(
     lateral: float = 0.0,
 ) -> Part:
     """Sprocket drive on its mount, ``lateral`` m to the left of the middle."""
-    config = {"vehicle": scene.vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount)}}
-    parameters = {**_start_parameters(scene), "start.lateral": lateral, **_drive_parameters(drive)}
-    return Part(name, "SprocketDrive", config, parameters, DRIVE)
+    config = {"vehicle": vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount)}}
+    return Part(name, "SprocketDrive", config, {"start.lateral": lateral, **_drive_parameters(drive)}, DRIVE)
 
 
 def _differential_part(scene: VehicleScene, steering: DriveTable, stands: Mapping[str, Stance]) -> Part:
@@ -310,7 +308,7 @@ def _differential_part(scene: VehicleScene, steering: DriveTable, stands: Mappin
         x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
         differential[key] = [x, y + sign * vehicle.track.lateral, *rest]
     config = {"vehicle": vehicle.model_dump(), "drive": differential}
-    parameters = _start_parameters(scene)
+    parameters: Parameters = {}
     for shaft, drive in (("propulsion", scene.drive), ("steering", steering)):
         parameters |= {f"{shaft}.{name}": value for name, value in _drive_parameters(drive).items()}
     return Part(DIFFERENTIAL, "SteeringDifferential", config, parameters, DRIVE)
@@ -334,28 +332,6 @@ def _drive_parameters(drive: DriveTable) -> Parameters:
         if (value := getattr(drive, key)) is not None:
             parameters[key.replace("_", ".")] = value
     return parameters
-
-
-def _start_parameters(scene: Scene) -> Parameters:
-    """Start parameters that all components share: position, heading, pitch."""
-    x, y, z = scene.start.position
-    pose: Parameters = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
-    pose["start.heading"] = scene.start.heading
-    if isinstance(scene.start, VehicleStartTable):
-        heading, pitch = scene.start.heading_and_pitch()
-        pose |= {"start.heading": heading, "start.height": scene.start.height, "start.pitch": pitch}
-    if isinstance(scene, VehicleScene):
-        pose |= _slope(scene)
-    return pose
-
-
-def _slope(scene: VehicleScene) -> Parameters:
-    """Start parameters of a vehicle that the ground under it moves or tilts."""
-    under = footing(scene)
-    if (under.rise, under.ahead, under.left) == (0.0, 0.0, 0.0):
-        return {}
-    ground, start = (under.rise, under.ahead, under.left), scene.start
-    return {**standing_pose(scene.vehicle.model_dump(), start.position, start.heading, ground)}
 
 
 SPROCKET = {"name": "sprocket", "kind": "teeth"}  # in the config of a track

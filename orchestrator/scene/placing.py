@@ -11,7 +11,7 @@ from fmus.rest.tensioning import CABLES, Links, tension_wheel
 from fmus.start import hull_clearance
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import RightIdlerTable, RightTensionerTable
-from orchestrator.scene.footing import Footing, footing
+from orchestrator.scene.ground_tables import Footing
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import Parameters, Part, own_parts, rig_track_config, vehicle_track_config
 from orchestrator.scene.tables import EquilibriumTable
@@ -62,8 +62,8 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
     """Vehicle with tensioned tracks in its equilibrium, unless it starts as drawn."""
     if scene.start.state != "equilibrium":
         return scene
-    parts = {part.name: part for part in own_parts(scene.model_copy(update={"symmetric": False}))[0]}
-    under, chassis = footing(scene), parts["chassis"].config
+    parts = {part.name: part for part in own_parts(scene.model_copy(update={"symmetric": False})).parts}
+    under, chassis = scene.footing, parts["chassis"].config
     hull = {**chassis, "chassis": _standing_chassis(scene, chassis["chassis"], under)}
     tracks = {side: _equilibrium_track(scene, part, under) for side in SIDES if (part := parts.get(f"{side}_track"))}
     pose = parts["chassis"].parameters

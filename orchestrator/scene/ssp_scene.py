@@ -13,10 +13,10 @@ from fmus.fmi.build import start_values
 from fmus.vehicles.tables import BadInput, path_text, value_text
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
 from orchestrator.scene.archive.structure import Structure, read_structure
-from orchestrator.scene.assembly import Assembly, assemble
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.fmu_table import Pair
 from orchestrator.scene.kinds import Scene
-from orchestrator.scene.parts import Part
+from orchestrator.scene.parts import Assembly, Part
 from orchestrator.scene.products import SCENE, product_config
 from orchestrator.scene.scene import changed_scene, from_table, load_any
 from orchestrator.scene.settings import hint, pairs

@@ -13,7 +13,7 @@ from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from fmus.vehicles.ranges import range_violations
 from fmus.vehicles.tables import FrozenTable
-from orchestrator.scene.fmu_table import FmuTable, Pair, pair_of, require_free_inputs, require_instance_name
+from orchestrator.scene.fmu_table import FmuTable, pair_of, require_free_inputs, require_instance_name
 from orchestrator.scene.settings import file_part
 from orchestrator.scene.tables import Check, RunTable
 from orchestrator.scene.values import SCENE_RANGES
@@ -165,9 +165,5 @@ class FreeScene(SystemScene):
     def _check_connections(self) -> FreeScene:
         for name in self.fmu:
             require_instance_name(name)
-        require_free_inputs(self.pairs(), self.fmu, ())
+        require_free_inputs([pair_of(text) for text in self.connections], self.fmu, ())
         return self
-
-    def pairs(self) -> list[Pair]:
-        """Connections one by one; raises ValueError."""
-        return [pair_of(text) for text in self.connections]

@@ -36,6 +36,11 @@ class StartTable(FrozenTable):
     heading: Angle = 0.0
     """heading about the vertical, to the left"""
 
+    def parameters(self) -> dict[str, float]:
+        """Start parameters that all parts share, on level ground: places in m, angles in rad."""
+        x, y, z = self.position
+        return {"start.position.x": x, "start.position.y": y, "start.position.z": z, "start.heading": self.heading}
+
 
 class EquilibriumTable(FrozenTable):
     """Equilibrium position of hull, arms and idlers, from the drawn position (``fmus.rest.equilibrium``)."""
@@ -77,6 +82,11 @@ class VehicleStartTable(StartTable):
                 " 'drawn'"
             )
         return self
+
+    def parameters(self) -> dict[str, float]:
+        """Start parameters that all parts share, on level ground: places in m, angles in rad."""
+        heading, pitch = self.heading_and_pitch()
+        return super().parameters() | {"start.heading": heading, "start.height": self.height, "start.pitch": pitch}
 
     @property
     def is_displaced(self) -> bool:

@@ -32,9 +32,9 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import output_files
 from orchestrator.results.table import Column, Table
-from orchestrator.scene.assembly import Assembly, assemble, system
+from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.kinds import Scene
-from orchestrator.scene.parts import CHASSIS, TRACK, Part
+from orchestrator.scene.parts import CHASSIS, TRACK, Assembly, Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 from orchestrator.studies import Case, Row

@@ -18,6 +18,7 @@ from orchestrator.cosim.observers import Logging
 from orchestrator.execution.loading import load_scene
 from orchestrator.execution.manifest import open_log
 from orchestrator.results.table import ABOUT, COST, Column
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import Scene
 from tests.benchmarks.timing import quiet
 
@@ -42,7 +43,7 @@ def _run(scene: Scene, path: Path) -> tuple[float, float, float]:
     h, steps, coupling = scene.run.step, scene.run.steps, scene.run.coupling
     alone: Any = partial(SCHEMES[coupling.scheme], threads=False, **coupling.options())
     with ExitStack() as stack:
-        placed, graph, components = load_scene(scene, stack, None)
+        placed, graph, components = load_scene(scene, assemble(scene), stack, None)
         scheme = stack.enter_context(alone(wire(graph, components)))
         recorder = stack.enter_context(open_log(path, placed, graph, components, scheme))
         logging = Logging(recorder, list(components.values()), STATS_EVERY)

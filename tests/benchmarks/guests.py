@@ -11,6 +11,7 @@ from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.execution.loading import load_scene
 from orchestrator.results.table import Column, Table
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import any_from_table
 from tests import foreign_fmus
 from tests.benchmarks.timing import quiet
@@ -34,7 +35,7 @@ def cost(fmu: Path, n: int, in_process: bool, steps: int = STEPS) -> float:
     table = {"name": "g", "title": "g", "assembly": "fmus", "fmu": fmus, "connections": connections}
     scene = any_from_table(table | {"run": {"step": H, "stop": steps * H}}, "guests.toml")
     with ExitStack() as stack:
-        placed, graph, components = load_scene(scene, stack, None)
+        placed, graph, components = load_scene(scene, assemble(scene), stack, None)
         scheme = stack.enter_context(SCHEMES[placed.run.coupling.scheme](wire(graph, components)))
         scheme.advance(0.0, H)
         with quiet():

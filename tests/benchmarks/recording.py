@@ -18,6 +18,7 @@ from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.execution.loading import load_scene
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.results.table import ABOUT, COST, Column, Table
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import Scene
 from tests.benchmarks import own
 from tests.benchmarks.timing import quiet
@@ -79,7 +80,7 @@ def _times(scene: Scene, native: bool, pieces: int, steps: int, log: Path) -> li
     """Wall times of pieces, s; every second one is recorded, the first is not."""
     h, coupling, period = scene.run.step, scene.run.coupling, scene.run.checkpoints
     with ExitStack() as stack:
-        placed, graph, components = load_scene(scene, stack, None, native)
+        placed, graph, components = load_scene(scene, assemble(scene), stack, None, native)
         scheme = stack.enter_context(SCHEMES[coupling.scheme](wire(graph, components), **coupling.options()))
         recorder = stack.enter_context(open_log(log, placed, graph, components, scheme))
         logging = Logging(recorder, list(components.values()), max(1, round(STATS_PERIOD / h)))

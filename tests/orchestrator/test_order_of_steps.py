@@ -7,6 +7,7 @@ import pytest
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
 from orchestrator.execution.loading import load_scene
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 
 STEP, STOP, WINDOW = 2e-3, 3.5, 0.5  # s
@@ -24,7 +25,8 @@ def mean_tension(coupling, order):
     """Mean link tension of the left track at 4.9 m/s, N; ``order``: stages of track, drive and chassis."""
     stages = dict(zip(("track", "drive", "chassis"), order, strict=True))
     with ExitStack() as stack:
-        _, graph, components = load_scene(load("straight", "rigid", SETTINGS), stack, None)
+        scene = load("straight", "rigid", SETTINGS)
+        _, graph, components = load_scene(scene, assemble(scene), stack, None)
         instances = (each._replace(stage=stages[each.name.split("_")[-1]]) for each in graph.instances)
         track, chassis, samples = components["left_track"], components["chassis"], []
         with coupling(wire(graph._replace(instances=tuple(instances)), components)) as scheme:

@@ -11,6 +11,7 @@ from fmus.fmi.build import BuildFailed
 from fmus.track.choices import TRACKS
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import loading, warm
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 
 
@@ -37,7 +38,7 @@ def test_kernels_are_compiled_beside_with_the_step_of_cables_last(monkeypatch, s
     monkeypatch.setattr(
         loading, "start_compilation", lambda parts, patience=0: kinds.append([kind for kind, _, _ in parts])
     )
-    loading._compile_in_processes(load(scene, track))
+    loading._compile_in_processes(assemble(load(scene, track)).parts)
     assert kinds == compiled
 
 
@@ -60,8 +61,8 @@ def test_a_start_that_fails_ends_the_processes_that_compile(monkeypatch, error):
         raise error
 
     process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    monkeypatch.setattr(loading, "_compile_in_processes", lambda scene: [process])
+    monkeypatch.setattr(loading, "_compile_in_processes", lambda parts: [process])
     monkeypatch.setattr(loading, "placed", fail)
     with pytest.raises(error), ExitStack() as stack:
-        loading.load_scene(load("settle"), stack, None)
+        loading.load_scene(scene := load("settle"), assemble(scene), stack, None)
     assert process.returncode == -signal.SIGTERM
