@@ -17,11 +17,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from fmus.ahead.contents import component_ports
 from fmus.fmi.build import built_here
-from fmus.interface.ports import UNITS, Port
+from fmus.interface.ports import UNITS
 from fmus.vehicles.tables import BadInput, path_text
 from orchestrator.cosim.base_units import (
     QUANTITIES,
@@ -37,23 +37,35 @@ from orchestrator.cosim.component import SETTERS, description_of
 from orchestrator.cosim.graph import ComponentFailed, Connection, GuestTerms, Instance
 from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.scene.fmu_table import FmuTable
-from orchestrator.scene.parts import Parameters, Part
+from orchestrator.scene.parts import Assembly, Parameters, Part
 from orchestrator.scene.system_scene import SystemScene
 
-if TYPE_CHECKING:
-    from orchestrator.scene.assembly import Assembly
-
 NAMED = 150  # characters of a list of variables
+TYPES = {float: "Real", int: "Integer", str: "String"}  # by the start value of a port
+
+
+class End(NamedTuple):
+    """Variable of an FMU or port of a part, as an end of connections."""
+
+    type: str  # of FMI
+    causality: str
+    unit: str  # empty: none
+    base: BaseUnit | None  # None: unknown
+    items: Mapping[int, str] = {}  # of an Enumeration: names by values
+    settable: bool = False  # a parameter, or a constant of a native FMU
+
+
+Ends = Mapping[str, Mapping[str, End]]  # by component and variable
 
 
 class Replacement(NamedTuple):
-    """Part with the description of the FMU in its place."""
+    """Part with what the FMU in its place declares."""
 
     part: Part
     where: str  # key and file, for messages
-    description: Any
-    variables: Mapping[str, Any]  # by name
-    ports: Mapping[str, Port]  # of the part, by name; none in a free system
+    variables: Mapping[str, End]  # of the FMU in its own units, by name
+    ports: Mapping[str, End]  # of the part, by name; none in a free system
+    equal_steps: bool  # it takes communication steps of one length only
 
 
 def replacements(where: str, parts: Sequence[Part]) -> list[Replacement]:
@@ -76,9 +88,31 @@ def _replacement(where: str, part: Part, table: FmuTable) -> Replacement:
         description = description_of(Path(table.file))
     except ComponentFailed as failure:
         raise BadInput(f"{key}: {failure}") from None
-    variables = {variable.name: variable for variable in description.modelVariables}
-    ports = {port.name: port for port in component_ports(part.kind, part.config)} if part.kind else {}
-    return Replacement(part, f"{key} = {path_text(table.file)}", description, variables, ports)
+    variables = {variable.name: _own_end(description, variable) for variable in description.modelVariables}
+    equal_steps = not description.coSimulation.canHandleVariableCommunicationStepSize
+    return Replacement(part, f"{key} = {path_text(table.file)}", variables, _ports(part), equal_steps)
+
+
+def _own_end(description: Any, variable: Any) -> End:
+    """Variable of an FMU, as fmpy describes it, in its own unit."""
+    declared = variable.declaredType.items if variable.type == "Enumeration" and variable.declaredType else ()
+    items = {int(item.value): item.name for item in declared}
+    settable = variable.causality == "parameter" or variable.variability == "constant"
+    unit, base = unit_of(variable), base_unit(description, variable)
+    return End(variable.type, variable.causality, unit, base, items, settable)
+
+
+def _ports(part: Part) -> dict[str, End]:
+    """Ports of a part by their names; none of an FMU of a free system."""
+    return {
+        port.name: End(TYPES[type(port.start)], port.causality, port.unit, _base_of(port.unit))
+        for port in (component_ports(part.kind, part.config) if part.kind else ())
+    }
+
+
+def _base_of(unit: str) -> BaseUnit:
+    """Unit of a port in base units."""
+    return BaseUnit(tuple(float(UNITS[unit].get(quantity, 0)) for quantity in QUANTITIES))
 
 
 def _require_fit(
@@ -89,14 +123,14 @@ def _require_fit(
     It must have the connected variables of its part as Reals of the same dimension. What else its part outputs, and
     units that it does not declare, are warnings. ``variable_steps``: it must take communication steps of any length.
     """
-    if variable_steps and not each.description.coSimulation.canHandleVariableCommunicationStepSize:
+    if variable_steps and each.equal_steps:
         raise BadInput(f"{each.where}: it takes equal communication steps only, and run.variable varies them")
     connected = {name: (causality, peer) for causality, name, peer in _connected(each.part.name, connections)}
     for name, ends in connected.items():
         if (variable := connected_variable(each.where, each.variables, name, *ends)).type != "Real":
             raise BadInput(f"{each.where}: {ends[0]} '{name}' is of type {variable.type}, and a Real is needed")
-    shared = [name for name in shared_parameters(each) if isinstance(each.ports[name].start, float)]
-    unitless = [name for name in (*connected, *shared) if not _has_unit(each, each.ports[name])]
+    shared = [name for name in shared_parameters(each) if each.ports[name].type == "Real"]
+    unitless = [name for name in (*connected, *shared) if not _has_unit(each, name)]
     yield from ((each.part.name, sentence) for sentence in (_unitless(unitless), _missing(each)) if sentence)
 
 
@@ -110,7 +144,7 @@ def _connected(name: str, connections: Sequence[Connection]) -> Iterator[tuple[s
             yield from (("input", *ends) for ends in zip(inputs, (f"{source}.{o}" for o in outputs), strict=True))
 
 
-def connected_variable(at: str, variables: Mapping[str, Any], name: str, causality: str, peer: str) -> Any:
+def connected_variable(at: str, variables: Mapping[str, End], name: str, causality: str, peer: str) -> End:
     """Connected variable of a component; raises BadInput, beginning with ``at``, if it lacks it or its causality."""
     way = "goes to" if causality == "output" else "comes from"
     variable = variables.get(name)
@@ -123,20 +157,14 @@ def connected_variable(at: str, variables: Mapping[str, Any], name: str, causali
     return variable
 
 
-def _has_unit(each: Replacement, port: Port) -> bool:
+def _has_unit(each: Replacement, name: str) -> bool:
     """Whether a Real declares a unit of the dimension of the part's port; raises BadInput for another one."""
-    variable = each.variables[port.name]
-    unit = unit_of(variable)
-    if not unit:
+    own, port = each.variables[name], each.ports[name]
+    if not own.unit:
         return port.unit == "1"
-    if differs := difference(unit, base_unit(each.description, variable), port.unit, port_unit(port)):
-        raise BadInput(f"{each.where}: '{port.name}' {differs}")
+    if differs := _difference(own, port):
+        raise BadInput(f"{each.where}: '{name}' {differs}")
     return True
-
-
-def port_unit(port: Port) -> BaseUnit:
-    """Unit of a port of a part."""
-    return BaseUnit(tuple(float(UNITS[port.unit].get(quantity, 0)) for quantity in QUANTITIES))
 
 
 def shared_parameters(each: Replacement) -> Parameters:
@@ -149,7 +177,7 @@ def shared_parameters(each: Replacement) -> Parameters:
         name: value
         for name, value in each.part.parameters.items()
         if (variable := each.variables.get(name)) is not None
-        and (variable.causality == "parameter" or variable.variability == "constant")
+        and variable.settable
         and isinstance(value, SETTERS[variable.type][2])
         and (table is None or name not in table.parameters)
     }
@@ -168,27 +196,13 @@ def _listed(names: Sequence[str]) -> str:
 def _missing(each: Replacement) -> str:
     """Warning about outputs that the part has and the FMU has not, or an empty text."""
     there = {name for name, variable in each.variables.items() if variable.causality == "output"}
-    names = [port.name for port in each.ports.values() if port.causality == "output" and port.name not in there]
+    names = [name for name, port in each.ports.items() if port.causality == "output" and name not in there]
     if not names:
         return ""
     sentence = f"the FMU has no outputs {_listed(names)}: results that need them are missing"
     part_has, fmu_has = (any(name.startswith("energy.") for name in each) for each in (names, there))
     outside = "; it outputs no energies: the energy balance takes what passes its ports as delivered to it"
     return sentence + outside * (part_has and not fmu_has)
-
-
-TYPES = {float: "Real", int: "Integer", str: "String"}  # by the start value of a port
-Ends = Mapping[str, Mapping[str, "End"]]  # by component and variable
-
-
-class End(NamedTuple):
-    """Variable of a component, as others see it."""
-
-    type: str  # of FMI
-    causality: str
-    unit: str  # empty: none
-    base: BaseUnit | None  # None: unknown
-    items: Mapping[int, str]  # of an Enumeration: names by values
 
 
 def ends_of(parts: Sequence[Part], fmus: Mapping[str, Replacement]) -> Ends:
@@ -198,21 +212,11 @@ def ends_of(parts: Sequence[Part], fmus: Mapping[str, Replacement]) -> Ends:
 
 def _of_part(part: Part, fmu: Replacement | None) -> dict[str, End]:
     """Variables of a part, or of the FMU in its place, whose ports have the units of the part."""
-    ends = {
-        port.name: End(TYPES[type(port.start)], port.causality, port.unit, port_unit(port), {})
-        for port in (component_ports(part.kind, part.config) if part.kind else ())
-    }
-    if fmu is not None:
-        ends = {name: _seen(own_end(fmu, name), ends.get(name)) for name in fmu.variables}
+    if fmu is None:
+        ends = _ports(part)
+    else:
+        ends = {name: _seen(own, fmu.ports.get(name)) for name, own in fmu.variables.items()}
     return {name: end for name, end in ends.items() if not name.startswith(LINK_FAMILIES)}
-
-
-def own_end(fmu: Replacement, name: str) -> End:
-    """Variable of an FMU in its own unit."""
-    variable: Any = fmu.variables[name]
-    items = variable.declaredType.items if variable.type == "Enumeration" and variable.declaredType else ()
-    names = {int(item.value): item.name for item in items}
-    return End(variable.type, variable.causality, unit_of(variable), base_unit(fmu.description, variable), names)
 
 
 def _seen(own: End, port: End | None) -> End:
@@ -237,7 +241,7 @@ def _require_pairs(
             peers = f"{source}.{output}", f"{target}.{into}"
             given = connected_variable(places[source], ends[source], output, "output", peers[1])
             connected_variable(places[target], ends[target], into, "input", peers[0])
-            own = own_end(fmus[target], into) if target in fmus else ends[target][into]
+            own = fmus[target].variables[into] if target in fmus else ends[target][into]
             if sentence := _misfit(own, given, into in transformed, into, peers[0]):
                 raise BadInput(f"{places[target]}: {sentence}")
             units = [end.unit.replace("1", "") if end.unit == "1" else end.unit for end in (own, given)]
@@ -293,8 +297,7 @@ def user_instance(each: Replacement, ends: Ends, connections: Sequence[Connectio
         name: _parameter(each, name, value) if each.variables[name].type == "Real" else value
         for name, value in shared_parameters(each).items()
     }
-    own = {name: own_end(each, name) for name in each.variables}
-    conversions = dict(_of_ports(each)) | dict(_of_inputs(part.name, own, ends, connections))
+    conversions = dict(_of_ports(each)) | dict(_of_inputs(part.name, each.variables, ends, connections))
     conversions = {name: one for name, one in conversions.items() if one != UNCHANGED}
     units = {name: each.ports[name].unit for name in conversions if each.variables[name].causality == "output"}
     file = Path(table.file)
@@ -311,21 +314,22 @@ def input_conversions(part: str, ends: Ends, connections: Sequence[Connection]) 
 
 def _parameter(each: Replacement, name: str, value: float | int | str) -> float | int | str:
     """Value of a Real parameter of the part in the unit of the FMU."""
-    one = conversion(port_unit(each.ports[name]), base_unit(each.description, each.variables[name]))
+    one = conversion(each.ports[name].base, each.variables[name].base)
     return value if one == UNCHANGED else one.factor * float(value) + one.offset
 
 
 def _of_ports(each: Replacement) -> Iterator[tuple[str, Conversion]]:
     """Conversions of the inputs and outputs that an FMU has in common with its part."""
     for name, port in each.ports.items():
-        variable = each.variables.get(name)
-        if variable is not None and variable.type == "Real" and variable.causality == port.causality:
-            own, needed = base_unit(each.description, variable), port_unit(port)
-            if own is not None and own.exponents == needed.exponents:
-                if port.causality == "output":
-                    yield name, conversion(own, needed)
-                elif port.causality == "input":
-                    yield name, conversion(needed, own)
+        own = each.variables.get(name)
+        if own is None or own.base is None or own.type != "Real" or own.causality != port.causality:
+            continue
+        if _difference(own, port):
+            continue
+        if port.causality == "output":
+            yield name, conversion(own.base, port.base)
+        elif port.causality == "input":
+            yield name, conversion(port.base, own.base)
 
 
 def _of_inputs(
