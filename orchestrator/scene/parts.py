@@ -106,7 +106,7 @@ def _bench(scene: BenchScene) -> Assembly:
 def _rig(scene: RigScene) -> Assembly:
     rig, vehicle = scene.rig, scene.vehicle
     parts = (
-        _track_part(scene, "track", rig_track_config(scene)),
+        _track_part(scene, "track", closed_track_config(scene)),
         _drive_part(vehicle, "drive", scene.drive, vehicle.sprocket.spin_inertia, AXLE),
         _drive_part(
             vehicle, "idler_drive", scene.idler_drive, vehicle.idler.spin_inertia, (-rig.axle_distance, 0.0, 0.0)
@@ -130,7 +130,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     sides = hull["chassis"]["sides"]
     for side in (side for side in scene.tracks if side in sides):
         track, lateral = f"{side}_track", SIGN_OF_Y[side] * vehicle.track.lateral
-        config = vehicle_track_config(scene, side)
+        config = closed_track_config(scene, side)
         rims = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
         tracks.append(_track_part(scene, track, _standing_track_config(scene, config, side, stands), lateral))
         if scene.drive.steering is None:
@@ -226,17 +226,13 @@ def _ground_shape(scene: VehicleScene) -> dict[str, Any]:
     return {"bump": ground["bump"]} if "bump" in ground else {}
 
 
-def rig_track_config(scene: RigScene) -> dict[str, Any]:
-    """Config of the track of a rig."""
-    rig = scene.rig
-    idler = scene.vehicle.idler.model_copy(update={"x": -rig.axle_distance, "z": 0.0})
-    vehicle = scene.vehicle.model_copy(update={"idler": idler})
-    wheels = [SPROCKET, _rim("idler")]
-    return _track_config(scene, vehicle, links=rig.links, closed=True, wheels=wheels, gravity=0.0)
-
-
-def vehicle_track_config(scene: VehicleScene, side: str) -> dict[str, Any]:
-    """Config of the track of a side of a vehicle, round its wheels as drawn."""
+def closed_track_config(scene: RigScene | VehicleScene, side: Side = "left") -> dict[str, Any]:
+    """Config of the track of a rig, or of a side of a vehicle, round its wheels as drawn."""
+    if isinstance(scene, RigScene):
+        idler = scene.vehicle.idler.model_copy(update={"x": -scene.rig.axle_distance, "z": 0.0})
+        vehicle = scene.vehicle.model_copy(update={"idler": idler})
+        wheels = [SPROCKET, _rim("idler")]
+        return _track_config(scene, vehicle, links=scene.rig.links, closed=True, wheels=wheels, gravity=0.0)
     vehicle = scene.vehicle.of_side(side)
     wheels = [SPROCKET, *_rims("road_wheel", vehicle.road_wheel), _rim("idler")]
     wheels += _rims("return_roller", vehicle.return_roller)

@@ -13,9 +13,9 @@ from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import RightIdlerTable, RightTensionerTable
 from orchestrator.scene.ground_tables import Footing
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
-from orchestrator.scene.parts import Parameters, Part, own_parts, rig_track_config, vehicle_track_config
+from orchestrator.scene.parts import Parameters, Part, closed_track_config, own_parts
 from orchestrator.scene.tables import EquilibriumTable
-from orchestrator.scene.values import SIDES
+from orchestrator.scene.values import SIDES, Side
 from orchestrator.vocabulary.limits import BELLY
 
 
@@ -27,14 +27,14 @@ def placed(scene: Scene) -> Scene:
     """
     if scene.placed:
         return scene
-    update: dict[str, Any] = {"placed": True}
     match scene:
         case RigScene():
-            x, _ = _idler_position(scene, rig_track_config(scene), scene.rig.tension, "rig")
-            update["rig"] = scene.rig.model_copy(update={"axle_distance": -x})
+            x, _ = _idler_position(scene, scene.rig.tension, "rig")
+            scene = scene.model_copy(update={"rig": scene.rig.model_copy(update={"axle_distance": -x})})
         case VehicleScene():
-            return _scene_at_rest(_tensioned_scene(scene).model_copy(update=update))
-    return scene.model_copy(update=update)
+            tensioned = _tensioned_scene(scene)
+            scene = _scene_at_rest(tensioned)
+    return scene.model_copy(update={"placed": True})
 
 
 def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
@@ -42,7 +42,7 @@ def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
     if not scene.tracks:
         return scene
     vehicle = scene.vehicle
-    x, push = _idler_position(scene, vehicle_track_config(scene, "left"), vehicle.track.tension, "vehicle.track")
+    x, push = _idler_position(scene, vehicle.track.tension, "vehicle.track")
     idler = vehicle.idler.model_copy(update={"x": x})
     tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
     update: dict[str, Any] = {"idler": idler, "tensioner": tensioner}
@@ -50,8 +50,7 @@ def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
         right = vehicle.of_side("right")
         x, right_push = right.idler.x, push  # without a track the tensioner lacks the push
         if "right" in scene.tracks:
-            config = vehicle_track_config(scene, "right")
-            x, right_push = _idler_position(scene, config, vehicle.track.tension, "vehicle.right.track")
+            x, right_push = _idler_position(scene, vehicle.track.tension, "vehicle.right.track", "right")
         preload = right.tensioner.preload + right_push
         moved = {"idler": RightIdlerTable(x=x), "tensioner": RightTensionerTable(preload=preload)}
         update["right"] = vehicle.right.model_copy(update=moved)
@@ -64,8 +63,11 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
         return scene
     parts = {part.name: part for part in own_parts(scene.model_copy(update={"symmetric": False})).parts}
     under, chassis = scene.footing, parts["chassis"].config
-    hull = {**chassis, "chassis": _standing_chassis(scene, chassis["chassis"], under)}
-    tracks = {side: _equilibrium_track(scene, part, under) for side in SIDES if (part := parts.get(f"{side}_track"))}
+    hull = {**chassis, "chassis": _standing_chassis(scene.name, chassis["chassis"], under)}
+    soft = scene.track.closure_stiffness is not None
+    tracks = {
+        side: _equilibrium_track(part, soft, under.uneven) for side in SIDES if (part := parts.get(f"{side}_track"))
+    }
     pose = parts["chassis"].parameters
     slope = pose.get("start.slope.pitch", 0.0), pose.get("start.slope.roll", 0.0)
     problem = json.dumps([hull, tracks, slope])
@@ -85,7 +87,7 @@ def _refuse_belly(scene: VehicleScene, rest: EquilibriumTable) -> None:
         )
 
 
-def _standing_chassis(scene: VehicleScene, chassis: dict[str, Any], under: Footing) -> dict[str, Any]:
+def _standing_chassis(scene: str, chassis: dict[str, Any], under: Footing) -> dict[str, Any]:
     """Config of the chassis for the search of the equilibrium: hull and bare wheels on a plane, or on nothing.
 
     Raises BadInput for bare wheels on uneven ground.
@@ -97,23 +99,23 @@ def _standing_chassis(scene: VehicleScene, chassis: dict[str, Any], under: Footi
         return {**chassis, "ground": {key: value for key, value in ground.items() if key != "terrain"}}
     if ground["bare"]:
         raise BadInput(
-            f"{scene.name}.toml: a vehicle without a track on the {ground['bare'][0]} stands on uneven ground: its"
+            f"{scene}.toml: a vehicle without a track on the {ground['bare'][0]} stands on uneven ground: its"
             " equilibrium is not known, take start.state = 'drawn' or begin where the ground is a plane"
         )
     return {key: value for key, value in chassis.items() if key != "ground"}
 
 
-def _equilibrium_track(scene: VehicleScene, part: Part, under: Footing) -> tuple[dict[str, Any], Parameters]:
-    """Track config and closure parameters for the search of the equilibrium.
+def _equilibrium_track(part: Part, soft: bool, uneven: bool) -> tuple[dict[str, Any], Parameters]:
+    """Track config and closure parameters for the search of the equilibrium, on uneven ground or on a plane.
 
-    A closing spring of default stiffness changes the result by 0.3 um only, so it is left out.
+    ``soft``: its closing spring has a stiffness of its own. One of default stiffness changes the result by 0.3 um only,
+    so it is left out.
     """
-    soft = scene.track.closure_stiffness is not None
     values = {name: value for name, value in part.parameters.items() if soft and name.startswith("closure")}
     config, parameters = {**part.config, "link_outputs": False}, part.parameters
-    if not under.uneven:
+    if not uneven:
         config["track"] = {key: value for key, value in config["track"].items() if key != "terrain"}
-    if "start.slope.pitch" in parameters or under.uneven:
+    if "start.slope.pitch" in parameters or uneven:
         values |= {name: value for name, value in parameters.items() if name.startswith("start.")}
     return config, values
 
@@ -125,7 +127,11 @@ def _solved_equilibrium(problem: str) -> Any:
     return equilibrium(chassis, {side: FlexibleTrack(*track) for side, track in tracks.items()}, tuple(slope))
 
 
-def _idler_position(scene: Scene, config: dict[str, Any], tension: float, keys: str) -> tuple[float, float]:
+def _idler_position(
+    scene: RigScene | VehicleScene, tension: float, keys: str, side: Side = "left"
+) -> tuple[float, float]:
+    """Place of the idler of a track, m, and push of its tensioner, N, for a tension, N; ``keys``: its table."""
+    config = closed_track_config(scene, side)
     level = {key: value for key, value in config["track"].items() if key != "terrain"}
     problem = json.dumps([{**config, "track": level}, _links_that_start(scene)], sort_keys=True)
     return _solved_idler_position(problem, tension, keys)

@@ -17,7 +17,7 @@ from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
 from fmus.vehicles.tables import BadInput
 from orchestrator.scene.assembly import assemble
-from orchestrator.scene.parts import rig_track_config, vehicle_track_config
+from orchestrator.scene.parts import closed_track_config
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
@@ -80,7 +80,7 @@ def scene_of(k, links="rigid", **settings):
 
 def track_of(scene):
     """Config of the left track."""
-    config = vehicle_track_config(scene, "left")
+    config = closed_track_config(scene)
     track = {key: value for key, value in config["track"].items() if key != "terrain"}
     return {**config, "track": {**track, "wheels": drawn(config["vehicle"], track["wheels"])}}
 
@@ -225,7 +225,7 @@ def test_a_belt_that_does_not_fit_is_refused_with_the_place_that_would():
     printed = float(re.findall(r"distance = ([\d.]+)", str(refusal.value))[0])
     assert printed == pytest.approx(exact, abs=1e-3)
     rig = load("rig", "rigid", {"rig.links": 40, "rig.axle_distance": printed})
-    assert tensioning.tension_wheel(rig_track_config(rig), "idler", rig.rig.tension, "rig")[0] < 0.0
+    assert tensioning.tension_wheel(closed_track_config(rig), "idler", rig.rig.tension, "rig")[0] < 0.0
     with pytest.raises(BadInput, match=r"too short; vehicle\.idler\.x = -3\.991 m would fit"):
         placed(load("straight", "rigid", {"vehicle.idler.x": -3.5}))
 
