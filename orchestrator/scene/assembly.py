@@ -12,7 +12,7 @@ from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.fmu_table import Pair, joined, pair_of, require_free_inputs
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import DRIVE, Assembly, Parameters, Part, own_parts
-from orchestrator.scene.replacement import ends_of, input_conversions, replacements, typed, user_instance
+from orchestrator.scene.replacement import conversions, ends_of, replacements, typed, user_instance
 from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import FreeScene, SystemScene
 
@@ -85,7 +85,7 @@ def system(assembly: Assembly, native: bool = False) -> System:
             files[part.name].fmu,
             files[part.name].parameters,
             part.stage,
-            input_conversions(part.name, ends, added),
+            conversions(part.name, ends.get(part.name, {}), {}, ends, added),
             resources=files[part.name].resources,
             starts=files[part.name].starts,
         )

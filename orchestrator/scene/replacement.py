@@ -221,9 +221,14 @@ def _of_part(part: Part, fmu: Replacement | None) -> dict[str, End]:
 
 def _seen(own: End, port: End | None) -> End:
     """Variable of an FMU, in the unit of its part's port if its values are converted to that."""
-    if port is None or own.base is None or _difference(own, port):
+    if port is None or not _alike(own, port):
         return own
     return own._replace(unit=port.unit, base=port.base)
+
+
+def _alike(own: End, port: End) -> bool:
+    """Whether both have units of one dimension, so that values of one are converted to the other."""
+    return own.base is not None and port.base is not None and own.base.exponents == port.base.exponents
 
 
 def _require_pairs(
@@ -293,53 +298,61 @@ def user_instance(each: Replacement, ends: Ends, connections: Sequence[Connectio
     """Instance of an FMU of the user; ``connections``: those that the user makes."""
     part, table = each.part, each.part.fmu
     assert table is not None
-    parameters = {
-        name: _parameter(each, name, value) if each.variables[name].type == "Real" else value
-        for name, value in shared_parameters(each).items()
-    }
-    conversions = dict(_of_ports(each)) | dict(_of_inputs(part.name, each.variables, ends, connections))
-    conversions = {name: one for name, one in conversions.items() if one != UNCHANGED}
-    units = {name: each.ports[name].unit for name in conversions if each.variables[name].causality == "output"}
+    shared = shared_parameters(each)
+    reals = [name for name in shared if each.variables[name].type == "Real"]
+    changed = _changing({name: _Way(each.ports[name].base, each.variables[name].base) for name in reals})
+    parameters = shared | {name: one.factor * float(shared[name]) + one.offset for name, one in changed.items()}
+    converted = conversions(part.name, each.variables, each.ports, ends, connections)
+    units = {name: each.ports[name].unit for name in converted if each.variables[name].causality == "output"}
     file = Path(table.file)
     guest = GuestTerms(table.in_process, table.call_limit or math.inf, table.non_finite)
-    terms = conversions, units, None if built_here(file) else guest
+    terms = converted, units, None if built_here(file) else guest
     return Instance(part.name, file, {**parameters, **table.parameters}, part.stage, *terms)
 
 
-def input_conversions(part: str, ends: Ends, connections: Sequence[Connection]) -> dict[str, Conversion]:
-    """Conversions of the inputs that a part of ours gets by connections of the user."""
-    found = _of_inputs(part, ends.get(part, {}), ends, connections)
-    return {name: one for name, one in found if one != UNCHANGED}
+class _Way(NamedTuple):
+    """How values reach a variable: from the unit in which they are given to the one needed, then transformed."""
+
+    given: BaseUnit | None
+    needed: BaseUnit | None
+    transformation: Conversion = UNCHANGED
 
 
-def _parameter(each: Replacement, name: str, value: float | int | str) -> float | int | str:
-    """Value of a Real parameter of the part in the unit of the FMU."""
-    one = conversion(each.ports[name].base, each.variables[name].base)
-    return value if one == UNCHANGED else one.factor * float(value) + one.offset
+def conversions(
+    name: str, own: Mapping[str, End], ports: Mapping[str, End], ends: Ends, connections: Sequence[Connection]
+) -> dict[str, Conversion]:
+    """Conversions of a component's variables, ``own`` in its own units, that change values.
+
+    ``ports``: of the part in whose place it is; ``connections``: those of the user, between ``ends``.
+    """
+    return _changing(dict(_of_ports(own, ports)) | dict(_of_inputs(name, own, ends, connections)))
 
 
-def _of_ports(each: Replacement) -> Iterator[tuple[str, Conversion]]:
-    """Conversions of the inputs and outputs that an FMU has in common with its part."""
-    for name, port in each.ports.items():
-        own = each.variables.get(name)
-        if own is None or own.base is None or own.type != "Real" or own.causality != port.causality:
-            continue
-        if _difference(own, port):
-            continue
-        if port.causality == "output":
-            yield name, conversion(own.base, port.base)
-        elif port.causality == "input":
-            yield name, conversion(port.base, own.base)
+def _changing(ways: Mapping[str, _Way]) -> dict[str, Conversion]:
+    """Conversions of variables, without those that change no value."""
+    found = {name: conversion(way.given, way.needed).then(way.transformation) for name, way in ways.items()}
+    return {name: one for name, one in found.items() if one != UNCHANGED}
+
+
+def _of_ports(variables: Mapping[str, End], ports: Mapping[str, End]) -> Iterator[tuple[str, _Way]]:
+    """Ways of the inputs and outputs that an FMU has in common with its part."""
+    for name, port in ports.items():
+        own = variables.get(name)
+        if own is not None and own.type == "Real" and own.causality == port.causality and _alike(own, port):
+            if port.causality == "output":
+                yield name, _Way(own.base, port.base)
+            elif port.causality == "input":
+                yield name, _Way(port.base, own.base)
 
 
 def _of_inputs(
     target: str, own: Mapping[str, End], ends: Ends, connections: Sequence[Connection]
-) -> Iterator[tuple[str, Conversion]]:
-    """Conversions of the inputs that a component gets by connections of the user; ``own``: in its own units."""
+) -> Iterator[tuple[str, _Way]]:
+    """Ways of the inputs that a component gets by connections of the user."""
     for connection in connections:
         if connection.target == target:
             transformations = dict(connection.transformations)
             for output, name in zip(connection.outputs, connection.inputs, strict=True):
                 if own[name].type == "Real":
-                    unit = conversion(ends[connection.source][output].base, own[name].base)
-                    yield name, unit.then(transformations.get(name, UNCHANGED))
+                    source = ends[connection.source][output]
+                    yield name, _Way(source.base, own[name].base, transformations.get(name, UNCHANGED))
