@@ -34,7 +34,7 @@ from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.log.signal_names import did_you_mean, worded
 from orchestrator.results import measures
 from orchestrator.scene.assembly import assemble, system
-from orchestrator.scene.kinds import Scene
+from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import Assembly, Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.settings import hint
@@ -80,6 +80,7 @@ def _recorded(scene: SystemScene, part: Part) -> dict[str, str]:
     return {f"{part.name}.{name}": text for name, text in texts.items()}
 
 
+OTHER_KERNELS = "cables have turning axes, whose kernels are others and compile for minutes the first time"
 LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 
@@ -90,11 +91,18 @@ def load_scene(
     logger: Logger | None,
     native: bool = False,
     rooms: Rooms | None = None,
+    announce: Callable[[str], object] = lambda line: None,
 ) -> tuple[SystemScene, System, dict[str, Component]]:
     """Place an assembled scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed.
 
-    ``rooms``: where FMUs of the user get their processes; they are closed with the stack.
+    ``rooms``: where FMUs of the user get their processes; they are closed with the stack. ``announce`` gets a line for
+    what takes long or is a risk.
     """
+    if given := [part.name for part in assembly.parts if part.fmu is not None]:
+        announce(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
+    if isinstance(scene, VehicleScene) and scene.track.axes == "free" and scene.leaves_plane:
+        announce(f"{scene.name}: {scene.leaves_plane}: {OTHER_KERNELS}")
+    announce(f"{scene.name}: components are built and initialised")
     processes: list[subprocess.Popen[str]] = []
     try:
         if isinstance(scene, Scene) and not scene.placed:

@@ -32,14 +32,13 @@ from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import chain_checks
 from orchestrator.scene.assembly import assemble
-from orchestrator.scene.kinds import Scene, VehicleScene
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Assembly
 from orchestrator.scene.replacement import unfit
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.values import implausible_numbers
 
 NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be replayed or resumed"
-OTHER_KERNELS = "cables have turning axes, whose kernels are others and compile for minutes the first time"
 MOST_NARRATED = 300  # characters of a line about parameters
 
 
@@ -87,12 +86,13 @@ def _simulate(
     announce = narration or (lambda line: None)
     assembly = assemble(scene)
     misfits = unfit(scene, assembly)
-    for line in _before_building(scene, assembly, new=continuation is None):
-        announce(f"{scene.name}: {line}")
+    if continuation is None:  # the checks of a log's scene have been compared before its run
+        require_signals(scene, assembly.parts)
     reached = ReachedPoint()
     with ExitStack() as stack:
         rooms = Rooms(interrupt.signals, announce)
-        run = PreparedRun.prepare(*load_scene(scene, assembly, stack, logger, native, rooms), continuation)
+        loaded = load_scene(scene, assembly, stack, logger, native, rooms, announce)
+        run = PreparedRun.prepare(*loaded, continuation)
         for line in _shared_parameters(run, assembly):
             announce(f"{scene.name}: {line}")
         result["warnings"] = early_warnings = _early_warnings(run, logger, misfits)
@@ -133,17 +133,6 @@ def _simulate(
     if log_opened:
         result["log"] = str(file)
     return result | {"log_bytes": file.stat().st_size if log_opened and file.exists() else 0}
-
-
-def _before_building(scene: SystemScene, assembly: Assembly, new: bool) -> Iterator[str]:
-    """Yield what is told before the components are built; raises BadInput for signals that checks do not find."""
-    if new:  # the checks of a log's scene have been compared before its run
-        require_signals(scene, assembly.parts)
-    if given := [part.name for part in assembly.parts if part.fmu is not None]:
-        yield f"FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights"
-    if isinstance(scene, VehicleScene) and scene.track.axes == "free" and scene.leaves_plane:
-        yield f"{scene.leaves_plane}: {OTHER_KERNELS}"
-    yield "components are built and initialised"
 
 
 def _estimate_error(

@@ -11,7 +11,8 @@ import pytest
 from orchestrator.cosim import observers
 from orchestrator.cosim.narration import FIRST, KERNELS, PATIENCE, PERIOD, Narration
 from orchestrator.cosim.observers import ProgressBar
-from orchestrator.execution.simulate import OTHER_KERNELS, simulate
+from orchestrator.execution.loading import OTHER_KERNELS
+from orchestrator.execution.simulate import simulate
 from orchestrator.scene.scene import load
 
 
