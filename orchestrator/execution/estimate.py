@@ -90,9 +90,10 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
     """Estimate the relative errors of a recorded run, in total and by observable, or give the reason."""
     start = time.perf_counter()
     try:
-        coarser_runs = _coarser_runs(scene, summary)
+        tracks = {part.name for part in assemble(scene).parts if part.stage == TRACK}
+        coarser_runs = _coarser_runs(scene, summary, _steps(tracks, summary))
         with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-            logs = _record_coarser(scene, summary, coarser_runs, record, Path(folder))
+            logs = _record_coarser(scene, summary, tracks, coarser_runs, record, Path(folder))
             parts, without = _with_differences(*_differences(log, logs, coarser_runs))
     except _NoEstimate as reason:
         return without_estimate(str(reason), time.perf_counter() - start)
@@ -117,8 +118,9 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
     }
 
 
-def _coarser_runs(scene: Scene, summary: dict[str, Any]) -> Companions:
-    steps, simulated, count = _steps(scene, summary), summary["simulated_time"], summary["communication_steps"]
+def _coarser_runs(scene: Scene, summary: dict[str, Any], steps: list[int]) -> Companions:
+    """Scenes of the coarser runs; ``steps``: internal steps of each track."""
+    simulated, count = summary["simulated_time"], summary["communication_steps"]
     if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
         raise _NoEstimate("the run is too short, or nothing in it has an internal step to double")
     pieces = max(1, round(max(steps) / count))  # internal steps per communication step; halved ones are few
@@ -126,9 +128,14 @@ def _coarser_runs(scene: Scene, summary: dict[str, Any]) -> Companions:
 
 
 def _record_coarser(
-    scene: Scene, summary: dict[str, Any], coarser_runs: Companions, record: RecordRun, folder: Path
+    scene: Scene,
+    summary: dict[str, Any],
+    tracks: set[str],
+    coarser_runs: Companions,
+    record: RecordRun,
+    folder: Path,
 ) -> dict[str, Path]:
-    """Record the coarser runs; return their logs by name."""
+    """Record the coarser runs, which have the same tracks; return their logs by name."""
     logs: dict[str, Path] = {}
     for name, companion in zip(coarser_runs._fields, coarser_runs, strict=True):
         if companion is None:
@@ -140,9 +147,9 @@ def _record_coarser(
         if coarser["status"] != "ok" or energy_warning(coarser["energy"]):
             raise _NoEstimate(f"the run at twice the step cannot be right: {coarser['message']}")
         if coarser_runs.coupling is None and scene.run.variable is None:
-            most = max(_steps(scene, summary)) / summary["simulated_time"]  # internal steps a second
+            most = max(_steps(tracks, summary)) / summary["simulated_time"]  # internal steps a second
             fewer = 0.95 if scene.track.integrator in BY_ERROR else 0.75  # order 8: 10^(1/8) longer by tolerances
-            if max(_steps(companion, coarser)) / coarser["simulated_time"] > fewer * most:
+            if max(_steps(tracks, coarser)) / coarser["simulated_time"] > fewer * most:
                 raise _NoEstimate("there is no coarser run: internal steps are as long as stability allows")
         if coarser["simulated_time"] < companion.run.stop - 1e-9:
             raise _NoEstimate(f"the run at twice the step ends at {coarser['simulated_time']:.6g} s")
@@ -180,9 +187,8 @@ def _with_differences(parts: dict[str, Differences], names: list[str]) -> tuple[
     return finite, [name for name in names if name not in known]
 
 
-def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:
+def _steps(tracks: set[str], summary: dict[str, Any]) -> list[int]:
     """Return the number of internal steps of each track."""
-    tracks = {part.name for part in assemble(scene).parts if part.stage == TRACK}
     return [cost["steps"] for name, cost in summary["components"].items() if name in tracks]
 
 

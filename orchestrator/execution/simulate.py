@@ -105,8 +105,7 @@ def _simulate(
                     continuation.copy_records(recorder)
                 observers: list[master.Observer] = [reached, *run.observers(recorder, reached)]
                 if narration:
-                    stop = run.scene.run.stop
-                    observers.append(stack.enter_context(ProgressBar(scene.name, stop, narration)))
+                    observers.append(stack.enter_context(ProgressBar(scene.name, run.scene.run.stop, narration)))
                 if recorder.replaces:
                     announce(f"{scene.name}: the log is {recorder.file} until the run has ended, then {path}")
                 announce(f"{scene.name}: {run.scene.run.stop:g} s are simulated")

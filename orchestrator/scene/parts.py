@@ -65,23 +65,25 @@ def own_parts(scene: Scene) -> Assembly:
 
 
 def _chain(scene: ChainScene) -> Assembly:
-    chain = scene.chain
+    chain, vehicle, outputs = scene.chain, scene.vehicle, scene.track.link_outputs
     if chain.ends == "loop":
-        config = _track_config(scene, links=chain.links, closed=True, wheels=[], gravity=0.0)
+        config = _track_config(vehicle, outputs, links=chain.links, closed=True, wheels=[], gravity=0.0)
         part = _track_part(scene, "chain", config)
         moving: Parameters = {"start.spin": chain.spin, "start.ovalling": chain.ovalling}
         return Assembly((part._replace(parameters={**part.parameters, **moving}),), ())
     if chain.ends == "lying":
         pull = [0.5 * chain.pull, 0.0]
         ends: dict[str, Any] = {"kind": "pulled", "first": pull, "last": pull}
-        config = _track_config(scene, links=chain.links, closed=False, wheels=[], ground=True, ends=ends)
+        config = _track_config(
+            scene.vehicle, outputs, links=chain.links, closed=False, wheels=[], ground=True, ends=ends
+        )
         if scene.ground and scene.ground.soil:
             config["track"]["soil"] = scene.ground.soil.model_dump()
         return Assembly((_track_part(scene, "chain", config),), ())
     ends = {"kind": chain.ends, "first": [0.0, 0.0]}
     if chain.span is not None:
-        ends["last"] = [chain.span * chain.links * scene.vehicle.track.pitch, 0.0]
-    config = _track_config(scene, links=chain.links, closed=False, wheels=[], ends=ends)
+        ends["last"] = [chain.span * chain.links * vehicle.track.pitch, 0.0]
+    config = _track_config(vehicle, outputs, links=chain.links, closed=False, wheels=[], ends=ends)
     return Assembly((_track_part(scene, "chain", config),), ())
 
 
@@ -90,7 +92,8 @@ def _bench(scene: BenchScene) -> Assembly:
     # forces of the pulled ends, N; ends that are held have positions, m
     ends = {"kind": "pulled", "first": [-bench.upper, 0.0], "last": [-bench.lower, 0.0]}
     config = _track_config(
-        scene,
+        scene.vehicle,
+        scene.track.link_outputs,
         links=bench.links,
         closed=False,
         wheels=[SPROCKET],
@@ -125,19 +128,20 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     stands = stances(hull) if scene.start.equilibrium else {}
     wiring: list[Connection] = []
     tracks, drives = [], []
-    if scene.drive.steering is not None:
-        drives.append(_differential_part(scene, scene.drive.steering, stands))
+    steering = scene.drive.steering
+    if steering is not None:
+        drives.append(_differential_part(vehicle, {"propulsion": scene.drive, "steering": steering}, stands))
     sides = hull["chassis"]["sides"]
     for side in (side for side in scene.tracks if side in sides):
         track, lateral = f"{side}_track", SIGN_OF_Y[side] * vehicle.track.lateral
         config = closed_track_config(scene, side)
         rims = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
-        tracks.append(_track_part(scene, track, _standing_track_config(scene, config, side, stands), lateral))
-        if scene.drive.steering is None:
+        tracks.append(_track_part(scene, track, _standing_track_config(config, side, stands), lateral))
+        if steering is None:
             inertia = vehicle.sprocket.spin_inertia
             mount = stands.get(f"{side}.sprocket", AXLE)
             drives.append(_drive_part(vehicle, f"{side}_drive", scene.drive.of_side(side), inertia, mount, lateral))
-        drive, connector = _drive_of_side(scene, side)
+        drive, connector = _drive_of_side(side, steering is not None)
         wiring += _wheel_connections(track, "sprocket", drive, f"{connector}sprocket")
         for wheel in rims:
             wiring += _wheel_connections(track, wheel, "chassis", f"{side}.{wheel}")
@@ -151,7 +155,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     config = {"vehicle": vehicle.model_dump()}
     parameters = {"friction": vehicle.contact.ground.friction, **_driver_parameters(scene.driver)}
     driver = Part("driver", "Driver", config, parameters, DRIVER)
-    return Assembly((*tracks, *drives, chassis, driver), (*wiring, *_driven_connections(scene)))
+    return Assembly((*tracks, *drives, chassis, driver), (*wiring, *_driven_connections(steering is not None)))
 
 
 def _chassis_config(scene: VehicleScene) -> dict[str, Any]:
@@ -165,23 +169,20 @@ def _chassis_config(scene: VehicleScene) -> dict[str, Any]:
     return {"vehicle": scene.vehicle.model_dump(), "chassis": chassis}
 
 
-def _standing_track_config(
-    scene: VehicleScene, config: dict[str, Any], side: str, stands: Mapping[str, Stance]
-) -> dict[str, Any]:
-    """Config of a track whose wheels stand at their equilibrium on this side of the vehicle."""
-    equilibrium = scene.start.equilibrium
-    if equilibrium is None:
+def _standing_track_config(config: dict[str, Any], side: str, stands: Mapping[str, Stance]) -> dict[str, Any]:
+    """Config of a track whose wheels stand at their equilibrium, if there is one, on this side of the vehicle."""
+    if not stands:
         return config
     wheels = [{**wheel, "start": list(stands[f"{side}.{wheel['name']}"])} for wheel in config["track"]["wheels"]]
     return {**config, "track": {**config["track"], "wheels": wheels}}
 
 
-def _drive_of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:
-    """Component that drives a side, and the prefix of its variables for that side."""
-    return (f"{side}_drive", "") if scene.drive.steering is None else (DIFFERENTIAL, f"{side}.")
+def _drive_of_side(side: Side, joined: bool) -> tuple[str, str]:
+    """Component that drives a side, of its own or of ``joined`` sides, and the prefix of its variables for it."""
+    return (DIFFERENTIAL, f"{side}.") if joined else (f"{side}_drive", "")
 
 
-def _driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
+def _driven_connections(joined: bool) -> tuple[Connection, ...]:
     """Connections from chassis to driver and from driver to drives."""
     motion_outputs, motion_inputs = _names(motion_ports("chassis", "output")), _names(motion_ports("chassis", "input"))
     return (
@@ -190,7 +191,7 @@ def _driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
         *(
             Connection("driver", (f"{side}.speed",), drive, (f"{connector}speed.demand",), "mean")
             for side in SIGN_OF_Y
-            for drive, connector in [_drive_of_side(scene, side)]
+            for drive, connector in [_drive_of_side(side, joined)]
         ),
     )
 
@@ -228,15 +229,16 @@ def _ground_shape(scene: VehicleScene) -> dict[str, Any]:
 
 def closed_track_config(scene: RigScene | VehicleScene, side: Side = "left") -> dict[str, Any]:
     """Config of the track of a rig, or of a side of a vehicle, round its wheels as drawn."""
+    outputs = scene.track.link_outputs
     if isinstance(scene, RigScene):
         idler = scene.vehicle.idler.model_copy(update={"x": -scene.rig.axle_distance, "z": 0.0})
         vehicle = scene.vehicle.model_copy(update={"idler": idler})
         wheels = [SPROCKET, _rim("idler")]
-        return _track_config(scene, vehicle, links=scene.rig.links, closed=True, wheels=wheels, gravity=0.0)
+        return _track_config(vehicle, outputs, links=scene.rig.links, closed=True, wheels=wheels, gravity=0.0)
     vehicle = scene.vehicle.of_side(side)
     wheels = [SPROCKET, *_rims("road_wheel", vehicle.road_wheel), _rim("idler")]
     wheels += _rims("return_roller", vehicle.return_roller)
-    config = _track_config(scene, vehicle, links=vehicle.track.links, closed=True, wheels=wheels, ground=True)
+    config = _track_config(vehicle, outputs, links=vehicle.track.links, closed=True, wheels=wheels, ground=True)
     config["track"] |= _ground_shape(scene)
     if scene.ground.soil is not None:
         config["track"]["soil"] = scene.ground.soil.model_dump()
@@ -244,8 +246,8 @@ def closed_track_config(scene: RigScene | VehicleScene, side: Side = "left") -> 
 
 
 def _track_config(
-    scene: Scene,
-    vehicle: VehicleTable | None = None,
+    vehicle: VehicleTable,
+    link_outputs: Sequence[str],
     *,
     links: int,
     closed: bool,
@@ -255,19 +257,19 @@ def _track_config(
     ends: dict[str, Any] | None = None,
     transverse_damping: float = 0.0,
 ) -> dict[str, Any]:
-    """Config of a track: ``vehicle`` (default: the scene's), wheels, ends and ground."""
+    """Config of a track: vehicle, groups of link outputs, wheels, ends and ground."""
     return {
-        "vehicle": (vehicle or scene.vehicle).model_dump(),
+        "vehicle": vehicle.model_dump(),
         "track": {
             "links": links,
             "closed": closed,
             "wheels": wheels,
             "ground": ground,
-            "gravity": scene.vehicle.gravity if gravity is None else gravity,
+            "gravity": vehicle.gravity if gravity is None else gravity,
             "ends": ends,
             "transverse_damping": transverse_damping,
         },
-        "link_outputs": scene.track.link_outputs,
+        "link_outputs": link_outputs,
     }
 
 
@@ -296,16 +298,15 @@ def _drive_part(
     return Part(name, "SprocketDrive", config, {"start.lateral": lateral, **_drive_parameters(drive)}, DRIVE)
 
 
-def _differential_part(scene: VehicleScene, steering: DriveTable, stands: Mapping[str, Stance]) -> Part:
-    """Steering differential between both sprockets."""
-    vehicle = scene.vehicle
+def _differential_part(vehicle: VehicleTable, shafts: Mapping[str, DriveTable], stands: Mapping[str, Stance]) -> Part:
+    """Steering differential between both sprockets, with the drives of its shafts."""
     differential: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
     for (side, sign), key in zip(SIGN_OF_Y.items(), ("mount", "right"), strict=True):  # keys of its config
         x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
         differential[key] = [x, y + sign * vehicle.track.lateral, *rest]
     config = {"vehicle": vehicle.model_dump(), "drive": differential}
     parameters: Parameters = {}
-    for shaft, drive in (("propulsion", scene.drive), ("steering", steering)):
+    for shaft, drive in shafts.items():
         parameters |= {f"{shaft}.{name}": value for name, value in _drive_parameters(drive).items()}
     return Part(DIFFERENTIAL, "SteeringDifferential", config, parameters, DRIVE)
 

@@ -10,7 +10,7 @@ from fmus.rest.equilibrium import FlexibleTrack, equilibrium
 from fmus.rest.tensioning import CABLES, Links, tension_wheel
 from fmus.start import hull_clearance
 from fmus.vehicles.tables import BadInput
-from fmus.vehicles.vehicle import RightIdlerTable, RightTensionerTable
+from fmus.vehicles.vehicle import RightIdlerTable, RightTensionerTable, VehicleTable
 from orchestrator.scene.ground_tables import Footing
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import Parameters, Part, closed_track_config, own_parts
@@ -73,21 +73,21 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
     problem = json.dumps([hull, tracks, slope])
     solution = EquilibriumTable(**_solved_equilibrium(problem)._asdict())
     if scene.ground.soil is not None and "belly" not in scene.run.allow:
-        _refuse_belly(scene, solution)
+        _refuse_belly(scene.name, scene.vehicle, solution)
     return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": solution})})
 
 
-def _refuse_belly(scene: VehicleScene, rest: EquilibriumTable) -> None:
+def _refuse_belly(name: str, vehicle: VehicleTable, rest: EquilibriumTable) -> None:
     """Raise BadInput for a hull that is in the soil at rest, see ``vocabulary.limits.BELLY``."""
-    depth = -hull_clearance(scene.vehicle.model_dump(), rest.height, rest.roll, rest.pitch)
+    depth = -hull_clearance(vehicle.model_dump(), rest.height, rest.roll, rest.pitch)
     if depth > BELLY:
         raise BadInput(
-            f"{scene.name}.toml: ground.soil: at rest the hull is {1e3 * depth:.0f} mm in the soil, which bears tracks"
+            f"{name}.toml: ground.soil: at rest the hull is {1e3 * depth:.0f} mm in the soil, which bears tracks"
             ' only; run.allow = ["belly"] runs it all the same'
         )
 
 
-def _standing_chassis(scene: str, chassis: dict[str, Any], under: Footing) -> dict[str, Any]:
+def _standing_chassis(name: str, chassis: dict[str, Any], under: Footing) -> dict[str, Any]:
     """Config of the chassis for the search of the equilibrium: hull and bare wheels on a plane, or on nothing.
 
     Raises BadInput for bare wheels on uneven ground.
@@ -99,7 +99,7 @@ def _standing_chassis(scene: str, chassis: dict[str, Any], under: Footing) -> di
         return {**chassis, "ground": {key: value for key, value in ground.items() if key != "terrain"}}
     if ground["bare"]:
         raise BadInput(
-            f"{scene}.toml: a vehicle without a track on the {ground['bare'][0]} stands on uneven ground: its"
+            f"{name}.toml: a vehicle without a track on the {ground['bare'][0]} stands on uneven ground: its"
             " equilibrium is not known, take start.state = 'drawn' or begin where the ground is a plane"
         )
     return {key: value for key, value in chassis.items() if key != "ground"}
