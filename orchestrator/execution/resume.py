@@ -136,12 +136,13 @@ def branched_scene(scene: Scene, settings: Sequence[str], where: str) -> Scene:
     options = "; ".join(settings)
     before = scene.resolved()
     branch = with_track(changed_scene(scene.resolved(), settings, where))
-    for key in _start_changes(scene, branch):
+    after = branch.resolved()
+    for key in _start_changes(before, after):
         raise BadInput(
             f"--set {options}: where a run branches off, {key} stays as it is: the states of the parts count from the"
             " place and the slope of the start"
         )
-    for key in _structural_changes(before, branch.resolved()):
+    for key in _structural_changes(before, after):
         if not key.startswith("expect") and key not in MAY_CHANGE:
             raise BadInput(
                 f"--set {options}: where a run branches off, {key} stays as it is: only numbers of parts change"
@@ -149,9 +150,8 @@ def branched_scene(scene: Scene, settings: Sequence[str], where: str) -> Scene:
     return branch
 
 
-def _start_changes(scene: Scene, branch: Scene) -> Iterator[str]:
+def _start_changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
     """Yield keys that would move the axes in which the states of parts are: the start, a slope everywhere."""
-    old, new = scene.resolved(), branch.resolved()
     tables = {"start": [*old["start"]]}
     if "ground" in old and is_plane(old["ground"]):
         tables["ground"] = [*SLOPES]
