@@ -74,9 +74,7 @@ def _chain(scene: ChainScene) -> Assembly:
     if chain.ends == "lying":
         pull = [0.5 * chain.pull, 0.0]
         ends: dict[str, Any] = {"kind": "pulled", "first": pull, "last": pull}
-        config = _track_config(
-            scene.vehicle, outputs, links=chain.links, closed=False, wheels=[], ground=True, ends=ends
-        )
+        config = _track_config(vehicle, outputs, links=chain.links, closed=False, wheels=[], ground=True, ends=ends)
         if scene.ground and scene.ground.soil:
             config["track"]["soil"] = scene.ground.soil.model_dump()
         return Assembly((_track_part(scene, "chain", config),), ())
