@@ -460,15 +460,13 @@ static Status free_state(void **state) {
 }
 
 static Status serialise(Instance *c, const void *state, void *to, size_t n) {
-    Bytes *b;
+    char *bytes = to; /* which need not be aligned */
     if (!state || n < sizeof(Bytes)) return refuse(c, "a state needs %zu bytes", sizeof(Bytes));
-    if (!(b = allocate(sizeof *b))) return refuse(c, "there is no memory for a state");
-    memset(b, 0, sizeof *b);
-    strcpy(b->guid, GUID);
-    memcpy(&b->d, state, sizeof(Data));
-    b->sum = checksum(b->guid, SUMMED);
-    memcpy(to, b, sizeof *b);
-    deallocate(b);
+    memset(bytes, 0, sizeof(Bytes));
+    strcpy(bytes + offsetof(Bytes, guid), GUID);
+    memcpy(bytes + offsetof(Bytes, d), state, sizeof(Data));
+    uint64_t sum = checksum(bytes + offsetof(Bytes, guid), SUMMED);
+    memcpy(bytes, &sum, sizeof sum);
     return STATUS_OK;
 }
 

@@ -105,6 +105,17 @@ class OutputData(NamedTuple):
     report: np.ndarray
 
 
+class LinkArrays(NamedTuple):
+    """Work arrays of the link outputs of n links and m pins, so that reading them allocates nothing."""
+
+    means: np.ndarray  # (m, columns) means of the forces on links
+    tension: np.ndarray  # (n) N
+    stress: np.ndarray  # (n) Pa
+    place: np.ndarray  # (m, 3) of the pins, m; of their axes
+    fibres: np.ndarray  # (n, 2) Pa
+    ends: np.ndarray  # (n, 6) slopes
+
+
 class LinkOutputData(NamedTuple):
     """Data behind the link outputs of a track."""
 
@@ -117,6 +128,7 @@ class LinkOutputData(NamedTuple):
     nodes: int
     group_flags: np.ndarray  # for each group of ``link_outputs``, 1: it is shown
     extra: int | None  # None: no group with kernels of its own is shown
+    arrays: LinkArrays
 
 
 @allocating
@@ -345,8 +357,8 @@ def write_link_outputs(c: LinkOutputData, y: Floats) -> None:
 
     c: ``LinkOutputData``.
     """
-    n, m, group_flags, means = c.links, c.nodes, c.group_flags, np.empty(c.s.on_links_sum.shape)
-    tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
+    n, m, group_flags = c.links, c.nodes, c.group_flags
+    means, tension, stress, place = c.arrays.means, c.arrays.tension, c.arrays.stress, c.arrays.place
     observe_links(c.link, c.environment, c.s, c.work, tension, stress, place)
     on_links.interval_means(c.s, means)
     index = _copy_numbers(group_flags[TENSION], tension, y, 0)
@@ -370,7 +382,7 @@ def write_link_outputs(c: LinkOutputData, y: Floats) -> None:
 def _write_extra_groups(extra: int | None, c: LinkOutputData, y: Floats, index: int) -> None:
     """Write the groups with kernels of their own, which are not compiled where no such group is shown."""
     if extra is not None:
-        axis, fibre_stress, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
+        axis, fibre_stress, ends = c.arrays.place, c.arrays.fibres, c.arrays.ends
         pin_axes(c.link, c.s, c.work, axis)
         index = _copy_vectors(c.group_flags[AXIS], axis, c.frame, y, index)
         if c.group_flags[FIBRES]:

@@ -10,6 +10,7 @@ import numpy as np
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, Port
 from fmus.kernels.jit import implementation
+from fmus.physics.ancf.cable import cable_arrays
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.inertia import LEAST_SHARE, second_moments
@@ -88,6 +89,7 @@ def _cables(
         tau * (young * second),
         (0, 2) if kind.element == "planar" else (0, 1, 2),
         _rotary_of_cables(track, pitch),
+        cable_arrays(),
     )
     common = *size, cable, track["face"], section["outer_fibre"], area, second
     if kind.axes != "free":
@@ -124,7 +126,8 @@ def _beams(
     closing: ClosingSpring | None,
 ) -> Any:
     """Beams with a rectangle of the section's radii of gyration, moduli scaled to its area, a link's mass."""
-    from fmus.physics.chain.flexible.beams import Beam, Beams
+    from fmus.physics.ancf.beam import Beam, beam_arrays
+    from fmus.physics.chain.flexible.beams import Beams
 
     s, m, track, (young, tau) = vehicle["section"], vehicle["material"], vehicle["track"], material
     poisson = 0.5 * m["youngs_modulus"] / m["shear_modulus"] - 1.0
@@ -138,7 +141,7 @@ def _beams(
     scale = s["area"] / (width * height)
     rho, twist = track["mass"] / (pitch * width * height), s["torsion"] / (s["bending"] + s["lateral_bending"])
     more = _rotary_of_beams(track, (pitch, width, height))
-    beam = Beam(pitch, width, height, rho, scale * young, poisson, SHEAR, twist, True, tau, more)
+    beam = Beam(pitch, width, height, rho, scale * young, poisson, SHEAR, twist, True, tau, more, beam_arrays())
     return Beams(*size, beam, track["face"], 0.25 * track["width"], s["outer_fibre"], s["area"], young, closing)
 
 

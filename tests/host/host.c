@@ -1,8 +1,9 @@
 /* A co-simulation master in C: loads FMU libraries, couples them stage by stage, prints outputs and times.
 
    It reads lines: `instance LIBRARY GUID STAGE INPUTS OUTPUTS` (the value references of inputs come first, those of
-   outputs after them), `connect FROM OUTPUT TO INPUT` (instances by number), and at last `run STEPS H [FILE]`: all
-   outputs of all steps are written to the file, as doubles. */
+   outputs after them), `connect FROM OUTPUT TO INPUT` (instances by number), `states` (each step saves, serialises and
+   restores the state of each instance), and at last `run STEPS H [FILE]`: all outputs of all steps are written to the
+   file, as doubles. */
 #define _POSIX_C_SOURCE 200809L
 #include <stdio.h>
 #include <stdlib.h>
@@ -28,12 +29,16 @@ typedef struct {
     double *u, *y, time;
     int (*set)(void *, const unsigned *, size_t, const double *), (*get)(void *, const unsigned *, size_t, double *);
     int (*step)(void *, double, double, int);
+    int (*save)(void *, void **), (*restore)(void *, void *), (*serialise)(void *, void *, char *, size_t);
+    void *state;
+    char *bytes;
+    size_t size;
 } Instance;
 typedef struct { int from, output, to, input; } Connection;
 
 static Instance all[INSTANCES];
 static Connection wires[CONNECTIONS];
-static int n, m;
+static int n, m, with_states;
 
 static void say(void *e, const char *name, int status, const char *category, const char *text, ...) {
     (void)e;
@@ -67,6 +72,9 @@ static void load(const char *path, const char *guid) {
     a->set = (int (*)(void *, const unsigned *, size_t, const double *))symbol(library, "fmi2SetReal");
     a->get = (int (*)(void *, const unsigned *, size_t, double *))symbol(library, "fmi2GetReal");
     a->step = (int (*)(void *, double, double, int))symbol(library, "fmi2DoStep");
+    a->save = (int (*)(void *, void **))symbol(library, "fmi2GetFMUstate");
+    a->restore = (int (*)(void *, void *))symbol(library, "fmi2SetFMUstate");
+    a->serialise = (int (*)(void *, void *, char *, size_t))symbol(library, "fmi2SerializeFMUstate");
     a->c = instantiate("instance", 1, guid, resources_of(path), &callbacks, 0, 0);
     if (!a->c || enter(a->c) || leave(a->c)) exit(4);
     size_t size = (size_t)(a->inputs + a->outputs);
@@ -75,6 +83,8 @@ static void load(const char *path, const char *guid) {
     a->y = a->u + a->inputs;
     for (size_t i = 0; i < size; i++) a->vr[i] = (unsigned)i;
     if (a->get(a->c, a->vr, (size_t)a->inputs, a->u) || a->get(a->c, a->vr + a->inputs, (size_t)a->outputs, a->y)) exit(4);
+    int (*count)(void *, void *, size_t *) = (int (*)(void *, void *, size_t *))symbol(library, "fmi2SerializedFMUstateSize");
+    if (a->save(a->c, &a->state) || count(a->c, a->state, &a->size) || !(a->bytes = malloc(a->size))) exit(4);
     n++;
 }
 
@@ -93,6 +103,8 @@ int main(void) {
             if (n == INSTANCES || scanf("%1023s %63s %d %d %d", path, guid, &a->stage, &a->inputs, &a->outputs) != 5) return 5;
             if (a->stage >= stages) stages = a->stage + 1;
             load(path, guid);
+        } else if (!strcmp(word, "states")) {
+            with_states = 1;
         } else {
             Connection *w = &wires[m];
             if (m++ == CONNECTIONS || scanf("%d %d %d %d", &w->from, &w->output, &w->to, &w->input) != 4) return 5;
@@ -112,6 +124,9 @@ int main(void) {
                 if (a->stage != stage) continue;
                 if (a->set(a->c, a->vr, (size_t)a->inputs, a->u) || a->step(a->c, k * h, h, 1) ||
                     a->get(a->c, a->vr + a->inputs, (size_t)a->outputs, a->y))
+                    return 1;
+                if (with_states && (a->save(a->c, &a->state) || a->serialise(a->c, a->state, a->bytes, a->size) ||
+                                    a->restore(a->c, a->state)))
                     return 1;
                 a->time += now() - before;
             }

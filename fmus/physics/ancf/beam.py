@@ -30,7 +30,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kernels.jit import allocating, implemented_in, kernel, namesake
+from fmus.kernels.by_reference import by_reference
+from fmus.kernels.jit import implemented_in, kernel, namesake
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.arrays import Floats, Four
@@ -40,6 +41,23 @@ GAUSS = 4  # Gauss points along the element
 SECTION_VECTORS = np.array(
     [[0, 1], [0, 1], [1, 3], [2, 4]] * 2
 )  # section vectors that a vector of the element changes; where the first is 0, r_x, there is no second
+
+
+class BeamArrays(NamedTuple):
+    """Work arrays of one section of one element, so that a step allocates nothing."""
+
+    N: np.ndarray  # (5, 8) see ``basis``
+    sections: np.ndarray  # (3, 5, 3) section vectors, their rates, other combinations of both
+    squares: np.ndarray  # (6, 5, 5) strains and stresses, their rates, coefficients of Hooke's law
+    H: np.ndarray  # (15, 15) see ``slope``
+    Y: np.ndarray  # (15, 24) its product with N
+
+
+def beam_arrays() -> BeamArrays:
+    """Return zeroed arrays, by reference; beams that step at the same time need their own."""
+    return by_reference(
+        BeamArrays(np.zeros((5, 8)), np.zeros((3, 5, 3)), np.zeros((6, 5, 5)), np.zeros((15, 15)), np.zeros((15, 24)))
+    )
 
 
 @implemented_in(forces=".beam", masses=".beam")
@@ -61,6 +79,7 @@ class Beam(NamedTuple):
         0.0,
         0.0,
     )  # second moments of mass added to the volume's, kg m2: ``flexible.inertia``
+    work: BeamArrays = beam_arrays()
 
 
 Section = Beam
@@ -92,19 +111,18 @@ def radii(c: Beam) -> tuple[float, float]:
     return c.width / np.sqrt(12.0), c.height / np.sqrt(12.0)
 
 
-@allocating
+@kernel
 def shape(c: Beam, xi: float, y: float, z: float, S: Floats) -> None:
     """Shape functions at the fraction ``xi`` of the length and ``y``, ``z``, m, into ``S`` (8)."""
-    ends = np.empty(4)
-    cable.shape(c, xi, ends)
-    S[0], S[1], S[2], S[3] = ends[0], ends[1], y * (1.0 - xi), z * (1.0 - xi)
-    S[4], S[5], S[6], S[7] = ends[2], ends[3], y * xi, z * xi
+    cable.shape(c, xi, S)  # of the ends, into the first four
+    S[4], S[5], S[6], S[7] = S[2], S[3], y * xi, z * xi
+    S[2], S[3] = y * (1.0 - xi), z * (1.0 - xi)
 
 
-@allocating
+@kernel
 def mass(c: Beam, M: Floats) -> None:
     """Constant mass matrix into ``M`` (8, 8), kg, as factors of the 3 x 3 identity."""
-    S, whole, slope, (y, z) = np.empty(8), total_mass(c), cable.mean_slope(c), radii(c)
+    S, whole, slope, (y, z) = c.work.N[0], total_mass(c), cable.mean_slope(c), radii(c)
     y, z = np.sqrt(y * y + c.rotary[1] / whole), np.sqrt(z * z + c.rotary[2] / whole)  # of gyration: exact moments
     M[:] = 0.0
     for p in range(4):  # four points integrate the sixth degree of the axis exactly
@@ -235,10 +253,10 @@ def twice_energy_density(E: Floats, T: Floats) -> float:
     return total
 
 
-@allocating
+@kernel
 def energy(c: Beam, e: Floats) -> float:
     """Strain energy at the coordinates ``e`` (8, 3), J."""
-    N, G, C, E, T = np.empty((5, 8)), np.empty((5, 3)), np.empty((2, 5, 5)), np.empty((5, 5)), np.empty((5, 5))
+    N, G, E, T, C = c.work.N, c.work.sections[0], c.work.squares[0], c.work.squares[1], c.work.squares[4:]
     volume, U = c.l * c.width * c.height, 0.0
     section_law(c, C)
     for p in range(GAUSS):
@@ -250,15 +268,15 @@ def energy(c: Beam, e: Floats) -> float:
     return U
 
 
-@allocating
+@kernel
 def internal_force(c: Beam, e: Floats, v: Floats, elastic: float, Q: Floats) -> float:
     """Add ``elastic`` times the elastic force and the damping force at rates ``v`` (8, 3) to ``Q`` (8, 3).
 
     The damping stress is tau times the rate of the elastic one. Returns the power of the damping, W. The paper damps
     only its cable, (16)-(21); this is (16) for all six strains, which no rigid motion changes.
     """
-    N, seen_now, square = np.empty((5, 8)), np.empty((3, 5, 3)), np.empty((6, 5, 5))
-    G, H, P = seen_now[0], seen_now[1], seen_now[2]
+    N, sections, square = c.work.N, c.work.sections, c.work.squares
+    G, H, P = sections[0], sections[1], sections[2]
     E, T, R, D, C = square[0], square[1], square[2], square[3], square[4:]
     volume, tau, power = c.l * c.width * c.height, c.tau, 0.0
     section_law(c, C)
@@ -287,11 +305,11 @@ def internal_force(c: Beam, e: Floats, v: Floats, elastic: float, Q: Floats) -> 
     return power
 
 
-@allocating
+@kernel
 def section_force(c: Beam, e: Floats, v: Floats, a: Floats) -> float:
     """See ``element``: the work of the stresses on r_x of the axis, along the line of the ends."""
-    N, G, H, C = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((2, 5, 5))
-    E, R, T, pull, square, turning = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5)), 0.0, 0.0, 0.0
+    N, G, H, squares = c.work.N, c.work.sections[0], c.work.sections[1], c.work.squares
+    E, R, T, C, pull, square, turning = squares[0], squares[1], squares[2], squares[4:], 0.0, 0.0, 0.0
     slope = cable.mean_slope(c)
     section_law(c, C)
     for n in range(3):
@@ -337,16 +355,15 @@ def slope(w: float, C: Floats, T: Floats, G: Floats, B: Floats, H: Floats) -> No
                     H[3 * i + n, 3 * i + m] += y * B[j, m]
 
 
-@allocating
+@kernel
 def tangent(c: Beam, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
     """Write the exact derivative of ``force`` to ``K`` (24, 24).
 
     It is the derivative by coordinates plus ``by_rate``, 1/s, times that by rates.
     """
-    N, section, square = np.empty((5, 8)), np.empty((3, 5, 3)), np.empty((5, 5, 5))
-    H, Y = np.empty((15, 15)), np.empty((15, 24))
-    G, B, Z = section[0], section[1], section[2]
-    E, R, T, C = square[0], square[1], square[2], square[3:]
+    N, sections, square, H, Y = c.work.N, c.work.sections, c.work.squares, c.work.H, c.work.Y
+    G, B, Z = sections[0], sections[1], sections[2]
+    E, R, T, C = square[0], square[1], square[2], square[4:]
     volume, tau = c.l * c.width * c.height, c.tau
     section_law(c, C)
     K[:] = 0.0

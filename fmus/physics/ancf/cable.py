@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from fmus.kernels.by_reference import by_reference
 from fmus.kernels.jit import implemented_in, kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.vector import dot
@@ -27,6 +28,20 @@ if TYPE_CHECKING:
 
 
 ROWS = 4  # coordinate vectors of an element: position and slope at two nodes
+
+
+class CableArrays(NamedTuple):
+    """Work arrays of one point of an element with a local strain, so that a step allocates nothing."""
+
+    D: np.ndarray  # (2, 4) see ``centreline.lines``
+    r: np.ndarray  # (2, 3) the same
+    H: np.ndarray  # (3, 3, 3) see ``centreline.add_bending``
+    E: np.ndarray  # (9, 9) see ``cable_local.tangent``
+
+
+def cable_arrays() -> CableArrays:
+    """Return zeroed arrays, by reference; cables that step at the same time need their own."""
+    return by_reference(CableArrays(np.zeros((2, 4)), np.zeros((2, 3)), np.zeros((3, 3, 3)), np.zeros((9, 9))))
 
 
 @implemented_in(forces=".cable", masses=".cable")
@@ -41,6 +56,7 @@ class Cable(NamedTuple):
     nuI: float  # bending damping nu2 I, N s m2
     axes: tuple[int, ...] = (0, 1, 2)  # components of a vector; kernels are compiled for their number
     rotary: float = 0.0  # second moment of mass of the mean slope, added to the line's, kg m2: ``flexible.inertia`` (1)
+    work: CableArrays = cable_arrays()  # of an elasticity with a local strain
 
 
 @implemented_in(forces=".cable_local", densities=".cable_general")

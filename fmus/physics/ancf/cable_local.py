@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.kernels.jit import allocating, dispatch
+from fmus.kernels.jit import dispatch, kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import ROWS, Cable, mass, shape
 from fmus.physics.ancf.centreline import (
@@ -52,10 +52,10 @@ def density(c: Cable, EA: float, EI: float, a: float, b: float, g: float) -> Den
     """
 
 
-@allocating
+@kernel
 def energy(c: Cable, e: Floats) -> float:
     """Strain energy at the coordinates ``e`` (4, 3), J."""
-    D, r, U = np.empty((2, 4)), np.empty((2, 3)), 0.0
+    D, r, U = c.work.D, c.work.r, 0.0
     for p in range(COUNT):
         xi, w, EA, EI = point(c, p)
         a, b, g = lines(c, e, xi, D, r)
@@ -63,13 +63,13 @@ def energy(c: Cable, e: Floats) -> float:
     return U
 
 
-@allocating
+@kernel
 def internal_force(c: Cable, e: Floats, v: Floats, elastic: float, Q: Floats) -> float:
     """Add ``elastic`` times the elastic force and the damping force (18) to ``Q`` (4, 3).
 
     The curvature part of the damping acts in the frame of the chord. Returns the power of the damping, W.
     """
-    D, r, power = np.empty((2, 4)), np.empty((2, 3)), 0.0
+    D, r, power = c.work.D, c.work.r, 0.0
     for p in range(COUNT):
         xi, w, EA, EI = point(c, p)
         a, b, g = lines(c, e, xi, D, r)
@@ -81,7 +81,7 @@ def internal_force(c: Cable, e: Floats, v: Floats, elastic: float, Q: Floats) ->
     return power
 
 
-@allocating
+@kernel
 def tangent(c: Cable, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
     """Write the derivative of ``force`` to ``K`` (12, 12).
 
@@ -90,8 +90,8 @@ def tangent(c: Cable, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
     adds to the matrix E (9, 9) of the first slope, the difference of positions and the second slope, in the order of
     rows 1, 2, 3 of an element.
     """
-    D, r = np.empty((2, 4)), np.empty((2, 3))
-    H, E = np.empty((3, 3, 3)), np.zeros((9, 9))
+    D, r, H, E = c.work.D, c.work.r, c.work.H, c.work.E
+    E[:] = 0.0
     for p in range(COUNT):
         xi, w, EA, EI = point(c, p)
         a, b, g = lines(c, e, xi, D, r)
@@ -113,10 +113,10 @@ def tangent(c: Cable, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
             K[i, j] += E[3 + i, 3 + j]
 
 
-@allocating
+@kernel
 def section_force(c: Cable, e: Floats, v: Floats, a: Floats) -> float:
     """See ``element``: the gradients by r_x of all energies and of the damping, along the chord."""
-    D, r, N, square = np.empty((2, 4)), np.empty((2, 3)), 0.0, 0.0
+    D, r, N, square = c.work.D, c.work.r, 0.0, 0.0
     slope = cable.mean_slope(c)
     for i in range(3):
         d = e[2, i] - e[0, i]
@@ -135,10 +135,10 @@ def section_force(c: Cable, e: Floats, v: Floats, a: Floats) -> float:
     return N / (c.l * np.sqrt(square))
 
 
-@allocating
+@kernel
 def tension(c: Cable, e: Floats) -> float:
     """See ``element``."""
-    D, r, N = np.empty((2, 4)), np.empty((2, 3)), 0.0
+    D, r, N = c.work.D, c.work.r, 0.0
     for p in range(AXIAL):
         xi, w, EA, _ = point(c, p)
         a, b, g = lines(c, e, xi, D, r)
@@ -147,10 +147,10 @@ def tension(c: Cable, e: Floats) -> float:
     return N
 
 
-@allocating
+@kernel
 def end_moments(c: Cable, e: Floats) -> tuple[float, float]:
     """Bending moments at both ends, N m: EI times the bending strain."""
-    D, r = np.empty((2, 4)), np.empty((2, 3))
+    D, r = c.work.D, c.work.r
     a, b, g = lines(c, e, 0.0, D, r)
     first = np.sqrt(measures(c, a, b, g)[1])
     a, b, g = lines(c, e, 1.0, D, r)

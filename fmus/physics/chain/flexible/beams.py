@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.kernels.jit import allocating, implemented_in, namesake
+from fmus.kernels.jit import implemented_in, kernel, namesake
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, section_vectors
 from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
@@ -83,10 +83,10 @@ def lever(links: Beams) -> tuple[float, float, float, float, float, float]:
     return 1.0, 1.0, 1.0, half, half, half
 
 
-@allocating
+@kernel
 def axial(links: Beams, w: Work) -> tuple[float, float]:
     """Stress is from Green's strains at the axis' Gauss points and the section's corners."""
-    N, G, (across, up) = np.empty((5, 8)), np.empty((5, 3)), radii(links.element)
+    N, G, (across, up) = links.element.work.N, links.element.work.sections[0], radii(links.element)
     y, z = 0.5 * links.element.width / across, links.outer_fibre / up
     stress = 0.0
     for p in range(GAUSS):
@@ -101,10 +101,11 @@ def axial(links: Beams, w: Work) -> tuple[float, float]:
     return section_force(links.element, w.coordinates, w.rates, w.accelerations), stress
 
 
-@allocating
+@kernel
 def outer_and_inner(links: Beams, w: Work) -> tuple[float, float]:
     """At the middle of the width."""
-    N, G, up = np.empty((5, 8)), np.empty((5, 3)), links.outer_fibre / radii(links.element)[1]
+    N, G = links.element.work.N, links.element.work.sections[0]
+    up = links.outer_fibre / radii(links.element)[1]
     outer = inner = 0.0
     for p in range(GAUSS):
         basis(links.element, POINTS[GAUSS, p], N)
