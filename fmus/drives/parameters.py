@@ -12,7 +12,7 @@ from fmus.drives.motor import DriveParameters
 from fmus.drives.shaft import INTEGRATED
 from fmus.interface.course import Course, parse_course
 from fmus.interface.model import InvalidParameter
-from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, Port
+from fmus.interface.ports import BRAKE, NOT_NEGATIVE, POSITIVE, SPIN, TORQUE, Port
 from fmus.interface.sentences import Sentence
 from fmus.physics.integrate.runge_kutta import RK4
 
@@ -46,14 +46,14 @@ def motor_ports(prefix: str = "", body: str = "the sprocket", speed: str = "spee
     ports = [
         Port("mode", "parameter", "1", f"what turns {body}: a prescribed speed, a constant torque, or a "
              "controller that follows the speed profile", "speed", MODES),
-        Port("speed.start", "parameter", "rad/s", f"{speed} at the start, before the ramp"),
-        Port("speed.end", "parameter", "rad/s", f"{speed} after the ramp"),
-        Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0),
-        Port("ramp.end", "parameter", "s", "time at which the half-cosine ramp ends", 1.0),
+        Port("speed.start", "parameter", "rad/s", f"{speed} at the start, before the ramp", allowed=SPIN),
+        Port("speed.end", "parameter", "rad/s", f"{speed} after the ramp", allowed=SPIN),
+        Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0, allowed=NOT_NEGATIVE),
+        Port("ramp.end", "parameter", "s", "time at which the half-cosine ramp ends", 1.0, allowed=NOT_NEGATIVE),
         Port("stop.start", "parameter", "s", "time at which the speed goes to 0 for good, below 0 for never", -1.0),
         Port("stop.time", "parameter", "s", "how long that takes, along half a cosine", 1e-3,
              allowed=POSITIVE),
-        Port("torque.drive", "parameter", "N.m", "constant torque of the motor in mode torque"),
+        Port("torque.drive", "parameter", "N.m", "constant torque of the motor in mode torque", allowed=TORQUE),
         Port("speed.points", "parameter", "1", f"{POINTS} {speed}, rad/s, instead of a ramp", ""),
         Port("torque.points", "parameter", "1", f"{POINTS} torque of the motor, N m, instead of torque.drive", ""),
         Port("brake.points", "parameter", "1", f"{POINTS} torque of the brake, N m, instead of brake.torque", ""),
@@ -61,7 +61,7 @@ def motor_ports(prefix: str = "", body: str = "the sprocket", speed: str = "spee
              "torque of the engine's shaft, N m, over its speed, rad/s, not in mode speed", ""),
         Port("gear.ratio", "parameter", "1", f"turns of the engine to one of {body}", 1.0, allowed=POSITIVE),
         Port("brake.torque", "parameter", "N.m", "torque of the brake against rotation, not in mode speed",
-             allowed=NOT_NEGATIVE),
+             allowed=BRAKE),
         Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1, allowed=POSITIVE),
         Port("controller.proportional", "parameter", "N.m.s/rad", "torque per speed error", 6000.0,
              allowed=NOT_NEGATIVE),

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
-from fmus.interface.ports import NOMINAL, UNITS, Port
+from fmus.interface.ports import NOMINAL, TYPES, UNITS, Port, type_of
 
 UNCONNECTED = ("link[", "joint[", "energy.", "solver.")  # beginnings of names of outputs
 DATE = 315_532_800  # s: 1980-01-01 as for the files in the archive, so that equal sources give equal bytes
@@ -41,7 +41,7 @@ def document(
     :param experiment: ``stop`` and ``step``, s, of the DefaultExperiment (see ``defaults.EXPERIMENT``).
     """
     root = _head(name, guid, text, tool)
-    add_definitions(root, [port.unit for port in variables[:reals]], categories, experiment)
+    add_definitions(root, variables[:reals], categories, experiment)
     element = SubElement(root, "ModelVariables")
     for reference, port in enumerate(variables):
         _variable(element, reference, port, reference < reals, reference < continuous)
@@ -50,17 +50,51 @@ def document(
 
 
 def add_definitions(
-    root: Element, units: Iterable[str], categories: Mapping[str, str], experiment: Mapping[str, Any]
+    root: Element,
+    reals: Iterable[Port],
+    categories: Mapping[str, str],
+    experiment: Mapping[str, Any],
+    enumerations: Iterable[Port] | None = None,
 ) -> None:
-    """Add the elements UnitDefinitions, LogCategories and DefaultExperiment, see ``document``."""
+    """Add UnitDefinitions, TypeDefinitions, LogCategories and DefaultExperiment, see ``document``.
+
+    ``enumerations``: in FMI 3.0, Strings with choices, which are Enumerations there.
+    """
+    used = {(port.unit, type_of(port)): None for port in reals}
     parent = SubElement(root, "UnitDefinitions")
-    for unit in dict.fromkeys(units):
+    for unit in dict.fromkeys(unit for unit, _ in used):
         base = {exponent: str(power) for exponent, power in UNITS[unit].items()}
-        SubElement(SubElement(parent, "Unit", name=unit), "BaseUnit", base)
+        element = SubElement(parent, "Unit", name=unit)
+        SubElement(element, "BaseUnit", base)
+        for _, shown, factor in (TYPES[kind] for of, kind in used if kind and of == unit):
+            if shown:
+                SubElement(element, "DisplayUnit", name=shown, factor=repr(factor))
+    parent = SubElement(root, "TypeDefinitions")
+    for kind in filter(None, (kind for _, kind in used)):
+        attributes = {"quantity": kind, **_units(kind)}
+        if enumerations is None:
+            SubElement(SubElement(parent, "SimpleType", name=kind), "Real", attributes)
+        else:
+            SubElement(parent, "Float64Type", name=kind, **attributes)
+    for port in enumerations or ():
+        choices = SubElement(parent, "EnumerationType", name=enumeration_type(port), description=port.text)
+        for value, choice in enumerate(port.choices, 1):
+            SubElement(choices, "Item", name=choice, value=str(value))
     messages = SubElement(root, "LogCategories")
     for category, meaning in categories.items():
         SubElement(messages, "Category", name=category, description=meaning)
     SubElement(root, "DefaultExperiment", {"startTime": "0", **experiment_attributes(experiment)})
+
+
+def enumeration_type(port: Port) -> str:
+    """Name of the type of a String with choices; no variable may have it."""
+    return f"choice of {port.name}"
+
+
+def _units(kind: str) -> dict[str, str]:
+    """Attributes of a type of ``ports.TYPES``: its unit and the one to show."""
+    unit, shown, _ = TYPES[kind]
+    return {"unit": unit, **({"displayUnit": shown} if shown else {})}
 
 
 def experiment_attributes(experiment: Mapping[str, Any]) -> dict[str, str]:
@@ -145,9 +179,11 @@ def bounds(port: Port) -> dict[str, str]:
 
 
 def quantity(port: Port, continuous: bool) -> dict[str, str]:
-    """Attributes of a Real: unit, bounds, nominal value."""
+    """Attributes of a Real: type, unit and the one to show, bounds, nominal value."""
     nominal = {"nominal": repr(NOMINAL[port.unit])} if continuous and port.unit in NOMINAL else {}
-    return {"unit": port.unit, **bounds(port), **nominal}
+    kind = type_of(port)
+    units = {"declaredType": kind, **_units(kind)} if kind else {"unit": port.unit}
+    return {**units, **bounds(port), **nominal}
 
 
 def _structure(structure: Element, variables: Sequence[Port]) -> None:

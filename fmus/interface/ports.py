@@ -7,7 +7,7 @@ A wrench acts *on* the wheel, about its centre, in world axes, and is the mean o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf
+from math import inf, pi
 from typing import NamedTuple
 
 
@@ -21,6 +21,10 @@ class Range(NamedTuple):
 
 ANY = Range()
 POSITIVE, NOT_NEGATIVE = Range(5e-324, inf, "greater than 0"), Range(0.0, inf, "0 or more")
+# ranges of the keys of scenes
+PLACE = Range(-1e6, 1e6, "between -1e6 and 1e6")
+SPIN, TORQUE = Range(-1e5, 1e5, "between -1e5 and 1e5"), Range(-1e11, 1e11, "between -1e11 and 1e11")
+BRAKE = Range(0.0, 1e11, "between 0 and 1e11")
 
 # Error of an internal step of variable length, relative and in SI units: default and allowed values.
 TOLERANCE, TOLERANCES = 1e-6, Range(1e-13, 0.1, "between 1e-13 and 0.1")
@@ -51,6 +55,11 @@ REALS_ARRAY = (
     Port("reals.size", "local", "1", "bytes of the Reals", 0),
 )
 STATUS = Port("status", "output", "1", "0 ok, 1 the last step warned, 3 the last call failed", 0)
+
+
+def enumeration_value(port: Port) -> int:
+    """Number of the chosen text of a String with choices, from 1."""
+    return 1 + port.choices.index(str(port.start))
 
 
 class Variables(NamedTuple):
@@ -108,6 +117,38 @@ UNITS: dict[str, dict[str, int]] = {
 
 # unit -> nominal value of inputs and outputs, for modelDescription.xml; 1 for the other units
 NOMINAL = {"N": 1e4, "N.m": 1e3, "J": 1e4, "Pa": 1e7, "W": 1e4}
+
+# type of a Real -> unit, unit to show, and how many of these are one of the unit, for modelDescription.xml
+TYPES: dict[str, tuple[str, str, float]] = {
+    "Length": ("m", "", 1.0),
+    "Velocity": ("m/s", "", 1.0),
+    "Speed": ("m/s", "km/h", 3.6),
+    "Acceleration": ("m/s2", "", 1.0),
+    "Angle": ("rad", "deg", 180.0 / pi),
+    "AngularVelocity": ("rad/s", "deg/s", 180.0 / pi),
+    "RotationalSpeed": ("rad/s", "rpm", 30.0 / pi),
+    "Mass": ("kg", "", 1.0),
+    "MomentOfInertia": ("kg.m2", "", 1.0),
+    "Time": ("s", "", 1.0),
+    "Force": ("N", "kN", 1e-3),
+    "Torque": ("N.m", "kN.m", 1e-3),
+    "Stiffness": ("N/m", "kN/m", 1e-3),
+    "Damping": ("N.s/m", "kN.s/m", 1e-3),
+    "Power": ("W", "kW", 1e-3),
+    "Energy": ("J", "kJ", 1e-3),
+    "Stress": ("Pa", "MPa", 1e-6),
+}
+NOT_SPUN = ("chassis.", "mount.", "left.mount.", "right.mount.", "hitch.", "seat.")  # bodies that turn with the hull
+
+
+def type_of(port: Port) -> str:
+    """Type of a Real in ``TYPES``; empty if it has none."""
+    if port.unit == "rad/s":
+        return "AngularVelocity" if port.name.startswith(NOT_SPUN) else "RotationalSpeed"
+    if port.unit == "m/s":
+        return "Speed" if "speed" in port.name else "Velocity"
+    return next((name for name, (unit, _, _) in TYPES.items() if unit == port.unit), "")
+
 
 # Number of variables of the two connectors.
 STATE = 13  # position 3, orientation 4, velocity 3, angular velocity 3
@@ -173,11 +214,14 @@ def start_pose_ports() -> list[Port]:
                 "parameter",
                 "m",
                 f"{axis} of the sprocket axle line's middle at the start, world",
+                allowed=PLACE,
             )
             for axis in "xyz"
         ),
         Port("start.heading", "parameter", "rad", "heading of the vehicle at the start, about z"),
-        Port("start.height", "parameter", "m", "height of the vehicle over its drawn place on the ground"),
+        Port(
+            "start.height", "parameter", "m", "height of the vehicle over its drawn place on the ground", allowed=PLACE
+        ),
         Port("start.pitch", "parameter", "rad", "pitch of the vehicle at the start, about its sprocket axle"),
         Port("start.slope.pitch", "parameter", "rad", "pitch of the ground at the start, downhill ahead is positive"),
         Port("start.slope.roll", "parameter", "rad", "roll of that ground, downhill to the right is positive"),

@@ -139,7 +139,7 @@ EXPORT fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference v[], s
     for (size_t i = 0; i < n; i++) {
         int64_t at = string_at(v[i]);
         if (at < 0 || at >= N_STRING) return refuse(p, "no String variable has the value reference %u", v[i]);
-        if (choose(p, v[i], at, from[i])) return fmi2Error;
+        if (choose_text(p, v[i], at, from[i])) return fmi2Error;
     }
     return fmi2OK;
 }

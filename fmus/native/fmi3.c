@@ -140,11 +140,22 @@ EXPORT fmi3Status fmi3SetFloat64(fmi3Instance p, const fmi3ValueReference v[], s
     return fmi3OK;
 }
 
+/* A String parameter with choices is an Enumeration: the 64 bit number of a choice, from 1. */
+static int is_integer(fmi3ValueReference v) { return v >= FIRST_INTEGER && v < FIRST_STRING; }
+static int is_text(fmi3ValueReference v, int enumerated) {
+    return v >= FIRST_STRING && v < TIME && (CHOICE[v - FIRST_STRING].first > 0) == enumerated;
+}
+
 EXPORT fmi3Status fmi3GetInt64(fmi3Instance p, const fmi3ValueReference v[], size_t n, fmi3Int64 to[], size_t m) {
     CHECK(fmi3GetInt64);
-    if (wrong_count(p, m, n) || !started(p)) return fmi3Error;
+    if (wrong_count(p, m, n)) return fmi3Error;
     for (size_t i = 0; i < n; i++) {
-        if (v[i] < FIRST_INTEGER || v[i] >= FIRST_STRING) return unknown(p, "Int64", v[i]);
+        if (is_text(v[i], 1)) {
+            to[i] = CHOICE[v[i] - FIRST_STRING].first + ((Instance *)p)->d.choice[v[i] - FIRST_STRING];
+            continue;
+        }
+        if (!is_integer(v[i])) return unknown(p, "Int64", v[i]);
+        if (!started(p)) return fmi3Error;
         to[i] = integer_value(p, v[i] - FIRST_INTEGER);
     }
     return fmi3OK;
@@ -152,19 +163,24 @@ EXPORT fmi3Status fmi3GetInt64(fmi3Instance p, const fmi3ValueReference v[], siz
 
 EXPORT fmi3Status fmi3SetInt64(fmi3Instance p, const fmi3ValueReference v[], size_t n, const fmi3Int64 from[],
                                size_t m) {
-    (void)from;
+    char text[32];
     CHECK(fmi3SetInt64);
     if (wrong_count(p, m, n)) return fmi3Error;
-    if (n && v[0] >= FIRST_INTEGER && v[0] < FIRST_STRING)
-        return refuse(p, "output '%s' cannot be set", NAME[v[0] - FIRST_INTEGER + N_REAL]);
-    return n ? unknown(p, "Int64", v[0]) : fmi3OK;
+    for (size_t i = 0; i < n; i++) {
+        unsigned place = v[i] - FIRST_INTEGER + N_REAL;
+        if (is_integer(v[i])) return refuse(p, "output '%s' cannot be set", NAME[place]);
+        if (!is_text(v[i], 1)) return unknown(p, "Int64", v[i]);
+        snprintf(text, sizeof text, "%lld", (long long)from[i]);
+        if (choose(p, place, v[i] - FIRST_STRING, from[i] - CHOICE[v[i] - FIRST_STRING].first, text)) return fmi3Error;
+    }
+    return fmi3OK;
 }
 
 EXPORT fmi3Status fmi3GetString(fmi3Instance p, const fmi3ValueReference v[], size_t n, fmi3String to[], size_t m) {
     CHECK(fmi3GetString);
     if (wrong_count(p, m, n)) return fmi3Error;
     for (size_t i = 0; i < n; i++) {
-        if (v[i] < FIRST_STRING || v[i] >= TIME) return unknown(p, "String", v[i]);
+        if (!is_text(v[i], 0)) return unknown(p, "String", v[i]);
         to[i] = string_value(p, v[i] - FIRST_STRING);
     }
     return fmi3OK;
@@ -175,8 +191,8 @@ EXPORT fmi3Status fmi3SetString(fmi3Instance p, const fmi3ValueReference v[], si
     CHECK(fmi3SetString);
     if (wrong_count(p, m, n)) return fmi3Error;
     for (size_t i = 0; i < n; i++) {
-        if (v[i] < FIRST_STRING || v[i] >= TIME) return unknown(p, "String", v[i]);
-        if (choose(p, v[i] - FIRST_INTEGER + N_REAL, v[i] - FIRST_STRING, from[i])) return fmi3Error;
+        if (!is_text(v[i], 0)) return unknown(p, "String", v[i]);
+        if (choose_text(p, v[i] - FIRST_INTEGER + N_REAL, v[i] - FIRST_STRING, from[i])) return fmi3Error;
     }
     return fmi3OK;
 }

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from fmus.fmi.description import add_definitions, initial, origin, quantity, variability_of
-from fmus.interface.ports import Port
+from fmus.fmi.description import add_definitions, enumeration_type, initial, origin, quantity, variability_of
+from fmus.interface.ports import Port, enumeration_value
 from fmus.native.arrays import ArrayVariable
 
 TIME = Port("time", "independent", "s", "time of the instance")
@@ -61,7 +61,8 @@ def document(
         canReturnEarlyAfterIntermediateUpdate="false",
         hasEventMode="false",
     )
-    add_definitions(root, [*(array.elements[0].unit for array in arrays), TIME.unit], categories, experiment)
+    enumerations = [port for port in others if port.choices]
+    add_definitions(root, [*(array.elements[0] for array in arrays), TIME], categories, experiment, enumerations)
     variables = SubElement(root, "ModelVariables")
     for reference, array in enumerate(arrays):
         _float(variables, reference, array)
@@ -106,10 +107,13 @@ def _float(parent: Element, reference: int, array: ArrayVariable) -> None:
 
 
 def _other(parent: Element, reference: int, port: Port) -> None:
-    """Add an Int64 output or a String parameter."""
+    """Add an Int64 output, an Enumeration with the choices of a port, or a String parameter."""
     is_text = isinstance(port.start, str)
-    variable = _head(parent, "String" if is_text else "Int64", reference, port, variability_of(port, False))
-    if is_text:
+    kind = "Enumeration" if port.choices else "String" if is_text else "Int64"
+    variable = _head(parent, kind, reference, port, variability_of(port, False))
+    if port.choices:
+        variable.attrib |= {"declaredType": enumeration_type(port), "start": str(enumeration_value(port))}
+    elif is_text:
         SubElement(variable, "Start", value=str(port.start))
 
 

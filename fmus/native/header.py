@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from fmus.fmi.phases import ALLOWED, ALLOWED_FMI3, JUMP, LATE, RESOLUTION, ROUNDING, SHORT, InstancePhase, not_allowed
-from fmus.interface.ports import Port
+from fmus.interface.ports import Port, enumeration_value
 from fmus.interface.sentences import GAPS, Sentence
 from fmus.native.arrays import ArrayVariable
 from fmus.native.numbers_file import FILE, MAGIC, VERSION, longest
@@ -90,12 +90,13 @@ def _phases(allowed: Mapping[str, Sequence[InstancePhase]]) -> list[str]:
 
 def _choices(strings: Sequence[Port]) -> list[str]:
     """Tables of the String parameters: their choices, or their one value if they are constant."""
-    lines, rows = [], ["{ 0, 0, 0 }"]
+    lines, rows = [], ["{ 0, 0, 0, 0 }"]
     for i, port in reversed(list(enumerate(strings))):
         free = port.causality == "parameter"
         known = port.choices if free else (str(port.start),)
         lines.append(f"static const char *const CHOICE_{i}[] = {{ {quoted(known)} }};")
-        rows.insert(0, f"{{ {int(free)}, {len(known)}, CHOICE_{i} }}")
+        first = 0 if not port.choices else 1 if free else enumeration_value(port)
+        rows.insert(0, f"{{ {int(free)}, {len(known)}, {first}, CHOICE_{i} }}")
     return [*lines, f"static const Choice CHOICE[] = {{ {', '.join(rows)} }};"]
 
 

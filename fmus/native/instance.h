@@ -23,7 +23,7 @@ typedef int Status;
 
 typedef struct { const char *text, *const *names; } Sentence;
 typedef struct { int free; double least, most; const char *text; } Range; /* of a Real parameter */
-typedef struct { int free, count; const char *const *names; } Choice; /* of a String parameter */
+typedef struct { int free, count, first; const char *const *names; } Choice; /* of a String parameter; first: as an Enumeration, 0: none */
 typedef struct { int place, count; } Index; /* of an array, in the state */
 #include "model.h"
 
@@ -380,19 +380,24 @@ static int64_t integer_value(Instance *c, int64_t i) { return i < N_COUNTER ? c-
 
 static const char *string_value(Instance *c, int64_t i) { return CHOICE[i].names[c->d.choice[i]]; }
 
-static Status choose(Instance *c, unsigned v, int64_t at, const char *text) {
+static Status choose(Instance *c, unsigned v, int64_t at, int64_t k, const char *text) { /* text: of k, if it is out of range */
     Choice of = CHOICE[at];
     char known[LONGEST] = "";
-    for (int k = 0; k < of.count; k++)
-        if (text && !strcmp(text, of.names[k])) {
-            if (settable(c, v, of.free, 1)) return STATUS_ERROR;
-            c->d.choice[at] = k;
-            return STATUS_OK;
-        }
+    if (k >= 0 && k < of.count) {
+        if (settable(c, v, of.free, 1)) return STATUS_ERROR;
+        c->d.choice[at] = k;
+        return STATUS_OK;
+    }
     if (settable(c, v, of.free, 0)) return STATUS_ERROR;
-    for (int k = 0; k < of.count; k++)
-        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", k ? ", " : "", of.names[k]);
-    return refuse(c, "%s = '%s': must be one of %s", NAME[v], text ? text : "", known);
+    for (int i = 0; i < of.count; i++)
+        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", i ? ", " : "", of.names[i]);
+    return refuse(c, "%s = '%s': must be one of %s", NAME[v], text, known);
+}
+
+static Status choose_text(Instance *c, unsigned v, int64_t at, const char *text) {
+    int k = 0;
+    while (k < CHOICE[at].count && (!text || strcmp(text, CHOICE[at].names[k]))) k++;
+    return choose(c, v, at, k, text ? text : "");
 }
 
 /* ---- FMU states: their bytes begin with a checksum of all that follows, and the guid */

@@ -51,7 +51,11 @@ class Three:
         return [v for v in self.description.modelVariables if (v.causality, v.type) == (causality, kind)]
 
     def start(self, parameters):
-        for kind, set_ in (("Float64", self.slave.setFloat64), ("String", self.slave.setString)):
+        for kind, set_ in (
+            ("Float64", self.slave.setFloat64),
+            ("String", self.slave.setString),
+            ("Enumeration", self._set_choices),
+        ):
             for variable in self.of("parameter", kind):
                 names = scalars(variable)
                 if values := [parameters[name] for name in names if name in parameters]:
@@ -60,6 +64,12 @@ class Three:
         self.slave.enterInitializationMode()
         self.slave.exitInitializationMode()
         return self
+
+    def _set_choices(self, references, values):
+        for reference, value in zip(references, values, strict=True):
+            (variable,) = (v for v in self.description.modelVariables if v.valueReference == reference)
+            (number,) = (item.value for item in variable.declaredType.items if item.name == value)
+            self.slave.setInt64([reference], [int(number)])
 
     def follow(self, run, steps):
         """Return outputs, link outputs last, and counters after each of the steps."""

@@ -10,6 +10,7 @@ from toy.model import Model as Toy
 
 from fmus.driver.model import Model as Driver
 from fmus.fmi.build import BuildFailed
+from fmus.fmi.description import bounds
 from fmus.interface.defaults import check_names, configured_ports
 from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.sprocket_drive.model import Model as Drive
@@ -17,10 +18,12 @@ from fmus.steering_differential.model import Model as Differential
 from fmus.track_rigid.model import Model as RigidTrack
 from orchestrator.cosim.component import Component
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.keys import scene_keys
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 H = 1e-3
+DRIVE = {"inertia": 2.0, "mount": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]}
 PLACE = {"start.position.x": 3.0, "start.position.y": -2.0, "start.heading": 0.7, "start.pitch": 0.2}
 
 
@@ -154,3 +157,26 @@ def test_a_drive_that_nothing_moves_is_a_fixed_axle_on_either_side():
     model = Drive(part("drive").config | {"parameters": {"start.lateral": 1.0795}})
     assert unconnected(model, {})["sprocket.position.y"] == 1.0795
     assert unconnected(model, {"start.lateral": -1.0795})["sprocket.position.y"] == -1.0795
+
+
+@pytest.mark.parametrize(
+    ("key", "name"),
+    [
+        ("start.position", "start.position.y"),
+        ("start.height", "start.height"),
+        ("drive.speed", "speed.end"),
+        ("drive.torque", "torque.drive"),
+        ("drive.brake", "brake.torque"),
+        ("drive.ramp_start", "ramp.start"),
+        ("drive.stop_time", "stop.time"),
+        ("drive.gear_ratio", "gear.ratio"),
+    ],
+)
+def test_parameters_have_the_ranges_of_their_keys(key, name):
+    allowed = next(each.allowed for each in scene_keys() if each.key == key)
+    (port,) = (port for port in Drive({"drive": DRIVE}).ports if port.name == name)
+    least, most, _ = port.allowed
+    both = f"{least:g} to {most:g}" if np.isfinite(most) else ">= 0" if least == 0.0 else "> 0"
+    assert both in allowed
+    said = {side: float(text) for side, text in bounds(port).items()}
+    assert said == {"min": 0.0 if least > -1.0 else least, **({"max": most} if np.isfinite(most) else {})}

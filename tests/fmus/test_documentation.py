@@ -3,13 +3,14 @@
 from html.parser import HTMLParser
 from xml.etree.ElementTree import tostring
 
+import numpy as np
 import pytest
 
 from fmus.cache.sources import ROOT
 from fmus.components import KINDS
 from fmus.fmi.description import document
 from fmus.fmi.documentation import documentation, key_parts, readme_beside
-from fmus.interface.ports import NOT_NEGATIVE, Port
+from fmus.interface.ports import NOT_NEGATIVE, TYPES, Port, type_of
 
 PORTS = (
     Port("brake.torque", "input", "N.m", "torque of the brake"),
@@ -85,6 +86,32 @@ def test_description_names_author_version_licence_and_the_scenes_experiment():
     assert root.find("DefaultExperiment").attrib == {"startTime": "0", "stopTime": "6.0", "stepSize": "0.00125"}
     nominal = {variable.get("name"): variable[0].get("nominal") for variable in root.iter("ScalarVariable")}
     assert nominal == {"brake.torque": "1000.0", "speed": None, "gap": None}
+
+
+def test_types_and_units_to_show_are_defined():
+    """Every unit to show is one of its unit, and worth what it is called."""
+    root = described()
+    units = {unit.get("name"): {each.get("name"): float(each.get("factor")) for each in unit.iter("DisplayUnit")}
+             for unit in root.iter("Unit")}  # fmt: skip
+    types = {kind.get("name"): dict(kind[0].attrib) for kind in root.iter("SimpleType")}
+    for variable in root.iter("ScalarVariable"):
+        real = variable[0]
+        if real.tag == "Real" and real.get("unit") != "1":
+            declared = types[real.get("declaredType")]
+            assert {key: declared.get(key) for key in ("unit", "displayUnit")} == {
+                key: real.get(key) for key in ("unit", "displayUnit")
+            }
+            assert real.get("displayUnit") is None or real.get("displayUnit") in units[real.get("unit")]
+    turn = 2.0 * np.pi  # rad
+    worth = {"deg": 360.0 / turn, "deg/s": 360.0 / turn, "rpm": 60.0 / turn, "km/h": 3.6}
+    for unit, shown, factor in TYPES.values():
+        if shown in worth:
+            assert factor == pytest.approx(worth[shown], rel=1e-15)
+        elif shown:
+            assert (shown[1:], factor) == (unit, {"k": 1e-3, "M": 1e-6}[shown[0]])
+    names = "speed", "chassis.angular_velocity.z", "left.sprocket.angular_velocity.y"
+    kinds = [type_of(Port(name, "output", "rad/s", "")) for name in names]
+    assert kinds == ["RotationalSpeed", "AngularVelocity", "RotationalSpeed"]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -112,6 +112,29 @@ def test_a_refused_call_says_why_and_changes_nothing():
         np.testing.assert_array_equal(three.follow(run, range(2))[0], [*y, *again])
 
 
+def test_choices_are_enumerations():
+    with begun3(DRIVE, parameters=False) as three:
+        described = {v.name: v for v in three.description.modelVariables}
+        mode, extrapolation = described["mode"], described["extrapolation"]
+        assert [(item.name, item.value) for item in mode.declaredType.items] == [
+            ("speed", "1"), ("torque", "2"), ("controller", "3")]  # fmt: skip
+        assert (mode.type, mode.causality, mode.start) == ("Enumeration", "parameter", "1")
+        assert described["speed.points"].type == "String"
+        get = three.slave.getInt64
+        three.slave.enterInitializationMode()
+        assert get([mode.valueReference, extrapolation.valueReference]) == [1, 2]
+        three.slave.setInt64([mode.valueReference, extrapolation.valueReference], [3, 1])
+        assert get([mode.valueReference, extrapolation.valueReference]) == [3, 1]
+        for value in (0, 4, -(2**40)):
+            assert three.status("fmi3SetInt64", [mode.valueReference], [value], c_int64) == ERROR
+            said = f"mode = '{value}': must be one of speed, torque, controller"
+            assert three.messages[-1] == (ERROR, said)
+        assert get([mode.valueReference]) == [3]
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            three.slave.getString([mode.valueReference])
+        assert "no String variable has the value reference" in three.messages[-1][1]
+
+
 @pytest.mark.parametrize("early_allowed", [False, True])
 def test_a_step_that_cannot_be_done_is_discarded_where_it_began(early_allowed):
     """Before it begins, or in its middle; the standard forbids ``earlyReturn`` for a failure."""
@@ -195,8 +218,11 @@ def test_all_functions_of_the_standard_are_there_with_their_types(tmp_path):
 
 
 def test_fmpy_simulates_it():
-    names = {v.name for v in read_model_description(native3(DRIVE)).modelVariables if v.causality == "parameter"}
-    values = {name: value for name, value in ran(DRIVE).part.parameters.items() if name in names}
+    known = {v.name: v for v in read_model_description(native3(DRIVE)).modelVariables if v.causality == "parameter"}
+    values = {name: value for name, value in ran(DRIVE).part.parameters.items() if name in known}
+    for name, value in values.items():
+        if known[name].type == "Enumeration":  # which FMPy sets by number
+            values[name] = next(item.value for item in known[name].declaredType.items if item.name == value)
     shown = ["sprocket.position", "speed"]
     result = simulate_fmu(native3(DRIVE), stop_time=0.01, output_interval=1e-3, start_values=values, output=shown)
     assert result["time"][-1] == pytest.approx(0.01)

@@ -154,7 +154,8 @@ def test_free_parameters_of_tracks_act_as_in_the_model(case):
     ("case", "parameters", "said"),
     [
         (DRIVE, {"brake.speed": 0.0}, r"brake\.speed = 0: must be greater than 0"),
-        (DRIVE, {"ramp.end": -1.0}, r"ramp\.end = -1 s must not be before ramp\.start"),
+        (DRIVE, {"ramp.start": 0.5, "ramp.end": 0.2}, r"ramp\.end = 0\.2 s must not be before ramp\.start"),
+        (DRIVE, {"ramp.end": -1.0}, r"ramp\.end = -1: must be 0 or more"),
         (DRIVE, {"start.angle": float("inf")}, r"start\.angle = inf: must be a finite number"),
         pytest.param(CHASSIS, {"step": -2.5e-4}, r"step = -0\.00025: must be greater than 0", marks=pytest.mark.long),
     ],
