@@ -37,8 +37,24 @@ def mount_ports() -> list[Port]:
 
 def lag_port() -> Port:
     """Parameter of a drive that follows a demand."""
-    text = "time constant with which the speed follows the demand"
+    text = "time constant with which speed or torque follow their demand"
     return Port("demand.lag", "parameter", "s", text, 0.1, allowed=POSITIVE)
+
+
+def torque_demand_port(prefix: str = "", body: str = "the sprocket") -> Port:
+    """Input of a drive whose torque follows a demand in mode torque."""
+    return Port(f"{prefix}torque.demand", "input", "N.m", f"wanted torque of the motor on {body}, in mode torque")
+
+
+def demanded(config: Mapping[str, Any]) -> tuple[bool, bool]:
+    """Whether a drive's config has inputs for a demanded speed, and for a demanded torque beside it.
+
+    Raises InvalidParameter.
+    """
+    given = config.get("demanded", False)
+    if given not in (False, True, "all"):
+        raise InvalidParameter(f"drive.demanded = {given!r}: must be false, true (speeds) or 'all' (torques too)")
+    return bool(given), given == "all"
 
 
 def motor_ports(prefix: str = "", body: str = "the sprocket", speed: str = "speed against the mount") -> list[Port]:
@@ -67,7 +83,7 @@ def motor_ports(prefix: str = "", body: str = "the sprocket", speed: str = "spee
              allowed=NOT_NEGATIVE),
         Port("controller.integral", "parameter", "N.m", "torque per rad of accumulated speed error", 20000.0,
              allowed=NOT_NEGATIVE),
-        Port("torque.limit", "parameter", "N.m", "largest torque of the controller, either way", 20000.0,
+        Port("torque.limit", "parameter", "N.m", "largest torque of the controller, or demanded, either way", 20000.0,
              allowed=NOT_NEGATIVE),
     ]  # fmt: skip
     return [port._replace(name=prefix + port.name) for port in ports]
@@ -83,15 +99,17 @@ def contradictions(prefix: str = "") -> tuple[Sentence, ...]:
     )
 
 
-def free_numbers(values: Mapping[str, Any], demanded: bool, path: str, prefix: str = "") -> dict[str, str]:
+def free_numbers(values: Mapping[str, Any], demands: tuple[bool, bool], path: str, prefix: str = "") -> dict[str, str]:
     """Numbers of the ``DriveParameters`` at ``path`` in a component's parts that follow from free parameters.
 
-    Place -> expression, see ``interface.model.FreeParameters``; ``values``: checked parameters; ``demanded``: it
-    follows an input.
+    Place -> expression, see ``interface.model.FreeParameters``; ``values``: checked parameters; ``demands``: see
+    ``demanded``.
     """
     names = FREE
-    if not demanded:
+    if not demands[0]:
         names = names | {"end_speed": "speed.end", "stop_start": "stop.start", "mode": "mode"}
+    if demands[1]:
+        names = {field: name for field, name in names.items() if field != "torque"} | {"mode": "mode"}
     if not values[f"{prefix}brake.points"]:
         names = names | {"brake": "brake.torque"}
     numbers = {f"{path}.{field}": f"{{{prefix}{name}}}" for field, name in names.items()}
@@ -100,7 +118,7 @@ def free_numbers(values: Mapping[str, Any], demanded: bool, path: str, prefix: s
         ratio = f"{{{prefix}gear.ratio}}"
         numbers[f"{path}.steepest_slope"] = f"{ratio} * {ratio} * <{_steepest_slope(engine)!r}>"
     numbers[f"{path}.with_acceleration"] = "{extrapolation}"
-    if demanded:
+    if demands[0]:
         numbers[f"{path}.lag"] = "{demand.lag}"
     return numbers
 
@@ -113,10 +131,13 @@ def _steepest_slope(engine: Course) -> float:
     return float(np.abs(np.diff(engine.value) / np.diff(engine.time)).max(initial=0.0))
 
 
-def drive_parameters(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: str = "") -> DriveParameters:
+def drive_parameters(
+    values: Mapping[str, Any], inertia: float, demand: str = "", prefix: str = "", torque_demand: bool = False
+) -> DriveParameters:
     """Drive with the checked parameters of ``motor_ports(prefix)`` on a shaft of ``inertia`` kg m2.
 
-    ``demand``: name of the input that its speed follows, where there is one. Raises InvalidParameter.
+    ``demand``: name of the input that its speed follows, where there is one; ``torque_demand``: there is one for the
+    torque too. Raises InvalidParameter.
     """
     names = [port.name.removeprefix(prefix) for port in motor_ports(prefix)]
     values_of = {name: values[prefix + name] for name in names}
@@ -134,12 +155,17 @@ def drive_parameters(values: Mapping[str, Any], inertia: float, demand: str = ""
     if brakes.value.min(initial=0.0) < 0.0:
         raise no("brake.points", " must not be negative")
     if demand:
-        if values_of["mode"] == "torque":
+        if values_of["mode"] == "torque" and not torque_demand:
             raise no("mode", f": a drive with the input {demand} has a speed or a controller")
         for name, none in (("speed.points", ""), ("speed.end", 0.0), ("stop.start", -1.0)):
             if values_of[name] != none:
                 raise no(name, f": the input {demand} says how fast it turns")
         speeds = Course(*np.zeros((3, 2)))
+    if torque_demand:
+        for name, none in (("torque.points", ""), ("torque.drive", 0.0)):
+            if values_of[name] != none:
+                raise no(name, f": the input {prefix}torque.demand says how large it is")
+        torques = Course(*np.zeros((3, 2)))
     gear = float(values_of["gear.ratio"])
     return DriveParameters(
         inertia=inertia,

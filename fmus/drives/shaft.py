@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.drives.motor import CONTROLLER, SPEED, DriveParameters, motor_torque, speed_profile
+from fmus.drives.motor import CONTROLLER, SPEED, TORQUE, DriveParameters, motor_torque, speed_profile
 from fmus.interface.course import evaluate, has_points, set_line
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
@@ -19,7 +19,7 @@ from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 ANGLE, RATE, INTEGRAL, WORK, BRAKE_WORK, IMPULSE = 0, 1, 2, 3, 4, 5  # integrated together; the rate is absolute
 INTEGRATED = 6  # number of these
 PORT_WORK = 6  # work of the chain and of the mount's motion
-TARGET = 7  # speed that follows the demand, where there is one
+TARGET = 7  # what follows the demand, where there is one: the speed, or in mode TORQUE the torque of the motor
 TORQUE_NOW, POWER_NOW = 8, 9  # of the motor, means over the last step
 SHAFT = 10  # numbers of a shaft
 
@@ -27,9 +27,12 @@ SHAFT = 10  # numbers of a shaft
 @kernel
 def start_shaft(p: DriveParameters, x: Floats, angle: float) -> None:
     """Set a shaft's state x (SHAFT) to its start on a mount at rest; ``angle``, rad."""
+    x[TARGET] = p.start_speed
     if p.lag > 0.0:
         set_line(p.speeds, 0.0, 0.0, p.start_speed, p.start_speed)
-    x[ANGLE], x[TARGET], x[RATE] = angle, p.start_speed, speed_profile(p, 0.0)[0]
+        if p.mode == TORQUE:
+            x[TARGET] = 0.0
+    x[ANGLE], x[RATE] = angle, speed_profile(p, 0.0)[0]
 
 
 @kernel
@@ -112,8 +115,14 @@ def advance_shaft(
 
 
 @kernel
-def follow_demand(p: DriveParameters, x: Floats, t: float, h: float, demand: float) -> None:
-    """Set the profile of a step from a demand, rad/s, held over the step and followed with the lag."""
+def follow_demand(p: DriveParameters, x: Floats, t: float, h: float, speed: float, torque: float) -> None:
+    """Set the course of a step from the demand, held over the step and followed with the lag.
+
+    ``speed``, rad/s, counts but in mode TORQUE, where ``torque``, N m, does, up to the limit.
+    """
+    demand = speed
+    if p.mode == TORQUE:
+        demand = min(max(torque, -p.limit), p.limit)
     target = demand + (x[TARGET] - demand) * exp(-h / p.lag)
-    set_line(p.speeds, t, h, x[TARGET], target)
+    set_line(p.torques if p.mode == TORQUE else p.speeds, t, h, x[TARGET], target)
     x[TARGET] = target

@@ -75,7 +75,7 @@ def add_definitions(
         if enumerations is None:
             SubElement(SubElement(parent, "SimpleType", name=kind), "Real", attributes)
         else:
-            SubElement(parent, "Float64Type", name=kind, **attributes)
+            SubElement(parent, "Float64Type", {"name": kind, **attributes})
     for port in enumerations or ():
         choices = SubElement(parent, "EnumerationType", name=enumeration_type(port), description=port.text)
         for value, choice in enumerate(port.choices, 1):

@@ -288,7 +288,7 @@ class Monolith:
         if self._joined:
             speeds = [0.5 * (speeds[0] + speeds[1]), speeds[1] - speeds[0]]
         for drive, state, demand in zip(self._shafts, self._spun, speeds, strict=True):
-            shaft.follow_demand(drive, state, t, h, demand)
+            shaft.follow_demand(drive, state, t, h, demand, 0.0)
 
     def _take_shafts(self, before: Floats, h: float) -> None:
         """Update the state of each shaft, and the mean torque and power of its motor."""

@@ -33,9 +33,7 @@ EXPORT void fmi2FreeInstance(fmi2Component p) {
 }
 
 EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component p, fmi2Boolean on, size_t n, const fmi2String categories[]) {
-    (void)n, (void)categories;
-    ((Instance *)p)->logging = on;
-    return fmi2OK;
+    return choose_categories(p, on, n, categories);
 }
 
 EXPORT fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean a, fmi2Real tolerance, fmi2Real start, fmi2Boolean b,

@@ -48,9 +48,7 @@ EXPORT void fmi3FreeInstance(fmi3Instance p) {
 }
 
 EXPORT fmi3Status fmi3SetDebugLogging(fmi3Instance p, fmi3Boolean on, size_t n, const fmi3String categories[]) {
-    (void)n, (void)categories;
-    ((Instance *)p)->logging = on;
-    return fmi3OK;
+    return choose_categories(p, on, n, categories);
 }
 
 EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance p, fmi3Boolean a, fmi3Float64 tolerance, fmi3Float64 start,

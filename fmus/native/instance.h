@@ -27,6 +27,7 @@ typedef struct { int free, count, first; const char *const *names; } Choice; /* 
 typedef struct { int place, count; } Index; /* of an array, in the state */
 #include "model.h"
 
+static const char *const CATEGORY[] = { "", "logStatusWarning", "logStatusDiscard", "logStatusError" }; /* by status */
 enum { WARNED = 1, FAILED = 3 }; /* of the output status */
 enum { LONGEST = 1500, FIRST_LINK = N_INPUT + N_OUTPUT, FIRST_PARAMETER = FIRST_LINK + N_LINK };
 
@@ -80,7 +81,8 @@ typedef struct {
     Numbers numbers;
     const Kernels *run;
     Host host;
-    int logging;
+    int logging, discards; /* discards: what fails discards a step, and is no error */
+    unsigned wanted; /* bits of the CATEGORY that the host wants */
 } Instance;
 
 /* ---- messages */
@@ -110,14 +112,34 @@ static void fill(char *out, size_t room, Sentence s, const double *numbers) {
 
 static void log_message(Instance *c, Status status, const char *category, const char *text); /* of the front end */
 
+static void say(Instance *c, Status status, const char *text) { /* an error reaches the host whatever it wants */
+    if (status == STATUS_ERROR || (c->wanted & 1u << status)) log_message(c, status, CATEGORY[status], text);
+}
+
 static Status refuse(Instance *c, const char *format, ...) {
+    Status status = c->discards ? STATUS_DISCARD : STATUS_ERROR;
     char text[LONGEST];
     va_list more;
     va_start(more, format);
     vsnprintf(text, sizeof text, format, more);
     va_end(more);
-    log_message(c, STATUS_ERROR, "logStatusError", text);
-    return STATUS_ERROR;
+    say(c, status, text);
+    return status;
+}
+
+static Status choose_categories(Instance *c, int on, size_t n, const char *const categories[]) { /* none: all */
+    unsigned wanted = n && on ? 0 : ~0u;
+    for (size_t i = 0; i < n; i++) {
+        int status = STATUS_WARNING;
+        while (status <= STATUS_ERROR && (!categories[i] || strcmp(categories[i], CATEGORY[status]))) status++;
+        if (status > STATUS_ERROR)
+            return refuse(c, "there is no category '%s' of messages: there are %s, %s and %s", categories[i] ? categories[i] : "",
+                          CATEGORY[STATUS_WARNING], CATEGORY[STATUS_DISCARD], CATEGORY[STATUS_ERROR]);
+        wanted |= on ? 1u << status : 0u;
+    }
+    c->logging = on;
+    c->wanted = wanted;
+    return STATUS_OK;
 }
 
 static Status refuse_with(Instance *c, Sentence sentence, double first, double second) {
@@ -163,7 +185,7 @@ static void warn(Instance *c) {
         row[0] = 0.0;
         fill(text, sizeof text, WARNING[k], row + 1);
         c->d.status = WARNED;
-        log_message(c, STATUS_WARNING, "logStatusWarning", text);
+        say(c, STATUS_WARNING, text);
     }
 }
 
@@ -228,16 +250,11 @@ static int initialise(Instance *c) {
     return 0;
 }
 
-static Status advance(Instance *c, double t, double h) {
+static Status step(Instance *c, double t, double h) {
     Data *d = &c->d;
     int64_t failed = 0;
     struct raised *e = 0;
     char text[LONGEST];
-    double run = fabs(t - c->start), shortest = RESOLUTION * (run > 1.0 ? run : 1.0); /* fmax would need libm */
-    double slack = shortest + ROUNDING * fabs(t);
-    if (!(isfinite(t) && isfinite(h) && h >= shortest)) return refuse_with(c, STEP_REFUSED[0], t, h);
-    if (fabs(t - d->now) > slack) return refuse_with(c, STEP_REFUSED[1], t, d->now);
-    if (t + h - c->stop > slack) return refuse_with(c, STEP_REFUSED[2], t + h, c->stop);
     if (!finite(d->value, N_INPUT) && not_finite(c, 0, d->value, N_INPUT, "input", "@", t)) {
         d->status = FAILED;
         return STATUS_DISCARD;
@@ -261,6 +278,18 @@ static Status advance(Instance *c, double t, double h) {
     if (text[0]) refuse(c, "%s", text);
     d->status = FAILED;
     return STATUS_DISCARD;
+}
+
+static Status advance(Instance *c, double t, double h) {
+    double run = fabs(t - c->start), shortest = RESOLUTION * (run > 1.0 ? run : 1.0); /* fmax would need libm */
+    double slack = shortest + ROUNDING * fabs(t);
+    if (!(isfinite(t) && isfinite(h) && h >= shortest)) return refuse_with(c, STEP_REFUSED[0], t, h);
+    if (fabs(t - c->d.now) > slack) return refuse_with(c, STEP_REFUSED[1], t, c->d.now);
+    if (t + h - c->stop > slack) return refuse_with(c, STEP_REFUSED[2], t + h, c->stop);
+    c->discards = 1;
+    Status status = step(c, t, h);
+    c->discards = 0;
+    return status;
 }
 
 /* ---- instances */
@@ -298,6 +327,7 @@ static Instance *create(const char *name, const char *token, const char *resourc
     memset(c, 0, sizeof *c);
     c->host = host;
     c->logging = logging;
+    c->wanted = ~0u;
     c->run = wide_processor() ? &WIDE : &ANY;
     c->name = malloc(strlen(name ? name : "") + 1);
     c->f = allocate(N_F * sizeof *c->f);

@@ -46,6 +46,7 @@ NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the
 INCLUDED = ("numba",)  # distributions of which a library has compiled functions
 CATEGORIES = {
     "logStatusWarning": "Messages of a step that was done but needs a look.",
+    "logStatusDiscard": "Messages of a step that could not be done: the instance is as before it.",
     "logStatusError": "Messages of a call that failed.",
 }
 

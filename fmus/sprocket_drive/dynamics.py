@@ -48,7 +48,7 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
 
 @kernel
 def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
-    """See ``interface.model.ComponentModel``; u: mount (13) at t, mean wrench (6), demanded speed where one exists."""
+    """See ``interface.model.ComponentModel``; u: mount (13) at t, mean wrench (6), demands if any."""
     p, x, inputs = c.drive, c.state, c.inputs
     for i in range(u.size):
         inputs[i] = u[i]
@@ -73,7 +73,7 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
 def advance(p: DriveParameters, x: Floats, t: float, h: float, steps: int, u: Floats) -> None:
     """Advance x in place by ``h`` s in ``steps`` internal steps."""
     if p.lag > 0.0:
-        shaft.follow_demand(p, x, t, h, u[19])
+        shaft.follow_demand(p, x, t, h, u[19], u[20] if u.size > 20 else 0.0)
     m = mount.extrapolate(p.with_acceleration, x, h, u, 0)
     if x[mount.BASE] == 0.0:
         if p.mode == SPEED:

@@ -9,7 +9,16 @@ import numpy as np
 
 from fmus.drives.motor import DriveParameters
 from fmus.drives.mount import WIDTH
-from fmus.drives.parameters import contradictions, drive_parameters, free_numbers, lag_port, motor_ports, mount_ports
+from fmus.drives.parameters import (
+    contradictions,
+    demanded,
+    drive_parameters,
+    free_numbers,
+    lag_port,
+    motor_ports,
+    mount_ports,
+    torque_demand_port,
+)
 from fmus.interface.defaults import configured_ports, parameter_values
 from fmus.interface.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.interface.ports import STATE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
@@ -22,10 +31,10 @@ from fmus.start import KEYS, part_at_rest, stance, start_pose
 DEMAND = "speed.demand"
 
 
-def parameter_ports(demanded: bool) -> list[Port]:
-    """Parameters of a drive; ``demanded``: its speed follows an input."""
+def parameter_ports(follows: bool) -> list[Port]:
+    """Parameters of a drive; ``follows``: it follows demands."""
     return [
-        *([lag_port()] if demanded else []),
+        *([lag_port()] if follows else []),
         *start_pose_ports(),
         Port("start.lateral", "parameter", "m", "lateral position of the mount beside its place as built"),
         *mount_ports(),
@@ -37,7 +46,8 @@ class Model(ComponentModel):
     """Spin of one sprocket on its mount.
 
     ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": stance of the mount at the start (``start``),
-    "demanded": whether the speed follows an input, false by default}}; other keys are not read. A mount whose inputs
+    "demanded": whether the speed follows an input, false by default; "all": in mode torque the torque follows another
+    one}}; other keys are not read. A mount whose inputs
     still have their start values stands still at the start pose: an unconnected drive is a fixed axle.
     """
 
@@ -58,13 +68,14 @@ class Model(ComponentModel):
         self.inertia, self._mount = float(drive_config["inertia"]), stance(drive_config["mount"])
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
-        self._demanded = bool(drive_config.get("demanded", False))
-        self._parameters = configured_ports(parameter_ports(self._demanded), config)
+        self._demands = demanded(drive_config)
+        self._parameters = configured_ports(parameter_ports(self._demands[0]), config)
         mount = self._start_motion({port.name: port.start for port in self._parameters})
         self.ports: tuple[Port, ...] = (
             *motion_ports("mount", "input", mount),
             *wrench_ports("sprocket", "input"),
-            *([Port(DEMAND, "input", "rad/s", "wanted speed against the mount")] if self._demanded else []),
+            *([Port(DEMAND, "input", "rad/s", "wanted speed against the mount")] if self._demands[0] else []),
+            *([torque_demand_port()] if self._demands[1] else []),
             *motion_ports("sprocket", "output", mount),
             *wrench_ports("mount", "output"),
             Port("speed", "output", "rad/s", "speed of the sprocket against the mount"),
@@ -81,14 +92,15 @@ class Model(ComponentModel):
         )
         self.unconnected = np.array([port.start for port in self.ports[:STATE]])
         self.rest_motion = self.unconnected.copy()
-        self.inputs = STATE + WRENCH + self._demanded
+        self.inputs = STATE + WRENCH + sum(self._demands)
         self.state: Floats = np.zeros(WIDTH)
         self.counters = np.zeros(2, dtype=np.int64)
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at the start angle and speed on a mount at rest at the start pose; raises InvalidParameter."""
         values = parameter_values(self._parameters, parameters)
-        self.drive = drive_parameters(values, self.inertia, DEMAND if self._demanded else "")
+        demand, with_torque = DEMAND if self._demands[0] else "", self._demands[1]
+        self.drive = drive_parameters(values, self.inertia, demand, torque_demand=with_torque)
         self.counters[:] = 0
         inputs = np.zeros(self.inputs)
         parts = Parts(self.drive, self._mount, self.unconnected, self.rest_motion, inputs, self.state, self.counters)
@@ -97,7 +109,7 @@ class Model(ComponentModel):
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but tables of points, and the spin inertia."""
         inertia = {"drive.inertia": "{sprocket.spin_inertia}"}
-        return FreeParameters(free_numbers(p, self._demanded, "drive") | inertia, self.start_parameters)
+        return FreeParameters(free_numbers(p, self._demands, "drive") | inertia, self.start_parameters)
 
     @property
     def shafts(self) -> tuple[DriveParameters, ...]:

@@ -134,8 +134,11 @@ def advance(g: Gearbox, x: Floats, t: float, h: float, propulsion_steps: int, st
     """Advance x in place by ``h`` s; ``propulsion_steps``, ``steering_steps``: internal steps."""
     left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:]
     if g.propulsion.lag > 0.0:
-        shaft.follow_demand(g.propulsion, propulsion, t, h, 0.5 * (u[2 * SIDE] + u[2 * SIDE + 1]))
-        shaft.follow_demand(g.steering, steering, t, h, u[2 * SIDE + 1] - u[2 * SIDE])
+        left_speed, right_speed, torques = u[2 * SIDE], u[2 * SIDE + 1], (0.0, 0.0)
+        if u.size > 2 * SIDE + 2:
+            torques = u[2 * SIDE + 2], u[2 * SIDE + 3]
+        shaft.follow_demand(g.propulsion, propulsion, t, h, 0.5 * (left_speed + right_speed), torques[0])
+        shaft.follow_demand(g.steering, steering, t, h, right_speed - left_speed, torques[1])
     left_mount = mount.extrapolate(g.propulsion.with_acceleration, left, h, u, 0)
     right_mount = mount.extrapolate(g.propulsion.with_acceleration, right, h, u, SIDE)
     rate = 0.5 * (left_mount.start_rate + right_mount.start_rate)  # mean and difference of the mounts' rates

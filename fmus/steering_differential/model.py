@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 
 from fmus.drives.motor import DriveParameters
-from fmus.drives.parameters import contradictions, drive_parameters, free_numbers, lag_port, motor_ports, mount_ports
+from fmus.drives.parameters import (
+    contradictions,
+    demanded,
+    drive_parameters,
+    free_numbers,
+    lag_port,
+    motor_ports,
+    mount_ports,
+    torque_demand_port,
+)
 from fmus.interface.defaults import configured_ports, parameter_values
 from fmus.interface.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.interface.ports import STATE, Port, motion_ports, start_pose_ports, wrench_ports
@@ -35,25 +44,28 @@ STIFF = (
 )
 
 
-def parameter_ports(demanded: bool) -> list[Port]:
-    """Parameters of a differential; ``demanded``: its speeds follow inputs."""
-    return [
-        *([lag_port()] if demanded else []),
-        *start_pose_ports(),
-        *mount_ports(),
-        *motor_ports("propulsion.", "the mean of both sprockets", "mean of both speeds against the mounts"),
-        *motor_ports("steering.", "the right sprocket less the left one", "speed of the right less the left sprocket"),
-    ]
+BODIES = {"propulsion.": "the mean of both sprockets", "steering.": "the right sprocket less the left one"}
 
 
-def connector_ports(mounts: Mapping[str, tuple[float, ...]], demanded: bool) -> list[Port]:
-    """Inputs, then motions and wrenches of both sides; ``mounts``: motion (13) of each at the start."""
+def parameter_ports(follows: bool) -> list[Port]:
+    """Parameters of a differential; ``follows``: it follows demands."""
+    speeds = "mean of both speeds against the mounts", "speed of the right less the left sprocket"
+    motors = [motor_ports(*motor, speed) for motor, speed in zip(BODIES.items(), speeds, strict=True)]
+    return [*([lag_port()] if follows else []), *start_pose_ports(), *mount_ports(), *motors[0], *motors[1]]
+
+
+def connector_ports(mounts: Mapping[str, tuple[float, ...]], demands: tuple[bool, bool]) -> list[Port]:
+    """Inputs, then motions and wrenches of both sides; ``mounts``: motion (13) of each at the start.
+
+    ``demands``: see ``drives.parameters.demanded``.
+    """
     found_ports: list[Port] = []
     for side, motion in mounts.items():
         found_ports += [*motion_ports(f"{side}.mount", "input", motion), *wrench_ports(f"{side}.sprocket", "input")]
-    for side in mounts if demanded else ():
+    for side in mounts if demands[0] else ():
         text = f"wanted speed of the {side} sprocket {RELATIVE}"
         found_ports.append(Port(f"{side}.speed.demand", "input", "rad/s", text))
+    found_ports += [torque_demand_port(*motor) for motor in BODIES.items()] if demands[1] else []
     for side, motion in mounts.items():
         found_ports += [*motion_ports(f"{side}.sprocket", "output", motion), *wrench_ports(f"{side}.mount", "output")]
     return found_ports
@@ -94,8 +106,8 @@ class Model(ComponentModel):
 
     ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": stance of the left mount at the start
     (``start``), "right": stance of the right mount, by default the left one mirrored, "demanded": whether the
-    speeds follow inputs, false by default}}; other keys are not read. Mounts whose inputs still have their start values
-    stand still at the start pose.
+    speeds follow inputs, false by default; "all": in mode torque the torques follow others}}; other keys are not read.
+    Mounts whose inputs still have their start values stand still at the start pose.
     """
 
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
@@ -116,12 +128,11 @@ class Model(ComponentModel):
         self._mounts = left, right
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
-        demanded = bool(drive_config.get("demanded", False))
-        self._demand = DEMAND if demanded else ""
-        self._parameters = configured_ports(parameter_ports(demanded), config)
+        self._demands = demanded(drive_config)
+        self._parameters = configured_ports(parameter_ports(self._demands[0]), config)
         start_motions = self._start_motions({port.name: port.start for port in self._parameters})
         self.ports: tuple[Port, ...] = (
-            *connector_ports(dict(zip(SIDES, start_motions, strict=True)), demanded),
+            *connector_ports(dict(zip(SIDES, start_motions, strict=True)), self._demands),
             *output_ports(),
             *self._parameters,
         )
@@ -136,10 +147,11 @@ class Model(ComponentModel):
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start both sprockets at angle and speeds of the start, on mounts at rest; raises InvalidParameter."""
         values = parameter_values(self._parameters, parameters)
+        demand, with_torque = DEMAND if self._demands[0] else "", self._demands[1]
         self.gearbox = Gearbox(
             self.inertia,
-            drive_parameters(values, 2.0 * self.inertia, self._demand, "propulsion."),  # (1)
-            drive_parameters(values, 0.5 * self.inertia, self._demand, "steering."),
+            drive_parameters(values, 2.0 * self.inertia, demand, "propulsion.", with_torque),  # (1)
+            drive_parameters(values, 0.5 * self.inertia, demand, "steering.", with_torque),
         )
         self.counters[:] = 0
         inputs = np.zeros(self.inputs)
@@ -151,7 +163,7 @@ class Model(ComponentModel):
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but tables of points."""
         shafts = (
-            free_numbers(p, bool(self._demand), f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering")
+            free_numbers(p, self._demands, f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering")
         )
         return FreeParameters({place: how for shaft in shafts for place, how in shaft.items()}, self.start_parameters)
 

@@ -16,7 +16,8 @@ from orchestrator.scene.replacement import conversions, ends_of, replacements, t
 from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import FreeScene, SystemScene
 
-HITCH_FORCE = [("chassis", f"hitch.force.{axis}") for axis in "xyz"]  # input of a part that an FMU of the user may feed
+HITCH_FORCE = [("chassis", f"hitch.force.{axis}") for axis in "xyz"]  # inputs of parts that FMUs of the user may feed
+DEMANDS = "speed.demand", "torque.demand"  # of drives, which have them as the table says; ends of their names
 
 
 def assemble(scene: SystemScene) -> Assembly:
@@ -55,11 +56,17 @@ def _user_connections(scene: Scene, assembly: Assembly, pairs: Sequence[Pair]) -
         about = f"{scene.where}: connections: '{pair}'"
         if pair.target in fmus:
             continue
-        if pair.source not in fmus or (pair.target, pair.into) not in HITCH_FORCE:
+        of_drive = pair.into.endswith(DEMANDS)
+        if pair.source not in fmus or not (of_drive or (pair.target, pair.into) in HITCH_FORCE):
             raise BadInput(
-                f"{about}: '{pair.target}' is no FMU of the user; of our parts, only chassis.hitch.force.{{x,y,z}} get"
-                " a connection, and from an FMU of the user"
+                f"{about}: '{pair.target}' is no FMU of the user; of our parts, only chassis.hitch.force.{{x,y,z}}, and"
+                " speed.demand and torque.demand of drives get a connection, and from an FMU of the user"
             )
+        if of_drive:
+            part = next(part for part in assembly.parts if part.name == pair.target)
+            if part.config.get("drive", {}).get("demanded") != "all":
+                raise BadInput(f"{about}: {pair.target} has this input only with drive.demand = true")
+            continue
         if isinstance(scene, VehicleScene) and scene.symmetric and pair.into == "hitch.force.y":
             raise BadInput(f"{about}: symmetric = true has no lateral force: the right half mirrors the left")
         if isinstance(scene, VehicleScene) and scene.hitch is None:

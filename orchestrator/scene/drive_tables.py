@@ -68,6 +68,10 @@ class DriveTable(FrozenTable):
     """full-load curve of an engine that limits the motor: [speed, torque] of its shaft, or a CSV file of them"""
     gear_ratio: Annotated[float, ratio(gt=0)] | None = None
     """engine speed over sprocket speed"""
+    demand: bool = False
+    """its inputs speed.demand and torque.demand say how it turns, which `connections` bring; mode: which one counts"""
+    demand_lag: Annotated[float, In("s", gt=0)] | None = None
+    """time constant with which speed or torque follow their demand, by default 0.1 s"""
 
     @model_validator(mode="after")
     def _check_default_mode(self) -> DriveTable:
@@ -78,7 +82,8 @@ class DriveTable(FrozenTable):
     def _check_mode(self) -> None:
         """Raise ValueError for settings that the mode would ignore."""
         braked = "torque", "controller"
-        modes_of = {"torque": ("torque",), "torque_limit": ("controller",), "brake": braked, "brake_speed": braked}
+        limited = braked if self.demand else ("controller",)
+        modes_of = {"torque": ("torque",), "torque_limit": limited, "brake": braked, "brake_speed": braked}
         for key, modes in modes_of.items():
             if getattr(self, key):
                 self._require_mode(key, modes)
@@ -86,6 +91,15 @@ class DriveTable(FrozenTable):
     def _require_mode(self, key: str, modes: Sequence[str]) -> None:
         if self.mode not in modes:
             raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
+
+    @model_validator(mode="after")
+    def _check_demand(self) -> DriveTable:
+        for key in ("speed", "stop", "speed_points", "torque", "torque_points") if self.demand else ():
+            if getattr(self, key):
+                raise ValueError(f"demand = true excludes {key}: the inputs of the drive say how it turns")
+        if self.demand_lag is not None and not self.demand:
+            raise ValueError("demand_lag needs demand = true: without inputs there is nothing to follow")
+        return self
 
     @model_validator(mode="after")
     def _check_points(self) -> DriveTable:
@@ -111,8 +125,8 @@ class DriveTable(FrozenTable):
 
     @property
     def top_speed(self) -> float | None:
-        """Largest demanded speed, rad/s; None in mode torque."""
-        if self.mode == "torque":
+        """Largest speed of the profile, rad/s; None in mode torque, or where inputs demand it."""
+        if self.mode == "torque" or self.demand:
             return None
         return max(abs(speed) for _, speed in self.speed_points or ((0.0, self.speed),))
 

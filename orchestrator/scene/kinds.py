@@ -294,7 +294,8 @@ class VehicleScene(Scene):
     @property
     def turns(self) -> bool:
         """True if the sides are driven differently."""
-        return self.drive.steers or self.drive.steering is not None or self.driver is not None
+        demanded = self.drive.demand and not self.symmetric and len(self.tracks) > 1
+        return self.drive.steers or self.drive.steering is not None or self.driver is not None or demanded
 
     @property
     def leaves_plane(self) -> str:

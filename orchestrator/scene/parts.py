@@ -292,7 +292,7 @@ def _drive_part(
     lateral: float = 0.0,
 ) -> Part:
     """Sprocket drive on its mount, ``lateral`` m to the left of the middle."""
-    config = {"vehicle": vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount)}}
+    config = {"vehicle": vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount), **_demanded(drive)}}
     return Part(name, "SprocketDrive", config, {"start.lateral": lateral, **_drive_parameters(drive)}, DRIVE)
 
 
@@ -302,11 +302,17 @@ def _differential_part(vehicle: VehicleTable, shafts: Mapping[str, DriveTable], 
     for (side, sign), key in zip(SIGN_OF_Y.items(), ("mount", "right"), strict=True):  # keys of its config
         x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
         differential[key] = [x, y + sign * vehicle.track.lateral, *rest]
+    differential |= _demanded(shafts["propulsion"])
     config = {"vehicle": vehicle.model_dump(), "drive": differential}
     parameters: Parameters = {}
     for shaft, drive in shafts.items():
         parameters |= {f"{shaft}.{name}": value for name, value in _drive_parameters(drive).items()}
     return Part(DIFFERENTIAL, "SteeringDifferential", config, parameters, DRIVE)
+
+
+def _demanded(drive: DriveTable) -> dict[str, Any]:
+    """Entry of a drive's config with inputs for demands."""
+    return {"demanded": "all"} if drive.demand else {}
 
 
 def _drive_parameters(drive: DriveTable) -> Parameters:
@@ -323,7 +329,7 @@ def _drive_parameters(drive: DriveTable) -> Parameters:
     for name in ("speed", "torque", "brake", "engine"):
         if (points := getattr(drive, f"{name}_points")) is not None:
             parameters[f"{name}.points"] = points_text(points)
-    for key in ("brake_speed", "gear_ratio", "torque_limit"):
+    for key in ("brake_speed", "gear_ratio", "torque_limit", "demand_lag"):
         if (value := getattr(drive, key)) is not None:
             parameters[key.replace("_", ".")] = value
     return parameters

@@ -39,6 +39,7 @@ from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.parts import Assembly, Parameters, Part
 from orchestrator.scene.system_scene import SystemScene
+from orchestrator.scene.values import SIDES
 
 NAMED = 150  # characters of a list of variables
 TYPES = {float: "Real", int: "Integer", str: "String"}  # by the start value of a port
@@ -79,7 +80,23 @@ def unfit(scene: SystemScene, assembly: Assembly) -> list[tuple[str, str]]:
     found = replacements(where, assembly.parts)
     warnings = [warning for each in found for warning in _require_fit(each, assembly.connections, variable_steps)]
     by_name = {each.part.name: each for each in found}
-    return [*warnings, *_require_pairs(where, assembly.parts, by_name, assembly.user_connections)]
+    warnings += _require_pairs(where, assembly.parts, by_name, assembly.user_connections)
+    return [*warnings, *_without_demand(assembly)]
+
+
+def _without_demand(assembly: Assembly) -> Iterator[tuple[str, str]]:
+    """Warnings about drives whose demands no FMU brings, as part and sentence."""
+    brought = {(each.target, into) for each in assembly.user_connections for into in each.inputs}
+    for part in assembly.parts:
+        if part.fmu is not None or part.config.get("drive", {}).get("demanded") != "all":
+            continue
+        modes = {name: mode for name, mode in part.parameters.items() if name.endswith("mode")}
+        needed = {name.replace("mode", "torque.demand") for name, mode in modes.items() if mode == "torque"}
+        if {*modes.values()} != {"torque"}:  # both shafts of a differential follow the speeds of both sides
+            needed |= {"speed.demand"} if "mode" in modes else {f"{side}.speed.demand" for side in SIDES}
+        for into in sorted(needed):
+            if (part.name, into) not in brought:
+                yield part.name, f"nothing brings its input {into}, which stays 0"
 
 
 def _replacement(where: str, part: Part, table: FmuTable) -> Replacement:

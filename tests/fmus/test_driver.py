@@ -11,6 +11,7 @@ from fmus.driver.model import Model
 from fmus.fmi.build import build
 from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.sprocket_drive.model import Model as SprocketDrive
+from fmus.steering_differential.model import Model as SteeringDifferential
 from orchestrator.scene.scene import load
 
 TABLE = load("straight").vehicle.model_dump()
@@ -230,8 +231,8 @@ def test_an_input_that_is_not_finite_is_named_and_changes_nothing():
     assert np.array_equal(run.model.state, before)
 
 
-def demanded(mode="speed", **parameters):
-    drive = {"inertia": 13.87, "mount": [0.0, 1.0795, 0.0], "demanded": True}
+def demanded(mode="speed", inputs=True, **parameters):
+    drive = {"inertia": 13.87, "mount": [0.0, 1.0795, 0.0], "demanded": inputs}
     model = SprocketDrive({"drive": drive})
     model.initialise({"mode": mode, **parameters})
     return model
@@ -252,6 +253,43 @@ def test_the_speed_of_a_drive_follows_its_demand_at_any_step(lag, agrees):
         assert (abs(y[speed] - 7.0 * (1.0 - np.exp(-2.0))) < 1e-12) == agrees
 
 
+@pytest.mark.parametrize(("lag", "agrees"), [(0.1, True), (0.103, False)])
+def test_the_torque_of_a_drive_follows_its_demand(lag, agrees):
+    """T (1 - exp(-t / lag)) at any step, on a rotor without a brake; never beyond the limit."""
+    for h, wanted, torque in ((1e-3, 700.0, 700.0), (4e-3, 700.0, 700.0), (4e-3, -9e9, -1000.0)):
+        model, y = demanded("torque", "all", **{"demand.lag": lag, "torque.limit": 1000.0}), np.zeros(27)
+        ports = [port.name for port in model.ports if port.causality == "input"]
+        assert ports[-2:] == ["speed.demand", "torque.demand"]
+        u = np.array([port.start for port in model.ports if port.causality == "input"])
+        u[-2:] = 50.0, wanted
+        n = round(0.2 / h)
+        for k in range(n):
+            model.step(k * h, h, u)
+        model.outputs(y)
+        ends = torque * (1.0 - np.exp(-np.arange(n + 1) * h / 0.1))
+        impulse = 0.5 * h * (ends[1:] + ends[:-1]).sum()
+        assert (abs(y[21] / (0.5 * (ends[-2] + ends[-1])) - 1.0) < 1e-12) == agrees
+        assert (abs(y[19] / (impulse / 13.87) - 1.0) < 1e-12) == agrees
+
+
+def test_a_differential_follows_torques():
+    """The steering motor alone turns the sprockets against each other, propulsion alone both alike."""
+    config = {"inertia": 13.87, "mount": [0.0, 1.0795, 0.0], "demanded": "all"}
+    for demand, of_sides in (("propulsion", [1.0, 1.0]), ("steering", [-1.0, 1.0])):
+        model = SteeringDifferential({"drive": config})
+        model.initialise({"propulsion.mode": "torque", "steering.mode": "torque"})
+        names = [port.name for port in model.ports]
+        outputs = [port.name for port in model.ports if port.causality == "output" and isinstance(port.start, float)]
+        u, y = np.array([port.start for port in model.ports[: model.inputs]]), np.zeros(len(outputs))
+        u[names.index(f"{demand}.torque.demand")] = 500.0
+        for k in range(100):
+            model.step(k * 1e-3, 1e-3, u)
+        model.outputs(y)
+        speeds = np.array([y[outputs.index(f"{side}.speed")] for side in ("left", "right")])
+        assert speeds / speeds[1] == pytest.approx(of_sides, rel=1e-12)
+        assert y[outputs.index(f"{demand}.work")] == pytest.approx(13.87 * speeds[1] ** 2, rel=1e-5)
+
+
 def test_a_controller_follows_its_demand():
     model, y = demanded("controller"), np.zeros(27)
     u = np.array([port.start for port in model.ports if port.causality == "input"])
@@ -266,6 +304,8 @@ def test_a_controller_follows_its_demand():
     ("parameters", "said"),
     [
         ({"mode": "torque"}, "a drive with the input speed.demand has a speed or a controller"),
+        ({"inputs": "all", "torque.drive": 5.0}, "torque.drive = 5.0: the input torque.demand says how large it is"),
+        ({"inputs": "some"}, "drive.demanded = 'some': must be false, true"),
         ({"speed.end": 3.0}, "speed.end = 3.0: the input speed.demand says how fast"),
         ({"demand.lag": 0.0}, "demand.lag = 0: must be greater than 0"),
     ],

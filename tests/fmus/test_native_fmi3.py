@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
-from ctypes import byref, c_bool, c_double, c_int32, c_int64
+from ctypes import byref, c_bool, c_char_p, c_double, c_int32, c_int64
 from pathlib import Path
 
 import fmpy
@@ -152,7 +152,7 @@ def test_a_step_that_cannot_be_done_is_discarded_where_it_began(early_allowed):
             pointers = [byref(each) for each in (event, end, early, last)]
             assert three.slave.dll.fmi3DoStep(three.slave.component, 0.0, H, True, *pointers) == DISCARD
             assert (event.value, end.value, early.value, last.value) == (False, False, False, 0.0)
-            assert three.messages[-1] == (ERROR, said)
+            assert three.messages[-1] == (DISCARD, said)
             assert three.slave.getInt64(whole) == [0, 0]
             three.slave.setFloat64([bent], good)
         np.testing.assert_array_equal(three.follow(run, range(3))[0], other.follow(run, range(3))[0])
@@ -228,3 +228,37 @@ def test_fmpy_simulates_it():
     assert result["time"][-1] == pytest.approx(0.01)
     assert result["sprocket.position"].shape == (11, 3)
     assert np.ptp(result["speed"]) > 0.0
+
+
+def test_messages_by_category():
+    """An unknown category is refused; errors reach the host whatever it chose, a discarded step is no error."""
+    with begun3(DRIVE) as three:
+        (torque,) = (variable.valueReference for variable in three.of("input") if variable.name == "sprocket.torque")
+        good = three.slave.getFloat64([torque], 3)
+
+        def categories(*names):
+            texts = (c_char_p * len(names))(*(name.encode() for name in names))
+            return three.slave.dll.fmi3SetDebugLogging(three.slave.component, True, len(names), texts)
+
+        def said():
+            three.messages.clear()
+            three.slave.setFloat64([torque], [0.0, 1e308, 0.0])
+            with pytest.raises(fmpy.fmi1.FMICallException):
+                three.slave.doStep(0.0, H)
+            three.slave.setFloat64([torque], good)
+            three.status("fmi3SetInt64", [three.of("output", "Int64")[0].valueReference], [7], c_int64)
+            return [status for status, _ in three.messages]
+
+        assert said() == [DISCARD, ERROR]
+        assert categories("logStatusWarning", "logEverything") == ERROR
+        known = "logStatusWarning, logStatusDiscard and logStatusError"
+        assert three.messages[-1] == (ERROR, f"there is no category 'logEverything' of messages: there are {known}")
+        assert said() == [DISCARD, ERROR]
+        assert categories("logStatusWarning") == OK
+        assert said() == [ERROR]
+        assert categories("logStatusDiscard", "logStatusError") == OK
+        assert said() == [DISCARD, ERROR]
+        assert categories() == OK
+        assert said() == [DISCARD, ERROR]
+        named = etree.parse(unpack(native3(DRIVE)) / "modelDescription.xml").iter("Category")
+        assert [each.get("name") for each in named] == ["logStatusWarning", "logStatusDiscard", "logStatusError"]

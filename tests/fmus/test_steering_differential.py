@@ -195,10 +195,10 @@ def test_unconnected_mounts_stand_and_a_saved_state_goes_on_to_the_bit():
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [
-        ({"steering.brake.torque": -1.0}, r"steering.brake.torque = -1: must be 0 or more"),
+        ({"steering.brake.torque": -1.0}, r"steering.brake.torque = -1: must be between 0 and 1e11"),
         ({"propulsion.mode": "fast"}, "propulsion.mode = 'fast': must be one of speed, torque, controller"),
         ({"steering.gear.ratio": 0.0}, "steering.gear.ratio = 0: must be greater than 0"),
-        ({"steering.ramp.end": -1.0}, "steering.ramp.end = -1 s must not be before steering.ramp.start"),
+        ({"steering.ramp.start": 2.0}, "steering.ramp.end = 1 s must not be before steering.ramp.start"),
         ({"propulsion.engine.points": "0 5"}, "propulsion.engine.points needs mode"),
         ({"propulsion.engine.points": "0", "propulsion.mode": "torque"}, "must be 'speed torque; speed torque; ...'"),
     ],

@@ -24,6 +24,7 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.products import scene_products, write_ssp
 from orchestrator.scene.scene import load
 
+TEXTS = ("gear", "Integer", 1), ("on", "Boolean", False), ("word", "String", "")  # further variables of `gain`
 OWN = {**SHORT, "drive": {"mode": "torque", "torque": TORQUE}, "vehicle.sprocket.spin_inertia": INERTIA}
 
 
@@ -390,3 +391,48 @@ def test_other_types_of_outputs_are_counted(tmp_path):
         assert log.topics["/stats/drive"].names == ("steps", "way", "fast", "wall_time")
         assert log.signal("stats.drive.way")[1].tolist() == [2.0]
     assert summary["components"]["drive"]["way"] == 2
+
+
+def test_an_engine_of_the_user_drives_our_drive(tmp_path, cotrack):
+    """A constant torque of an FMU is that of ``torque_points`` with the lag of the demand, to its order."""
+    engine = foreign_fmus.build(tmp_path / "engine.fmu", "gain", [
+        Variable("u", "input", 1.0), Variable("y", "output", unit="N.m"), Variable("k", "parameter", 1.0),
+        *(Variable(f"{name}_start", "parameter", start, kind) for name, kind, start in TEXTS),
+        *(Variable(name, "output", start, kind) for name, kind, start in TEXTS),
+    ])  # fmt: skip
+    lag = 0.02
+    demanded = {
+        "drive": {"mode": "torque", "demand": True, "demand_lag": lag},
+        "connections": ["engine.y -> drive.torque.demand"],
+        "fmu.engine": {"file": str(engine), "parameters": {"k": TORQUE}},
+    }
+    times = np.arange(0.0, 0.101, H)
+    points = [[float(t), float(TORQUE * (1.0 - math.exp(-t / lag)))] for t in times]
+    runs = {}
+    by_points = {"drive": {"mode": "torque", "torque_points": points}}
+    for name, settings in (("engine", demanded), ("points", by_points)):
+        summary = simulate(load("rig", "rigid", SHORT | settings), tmp_path / f"{name}.mcap")
+        assert summary["status"] == "ok", summary["message"]
+        with Log(tmp_path / f"{name}.mcap") as log:
+            runs[name] = RunData(log).signal("drive.speed")[1]
+    assert runs["engine"][-1] > 1.0
+    np.testing.assert_allclose(runs["engine"], runs["points"], rtol=1e-9, atol=1e-9)
+    said = [f"--set={key}={json.dumps(value)}" for key, value in SHORT.items()]
+    alone = cotrack("run", "rig", "--track", "rigid", *said, "--set=drive={mode='torque',demand=true}", "--no-estimate")
+    assert "nothing brings its input torque.demand, which stays 0" in alone[1] + alone[2]
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"drive": {"demand": True, "speed": 3.0}}, "demand = true excludes speed"),
+        ({"drive": {"demand_lag": 0.1}}, "demand_lag needs demand = true"),
+        ({"fmu.engine": {"file": "e.fmu"}, "connections": ["engine.y -> drive.torque.demand"]},
+         "drive has this input only with drive.demand = true"),
+        ({"drive": {"mode": "torque", "demand": True}, "connections": ["track.travel -> drive.torque.demand"]},
+         "get a connection, and from an FMU of the user"),
+    ],
+)  # fmt: skip
+def test_what_a_demand_cannot_be(settings, said):
+    with pytest.raises(BadInput, match=said):
+        assemble(load("rig", "rigid", SHORT | settings))
