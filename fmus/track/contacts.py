@@ -13,8 +13,8 @@ import numpy as np
 from fmus.ground.contact import contact_law, ground_shape, is_hard, soil_law
 from fmus.interface.model import InvalidParameter
 from fmus.physics.arrays import Vector
+from fmus.physics.chain.contacts import Contacts
 from fmus.physics.contact.ground import GroundShape
-from fmus.physics.contact.partners import Contacts
 from fmus.physics.contact.teeth import teeth
 from fmus.physics.elementary import hypot
 

@@ -235,7 +235,7 @@ class TrackModel(LaidChain, ComponentModel):
         return steps.implicit, self.method
 
     def contact_partners(self, p: Mapping[str, Any]) -> Any:
-        """Contact partners (``physics.contact.partners``); None, without importing them, where there are none."""
+        """Contact partners (``physics.chain.contacts``); None, without importing them, where there are none."""
         if not (self.wheel_list or self.config["ground"]):
             return None
         from fmus.track.contacts import contacts
@@ -248,7 +248,7 @@ class TrackModel(LaidChain, ComponentModel):
         """Most contact points of the chain; 0 if it can touch nothing."""
         if self.contacts is None:
             return 0
-        from fmus.physics.chain.contact_points import most_points
+        from fmus.physics.chain.contacts import most_points
 
         return most_points(self.contacts, self.pitch, self.nodes)
 

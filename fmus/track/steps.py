@@ -72,7 +72,7 @@ class Parts(NamedTuple):
     """Data of a running track: parameters, state and scratch arrays of its kernels."""
 
     link: Any  # parameters of the links; their class selects the kernels
-    contacts: Any  # ``physics.contact.partners.Contacts``, or None
+    contacts: Any  # ``physics.chain.contacts.Contacts``, or None
     environment: Environment  # gravity, ends, carrier
     scheme: Any  # an ``ImplicitMethod``, the stages of the explicit integrator, or an ``Adams``
     common: CommonData

@@ -10,7 +10,7 @@ from m113 import MASS, VEHICLE, P
 
 from fmus.ground.soils import SoilTable, named
 from fmus.interface.model import InvalidParameter, StepFailed
-from fmus.physics.chain import sums
+from fmus.physics.chain import contacts
 from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE
 from fmus.physics.contact.soil.pressure import compaction
@@ -18,7 +18,7 @@ from fmus.physics.contact.soil.rut import CELL, FIRST, MADE, TILE, TILES
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
 
-COMPACTED, SHEARED = (LOST + cause - sums.LOSSES for cause in (sums.GROUND_DAMPING, sums.GROUND_FRICTION))
+COMPACTED, SHEARED = (LOST + cause - contacts.LOSSES for cause in (contacts.GROUND_DAMPING, contacts.GROUND_FRICTION))
 WIDTH, FACE, G = VEHICLE["track"]["width"], VEHICLE["track"]["face"], 9.81
 AREA, N = P * WIDTH, 4
 SAND = {

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel, namesake
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.contact_points import ContactPoint
+from fmus.physics.chain.contacts import GUIDES as GUIDE_LOSSES
+from fmus.physics.chain.contacts import PATCH_POWER, ContactPoint, add_contact
 from fmus.physics.chain.interface import (
     apply_force,
     begin_link,
@@ -21,8 +22,6 @@ from fmus.physics.chain.interface import (
 )
 from fmus.physics.chain.near import WheelAndLink, contact_distance_squared, wheel_distances
 from fmus.physics.chain.on_links import WHEELS, add_link_force
-from fmus.physics.chain.sums import GUIDES as GUIDE_LOSSES
-from fmus.physics.chain.sums import PATCH_POWER, add_contact
 from fmus.physics.contact.face import NOT_SINKING, point_contact_force
 from fmus.physics.contact.guide import HORN, guide_face
 from fmus.physics.contact.wheel import GAUSS, covered_part, end_rates_in_space, patch_defect
@@ -31,8 +30,8 @@ from fmus.physics.vector import dot, vector
 from fmus.physics.wheels import add_reaction
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.protocols import ChainWork, FacedLinks, Motion
-    from fmus.physics.contact.partners import Contacts
 
 
 @namesake

@@ -21,13 +21,12 @@ from fmus.kernels.jit import dispatch
 from fmus.physics.arrays import Floats, Integers, Vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.contact_points import ContactPoint
+    from fmus.physics.chain.contacts import ContactPoint, Contacts
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.near import WheelAndLink
     from fmus.physics.chain.protocols import ChainState, ChainWork, FacedLinks, Links, Motion, Section
     from fmus.physics.contact.face import ContactForce, Sinking
-    from fmus.physics.contact.partners import Contacts
 
 
 # a stub has no body, also where it returns a number

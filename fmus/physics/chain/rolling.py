@@ -10,8 +10,21 @@ from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Row
-from fmus.physics.chain import sums
-from fmus.physics.chain.contact_points import ContactPoint
+from fmus.physics.chain.contacts import (
+    CONTACT,
+    GROUND_DAMPING,
+    GROUND_FRICTION,
+    LOAD,
+    PATCH_POWER,
+    SIDESLIP,
+    SLIP,
+    TOOTH_DAMPING,
+    TOOTH_FRICTION,
+    WHEEL_DAMPING,
+    WHEEL_FRICTION,
+    ContactPoint,
+    add_contact,
+)
 from fmus.physics.chain.interface import (
     add_rate_matrix,
     apply_force,
@@ -71,8 +84,8 @@ from fmus.physics.vector import add, dot, scale
 from fmus.physics.wheels import add_reaction
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.protocols import ChainState, ChainWork, FacedLinks, Motion
-    from fmus.physics.contact.partners import Contacts
 
 
 @namesake
@@ -141,9 +154,9 @@ def _rim(
                 force = contact_force(
                     law, share, Penetration(depth, rate, 0.0), face, by_rate, tangent, w.contact, point
                 )
-                sums.add_contact(w.sums, sums.WHEEL_FRICTION, sums.WHEEL_DAMPING, depth, force)
+                add_contact(w.sums, WHEEL_FRICTION, WHEEL_DAMPING, depth, force)
                 slope = -dot(face.n, position_slope(links, x, w, i))
-                w.sums[sums.PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
+                w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
                 add_reaction(row, p, force.f, w.wrench[k])
                 add_link_force(w.on_links, i, WHEELS, force.f)
                 apply_force(links, w, i, force, tangent)
@@ -152,8 +165,8 @@ def _rim(
                     record_point(links, w, ContactPoint(k, i, i, 0, (xi, -links.face, y), p), force, sinking)
             finish_section(links, w, i, tangent)
         energy, power = gauss_excess(law, radius, length(links), low, high, ends)
-        w.sums[sums.CONTACT] += energy
-        w.sums[sums.PATCH_POWER] += power
+        w.sums[CONTACT] += energy
+        w.sums[PATCH_POWER] += power
 
 
 @kernel
@@ -176,7 +189,7 @@ def _teeth(
             force = point_contact_force(
                 contacts.sprocket, 1.0 / points_across, depth, face, by_rate, tangent, w.contact, point
             )
-            sums.add_contact(w.sums, sums.TOOTH_FRICTION, sums.TOOTH_DAMPING, depth, force)
+            add_contact(w.sums, TOOTH_FRICTION, TOOTH_DAMPING, depth, force)
             add_reaction(row, p, force.f, w.wrench[k])
             link = i - 1 if i > 0 else (n - 1 if nodes == n else 0)
             add_link_force(w.on_links, link, WHEELS, force.f)
@@ -222,12 +235,10 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
                     ON_FACE * i + k,
                 )
                 force = ground_force(ground_law(shape, contacts.soil, p), point, face, by_rate, tangent, w)
-                sums.add_contact(
-                    w.sums, sums.GROUND_FRICTION, sums.GROUND_DAMPING, penetration(contacts.soil, depth), force
-                )
-                w.sums[sums.LOAD] += force.normal
-                w.sums[sums.SLIP] -= force.normal * v[0]
-                w.sums[sums.SIDESLIP] -= force.normal * v[1]
+                add_contact(w.sums, GROUND_FRICTION, GROUND_DAMPING, penetration(contacts.soil, depth), force)
+                w.sums[LOAD] += force.normal
+                w.sums[SLIP] -= force.normal * v[0]
+                w.sums[SIDESLIP] -= force.normal * v[1]
                 for j in range(3):
                     w.wrench[-1, j] -= force.f[j]
                 add_link_force(w.on_links, i, GROUND, force.f)
@@ -246,5 +257,5 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
 def commit_contacts(links: FacedLinks, contacts: Contacts, s: ChainState, w: ChainWork, report: Floats) -> None:
     points_across, _ = lateral_points(links)
     compacted, sheared = commit_ground(contacts.soil, 0.5 / points_across, s, w)
-    add_loss(report, sums.GROUND_DAMPING, compacted)
-    add_loss(report, sums.GROUND_FRICTION, sheared)
+    add_loss(report, GROUND_DAMPING, compacted)
+    add_loss(report, GROUND_FRICTION, sheared)

@@ -9,6 +9,7 @@ import numpy as np
 from fmus.kernels.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count, energy, force, mass, tangent, total_mass, vector_count
 from fmus.physics.arrays import Floats, Four, Vector
+from fmus.physics.chain.contacts import MATERIAL
 from fmus.physics.chain.flexible.closing import spring_energy
 from fmus.physics.chain.flexible.condensation import clear, condense, reduce
 from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
@@ -30,14 +31,13 @@ from fmus.physics.chain.flexible.interface import (
 )
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.interface import evaluate_contacts
-from fmus.physics.chain.sums import MATERIAL
 from fmus.physics.vector import dot, scale
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import Motion, State, Work
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.contact.partners import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 

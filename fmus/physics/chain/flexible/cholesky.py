@@ -34,10 +34,10 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.on_links import JOINT
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State, Work
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.contact.partners import Contacts
 
 
 @implemented_in(dynamics=".cholesky")

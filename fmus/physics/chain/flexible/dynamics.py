@@ -58,11 +58,11 @@ from fmus.physics.point import sharpen, too_many
 from fmus.physics.vector import put
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State, Work
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.contact.partners import Contacts
 
 
 @allocating

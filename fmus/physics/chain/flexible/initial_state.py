@@ -28,10 +28,10 @@ from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import State, Work
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.contact.partners import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.chain import contact_points as at
-from fmus.physics.chain.contact_points import record
+from fmus.physics.chain import contacts as at
+from fmus.physics.chain.contacts import record
 from fmus.physics.chain.flexible.interface import gather, in_space, layout, motion_with_axes, start_frame_vector
 from fmus.physics.chain.flexible.link_layout import ends, node
 from fmus.physics.chain.interface import locate, locate_pin, locate_section
@@ -25,7 +25,7 @@ from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force
 from fmus.physics.vector import add, cross, dot, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.contact_points import ContactPoint
+    from fmus.physics.chain.contacts import ContactPoint
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import Motion, Work
     from fmus.physics.contact.face import ContactForce, Sinking
@@ -105,7 +105,7 @@ def add_last_correction(links: FlexibleLinks, x: Motion, w: Work) -> None:
 
 @kernel
 def _change(links: FlexibleLinks, x: Motion, w: Work, body: int, on_pin: int, numbers: Floats) -> Vector:
-    """Change of the force on a point of the link or pin ``body``, N; ``numbers`` as in ``contact_points``."""
+    """Change of the force on a point of the link or pin ``body``, N; ``numbers`` as in ``contacts``."""
     xi, z, y = vector(numbers, at.PLACE)
     if on_pin:
         _, motion = locate_pin(links, x, w, body, y)

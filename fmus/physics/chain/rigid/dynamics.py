@@ -15,6 +15,7 @@ import numpy as np
 from fmus.kernels.jit import allocating, kernel, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.carrier import carrier, chain_speed
+from fmus.physics.chain.contacts import END_POWER
 from fmus.physics.chain.on_links import JOINT
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid import closing
@@ -26,17 +27,16 @@ from fmus.physics.chain.rigid.newton import (
     set_mass,
 )
 from fmus.physics.chain.state import add_share, copy, copy_rows
-from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import ClosingSpring
 from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
-    from fmus.physics.contact.partners import Contacts
 
 
 LIMIT = 5e-5  # largest step of links that touch or whose pins are damped, s

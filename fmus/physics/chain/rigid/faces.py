@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.chain import contact_points as at
-from fmus.physics.chain.contact_points import record
+from fmus.physics.chain import contacts as at
+from fmus.physics.chain.contacts import record
 from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force
 from fmus.physics.chain.rigid.arms import add_force, axis, joined, lever, rate
 from fmus.physics.rigid import body
 from fmus.physics.vector import add, cross, dot, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.contact_points import ContactPoint
+    from fmus.physics.chain.contacts import ContactPoint
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
     from fmus.physics.contact.face import ContactForce, Sinking
@@ -162,7 +162,7 @@ def add_last_correction(links: RigidLinks, x: State, w: Work) -> None:
 
 @kernel
 def _change(links: RigidLinks, w: Work, i: int, on_pin: int, numbers: Floats) -> Vector:
-    """Change of the force on a point of the link or pin ``i``, N; ``numbers`` as in ``contact_points``."""
+    """Change of the force on a point of the link or pin ``i``, N; ``numbers`` as in ``contacts``."""
     A, dx, (xi, z, y) = w.system.rotation, w.system.correction, vector(numbers, at.PLACE)
     if on_pin:
         d, (before, after, share) = (0.0, 0.0, 0.0), joined(A.shape[0], links.ends.closed, i)

@@ -24,11 +24,11 @@ from fmus.physics.vector import dot
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
-    from fmus.physics.contact.partners import Contacts
 
 
 # Longest pseudo step towards equilibrium, s, and shortest one of a chain that creeps: hardly anything holds it across,

@@ -20,22 +20,22 @@ import numpy as np
 
 from fmus.kernels.jit import implemented_in, kernel, namesake
 from fmus.physics.arrays import Floats, Matrix, Vector
+from fmus.physics.chain.contacts import JOINTS
 from fmus.physics.chain.rigid import closing, dynamics
 from fmus.physics.chain.rigid.arms import axis
 from fmus.physics.chain.rigid.dynamics import ANY, CORRECTIONS, OPEN
 from fmus.physics.chain.rigid.links import RigidLinks, loads
 from fmus.physics.chain.rigid.newton import GAP
 from fmus.physics.chain.state import copy_rows
-from fmus.physics.chain.sums import JOINTS
 from fmus.physics.elementary import atan2, cos, sin
 from fmus.physics.rigid import augmented, body, recursive
 from fmus.physics.vector import dot
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State, Work
-    from fmus.physics.contact.partners import Contacts
     from fmus.physics.rigid.augmented import Ends
     from fmus.physics.rigid.recursive import ArticulatedBodies
 

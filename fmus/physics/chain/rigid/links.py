@@ -13,19 +13,19 @@ import numpy as np
 
 from fmus.kernels.jit import implemented_in, kernel, noalias
 from fmus.physics.arrays import Floats, Vector
+from fmus.physics.chain.contacts import END_POWER, JOINTS
 from fmus.physics.chain.interface import evaluate_contacts
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.arms import add_force, axis, joined, lever, rate
 from fmus.physics.chain.rigid.state import State, Work
-from fmus.physics.chain.sums import END_POWER, JOINTS
 from fmus.physics.elementary import atan2, cos, of_each, sin
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.integration import Environment
-    from fmus.physics.contact.partners import Contacts
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 NONE = (0.0,) * 9  # the matrix of a constant force

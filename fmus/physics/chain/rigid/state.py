@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmus.kernels.by_reference import by_reference
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
+from fmus.physics.chain.contacts import SUMS, contact_points
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
-from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 from fmus.physics.rigid import augmented, recursive
 from fmus.physics.rigid.augmented import AugmentedSystem
 from fmus.physics.rigid.recursive import ArticulatedBodies
 from fmus.physics.wheels import WIDTH
-
-if TYPE_CHECKING:
-    from fmus.physics.chain.contact_points import ContactPoints
 
 
 class State(NamedTuple):
@@ -120,7 +117,7 @@ def work(
             system=augmented.system(links, closed),
             articulated=recursive.articulated_bodies(links if joints else 0),
             contact=memory(points(wheels, pins)),
-            points=_contact_points(contacts, links) if contacts else None,
+            points=contact_points(contacts, (links, 7)) if contacts else None,
             near=near(links),
             increment=z((links, 6)),
             wheels=z((wheels, WIDTH)),
@@ -137,10 +134,3 @@ def work(
             rut=rut,
         )
     )
-
-
-def _contact_points(most: int, links: int) -> ContactPoints:
-    """Return the arrays of contact points, see ``contact_points.contact_points``."""
-    from fmus.physics.chain.contact_points import contact_points
-
-    return contact_points(most, (links, 7))

@@ -1,19 +1,60 @@
-"""Contact points of a chain at its last iteration matrix, with the derivatives of their forces."""
+"""Contacts of a chain: its partners, sums of an evaluation, and the contact points at its last iteration matrix.
+
+Sums are over all contacts, and over what else a chain loses; the points have the derivatives of their forces.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fmus.kernels.jit import kernel
-from fmus.physics.arrays import Vector
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.point import ON_FACE, POINTS
 from fmus.physics.vector import put
 
 if TYPE_CHECKING:
     from fmus.physics.contact.face import ContactForce, Sinking
-    from fmus.physics.contact.partners import Contacts
+    from fmus.physics.contact.laws import Law
+    from fmus.physics.contact.teeth import Teeth
+
+
+class Contacts(NamedTuple):
+    """Contact partners of a chain with m wheels, constant through a run."""
+
+    teeth: np.ndarray  # (m) int: 1 where the wheel has teeth
+    radius: np.ndarray  # (m) radius of the rim, m; of teeth, the outer radius of the pins' path
+    profile: Teeth  # outline of the teeth
+    clearance: float  # lateral play of the guides on each side, m
+    ground: int  # 1 where there is a ground
+    shape: Any  # shape of the ground (``grounds``) in the track's frame
+    belt: Vector  # velocity of the ground's surface in that frame, m/s
+    sprocket: Law  # contact law of pins with teeth,
+    wheel: Law  # of links with rims and of horns with discs,
+    soil: Any  # and of links with the ground (``grounds``)
+
+
+# stored contact energy, J; power lost as contact patches move, W; largest penetration, m; load on the ground, N; its
+# products with the slip along -x and -y, N m/s; power of the end loads, W
+CONTACT, PATCH_POWER, DEPTH, LOAD, SLIP, SIDESLIP, END_POWER = range(7)
+# dissipated power by cause, W: GUIDES by friction and damping, MATERIAL in links, JOINTS by dampers of pins and closure
+LOSSES = 7  # index of the first
+(
+    GROUND_FRICTION, GROUND_DAMPING, WHEEL_FRICTION, WHEEL_DAMPING, TOOTH_FRICTION, TOOTH_DAMPING, GUIDES, MATERIAL,
+    JOINTS,
+) = range(LOSSES, LOSSES + 9)  # fmt: skip
+SUMS = LOSSES + 9
+
+
+@kernel
+def add_contact(sums: Floats, friction: int, damping: int, depth: float, force: ContactForce) -> None:
+    """Add to ``sums`` (SUMS) a contact's energy, its losses at ``friction`` and ``damping``, and its ``depth``, m."""
+    sums[CONTACT] += force.energy
+    sums[friction] += force.friction
+    sums[damping] += force.damping
+    sums[DEPTH] = max(sums[DEPTH], depth)
+
 
 PARTNER, BODY, LINK, ON_PIN = range(4)  # wheel, or the ground after the last; link or pin; link of the force; 1: a pin
 # numbers of a point: xi, z, y of ``locate``; position, m; g; of ``Sinking``, where its first is not 0: by_rate,
