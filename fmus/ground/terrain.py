@@ -17,9 +17,8 @@ from fmus.kernels.jit import plain
 from fmus.physics.arrays import Floats
 from fmus.physics.contact.terrain.heightmap import HeightMap, height_map
 from fmus.physics.contact.terrain.heights import EVERYWHERE
-from fmus.physics.contact.terrain.obstacles import Obstacle, bump, half_round, profile, step
 from fmus.physics.contact.terrain.plane import Plane
-from fmus.physics.contact.terrain.profile import TOP, Z
+from fmus.physics.contact.terrain.profile import TOP, Obstacle, Z, bump, half_round, profile, step
 from fmus.physics.contact.terrain.rough import Rough
 from fmus.physics.contact.terrain.shape import REGION, Kerb, Terrain, fill_heights
 from fmus.physics.contact.terrain.washboard import Washboard
@@ -83,7 +82,7 @@ def _plane(ground: Table) -> Plane:
 
 
 def obstacles_profile(ground: Table) -> Floats:
-    """Profile of the obstacles across the way, see ``obstacles.profile``; ValueError for those that overlap."""
+    """Profile of the obstacles across the way, see ``profile.profile``; ValueError for those that overlap."""
     obstacles: list[Obstacle] = []
     if one := ground.get("bump"):
         obstacles.append(bump(**one))  # edges too round for it are refused there

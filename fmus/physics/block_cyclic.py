@@ -24,7 +24,7 @@ import numpy as np
 
 from fmus.kernels.jit import kernel, noalias
 from fmus.physics.arrays import Floats, Size
-from fmus.physics.inverse import invert
+from fmus.physics.elimination import invert
 
 
 class Factors(NamedTuple):

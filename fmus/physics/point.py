@@ -1,4 +1,14 @@
-"""Numbering of the contact points of a chain, and their memory during Newton's iteration."""
+"""Contact points of a chain: their numbers, and sharp friction, whose direction they remember in Newton's iteration.
+
+Friction -mu N s / g with g = sqrt(|s|^2 + v_reg^2) changes its direction within a slip of v_reg. If one correction
+crosses more than that, Newton's tangent, (I - s s^T / g^2) / g, belongs to the wrong side, and the iteration
+oscillates. The equation p g = s of the direction p = s / g, linearised together with the motion, gives the tangent
+(I - p s^T / g) / g instead. Here p only follows the corrections: it stays inside the cone when s overshoots, and near
+the solution it equals s / g, so convergence remains quadratic. The force itself does not change.
+
+Chan, Golub, Mulet, A nonlinear primal-dual method for total variation-based image restoration, SIAM Journal on
+Scientific Computing 20(6), 1999, doi 10.1137/S1064827596299767. Deviation: p is cut to the cone instead of the step.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kernels.jit import kernel
-from fmus.physics.arrays import Integers
+from fmus.physics.arrays import Integers, Vector
 
 POINTS = 8  # most contact points of a link on one partner: 4 on a face, 2 on guides, 2 on a pin
 ON_FACE = 4  # of them, those on a face
@@ -15,7 +25,7 @@ GUIDES, PINS = 4, 6  # index of the first guide point and of the first pin point
 
 
 class Memory(NamedTuple):
-    """Memory of sharp friction (``contact.dual``) over the iterations of a step."""
+    """Memory of sharp friction over the iterations of a step."""
 
     sharp: np.ndarray  # (1) int: 1 if the tangent of friction follows the corrections, else 0
     dual: np.ndarray  # (points, 7) of the last iteration: slip (3), m/s; direction (3); g, m/s, 0 before the first
@@ -42,3 +52,20 @@ def sharpen(s: Memory) -> None:
 def too_many(number: Integers, rows: Integers) -> bool:
     """Whether the ``number`` (1) of a chain's contact points is above that of the ``rows`` for them."""
     return number[0] > rows.shape[0]
+
+
+@kernel
+def tangent_slip(memory: Memory, point: int, g: float, s: Vector) -> Vector:
+    """Return g p, m/s, which replaces the slip ``s``, m/s, in the tangent; p starts at 0.
+
+    ``memory`` holds slip, direction and ``g``, m/s, of this ``point`` in the last iteration.
+    """
+    m, (s0, s1, s2) = memory.dual[point], s
+    p0 = p1 = p2 = 0.0
+    if m[6] > 0.0:
+        along = (m[0] * (s0 - m[0]) + m[1] * (s1 - m[1]) + m[2] * (s2 - m[2])) / m[6]
+        p0, p1, p2 = (s0 - m[3] * along) / m[6], (s1 - m[4] * along) / m[6], (s2 - m[5] * along) / m[6]
+        cut = 1.0 / max(np.sqrt(p0 * p0 + p1 * p1 + p2 * p2), 1.0)
+        p0, p1, p2 = cut * p0, cut * p1, cut * p2
+    m[0], m[1], m[2], m[3], m[4], m[5], m[6] = s0, s1, s2, p0, p1, p2, g
+    return g * p0, g * p1, g * p2

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from fmus.physics.contact.dual import tangent_slip
-from fmus.physics.point import memory
+from fmus.physics.point import memory, tangent_slip
 
 V_REG = 0.01  # m/s
 WAY = np.array([[0.03, -0.01, 0.02], [0.025, -0.012, 0.021], [0.026, -0.011, 0.018]])  # slips, m/s, one after the other

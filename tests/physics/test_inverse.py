@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from fmus.physics.inverse import SMALL, invert
+from fmus.physics.elimination import SMALL, invert
 
 SIZES = (1, 2, 3, 4, 5, 6, 8)
 

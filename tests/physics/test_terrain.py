@@ -14,12 +14,10 @@ from fmus.kernels.jit import plain
 from fmus.physics.contact import grounds
 from fmus.physics.contact.ground import bumpy_ground
 from fmus.physics.contact.hunt_crossley import HuntCrossley
-from fmus.physics.contact.terrain import foot
-from fmus.physics.contact.terrain.face import ground_face, is_above, wheel_normal
-from fmus.physics.contact.terrain.foot import first_foot
+from fmus.physics.contact.terrain import face
+from fmus.physics.contact.terrain.face import first_foot, ground_face, is_above, wheel_normal
 from fmus.physics.contact.terrain.heightmap import map_top
-from fmus.physics.contact.terrain.obstacles import half_round, profile, step
-from fmus.physics.contact.terrain.profile import X, Z, curve_point, nearest
+from fmus.physics.contact.terrain.profile import X, Z, curve_point, half_round, nearest, profile, step
 from fmus.physics.contact.terrain.shape import smooth_height, surface
 
 STILL = (0.0, 0.0, 0.0)
@@ -87,10 +85,10 @@ def test_six_of_the_eight_corrections_find_the_foot_point(name, monkeypatch):
     starts = [(p, first_foot(shape, p, smooth_height(shape, p[0], p[1])[0])) for p in deep]
 
     def feet(most):
-        monkeypatch.setattr(foot, "MOST", most)
-        return [plain(foot.foot_point)(shape, *start) for start in starts]
+        monkeypatch.setattr(face, "MOST", most)
+        return [plain(face.foot_point)(shape, *start) for start in starts]
 
-    whole = feet(foot.MOST)
+    whole = feet(face.MOST)
     assert feet(6) == whole
     if name in ("washboard", "rough", "height map", "uneven", "all"):
         assert feet(0) != whole

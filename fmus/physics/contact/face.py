@@ -13,8 +13,8 @@ import numpy as np
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Vector
-from fmus.physics.contact.dual import tangent_slip
 from fmus.physics.contact.laws import normal
+from fmus.physics.point import tangent_slip
 from fmus.physics.vector import add, cross, dot, scale
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ import numpy as np
 from fmus.kernels.jit import kernel, noalias
 from fmus.physics import block_cyclic
 from fmus.physics.arrays import Floats, Matrix
-from fmus.physics.inverse import invert
+from fmus.physics.elimination import invert
 from fmus.physics.rigid import pin
 
 STIFFNESS = 1e9  # of the closing pin, N/m along its axis

@@ -22,7 +22,7 @@ import numpy as np
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Vector, VectorLike
-from fmus.physics.inverse import invert
+from fmus.physics.elimination import invert
 
 
 class ArticulatedBodies(NamedTuple):

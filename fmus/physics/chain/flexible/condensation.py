@@ -24,7 +24,7 @@ from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.chain.integration import HELD, PINNED
 from fmus.physics.chain.state import copy_rows
-from fmus.physics.inverse import invert
+from fmus.physics.elimination import invert
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks

@@ -41,8 +41,8 @@ from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.link_layout import layout_of_halves, node
 from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.elimination import invert
 from fmus.physics.integrate.generalized_alpha import Slopes
-from fmus.physics.inverse import invert
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout

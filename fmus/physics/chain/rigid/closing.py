@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.contacts import JOINTS
-from fmus.physics.chain.rigid.arms import axis, rate
 from fmus.physics.rigid import body
 from fmus.physics.rigid.augmented import Ends, closing_pin
+from fmus.physics.rigid.body import axis, rate
 from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:

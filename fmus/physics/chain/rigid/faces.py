@@ -12,8 +12,8 @@ from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain import contacts as at
 from fmus.physics.chain.contacts import record
 from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force
-from fmus.physics.chain.rigid.arms import add_force, axis, joined, lever, rate
 from fmus.physics.rigid import body
+from fmus.physics.rigid.body import add_force, axis, joined, lever, rate
 from fmus.physics.vector import add, cross, dot, scale, vector
 
 if TYPE_CHECKING:

@@ -22,13 +22,13 @@ from fmus.kernels.jit import implemented_in, kernel, namesake
 from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.chain.contacts import JOINTS
 from fmus.physics.chain.rigid import closing, dynamics
-from fmus.physics.chain.rigid.arms import axis
 from fmus.physics.chain.rigid.dynamics import ANY, CORRECTIONS, OPEN
 from fmus.physics.chain.rigid.links import RigidLinks, loads
 from fmus.physics.chain.rigid.newton import GAP
 from fmus.physics.chain.state import copy_rows
 from fmus.physics.elementary import atan2, cos, sin
 from fmus.physics.rigid import augmented, body, recursive
+from fmus.physics.rigid.body import axis
 from fmus.physics.vector import dot
 
 if TYPE_CHECKING:

@@ -16,11 +16,11 @@ from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.contacts import END_POWER, JOINTS
 from fmus.physics.chain.interface import evaluate_contacts
 from fmus.physics.chain.rigid import closing
-from fmus.physics.chain.rigid.arms import add_force, axis, joined, lever, rate
 from fmus.physics.chain.rigid.state import State, Work
 from fmus.physics.elementary import atan2, cos, of_each, sin
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
+from fmus.physics.rigid.body import add_force, axis, joined, lever, rate
 from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
