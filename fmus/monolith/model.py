@@ -19,7 +19,17 @@ from fmus.drives import shaft
 from fmus.interface.model import Floats, InvalidParameter, StepFailed
 from fmus.interface.ports import TOLERANCE, TOLERANCES
 from fmus.monolith import chains as chain_parts
-from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, STEP_TOO_SHORT, march, rates
+from fmus.monolith.equations import (
+    CHAIN_FAILED,
+    CHASSIS_FAILED,
+    DONE,
+    STEP_TOO_SHORT,
+    intervals,
+    march,
+    ramps,
+    rates,
+    without_jumps,
+)
 from fmus.monolith.layout import Hull, Sources, hull, lay_out
 from fmus.monolith.parts import (
     CHAINS,
@@ -32,7 +42,6 @@ from fmus.monolith.parts import (
     shaft_states,
     sprockets,
 )
-from fmus.monolith.ramps import intervals, ramps, without_jumps
 from fmus.monolith.spins import HALF, SPIN, side
 from fmus.physics.integrate.adams import EVALUATIONS, ORDERS, REJECTED, RESTARTS, STEPS, adams
 from fmus.physics.integrate.runge_kutta import RK4

@@ -20,7 +20,7 @@ from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.interface.numbers import packed
 from fmus.physics.chain.layout import belt_length
 from fmus.physics.chain.report import T_MEAN
-from fmus.track.drawn_wheels import drawn
+from fmus.track.start import drawn
 from fmus.vehicles.tables import BadInput
 
 REACH, PITCH = 0.06, 0.1524  # m: largest distance of the wheel from its drawn place, for links of this pitch

@@ -29,11 +29,11 @@ from fmus.physics.integrate.dormand_prince import dormand_prince
 from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.start import FRAME, HEIGHT, KEYS, LEVEL, StartPose, part_at_rest, start_pose
-from fmus.track import drawn_wheels, link_outputs, steps
+from fmus.track import link_outputs, steps
 from fmus.track.choices import ADAMS, DORMAND_PRINCE, EXPLICIT, EXPLICITLY, HHT, IMPLICIT
 from fmus.track.failures import OFF_ITS_PLACE, RUT_SENTENCE, WARNING_SENTENCES, failure_sentences
 from fmus.track.ports import start_stance, track_ports
-from fmus.track.start import LaidChain
+from fmus.track.start import LaidChain, drawn, drawn_keys
 
 KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
 
@@ -64,7 +64,7 @@ class TrackModel(LaidChain, ComponentModel):
         return [
             *(f"track.{key}" for key in ("pitch", "mass", "inertia", "face", "width", "lateral")),
             *(f"sprocket.{key}" for key in (shaped if wheels or ground else shaped[:1])),
-            *drawn_wheels.keys(wheels),
+            *drawn_keys(wheels),
             *(("road_wheel.radius", "road_wheel.z") if ground or not wheels else ()),
             "guide.clearance",
             "contact",
@@ -77,7 +77,7 @@ class TrackModel(LaidChain, ComponentModel):
         """
         self.vehicle = config["vehicle"]
         self.config = config["track"]
-        self.wheel_list = drawn_wheels.drawn(self.vehicle, self.config["wheels"])
+        self.wheel_list = drawn(self.vehicle, self.config["wheels"])
         self.links_count = int(self.config["links"])
         self.closed = bool(self.config["closed"])
         self.ends_kind = KINDS[self.config["ends"]["kind"]] if self.config.get("ends") else LOOP

@@ -1,7 +1,8 @@
-"""Start of a chain: it is laid out, and brought to rest on its wheels."""
+"""Start of a chain: it is laid out round the wheels as drawn, and brought to rest on them."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from math import ceil
 from typing import Any
@@ -24,6 +25,36 @@ from fmus.physics.chain.layout import (
 )
 from fmus.physics.elementary import hypot, sin
 from fmus.start import StartPose, ground_level
+
+_NUMBERED = re.compile(r"(road_wheel|return_roller)\[(\d+)\]")
+
+
+def drawn(vehicle: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Wheels of a track's config with their ``position``, (x, z) in m, and the ``radius``, m, of rims.
+
+    The sprocket is at the origin. What a wheel of the config gives itself comes before the vehicle table.
+    """
+    return [{**_from_table(vehicle, wheel["name"]), **wheel} for wheel in wheels]
+
+
+def drawn_keys(wheels: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Keys of the vehicle table that ``drawn`` reads."""
+    tables = {wheel["name"].partition("[")[0] for wheel in wheels if "position" not in wheel}
+    return [f"{table}.{key}" for table in sorted(tables - {"sprocket"}) for key in ("radius", "x", "z")]
+
+
+def _from_table(vehicle: Mapping[str, Any], name: str) -> dict[str, Any]:
+    if name == "sprocket":
+        return {"position": [0.0, 0.0]}
+    if match := _NUMBERED.fullmatch(name):
+        table = vehicle.get(match[1])
+        places = (table or {}).get("x", ())
+        x = places[int(match[2]) - 1] if len(places) >= int(match[2]) else None
+    else:
+        table = vehicle.get(name)
+        x = table and table.get("x")
+    return {} if table is None or x is None else {"position": [x, table["z"]], "radius": table["radius"]}
+
 
 # Rotary inertia of links that sink, over their own: deep soil holds a link up far below its centre, so that its level
 # place is an equilibrium on an edge, and a search in which links may turn at once tips them over.

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from fmus.physics.chain import layout
 from fmus.physics.chain.report import T_MEAN
 from fmus.rest import tensioning
-from fmus.track.drawn_wheels import drawn
+from fmus.track.start import drawn
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
 from fmus.vehicles.tables import BadInput

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fmus.track.drawn_wheels import drawn
+from fmus.track.start import drawn
 from mirror.record import Floats, Part
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.track.drawn_wheels import drawn
+from fmus.track.start import drawn
 from mirror import soft
 from mirror.ground import Ground
 from mirror.links import UP, Chain

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fmus.track.drawn_wheels import drawn
+from fmus.track.start import drawn
 from mirror.check import View, forward
 from mirror.motion import rotation_of
 from mirror.record import Floats

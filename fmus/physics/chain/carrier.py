@@ -18,7 +18,7 @@ from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import Carrier
+    from fmus.physics.chain.state import Carrier
 
 
 @kernel

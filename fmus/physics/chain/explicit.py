@@ -43,7 +43,7 @@ from fmus.physics.wheels import move
 if TYPE_CHECKING:
     from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.integration import CommunicationStep, Environment
-    from fmus.physics.chain.protocols import ChainState, ChainWork, Links
+    from fmus.physics.chain.state import ChainState, ChainWork, Links
 
 
 FAR = 1e9  # m and m/s: a motion beyond counts as unstable

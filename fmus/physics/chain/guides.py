@@ -31,7 +31,7 @@ from fmus.physics.wheels import add_reaction
 
 if TYPE_CHECKING:
     from fmus.physics.chain.contacts import Contacts
-    from fmus.physics.chain.protocols import ChainWork, FacedLinks, Motion
+    from fmus.physics.chain.state import ChainWork, FacedLinks, Motion
 
 
 @namesake

@@ -32,7 +32,7 @@ from fmus.physics.wheels import move
 if TYPE_CHECKING:
     from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.integration import CommunicationStep, Environment
-    from fmus.physics.chain.protocols import ChainState, ChainWork, Links
+    from fmus.physics.chain.state import ChainState, ChainWork, Links
 
 
 LENGTH, SINCE = 0, 1  # of ``lengths``: that of the steps of the auxiliary values, s, and the time since the last, s

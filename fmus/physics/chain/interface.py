@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.integration import Environment
     from fmus.physics.chain.near import WheelAndLink
-    from fmus.physics.chain.protocols import ChainState, ChainWork, FacedLinks, Links, Motion, Section
+    from fmus.physics.chain.state import ChainState, ChainWork, FacedLinks, Links, Motion, Section
     from fmus.physics.contact.face import ContactForce, Sinking
 
 

@@ -12,7 +12,7 @@ from fmus.physics.chain.interface import count, lateral_points, length, pin_posi
 from fmus.physics.vector import dot, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import ChainWork, FacedLinks, Motion
+    from fmus.physics.chain.state import ChainWork, FacedLinks, Motion
 
 
 class WheelAndLink(NamedTuple):

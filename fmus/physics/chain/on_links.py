@@ -16,7 +16,7 @@ from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import ChainState
+    from fmus.physics.chain.state import ChainState
 
 JOINT, GROUND, WHEELS, SLIDING, DEPTH = 0, 3, 6, 9, 12  # first column of each quantity
 WITH_JOINT, WITH_GROUND, WITH_WHEELS, WITH_SLIDING = 3, 6, 9, 13  # number of columns up to and including each

@@ -14,7 +14,7 @@ from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.chain import contacts
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import ChainWork
+    from fmus.physics.chain.state import ChainWork
 
 TRAVEL, SPEED = 0, 1  # m, m/s, along the chain
 T_MIN, T_MEAN, T_MAX, STRESS = 2, 3, 4, 5  # N, N, N, Pa

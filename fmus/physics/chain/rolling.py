@@ -85,7 +85,7 @@ from fmus.physics.wheels import add_reaction
 
 if TYPE_CHECKING:
     from fmus.physics.chain.contacts import Contacts
-    from fmus.physics.chain.protocols import ChainState, ChainWork, FacedLinks, Motion
+    from fmus.physics.chain.state import ChainState, ChainWork, FacedLinks, Motion
 
 
 @namesake

@@ -1,20 +1,43 @@
 """State of a chain: one flat array, and a ``State`` of named views into it.
 
-Every kind of link has its own State and Work (arrays allocated once); ``protocols`` lists the parts of all of them.
+Every kind of link has its own State and Work (arrays allocated once). The types here are for annotations of what chains
+of every kind of link have in common; a module of one kind of link names the classes of its kind instead.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from fmus.kernels.by_reference import by_reference
 from fmus.kernels.jit import kernel
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import ChainState, ChainWork
+    from fmus.physics.chain.flexible import state as flexible
+    from fmus.physics.chain.rigid import state as rigid
+
+    # The integrated views come first in ``flat``: q and v, followed by axes where the axes of the coordinates turn;
+    # before them joints (of rigid links) or p (of flexible ones), of size 0 if unused, which determine q and v.
+    ChainState = flexible.State | rigid.State
+    ChainWork = flexible.Work | rigid.Work
+    Motion = ChainState | flexible.Motion  # of a chain at an evaluation: its State, or what an implicit step evaluates
+
+
+Carrier = tuple[Vector, Vector, Vector, tuple[float, float]]  # result of ``carrier.carrier``
+# result of ``interface.locate_section``; Any: each kind of link puts into it what it reads from it
+Section = tuple[Any, ...]
+Links = object  # parameters of links: of any class that ``jit.implemented_in`` declares
+
+
+class FacedLinks(Protocol):
+    """Parameters of links that may touch."""
+
+    @property
+    def face(self) -> float:
+        """Distance of the contact faces from the pin line, m."""
+
 
 Shapes = dict[str, tuple[int, ...]]  # shapes of the views, in order
 

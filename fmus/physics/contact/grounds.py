@@ -18,7 +18,7 @@ from fmus.kernels.jit import dispatch
 from fmus.physics.arrays import Vector, VectorLike
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import ChainState, ChainWork
+    from fmus.physics.chain.state import ChainState, ChainWork
     from fmus.physics.contact.face import ContactForce, Face
     from fmus.physics.contact.laws import Law
 

@@ -8,7 +8,7 @@ from fmus.kernels.jit import kernel
 from fmus.physics.contact.face import ContactForce, Face, point_contact_force
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import ChainState, ChainWork
+    from fmus.physics.chain.state import ChainState, ChainWork
     from fmus.physics.contact.grounds import GroundPoint
     from fmus.physics.contact.laws import Law
 

@@ -47,7 +47,7 @@ from fmus.physics.integrate.generalized_alpha import Slopes
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.state import State, Work
-    from fmus.physics.chain.protocols import Carrier
+    from fmus.physics.chain.state import Carrier
 
 
 NODE = 6  # coordinates of a node: position (3), slope (3)

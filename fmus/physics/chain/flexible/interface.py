@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.state import Motion, State, Work
     from fmus.physics.chain.implicit import ImplicitMethod
-    from fmus.physics.chain.protocols import Carrier
+    from fmus.physics.chain.state import Carrier
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 

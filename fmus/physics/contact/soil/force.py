@@ -33,7 +33,7 @@ from fmus.physics.contact.soil.shear import strength
 from fmus.physics.vector import add, dot, put, scale, vector
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import ChainState, ChainWork
+    from fmus.physics.chain.state import ChainState, ChainWork
     from fmus.physics.contact.grounds import GroundPoint
     from fmus.physics.contact.soil.parameters import Soil
 
