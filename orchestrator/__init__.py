@@ -9,7 +9,7 @@ from typing import Any
 __version__ = "0.4.0"  # also the version of the distribution
 
 OFFERED = {  # public name: module, name in the module
-    "run": ("interface.calls", "run"),
+    "run": ("interface.recorded_run", "run"),
     "Run": ("interface.recorded_run", "Run"),
     "scenes": ("scene.scene", "scene_names"),
     "load": ("scene.scene", "load"),

@@ -49,7 +49,6 @@ GENERIC = [
         f"cosim/{name}.py"
         for name in (
             "base_units",
-            "interval_statistics",
             "component",
             "messages",
             "variable_arrays",

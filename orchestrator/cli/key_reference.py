@@ -8,7 +8,7 @@ from itertools import groupby
 from orchestrator.results.measures import NAMES
 from orchestrator.results.table import Table
 from orchestrator.scene.keys import REQUIRED, Key, facts, table_of
-from orchestrator.vocabulary.measures import UNITS
+from orchestrator.vocabulary.analyses import UNITS
 
 ASSEMBLY = Key._fields.index("assembly")
 PAGE = """# Keys of scenes and vehicles

@@ -81,8 +81,7 @@ def conduct(
 ) -> NoReturn:
     """Run the cases of a study, write its files, print its table and exit; raises BadInput."""
     from orchestrator.studies import pool
-    from orchestrator.studies.pool import progress_bar
-    from orchestrator.studies.store import Store
+    from orchestrator.studies.pool import Store, progress_bar
 
     try:
         told = getattr(module, "told", lambda rows: "")

@@ -16,8 +16,7 @@ from orchestrator import OFFERED, __version__
 
 if TYPE_CHECKING:
     from orchestrator.execution.log_report import report
-    from orchestrator.interface.calls import run
-    from orchestrator.interface.recorded_run import Run
+    from orchestrator.interface.recorded_run import Run, run
     from orchestrator.log.export import export, to_arrow, to_pandas, to_polars, to_xarray
     from orchestrator.log.reader import Log
     from orchestrator.results.analyses.catalogue import analyse

@@ -23,13 +23,13 @@ from fmus.ahead.contents import component_ports
 from fmus.ahead.kernels import start_compilation
 from fmus.track.choices import TRACKS
 from fmus.vehicles.tables import BadInput, value_text
-from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import power_residual
 from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System
 from orchestrator.cosim.guests.room import Room, RoomRequest, Rooms
 from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.model_description import loadable
+from orchestrator.cosim.observers import statistics_names
 from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.log.signal_names import did_you_mean, worded
 from orchestrator.results import measures
@@ -76,7 +76,7 @@ def _recorded(scene: SystemScene, part: Part) -> dict[str, str]:
     texts = {port.name: port.text for port in ports if port.causality in causalities and isinstance(port.start, float)}
     if scene.records_statistics:
         links = tuple(name for name in texts if name.startswith(LINK_FAMILIES))
-        texts |= dict.fromkeys(interval_statistics.statistics_names(links), "")
+        texts |= dict.fromkeys(statistics_names(links), "")
     return {f"{part.name}.{name}": text for name, text in texts.items()}
 
 

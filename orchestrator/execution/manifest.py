@@ -26,11 +26,10 @@ from pydantic import BaseModel, ValidationError, model_validator
 
 from fmus.fmi.build import identity
 from orchestrator import __version__
-from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Connection, Instance, Recordable, System
-from orchestrator.cosim.observers import STATS, wires
+from orchestrator.cosim.observers import STATISTICS_PARTS, STATS, statistics_names, wires
 from orchestrator.log import schema
 from orchestrator.log.log_metadata import INPUTS, TEXTS, UNRECORDED, path_text_of
 from orchestrator.log.recorder import Recorder
@@ -64,8 +63,8 @@ def open_log(
             if component.links:
                 topic = f"/{name}/links/between"
                 units = [component.unit(variable) for variable in component.links]
-                names = interval_statistics.statistics_names(component.links)
-                topics[topic] = list(zip(names, units * len(interval_statistics.STATISTICS_PARTS), strict=True))
+                names = statistics_names(component.links)
+                topics[topic] = list(zip(names, units * len(STATISTICS_PARTS), strict=True))
                 every[topic] = every[f"/{name}/links"]
     unrecorded = () if scene.run.inputs else [f"/{name}/in" for name in components]
     if unrecorded:

@@ -14,7 +14,7 @@ from orchestrator.results import measures, run_data
 from orchestrator.results.analyses import phases
 from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.energy import ledger
-from orchestrator.results.observables import OBSERVABLES
+from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.user_parts import given_parts
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance

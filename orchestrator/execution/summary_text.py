@@ -6,7 +6,7 @@ from typing import Any
 
 from orchestrator.execution import summary
 from orchestrator.results.energy import KINDS
-from orchestrator.results.observables import OBSERVABLES
+from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.table import without_rounding
 from orchestrator.results.units import figure, scaled, size
 from orchestrator.results.user_parts import SHOWN

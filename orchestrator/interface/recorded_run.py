@@ -1,11 +1,16 @@
-"""A run by its log: signals, pictures, tables, analyses and the report as methods of one object."""
+"""A run from Python: of a scene with the defaults of ``cotrack run``, and by its log.
+
+Signals, pictures, tables, analyses and the report are methods of one object.
+"""
 
 from __future__ import annotations
 
 import html
 import io
 import os
-from collections.abc import Mapping
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
@@ -15,7 +20,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.cosim.narration import Narration
 from orchestrator.execution import log_report, summary, summary_text
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.export import columns_of, to_pandas
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import Floats
@@ -26,6 +33,10 @@ from orchestrator.results.measured_difference import MeasuredComparison, compare
 from orchestrator.results.measured_record import MeasuredFile
 from orchestrator.results.output_files import save_figure
 from orchestrator.results.run_data import RunData, Window
+from orchestrator.scene.scene import with_settings
+from orchestrator.scene.settings import pairs
+from orchestrator.scene.ssp_scene import load_runnable
+from orchestrator.scene.system_scene import SystemScene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -231,3 +242,50 @@ class Run:
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(repr(self))}</pre>"
+
+
+def run(
+    scene: str | os.PathLike[str] | SystemScene,
+    settings: Mapping[str, Any] | Sequence[str] = (),
+    *,
+    track: str | None = None,
+    stop: float | str | None = None,
+    step: float | str | None = None,
+    estimate: bool = True,
+    native: bool = False,
+    log: str | os.PathLike[str] | None = None,
+    progress: bool = True,
+) -> Run:
+    """Run a scene, record it, evaluate its checks and estimate its error, as ``cotrack run`` does.
+
+    :param scene: name in the gallery, TOML file, SSP archive, or a scene of ``cotrack.load``.
+    :param settings: values by dotted key, ``{"vehicle.track.mass": 20, "run.stop": "3 s"}``; numbers are in SI
+        units, texts may have others ("2 ms"). ``KEY=VALUE`` texts, as of ``--set``, are allowed too.
+    :param track: "flexible" or "rigid", instead of the scene's.
+    :param stop: end of the run, s.
+    :param step: communication step, s.
+    :param estimate: estimate the error by two coarser runs, in twice the run's time.
+    :param native: use native FMUs; results have the same bits.
+    :param log: path of the log, by default logs/SCENE-TRACK.mcap, with the settings behind TRACK; an older log there is
+        replaced, unless it is of a run that ended well and this one fails.
+    :param progress: print progress on stderr.
+    :returns: the run, also if it failed: see ``Run.ok`` and ``Run.summary``.
+    :raises BadInput: before the first step, as BuildFailed, ComponentFailed, CouplingFailed, LogFailed; no log then.
+    """
+    overrides = {"run.stop": stop, "run.step": step}
+    changes = dict(pairs(settings)) | {key: value for key, value in overrides.items() if value is not None}
+    if not isinstance(scene, SystemScene):
+        resolved: SystemScene = load_runnable(os.fspath(scene), track, changes)
+    elif track is None:
+        resolved = with_settings(scene, changes) if changes else scene
+    else:
+        raise BadInput(f"track = '{track}': a scene that is loaded has its track model; cotrack.load takes another one")
+    path = Path(log) if log is not None else Path("logs") / resolved.log_name
+    with Narration(_write_progress) if progress else nullcontext() as narration:
+        result = simulate(resolved, path, narration=narration, estimated=estimate, native=native)
+    return Run(result["log"] or path, result)
+
+
+def _write_progress(line: str) -> None:
+    sys.stderr.write(f"... {line}\n")
+    sys.stderr.flush()

@@ -1,12 +1,15 @@
-"""Measures of a run that combine several signals; the checks of scenes refer to them by name.
+"""Measures and observables of a run by name: figures of several signals, for the checks of scenes and for the summary.
 
 A measure is a function ``measure(run, of, window) -> float``; ``of`` is a side ("left", "right"), a span, or empty.
-Their units are in ``vocabulary/measures.py``.
+Their units are in ``vocabulary/analyses.py``. An observable has a label, a unit and digits for summary, report and
+sweep.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -96,4 +99,71 @@ NAMES: dict[str, Measure] = {
         turning.regenerated_power,
         turning.path_error,
     )
+}
+
+
+class RunObservable(NamedTuple):
+    """Figure of a run."""
+
+    label: str  # in a sentence
+    unit: str  # in which it is shown
+    digits: int  # that are shown
+    value: Callable[[RunData, Window], float] | None  # SI, raises Missing; None: of the scene alone
+    whole: bool = False  # of the whole run: largest value, or difference from start to end; others are means
+
+    @property
+    def title(self) -> str:
+        """Label at the beginning of a line."""
+        return f"{self.label[0].upper()}{self.label[1:]}"
+
+
+def _speed(run: RunData, window: Window) -> float:
+    return run.mean("chassis.speed" if run.scene.get("assembly") == "vehicle" else f"{run.tracks[0]}.speed", window)
+
+
+def _tension_max(run: RunData, window: Window) -> float:
+    return run.largest([f"{track}.tension.max" for track in run.tracks])
+
+
+def _tension_mean(run: RunData, window: Window) -> float:
+    return float(np.mean([run.mean(f"{track}.tension.mean", window) for track in run.tracks]))
+
+
+def _pad_velocity(run: RunData, window: Window) -> float:
+    return float(np.mean([turning.track_slip(run, side, window) for side in run.sides]))
+
+
+def _of(measure: Callable[[RunData, str, Window], float], of: str = "") -> Callable[[RunData, Window], float]:
+    """Value of a measure of a part of the run."""
+    return lambda run, window: measure(run, of, window)
+
+
+_slip, _power = partial(_of, turning.track_slip), partial(_of, turning.drive_power)
+
+OBSERVABLES = {
+    "distance": RunObservable(
+        "distance along the start heading", "m", 5, lambda run, _: run.ends("chassis.distance")[1], whole=True
+    ),
+    "speed": RunObservable("speed", "m/s", 4, _speed),
+    "settlement": RunObservable("settlement", "mm", 4, _of(vehicle_measures.settlement)),
+    "ground_force": RunObservable("ground carries", "kN", 5, _of(vehicle_measures.ground_force)),
+    "weight": RunObservable("weight", "kN", 5, None),
+    "slip": RunObservable("slip", "%", 2, _of(vehicle_measures.slip)),
+    "pad_slip": RunObservable("slip of the pads", "%", 2, _of(vehicle_measures.pad_slip)),
+    "pad_velocity": RunObservable("pads slide at", "m/s", 3, _pad_velocity),
+    "path_error": RunObservable("largest distance from the path", "m", 3, _of(turning.path_error), whole=True),
+    "yaw_rate": RunObservable("yaw rate", "rad/s", 4, _of(turning.yaw_rate)),
+    "turn_radius": RunObservable("turn radius", "m", 4, _of(turning.turn_radius)),
+    "steering_moment": RunObservable("steering moment", "kN m", 4, _of(turning.steering_moment)),
+    "slip_left": RunObservable("slip left", "m/s", 3, _slip("left")),
+    "slip_right": RunObservable("slip right", "m/s", 3, _slip("right")),
+    "power_left": RunObservable("power left", "kW", 4, _power("left")),
+    "power_right": RunObservable("power right", "kW", 4, _power("right")),
+    "power_propulsion": RunObservable("power of propulsion", "kW", 4, _power("propulsion")),
+    "power_steering": RunObservable("power of steering", "kW", 4, _power("steering")),
+    "power_regenerated": RunObservable("power from side to side", "kW", 4, _of(turning.regenerated_power)),
+    "tension_max": RunObservable("largest link tension", "kN", 4, _tension_max, whole=True),
+    "tension_mean": RunObservable("mean link tension", "kN", 4, _tension_mean),
+    "sag": RunObservable("sag", "m", 6, _of(chain_measures.sag)),
+    "end_tension": RunObservable("tension at the ends", "kN", 5, _of(chain_measures.end_tension)),
 }

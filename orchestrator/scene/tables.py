@@ -12,8 +12,8 @@ from fmus.vehicles.tables import BadInput, Distance, Force, FrozenTable, In, rat
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.scene.settings import hint
 from orchestrator.scene.values import OR_FALSE, Duration, Every, Time, TrackName
+from orchestrator.vocabulary.analyses import UNITS
 from orchestrator.vocabulary.limits import ALLOWED
-from orchestrator.vocabulary.measures import UNITS
 
 if TYPE_CHECKING:
     Allowed = str

@@ -8,7 +8,7 @@ A study is a module of this folder with
     table(rows) -> Table
     write(folder, name, rows, title) -> list[Path]      the written files
 
-Cases run in parallel processes or on a Dask cluster (``pool``); finished ones are stored (``store``). Studies of
+Cases run in parallel processes or on a Dask cluster (``pool``), which stores finished ones. Studies of
 cotrack itself, its mechanics, its couplings and the paper, are in ``tests/validation``.
 """
 

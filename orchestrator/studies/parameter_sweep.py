@@ -1,6 +1,6 @@
 """Sweep: runs of a scene with varied settings, a row of figures for each.
 
-Its folder holds ``sweep.json`` (which sweep it is), the rows of finished cases (``store``), tables and a picture.
+Its folder holds ``sweep.json`` (which sweep it is), the rows of finished cases (``pool.Store``), tables and a picture.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.files.budget import DOCUMENT, read_file
 from orchestrator.log.extra import NotInstalled, library
 from orchestrator.results import output_files
-from orchestrator.results.observables import OBSERVABLES
+from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.output_files import atomic_write
 from orchestrator.results.table import Column, Table
 from orchestrator.results.units import in_si
@@ -32,7 +32,7 @@ from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import SHORT_KEYS, load
 from orchestrator.scene.settings import pairs
 from orchestrator.studies import Case, Row, pool
-from orchestrator.studies.store import Store
+from orchestrator.studies.pool import Store
 from orchestrator.studies.sweep_picture import draw
 from orchestrator.studies.variations import Design
 from orchestrator.studies.wanted_figures import WantedFigure, figures_of_log, recording_settings, wanted_figures

@@ -1,12 +1,15 @@
-"""Parallel cases: in processes of this machine, or on a Dask cluster; and their progress.
+"""Parallel cases: in processes of this machine, or on a Dask cluster; their progress, and the store of finished ones.
 
 A case that raises, exceeds its limit or loses its process becomes a row with the reason; the others continue. Worker
-processes end with their parent, however it ends.
+processes end with their parent, however it ends. Finished cases are JSON files, so an interrupted study continues where
+it was. A file is named after the case and the sources that computed it: changed sources make another file.
 """
 
 from __future__ import annotations
 
+import hashlib
 import itertools
+import json
 import multiprocessing
 import os
 import sys
@@ -17,18 +20,19 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, as_completed
 from concurrent.futures import TimeoutError as TookTooLong
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
+from functools import cache
 from pathlib import Path
 
 from pebble import ProcessExpired, ProcessPool
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from fmus.cache.files import write
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.program import processors
 from orchestrator.log.extra import installation
 from orchestrator.studies import Case, Row
-from orchestrator.studies.store import Store
 
 ROOT = str(Path(__file__).resolve().parents[2])  # folder of our packages
 LONG = 5.0  # s, after which the time left is told
@@ -187,3 +191,51 @@ def progress_bar(
                 console.print(text, markup=False, highlight=False, soft_wrap=True)
 
         yield tell
+
+
+PACKAGES = ("fmus", "orchestrator")
+
+
+@cache
+def sources(module: str) -> str:
+    """Hash of all sources and scenes of the installed packages, and of the folder of an outside module."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[2]
+    folder = "/".join(module.split(".")[:2])  # tests.validation.x: tests/validation
+    for package in dict.fromkeys((*PACKAGES, folder)):
+        for file in sorted((root / package).rglob("*")):
+            if file.suffix in (".py", ".toml"):
+                digest.update(file.relative_to(root).as_posix().encode() + b"\0")
+                digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+class Store:
+    """Rows of finished cases in a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def _file(self, case: Case) -> Path:
+        """File of a case. Limits of time do not count: a case that took too long is not repeated."""
+        identity = [
+            case.item,
+            case.name,
+            case.function.__qualname__,
+            repr(case.arguments),
+            sources(case.function.__module__),
+        ]
+        return self._folder / f"{hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:24]}.json"
+
+    def get(self, case: Case) -> list[Row] | None:
+        """Rows of a case; None if it is not finished or its file is unreadable."""
+        try:
+            return [Row(**row) for row in json.loads(self._file(case).read_text())["rows"]]
+        except (OSError, ValueError, TypeError, KeyError):
+            return None
+
+    def put(self, case: Case, rows: list[Row]) -> None:
+        """Store the rows of a case, whole or not at all."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        content = {"case": case.name, "rows": [asdict(row) for row in rows]}
+        write(self._file(case), json.dumps(content, indent=1).encode())

@@ -20,8 +20,7 @@ from orchestrator.results.analyses import catalogue
 from orchestrator.results.run_data import EVER, RunData, reason
 from orchestrator.results.table import Table
 from orchestrator.scene.settings import hint
-from orchestrator.vocabulary.analyses import ANALYSES
-from orchestrator.vocabulary.measures import UNITS
+from orchestrator.vocabulary.analyses import ANALYSES, UNITS
 
 
 class WantedFigure(NamedTuple):

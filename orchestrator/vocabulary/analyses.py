@@ -1,6 +1,7 @@
-"""Analyses of a run: description and options of each, and the link outputs that it needs.
+"""Figures of a run by name: measures with their units, and analyses with their options and the outputs that they need.
 
-``ANALYSES`` defines the command ``cotrack analyse`` and the function ``analyse`` (``results/analyses``).
+The checks of scenes refer to measures. ``ANALYSES`` defines the command ``cotrack analyse`` and the function
+``analyse`` (``results/analyses``).
 """
 
 from __future__ import annotations
@@ -106,3 +107,48 @@ def described(name: str) -> Analysis:
     if name not in ANALYSES:
         raise BadInput(f"no analysis '{name}': one of {', '.join(ANALYSES)}")
     return ANALYSES[name]
+
+
+UNITS = {
+    "sag": "m",
+    "end_tension": "N",
+    "joint_force": "N",
+    "joint_force_spread": "1",
+    "hoop_strain": "1",
+    "fall_time": "1",
+    "half_fall_time": "1",
+    "behind_free_fall": "m",
+    "pins_passed": "1",
+    "pins_per_revolution": "1",
+    "chain_speed_ratio": "1",
+    "polygon_ripple": "1",
+    "span_tension": "N",
+    "span_moment_ratio": "1",
+    "tight_span_enters": "1",
+    "ground_force": "N",
+    "uphill_force": "N",
+    "slip": "1",
+    "pad_slip": "1",
+    "speed_excess": "1",
+    "settlement": "m",
+    "settlement_of_springs": "m",
+    "settlement_of_contacts": "m",
+    "rut_depth": "m",
+    "tension_top": "N",
+    "tension_rear": "N",
+    "tension_front": "N",
+    "third_law": "1",
+    "energy_residual": "1",
+    "port_residual": "1",
+    "energy_drift": "1",
+    "yaw_rate": "rad/s",
+    "turn_radius": "m",
+    "lateral_speed": "m/s",
+    "rotation_centre": "m",
+    "track_slip": "m/s",
+    "propulsion": "N",
+    "steering_moment": "N m",
+    "drive_power": "W",
+    "regenerated_power": "W",
+    "path_error": "m",
+}

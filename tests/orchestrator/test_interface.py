@@ -9,7 +9,7 @@ import pytest
 from short_run import SHORT, last
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.interface import calls
+from orchestrator.interface import recorded_run
 from orchestrator.log.reader import Log, NoSuchSignal
 
 
@@ -131,7 +131,7 @@ def test_a_run_that_failed_says_why(run):
 
 def test_the_log_of_a_run_is_the_one_that_it_left(tmp_path, monkeypatch):
     left = tmp_path / "a.running.mcap"
-    monkeypatch.setattr(calls, "simulate", lambda scene, path, **options: {"log": str(left)})
+    monkeypatch.setattr(recorded_run, "simulate", lambda scene, path, **options: {"log": str(left)})
     assert package.run("hanging_chain", log=tmp_path / "a.mcap", progress=False).log == left
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from orchestrator.cosim.interval_statistics import IntervalStatistics
+from orchestrator.cosim.observers import IntervalStatistics
 
 FORCE, TENSION = "joint[1].force.x", "link[1].tension"  # a mean since the last record; a value at the end of a step
 STEPS = np.array([1.0, 3.0, 2.0]) * 1e-3  # s

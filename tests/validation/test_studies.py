@@ -20,8 +20,8 @@ import pytest
 
 from fmus.vehicles.tables import BadInput
 from orchestrator import studies
-from orchestrator.studies import Case, Row, pool, store
-from orchestrator.studies.store import Store
+from orchestrator.studies import Case, Row, pool
+from orchestrator.studies.pool import Store
 from tests.validation import compared, element_cases, mechanics, orders
 from tests.validation.__main__ import STUDIES, app
 from tests.validation.compared import checked
@@ -259,9 +259,9 @@ def test_a_study_that_has_moved_says_where(cotrack, name):
 
 
 def test_cases_are_kept_with_the_sources_of_their_study(tmp_path, monkeypatch):
-    of_study = store.sources("tests.validation.element_cases")
-    assert of_study == store.sources("tests.validation.chain_cases")
-    assert of_study != store.sources("orchestrator.studies.stability"), "sources of the study are none of the product's"
+    of_study = pool.sources("tests.validation.element_cases")
+    assert of_study == pool.sources("tests.validation.chain_cases")
+    assert of_study != pool.sources("orchestrator.studies.stability"), "sources of the study are none of the product's"
 
 
 ROWS = [

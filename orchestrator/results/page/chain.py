@@ -17,7 +17,7 @@ from orchestrator.results.analyses.phases import Phase, phase_name
 from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.analyses.spectrum import Spectrum
 from orchestrator.results.approximations import Curve, Peak
-from orchestrator.results.observables import OBSERVABLES
+from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.page.embedded import and_list, at_time, instance, plain, quantity, side, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, heat, lines, table

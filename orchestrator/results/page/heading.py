@@ -13,7 +13,7 @@ from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.analyses.wheel_loads import starts_as_drawn
 from orchestrator.results.energy import Ledger
 from orchestrator.results.ground_surface import on_terrain
-from orchestrator.results.observables import OBSERVABLES
+from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.page.balance import supply
 from orchestrator.results.page.embedded import instance, quantity, text, wheel
 from orchestrator.results.page.evaluation import ALIKE, Evaluation

@@ -11,7 +11,7 @@ from orchestrator.results.analyses.curves import GROUND_SPEED, MOMENT, YAW_RATE,
 from orchestrator.results.analyses.phases import HELD, Phase, phase_name, rounded
 from orchestrator.results.approximations import Curve
 from orchestrator.results.ground_surface import on_terrain
-from orchestrator.results.observables import OBSERVABLES
+from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.page.embedded import at_time, instance, quantity, side, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Chart, Content, PageSection, Pair, Trace, lines, table
