@@ -66,7 +66,7 @@ GENERIC = [
     "execution/replays.py",
 ]
 DOORS = {
-    "fmus.ahead.contents", "fmus.ahead.kernels", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.fmi.build",
+    "fmus.ahead", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.fmi.build",
     "fmus.fmi.saved", "fmus.ground.keys", "fmus.ground.soils", "fmus.ground.terrain", "fmus.interface.defaults",
     "fmus.interface.ports", "fmus.monolith.model", "fmus.native.pack", "fmus.rest.equilibrium", "fmus.rest.tensioning",
     "fmus.start", "fmus.track.choices", "fmus.track.link_outputs", "fmus.vehicles.ranges",

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from fmus import components
-from fmus.ahead.contents import component_ports
+from fmus.ahead import component_ports
 from fmus.physics.contact.laws import LAWS
 from fmus.track.choices import TRACKS
 from orchestrator.cosim.coupling import SCHEMES

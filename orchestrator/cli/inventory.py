@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import isclose
 from typing import Any
 
-from fmus.ahead.contents import loaded_contents
+from fmus.ahead import loaded_contents
 from fmus.track.choices import TRACKS
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.fmu_table import ARROW, FmuTable

@@ -19,8 +19,7 @@ from graphlib import TopologicalSorter
 import numpy as np
 import scipy  # loads its parts when they are used
 
-from fmus.ahead.contents import component_ports
-from fmus.ahead.kernels import start_compilation
+from fmus.ahead import component_ports, start_compilation
 from fmus.track.choices import TRACKS
 from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.component import Component

@@ -19,7 +19,7 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any, NamedTuple
 
-from fmus.ahead.contents import component_ports
+from fmus.ahead import component_ports
 from fmus.fmi.build import built_here
 from fmus.interface.ports import UNITS
 from fmus.vehicles.tables import BadInput, path_text

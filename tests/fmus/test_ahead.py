@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from fmus.ahead import kernels as ahead
+from fmus import ahead
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 

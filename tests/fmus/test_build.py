@@ -10,8 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from conftest import TOY, build_toy
 
-from fmus.ahead import contents as loaded
-from fmus.ahead import kernels as ahead
+from fmus import ahead
 from fmus.cache.sources import ROOT, search_path, source_hash, sources
 from fmus.fmi.build import KINDS, BuildFailed, Shell, build, build_shell, build_shells
 from orchestrator.fmu_check import runner
@@ -59,9 +58,9 @@ def test_fmus_built_together_are_those_built_alone(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "module", ["fmus.fmi.build", "fmus.ahead.contents", "fmus.ahead.kernels", "orchestrator.fmu_check.runner"]
+    "child", ["fmus.fmi.build", "fmus.ahead contents", "fmus.ahead kernels", "orchestrator.fmu_check.runner"]
 )
-def test_a_child_finds_what_its_parent_finds(tmp_path, monkeypatch, module):
+def test_a_child_finds_what_its_parent_finds(tmp_path, monkeypatch, child):
     """Packages that came by PYTHONPATH, or that the program put on its path, are on that of every child."""
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
     monkeypatch.delenv("PYTHONPATH", raising=False)
@@ -74,16 +73,16 @@ def test_a_child_finds_what_its_parent_finds(tmp_path, monkeypatch, module):
         raise OSError("no child here")
 
     for name in ("run", "Popen"):
-        monkeypatch.setattr(f"{module}.subprocess.{name}", started)
+        monkeypatch.setattr(f"{child.split()[0]}.subprocess.{name}", started)
     part = ("SprocketDrive", {}, {})
     calls = {
         "fmus.fmi.build": lambda: build_toy(start=0.77),
-        "fmus.ahead.contents": lambda: loaded.loaded_contents([part]),
-        "fmus.ahead.kernels": lambda: ahead.start_compilation([part]),
+        "fmus.ahead contents": lambda: ahead.loaded_contents([part]),
+        "fmus.ahead kernels": lambda: ahead.start_compilation([part]),
         "orchestrator.fmu_check.runner": lambda: runner.in_child("units", tmp_path / "a.fmu", None, 1.0),
     }
     with pytest.raises((OSError, BuildFailed), match="no child here"):
-        calls[module]()
+        calls[child]()
     path = paths[0]
     assert path[1:] == sys.path
     assert str(tmp_path / "packages") in path

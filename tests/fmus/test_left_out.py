@@ -103,7 +103,7 @@ def test_a_planar_chain_loads_no_beams_and_another_chain_no_planar_one():
 @pytest.mark.long
 def test_contents_are_what_a_component_loads():
     """The list from a child that compiles nothing is the list of modules that a real step loads."""
-    from fmus.ahead.contents import loaded_contents
+    from fmus.ahead import loaded_contents
     from fmus.vehicles.vehicle import read_table, vehicle
 
     table = vehicle(*read_table("m113")).model_dump()
@@ -145,7 +145,7 @@ def test_contents_are_listed_once_for_a_build(monkeypatch, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("spin", [0.0, 5.0])
 def test_a_loop_that_spins_is_stretched(spin):
-    from fmus.ahead.contents import loaded_contents
+    from fmus.ahead import loaded_contents
     from fmus.vehicles.vehicle import read_table, vehicle
 
     track = {"links": 64, "closed": True, "wheels": [], "ground": False, "gravity": 0.0, "ends": None}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import messages
 
-from fmus.ahead.contents import component_ports
+from fmus.ahead import component_ports
 from fmus.cache.sources import source_hash
 from fmus.fmi.build import KINDS
 from fmus.track.choices import TRACKS

@@ -1,24 +1,32 @@
-"""Variables of components, and modules that they load: a child process starts their models in plain Python.
+"""Before a run, in child processes: what a scene loads, and kernels compiled.
 
-Nothing is compiled: a stub of ``jit.dispatch`` imports the same modules for Python as for the compiler, so the state
-of the cache does not matter. A chain is laid out as a polygon, because its equilibrium loads no further module; a chain
-that is released or spins is shortened.
+A child starts models in plain Python for variables of components and the modules that they load: nothing is compiled,
+and a stub of ``jit.dispatch`` imports the same modules for Python as for the compiler, so the state of the cache does
+not matter. A chain is laid out as a polygon, because its equilibrium loads no further module; a chain that is released
+or spins is shortened.
+
+Another child compiles kernels to the cache, where the component's FMU finds them. An error of the child is ignored: the
+FMU meets the same error and reports it.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.cache.files import cached_result
+from fmus.cache.files import cache_folder, cached_result, private_folder, read_checked, write_checked
 from fmus.cache.sources import ROOT, search_path, source_hash, sources
 from fmus.components import KINDS, model_of
 from fmus.interface.ports import Port
+from fmus.kernels.jit import COMPILED
 
 SHORT = 5  # links of a shortened chain
 Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
@@ -52,7 +60,7 @@ def _started(parts: Sequence[Recipe]) -> Contents:
     from fmus.fmi.build import BuildFailed  # the child does not need it
 
     child = subprocess.run(
-        [sys.executable, "-m", "fmus.ahead.contents"],
+        [sys.executable, "-m", "fmus.ahead", "contents"],
         input=json.dumps(parts),
         text=True,
         capture_output=True,
@@ -68,7 +76,7 @@ def _started(parts: Sequence[Recipe]) -> Contents:
     return Contents(loaded, tuple(sorted(rest)), *(tuple(report[key]) for key in ("outputs", "link_outputs", "state")))
 
 
-def _child() -> None:
+def _contents_child() -> None:
     report: dict[str, list[Any]] = {"outputs": [], "link_outputs": [], "state": []}
     for kind, config, parameters in json.load(sys.stdin):
         model = _start_model(kind, config, parameters)
@@ -100,5 +108,51 @@ def _start_model(kind: str, config: dict[str, Any], parameters: dict[str, Any]) 
     return model
 
 
+def start_compilation(parts: Sequence[Recipe], patience: int = 0) -> subprocess.Popen[str] | None:
+    """Start a process that compiles the kernels of parts in turn; None where all are compiled already.
+
+    ``patience`` is the niceness of the process: 0, or a larger number to give way to others.
+    """
+    left = [part for part in parts if not _is_done(part[0])]
+    if not left:
+        return None
+    COMPILED.info("kernels of %s are compiled beside", ", ".join(kind for kind, _, _ in left))
+    child = subprocess.Popen(
+        [sys.executable, "-m", "fmus.ahead", "kernels", str(patience)],
+        stdin=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": search_path(ROOT.parent)},
+        text=True,
+    )
+    assert child.stdin is not None
+    with child.stdin as stream:
+        json.dump(left, stream)
+    return child
+
+
+def _mark(kind: str) -> Path:
+    """File that marks the kernels of a kind of component as compiled from the present sources."""
+    return cache_folder() / "kernels" / "ahead" / f"{kind}-{source_hash()[:20]}"
+
+
+def _is_done(kind: str) -> bool:
+    try:
+        return read_checked(_mark(kind)) is not None
+    except OSError:  # the cache cannot be used: compiled kernels would not be kept
+        return True
+
+
+def _kernels_child() -> None:
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # an exception: no half-written file stays in the cache
+    if hasattr(os, "nice"):
+        os.nice(int(sys.argv[2]))
+    for kind, config, parameters in json.load(sys.stdin):
+        with suppress(Exception):
+            model = model_of(kind)(config)
+            model.compile({port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters)
+            private_folder(_mark(kind).parent)
+            write_checked(_mark(kind), b"")
+
+
 if __name__ == "__main__":
-    _child()
+    {"contents": _contents_child, "kernels": _kernels_child}[sys.argv[1]]()

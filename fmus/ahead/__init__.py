@@ -1,1 +1,0 @@
-"""Before a run, in child processes: kernels compiled, and what a scene loads."""
