@@ -13,11 +13,11 @@ import hashlib
 import json
 import logging
 import os
+import secrets
 import shutil
 import sys
 import tempfile
 import time
-import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -120,18 +120,26 @@ def temporary_folder() -> Path:
 # ------------------------------------------------------------------ files
 
 
+@contextmanager
+def replacing(file: Path) -> Iterator[Path]:
+    """New empty file beside ``file``, which it replaces at the end, or which is deleted after an error.
+
+    Its random name is short, keeps the suffix, and is never that of a file or link of others. Raises OSError.
+    """
+    fresh = file.with_name(f".{secrets.token_hex(8)}{file.suffix[:16]}")
+    with fresh.open("xb"):
+        pass
+    try:
+        yield fresh
+        os.replace(fresh, file)
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
 def write(file: Path, content: bytes) -> None:
     """Replace a file as a whole; a process that has the old one open keeps it. Raises OSError."""
-    temporary = file.with_name(f"{file.name}.{uuid.uuid4().hex[:12]}")
-    try:
-        with temporary.open("xb") as stream:  # a new file of a random name: no link is followed
-            stream.write(content)
-        temporary.replace(file)
-    except FileExistsError:  # not ours
-        raise
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+    with replacing(file) as fresh:
+        fresh.write_bytes(content)
 
 
 def write_checked(file: Path, content: bytes) -> None:

@@ -19,7 +19,6 @@ from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 
 STATES = 2  # in the state of the chassis: time, s; work of the hull on what it tows, J
-INPUTS = 3  # force, N, world
 UPRIGHT = 1e-3  # horizontal part of the x axis below which the chassis stands on end and the load has no direction
 
 

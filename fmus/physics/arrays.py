@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]  # the docstring gives the shape
 Integers = NDArray[np.int64]  # the docstring gives the shape
-Booleans = NDArray[np.bool_]  # the docstring gives the shape
 Matrix = NDArray[np.float64]  # (3, 3)
 Quaternion = NDArray[np.float64]  # (4): w, x, y, z
 Row = NDArray[np.float64]  # (15): motion of one wheel, see ``wheels``

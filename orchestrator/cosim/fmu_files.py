@@ -9,7 +9,7 @@ import zipfile
 import zlib
 from pathlib import Path
 
-from fmus.cache.files import cache_folder, make_folder, private_folder, temporary_folder, write
+from fmus.cache.files import cache_folder, make_folder, private_folder, replacing, temporary_folder, write
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.files.budget import (
     DESCRIBED,
@@ -21,7 +21,6 @@ from orchestrator.files.budget import (
     check_zip,
     open_file,
 )
-from orchestrator.files.replacing import replacing
 
 DESCRIPTION = "modelDescription.xml"
 PIECE = 1 << 20  # bytes unpacked at once

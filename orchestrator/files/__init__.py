@@ -1,1 +1,1 @@
-"""Files of others and files being written: limits of readers, and replacement of a file as a whole."""
+"""Files of others: limits of readers, lines and columns of tables."""

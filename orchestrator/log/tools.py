@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.files.replacing import replacing
+from fmus.cache.files import replacing
 from orchestrator.log import notices
 from orchestrator.log.log_file import LogFailed, check_writable
 from orchestrator.log.log_metadata import checkpoint_step, path_text_of

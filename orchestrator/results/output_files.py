@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fmus.cache.files import replacing
 from fmus.vehicles.tables import BadInput, path_text
-from orchestrator.files.replacing import replacing
 from orchestrator.results.table import Table
 
 

@@ -12,9 +12,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from fmus.cache.files import replacing
 from fmus.vehicles.tables import BadInput, path_text, value_text
 from fmus.vehicles.vehicle import vehicle
-from orchestrator.files.replacing import replacing
 from orchestrator.scene.keys import OVERRIDES, REQUIRED, Key, facts, scene_keys, table_of, vehicle_keys
 from orchestrator.scene.scene import load, read_vehicle, read_with_files
 from orchestrator.scene.settings import CHOSEN, NAMED, toml_text

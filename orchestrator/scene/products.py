@@ -20,6 +20,7 @@ from xml.etree.ElementTree import Element, SubElement, fromstring, indent, regis
 
 from markdown_it import MarkdownIt
 
+from fmus.cache.files import replacing
 from fmus.fmi.build import Product, archive, build_all
 from fmus.interface.defaults import EXPERIMENT, KEY
 from fmus.track.choices import TRACKS
@@ -28,7 +29,6 @@ from fmus.vehicles.tables import BadInput
 from orchestrator import __version__
 from orchestrator.cosim.graph import Connection
 from orchestrator.cosim.variable_arrays import LINK_FAMILIES
-from orchestrator.files.replacing import replacing
 from orchestrator.scene.archive.elements import DOCUMENT_NAME, FMU
 from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.kinds import Scene

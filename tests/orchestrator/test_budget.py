@@ -6,9 +6,9 @@ import stat
 import hostile
 import pytest
 
+from fmus.cache.files import replacing
 from orchestrator.files import budget
 from orchestrator.files.csv_lines import safe_cell
-from orchestrator.files.replacing import replacing
 from orchestrator.log import seal
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.results.table import Table

@@ -1,4 +1,4 @@
-"""Rigid body in space: pose, its increments, gyroscopic torque, kinetic energy; its points, and forces on them.
+"""Rigid body in space: pose, its increments, kinetic energy; its points, and forces on them.
 
 Pose q (7): centre of mass r (3, world), m, and unit quaternion (4, body to world). Velocity v (6): of the centre of
 mass in world axes, m/s, and angular velocity in BODY axes, rad/s; increments x (6), m and rad, and accelerations
@@ -75,14 +75,6 @@ def turn_rate(x: VectorLike, d: VectorLike, out: Floats) -> None:
     out[0] = d[0] + 0.5 * a + (x[1] * c - x[2] * b) / 12.0
     out[1] = d[1] + 0.5 * b + (x[2] * a - x[0] * c) / 12.0
     out[2] = d[2] + 0.5 * c + (x[0] * b - x[1] * a) / 12.0
-
-
-@kernel
-def gyroscopic(J: VectorLike, w: VectorLike, torque: Floats) -> None:
-    """Gyroscopic torque w cross J w into ``torque`` (3), N m, in body axes; ``J``, kg m2: principal inertias."""
-    torque[0] = (J[2] - J[1]) * w[1] * w[2]
-    torque[1] = (J[0] - J[2]) * w[2] * w[0]
-    torque[2] = (J[1] - J[0]) * w[0] * w[1]
 
 
 @kernel

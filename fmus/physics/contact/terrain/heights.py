@@ -9,7 +9,6 @@ from fmus.kernels.jit import kernel
 
 Three = tuple[float, float, float]  # a function of one variable and its first two derivatives
 Six = tuple[float, float, float, float, float, float]  # h, m, h_x, h_y, h_xx, h_xy, h_yy
-LEVEL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 EVERYWHERE = -1e9  # start of a primitive without a beginning, m
 
