@@ -24,8 +24,8 @@ from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene, require_signals
 from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
-from orchestrator.log.events_topic import Event
 from orchestrator.log.log_file import LogFailed, check_writable
+from orchestrator.log.message_records import Event
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses import events

@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 
 from orchestrator.log import log_metadata, notices, schema, seal
 from orchestrator.log.container_writer import ContainerWriter
-from orchestrator.log.events_topic import EVENTS_SCHEMA, EVENTS_TOPIC, EVENTS_TYPE, Event, event_records
 from orchestrator.log.log_file import LogFailed, log_failed, prepared_file
-from orchestrator.log.message_records import LONGEST, Messages
+from orchestrator.log.message_records import EVENTS_CHANNEL, EVENTS_TOPIC, LONGEST, Event, Messages, event_records
 from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.time_series import Series, Topic, Wire
@@ -246,7 +245,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             return
         number = len(self._channels) + 1
         with suppress(OSError):
-            self._file.channel(number, EVENTS_TOPIC, EVENTS_TYPE, EVENTS_SCHEMA, {}, json=True)
+            self._file.channel(number, *EVENTS_CHANNEL, {}, json=True)
             if events:
                 rows, times = event_records(number, events)
                 self._file.chunk([(number, rows, times)], reserve_end=True)

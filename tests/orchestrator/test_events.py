@@ -8,7 +8,7 @@ from analysis_logs import driven_log
 from made_logs import STEP, made
 from mcap.reader import make_reader
 
-from orchestrator.log.events_topic import WARNINGS
+from orchestrator.log.message_records import WARNINGS
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData, Window

@@ -9,7 +9,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from recorded import ATTACHMENTS, EVERY, METADATA, TOPICS, write_steps
 
 from orchestrator.log import recorder as recorder_module
-from orchestrator.log.events_topic import Event
+from orchestrator.log.message_records import Event
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.seal import metadata_digest

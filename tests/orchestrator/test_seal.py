@@ -16,8 +16,8 @@ from orchestrator.execution import replay_model, resume
 from orchestrator.log import recorder as module
 from orchestrator.log import seal
 from orchestrator.log.container_writer import ContainerWriter
-from orchestrator.log.events_topic import Event
 from orchestrator.log.log_metadata import CHECKPOINT
+from orchestrator.log.message_records import Event
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify

@@ -3,6 +3,8 @@
 It makes the calls of FMI 2.0 that come over the connection, one after another, and replies with the status, the
 function that failed, its arguments as the FMU has left them, and the messages of the FMU. Inputs and outputs of a step
 are in the shared memory. It ends with the connection, also if the FMU never returns.
+
+Objects go over a socket that keeps the bounds of packets, which takes one system call each way.
 """
 
 from __future__ import annotations
@@ -18,12 +20,42 @@ from contextlib import suppress
 from ctypes import c_char, c_char_p, c_double, c_uint, cast
 from mmap import mmap
 from pathlib import Path
+from pickle import dumps, loads
 from typing import Any
 
 from orchestrator.cosim import fmi2_library
-from orchestrator.cosim.guests import packets
 from orchestrator.cosim.guests.fmi3 import Fmi3
 from orchestrator.cosim.messages import FATAL, WARNING
+
+PACKET = 1 << 16  # bytes
+_MORE, _LAST = b"+", b"."  # first byte of a packet
+
+
+def pair() -> tuple[socket.socket, socket.socket]:
+    """Two connected ends."""
+    return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+
+def send(end: socket.socket, content: Any) -> None:
+    """Send an object; raises OSError if the other end is closed."""
+    data = dumps(content)
+    while len(data) > PACKET:
+        end.sendall(_MORE + data[:PACKET])
+        data = data[PACKET:]
+    end.sendall(_LAST + data)
+
+
+def receive(end: socket.socket) -> Any:
+    """Receive an object; raises EOFError if the other end is closed, OSError."""
+    parts = []
+    while True:
+        packet = end.recv(PACKET + 1)
+        if not packet:
+            raise EOFError
+        parts.append(packet[1:])
+        if packet[:1] == _LAST:
+            return loads(b"".join(parts) if len(parts) > 1 else parts[0])
+
 
 Failing = tuple[int, str]  # status, function that failed or ""
 Buffers = list[Any]
@@ -99,7 +131,7 @@ def serve(connection: socket.socket, memory: int) -> None:
     """Make all calls until the connection ends."""
     guests: dict[int, Guest] = {}
     while True:
-        number, written, function, *arguments = packets.receive(connection)
+        number, written, function, *arguments = receive(connection)
         guest = guests.get(number)
         result: Any = None
         try:
@@ -117,7 +149,7 @@ def serve(connection: socket.socket, memory: int) -> None:
         except Exception as error:
             failing, result = (FATAL, function), f"{type(error).__name__}: {error}"
         messages = guest.messages if guest else []
-        packets.send(connection, (number, *failing, result, messages))
+        send(connection, (number, *failing, result, messages))
         messages.clear()
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.guests import packets
+from orchestrator.cosim.guests.process import pair, receive, send
 from orchestrator.cosim.messages import FATAL, PRINTED, Hear
 
 MOST = 64  # processes of one run
@@ -73,7 +73,7 @@ class Room:
         self._doing: dict[int, Doing] = {}  # by instance
         self._replies: dict[int, Reply] = {}  # that nobody has waited for yet
         self._memory, self._size = TemporaryFile(), 0  # noqa: SIM115 (closed with the room)
-        ours, theirs = packets.pair()
+        ours, theirs = pair()
         inherited = theirs.fileno(), self._memory.fileno()
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "orchestrator.cosim.guests.process", *map(str, inherited)],
@@ -120,7 +120,7 @@ class Room:
         self._doing[number] = doing
         if not self.ended:
             try:
-                packets.send(self._connection, (number, *request))
+                send(self._connection, (number, *request))
             except OSError:
                 self._end(doing)
 
@@ -130,7 +130,7 @@ class Room:
         self.began = time.monotonic()
         try:
             while number not in self._replies and not self.ended:
-                whose, *reply = packets.receive(self._connection)
+                whose, *reply = receive(self._connection)
                 self.is_ready = True
                 self._replies[whose] = tuple(reply)
         except (OSError, EOFError):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchestrator.log.events_topic import Event
+from orchestrator.log.message_records import Event
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.validity import of as validity

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.log import events_topic
-from orchestrator.log.events_topic import WARNINGS, Event
 from orchestrator.log.extra import library
+from orchestrator.log.message_records import EVENTS_TOPIC, WARNINGS, Event
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import events
@@ -74,7 +73,7 @@ def _write(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], s
             for plot in side_plots
             for signal in plot.signals
         }
-        log_channel = channels.LogChannel(events_topic.EVENTS_TOPIC, context=context)
+        log_channel = channels.LogChannel(EVENTS_TOPIC, context=context)
         for event in events.of(bodies.run).events:
             log_channel.log(_entry(kinds, event), log_time=_nanoseconds(event.t))
 
@@ -241,7 +240,7 @@ def _layout(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], 
         places = {"xAxisVal": "currentCustom", "xAxisPath": {"value": f"{topic}.place[:]", "enabled": True}}
         lines = [(f"{topic}.tension[:]", "tension, kN")]
         panels[_chain_panel(chain)] = _plot(chain.title, lines) | places | {"isSynced": False, "minYValue": 0}
-    panels[EVENTS] = {"foxglovePanelTitle": "events", "topicToRender": events_topic.EVENTS_TOPIC, "minLogLevel": 1}
+    panels[EVENTS] = {"foxglovePanelTitle": "events", "topicToRender": EVENTS_TOPIC, "minLogLevel": 1}
     tabs: list[dict[str, Any]] = [
         {"title": group, "layout": _divided("column", [f"Plot!{plot.name}" for plot in chosen])}
         for group, chosen in groupby(side_plots, key=lambda plot: plot.group)

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.log.events_topic import WARNINGS, Event
 from orchestrator.log.extra import library
 from orchestrator.log.log_file import growing_log
+from orchestrator.log.message_records import WARNINGS, Event
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.analyses import events
