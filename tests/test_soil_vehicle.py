@@ -9,8 +9,7 @@ from vehicle_in_process import InProcess
 from fmus.physics.chain.contacts import GROUND_DAMPING, LOSSES
 from fmus.physics.chain.report import LOST
 from fmus.physics.contact.soil import pressure
-from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE, SHEAR
-from fmus.physics.contact.soil.rut import FIRST, MADE, TILE, TILES
+from fmus.physics.contact.soil.memory import DEEPEST, FIRST, INSIDE, MADE, PRESSURE, SHEAR, TILE, TILES
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution.estimate import SHARE
 from orchestrator.execution.simulate import simulate

@@ -11,10 +11,10 @@ from fmus.drives import mount as mounts
 from fmus.drives.motor import SPEED, DriveParameters
 from fmus.interface.model import Floats, InvalidParameter
 from fmus.interface.ports import STATE, WRENCH
-from fmus.monolith.chains import REPORT_SUMS, ChainSlot
 from fmus.monolith.equations import PortMap
-from fmus.monolith.parts import DriveSprocket, MonolithPart, initialised_model
+from fmus.monolith.parts import ChainSlot, DriveSprocket, MonolithPart, initialised_model
 from fmus.monolith.spins import HALF, SPIN, Spins
+from fmus.physics.chain.report import REPORT
 from fmus.track.model import TrackModel
 
 Connector = tuple[str, str]  # names of a part and of its connector
@@ -112,8 +112,7 @@ def lay_out(
     body = sum(sizes)
     spin = body + chassis.size
     counts = [
-        (len(model.wheel_list) + 1) * WRENCH + int(np.prod(model.on_links_shape)) + REPORT_SUMS
-        for model in chains.values()
+        (len(model.wheel_list) + 1) * WRENCH + int(np.prod(model.on_links_shape)) + REPORT for model in chains.values()
     ]
     sums = _Views(sum(counts) + WRENCH * fixed)
     index, motion, mount = _motions(chassis, sprockets, sources)
@@ -192,7 +191,7 @@ def _slots(
                 frame=model.frame,
                 impulse=sums.take(count, WRENCH),
                 on_links=sums.take(*model.on_links_shape),
-                report_sums=sums.take(REPORT_SUMS),
+                report_sums=sums.take(REPORT),
             )
         )
         start, block = start + size, block + count

@@ -18,7 +18,6 @@ from fmus.drives import mount as mounts
 from fmus.drives import shaft
 from fmus.interface.model import Floats, InvalidParameter, StepFailed
 from fmus.interface.ports import TOLERANCE, TOLERANCES
-from fmus.monolith import chains as chain_parts
 from fmus.monolith.equations import (
     CHAIN_FAILED,
     CHASSIS_FAILED,
@@ -26,6 +25,7 @@ from fmus.monolith.equations import (
     STEP_TOO_SHORT,
     intervals,
     march,
+    march_adaptively,
     ramps,
     rates,
     without_jumps,
@@ -36,9 +36,14 @@ from fmus.monolith.parts import (
     DIFFERENTIAL,
     SPROCKETS,
     MonolithPart,
+    chain_size,
+    chain_system,
+    copy_state,
     initialised_model,
+    mirror_chain,
     mirror_drive,
     mirrored,
+    set_state,
     shaft_states,
     sprockets,
 )
@@ -131,7 +136,7 @@ class Monolith:
     def _lay_out(self, part: MonolithPart | None) -> None:
         """Allocate state and sums, and collect the arguments of the kernels; ``part``: the chassis, if any."""
         chains = {name: self.models[name] for name in self._chains}
-        sizes = [chain_parts.size(model) for model in chains.values()]
+        sizes = [chain_size(model) for model in chains.values()]
         turned = self._shafts[:1] if self._joined else self._shafts  # the chassis does not turn a difference of sides
         chassis = hull(part, bool(self._mirrored), turned) if part else Hull()
         self._chassis, self._tree = chassis.name, chassis.tree
@@ -146,7 +151,7 @@ class Monolith:
             self.x, self._y, self._k = np.zeros(size), np.zeros(size), np.zeros((len(RK4.b), size))
         self._system = (
             tuple(
-                chain_parts.chain_system(model, slot, self._y[slot.start : slot.end])
+                chain_system(model, slot, self._y[slot.start : slot.end])
                 for model, slot in zip(chains.values(), self._slots, strict=True)
             ),
             tuple(self._shafts) or None,
@@ -157,7 +162,7 @@ class Monolith:
     def _begin(self) -> None:
         """Copy the models' states into x."""
         for name, slot in zip(self._chains, self._slots, strict=True):
-            chain_parts.copy_state(self.models[name], self.x[slot.start : slot.end])
+            copy_state(self.models[name], self.x[slot.start : slot.end])
         if self._chassis:
             self.x[self._body : self._spin] = self.models[self._chassis].state
             self.x[self._spin - 1] += self._held() * self.x[self._body + 11] ** 2
@@ -215,7 +220,7 @@ class Monolith:
         else:
             self._go_equally(t, h)
         for name, slot in zip(self._chains, self._slots, strict=True):
-            chain_parts.set_state(self.models[name], slot, self.x[slot.start : slot.end], h)
+            set_state(self.models[name], slot, self.x[slot.start : slot.end], h)
         if self._chassis:
             self._take_chassis()
         self._take_shafts(before, h)
@@ -228,7 +233,7 @@ class Monolith:
                 model.counters[3:] += rejected
         for name, original in self._mirrored.items():
             if self._kinds[name] in CHAINS:
-                chain_parts.mirror(self.models[original], self.models[name])
+                mirror_chain(self.models[original], self.models[name])
             else:
                 mirror_drive(self.models[original], self.models[name], self.models[self._chassis])
 
@@ -243,13 +248,11 @@ class Monolith:
 
     def _go_adaptively(self, t: float, h: float) -> None:
         """Integrate by Adams' methods, restarted where a ramp or a driver's demand begins; raises StepFailed."""
-        from fmus.monolith.adaptive import march as go
-
         fresh = not abs(t - self._reached) < 1e-9 * h or bool(self._driver)
         known = ramps(self._shafts)
         for interval in intervals(known, t, h, self.step):
             fresh |= any(abs(end - interval.begin) < 1e-9 * h for ramp in known for end in ramp)
-            failure, done, where = go(*self._system, self._adams, self._sums, interval, fresh)
+            failure, done, where = march_adaptively(*self._system, self._adams, self._sums, interval, fresh)
             if failure != DONE:
                 raise self._failed(failure, where, interval.begin + done)
             fresh = False

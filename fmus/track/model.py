@@ -106,8 +106,7 @@ class TrackModel(LaidChain, ComponentModel):
         """Sizes of what the ground remembers under the chain."""
         if not self.config.get("soil"):
             return state.HARD
-        from fmus.physics.contact.soil.memory import MEMORY, PENDING
-        from fmus.physics.contact.soil.rut import RUT
+        from fmus.physics.contact.soil.memory import MEMORY, PENDING, RUT
         from fmus.physics.point import ON_FACE
 
         return state.GroundMemory(ON_FACE * self.links_count, MEMORY, PENDING, RUT)

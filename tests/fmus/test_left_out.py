@@ -130,15 +130,15 @@ def test_contents_are_what_a_component_loads():
 
 
 def test_contents_are_listed_once_for_a_build(monkeypatch, tmp_path):
-    from fmus.ahead import contents as loaded
+    from fmus import ahead
 
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
-    contents, started = loaded.Contents(("fmus.a",), ("fmus.b",), (3,), (4,), (5,)), []
-    monkeypatch.setattr(loaded, "_started", lambda parts: started.append(parts) or contents)
+    contents, started = ahead.Contents(("fmus.a",), ("fmus.b",), (3,), (4,), (5,)), []
+    monkeypatch.setattr(ahead, "_started", lambda parts: started.append(parts) or contents)
     parts = [("Chassis", {"x": 1.0}, {})]
-    assert [loaded.loaded_contents(parts) for _ in range(2)] == [contents, contents]
+    assert [ahead.loaded_contents(parts) for _ in range(2)] == [contents, contents]
     assert len(started) == 1
-    loaded.loaded_contents([("Chassis", {"x": 1.1}, {})])
+    ahead.loaded_contents([("Chassis", {"x": 1.1}, {})])
     assert len(started) == 2
 
 

@@ -25,7 +25,7 @@ from fmus.interface.model import StepFailed
 from fmus.native import link, pack
 from fmus.native.link import LINUX, WINDOWS
 from fmus.native.pack import build_native, with_constants
-from fmus.physics.contact.soil.rut import MADE
+from fmus.physics.contact.soil.memory import MADE
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed

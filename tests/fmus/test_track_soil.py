@@ -12,9 +12,8 @@ from fmus.ground.soils import SoilTable, named
 from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.physics.chain import contacts
 from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN
-from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE
+from fmus.physics.contact.soil.memory import CELL, DEEPEST, FIRST, INSIDE, MADE, PRESSURE, TILE, TILES
 from fmus.physics.contact.soil.pressure import compaction
-from fmus.physics.contact.soil.rut import CELL, FIRST, MADE, TILE, TILES
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
 

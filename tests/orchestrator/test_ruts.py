@@ -9,7 +9,7 @@ import pytest
 from packed import unpacked
 from view_logs import decoded
 
-from fmus.physics.contact.soil.rut import deepest_at
+from fmus.physics.contact.soil.memory import deepest_at
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.ground_surface import GroundSurface, ground

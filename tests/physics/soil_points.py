@@ -10,9 +10,8 @@ import numpy as np
 from fmus.physics.contact.face import NO_MATRIX, NOTHING, ContactForce, Face
 from fmus.physics.contact.grounds import GroundPoint
 from fmus.physics.contact.soil.force import soil_force
-from fmus.physics.contact.soil.memory import MEMORY, PENDING, commit
+from fmus.physics.contact.soil.memory import MEMORY, PENDING, RUT, commit
 from fmus.physics.contact.soil.parameters import Soil, soil
-from fmus.physics.contact.soil.rut import RUT
 
 PITCH, WIDTH = 0.1524, 0.378
 AREA = PITCH * WIDTH

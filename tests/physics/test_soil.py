@@ -14,9 +14,22 @@ from soil_points import AREA, LOAM, PITCH, SAND, WIDTH, SoilPoint, law
 from fmus.ground.soils import SoilTable, named
 from fmus.physics.chain.state import FORGOTTEN
 from fmus.physics.contact.soil import pressure
-from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE, SHEAR
+from fmus.physics.contact.soil.memory import (
+    CELL,
+    DEEPEST,
+    FIRST,
+    INSIDE,
+    MADE,
+    PRESSURE,
+    RUT,
+    SHEAR,
+    SIDE,
+    TILE,
+    TILES,
+    deepest_at,
+    press,
+)
 from fmus.physics.contact.soil.parameters import soil
-from fmus.physics.contact.soil.rut import CELL, FIRST, MADE, RUT, SIDE, TILE, TILES, deepest_at, press
 from fmus.physics.contact.soil.shear import mobilise
 
 LOAD, K, PHI = 10e3, 0.025, radians(28.0)

@@ -1,6 +1,6 @@
 """Ruts in soil as drawings show them: the deepest place of all pads that passed, from the recorded poses of links.
 
-A log has no rut: it is in the state of each track (``fmus/physics/contact/soil/rut.py``), without the little
+A log has no rut: it is in the state of each track (``fmus/physics/contact/soil/memory.py``), without the little
 that soil springs back behind it. Both tracks press one picture of the ground; each feels its own rut alone.
 """
 

@@ -46,7 +46,7 @@ class State(NamedTuple):
     lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``implicit``
     sums: np.ndarray  # (SUMS) of the last evaluation, see ``sums``
     soil: np.ndarray  # (points, k) memory of the ground at the contact points; (0, 0) on hard ground
-    rut: np.ndarray  # (k) rut of the chain, see ``contact.soil.rut``; (0) on hard ground
+    rut: np.ndarray  # (k) rut of the chain, see ``contact.soil.memory``; (0) on hard ground
 
 
 class Motion(NamedTuple):

@@ -42,7 +42,7 @@ class State(NamedTuple):
     load: np.ndarray  # (p, 3) present force of teeth and damping on each pin, N: half on either link
     along: np.ndarray  # (n, 1) tension of a link due to contacts between its pins, N
     soil: np.ndarray  # (points, k) memory of the ground at the contact points; (0, 0) on hard ground
-    rut: np.ndarray  # (k) rut of the chain, see ``contact.soil.rut``; (0) on hard ground
+    rut: np.ndarray  # (k) rut of the chain, see ``contact.soil.memory``; (0) on hard ground
 
 
 def shapes(

@@ -26,9 +26,9 @@ from fmus.physics.contact.soil.memory import (
     PRESSURE,
     SHEAR,
     WORK,
+    deepest_at,
 )
 from fmus.physics.contact.soil.pressure import first_loading, pressure, print_left, reloading
-from fmus.physics.contact.soil.rut import deepest_at
 from fmus.physics.contact.soil.shear import strength
 from fmus.physics.vector import add, dot, put, scale, vector
 
