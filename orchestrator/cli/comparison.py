@@ -7,11 +7,10 @@ from typing import Any
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.bitwise import BitDifference as Bits
-from orchestrator.results.difference import ObservableDifference
+from orchestrator.results.difference import ObservableDifference, part_differences
 from orchestrator.results.divergence import Divergence
 from orchestrator.results.measured_difference import WHOLE, MeasuredComparison
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.results.user_parts import part_differences
 
 SHOWN = 12  # largest number of printed signals that only one log has
 

@@ -221,8 +221,7 @@ def _check_comparable(against: Path, scene: Scene, name: str) -> None:
     """Raise BadInput if a log is not of the scene; print how its run differs from that of the truth."""
     from orchestrator.log.reader import Log
     from orchestrator.results.difference import SAME_END
-    from orchestrator.results.run_data import RunData
-    from orchestrator.results.user_parts import given_parts
+    from orchestrator.results.run_data import RunData, given_parts
     from orchestrator.scene.placing import placed
     from orchestrator.scene.same_scene import require_same_scene
 

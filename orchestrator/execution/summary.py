@@ -15,8 +15,7 @@ from orchestrator.results.analyses import phases
 from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.energy import ledger
 from orchestrator.results.measures import OBSERVABLES
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
-from orchestrator.results.user_parts import given_parts
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, given_parts
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.kinds import ChainScene, VehicleScene
 from orchestrator.scene.system_scene import SystemScene

@@ -7,9 +7,9 @@ from typing import Any
 from orchestrator.execution import summary
 from orchestrator.results.energy import KINDS
 from orchestrator.results.measures import OBSERVABLES
+from orchestrator.results.run_data import SHOWN
 from orchestrator.results.table import without_rounding
 from orchestrator.results.units import figure, scaled, size
-from orchestrator.results.user_parts import SHOWN
 from orchestrator.results.validity.exceedance import Exceedance
 
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second

@@ -20,7 +20,16 @@ import numpy as np
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import within
-from orchestrator.results.run_data import EVER, UNANSWERED, Floats, Missing, RunData, Window, record_durations
+from orchestrator.results.run_data import (
+    EVER,
+    UNANSWERED,
+    Floats,
+    Missing,
+    RunData,
+    Window,
+    given_parts,
+    record_durations,
+)
 
 FORMS = "time, travel or SIGNAL=VALUE"
 
@@ -349,3 +358,20 @@ def _times(run: RunData) -> Floats:
 
 def _mean(values: Floats, lengths: Floats) -> float:
     return float(np.average(values.mean(axis=1), weights=lengths))
+
+
+def part_differences(run: RunData, reference: RunData) -> list[str]:
+    """Sentences on parts that are another FMU in one of two runs of a scene, or have other parameters there."""
+    pair = given_parts(run), given_parts(reference)
+    hashes = [{each["name"]: each.get("sha256") for each in data.system["instances"]} for data in (run, reference)]
+    sentences = []
+    for name in dict.fromkeys([*pair[0], *pair[1]]):
+        first, second = (parts.get(name) for parts in pair)
+        if hashes[0].get(name) != hashes[1].get(name):
+            files = (str(part) if part else "the part of cotrack" for part in (first, second))
+            sentences.append(f"{name} is {' and '.join(files)}")
+        elif first and second:
+            for key in sorted(first.parameters.keys() | second.parameters.keys()):
+                a, b = (part.parameters.get(key, "not given") for part in (first, second))
+                sentences += [f"{name}: {key} = {a} and {b}"] if a != b else []
+    return sentences

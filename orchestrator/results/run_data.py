@@ -1,4 +1,4 @@
-"""Log of a run in the form that measures, energy ledger and pictures need."""
+"""Log of a run in the form that measures, energy ledger and pictures need, and FMUs of the user in it."""
 
 from __future__ import annotations
 
@@ -36,6 +36,7 @@ def link_columns(names: Sequence[str], signal: str) -> np.ndarray:
 Made = TypeVar("Made")
 Mask = NDArray[np.bool_] | bool
 BLOCK = 1000  # steps in memory at once
+SHOWN = 12  # digits of a hash in a line of text
 CACHED = 4  # cached link records: measures of a scene share windows
 MIRRORED = ("left_track", "left_drive")  # instances that stand for both sides of a symmetric vehicle
 LONGEST_STEP = 1.0  # s: longest step that may end in a window
@@ -352,3 +353,25 @@ def drive_of(run: RunData, side: str) -> str:
 def track_of(run: RunData, side: str) -> str:
     """Name of the track of a side, or of the first track."""
     return f"{side}_track" if f"{side}_track" in run.tracks else run.tracks[0]
+
+
+class GivenPart(NamedTuple):
+    """FMU of the user."""
+
+    file: str  # its name, without folder
+    sha256: str  # of its content
+    parameters: Mapping[str, Any]  # that it was given, those of the scene among them
+
+    def __str__(self) -> str:
+        return f"{self.file} (sha256 {self.sha256[:SHOWN]})"
+
+
+def given_parts(run: RunData) -> dict[str, GivenPart]:
+    """FMUs of the user by component; raises LogUnreadable, NoSuchSignal."""
+    return {
+        instance["name"]: GivenPart(
+            instance.get("fmu") or "", instance.get("sha256") or "", instance.get("parameters", {})
+        )
+        for instance in run.system["instances"]
+        if instance["name"] in run.given
+    }

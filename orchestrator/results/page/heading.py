@@ -17,8 +17,8 @@ from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.page.balance import supply
 from orchestrator.results.page.embedded import instance, quantity, text, wheel
 from orchestrator.results.page.evaluation import ALIKE, Evaluation
+from orchestrator.results.run_data import given_parts
 from orchestrator.results.units import number, percent
-from orchestrator.results.user_parts import given_parts
 
 OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
 

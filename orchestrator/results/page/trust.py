@@ -22,9 +22,8 @@ from orchestrator.results.measured_record import MeasuredSignal
 from orchestrator.results.page.embedded import and_list, instance, plain, quantity, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, table
-from orchestrator.results.run_data import EVER, RunData, Window, within
+from orchestrator.results.run_data import EVER, RunData, Window, given_parts, within
 from orchestrator.results.units import number, percent
-from orchestrator.results.user_parts import given_parts
 
 CHECKS_HEAD = ("Check", "Value", "Expected", "Tolerance", "Verdict")
 
