@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from fmus.interface.ports import Port
 from fmus.physics.chain.on_links import NONE, WITH_GROUND, WITH_JOINT, WITH_SLIDING, WITH_WHEELS, LinkForcesShape
 
@@ -25,6 +27,23 @@ class OutputGroup(NamedTuple):
     text: str  # description, with {part} and {it}
     columns: int = 0  # number of columns of ``on_links`` that the group needs
     ground: bool = False  # only where there is a ground
+
+
+class LinkArrays(NamedTuple):
+    """Work arrays of the link outputs of n links and m pins, so that reading them allocates nothing."""
+
+    means: np.ndarray  # (m, columns) means of the forces on links
+    tension: np.ndarray  # (n) N
+    stress: np.ndarray  # (n) Pa
+    place: np.ndarray  # (m, 3) of the pins, m; of their axes
+    fibres: np.ndarray  # (n, 2) Pa
+    ends: np.ndarray  # (n, 6) slopes
+
+
+def link_arrays(shape: LinkForcesShape, links: int, pins: int) -> LinkArrays:
+    """Return zeroed arrays; ``shape``: of the forces on links."""
+    z = np.zeros
+    return LinkArrays(z(shape), z(links), z(links), z((pins, 3)), z((links, 2)), z((links, 6)))
 
 
 GROUPS = {

@@ -212,14 +212,7 @@ class TrackModel(LaidChain, ComponentModel):
                 self.nodes,
                 np.array([int(name in self.link_groups) for name in link_outputs.GROUPS]),
                 1 if set(self.link_groups) & set(link_outputs.WITH_OWN_KERNELS) else None,
-                steps.LinkArrays(
-                    np.zeros(self.s.on_links_sum.shape),
-                    np.zeros(self.links_count),
-                    np.zeros(self.links_count),
-                    np.zeros((self.nodes, 3)),
-                    np.zeros((self.links_count, 2)),
-                    np.zeros((self.links_count, 6)),
-                ),
+                link_outputs.link_arrays(self.s.on_links_sum.shape, self.links_count, self.nodes),
             ),
         )
 

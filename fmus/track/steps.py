@@ -37,6 +37,7 @@ from fmus.track.link_outputs import (
     STRESS,
     TENSION,
     WHEELS,
+    LinkArrays,
 )
 
 # Cosine of the angle between a wheel's axis and the pins of links that stay in their plane:
@@ -105,17 +106,6 @@ class OutputData(NamedTuple):
     report: np.ndarray
 
 
-class LinkArrays(NamedTuple):
-    """Work arrays of the link outputs of n links and m pins, so that reading them allocates nothing."""
-
-    means: np.ndarray  # (m, columns) means of the forces on links
-    tension: np.ndarray  # (n) N
-    stress: np.ndarray  # (n) Pa
-    place: np.ndarray  # (m, 3) of the pins, m; of their axes
-    fibres: np.ndarray  # (n, 2) Pa
-    ends: np.ndarray  # (n, 6) slopes
-
-
 class LinkOutputData(NamedTuple):
     """Data behind the link outputs of a track."""
 
@@ -128,7 +118,7 @@ class LinkOutputData(NamedTuple):
     nodes: int
     group_flags: np.ndarray  # for each group of ``link_outputs``, 1: it is shown
     extra: int | None  # None: no group with kernels of its own is shown
-    arrays: LinkArrays
+    arrays: LinkArrays  # work arrays
 
 
 @allocating
