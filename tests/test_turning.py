@@ -201,7 +201,7 @@ def test_sides_that_are_alike_are_one_drive():
 
 def test_one_drive_and_two_are_named_as_what_they_are():
     one, two = (load(name, "rigid").resolved() for name in ("straight", "turn"))
-    assert scene_difference(one, two).startswith("drive says brake, mode,")
+    assert scene_difference(one, two).startswith("drive says brake, demand, mode,")
     assert scene_difference(one, two).endswith("and left, right")
 
 

@@ -154,7 +154,8 @@ def test_kernels_that_make_arrays_say_so():
                     if ast.unparse(decorator) in makers and any(call in body for call in MAKING):
                         makers[ast.unparse(decorator)].append(f"{file.name}: {node.name}")
     assert not makers["kernel"] + makers["namesake"]
-    assert len(makers["allocating"]) > 15
+    # what a start lays out, and a stage of the monolith; 30 more before steps had work arrays
+    assert len(makers["allocating"]) == 3
 
 
 def test_kernels_count_the_arrays_that_they_receive():
