@@ -119,12 +119,12 @@ class InProcess:
     def __getitem__(self, name: str) -> Member:
         return self.members[name]
 
-    def step(self, h: float | None = None) -> None:
+    def step(self, h: float | None = None, at_once: bool = False) -> None:
         """Make one communication step: motions from its beginning, wrenches from parts that have stepped.
 
-        ``h``: length of a step that is not the scene's, s.
+        ``h``: length of a step that is not the scene's, s; ``at_once``: all parts get values of the beginning (Jacobi).
         """
-        for stage in self.stages:
+        for stage in [[*self.members.values()]] if at_once else self.stages:
             for member in stage:
                 for source, columns, inputs in self._feeds[member.name]:
                     member.u[inputs] = source.y[columns]

@@ -40,6 +40,7 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
     tree, x, start = c.tree, c.state, c.start
     n = tree.is_arm.size
     x[:] = 0.0
+    c.received[:] = 0.0
     for k in range(n):
         if not is_fixed(tree, k):
             spring = SUSPENSION if tree.is_arm[k] == 1 else TENSIONER

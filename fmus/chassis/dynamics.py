@@ -15,6 +15,7 @@ import numpy as np
 
 from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time, touch
 from fmus.chassis.tree import BODY, WHOLE, VehicleTree
+from fmus.interface import wrenches
 from fmus.interface.model import too_many_steps
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Matrix, Vector
@@ -49,6 +50,9 @@ class Parts(NamedTuple):
     state: np.ndarray
     counters: np.ndarray  # (2) int: solver.steps, solver.evaluations
     stages: np.ndarray  # (5, states) work array: rates at the stages of a step, and a state
+    extrapolate: int  # 1: received wrenches are extrapolated
+    received: np.ndarray  # wrenches of the last steps, see ``interface.wrenches``
+    inputs: np.ndarray  # work array: inputs as the step uses them
     hitch: Any = None  # see ``hitch``; None for a chassis that tows nothing
     seats: Any = None  # see ``seats``; None where no motion of seats is asked for
 
@@ -330,8 +334,16 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     tree, x, steps = c.tree, c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
     if c.rests == 1 and c.counters[0] == steps and c.start[11] == 1.0:  # after the first step on level ground
         warn_of_unrest(messages[1], x, h)
+    wrenches.warn_of_swing(c.received, u, t, tree.masses[WHOLE] * tree.gravity[0], messages[2])
+    w = u
+    if c.extrapolate == 1:
+        w = c.inputs
+        for i in range(u.size):
+            w[i] = u[i]
+        wrenches.expected(c.received, u, 0, h, w)
+    wrenches.keep(c.received, u, 0, h)
     begin_step(c.hitch, c.seats, x, tree.rotation, t)
-    steps_done, code = advance(c, x, u, h / steps, steps)
+    steps_done, code = advance(c, x, w, h / steps, steps)
     end_step(c.seats, x, tree.rotation, h)
     messages[0, 0] = t + steps_done * h / steps
     if code == FINE:

@@ -12,7 +12,7 @@ from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts, step, step_fai
 from fmus.chassis.fittings import Fittings
 from fmus.chassis.observe import write_outputs
 from fmus.chassis.tree import WHOLE, VehicleTree, fastest_rate, tree
-from fmus.interface import numbers
+from fmus.interface import numbers, wrenches
 from fmus.interface.defaults import parameter_values
 from fmus.interface.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
 from fmus.interface.ports import POSITIVE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
@@ -107,12 +107,12 @@ class Model(ComponentModel):
 
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
     start_parameters = *KEYS, "suspension.preload", "tensioner.preload", *NUMBERS
-    warning_sentences = (
+    warning_sentences: tuple[Sentence, ...] = (
         Sentence(
             "the vehicle does not start in equilibrium: the hull rises or falls with {0:.2g} m/s2 in the first step,"
             " because a number or a preload is another than that of rest.*, or its tracks did not carry it"
         ),
-    )
+    )  # then that of wrenches that swing
 
     @classmethod
     def reads(cls, config: Mapping[str, Any]) -> list[str]:
@@ -177,15 +177,19 @@ class Model(ComponentModel):
             Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn, less what"
                  " would balance a track on a side that has none",
                  float(vehicle["tensioner"]["preload"])),
+            wrenches.extrapolate_port(),
             *self._fittings.parameters,
         )  # fmt: skip
-        self.state: Floats = np.zeros(self._fittings.end + ENERGY_SUMS)
+        size, received = self._fittings.end + ENERGY_SUMS, wrenches.received(WRENCH * len(places))
+        self.state: Floats = np.zeros(size + received)
+        self.integrated, self._received = self.state[:size], self.state[size:]
         self.counters = np.zeros(2, dtype=np.int64)
-        self._stages = np.zeros((len(RK4.b) + 1, len(self.state)))
+        self._stages = np.zeros((len(RK4.b) + 1, size))
+        self.warning_sentences = (*self.warning_sentences, wrenches.swing_sentence(tuple(places)))
         self._start = np.zeros(FRAME + 4)
         self._set_start(config["chassis"])
         self.inputs = WRENCH * len(places) + len(self._fittings.inputs)
-        names = tuple(self._part(i) for i in range(self.state.size))
+        names = tuple(self._part(i) for i in range(size))
         self.failures = (
             Sentence(""),
             Sentence("at t = {0:.6g} s the motion of the {1:name} is not finite", names),
@@ -204,7 +208,7 @@ class Model(ComponentModel):
             y += start.get("lateral", 0.0)
             self._hull = stance((x, y, z + start["height"], *roll_pitch_quaternion(start["roll"], start["pitch"])))
             self._leaves.reshape(2, -1)[:, : self._wheels + 1] = start["left"], start["right"]
-        state = np.zeros_like(self.state)
+        state = np.zeros_like(self.integrated)
         state[:7], state[ROOT : ROOT + self._leaves.size] = self._hull, self._leaves
         return state
 
@@ -228,7 +232,8 @@ class Model(ComponentModel):
         self.counters[:] = 0
         parts = Parts(
             self.tree, self._contacts, values["step"], self._start, self._centre, self._hull, self._leaves,
-            self._missing_preload, self._rests, len(self.sides), self.state, self.counters, self._stages,
+            self._missing_preload, self._rests, len(self.sides), self.integrated, self.counters, self._stages,
+            wrenches.CHOICES.index(values["extrapolate"]), self._received, np.zeros(self.inputs),
             self._fittings.hitch(values), self._fittings.seats(),
         )  # fmt: skip
         self.begin(values, parts)
@@ -238,7 +243,7 @@ class Model(ComponentModel):
         ground = self._ground or {}
         fixed = KEYS if ground.get("terrain") else ("start.height",) if ground else ()
         start_only = tuple(name for name in self.start_parameters if name not in fixed)
-        return FreeParameters({"longest": "{step}", **self._fittings.free}, start_only)
+        return FreeParameters({"longest": "{step}", "extrapolate": "{extrapolate}", **self._fittings.free}, start_only)
 
     def fault_sentence(self, t: float, code: int, state: Floats) -> str:
         """Sentence of a fault ``code`` of ``state`` at ``t``."""

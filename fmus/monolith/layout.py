@@ -65,7 +65,9 @@ def hull(part: MonolithPart, mirrored: bool, shafts: Sequence[DriveParameters]) 
     stations = [name.removesuffix(".position.x") for name in outputs if name.endswith(".position.x")]
     inputs = [port.name for port in chassis.ports if port.causality == "input" and port.name.endswith(".force.x")]
     tree = _with_spins(chassis.tree, shafts, 2 // sides)
-    return Hull(part.name, tree, sides, stations[:-1], inputs, chassis.state.size)  # the last one is the chassis itself
+    return Hull(
+        part.name, tree, sides, stations[:-1], inputs, chassis.integrated.size
+    )  # the last one is the chassis itself
 
 
 def _with_spins(tree: Any, shafts: Sequence[DriveParameters], times: int) -> Any:

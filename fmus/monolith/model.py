@@ -164,7 +164,7 @@ class Monolith:
         for name, slot in zip(self._chains, self._slots, strict=True):
             copy_state(self.models[name], self.x[slot.start : slot.end])
         if self._chassis:
-            self.x[self._body : self._spin] = self.models[self._chassis].state
+            self.x[self._body : self._spin] = self.models[self._chassis].integrated
             self.x[self._spin - 1] += self._held() * self.x[self._body + 11] ** 2
         for d, state in enumerate(self._spun):
             self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)] = state[:SPIN]
@@ -275,8 +275,8 @@ class Monolith:
     def _take_chassis(self) -> None:
         """Update the chassis; its ports' work leaves out the sprockets' part of its inertia. (5)"""
         model, x = self.models[self._chassis], self.x[self._body : self._spin]
-        model.state[:] = x
-        model.state[-1] -= self._held() * x[11] ** 2
+        model.integrated[:] = x
+        model.integrated[-1] -= self._held() * x[11] ** 2
 
     def _held(self) -> float:
         """Half of the sprockets' part of the chassis' inertia about its lateral axis, kg m2."""

@@ -178,7 +178,7 @@ EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component p, const fmi2Byte from[]
     return deserialise(p, from, n, to);
 }
 
-/* ---- functions that are not supported */
+/* ---- derivatives, and functions that are not supported */
 
 EXPORT fmi2Status fmi2CancelStep(fmi2Component p) { return refuse(p, "steps are not asynchronous"); }
 
@@ -191,14 +191,27 @@ EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component p, const fmi2ValueR
 
 EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component p, const fmi2ValueReference v[], size_t n,
                                               const fmi2Integer order[], const fmi2Real x[]) {
-    (void)v, (void)n, (void)order, (void)x;
-    return refuse(p, "inputs are not interpolated");
+    Instance *c = p;
+    CHECK(fmi2SetReal);
+    for (size_t i = 0; i < n; i++)
+        if (v[i] >= N_INPUT || order[i] != 1)
+            return refuse(c, "there is no derivative of order %d of the Real %u: inputs have one of order 1", order[i], v[i]);
+    if (n && !c->d.sloped) memset(c->d.slope, 0, sizeof c->d.slope);
+    for (size_t i = 0; i < n; i++) c->d.slope[v[i]] = x[i];
+    c->d.sloped |= n > 0;
+    return fmi2OK;
 }
 
 EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component p, const fmi2ValueReference v[], size_t n,
                                                const fmi2Integer order[], fmi2Real x[]) {
-    (void)v, (void)n, (void)order, (void)x;
-    return refuse(p, "there are no derivatives of outputs");
+    Instance *c = p;
+    CHECK(fmi2GetReal);
+    if (!started(c)) return fmi2Error;
+    for (size_t i = 0; i < n; i++) {
+        if (v[i] >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
+        if (no_derivative(c, v[i], order[i], x + i)) return fmi2Error;
+    }
+    return fmi2OK;
 }
 
 /* A step that is discarded ends where it began, and another one may follow: the instance never ends a run. */

@@ -116,6 +116,22 @@ EXPORT fmi3Status fmi3GetFloat64(fmi3Instance p, const fmi3ValueReference v[], s
     return fmi3OK;
 }
 
+EXPORT fmi3Status fmi3GetOutputDerivatives(fmi3Instance p, const fmi3ValueReference v[], size_t n,
+                                           const fmi3Int32 orders[], fmi3Float64 to[], size_t m) {
+    Instance *c = p;
+    size_t count = 0;
+    CHECK(fmi3GetFloat64);
+    for (size_t i = 0; i < n; i++) {
+        if (v[i] >= N_ARRAY) return unknown(c, "Float64", v[i]);
+        count += (size_t)ARRAY[v[i]].count;
+    }
+    if (wrong_count(c, m, count) || !started(c)) return fmi3Error;
+    for (size_t i = 0; i < n; i++)
+        for (int k = 0; k < ARRAY[v[i]].count; k++)
+            if (no_derivative(c, ARRAY[v[i]].first + k, orders[i], to++)) return fmi3Error;
+    return fmi3OK;
+}
+
 EXPORT fmi3Status fmi3SetFloat64(fmi3Instance p, const fmi3ValueReference v[], size_t n, const fmi3Float64 from[],
                                  size_t m) {
     Instance *c = p;
@@ -257,7 +273,6 @@ REFUSED(fmi3GetVariableDependencies, fmi3ValueReference v, size_t i[], fmi3Value
         fmi3DependencyKind kinds[], size_t n)
 REFUSED(fmi3GetDirectionalDerivative, DERIVATIVE)
 REFUSED(fmi3GetAdjointDerivative, DERIVATIVE)
-REFUSED(fmi3GetOutputDerivatives, OF_VARIABLES, const fmi3Int32 orders[], double y[], size_t m)
 REFUSED(fmi3GetIntervalDecimal, OF_VARIABLES, double x[], fmi3IntervalQualifier q[])
 REFUSED(fmi3GetIntervalFraction, OF_VARIABLES, fmi3UInt64 x[], fmi3UInt64 y[], fmi3IntervalQualifier q[])
 REFUSED(fmi3GetShiftDecimal, OF_VARIABLES, double x[])

@@ -55,7 +55,7 @@ def document(
         providesAdjointDerivatives="false",
         providesPerElementDependencies="false",
         canHandleVariableCommunicationStepSize="true",
-        maxOutputDerivativeOrder="0",
+        maxOutputDerivativeOrder="1",
         providesIntermediateUpdate="false",
         mightReturnEarlyFromDoStep="false",
         canReturnEarlyAfterIntermediateUpdate="false",

@@ -51,6 +51,7 @@ def header(
         f"#define NUMBERS_MAGIC {json.dumps(MAGIC.decode())}",
         f"enum {{ NUMBERS_VERSION = {VERSION} }};",
         f"static const char *const NAME[] = {{ {quoted(port.name for port in variables)} }};",
+        f"static const double SHARE[] = {{ {', '.join([*(_share(port) for port in reals[:inputs]), '0.0'])} }};",
         f"static const Range RANGE[] = {{ {', '.join([*map(_range, parameters), '{ 0, 0, 0, 0 }'])} }};",
         f"static const Index INDEX[] = {{ {''.join(checks)}{{ 0, 0 }} }};",
         *_choices(strings),
@@ -67,6 +68,17 @@ def _range(port: Port) -> str:
         f"{'-' if bound < 0.0 else ''}INFINITY" if math.isinf(bound) else bound.hex() for bound in port.allowed[:2]
     )
     return f"{{ {int(port.causality == 'parameter')}, {', '.join(bounds)}, {json.dumps(port.allowed.text)} }}"
+
+
+def _share(port: Port) -> str:
+    """Share of a step over which the derivative of an input acts on its value for the step.
+
+    A mean wrench is the mean of the step before, so that of the next one is a whole step later; the mean of a value of
+    the beginning half a step. The derivatives of positions and orientations are inputs themselves.
+    """
+    if ".position." in port.name or ".orientation." in port.name:
+        return "0.0"
+    return "1.0" if "mean over the step" in port.text else "0.5"
 
 
 def _arrays(arrays: Sequence[ArrayVariable]) -> list[str]:

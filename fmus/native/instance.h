@@ -54,6 +54,9 @@ typedef struct { /* everything that changes during a run: saving it is copying i
     _Alignas(64) double state[N_STATE];
     int64_t counter[N_COUNTER + 1], choice[N_STRING + 1];
     double value[N_REAL + 1], now; /* end of the last step, s; NaN: not known */
+    double before[N_OUTPUT + 1], last; /* outputs one step ago; length of that step, s, 0: there was none */
+    double slope[N_INPUT + 1]; /* derivatives of inputs for the next step, if sloped */
+    int64_t sloped;
     int32_t phase, stale, links_stale, status;
     uint64_t numbers; /* checksum of the numbers of the instance that it belongs to */
 } Data;
@@ -199,6 +202,7 @@ static int refresh(Instance *c, const char *when, double t) {
         return 1;
     }
     if (!finite(y, N_OUTPUT) && not_finite(c, N_INPUT, y, N_OUTPUT, "output", when, t)) return 1;
+    memcpy(d->before, d->value + N_INPUT, N_OUTPUT * sizeof *y);
     memcpy(d->value + N_INPUT, y, N_OUTPUT * sizeof *y);
     d->links_stale = N_LINK > 0;
     warn(c);
@@ -247,6 +251,7 @@ static int initialise(Instance *c) {
     }
     if (refresh(c, "at the start", 0.0)) return 1;
     d->stale = 0;
+    d->last = 0.0;
     return 0;
 }
 
@@ -255,19 +260,23 @@ static Status step(Instance *c, double t, double h) {
     int64_t failed = 0;
     struct raised *e = 0;
     char text[LONGEST];
-    if (!finite(d->value, N_INPUT) && not_finite(c, 0, d->value, N_INPUT, "input", "@", t)) {
+    double u[N_INPUT + 1];
+    for (int i = 0; i < N_INPUT; i++) u[i] = d->sloped ? d->value[i] + SHARE[i] * h * d->slope[i] : d->value[i];
+    if (!finite(u, N_INPUT) && not_finite(c, 0, u, N_INPUT, "input", "@", t)) {
         d->status = FAILED;
         return STATUS_DISCARD;
     }
     memcpy(c->state_before, d->state, sizeof c->state_before);
     memcpy(c->counter_before, d->counter, sizeof c->counter_before);
     d->status = 0;
-    if (c->run->step(&failed, &e, OF(c), c->messages, t, h, d->value)) {
+    if (c->run->step(&failed, &e, OF(c), c->messages, t, h, u)) {
         snprintf(text, sizeof text, "at t = %g s a kernel raised an exception", t);
     } else if (failed) {
         fill(text, sizeof text, FAILURE[failed], c->messages);
     } else if (!refresh(c, "@", t + h)) {
         d->now = t + h;
+        d->last = h;
+        d->sloped = 0;
         return STATUS_OK;
     } else {
         text[0] = 0; /* already logged */
@@ -406,6 +415,16 @@ static Status settable_real(Instance *c, int64_t at, double value) {
     return STATUS_OK;
 }
 
+/* Derivative of an output: its change over the last step by the length of that; 1: it has none. */
+static int no_derivative(Instance *c, int64_t at, int order, double *to) {
+    if (order != 1 || at < N_INPUT || at >= FIRST_LINK) {
+        refuse(c, "'%s' has no derivative of order %d: outputs but those of links have one of order 1", NAME[at], order);
+        return 1;
+    }
+    *to = c->d.last > 0.0 ? (c->d.value[at] - c->d.before[at - N_INPUT]) / c->d.last : 0.0;
+    return 0;
+}
+
 static int64_t integer_value(Instance *c, int64_t i) { return i < N_COUNTER ? c->d.counter[i] : c->d.status; }
 
 static const char *string_value(Instance *c, int64_t i) { return CHOICE[i].names[c->d.choice[i]]; }
@@ -458,7 +477,8 @@ static int impossible(const Data *s) { /* 1: no instance has this state */
         double at = s->state[INDEX[i].place];
         if (!(at >= 0.0 && at < INDEX[i].count && at == floor(at))) return 1;
     }
-    return !finite(s->state, N_STATE) || !finite(s->value + N_INPUT, N_OUTPUT + N_LINK);
+    return !finite(s->state, N_STATE) || !finite(s->value + N_INPUT, N_OUTPUT + N_LINK) || !finite(s->before, N_OUTPUT) ||
+           !finite(s->slope, N_INPUT) || !(s->last >= 0.0 && isfinite(s->last));
 }
 
 static Status set_state(Instance *c, const void *from) {

@@ -44,6 +44,7 @@ from fmus.vehicles.vehicle import number_meanings
 
 NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the entries rely on
 INCLUDED = ("numba",)  # distributions of which a library has compiled functions
+DERIVATIVES = {"canInterpolateInputs": "true", "maxOutputDerivativeOrder": "1"}  # of CoSimulation
 CATEGORIES = {
     "logStatusWarning": "Messages of a step that was done but needs a look.",
     "logStatusDiscard": "Messages of a step that could not be done: the instance is as before it.",
@@ -230,6 +231,7 @@ class _Component:
         if self.arrays is None:
             continuous = sum(port.causality in ("input", "output") for port in self.ports[: self.reals])
             root = document(self.kind, variables=self.ports, reals=self.reals, continuous=continuous, **about)
+            root[0].attrib |= DERIVATIVES
         else:
             others = self.ports[self.reals :]
             root = fmi3_description.document(self.kind, arrays=self.arrays, others=others, **about)

@@ -9,7 +9,9 @@ import numpy as np
 
 from fmus.drives import mount, shaft
 from fmus.drives.motor import SPEED, DriveParameters, find_contradiction, speed_profile
+from fmus.interface import wrenches
 from fmus.interface.model import MOST_STEPS, no_rotation
+from fmus.interface.ports import STATE
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
@@ -27,6 +29,8 @@ class Parts(NamedTuple):
     unconnected: np.ndarray  # (13) start values of the mount's inputs: a mount that has them is moved by nothing
     rest_motion: np.ndarray  # (13) motion at rest of a mount that nothing moves
     inputs: np.ndarray  # (inputs) inputs as the step uses them
+    extrapolate: int  # 1: the received wrench is extrapolated
+    received: np.ndarray  # wrenches of the last steps, see ``interface.wrenches``
     state: np.ndarray  # flat, see README.md
     counters: np.ndarray  # (2) int: solver.steps, solver.evaluations
 
@@ -52,6 +56,9 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     p, x, inputs = c.drive, c.state, c.inputs
     for i in range(u.size):
         inputs[i] = u[i]
+    if c.extrapolate == 1:
+        wrenches.expected(c.received, u, STATE, h, inputs)
+    wrenches.keep(c.received, u, STATE, h)
     mount.rest_if_unconnected(inputs, 0, c.unconnected, c.rest_motion, 0, c.counters[0])
     if no_rotation(messages[0], t, 0, inputs, 3):
         return BAD_QUATERNION

@@ -19,6 +19,7 @@ from fmus.drives.parameters import (
     mount_ports,
     torque_demand_port,
 )
+from fmus.interface import wrenches
 from fmus.interface.defaults import configured_ports, parameter_values
 from fmus.interface.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.interface.ports import STATE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
@@ -38,6 +39,7 @@ def parameter_ports(follows: bool) -> list[Port]:
         *start_pose_ports(),
         Port("start.lateral", "parameter", "m", "lateral position of the mount beside its place as built"),
         *mount_ports(),
+        wrenches.extrapolate_port(),
         *motor_ports(),
     ]
 
@@ -93,7 +95,7 @@ class Model(ComponentModel):
         self.unconnected = np.array([port.start for port in self.ports[:STATE]])
         self.rest_motion = self.unconnected.copy()
         self.inputs = STATE + WRENCH + sum(self._demands)
-        self.state: Floats = np.zeros(WIDTH)
+        self.state: Floats = np.zeros(WIDTH + wrenches.received(WRENCH))
         self.counters = np.zeros(2, dtype=np.int64)
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
@@ -103,13 +105,15 @@ class Model(ComponentModel):
         self.drive = drive_parameters(values, self.inertia, demand, torque_demand=with_torque)
         self.counters[:] = 0
         inputs = np.zeros(self.inputs)
-        parts = Parts(self.drive, self._mount, self.unconnected, self.rest_motion, inputs, self.state, self.counters)
+        extrapolate, received = wrenches.CHOICES.index(values["extrapolate"]), self.state[WIDTH:]
+        parts = Parts(self.drive, self._mount, self.unconnected, self.rest_motion, inputs, extrapolate, received,
+                      self.state, self.counters)  # fmt: skip
         self.begin(values, parts)
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but tables of points, and the spin inertia."""
-        inertia = {"drive.inertia": "{sprocket.spin_inertia}"}
-        return FreeParameters(free_numbers(p, self._demands, "drive") | inertia, self.start_parameters)
+        own = {"drive.inertia": "{sprocket.spin_inertia}", "extrapolate": "{extrapolate}"}
+        return FreeParameters(free_numbers(p, self._demands, "drive") | own, self.start_parameters)
 
     @property
     def shafts(self) -> tuple[DriveParameters, ...]:

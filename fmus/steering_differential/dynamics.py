@@ -9,7 +9,9 @@ import numpy as np
 
 from fmus.drives import mount, shaft
 from fmus.drives.motor import CONTRADICTIONS, SPEED, DriveParameters, find_contradiction, speed_profile
+from fmus.interface import wrenches
 from fmus.interface.model import MOST_STEPS, no_rotation
+from fmus.interface.ports import STATE
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
@@ -77,6 +79,8 @@ class Parts(NamedTuple):
     unconnected: np.ndarray  # (inputs) start values: a mount that has them is moved by nothing
     rest_motion: np.ndarray  # (inputs) motions at rest of mounts that nothing moves
     inputs: np.ndarray  # (inputs) inputs as the step uses them
+    extrapolate: int  # 1: received wrenches are extrapolated
+    received: np.ndarray  # (2, k) wrenches of the last steps of each side, see ``interface.wrenches``
     state: np.ndarray  # flat, see README.md
     counters: np.ndarray  # (2) int: solver.steps, solver.evaluations
 
@@ -92,7 +96,7 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
     if refusal:
         return CONTRADICTIONS + refusal
     x[:] = 0.0
-    propulsion, steering = x[PROPULSION:STEERING], x[STEERING:]
+    propulsion, steering = x[PROPULSION:STEERING], x[STEERING:SIZE]
     shaft.start_shaft(g.propulsion, propulsion, p[AFTER_POSE])
     shaft.start_shaft(g.steering, steering, 0.0)
     for k in range(2):
@@ -110,6 +114,9 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     for i in range(u.size):
         inputs[i] = u[i]
     for k in range(2):
+        if c.extrapolate == 1:
+            wrenches.expected(c.received[k], u, k * SIDE + STATE, h, inputs)
+        wrenches.keep(c.received[k], u, k * SIDE + STATE, h)
         mount.rest_if_unconnected(inputs, k * SIDE, c.unconnected, c.rest_motion, k * SIDE, c.counters[0])
     for k in range(2):
         if no_rotation(messages[0], t, k, inputs, k * SIDE + 3):
@@ -132,7 +139,7 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
 @kernel
 def advance(g: Gearbox, x: Floats, t: float, h: float, propulsion_steps: int, steering_steps: int, u: Floats) -> None:
     """Advance x in place by ``h`` s; ``propulsion_steps``, ``steering_steps``: internal steps."""
-    left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:]
+    left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:SIZE]
     if g.propulsion.lag > 0.0:
         left_speed, right_speed, torques = u[2 * SIDE], u[2 * SIDE + 1], (0.0, 0.0)
         if u.size > 2 * SIDE + 2:

@@ -18,9 +18,10 @@ from fmus.drives.parameters import (
     mount_ports,
     torque_demand_port,
 )
+from fmus.interface import wrenches
 from fmus.interface.defaults import configured_ports, parameter_values
 from fmus.interface.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
-from fmus.interface.ports import STATE, Port, motion_ports, start_pose_ports, wrench_ports
+from fmus.interface.ports import STATE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
 from fmus.interface.sentences import Sentence
 from fmus.kernels.jit import plain
 from fmus.physics.arrays import Floats
@@ -51,7 +52,14 @@ def parameter_ports(follows: bool) -> list[Port]:
     """Parameters of a differential; ``follows``: it follows demands."""
     speeds = "mean of both speeds against the mounts", "speed of the right less the left sprocket"
     motors = [motor_ports(*motor, speed) for motor, speed in zip(BODIES.items(), speeds, strict=True)]
-    return [*([lag_port()] if follows else []), *start_pose_ports(), *mount_ports(), *motors[0], *motors[1]]
+    return [
+        *([lag_port()] if follows else []),
+        *start_pose_ports(),
+        *mount_ports(),
+        wrenches.extrapolate_port(),
+        *motors[0],
+        *motors[1],
+    ]
 
 
 def connector_ports(mounts: Mapping[str, tuple[float, ...]], demands: tuple[bool, bool]) -> list[Port]:
@@ -141,7 +149,7 @@ class Model(ComponentModel):
         self.unconnected = np.array(inputs)
         self._rest_motions = self.unconnected.copy()
         self.gearbox: Gearbox
-        self.state: Floats = np.zeros(SIZE)
+        self.state: Floats = np.zeros(SIZE + len(SIDES) * wrenches.received(WRENCH))
         self.counters = np.zeros(2, dtype=np.int64)
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
@@ -155,9 +163,11 @@ class Model(ComponentModel):
         )
         self.counters[:] = 0
         inputs = np.zeros(self.inputs)
+        extrapolate, received = wrenches.CHOICES.index(values["extrapolate"]), self.state[SIZE:].reshape(len(SIDES), -1)
         parts = Parts(
-            self.gearbox, self._mounts, self.unconnected, self._rest_motions, inputs, self.state, self.counters
-        )
+            self.gearbox, self._mounts, self.unconnected, self._rest_motions, inputs, extrapolate, received,
+            self.state, self.counters,
+        )  # fmt: skip
         self.begin(values, parts)
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
@@ -165,7 +175,8 @@ class Model(ComponentModel):
         shafts = (
             free_numbers(p, self._demands, f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering")
         )
-        return FreeParameters({place: how for shaft in shafts for place, how in shaft.items()}, self.start_parameters)
+        numbers = {place: how for shaft in shafts for place, how in shaft.items()}
+        return FreeParameters(numbers | {"extrapolate": "{extrapolate}"}, self.start_parameters)
 
     @property
     def shafts(self) -> tuple[DriveParameters, ...]:

@@ -14,7 +14,6 @@ import numpy as np
 from fmus.interface.defaults import parameter_values
 from fmus.interface.model import ComponentModel, FreeParameters, InvalidParameter
 from fmus.interface.ports import STATE, Port
-from fmus.interface.sentences import Sentence
 from fmus.kernels.jit import plain
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
@@ -31,7 +30,8 @@ from fmus.physics.wheels import WIDTH, read_states
 from fmus.start import FRAME, HEIGHT, KEYS, LEVEL, StartPose, part_at_rest, start_pose
 from fmus.track import link_outputs, steps
 from fmus.track.choices import ADAMS, DORMAND_PRINCE, EXPLICIT, EXPLICITLY, HHT, IMPLICIT
-from fmus.track.failures import OFF_ITS_PLACE, RUT_SENTENCE, WARNING_SENTENCES, failure_sentences
+from fmus.track.failures import WARNINGS, failure_sentences, warning_sentences
+from fmus.track.motions import exchange_size
 from fmus.track.ports import start_stance, track_ports
 from fmus.track.start import LaidChain, drawn, drawn_keys
 
@@ -48,7 +48,6 @@ class TrackModel(LaidChain, ComponentModel):
     start_kernel, step_kernel = staticmethod(steps.begin), staticmethod(steps.implicit)
     output_kernel, link_output_kernel = staticmethod(steps.write_outputs), staticmethod(steps.write_link_outputs)
     start_parameters = *KEYS, "start.lateral"
-    warning_sentences: tuple[Sentence, ...] = WARNING_SENTENCES
     plane = 0  # 1: links that stay in their plane
     State: Any  # class of the state's views
     link: Any  # parameters of the links
@@ -97,9 +96,7 @@ class TrackModel(LaidChain, ComponentModel):
         names = [wheel["name"] for wheel in self.wheel_list]
         self.failures = failure_sentences(names)
         self.ground_memory = self._ground_memory()
-        self.warning_sentences = (*WARNING_SENTENCES, Sentence(OFF_ITS_PLACE, tuple(names)))
-        if self.ground_memory != state.HARD:
-            self.warning_sentences += (RUT_SENTENCE,)
+        self.warning_sentences = warning_sentences(names, self.ground_memory != state.HARD)
         self.allocate()
 
     def _ground_memory(self) -> state.GroundMemory:
@@ -115,9 +112,11 @@ class TrackModel(LaidChain, ComponentModel):
         """Allocate the zeroed state and its views; again where a parameter changes the size of the chain."""
         shapes = self.shapes()
         size = state.size(shapes)
-        self.state = np.zeros(size + REPORT + len(steps.WARNINGS))
+        warned = size + REPORT + len(WARNINGS)
+        self.state = np.zeros(warned + exchange_size(len(self.wheel_list)))
         self.s = state.views(self.State, shapes, self.state[:size])
-        self.report, self.given_warnings = self.state[size : size + REPORT], self.state[size + REPORT :]
+        self.report, self.given_warnings = self.state[size : size + REPORT], self.state[size + REPORT : warned]
+        self.exchange = self.state[warned:]
 
     def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of this kind of links alone."""
@@ -194,6 +193,10 @@ class TrackModel(LaidChain, ComponentModel):
                     start_rows=self.start_rows,
                     rows=self.rows,
                     given_warnings=self.given_warnings,
+                    exchange=self.exchange,
+                    mean=self.s.mean[: len(self.rows)],
+                    report=self.report,
+                    weight=self.links_count * float(self.vehicle["track"]["mass"]) * float(self.config["gravity"]),
                     counters=self.counters,
                     interval=self.interval,
                 ),

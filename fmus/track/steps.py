@@ -7,8 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.interface.model import no_rotation, not_given, too_many_steps
-from fmus.interface.ports import STATE
 from fmus.interface.sentences import GAPS
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
@@ -18,13 +16,11 @@ from fmus.physics.chain.implicit import advance
 from fmus.physics.chain.integration import CommunicationStep, Environment, IntegrationOutcome
 from fmus.physics.chain.interface import fibres, observe_links, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
-from fmus.physics.chain.report import REJECTED, REPORT, STEPS
+from fmus.physics.chain.report import REJECTED, REPORT
 from fmus.physics.chain.state import FORGOTTEN
-from fmus.physics.elementary import acos
-from fmus.physics.vector import add, dot, scale, vector
-from fmus.physics.wheels import WIDTH, read_state, to_world
+from fmus.physics.wheels import WIDTH, to_world
 from fmus.start import AFTER_POSE, FRAME, lay_frame
-from fmus.track.failures import APART, ASKEW, ELSEWHERE, NO_WHEEL, OF_EXPLICIT, OF_IMPLICIT, TOO_LONG, TURNED
+from fmus.track.failures import FORGOTTEN_RUT, HALVED, OF_EXPLICIT, OF_IMPLICIT, WARNINGS
 from fmus.track.link_outputs import (
     AXIS,
     DEPTH,
@@ -39,19 +35,9 @@ from fmus.track.link_outputs import (
     WHEELS,
     LinkArrays,
 )
+from fmus.track.motions import exchange_size, read_wheels
 
-# Cosine of the angle between a wheel's axis and the pins of links that stay in their plane:
-ALIGNED = 0.9999939076577904  # cos 0.2 deg: a larger angle is a warning, because the plane of the links holds back
-OUT_OF_PLANE = 0.9961946980917455  # cos 5 deg: a larger angle is a failure, because the results are wrong
 MOST_HALVINGS = 5  # halvings in one communication step, more of which are a warning
-MOST_TURNED = 0.9999143275740072  # cosine of the angle (0.75 deg) by which wheels may be turned at the start
-# Pitches by which a wheel is off its place at the start, beside the play of the guides: more than the first are a
-# warning, more than the second, which change the mean tension by 1.5 %, a failure.
-NOTICED, MISPLACED = 1e-3, 0.02
-MOST_APART = 5.0  # pitches by which the distance of a wheel from the first one may differ from that at the start
-HALVED, TILTED = WARNINGS = range(2)  # warnings, each given once: flags at the end of the state
-# Warnings without such a flag: of the first step alone; of a track on soil alone, whose flag is in the rut
-OFF_ITS_PLACE, FORGOTTEN_RUT = 2, 3
 
 
 class CommonData(NamedTuple):
@@ -65,6 +51,10 @@ class CommonData(NamedTuple):
     start_rows: np.ndarray  # (wheels, 15) states of the wheels round which the chain was laid out
     rows: np.ndarray  # (wheels, 15) states of the wheels now
     given_warnings: np.ndarray  # (WARNINGS) 1 for warnings that were given
+    exchange: np.ndarray  # see ``exchange``
+    mean: np.ndarray  # (wheels, 6) mean wrenches of the last step
+    report: np.ndarray
+    weight: float  # of the chain, N
     counters: np.ndarray  # int
     interval: float  # communication steps over which link outputs are averaged
 
@@ -94,7 +84,10 @@ def parts_without_contacts(
 ) -> tuple[Parts, Floats]:
     """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
     none = np.zeros((0, WIDTH))
-    common = CommonData(longest, 0, 0.0, 0.0, np.zeros(FRAME), none, none, np.zeros(len(WARNINGS)), counters, 1.0)
+    exchange, flags = np.zeros(exchange_size(0)), np.zeros(len(WARNINGS))
+    common = CommonData(
+        longest, 0, 0.0, 0.0, np.zeros(FRAME), none, none, flags, exchange, none, report, 0.0, counters, 1.0
+    )
     return Parts(link, None, environment, scheme, common, s, work, report), np.zeros((1 + len(WARNINGS), GAPS + 1))
 
 
@@ -135,7 +128,7 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
 def implicit(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     """Implicit step, see ``interface.model.ComponentModel``; u: motions of the wheels (13 each); empty: unchanged."""
     common = c.common
-    refusal = _read_wheels(common, messages, t, h, u)
+    refusal = read_wheels(common, messages, t, h, u)
     if refusal:
         return refusal
     counters = common.counters
@@ -174,7 +167,7 @@ def warn_of_rut(rut: Floats, messages: Floats, t: float) -> None:
 def explicit(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     """Explicit Runge-Kutta step; arguments and result as of ``implicit``."""
     common = c.common
-    refusal = _read_wheels(common, messages, t, h, u)
+    refusal = read_wheels(common, messages, t, h, u)
     if refusal:
         return refusal
     on_links.begin_interval(c.s, common.interval)
@@ -188,7 +181,7 @@ def explicit(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
 def adams(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     """Step by Adams' methods; arguments and result as of ``implicit``."""
     common = c.common
-    refusal = _read_wheels(common, messages, t, h, u)
+    refusal = read_wheels(common, messages, t, h, u)
     if refusal:
         return refusal
     on_links.begin_interval(c.s, common.interval)
@@ -202,7 +195,7 @@ def adams(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
 def dormand_prince(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     """Step by the method of Dormand and Prince; arguments and result as of ``implicit``."""
     common = c.common
-    refusal = _read_wheels(common, messages, t, h, u)
+    refusal = read_wheels(common, messages, t, h, u)
     if refusal:
         return refusal
     on_links.begin_interval(c.s, common.interval)
@@ -221,109 +214,6 @@ def _failure(c: Parts, messages: Floats, t: float, h: float, outcome: Integratio
         messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, c.common.longest
         return OF_EXPLICIT[failure]
     return 0
-
-
-@kernel
-def _read_wheels(c: CommonData, messages: Floats, t: float, h: float, u: Floats) -> int:
-    """Read the wheels from the inputs and check them; 0, or the failure."""
-    if too_many_steps(messages[0], t, h, c.longest):
-        return TOO_LONG
-    cosine = 1.0
-    for k in range(u.size // STATE):
-        if not_given(c.counters[STEPS], u, STATE * k + 3):
-            for i in range(WIDTH):
-                c.rows[k, i] = c.start_rows[k, i]
-        elif not read_state(u[STATE * k : STATE * k + STATE], c.frame, c.rows[k]):
-            no_rotation(messages[0], t, k, u, STATE * k + 3)
-            return NO_WHEEL
-        else:
-            cosine = min(cosine, dot(vector(c.rows[k], 9), vector(c.start_rows[k], 9)))
-    failure = 0
-    if c.counters[STEPS] == 0 and u.size > 0:
-        failure = _check_places(c, messages, t, min(cosine, _turned(c.rows, c.start_rows)))
-    if failure == 0:
-        failure = _check_distances(c, messages, t, u.size // STATE)
-    if failure == 0 and c.plane == 1 and u.size > 0:
-        failure = _check_axes(c, messages, t)
-    return failure
-
-
-@kernel
-def _check_places(c: CommonData, messages: Floats, t: float, cosine: float) -> int:
-    """Compare the wheels of the first step with those of the start; 0, or the failure.
-
-    ``cosine``: of the largest angle by which they are turned.
-    """
-    farthest, wheel = 0.0, 0
-    for k in range(c.rows.shape[0]):
-        distance_squared = 0.0
-        for i in range(3):
-            off = abs(c.rows[k, i] - c.start_rows[k, i])
-            distance_squared += max(off - (c.play if i == 1 else 0.0), 0.0) ** 2
-        deviation = np.sqrt(distance_squared)
-        if deviation > farthest:
-            farthest, wheel = deviation, k
-    if farthest <= c.pitch and not cosine > MOST_TURNED:
-        messages[0, 0], messages[0, 1] = t, acos(max(cosine, -1.0)) * 180.0 / np.pi
-        return TURNED
-    if farthest > NOTICED * c.pitch:
-        refused = farthest > MISPLACED * c.pitch
-        row, at = (0, 0) if refused else (1 + OFF_ITS_PLACE, 1)
-        messages[row, at], messages[row, at + 1], messages[row, at + 2] = t, wheel, farthest
-        for i in range(3):
-            messages[row, at + 3 + i] = c.rows[wheel, i] - c.start_rows[wheel, i]
-        if refused:
-            return ELSEWHERE
-        messages[row, 0] = 1.0
-    return 0
-
-
-@kernel
-def _check_distances(c: CommonData, messages: Floats, t: float, wheels: int) -> int:
-    """Compare the distances of the ``wheels`` from the first one with those at the start; 0, or the failure."""
-    for k in range(1, wheels):
-        distance, start_distance = _distance(c.rows, k), _distance(c.start_rows, k)
-        if not abs(distance - start_distance) < MOST_APART * c.pitch:
-            messages[0, 0], messages[0, 1], messages[0, 2] = t, k, distance
-            messages[0, 3], messages[0, 4] = start_distance, 0
-            return APART
-    return 0
-
-
-@kernel
-def _check_axes(c: CommonData, messages: Floats, t: float) -> int:
-    """Compare the axes of the wheels with the pins of links that stay in their plane; 0, or the failure."""
-    cosine = 1.0
-    for k in range(c.rows.shape[0]):
-        cosine = min(cosine, abs(c.rows[k, 10]))
-    deviation = acos(cosine) * 180.0 / np.pi
-    if cosine < OUT_OF_PLANE:
-        messages[0, 0], messages[0, 1] = t, deviation
-        return ASKEW
-    if cosine < ALIGNED and c.given_warnings[TILTED] == 0.0:
-        c.given_warnings[TILTED] = messages[1 + TILTED, 0] = 1.0
-        messages[1 + TILTED, 1], messages[1 + TILTED, 2] = deviation, t
-    return 0
-
-
-@kernel
-def _turned(rows: Floats, start_rows: Floats) -> float:
-    """Cosine of the angle between the longest line from the first wheel to another one and that at the start."""
-    last = 0
-    for k in range(1, rows.shape[0]):
-        if _distance(start_rows, k) > _distance(start_rows, last):
-            last = k
-    if _distance(start_rows, last) == 0.0:
-        return 1.0
-    line = add(vector(rows[last], 0), scale(-1.0, vector(rows[0], 0)))
-    start_line = add(vector(start_rows[last], 0), scale(-1.0, vector(start_rows[0], 0)))
-    return dot(line, start_line) / np.sqrt(dot(line, line) * dot(start_line, start_line))
-
-
-@kernel
-def _distance(rows: Floats, k: int) -> float:
-    """Distance of wheel k from the first one, m."""
-    return np.sqrt((rows[k, 0] - rows[0, 0]) ** 2 + (rows[k, 1] - rows[0, 1]) ** 2 + (rows[k, 2] - rows[0, 2]) ** 2)
 
 
 @allocating

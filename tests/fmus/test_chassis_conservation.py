@@ -161,4 +161,4 @@ def test_left_side_alone_runs_as_both_sides_driven_alike():
     half, whole = driven(["left"]), driven(["left", "right"])
     assert len(half.inputs) == 42
     assert not [name for name in half.names if name.startswith("right")]
-    assert np.allclose(half.model.state, whole.model.state, rtol=1e-12, atol=1e-12)
+    assert np.allclose(half.model.integrated, whole.model.integrated, rtol=1e-12, atol=1e-12)

@@ -11,11 +11,12 @@ from named_ports import parameters
 
 import fmus.track_rigid.model as track_rigid
 from fmus.interface.model import InvalidParameter, StepFailed
-from fmus.interface.sentences import GAPS, format_sentence
+from fmus.interface.sentences import GAPS, Sentence, format_sentence
 from fmus.physics.chain.flexible.cables import LAYOUT
 from fmus.physics.chain.report import EVALUATIONS, KINETIC, REJECTED, REPORT, SPEED, STEPS, STRAIN, T_MAX, TRAVEL
 from fmus.physics.wheels import read_states
-from fmus.track.steps import HALVED, warn_of_halvings
+from fmus.track.failures import HALVED, WARNING_TEXTS
+from fmus.track.steps import warn_of_halvings
 from fmus.track_flexible.model import Model
 
 
@@ -266,7 +267,7 @@ def test_soft_and_hard_chains_find_their_rest(young):
 
 @pytest.mark.parametrize(("halved", "said"), [(5, 0), (6, 1)])
 def test_a_step_halved_again_and_again_is_told_once(halved, said):
-    messages, given_warnings, sentence = np.zeros((3, GAPS + 1)), np.zeros(2), Model.warning_sentences[HALVED]
+    messages, given_warnings, sentence = np.zeros((3, GAPS + 1)), np.zeros(4), Sentence(WARNING_TEXTS[HALVED])
     warn_of_halvings(given_warnings, messages, 0.5, halved)
     assert messages[1 + HALVED, 0] == given_warnings[HALVED] == said
     assert not said or "halved 6 times from t = 0.5 s on" in format_sentence(sentence, messages[1 + HALVED, 1:])
