@@ -51,12 +51,20 @@ def load_ssp(file: Path, track: str | None, settings: Sequence[str] | Mapping[st
     if structure.stop is None and "run.stop" not in dict(pairs(settings)):
         raise BadInput(f"{where}: its DefaultExperiment has no stopTime: give --stop")
     scene = _own_scene(structure, where)
-    table = _free_table(structure) if scene is None else scene.resolved()
+    table = _free_table(structure) if scene is None else _with_times(scene.resolved(), structure)
     changed = changed_scene(table, settings, where)
     if isinstance(changed, FreeScene) and (more := changed.fmu.keys() - structure.fmus.keys()):
         name = min(more)
         raise BadInput(f"{where}: fmu.{name}: no such component: {hint(name, structure.fmus, 'the components are')}")
     return changed.read_from(where, dict(pairs(settings)))
+
+
+def _with_times(table: dict[str, Any], structure: Structure) -> dict[str, Any]:
+    """Table of a scene of ours with the times of the archive's DefaultExperiment, which may have been edited."""
+    times = {"start": structure.start}
+    if structure.stop is not None:
+        times["stop"] = structure.stop - structure.start
+    return {**table, "run": {**table["run"], **times}}
 
 
 def _free_table(structure: Structure) -> dict[str, Any]:

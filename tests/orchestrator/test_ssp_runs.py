@@ -107,6 +107,26 @@ def test_values_of_the_archive_count(chain, tmp_path):
     assert same.parameters == {}
 
 
+def test_times_of_the_archive_count(chain, tmp_path):
+    """An edited DefaultExperiment: the run has its start and stop."""
+    edited = tmp_path / "edited.ssp"
+    with zipfile.ZipFile(chain) as old, zipfile.ZipFile(edited, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "SystemStructure.ssd":
+                assert b'startTime="0.0" stopTime="0.02"' in content
+                content = content.replace(b'startTime="0.0" stopTime="0.02"', b'startTime="1.0" stopTime="1.01"')
+            new.writestr(name, content)
+    scene = load_ssp(edited, None, [])
+    assert isinstance(scene, Scene)
+    assert (scene.run.start, scene.run.stop) == (1.0, pytest.approx(0.01))
+    summary = simulate(scene, tmp_path / "edited.mcap")
+    assert summary["status"] == "ok", summary["message"]
+    with Log(tmp_path / "edited.mcap") as log:
+        assert RunData(log).span == pytest.approx((0.0, 0.01))
+    assert load_ssp(edited, None, ["run.stop=5 ms"]).run.stop == 5e-3
+
+
 def test_another_part_makes_a_free_system(chain, tmp_path, caplog):
     assert isinstance(load_ssp(chain, None, ()), Scene)
     assert not caplog.messages
