@@ -32,6 +32,7 @@ def cotrack(site, folder, *arguments):
 def test_wheel_has_scenes_vehicles_and_pages_only(unpacked):
     assert (unpacked / "orchestrator" / "gallery" / "straight.toml").is_file()
     assert (unpacked / "fmus" / "vehicles" / "m113.toml").is_file()
+    assert len([*unpacked.glob("**/*.png")]) == len([*unpacked.glob("fmus/*/icon.png")]) == 6
     assert (unpacked / "orchestrator" / "py.typed").is_file()
     assert (unpacked / "fmus" / "py.typed").is_file()
     assert (unpacked / "cotrack" / "py.typed").is_file()

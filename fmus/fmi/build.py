@@ -41,7 +41,7 @@ from fmus.cache.files import (
 from fmus.cache.sources import ROOT, search_path, source_hash, sources
 from fmus.components import KINDS, model_of
 from fmus.fmi.description import experiment_attributes
-from fmus.fmi.documentation import documentation, key_parts, readme_beside
+from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
 from fmus.interface import numbers
 from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment
 from fmus.interface.model import InvalidParameter
@@ -198,7 +198,7 @@ def _digest(shell: Shell, packages: Sequence[Path]) -> str:
     shape = json_text(shell.config if shell.shape is None else shell.shape, script.stem)
     parts = [version("pythonfmu"), source_hash(), script.name, script.read_text(encoding="utf-8"), shape]
     parts += [f"{package.name} {source_hash(package)}" for package in packages]
-    parts += key_parts(readme_beside(script), INCLUDED)
+    parts += [*key_parts(readme_beside(script), INCLUDED), icon_beside(script).hex()]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
@@ -314,7 +314,8 @@ def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Ite
     for shell, target in zip(shells, described, strict=True):
         with zipfile.ZipFile(target) as fmu:
             files = {name: fmu.read(name) for name in fmu.namelist()}
-        yield archive(files | documentation(files[DESCRIPTION], readme_beside(shell.script), INCLUDED))
+        files |= documentation(files[DESCRIPTION], readme_beside(shell.script), INCLUDED)
+        yield archive(files | icon_files(shell.script, 2))
 
 
 def archive(files: Mapping[str, bytes], comment: bytes = bytes(CHECKSUM)) -> bytes:

@@ -1,4 +1,4 @@
-"""Documentation and licences of an FMU (FMI 2.0.4, section 2.3): files of its folder ``documentation``.
+"""Documentation, licences and icon of an FMU (FMI 2.0.4, section 2.3): its folder ``documentation``, and a picture.
 
 The page has the README of the component, the page on coupling, and a table of the variables, without links to other
 files.
@@ -38,6 +38,18 @@ def readme_beside(script: Path) -> str:
     """README of the folder of an FMU's shell, then the page on coupling one level above; empty where there is none."""
     pages = (script.with_name("README.md"), script.parents[1] / "coupling.md")
     return "\n\n".join(page.read_text(encoding="utf-8") for page in pages if page.is_file())
+
+
+def icon_beside(script: Path) -> bytes:
+    """Icon of the folder of an FMU's shell, PNG; empty where there is none."""
+    icon = script.with_name("icon.png")
+    return icon.read_bytes() if icon.is_file() else b""
+
+
+def icon_files(script: Path, fmi: int) -> dict[str, bytes]:
+    """Icon of an FMU of FMI 2 or 3, by its name in the archive."""
+    icon = icon_beside(script)
+    return {"model.png" if fmi == 2 else "terminalsAndIcons/icon.png": icon} if icon else {}
 
 
 def key_parts(readme: str, included: Sequence[str]) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from fmus.cache.sources import ROOT, source_hash
 from fmus.components import KINDS, model_of
 from fmus.fmi.build import DESCRIPTION, DIGITS, SHAPE, BuildFailed, archive, build_once, json_text, packed_config
 from fmus.fmi.description import document
-from fmus.fmi.documentation import documentation, key_parts, readme_beside
+from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
 from fmus.interface import numbers
 from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment, parameter_values
 from fmus.interface.model import InvalidParameter
@@ -76,7 +76,14 @@ def build_native(
     platforms = (LINUX, WINDOWS) if windows else (LINUX,)
     config = packed_config(kind, config)
     tools = _tools(fmi, platforms)
-    texts = [*key_parts(readme_beside(ROOT / KINDS[kind]), INCLUDED), *tools, kind, json_text(config, kind)]
+    script = ROOT / KINDS[kind]
+    texts = [
+        *key_parts(readme_beside(script), INCLUDED),
+        icon_beside(script).hex(),
+        *tools,
+        kind,
+        json_text(config, kind),
+    ]
     return build_once(_digest(texts)[:DIGITS], f"{name or kind}.fmu",
                       lambda: _Component(kind, config, fmi, tools).fmu(platforms), folder)  # fmt: skip
 
@@ -200,7 +207,8 @@ class _Component:
             libraries[f"binaries/{platform.fmi3_folder if fmi3 else platform.folder}/{library}"] = content
         description = self._description()
         files = {DESCRIPTION: description, **libraries}
-        files |= documentation(description, readme_beside(ROOT / KINDS[self.kind]), INCLUDED)
+        script = ROOT / KINDS[self.kind]
+        files |= documentation(description, readme_beside(script), INCLUDED) | icon_files(script, self.fmi)
         files |= {f"resources/{numbers_file.FILE}": self.numbers(), f"resources/{SHAPE}": self.shape.encode()}
         return archive(files | (fmi3_description.terminal_files(self.arrays) if self.arrays is not None else {}))
 

@@ -9,7 +9,7 @@ import pytest
 from fmus.cache.sources import ROOT
 from fmus.components import KINDS
 from fmus.fmi.description import document
-from fmus.fmi.documentation import documentation, key_parts, readme_beside
+from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
 from fmus.interface.ports import NOT_NEGATIVE, TYPES, Port, type_of
 
 PORTS = (
@@ -112,6 +112,16 @@ def test_types_and_units_to_show_are_defined():
     names = "speed", "chassis.angular_velocity.z", "left.sprocket.angular_velocity.y"
     kinds = [type_of(Port(name, "output", "rad/s", "")) for name in names]
     assert kinds == ["RotationalSpeed", "AngularVelocity", "RotationalSpeed"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_component_has_an_icon(kind):
+    script = ROOT / KINDS[kind]
+    assert icon_files(script, 2) == {"model.png": icon_beside(script)}
+    assert list(icon_files(script, 3)) == ["terminalsAndIcons/icon.png"]
+    assert icon_beside(script).startswith(b"\x89PNG")
+    assert len({icon_beside(ROOT / other) for other in KINDS.values()}) == len(KINDS)
+    assert icon_files(ROOT / "fmi" / "slave.py", 2) == {}
 
 
 @pytest.mark.parametrize("kind", KINDS)
