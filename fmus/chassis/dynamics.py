@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time, touch
+from fmus.chassis.fittings import pull, touch
 from fmus.chassis.tree import BODY, WHOLE, VehicleTree
-from fmus.interface import wrenches
-from fmus.interface.model import too_many_steps
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.elementary import cos, sin
@@ -30,8 +28,6 @@ LEAF = 4  # numbers of a leaf in the state
 ENERGY_SUMS = 2  # energies in the state: dissipated energy, work of the wrenches
 
 FINE, NOT_FINITE, BROKEN_QUATERNION, OUT_OF_REACH = 0, 1, 2, 3  # faults; the number of the leaf is added to the last
-TURNED_TOO_FAR, MOVED_TOO_FAR, TOO_LONG = 3, 4, 5  # further failures of a step, after the first faults
-LEAST_UNREST = 0.2  # m/s2, vertical, of the hull in the first step from an equilibrium; 2 % of the weight
 
 
 class Parts(NamedTuple):
@@ -324,80 +320,6 @@ def advance(c: Parts, x: Floats, u: Floats, h: float, steps: int) -> tuple[int, 
             return steps_done + 1, code
         put_quat(x, 3, quat_normalise(x[3:7]))
     return steps, FINE
-
-
-@allocating
-def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
-    """See ``interface.model.ComponentModel``; u: mean wrenches on the places, world."""
-    if too_many_steps(messages[0], t, h, c.longest):
-        return TOO_LONG
-    tree, x, steps = c.tree, c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
-    if c.rests == 1 and c.counters[0] == steps and c.start[11] == 1.0:  # after the first step on level ground
-        warn_of_unrest(messages[1], x, h)
-    wrenches.warn_of_swing(c.received, u, t, tree.masses[WHOLE] * tree.gravity[0], messages[2])
-    w = u
-    if c.extrapolate == 1:
-        w = c.inputs
-        for i in range(u.size):
-            w[i] = u[i]
-        wrenches.expected(c.received, u, 0, h, w)
-    wrenches.keep(c.received, u, 0, h)
-    begin_step(c.hitch, c.seats, x, tree.rotation, t)
-    steps_done, code = advance(c, x, w, h / steps, steps)
-    end_step(c.seats, x, tree.rotation, h)
-    messages[0, 0] = t + steps_done * h / steps
-    if code == FINE:
-        c.counters[0] += steps
-        c.counters[1] += len(RK4.b) * steps
-    return step_failure(tree, code, x, messages[0])
-
-
-@kernel
-def warn_of_unrest(message: Floats, x: Floats, h: float) -> None:
-    """Write a warning where the hull, at rest h s ago, rises or falls: the start is no equilibrium of these numbers.
-
-    It is looked for when the second step begins, because masters try a first one. Only on level ground: on a slope
-    regularised friction, which is 0 at rest, has to set in first.
-    """
-    acceleration = abs(x[9]) / h
-    if acceleration > LEAST_UNREST:
-        message[0], message[1] = 1.0, acceleration
-
-
-@kernel
-def begin_step(hitch: Any, seats: Any, x: Floats, A: Matrix, t: float) -> None:
-    """Give hitch and seats, where there are any, what they need of the beginning of a step at t; A: scratch (3, 3)."""
-    if hitch is not None:
-        set_time(hitch, x, t)
-    if seats is not None:
-        put_matrix(A, x[3:7])
-        keep_velocities(seats, x, A)
-
-
-@kernel
-def end_step(seats: Any, x: Floats, A: Matrix, h: float) -> None:
-    """Set the accelerations of seats, where there are any, after a step of h s; A: scratch (3, 3)."""
-    if seats is not None:
-        put_matrix(A, x[3:7])
-        put_accelerations(seats, x, A, h)
-
-
-@kernel
-def step_failure(tree: VehicleTree, code: int, x: Floats, numbers: Floats) -> int:
-    """Failure of a step that led to the state ``x`` with the fault ``code``.
-
-    Writes the part (an index in the state) and its coordinate to ``numbers``.
-    """
-    if code == NOT_FINITE:
-        for i in range(x.size):
-            if not np.isfinite(x[i]):
-                numbers[1] = i
-                break
-    if code < OUT_OF_REACH:
-        return code
-    leaf = code - OUT_OF_REACH
-    numbers[1], numbers[2] = ROOT + leaf, x[ROOT + leaf]
-    return TURNED_TOO_FAR if tree.is_arm[leaf] else MOVED_TOO_FAR
 
 
 @allocating

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from fmus.chassis.begin import NUMBERS, begin
-from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts, step, step_failure
+from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts
 from fmus.chassis.fittings import Fittings
 from fmus.chassis.observe import write_outputs
+from fmus.chassis.steps import NUMBERS, begin, step, step_failure
 from fmus.chassis.tree import WHOLE, VehicleTree, fastest_rate, tree
 from fmus.interface import numbers, wrenches
 from fmus.interface.defaults import parameter_values
@@ -183,13 +183,12 @@ class Model(ComponentModel):
         size, received = self._fittings.end + ENERGY_SUMS, wrenches.received(WRENCH * len(places))
         self.state: Floats = np.zeros(size + received)
         self.integrated, self._received = self.state[:size], self.state[size:]
-        self.counters = np.zeros(2, dtype=np.int64)
-        self._stages = np.zeros((len(RK4.b) + 1, size))
+        self.counters, self._stages = np.zeros(2, dtype=np.int64), np.zeros((len(RK4.b) + 1, size))
         self.warning_sentences = (*self.warning_sentences, wrenches.swing_sentence(tuple(places)))
         self._start = np.zeros(FRAME + 4)
         self._set_start(config["chassis"])
         self.inputs = WRENCH * len(places) + len(self._fittings.inputs)
-        names = tuple(self._part(i) for i in range(size))
+        names = tuple(map(self._part, range(size)))
         self.failures = (
             Sentence(""),
             Sentence("at t = {0:.6g} s the motion of the {1:name} is not finite", names),
