@@ -101,13 +101,16 @@ def _phases(allowed: Mapping[str, Sequence[InstancePhase]]) -> list[str]:
 
 
 def _choices(strings: Sequence[Port]) -> list[str]:
-    """Tables of the String parameters: their choices, or their one value if they are constant."""
+    """Tables of the String parameters: their choices, or the one of a constant; others are in the file of numbers."""
     lines, rows = [], ["{ 0, 0, 0, 0 }"]
     for i, port in reversed(list(enumerate(strings))):
         free = port.causality == "parameter"
+        if not port.choices:
+            rows.insert(0, rows[-1])
+            continue
         known = port.choices if free else (str(port.start),)
         lines.append(f"static const char *const CHOICE_{i}[] = {{ {quoted(known)} }};")
-        first = 0 if not port.choices else 1 if free else enumeration_value(port)
+        first = 1 if free else enumeration_value(port)
         rows.insert(0, f"{{ {int(free)}, {len(known)}, {first}, CHOICE_{i} }}")
     return [*lines, f"static const Choice CHOICE[] = {{ {', '.join(rows)} }};"]
 

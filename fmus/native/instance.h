@@ -67,7 +67,7 @@ typedef struct { /* of a file of numbers */
     uint32_t sum;
     const double *start, *x; /* start values of all Reals; initial content of the blocks */
     const int64_t *choice, *n, *k;
-    const char *z, *f; /* the latter in pieces */
+    const char *z, *f, *text[N_STRING + 1]; /* the floats in pieces; values of Strings without choices */
     int64_t pieces;
 } Numbers;
 
@@ -427,7 +427,9 @@ static int no_derivative(Instance *c, int64_t at, int order, double *to) {
 
 static int64_t integer_value(Instance *c, int64_t i) { return i < N_COUNTER ? c->d.counter[i] : c->d.status; }
 
-static const char *string_value(Instance *c, int64_t i) { return CHOICE[i].names[c->d.choice[i]]; }
+static const char *string_value(Instance *c, int64_t i) {
+    return CHOICE[i].count ? CHOICE[i].names[c->d.choice[i]] : c->numbers.text[i];
+}
 
 static Status choose(Instance *c, unsigned v, int64_t at, int64_t k, const char *text) { /* text: of k, if it is out of range */
     Choice of = CHOICE[at];
@@ -445,6 +447,7 @@ static Status choose(Instance *c, unsigned v, int64_t at, int64_t k, const char 
 
 static Status choose_text(Instance *c, unsigned v, int64_t at, const char *text) {
     int k = 0;
+    if (!CHOICE[at].count) return settable(c, v, 0, text && !strcmp(text, c->numbers.text[at]));
     while (k < CHOICE[at].count && (!text || strcmp(text, CHOICE[at].names[k]))) k++;
     return choose(c, v, at, k, text ? text : "");
 }
@@ -470,7 +473,7 @@ static Status get_state(Instance *c, void **to) {
 static int impossible(const Data *s) { /* 1: no instance has this state */
     if (s->phase < INSTANTIATED || s->phase > TERMINATED || (s->stale && s->phase > INITIALISING)) return 1;
     for (int i = 0; i < N_STRING; i++)
-        if (s->choice[i] < 0 || s->choice[i] >= CHOICE[i].count) return 1;
+        if (s->choice[i] < 0 || (s->choice[i] && s->choice[i] >= CHOICE[i].count)) return 1;
     for (int i = 0; i < N_COUNTER; i++)
         if (s->counter[i] < 0) return 1;
     for (int i = 0; i < N_INDEX && !s->stale; i++) {

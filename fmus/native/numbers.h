@@ -70,9 +70,14 @@ static int divide(Numbers *of, const char *at, size_t n) {
         if (piece[1] > (end - at - 16) / 8) return 0;
         at += 16 + 8 * piece[1];
     }
-    for (int i = 0; i < N_STRING; i++)
-        if (of->choice[i] < 0 || of->choice[i] >= CHOICE[i].count) return 0;
-    return at == end;
+    for (int i = 0; i < N_STRING; i++) {
+        if (of->choice[i] < 0 || (of->choice[i] && of->choice[i] >= CHOICE[i].count)) return 0;
+        if (CHOICE[i].count) continue;
+        of->text[i] = at;
+        if (!(at = memchr(at, 0, (size_t)(end - at)))) return 0;
+        at++;
+    }
+    return end - at < 8;
 }
 
 /* Read and check the numbers of a resource location; 0: refused with a sentence. */

@@ -10,6 +10,7 @@ Little-endian, each part a multiple of 8 bytes; read by ``numbers.h``:
 | blocks x, n, k, z (``freeze``), the last one with zeros up to 8 | 8 each, 1 of z |
 | number of pieces of the block f | 8 |
 | of each piece: first float, number of floats, these floats; all other floats are 0 | 8 each |
+| texts of the Strings without choices in UTF-8, a zero behind each; then zeros up to | 8 |
 
 Scratch arrays, nine tenths of the block f of a track, are 0 and so are left out.
 """
@@ -27,8 +28,9 @@ from numpy.typing import NDArray
 from fmus.interface.ports import Port
 from fmus.native.freeze import Frozen
 
-FILE, MAGIC, VERSION = "numbers.bin", b"COTRACKN", 1
+FILE, MAGIC, VERSION = "numbers.bin", b"COTRACKN", 2
 HEAD = struct.Struct("<8sQQQ72s")
+TEXTS = 1 << 20  # most bytes of texts
 GAP = 4  # zeros between two pieces that are worth a piece of their own: its head has two numbers
 
 
@@ -39,7 +41,10 @@ def encode(shape: str, variables: Sequence[Port], frozen: Frozen, blocks: Mappin
     parts = [np.array(starts), np.array(choices, dtype=np.int64), blocks["x"], blocks["n"], frozen.block("k")]
     truths = frozen.block("z").tobytes()
     row = (*(part.tobytes() for part in parts), truths, bytes(-len(truths) % 8), _pieces(frozen.block("f")))
-    content = b"".join(row)
+    texts = b"".join(
+        f"{port.start}\0".encode() for port in variables if isinstance(port.start, str) and not port.choices
+    )
+    content = b"".join((*row, texts, bytes(-len(texts) % 8)))
     return HEAD.pack(MAGIC, VERSION, len(content), zlib.crc32(content), shape.encode()) + content
 
 
@@ -59,7 +64,7 @@ def starts(file: Path) -> list[float]:
 def longest(sizes: Mapping[str, int], reals: int, strings: int) -> int:
     """Most bytes behind the head, from the lengths of the blocks."""
     pieces = sizes["f"] // GAP + 1
-    return 8 * (reals + strings + sum(sizes.values()) + 2 * pieces + 2)
+    return 8 * (reals + strings + sum(sizes.values()) + 2 * pieces + 2) + TEXTS
 
 
 def _choice(port: Port) -> int:

@@ -308,8 +308,8 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
             self.start_inputs[name] = float(self.u[k])
 
     def _set_parameter(self, name: str, value: float | int | str) -> None:
-        if name in self.constants:
-            variable = self._variables[name]
+        variable = self._variables.get(name)
+        if name in self.constants and variable is not None and not (len(self._starts) and variable.type == "String"):
             own = len(self._starts) and variable.type == "Real"  # value references are places among the starts
             constant = self._starts[variable.valueReference] if own else self.constants[name]
             if value != (constant if isinstance(value, str) else float(constant)):

@@ -74,7 +74,13 @@ def test_the_library_needs_libc_alone_and_validates(case):
         (library,) = (archive.read(name) for name in names if name.endswith(".so"))
     pages = ["documentation/index.html", "documentation/licenses/license.txt"]
     numbers = ["resources/numbers.bin", "resources/shape.txt"]
-    assert sorted(names) == [f"binaries/linux64/{ran(case).part.kind}.so", *pages, "modelDescription.xml", *numbers]
+    assert sorted(names) == [
+        f"binaries/linux64/{ran(case).part.kind}.so",
+        *pages,
+        "model.png",
+        "modelDescription.xml",
+        *numbers,
+    ]
     needed = set(re.findall(rb"\0(lib[a-z]+\.so[.0-9]*)(?=\0)", library))
     assert needed == {b"libc.so.6"}
     strings = set(re.findall(rb"(?<=\0)[A-Za-z_]\w*(?=\0)", library))

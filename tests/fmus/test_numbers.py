@@ -272,6 +272,29 @@ def test_a_file_of_numbers_makes_an_instance_one_of_another_fmu():
     assert speeds[1] == spin_after(build_native(*drive(11.0)), None)
 
 
+def test_points_are_numbers():
+    """Drives that differ in the points of their speed share an FMU; each instance has its own, as text and as motion."""
+    made = []
+    for rise in (4.0, 6.0):
+        points = f"0.0 0.0; 0.004 {rise}"
+        config = {**drive()[1], "parameters": {"mode": "speed", "speed.points": points}}
+        fmu, resources, starts = build_native_shape("SprocketDrive", config)
+        with Component(fmu, "drive", resources=resources, starts=starts) as component:
+            component.initialise({"speed.points": points})
+            for k in range(4):
+                component.write()
+                component.step(k * H, H)
+            component.read()
+            made.append((fmu, component.y[component.outputs.index("speed")]))
+        with Component(fmu, "drive", resources=resources, starts=starts) as component:
+            with pytest.raises(ComponentFailed, match=r"'speed\.points' is a constant of this FMU"):
+                component.initialise({"speed.points": "0.0 1.0"})
+    assert made[0][0] == made[1][0]
+    assert [speed for _, speed in made] == pytest.approx([4.0, 6.0], rel=1e-12)
+    other = {**drive()[1], "parameters": {"mode": "speed", "speed.points": "0.0 0.0; 0.004 4.0; 0.005 4.0"}}
+    assert build_native_shape("SprocketDrive", other).fmu != made[0][0]
+
+
 @pytest.mark.long
 def test_constants_are_those_of_the_numbers():
     """A grade is a constant of a native track: each instance of the shape has its own."""
@@ -297,7 +320,7 @@ def test_a_wrong_file_of_numbers_is_a_sentence(tmp_path):
     foreign = (build_native_shape(*drive(9.0, demanded=True)).resources / numbers_file.FILE).read_bytes()
     cases = {
         "is damaged": [content[:-1], content[:-9] + b"\1" + content[-8:], content[:24] + b"\0" + content[25:]],
-        "is no file of numbers of this version": [b"x" + content[1:], content[:8] + b"\2" + content[9:]],
+        "is no file of numbers of this version": [b"x" + content[1:], content[:8] + b"\3" + content[9:]],
         "holds the numbers of another kind of FMU": [foreign],
         "cannot be read": [b"", content[:50]],
     }
