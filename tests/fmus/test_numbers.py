@@ -273,7 +273,7 @@ def test_a_file_of_numbers_makes_an_instance_one_of_another_fmu():
 
 
 def test_points_are_numbers():
-    """Drives that differ in the points of their speed share an FMU; each instance has its own, as text and as motion."""
+    """Drives that differ in the points of their speed share an FMU; each instance has its own."""
     made = []
     for rise in (4.0, 6.0):
         points = f"0.0 0.0; 0.004 {rise}"
@@ -286,9 +286,11 @@ def test_points_are_numbers():
                 component.step(k * H, H)
             component.read()
             made.append((fmu, component.y[component.outputs.index("speed")]))
-        with Component(fmu, "drive", resources=resources, starts=starts) as component:
-            with pytest.raises(ComponentFailed, match=r"'speed\.points' is a constant of this FMU"):
-                component.initialise({"speed.points": "0.0 1.0"})
+        with (
+            Component(fmu, "drive", resources=resources, starts=starts) as component,
+            pytest.raises(ComponentFailed, match=r"'speed\.points' is a constant of this FMU"),
+        ):
+            component.initialise({"speed.points": "0.0 1.0"})
     assert made[0][0] == made[1][0]
     assert [speed for _, speed in made] == pytest.approx([4.0, 6.0], rel=1e-12)
     other = {**drive()[1], "parameters": {"mode": "speed", "speed.points": "0.0 0.0; 0.004 4.0; 0.005 4.0"}}
