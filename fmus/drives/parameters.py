@@ -41,20 +41,29 @@ def lag_port() -> Port:
     return Port("demand.lag", "parameter", "s", text, 0.1, allowed=POSITIVE)
 
 
+def cut_sentence(prefix: str = "") -> Sentence:
+    """Warning of a demanded torque that is cut."""
+    return Sentence(
+        f"at t = {{0:.6g}} s the demanded torque {{1:.6g}} N m is beyond {prefix}torque.limit = {{2:.6g}} N m, to which"
+        " it is cut"
+    )
+
+
 def torque_demand_port(prefix: str = "", body: str = "the sprocket") -> Port:
     """Input of a drive whose torque follows a demand in mode torque."""
     return Port(f"{prefix}torque.demand", "input", "N.m", f"wanted torque of the motor on {body}, in mode torque")
 
 
-def demanded(config: Mapping[str, Any]) -> tuple[bool, bool]:
-    """Whether a drive's config has inputs for a demanded speed, and for a demanded torque beside it.
+def demanded(config: Mapping[str, Any], prefix: str = "") -> tuple[bool, bool]:
+    """Whether a motor follows a demanded speed, and in mode torque a demanded torque.
 
-    Raises InvalidParameter.
+    ``config``: of the drive; ``demanded`` in it is false, true (speeds of all motors), or a list of the prefixes of
+    motors that follow both. Raises InvalidParameter.
     """
     given = config.get("demanded", False)
-    if given not in (False, True, "all"):
-        raise InvalidParameter(f"drive.demanded = {given!r}: must be false, true (speeds) or 'all' (torques too)")
-    return bool(given), given == "all"
+    if not isinstance(given, bool | list):
+        raise InvalidParameter(f"drive.demanded = {given!r}: must be false, true (speeds) or a list of motors")
+    return (given, False) if isinstance(given, bool) else (prefix in given, prefix in given)
 
 
 def motor_ports(prefix: str = "", body: str = "the sprocket", speed: str = "speed against the mount") -> list[Port]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from fmus.drives.motor import CONTROLLER, SPEED, TORQUE, DriveParameters, motor_torque, speed_profile
 from fmus.interface.course import evaluate, has_points, set_line
+from fmus.interface.wrenches import WARNED
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.exponential import exp
@@ -112,6 +113,14 @@ def advance_shaft(
         integrate_spin(p, x, t, h, steps, chain_torque, start_rate, end_rate)
     x[PORT_WORK] += chain_torque * (x[ANGLE] - angle)
     x[TORQUE_NOW], x[POWER_NOW] = x[IMPULSE] / h, (x[WORK] - work) / h
+
+
+@kernel
+def warn_of_cut(p: DriveParameters, r: Floats, t: float, torque: float, message: Floats) -> None:
+    """Warn once that a demanded ``torque``, N m, is cut; ``r``: memory of wrenches, whose flag a drive has for this."""
+    if p.lag > 0.0 and p.mode == TORQUE and abs(torque) > p.limit and r[WARNED] == 0.0:
+        r[WARNED] = message[0] = 1.0
+        message[1], message[2], message[3] = t, torque, p.limit
 
 
 @kernel

@@ -11,7 +11,7 @@ from fmus.drives import mount, shaft
 from fmus.drives.motor import SPEED, DriveParameters, find_contradiction, speed_profile
 from fmus.interface import wrenches
 from fmus.interface.model import MOST_STEPS, no_rotation
-from fmus.interface.ports import STATE
+from fmus.interface.ports import STATE, WRENCH
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
@@ -66,6 +66,8 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     if steps > MOST_STEPS:
         messages[0, 0], messages[0, 1], messages[0, 2] = t, steps, h
         return STIFF
+    if u.size > STATE + WRENCH + 1:
+        shaft.warn_of_cut(p, c.received, t, u[STATE + WRENCH + 1], messages[1])
     advance(p, x, t, h, steps, inputs)
     for i in range(x.size):
         if not np.isfinite(x[i]):

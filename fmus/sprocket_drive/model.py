@@ -11,6 +11,7 @@ from fmus.drives.motor import DriveParameters
 from fmus.drives.mount import WIDTH
 from fmus.drives.parameters import (
     contradictions,
+    cut_sentence,
     demanded,
     drive_parameters,
     free_numbers,
@@ -48,13 +49,14 @@ class Model(ComponentModel):
     """Spin of one sprocket on its mount.
 
     ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": stance of the mount at the start (``start``),
-    "demanded": whether the speed follows an input, false by default; "all": in mode torque the torque follows another
+    "demanded": whether the speed follows an input, false by default; [""]: in mode torque the torque follows another
     one}}; other keys are not read. A mount whose inputs
     still have their start values stands still at the start pose: an unconnected drive is a fixed axle.
     """
 
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
     start_parameters, refusals = (*KEYS, "start.lateral", "start.angle"), (Sentence(""), *contradictions())
+    warning_sentences = (cut_sentence(),)
     failures = (
         Sentence(""),
         Sentence(NO_ROTATION, ("mount",)),

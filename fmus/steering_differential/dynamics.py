@@ -125,6 +125,9 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     if max(propulsion_steps, steering_steps) > MOST_STEPS:
         messages[0, 0], messages[0, 1], messages[0, 2] = t, max(propulsion_steps, steering_steps), h
         return STIFF if propulsion_steps >= steering_steps else STIFF_STEERING
+    if u.size > 2 * SIDE + 2:  # the flags are those of the two memories
+        shaft.warn_of_cut(g.propulsion, c.received[0], t, u[2 * SIDE + 2], messages[1])
+        shaft.warn_of_cut(g.steering, c.received[1], t, u[u.size - 1], messages[2])
     advance(g, x, t, h, propulsion_steps, steering_steps, inputs)
     for i in range(x.size):
         if not np.isfinite(x[i]):
@@ -140,12 +143,13 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
 def advance(g: Gearbox, x: Floats, t: float, h: float, propulsion_steps: int, steering_steps: int, u: Floats) -> None:
     """Advance x in place by ``h`` s; ``propulsion_steps``, ``steering_steps``: internal steps."""
     left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:SIZE]
+    i = 2 * SIDE  # demands: speeds of both sides, then torques of the shafts that follow one
     if g.propulsion.lag > 0.0:
-        left_speed, right_speed, torques = u[2 * SIDE], u[2 * SIDE + 1], (0.0, 0.0)
-        if u.size > 2 * SIDE + 2:
-            torques = u[2 * SIDE + 2], u[2 * SIDE + 3]
-        shaft.follow_demand(g.propulsion, propulsion, t, h, 0.5 * (left_speed + right_speed), torques[0])
-        shaft.follow_demand(g.steering, steering, t, h, right_speed - left_speed, torques[1])
+        torque = u[i + 2] if u.size > i + 2 else 0.0
+        shaft.follow_demand(g.propulsion, propulsion, t, h, 0.5 * (u[i] + u[i + 1]), torque)
+    if g.steering.lag > 0.0:
+        torque = u[u.size - 1] if u.size > i + 2 else 0.0
+        shaft.follow_demand(g.steering, steering, t, h, u[i + 1] - u[i], torque)
     left_mount = mount.extrapolate(g.propulsion.with_acceleration, left, h, u, 0)
     right_mount = mount.extrapolate(g.propulsion.with_acceleration, right, h, u, SIDE)
     rate = 0.5 * (left_mount.start_rate + right_mount.start_rate)  # mean and difference of the mounts' rates

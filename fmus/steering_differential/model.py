@@ -10,6 +10,7 @@ import numpy as np
 from fmus.drives.motor import DriveParameters
 from fmus.drives.parameters import (
     contradictions,
+    cut_sentence,
     demanded,
     drive_parameters,
     free_numbers,
@@ -62,18 +63,18 @@ def parameter_ports(follows: bool) -> list[Port]:
     ]
 
 
-def connector_ports(mounts: Mapping[str, tuple[float, ...]], demands: tuple[bool, bool]) -> list[Port]:
+def connector_ports(mounts: Mapping[str, tuple[float, ...]], demands: Mapping[str, tuple[bool, bool]]) -> list[Port]:
     """Inputs, then motions and wrenches of both sides; ``mounts``: motion (13) of each at the start.
 
-    ``demands``: see ``drives.parameters.demanded``.
+    ``demands``: of each motor, see ``drives.parameters.demanded``.
     """
     found_ports: list[Port] = []
     for side, motion in mounts.items():
         found_ports += [*motion_ports(f"{side}.mount", "input", motion), *wrench_ports(f"{side}.sprocket", "input")]
-    for side in mounts if demands[0] else ():
+    for side in mounts if any(follows for follows, _ in demands.values()) else ():
         text = f"wanted speed of the {side} sprocket {RELATIVE}"
         found_ports.append(Port(f"{side}.speed.demand", "input", "rad/s", text))
-    found_ports += [torque_demand_port(*motor) for motor in BODIES.items()] if demands[1] else []
+    found_ports += [torque_demand_port(*motor) for motor in BODIES.items() if demands[motor[0]][1]]
     for side, motion in mounts.items():
         found_ports += [*motion_ports(f"{side}.sprocket", "output", motion), *wrench_ports(f"{side}.mount", "output")]
     return found_ports
@@ -114,12 +115,13 @@ class Model(ComponentModel):
 
     ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": stance of the left mount at the start
     (``start``), "right": stance of the right mount, by default the left one mirrored, "demanded": whether the
-    speeds follow inputs, false by default; "all": in mode torque the torques follow others}}; other keys are not read.
-    Mounts whose inputs still have their start values stand still at the start pose.
+    speeds follow inputs, false by default; a list of "propulsion." and "steering.": speeds, and in mode torque
+    torques}}; other keys are not read. Mounts whose inputs still have their start values stand still at the start pose.
     """
 
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
     start_parameters = *KEYS, "start.angle"
+    warning_sentences = cut_sentence("propulsion."), cut_sentence("steering.")
     refusals = Sentence(""), *contradictions("propulsion."), *contradictions("steering.")
     failures = (
         Sentence(""),
@@ -136,8 +138,9 @@ class Model(ComponentModel):
         self._mounts = left, right
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
-        self._demands = demanded(drive_config)
-        self._parameters = configured_ports(parameter_ports(self._demands[0]), config)
+        self._demands = {prefix: demanded(drive_config, prefix) for prefix in BODIES}
+        follows = any(follows for follows, _ in self._demands.values())
+        self._parameters = configured_ports(parameter_ports(follows), config)
         start_motions = self._start_motions({port.name: port.start for port in self._parameters})
         self.ports: tuple[Port, ...] = (
             *connector_ports(dict(zip(SIDES, start_motions, strict=True)), self._demands),
@@ -155,12 +158,12 @@ class Model(ComponentModel):
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start both sprockets at angle and speeds of the start, on mounts at rest; raises InvalidParameter."""
         values = parameter_values(self._parameters, parameters)
-        demand, with_torque = DEMAND if self._demands[0] else "", self._demands[1]
-        self.gearbox = Gearbox(
-            self.inertia,
-            drive_parameters(values, 2.0 * self.inertia, demand, "propulsion.", with_torque),  # (1)
-            drive_parameters(values, 0.5 * self.inertia, demand, "steering.", with_torque),
+        inertias = {"propulsion.": 2.0 * self.inertia, "steering.": 0.5 * self.inertia}  # (1)
+        shafts = (
+            drive_parameters(values, inertias[prefix], DEMAND if follows else "", prefix, with_torque)
+            for prefix, (follows, with_torque) in self._demands.items()
         )
+        self.gearbox = Gearbox(self.inertia, *shafts)
         self.counters[:] = 0
         inputs = np.zeros(self.inputs)
         extrapolate, received = wrenches.CHOICES.index(values["extrapolate"]), self.state[SIZE:].reshape(len(SIDES), -1)
@@ -173,7 +176,7 @@ class Model(ComponentModel):
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but tables of points."""
         shafts = (
-            free_numbers(p, self._demands, f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering")
+            free_numbers(p, demands, f"gearbox.{prefix[:-1]}", prefix) for prefix, demands in self._demands.items()
         )
         numbers = {place: how for shaft in shafts for place, how in shaft.items()}
         return FreeParameters(numbers | {"extrapolate": "{extrapolate}"}, self.start_parameters)

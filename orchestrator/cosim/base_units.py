@@ -52,8 +52,9 @@ def base_unit(description: Any, variable: Any) -> BaseUnit | None:
 def difference(unit: str, base: BaseUnit | None, needed: str, needed_base: BaseUnit | None) -> str:
     """Words on why values of one unit cannot be converted to the one needed; empty if they can."""
     if base is None or needed_base is None:
-        undefined = "" if base is not None else ", which the FMU does not define"
-        return "" if unit == needed else f"has the unit '{unit}'{undefined}, and '{needed}' is needed"
+        own, other = ("" if each is not None else ", which the FMU does not define" for each in (base, needed_base))
+        needs = f"'{needed}'{other}{',' * bool(other)} is needed"
+        return "" if unit == needed else f"has the unit '{unit}'{own}, and {needs}"
     return "" if base.exponents == needed_base.exponents else f"has the unit '{unit}', and '{needed}' is needed"
 
 

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # Quantity that a connection carries, which decides the input hold: "value" at the communication point; "mean" over the
 # last step; "state" at the communication point, which the receiver extrapolates with its "rate", sent beside it;
-# "discrete": Integers, Enumerations, Booleans or Strings of the communication point, which are held.
+# "discrete": Integers, Enumerations, Booleans, Strings and demands of the communication point, which are held.
 Quantity = Literal["value", "mean", "state", "rate", "discrete"]
 NO_CONVERSIONS: Mapping[str, Any] = MappingProxyType({})
 

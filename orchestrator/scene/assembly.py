@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
 
+from fmus.ahead import component_ports
 from fmus.fmi.build import Product, build_shapes, start_values
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.fmu_table import Pair, joined, pair_of, require_free_inputs
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import DRIVE, Assembly, Parameters, Part, own_parts
-from orchestrator.scene.replacement import conversions, ends_of, replacements, typed, user_instance
+from orchestrator.scene.replacement import DEMANDS, conversions, ends_of, replacements, typed, user_instance
 from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import FreeScene, SystemScene
 
 HITCH_FORCE = [("chassis", f"hitch.force.{axis}") for axis in "xyz"]  # inputs of parts that FMUs of the user may feed
-DEMANDS = "speed.demand", "torque.demand"  # of drives, which have them as the table says; ends of their names
 
 
 def assemble(scene: SystemScene) -> Assembly:
@@ -35,7 +36,8 @@ def assemble(scene: SystemScene) -> Assembly:
     connected = {name for pair in pairs for name in (pair.source, pair.target)}
     for name in fmus:
         if name not in names and name not in connected:
-            raise BadInput(f"{scene.where}: fmu.{name}: no such part: {hint(name, names, 'the parts are')}")
+            parts = hint(name, names, "the parts are")
+            raise BadInput(f"{scene.where}: fmu.{name}: no such part, and no connection names it: {parts}")
     own = tuple(part._replace(fmu=fmus.get(part.name)) for part in assembly.parts)
     # A further FMU steps before the chassis, as what acts on it does.
     further = tuple(Part(name, "", {}, {}, DRIVE, table) for name, table in fmus.items() if name not in names)
@@ -56,22 +58,31 @@ def _user_connections(scene: Scene, assembly: Assembly, pairs: Sequence[Pair]) -
         about = f"{scene.where}: connections: '{pair}'"
         if pair.target in fmus:
             continue
-        of_drive = pair.into.endswith(DEMANDS)
-        if pair.source not in fmus or not (of_drive or (pair.target, pair.into) in HITCH_FORCE):
+        part = next(part for part in assembly.parts if part.name == pair.target)
+        demanded, inputs = part.config.get("drive", {}).get("demanded"), _open_inputs(part)
+        if pair.into.endswith(DEMANDS) and part.config.get("drive") and demanded in (None, True):
+            raise BadInput(f"{about}: {pair.target} has this input only with drive.demand = true")
+        if pair.source not in fmus or pair.into not in inputs:
+            near = get_close_matches(pair.into, inputs, 1)
             raise BadInput(
                 f"{about}: '{pair.target}' is no FMU of the user; of our parts, only chassis.hitch.force.{{x,y,z}}, and"
                 " speed.demand and torque.demand of drives get a connection, and from an FMU of the user"
+                + (f": did you mean '{near[0]}'?" if near and near[0] != pair.into else "")
             )
-        if of_drive:
-            part = next(part for part in assembly.parts if part.name == pair.target)
-            if part.config.get("drive", {}).get("demanded") != "all":
-                raise BadInput(f"{about}: {pair.target} has this input only with drive.demand = true")
+        if pair.into.endswith(DEMANDS):
             continue
         if isinstance(scene, VehicleScene) and scene.symmetric and pair.into == "hitch.force.y":
             raise BadInput(f"{about}: symmetric = true has no lateral force: the right half mirrors the left")
         if isinstance(scene, VehicleScene) and scene.hitch is None:
             raise BadInput(f"{about}: the chassis has a hitch only with the table [hitch], which may be empty")
     return joined(pairs)
+
+
+def _open_inputs(part: Part) -> list[str]:
+    """Inputs of a part of ours that FMUs of the user may feed."""
+    demands = [port.name for port in component_ports(part.kind, part.config) if port.name.endswith(DEMANDS)] if (
+        part.config.get("drive", {}).get("demanded") not in (None, True)) else []  # fmt: skip
+    return [*demands, *(into for name, into in HITCH_FORCE if name == part.name)]
 
 
 def system(assembly: Assembly, native: bool = False) -> System:

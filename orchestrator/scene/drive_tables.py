@@ -37,7 +37,7 @@ class DriveTable(FrozenTable):
     """
 
     mode: Literal["speed", "torque", "controller"] = "speed"
-    """prescribed speed; constant motor torque and brake; or a torque that controls the speed"""
+    """prescribed speed; given motor torque and brake; or a torque that controls the speed"""
     speed: Annotated[float, In("rad/s")] = 0.0
     """speed against the mount after the ramp"""
     ramp_start: Time = 0.0
@@ -51,7 +51,7 @@ class DriveTable(FrozenTable):
     torque: Annotated[float, In("N m")] = 0.0
     """torque of the motor in mode 'torque'"""
     torque_limit: Annotated[float, In("N m", gt=0)] | None = None
-    """largest torque of the motor in mode 'controller', either way"""
+    """largest torque of the motor in mode 'controller', or demanded in mode 'torque', either way"""
     brake: Annotated[float, In("N m", ge=0)] = 0.0
     """torque of the brake, not in mode 'speed'"""
     brake_speed: Annotated[float, In("rad/s", gt=0)] | None = None
@@ -96,7 +96,10 @@ class DriveTable(FrozenTable):
     def _check_demand(self) -> DriveTable:
         for key in ("speed", "stop", "speed_points", "torque", "torque_points") if self.demand else ():
             if getattr(self, key):
-                raise ValueError(f"demand = true excludes {key}: the inputs of the drive say how it turns")
+                raise ValueError(
+                    f"demand = true excludes {key}, whose place inputs take: set the whole table, drive ="
+                    " {mode = 'torque', demand = true}, or this key to 0"
+                )
         if self.demand_lag is not None and not self.demand:
             raise ValueError("demand_lag needs demand = true: without inputs there is nothing to follow")
         return self

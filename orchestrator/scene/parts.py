@@ -302,7 +302,8 @@ def _differential_part(vehicle: VehicleTable, shafts: Mapping[str, DriveTable], 
     for (side, sign), key in zip(SIGN_OF_Y.items(), ("mount", "right"), strict=True):  # keys of its config
         x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
         differential[key] = [x, y + sign * vehicle.track.lateral, *rest]
-    differential |= _demanded(shafts["propulsion"])
+    if following := [f"{shaft}." for shaft, drive in shafts.items() if drive.demand]:
+        differential["demanded"] = following
     config = {"vehicle": vehicle.model_dump(), "drive": differential}
     parameters: Parameters = {}
     for shaft, drive in shafts.items():
@@ -312,7 +313,7 @@ def _differential_part(vehicle: VehicleTable, shafts: Mapping[str, DriveTable], 
 
 def _demanded(drive: DriveTable) -> dict[str, Any]:
     """Entry of a drive's config with inputs for demands."""
-    return {"demanded": "all"} if drive.demand else {}
+    return {"demanded": [""]} if drive.demand else {}
 
 
 def _drive_parameters(drive: DriveTable) -> Parameters:

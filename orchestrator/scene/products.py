@@ -34,6 +34,7 @@ from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
+from orchestrator.scene.replacement import DEMANDS
 from orchestrator.scene.scene import load, scene_names
 
 STANDARD = "straight"  # its FMUs have names without suffix
@@ -177,7 +178,7 @@ def _add_component(parent: Element, component: StructuredComponent, connected: C
     connectors = SubElement(element, _tag("ssd:Connectors"))
     for variable in component.description.iter("ScalarVariable"):
         name, causality, kind = variable.get("name", ""), variable.get("causality", ""), variable[0]
-        shown = causality in ("output", "parameter") or name in connected
+        shown = causality in ("output", "parameter") or name in connected or name.endswith(DEMANDS)
         if shown and not name.startswith(LINK_FAMILIES):
             connector = SubElement(connectors, _tag("ssd:Connector"), name=name, kind=causality)
             unit = kind.get("unit")

@@ -41,6 +41,7 @@ from orchestrator.scene.parts import Assembly, Parameters, Part
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.values import SIDES
 
+DEMANDS = "speed.demand", "torque.demand"  # ends of names: inputs of drives, which have them as their table says
 NAMED = 150  # characters of a list of variables
 TYPES = {float: "Real", int: "Integer", str: "String"}  # by the start value of a port
 
@@ -81,22 +82,27 @@ def unfit(scene: SystemScene, assembly: Assembly) -> list[tuple[str, str]]:
     warnings = [warning for each in found for warning in _require_fit(each, assembly.connections, variable_steps)]
     by_name = {each.part.name: each for each in found}
     warnings += _require_pairs(where, assembly.parts, by_name, assembly.user_connections)
-    return [*warnings, *_without_demand(assembly)]
+    return [*warnings, *_unmet_demands(assembly)]
 
 
-def _without_demand(assembly: Assembly) -> Iterator[tuple[str, str]]:
-    """Warnings about drives whose demands no FMU brings, as part and sentence."""
-    brought = {(each.target, into) for each in assembly.user_connections for into in each.inputs}
+def _unmet_demands(assembly: Assembly) -> Iterator[tuple[str, str]]:
+    """Warnings about demands of drives that no FMU brings, or that do not count, as part and sentence."""
     for part in assembly.parts:
-        if part.fmu is not None or part.config.get("drive", {}).get("demanded") != "all":
+        shafts = part.config.get("drive", {}).get("demanded")
+        if shafts in (None, True):  # those of a driver
             continue
-        modes = {name: mode for name, mode in part.parameters.items() if name.endswith("mode")}
-        needed = {name.replace("mode", "torque.demand") for name, mode in modes.items() if mode == "torque"}
+        brought = {
+            into for each in assembly.user_connections if each.target == part.name for into in each.inputs
+            if into.endswith(DEMANDS)
+        }  # fmt: skip
+        modes = {name: str(part.parameters[f"{name}mode"]) for name in (shafts if isinstance(shafts, list) else [""])}
+        needed = {f"{name}torque.demand" for name, mode in modes.items() if mode == "torque"}
         if {*modes.values()} != {"torque"}:  # both shafts of a differential follow the speeds of both sides
-            needed |= {"speed.demand"} if "mode" in modes else {f"{side}.speed.demand" for side in SIDES}
-        for into in sorted(needed):
-            if (part.name, into) not in brought:
-                yield part.name, f"nothing brings its input {into}, which stays 0"
+            needed |= {"speed.demand"} if "" in modes else {f"{side}.speed.demand" for side in SIDES}
+        for into in sorted(needed - brought):
+            yield part.name, f"nothing brings its input {into}, which stays 0"
+        for into in sorted(brought - needed):
+            yield part.name, f"its input {into} does not count in mode {' and '.join(sorted({*modes.values()}))}"
 
 
 def _replacement(where: str, part: Part, table: FmuTable) -> Replacement:
@@ -276,8 +282,8 @@ def _misfit(own: End, given: End, transformed: bool, name: str, peer: str) -> st
     if given.type != own.type:
         return f"input '{name}' is of type {own.type}, and {peer} of type {given.type}: only equal types are connected"
     if own.type == "Real":
-        differs = _difference(own, given) if own.unit and given.unit else ""
-        return f"'{name}' {differs} ({peer})" if differs else ""
+        differs = _difference(given, own) if own.unit and given.unit else ""
+        return f"{peer} {differs} by '{name}'" if differs else ""
     if transformed:
         return f"input '{name}' is of type {own.type}: only Reals have a factor or an offset ({peer})"
     if not given.items.items() <= own.items.items():
@@ -294,7 +300,7 @@ def _difference(one: End, other: End) -> str:
 
 
 def typed(connections: Sequence[Connection], ends: Ends) -> tuple[Connection, ...]:
-    """Connections of Reals apart from those of other types, which are held."""
+    """Connections of Reals apart from those of other types and of demands of drives, which are held."""
     return tuple(part for connection in connections for part in _by_type(connection, ends[connection.source]))
 
 
@@ -303,7 +309,7 @@ def _by_type(connection: Connection, ends: Mapping[str, End]) -> Iterator[Connec
         pairs = [
             pair
             for pair in zip(connection.outputs, connection.inputs, strict=True)
-            if (ends[pair[0]].type == "Real") == is_real
+            if (ends[pair[0]].type == "Real" and not pair[1].endswith(DEMANDS)) == is_real
         ]
         if pairs:
             outputs, inputs = zip(*pairs, strict=True)

@@ -257,7 +257,7 @@ def test_the_speed_of_a_drive_follows_its_demand_at_any_step(lag, agrees):
 def test_the_torque_of_a_drive_follows_its_demand(lag, agrees):
     """T (1 - exp(-t / lag)) at any step, on a rotor without a brake; never beyond the limit."""
     for h, wanted, torque in ((1e-3, 700.0, 700.0), (4e-3, 700.0, 700.0), (4e-3, -9e9, -1000.0)):
-        model, y = demanded("torque", "all", **{"demand.lag": lag, "torque.limit": 1000.0}), np.zeros(27)
+        model, y = demanded("torque", [""], **{"demand.lag": lag, "torque.limit": 1000.0}), np.zeros(27)
         ports = [port.name for port in model.ports if port.causality == "input"]
         assert ports[-2:] == ["speed.demand", "torque.demand"]
         u = np.array([port.start for port in model.ports if port.causality == "input"])
@@ -266,6 +266,7 @@ def test_the_torque_of_a_drive_follows_its_demand(lag, agrees):
         for k in range(n):
             model.step(k * h, h, u)
         model.outputs(y)
+        assert (["beyond torque.limit = 1000 N m" in text for text in model.warnings()] == [True]) == (wanted < 0.0)
         ends = torque * (1.0 - np.exp(-np.arange(n + 1) * h / 0.1))
         impulse = 0.5 * h * (ends[1:] + ends[:-1]).sum()
         assert (abs(y[21] / (0.5 * (ends[-2] + ends[-1])) - 1.0) < 1e-12) == agrees
@@ -274,7 +275,7 @@ def test_the_torque_of_a_drive_follows_its_demand(lag, agrees):
 
 def test_a_differential_follows_torques():
     """The steering motor alone turns the sprockets against each other, propulsion alone both alike."""
-    config = {"inertia": 13.87, "mount": [0.0, 1.0795, 0.0], "demanded": "all"}
+    config = {"inertia": 13.87, "mount": [0.0, 1.0795, 0.0], "demanded": ["propulsion.", "steering."]}
     for demand, of_sides in (("propulsion", [1.0, 1.0]), ("steering", [-1.0, 1.0])):
         model = SteeringDifferential({"drive": config})
         model.initialise({"propulsion.mode": "torque", "steering.mode": "torque"})
@@ -304,7 +305,7 @@ def test_a_controller_follows_its_demand():
     ("parameters", "said"),
     [
         ({"mode": "torque"}, "a drive with the input speed.demand has a speed or a controller"),
-        ({"inputs": "all", "torque.drive": 5.0}, "torque.drive = 5.0: the input torque.demand says how large it is"),
+        ({"inputs": [""], "torque.drive": 5.0}, "torque.drive = 5.0: the input torque.demand says how large it is"),
         ({"inputs": "some"}, "drive.demanded = 'some': must be false, true"),
         ({"speed.end": 3.0}, "speed.end = 3.0: the input speed.demand says how fast"),
         ({"demand.lag": 0.0}, "demand.lag = 0: must be greater than 0"),

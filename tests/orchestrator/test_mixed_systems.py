@@ -236,8 +236,12 @@ def test_what_cannot_be_connected_is_refused(files, tmp_path):
         (files["b"], "2 * a.count -> b.count_in", "input 'count_in' is of type Integer: only Reals have a factor"),
         (files["b"], "a.count + 1 -> b.count_in", "only Reals have a factor or an offset (a.count)"),
         (other["gears"], "a.gear -> b.gear_in", "input 'gear_in' has the items 1 low, 2 high, 3 reverse, and"),
-        (other["lengths"], "a.x -> b.u", "'u' has the unit 'mm', and 'N' is needed (a.x)"),
-        (other["unknown"], "a.x -> b.u", "'u' has the unit 'kip', which the FMU does not define, and 'N' is needed"),
+        (other["lengths"], "a.x -> b.u", "a.x has the unit 'N', and 'mm' is needed by 'u'"),
+        (
+            other["unknown"],
+            "a.x -> b.u",
+            "and 'kip', which the FMU does not define, is needed by 'u'",
+        ),
         (files["b"], "1e999 * a.x -> b.u", "factor and offset must be finite, and the factor not 0"),
     )
     for fmu, connection, said in cases:

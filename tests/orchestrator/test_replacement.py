@@ -12,6 +12,7 @@ from foreign_fmus import DRIVE, UNITS, Variable
 
 from fmus.fmi.build import build
 from fmus.vehicles.tables import BadInput
+from orchestrator.cosim.graph import Connection
 from orchestrator.execution import monolithic, truth
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.resume import resume
@@ -22,6 +23,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.products import scene_products, write_ssp
+from orchestrator.scene.replacement import End, typed
 from orchestrator.scene.scene import load
 
 TEXTS = ("gear", "Integer", 1), ("on", "Boolean", False), ("word", "String", "")  # further variables of `gain`
@@ -264,7 +266,7 @@ def test_a_further_connection_begins_in_the_unit_of_the_part(large, brake):
         ("drve.steps -> idler_drive.ticks", "no component 'drve': did you mean 'drive'?"),
         ("track.slip -> drive.sprocket.force.x", "the input has another connection"),
         ("track.link[1].tension -> idler_drive.pull", "track: it has no output 'link[1].tension', which goes to"),
-        ("track.travel -> idler_drive.pull", "'pull' has the unit 'kN', and 'm' is needed (track.travel)"),
+        ("track.travel -> idler_drive.pull", "track.travel has the unit 'm', and 'kN' is needed by 'pull'"),
         ("track.solver.steps -> idler_drive.gate", "is of type Boolean, and track.solver.steps of type Integer"),
         ("track.status, idler_drive.ticks", "must be 'instance.output -> instance.input'"),
     ],
@@ -420,6 +422,18 @@ def test_an_engine_of_the_user_drives_our_drive(tmp_path, cotrack):
     said = [f"--set={key}={json.dumps(value)}" for key, value in SHORT.items()]
     alone = cotrack("run", "rig", "--track", "rigid", *said, "--set=drive={mode='torque',demand=true}", "--no-estimate")
     assert "nothing brings its input torque.demand, which stays 0" in alone[1] + alone[2]
+    by_speed = ("--set=drive={mode='speed',demand=true}", f"--set=fmu.engine.file={engine}")
+    wire = "--set=connections=['engine.y -> drive.torque.demand', 'drive.speed -> engine.u']"
+    idle = cotrack("run", "rig", "--track", "rigid", *said, *by_speed, wire, "--no-estimate")
+    assert "its input torque.demand does not count in mode speed" in idle[1] + idle[2]
+
+
+def test_a_demand_is_held_over_the_step():
+    """As the page says: what the coupling extrapolated would be a torque that the engine never gave."""
+    real, inputs = End("Real", "output", "", None), ("propulsion.torque.demand", "v")
+    carried = typed([Connection("engine", ("y", "z"), "differential", inputs)], {"engine": {"y": real, "z": real}})
+    assert {each.inputs: each.carries for each in carried} == {
+        ("propulsion.torque.demand",): "discrete", ("v",): "value"}  # fmt: skip
 
 
 @pytest.mark.parametrize(
