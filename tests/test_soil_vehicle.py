@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
-from fmus.physics.chain.contacts import GROUND_DAMPING, LOSSES
 from fmus.physics.chain.report import LOST
+from fmus.physics.chain.sums import GROUND_DAMPING, LOSSES
 from fmus.physics.contact.soil import pressure
 from fmus.physics.contact.soil.memory import DEEPEST, FIRST, INSIDE, MADE, PRESSURE, SHEAR, TILE, TILES
 from fmus.vehicles.tables import BadInput

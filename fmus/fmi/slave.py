@@ -166,6 +166,8 @@ class Slave(Fmi2Slave):
             self._forward_warnings()
         except Exception as error:
             raise Refused(self._sentence(error)) from None
+        self._waiting = self.log_queue[:]  # a host that frees an instance with messages in the queue ends its process
+        self.log_queue.clear()
 
     # ---------------------------------------------------------------- variables
 

@@ -21,11 +21,11 @@ from fmus.kernels.jit import allocating
 from fmus.monolith.spins import Spins, write_motions, write_powers, write_reactions
 from fmus.monolith.spins import accumulate as accumulate_spins
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.contacts import END_POWER
 from fmus.physics.chain.interface import derivative, project, speed, stage_joints
 from fmus.physics.chain.report import TRAVEL, WORK
 from fmus.physics.chain.report import accumulate as accumulate_report
 from fmus.physics.chain.state import add_share, copy
+from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.adams import LEAST, accept, accurate, correct, length, predict, restart
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import put_quat, quat_normalise

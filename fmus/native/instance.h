@@ -29,6 +29,7 @@ typedef struct { int place, count; } Index; /* of an array, in the state */
 
 static const char *const CATEGORY[] = { "", "logStatusWarning", "logStatusDiscard", "logStatusError" }; /* by status */
 enum { WARNED = 1, FAILED = 3 }; /* of the output status */
+enum { OF_SHAPE = 28 }; /* characters of a guid */
 enum { LONGEST = 1500, FIRST_LINK = N_INPUT + N_OUTPUT, FIRST_PARAMETER = FIRST_LINK + N_LINK };
 
 /* numba's calling convention: the result goes to the first pointer, the exception to the second */
@@ -343,13 +344,18 @@ static Instance *create(const char *name, const char *token, const char *resourc
     c->k = allocate(N_K * sizeof *c->k);
     c->z = allocate(N_Z);
     if (c->name) strcpy(c->name, name ? name : "");
-    int known = token && !strcmp(token, GUID);
-    if (c->name && c->f && c->k && c->z && known && read_numbers(c, resources)) {
-        begin(c);
-        return c;
+    char own[sizeof GUID] = GUID; /* of the FMU with these numbers; GUID is that of the shape */
+    int of_shape = token && strlen(token) == sizeof GUID - 1 && !strncmp(token, GUID, OF_SHAPE);
+    if (c->name && c->f && c->k && c->z && of_shape && read_numbers(c, resources)) {
+        snprintf(own + OF_SHAPE, sizeof own - OF_SHAPE, "%08x", (unsigned)c->numbers.sum);
+        if (!strcmp(token, own) || !strcmp(token, GUID)) {
+            begin(c);
+            return c;
+        }
+        of_shape = 0;
     }
-    if (!known)
-        refuse(c, "the guid %s is not %s, which this FMU has", token ? token : "(none)", GUID);
+    if (!of_shape)
+        refuse(c, "the guid %s is not %s, which this FMU has", token ? token : "(none)", own);
     release(c);
     return 0;
 }

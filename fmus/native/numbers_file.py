@@ -48,6 +48,11 @@ def encode(shape: str, variables: Sequence[Port], frozen: Frozen, blocks: Mappin
     return HEAD.pack(MAGIC, VERSION, len(content), zlib.crc32(content), shape.encode()) + content
 
 
+def checksum(content: bytes) -> int:
+    """CRC-32 of the content of a file of numbers."""
+    return int(HEAD.unpack(content[: HEAD.size])[3])
+
+
 def shape_of(file: Path) -> str:
     """Digest of the shape to which a file of numbers belongs; raises OSError."""
     with file.open("rb") as stream:

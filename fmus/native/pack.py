@@ -84,8 +84,12 @@ def build_native(
         kind,
         json_text(config, kind),
     ]
-    return build_once(_digest(texts)[:DIGITS], f"{name or kind}.fmu",
-                      lambda: _Component(kind, config, fmi, tools).fmu(platforms), folder)  # fmt: skip
+
+    def packed() -> bytes:
+        component = _Component(kind, config, fmi, tools)
+        return component.fmu(platforms, component.own_guid)
+
+    return build_once(_digest(texts)[:DIGITS], f"{name or kind}.fmu", packed, folder)
 
 
 def build_native_shape(kind: str, config: Mapping[str, Any]) -> NativeFmu:
@@ -187,16 +191,21 @@ class _Component:
 
     @property
     def guid(self) -> str:
-        """Identifier of the FMUs of the shape."""
+        """Identifier of the shape, which is that of an FMU for any numbers."""
         return str(uuid.UUID(self.shape[:32]))
+
+    @property
+    def own_guid(self) -> str:
+        """Identifier of the FMU with these numbers: some hosts unpack one FMU for each."""
+        return f"{self.guid[:-8]}{numbers_file.checksum(self.numbers()):08x}"
 
     def numbers(self) -> bytes:
         """Content of the file of numbers."""
         blocks = {"x": self.model.state, "n": self.model.counters}
         return numbers_file.encode(self.shape, self.ports, self.entries.frozen, blocks)
 
-    def fmu(self, platforms: Sequence[Platform]) -> bytes:
-        """Archive of the FMU with its own numbers."""
+    def fmu(self, platforms: Sequence[Platform], guid: str = "") -> bytes:
+        """Archive of the FMU with its own numbers; ``guid``: by default that of the shape."""
         fmi3 = self.arrays is not None
         libraries = {}
         for platform in platforms:
@@ -205,7 +214,7 @@ class _Component:
             file = build_once(key, library, partial(self._library, platform), None, "libraries")
             content = file.read_bytes()[:-CHECKSUM]
             libraries[f"binaries/{platform.fmi3_folder if fmi3 else platform.folder}/{library}"] = content
-        description = self._description()
+        description = self._description(guid or self.guid)
         files = {DESCRIPTION: description, **libraries}
         script = ROOT / KINDS[self.kind]
         files |= documentation(description, readme_beside(script), INCLUDED) | icon_files(script, self.fmi)
@@ -228,9 +237,9 @@ class _Component:
                 raise BuildFailed(str(error)) from None
             return library.read_bytes()
 
-    def _description(self) -> bytes:
+    def _description(self, guid: str) -> bytes:
         about: dict[str, Any] = {
-            "guid": self.guid,
+            "guid": guid,
             "text": (type(self.model).__doc__ or self.kind).strip().splitlines()[0],
             "tool": f"cotrack, native by numba {version('numba')}",
             "categories": CATEGORIES,

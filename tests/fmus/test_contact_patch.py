@@ -8,10 +8,10 @@ import pytest
 import rigid_track
 from named_ports import parameters
 
-from fmus.physics.chain.contacts import CONTACT, LOSSES, PATCH_POWER
 from fmus.physics.chain.flexible.interface import flatten
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.rolling import evaluate_contacts
+from fmus.physics.chain.sums import CONTACT, LOSSES, PATCH_POWER
 from fmus.physics.rigid import body
 from fmus.physics.wheels import move
 

@@ -11,6 +11,7 @@ from xml.etree.ElementTree import fromstring
 import named_ports
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from hypothesis import given
 from hypothesis import strategies as st
 from named_ports import output_names, parameters
@@ -24,6 +25,7 @@ from fmus.vehicles.ranges import contradictions
 from fmus.vehicles.vehicle import number_meanings
 from orchestrator.cosim import fmi2_library
 from orchestrator.cosim.component import Component
+from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.model_description import loadable
 from orchestrator.scene.assembly import assemble, build_parts
@@ -243,6 +245,11 @@ def test_native_fmus_of_a_shape_have_one_library():
     usual, other, demanded = (build_native(*each) for each in (drive(), drive(11.0), drive(9.0, demanded=True)))
     assert library(usual) == library(other) != library(demanded)
     assert usual.read_bytes() != other.read_bytes()
+    guids = [read_model_description(file).guid for file in (usual, other)]
+    assert guids[0][:28] == guids[1][:28]
+    assert guids[0] != guids[1]  # some hosts unpack one FMU for each guid
+    with pytest.raises(ComponentFailed, match=f"the guid {guids[0]} is not {guids[1]}, which this FMU has"):
+        Component(usual, "drive", resources=unpack(other) / "resources")
     assert build_native_shape(*drive(11.0)).fmu == build_native_shape(*drive()).fmu
 
 

@@ -10,14 +10,14 @@ from m113 import MASS, VEHICLE, P
 
 from fmus.ground.soils import SoilTable, named
 from fmus.interface.model import InvalidParameter, StepFailed
-from fmus.physics.chain import contacts
+from fmus.physics.chain import sums
 from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN
 from fmus.physics.contact.soil.memory import CELL, DEEPEST, FIRST, INSIDE, MADE, PRESSURE, TILE, TILES
 from fmus.physics.contact.soil.pressure import compaction
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
 
-COMPACTED, SHEARED = (LOST + cause - contacts.LOSSES for cause in (contacts.GROUND_DAMPING, contacts.GROUND_FRICTION))
+COMPACTED, SHEARED = (LOST + cause - sums.LOSSES for cause in (sums.GROUND_DAMPING, sums.GROUND_FRICTION))
 WIDTH, FACE, G = VEHICLE["track"]["width"], VEHICLE["track"]["face"], 9.81
 AREA, N = P * WIDTH, 4
 SAND = {
@@ -223,5 +223,5 @@ def test_hard_ground_remembers_nothing():
     config["ends"] = {"kind": "pulled", "first": [0.0, 0.0], "last": [0.0, 0.0]}
     model = Rigid({"vehicle": VEHICLE, "track": config, "link_outputs": False})
     assert model.s.soil.size == model.s.rut.size == 0
-    assert len(model.warning_sentences) == 3
+    assert len(model.warning_sentences) == 5
     assert any(port.name == "contact.ground.friction" for port in model.ports)

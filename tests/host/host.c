@@ -18,6 +18,13 @@
 #include <dlfcn.h>
 #endif
 #include "resources.h"
+#if defined COUNTED /* number of the instance whose steps callgrind counts, one dump a step */
+#include <valgrind/callgrind.h>
+#else
+enum { COUNTED = -1 };
+#define CALLGRIND_TOGGLE_COLLECT
+#define CALLGRIND_DUMP_STATS
+#endif
 
 enum { INSTANCES = 16, CONNECTIONS = 4096 };
 
@@ -93,6 +100,14 @@ static int ascending(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
+static int make_step(Instance *a, double t, double h) {
+    int is_counted = a - all == COUNTED, status;
+    if (is_counted) { CALLGRIND_TOGGLE_COLLECT; }
+    status = a->step(a->c, t, h, 1);
+    if (is_counted) { CALLGRIND_TOGGLE_COLLECT; CALLGRIND_DUMP_STATS; }
+    return status;
+}
+
 int main(void) {
     char word[16], path[1024], guid[64];
     int steps = 0, stages = 0;
@@ -122,7 +137,7 @@ int main(void) {
                 Instance *a = &all[i];
                 double before = now();
                 if (a->stage != stage) continue;
-                if (a->set(a->c, a->vr, (size_t)a->inputs, a->u) || a->step(a->c, k * h, h, 1) ||
+                if (a->set(a->c, a->vr, (size_t)a->inputs, a->u) || make_step(a, k * h, h) ||
                     a->get(a->c, a->vr + a->inputs, (size_t)a->outputs, a->y))
                     return 1;
                 if (with_states && (a->save(a->c, &a->state) || a->serialise(a->c, a->state, a->bytes, a->size) ||

@@ -102,8 +102,14 @@ def test_what_is_no_fmu_for_this_machine_is_refused(drive, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--replace", "drve=a.fmu"), "rig.toml: fmu.drve: no such part: did you mean 'drive'?"),
-        (("--replace", "x=a.fmu"), "rig.toml: fmu.x: no such part: the parts are track, drive, idler_drive"),
+        (
+            ("--replace", "drve=a.fmu"),
+            "fmu.drve: no such part, and no connection names it: did you mean 'drive'?",
+        ),
+        (
+            ("--replace", "x=a.fmu"),
+            "fmu.x: no such part, and no connection names it: the parts are track, drive, idler",
+        ),
         (("--replace", "drive"), "--replace drive: must be NAME=FMU, the name of a part and a file"),
         (("--set", "fmu.drive.fil=a.fmu"), "rig.toml: unknown key 'fmu.drive.fil': did you mean 'fmu.drive.file'?"),
         (("--replace", "drive=FMU", "--set", "fmu.drive.parameters.torqe=3"), "did you mean 'torque'?"),

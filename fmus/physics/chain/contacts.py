@@ -1,6 +1,6 @@
-"""Contacts of a chain: its partners, sums of an evaluation, and the contact points at its last iteration matrix.
+"""Contacts of a chain: its partners, and the contact points at its last iteration matrix.
 
-Sums are over all contacts, and over what else a chain loses; the points have the derivatives of their forces.
+The points have the derivatives of their forces.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fmus.kernels.jit import kernel
-from fmus.physics.arrays import Floats, Vector
+from fmus.physics.arrays import Vector
 from fmus.physics.point import ON_FACE, POINTS
 from fmus.physics.vector import put
 
@@ -33,27 +33,6 @@ class Contacts(NamedTuple):
     sprocket: Law  # contact law of pins with teeth,
     wheel: Law  # of links with rims and of horns with discs,
     soil: Any  # and of links with the ground (``grounds``)
-
-
-# stored contact energy, J; power lost as contact patches move, W; largest penetration, m; load on the ground, N; its
-# products with the slip along -x and -y, N m/s; power of the end loads, W
-CONTACT, PATCH_POWER, DEPTH, LOAD, SLIP, SIDESLIP, END_POWER = range(7)
-# dissipated power by cause, W: GUIDES by friction and damping, MATERIAL in links, JOINTS by dampers of pins and closure
-LOSSES = 7  # index of the first
-(
-    GROUND_FRICTION, GROUND_DAMPING, WHEEL_FRICTION, WHEEL_DAMPING, TOOTH_FRICTION, TOOTH_DAMPING, GUIDES, MATERIAL,
-    JOINTS,
-) = range(LOSSES, LOSSES + 9)  # fmt: skip
-SUMS = LOSSES + 9
-
-
-@kernel
-def add_contact(sums: Floats, friction: int, damping: int, depth: float, force: ContactForce) -> None:
-    """Add to ``sums`` (SUMS) a contact's energy, its losses at ``friction`` and ``damping``, and its ``depth``, m."""
-    sums[CONTACT] += force.energy
-    sums[friction] += force.friction
-    sums[damping] += force.damping
-    sums[DEPTH] = max(sums[DEPTH], depth)
 
 
 PARTNER, BODY, LINK, ON_PIN = range(4)  # wheel, or the ground after the last; link or pin; link of the force; 1: a pin

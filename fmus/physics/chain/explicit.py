@@ -18,7 +18,6 @@ import numpy as np
 
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.contacts import END_POWER, LOSSES, PATCH_POWER, SUMS
 from fmus.physics.chain.integration import DONE, PINS_OPEN, SINGULAR, STEP_TOO_SHORT, UNSTABLE, IntegrationOutcome
 from fmus.physics.chain.interface import accelerate, derivative, first_speed, observe, project, speed, stage_joints
 from fmus.physics.chain.report import (
@@ -33,6 +32,7 @@ from fmus.physics.chain.report import (
     accumulate,
 )
 from fmus.physics.chain.state import add_share, copy, integrated_views, store_evaluation
+from fmus.physics.chain.sums import END_POWER, LOSSES, PATCH_POWER, SUMS
 from fmus.physics.integrate import adams as methods
 from fmus.physics.integrate import dormand_prince as eighth
 from fmus.physics.integrate.adams import LEAST, NEXT, Adams, accept, accurate, correct, length, predict, restart

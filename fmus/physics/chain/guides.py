@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel, namesake
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.contacts import GUIDES as GUIDE_LOSSES
-from fmus.physics.chain.contacts import PATCH_POWER, ContactPoint, add_contact
+from fmus.physics.chain.contacts import ContactPoint
 from fmus.physics.chain.interface import (
     apply_force,
     begin_link,
@@ -22,6 +21,8 @@ from fmus.physics.chain.interface import (
 )
 from fmus.physics.chain.near import WheelAndLink, contact_distance_squared, wheel_distances
 from fmus.physics.chain.on_links import WHEELS, add_link_force
+from fmus.physics.chain.sums import GUIDES as GUIDE_LOSSES
+from fmus.physics.chain.sums import PATCH_POWER, add_contact
 from fmus.physics.contact.face import NOT_SINKING, point_contact_force
 from fmus.physics.contact.guide import HORN, guide_face
 from fmus.physics.contact.wheel import GAUSS, covered_part, end_rates_in_space, patch_defect

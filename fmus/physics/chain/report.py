@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Four, Vector
-from fmus.physics.chain import contacts
+from fmus.physics.chain import sums
 
 if TYPE_CHECKING:
     from fmus.physics.chain.state import ChainWork
@@ -23,7 +23,7 @@ DEPTH = 12  # m
 GROUND = 13  # to 15: force of the ground, N
 SLIP, PATCH_DEFECT = 16, 17  # m/s, J
 LOST = 18  # first of the losses by cause, J
-REPORT = LOST + contacts.SUMS - contacts.LOSSES
+REPORT = LOST + sums.SUMS - sums.LOSSES
 SUMMED = (DISSIPATED, WORK, PATCH_DEFECT, TRAVEL, *range(LOST, REPORT))
 
 # completed steps, residual evaluations, Newton corrections, rejected steps
@@ -50,9 +50,9 @@ def write(
     report[SPEED] = speed
     report[T_MIN], report[T_MEAN], report[T_MAX], report[STRESS] = tension
     report[KINETIC], report[STRAIN], report[GRAVITY] = energy
-    report[CONTACT], report[DEPTH] = w.sums[contacts.CONTACT], w.sums[contacts.DEPTH]
-    slipping = heading[0] * w.sums[contacts.SLIP] + heading[1] * w.sums[contacts.SIDESLIP]
-    report[SLIP] = slipping / w.sums[contacts.LOAD] if w.sums[contacts.LOAD] > 0.0 else 0.0
+    report[CONTACT], report[DEPTH] = w.sums[sums.CONTACT], w.sums[sums.DEPTH]
+    slipping = heading[0] * w.sums[sums.SLIP] + heading[1] * w.sums[sums.SIDESLIP]
+    report[SLIP] = slipping / w.sums[sums.LOAD] if w.sums[sums.LOAD] > 0.0 else 0.0
     for k in range(3):
         report[GROUND + k] = -mean[-1, k]
 
@@ -61,15 +61,15 @@ def write(
 def accumulate(report: Floats, share: float, sums_now: Floats) -> None:
     """Add the powers in ``sums_now`` (SUMS), W, over ``share`` s."""
     for k in range(REPORT - LOST):
-        energy = share * sums_now[contacts.LOSSES + k]
+        energy = share * sums_now[sums.LOSSES + k]
         report[LOST + k] += energy
         report[DISSIPATED] += energy
-    report[PATCH_DEFECT] += share * sums_now[contacts.PATCH_POWER]
+    report[PATCH_DEFECT] += share * sums_now[sums.PATCH_POWER]
 
 
 @kernel
 def add_loss(report: Floats, cause: int, energy: float) -> None:
     """Add an ``energy``, J, lost by a ``cause`` (an index of sums, see ``contacts``)."""
     if energy != 0.0:
-        report[LOST + cause - contacts.LOSSES] += energy
+        report[LOST + cause - sums.LOSSES] += energy
         report[DISSIPATED] += energy

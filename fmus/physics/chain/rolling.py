@@ -10,21 +10,7 @@ from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Row
-from fmus.physics.chain.contacts import (
-    CONTACT,
-    GROUND_DAMPING,
-    GROUND_FRICTION,
-    LOAD,
-    PATCH_POWER,
-    SIDESLIP,
-    SLIP,
-    TOOTH_DAMPING,
-    TOOTH_FRICTION,
-    WHEEL_DAMPING,
-    WHEEL_FRICTION,
-    ContactPoint,
-    add_contact,
-)
+from fmus.physics.chain.contacts import ContactPoint
 from fmus.physics.chain.interface import (
     add_rate_matrix,
     apply_force,
@@ -58,6 +44,20 @@ from fmus.physics.chain.near import (
 )
 from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force, add_sliding, average_sliding, clear
 from fmus.physics.chain.report import add_loss
+from fmus.physics.chain.sums import (
+    CONTACT,
+    GROUND_DAMPING,
+    GROUND_FRICTION,
+    LOAD,
+    PATCH_POWER,
+    SIDESLIP,
+    SLIP,
+    TOOTH_DAMPING,
+    TOOTH_FRICTION,
+    WHEEL_DAMPING,
+    WHEEL_FRICTION,
+    add_contact,
+)
 from fmus.physics.contact.face import NOT_SINKING, Penetration, Sinking, contact_force, point_contact_force
 from fmus.physics.contact.grounds import (
     GroundPoint,

@@ -9,7 +9,6 @@ import numpy as np
 from fmus.kernels.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count, energy, force, mass, tangent, total_mass, vector_count
 from fmus.physics.arrays import Floats, Four, Vector
-from fmus.physics.chain.contacts import MATERIAL
 from fmus.physics.chain.flexible.closing import spring_energy
 from fmus.physics.chain.flexible.condensation import clear, condense, reduce
 from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
@@ -31,6 +30,7 @@ from fmus.physics.chain.flexible.interface import (
 )
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.interface import evaluate_contacts
+from fmus.physics.chain.sums import MATERIAL
 from fmus.physics.vector import dot, scale
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ import numpy as np
 from fmus.kernels.jit import kernel
 from fmus.physics.ancf.element import mass, vector_count
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.contacts import JOINTS
+from fmus.physics.chain.sums import JOINTS
 
 if TYPE_CHECKING:
     from fmus.physics.ancf.element import Element

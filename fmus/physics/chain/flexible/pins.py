@@ -20,7 +20,6 @@ import numpy as np
 from fmus.kernels.jit import kernel, namesake
 from fmus.physics.ancf.element import axis_count, total_mass, vector_count
 from fmus.physics.arrays import Vector
-from fmus.physics.chain.contacts import END_POWER, JOINTS
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.interface import (
     absolute_accelerations,
@@ -33,6 +32,7 @@ from fmus.physics.chain.flexible.interface import (
 from fmus.physics.chain.flexible.link_layout import ends, node
 from fmus.physics.chain.integration import HELD, PINNED, PULLED
 from fmus.physics.chain.on_links import JOINT
+from fmus.physics.chain.sums import END_POWER, JOINTS
 from fmus.physics.vector import add, put, scale, vector
 
 if TYPE_CHECKING:

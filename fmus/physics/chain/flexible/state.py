@@ -10,16 +10,17 @@ from fmus.kernels.by_reference import by_reference
 from fmus.physics.arrays import Floats
 from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain import state
-from fmus.physics.chain.contacts import SUMS, contact_points
 from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
+from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 
 if TYPE_CHECKING:
     from types import ModuleType
 
+    from fmus.physics.chain.contacts import ContactPoints
     from fmus.physics.chain.flexible.constrained import ConstrainedJoints
 
 
@@ -169,7 +170,7 @@ def work(
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
         wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
         contact=memory(points(wheels, nodes)),
-        points=contact_points(contacts, *2 * [(nodes, kit.NODE)]) if contacts else None,
+        points=_contact_points(contacts, nodes, kit.NODE) if contacts else None,
         near=near(links),
         axes=axes_arrays(nodes, m, whole) if kit.FREE else None,
         joints=_joints(links, m) if len(at.pins) == 2 else None,
@@ -177,6 +178,12 @@ def work(
         soil=z((ground.points, ground.pending)),
         rut=rut,
     ))  # fmt: skip
+
+
+def _contact_points(most: int, nodes: int, width: int) -> ContactPoints:
+    from fmus.physics.chain.contacts import contact_points  # only where something touches
+
+    return contact_points(most, (nodes, width), (nodes, width))
 
 
 def _joints(links: int, m: int) -> ConstrainedJoints:

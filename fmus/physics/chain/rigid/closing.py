@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Vector
-from fmus.physics.chain.contacts import JOINTS
+from fmus.physics.chain.sums import JOINTS
 from fmus.physics.rigid import body
 from fmus.physics.rigid.augmented import Ends, closing_pin
 from fmus.physics.rigid.body import axis, rate

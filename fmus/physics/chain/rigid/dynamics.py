@@ -15,7 +15,6 @@ import numpy as np
 from fmus.kernels.jit import allocating, kernel, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.carrier import carrier, chain_speed
-from fmus.physics.chain.contacts import END_POWER
 from fmus.physics.chain.on_links import JOINT
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid import closing
@@ -27,6 +26,7 @@ from fmus.physics.chain.rigid.newton import (
     set_mass,
 )
 from fmus.physics.chain.state import add_share, copy, copy_rows
+from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import ClosingSpring

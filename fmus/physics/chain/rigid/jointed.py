@@ -20,12 +20,12 @@ import numpy as np
 
 from fmus.kernels.jit import implemented_in, kernel, namesake
 from fmus.physics.arrays import Floats, Matrix, Vector
-from fmus.physics.chain.contacts import JOINTS
 from fmus.physics.chain.rigid import closing, dynamics
 from fmus.physics.chain.rigid.dynamics import ANY, CORRECTIONS, OPEN
 from fmus.physics.chain.rigid.links import RigidLinks, loads
 from fmus.physics.chain.rigid.newton import GAP
 from fmus.physics.chain.state import copy_rows
+from fmus.physics.chain.sums import JOINTS
 from fmus.physics.elementary import atan2, cos, sin
 from fmus.physics.rigid import augmented, body, recursive
 from fmus.physics.rigid.body import axis

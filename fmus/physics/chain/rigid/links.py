@@ -13,10 +13,10 @@ import numpy as np
 
 from fmus.kernels.jit import implemented_in, kernel, noalias
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.chain.contacts import END_POWER, JOINTS
 from fmus.physics.chain.interface import evaluate_contacts
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.state import State, Work
+from fmus.physics.chain.sums import END_POWER, JOINTS
 from fmus.physics.elementary import atan2, cos, of_each, sin
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends

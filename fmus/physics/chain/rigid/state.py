@@ -9,10 +9,10 @@ import numpy as np
 from fmus.kernels.by_reference import by_reference
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
-from fmus.physics.chain.contacts import SUMS, contact_points
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
+from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 from fmus.physics.rigid import augmented, recursive
 from fmus.physics.rigid.augmented import AugmentedSystem
@@ -117,7 +117,7 @@ def work(
             system=augmented.system(links, closed),
             articulated=recursive.articulated_bodies(links if joints else 0),
             contact=memory(points(wheels, pins)),
-            points=contact_points(contacts, (links, 7)) if contacts else None,
+            points=_contact_points(contacts, links) if contacts else None,
             near=near(links),
             increment=z((links, 6)),
             wheels=z((wheels, WIDTH)),
@@ -134,3 +134,9 @@ def work(
             rut=rut,
         )
     )
+
+
+def _contact_points(most: int, links: int) -> Any:
+    from fmus.physics.chain.contacts import contact_points  # only where something touches
+
+    return contact_points(most, (links, 7))
