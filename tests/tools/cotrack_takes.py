@@ -9,7 +9,7 @@ from tests.tools.made import PLACES, STEPS, H, attempt, folder, said, speed_at, 
 EXPECTED = {
     "archive": "1 times",
     "parameter set": "2 times",
-    "numbers of FMUs of one guid": "its own",
+    "numbers of FMUs of one shape": "its own",
     "LinearTransformation": "2 times",
     "DefaultExperiment": "0.05 s, starts at 0 s",
     "system connector": "1 times",
@@ -54,7 +54,7 @@ place = folder()
 FOUND = {
     "archive": attempt(lambda: of_mount("drives")),
     "parameter set": attempt(lambda: first("set")),
-    "numbers of FMUs of one guid": attempt(numbers),
+    "numbers of FMUs of one shape": attempt(numbers),
     "LinearTransformation": attempt(lambda: of_mount("scaled")),
     "DefaultExperiment": attempt(later),
     "system connector": attempt(lambda: of_mount("system")),

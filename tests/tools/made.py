@@ -67,7 +67,7 @@ def write_archives(place: Path) -> None:
     }
     for name, document in documents.items():
         write(place / f"{name}.ssp", document, {f"resources/{part.name}.fmu": two for part in parts})
-    other = (place / "fmi2" / OTHER).read_bytes()  # of the same guid: only its numbers differ
+    other = (place / "fmi2" / OTHER).read_bytes()  # of the same shape: only its numbers differ, and by them its guid
     write(place / "numbers.ssp", plain, {"resources/first.fmu": two, "resources/second.fmu": other})
     for name, document in (("three", THREE), ("named_three", with_outputs(THREE, {"shown.first": ("drive", "speed")}))):
         write(place / f"{name}.ssp", document, {"resources/drive.fmu": three})
