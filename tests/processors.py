@@ -100,7 +100,7 @@ def driven(
 
 def native_runs(scene: str, links: str, steps: int, folder: Path) -> dict[str, np.ndarray]:
     """Outputs (steps, outputs) of native FMUs by processor and system, by the C host."""
-    from test_native_host import host, order_text, windows_host
+    from c_host import host, order_text, windows_host
 
     from fmus.native.link import LINUX, WINDOWS
     from orchestrator.scene.assembly import assemble, build_native_all
