@@ -15,7 +15,7 @@ import numpy as np
 
 from fmus.chassis.fittings import pull, touch
 from fmus.chassis.tree import BODY, WHOLE, VehicleTree
-from fmus.kernels.jit import allocating, kernel
+from fmus.kernels.jit import allocating, dispatch, kernel
 from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.elementary import cos, sin
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
@@ -36,6 +36,7 @@ class Parts(NamedTuple):
     tree: VehicleTree
     contacts: Any  # with the ground; None where there are none
     longest: float  # longest internal step, s
+    springs: np.ndarray  # (n, 3) int: index in ``steps.begin``'s p of stiffness, damping and preload of a leaf
     start: np.ndarray  # (16) frame at the drawn centre of mass, its place at the start, m, and gravity energy, J
     centre: tuple[float, float, float]  # centre of mass of the hull in the drawn position, vehicle frame, m
     hull: Stance  # of the hull at the start
@@ -55,7 +56,7 @@ class Parts(NamedTuple):
 
 @kernel
 def is_fixed(tree: VehicleTree, k: int) -> bool:
-    """Whether leaf k is a return roller, whose coordinate stays 0."""
+    """Whether leaf k is a return roller or a road wheel on a fixed axle, whose coordinate stays 0."""
     return tree.is_arm[k] == 0 and tree.travel[k] == 0.0
 
 
@@ -75,6 +76,8 @@ def compression(tree: VehicleTree, k: int, d: float) -> tuple[float, float]:
     if tree.is_arm[k] == 0:
         sense = tree.on_arm[k, 0]
         return sense * d, sense
+    if tree.drawn_length[k] == 0.0:
+        return 0.0, 0.0
     x, z, c, s = tree.on_arm[k, 0], tree.on_arm[k, 1], cos(d), sin(d)
     ax, az = c * x + s * z, c * z - s * x
     bx, bz = ax - tree.on_chassis[k, 0], az - tree.on_chassis[k, 1]
@@ -128,12 +131,29 @@ def leaf_bias(
 
 
 @kernel
-def spring(tree: VehicleTree, k: int, q: float, qd: float) -> Vector:
-    """Push of spring and damper of leaf k, N, derivative of the compression, and lost power, W. (9)"""
+def linear_spring(tree: VehicleTree, k: int, q: float, qd: float) -> tuple[float, float, float, float]:
+    """What ``suspend`` returns, of the linear spring and damper of leaf k. (9)"""
     e, slope = compression(tree, k, q)
     ed = slope * qd
     push = tree.preload[k] + tree.stiffness[k] * e + tree.damping[k] * ed
-    return push, slope, tree.damping[k] * ed * ed
+    stored = tree.preload[k] ** 2 / (2 * tree.stiffness[k]) if tree.stiffness[k] > 0.0 else 0.0
+    stored += (tree.preload[k] + 0.5 * tree.stiffness[k] * e) * e
+    return push, slope * push, tree.damping[k] * ed * ed, stored
+
+
+@dispatch("suspension", default=True)
+def suspend(suspension: Any, tree: VehicleTree, k: int, q: float, qd: float) -> tuple[float, float, float, float]:
+    """Push along the spring-damper of leaf k, N, force against its coordinate q, lost power, W, stored energy, J.
+
+    ``suspension``: that of the tree.
+    """
+    return linear_spring(tree, k, q, qd)
+
+
+@dispatch("suspension", default=True)
+def put_elements(suspension: Any, tree: VehicleTree, x: Floats, k: int, y: Floats, i: int) -> int:
+    """Write the outputs of the elements of leaf k beside its spring from ``y[i]`` on; return the index after them."""
+    return i
 
 
 @kernel
@@ -188,7 +208,7 @@ def rates(tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, u: Floats, ou
     v, w = to_body(A, vector(x, 7)), vector(x, 10)
     M[:], b[:] = 0.0, 0.0
     d, spin, rate, spin_rate = ROOT, ROOT + n, ROOT + 2 * n, ROOT + 3 * n
-    dissipated, momentum = 0.0, 0.0
+    dissipated, momentum, first_force, first_mass = 0.0, 0.0, 0.0, 0.0
     if contacts is not None:
         touch(contacts, tree, x, A, v, w)
         dissipated += contacts.sums[1]
@@ -210,20 +230,29 @@ def rates(tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, u: Floats, ou
         T = add(T, add(add(cross(wheel, f), (torque[0], 0.0, torque[2])), add(cross(c, f_c), t_c)))
         momentum += tree.spin_inertia[k] * x[spin_rate + k]
 
-        push, slope, lost_power = spring(tree, k, q, qd)
+        _, pull, lost_power, _ = suspend(tree.suspension, tree, k, q, qd)
         dissipated += lost_power
 
         Jt = leaf_inertia(tree, k, r, turn)
         generalized_mass = m * dot(lc, lc) + dot(turn, Jt)
-        g[k] = (dot(dr, f) + dot(lc, f_c) + dot(turn, t_c) - slope * push) / generalized_mass
+        generalized_force = dot(dr, f) + dot(lc, f_c) + dot(turn, t_c) - pull
         put(Q[k], 0, scale(m, lc))
         put(Q[k], 3, add(cross(c, scale(m, lc)), Jt))
+        if tree.joined[k] == 1:
+            generalized_force, generalized_mass = generalized_force + first_force, generalized_mass + first_mass
+            for i in range(6):
+                Q[k, i] += Q[k - 1, i]
+        g[k] = generalized_force / generalized_mass
         leaf_tensor(tree, k, r, J)
         add_body(M, m, c, J)
         if is_fixed(tree, k):
             g[k], Q[k] = 0.0, 0.0
+        elif k + 1 < n and tree.joined[k + 1] == 1:  # a bogie is eliminated with its second arm (10)
+            first_force, first_mass = generalized_force, generalized_mass
         else:
             eliminate(M, b, Q, k, g[k], generalized_mass)
+            if tree.joined[k] == 1:
+                g[k - 1], Q[k - 1] = g[k], Q[k]
 
         out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)
@@ -299,7 +328,8 @@ def fault(tree: VehicleTree, x: Floats) -> int:
         if tree.is_arm[k] == 0:
             out_of_reach = abs(q) > tree.travel[k]
         else:  # past the dead point, where the spring's line runs through the pin
-            out_of_reach = abs(q) > np.pi or compression(tree, k, q)[1] * compression(tree, k, 0.0)[1] <= 0.0
+            slopes = compression(tree, k, q)[1] * compression(tree, k, 0.0)[1]
+            out_of_reach = abs(q) > np.pi or (tree.drawn_length[k] > 0.0 and slopes <= 0.0)
         if out_of_reach:
             return OUT_OF_REACH + k
     return FINE
@@ -340,8 +370,6 @@ def energies(tree: VehicleTree, x: Floats) -> Vector:
         kinetic += 0.5 * tree.leaf_mass[k] * dot(vc, vc) + 0.5 * dot(wl, leaf_inertia(tree, k, r, wl))
         kinetic += 0.5 * tree.spin_inertia[k] * spin * spin
         moment = add(moment, scale(tree.leaf_mass[k], c))
-        e = compression(tree, k, q)[0]
-        stored = tree.preload[k] ** 2 / (2 * tree.stiffness[k]) if tree.stiffness[k] > 0.0 else 0.0
-        spring += stored + (tree.preload[k] + 0.5 * tree.stiffness[k] * e) * e
+        spring += suspend(tree.suspension, tree, k, q, 0.0)[3]
     gravity = tree.gravity[0] * (tree.masses[WHOLE] * x[2] + to_world(A, moment)[2])
     return kinetic, gravity, spring

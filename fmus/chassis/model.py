@@ -11,7 +11,7 @@ from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts
 from fmus.chassis.fittings import Fittings
 from fmus.chassis.observe import write_outputs
 from fmus.chassis.steps import NUMBERS, begin, step, step_failure
-from fmus.chassis.tree import WHOLE, VehicleTree, fastest_rate, tree
+from fmus.chassis.tree import WHOLE, LinearSprings, VehicleTree, fastest_rate, tree
 from fmus.interface import numbers, wrenches
 from fmus.interface.defaults import parameter_values
 from fmus.interface.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
@@ -23,6 +23,8 @@ from fmus.start import FRAME, KEYS, roll_pitch_quaternion, stance
 from fmus.vehicles.sides import SIDES, of_side, return_rollers
 
 RESOLVED = 0.5  # largest product of the default internal step and a rate
+SPRING = ("stiffness", "damping", "preload")
+UP = "up is positive of a trailing arm"
 LEAST_STEP, MOST_STEP, MOST_STEP_ON_GROUND = 1e-5, 1e-3, 1e-4  # s: bounds of that default
 
 
@@ -48,25 +50,44 @@ def stations(vehicle: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def spring_ports(side: str, wheels: int) -> list[Port]:
-    """Outputs of the arms and springs of a side."""
-    ports = []
-    for i in range(1, wheels + 1):
-        arm, spring = f"{side}.road_arm[{i}]", f"{side}.suspension[{i}]"
-        ports += [
-            Port(f"{arm}.angle", "output", "rad", f"rotation of {arm} from the drawn position, up is positive"),
-            Port(f"{spring}.force", "output", "N", f"push of spring and damper of {spring}"),
-            Port(f"{spring}.length", "output", "m", f"length of {spring}"),
-        ]
-    return [
-        *ports,
-        Port(
-            f"{side}.tensioner.force",
-            "output",
-            "N",
-            f"push of the {side} tensioner on its idler, away from the sprocket",
-        ),
-    ]
+def spring_ports(tree: VehicleTree, side: str, first: int, wheels: int) -> list[Port]:
+    """Outputs of the arms and springs of a side, whose leaves begin with ``first``."""
+    ports, springs = [], tree.suspension
+    has_elements = not isinstance(springs, LinearSprings)
+    if has_elements:
+        from fmus.chassis.suspension.elements import output_ports
+    for k in range(first, first + wheels):
+        if not tree.is_arm[k]:
+            continue
+        arm, spring = f"{side}.road_arm[{k - first + 1}]", f"{side}.suspension[{k - first + 1}]"
+        ports.append(Port(f"{arm}.angle", "output", "rad", f"rotation of {arm} from the drawn position, {UP}"))
+        if tree.drawn_length[k]:
+            ports += [
+                Port(f"{spring}.force", "output", "N", f"push of spring and damper of {spring}"),
+                Port(f"{spring}.length", "output", "m", f"length of {spring}"),
+            ]
+        ports += output_ports(springs, arm) if has_elements else []
+    push = f"push of the {side} tensioner on its idler, away from the sprocket"
+    ports.append(Port(f"{side}.tensioner.force", "output", "N", push))
+    return ports + (output_ports(springs, f"{side}.idler") if has_elements else [])
+
+
+def spring_names(vehicle: Mapping[str, Any]) -> list[tuple[str | None, ...]]:
+    """Names of stiffness, damping and preload of each leaf; None for a number that it does not have."""
+    found: list[tuple[str | None, ...]] = []
+    for side in SIDES:
+        own = (vehicle.get("right") or {}).get("suspension") if side == "right" else None
+        table = of_side(vehicle, side)["suspension"] or {}
+        for k in range(1, len(vehicle["road_wheel"]["x"]) + 1):
+            names: list[str | None] = []
+            for key in SPRING:
+                above = "right." if own and own.get(key) is not None else ""
+                index = f"[{k}]" if isinstance(table.get(key), list | tuple) else ""
+                names.append(None if table.get(key) is None else f"{above}suspension.{key}{index}")
+            found.append(tuple(names))
+        found.append(tuple(f"tensioner.{key}" for key in SPRING))
+        found += [(None, None, None)] * len(return_rollers(vehicle)["x"])
+    return found
 
 
 def chassis_ports() -> list[Port]:
@@ -106,7 +127,6 @@ class Model(ComponentModel):
     """
 
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
-    start_parameters = *KEYS, "suspension.preload", "tensioner.preload", *NUMBERS
     warning_sentences: tuple[Sentence, ...] = (
         Sentence(
             "the vehicle does not start in equilibrium: the hull rises or falls with {0:.2g} m/s2 in the first step,"
@@ -131,7 +151,7 @@ class Model(ComponentModel):
             *(f"return_roller.{key}" for key in wheel if config["vehicle"].get("return_roller")),
             "road_arm",
             "suspension",
-            *(f"tensioner.{key}" for key in ("stiffness", "damping", "preload")),
+            *(f"tensioner.{key}" for key in (*SPRING, "recoil")),
             "track.lateral",
             "right",
             *(["contact.ground", "track.face"] if ground else []),
@@ -146,19 +166,32 @@ class Model(ComponentModel):
         self.sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
         self.tree = tree(vehicle, len(sides))
         self._vehicle, self._ground = vehicle, config["chassis"].get("ground")
-        known = numbers.values(config)
-        self._numbers: dict[str, Any] = {name: known[name] for name in NUMBERS}
+        known, springs = numbers.values(config), spring_names(vehicle)
+        names = list(dict.fromkeys(name for each in springs for name in each if name is not None))
+        self.start_parameters = (*KEYS, *NUMBERS, *names)
+        self._numbers: dict[str, Any] = {name: known[name] for name in (*NUMBERS, *names)}
+        where = {name: k for k, name in enumerate(self.start_parameters)}
+        self._springs = np.array([[where.get(name or "", -1) for name in each] for each in springs])
         self._contacts: Any = None
         x, y, z = map(float, vehicle["chassis"]["centre"])
         self._centre = x, y, z
         places = [f"{side}.{name}" for side in sides for name in stations(vehicle)]
         self._fittings = Fittings(vehicle, config["chassis"], WRENCH * len(places), ROOT + LEAF * len(self.tree.is_arm))
+        preload = [
+            Port(name, "parameter", "N", "push of each suspension spring when drawn", known[name])
+            for name in names
+            if name == "suspension.preload"
+        ]
         self.ports: tuple[Port, ...] = (
             *(port for place in places for port in wrench_ports(place, "input")),
             *self._fittings.inputs,
             *(port for place in places for port in motion_ports(place, "output")),
             *chassis_ports(),
-            *(port for side in sides for port in spring_ports(side, self._wheels)),
+            *(
+                port
+                for k, side in enumerate(sides)
+                for port in spring_ports(self.tree, side, k * (len(springs) // 2), self._wheels)
+            ),
             Port("energy.kinetic", "output", "J", "kinetic energy"),
             Port("energy.gravity", "output", "J", "gravity energy since the start"),
             Port("energy.spring", "output", "J", "energy of suspension and tensioner springs"),
@@ -172,8 +205,7 @@ class Model(ComponentModel):
             *start_pose_ports(),
             Port("step", "parameter", "s", "largest internal step", default_step(self.tree, vehicle, self._ground),
                  allowed=POSITIVE),
-            Port("suspension.preload", "parameter", "N", "push of each suspension spring when drawn",
-                 float(vehicle["suspension"]["preload"])),
+            *preload,
             Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn, less what"
                  " would balance a track on a side that has none",
                  float(vehicle["tensioner"]["preload"])),
@@ -188,15 +220,15 @@ class Model(ComponentModel):
         self._start = np.zeros(FRAME + 4)
         self._set_start(config["chassis"])
         self.inputs = WRENCH * len(places) + len(self._fittings.inputs)
-        names = tuple(map(self._part, range(size)))
+        parts = tuple(map(self._part, range(size)))
         self.failures = (
             Sentence(""),
-            Sentence("at t = {0:.6g} s the motion of the {1:name} is not finite", names),
+            Sentence("at t = {0:.6g} s the motion of the {1:name} is not finite", parts),
             Sentence(
                 "at t = {0:.6g} s the chassis turns too fast for the internal step: its quaternion lost its length"
             ),
-            Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} rad from its drawn position", names),
-            Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} m from its drawn position", names),
+            Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} rad from its drawn position", parts),
+            Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} m from its drawn position", parts),
             TOO_MANY_STEPS,
         )
 
@@ -224,15 +256,21 @@ class Model(ComponentModel):
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at rest at the start pose; raises InvalidParameter."""
         values = self._numbers | parameter_values(self.ports, parameters)
+        recoil, push = self._vehicle["tensioner"].get("recoil"), values["tensioner.preload"]
+        if recoil and recoil["preload"] < push:
+            raise InvalidParameter(
+                f"tensioner.recoil.preload = {recoil['preload']:.6g} N must be {push:.6g} N at least, the push that"
+                " the idler needs at the start: the recoil spring gives beyond its preload only"
+            )
         if self._ground:
             from fmus.chassis.contacts import contacts
 
             self._contacts = contacts(self._vehicle, self._ground, values)
         self.counters[:] = 0
         parts = Parts(
-            self.tree, self._contacts, values["step"], self._start, self._centre, self._hull, self._leaves,
-            self._missing_preload, self._rests, len(self.sides), self.integrated, self.counters, self._stages,
-            wrenches.CHOICES.index(values["extrapolate"]), self._received, np.zeros(self.inputs),
+            self.tree, self._contacts, values["step"], self._springs, self._start, self._centre, self._hull,
+            self._leaves, self._missing_preload, self._rests, len(self.sides), self.integrated, self.counters,
+            self._stages, wrenches.CHOICES.index(values["extrapolate"]), self._received, np.zeros(self.inputs),
             self._fittings.hitch(values), self._fittings.seats(),
         )  # fmt: skip
         self.begin(values, parts)

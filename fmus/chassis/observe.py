@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fmus.chassis.dynamics import ROOT, Parts, compression, energies, is_fixed, wheel_offset
+from fmus.chassis.dynamics import ROOT, Parts, compression, energies, is_fixed, put_elements, suspend, wheel_offset
 from fmus.chassis.fittings import put_hitch, put_seats, touch
 from fmus.chassis.tree import VehicleTree
 from fmus.kernels.jit import allocating, kernel
@@ -64,18 +64,23 @@ def put_chassis(tree: VehicleTree, x: Floats, start: Floats, y: Floats, i: int) 
 
 @kernel
 def put_springs(tree: VehicleTree, x: Floats, sides: int, y: Floats, i: int) -> int:
-    """Write arm angle, force and length of each suspension, then the tensioner's force, side by side."""
+    """Write what arms and suspension have, then the tensioner's force, side by side."""
     n = len(tree.is_arm)
     for k in range(sides * n // 2):
-        d, rate = x[ROOT + k], x[ROOT + 2 * n + k]
-        e, slope = compression(tree, k, d)
-        push = tree.preload[k] + tree.stiffness[k] * e + tree.damping[k] * slope * rate
+        if is_fixed(tree, k):
+            continue
+        d = x[ROOT + k]
+        push = suspend(tree.suspension, tree, k, d, x[ROOT + 2 * n + k])[0]
         if tree.is_arm[k] == 1:
-            y[i], y[i + 1], y[i + 2] = d, push, tree.drawn_length[k] - e
-            i += 3
-        elif not is_fixed(tree, k):
+            y[i] = d
+            i += 1
+        if tree.is_arm[k] == 0 or tree.drawn_length[k] > 0.0:
             y[i] = push
             i += 1
+        if tree.drawn_length[k] > 0.0:
+            y[i] = tree.drawn_length[k] - compression(tree, k, d)[0]
+            i += 1
+        i = put_elements(tree.suspension, tree, x, k, y, i)
     return i
 
 

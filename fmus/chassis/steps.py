@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.chassis.dynamics import FINE, NOT_FINITE, OUT_OF_REACH, ROOT, Parts, advance, energies, is_fixed
+from fmus.chassis.dynamics import FINE, NOT_FINITE, OUT_OF_REACH, ROOT, Parts, advance, energies
 from fmus.chassis.fittings import keep_velocities, put_accelerations, set_time
 from fmus.chassis.tree import BODY, WHOLE, VehicleTree, with_leaves, with_sprockets
 from fmus.interface import wrenches
@@ -20,8 +20,7 @@ from fmus.start import AFTER_POSE, FRAME, lay_frame, part_at_rest
 
 TURNED_TOO_FAR, MOVED_TOO_FAR, TOO_LONG = 3, 4, 5  # further failures of a step, after the first faults
 LEAST_UNREST = 0.2  # m/s2, vertical, of the hull in the first step from an equilibrium; 2 % of the weight
-PRELOADS = AFTER_POSE  # index of the preloads in ``p``: of suspension springs, of tensioners
-NUMBERS = (  # numbers of the vehicle table that follow the preloads in ``p``
+NUMBERS = (  # numbers of the vehicle table that follow the start pose in ``p``, before those of the springs
     "gravity",
     "chassis.mass",
     "chassis.inertia[1]",
@@ -29,32 +28,29 @@ NUMBERS = (  # numbers of the vehicle table that follow the preloads in ``p``
     "chassis.inertia[3]",
     "sprocket.mass",
     "sprocket.transverse_inertia",
-    "suspension.stiffness",
-    "suspension.damping",
-    "tensioner.stiffness",
-    "tensioner.damping",
 )
 # indices in ``p``; what belongs together follows
-GRAVITY, MASS, INERTIA, SPROCKET, SUSPENSION, TENSIONER = (
-    PRELOADS + 2 + NUMBERS.index(name)
-    for name in ("gravity", "chassis.mass", "chassis.inertia[1]", "sprocket.mass", "suspension.stiffness",
-                 "tensioner.stiffness")
+GRAVITY, MASS, INERTIA, SPROCKET = (
+    AFTER_POSE + NUMBERS.index(name) for name in ("gravity", "chassis.mass", "chassis.inertia[1]", "sprocket.mass")
 )  # fmt: skip
 
 
 @allocating
 def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
-    """See ``interface.model.ComponentModel``; p: the start pose, then the preloads, N, then NUMBERS, SI."""
+    """See ``interface.model.ComponentModel``; p: the start pose, NUMBERS, then those of ``c.springs``, SI."""
     set_masses(c.tree, p)
     tree, x, start = c.tree, c.state, c.start
     n = tree.is_arm.size
     x[:] = 0.0
     c.received[:] = 0.0
     for k in range(n):
-        if not is_fixed(tree, k):
-            spring = SUSPENSION if tree.is_arm[k] == 1 else TENSIONER
-            tree.stiffness[k], tree.damping[k] = p[spring], p[spring + 1]
-            tree.preload[k] = p[PRELOADS] if tree.is_arm[k] == 1 else p[PRELOADS + 1] - c.missing_preload[2 * k // n]
+        stiffness, damping, preload = c.springs[k]
+        if stiffness >= 0:
+            tree.stiffness[k] = p[stiffness]
+        if damping >= 0:
+            tree.damping[k] = p[damping]
+        if preload >= 0:
+            tree.preload[k] = p[preload] - (0.0 if tree.is_arm[k] == 1 else c.missing_preload[2 * k // n])
         x[ROOT + k] = c.leaves[k]
     hull = part_at_rest(p, c.hull)
     for i in range(7):
@@ -74,7 +70,7 @@ def set_masses(tree: VehicleTree, p: Sequence[float]) -> None:
     mounts, centre, inertia = tree.sprocket, tree.centre, tree.inertia
     mass = with_sprockets(p[MASS], moments, p[SPROCKET], p[SPROCKET + 1], mounts, centre, inertia)
     tree.gravity[0], tree.masses[BODY] = p[GRAVITY], mass
-    tree.masses[WHOLE] = with_leaves(mass, tree.is_arm, tree.leaf_mass)
+    tree.masses[WHOLE] = with_leaves(mass, tree.suspension.wheels, tree.leaf_mass)
 
 
 @kernel

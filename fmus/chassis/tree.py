@@ -1,15 +1,16 @@
 """Vehicle without tracks as a star-shaped tree: a free body, and leaves with one coordinate each.
 
-A leaf is a road arm with its wheel (turns about a pin), an idler (slides along the chassis) or a return roller (a
-slide without travel, whose coordinate stays 0); its wheel has a separate spin. Leaves are ordered side by side, left
-first: road arms from the front, the idler, return rollers from the front.
+A leaf is a road arm with its wheel (turns about a pin), an idler (slides along the chassis), or a return roller or road
+wheel on a fixed axle (a slide without travel, whose coordinate stays 0); its wheel has a separate spin. The two arms of
+a bogie share one coordinate. Leaves are ordered side by side, left first: road wheels from the front, the idler, return
+rollers from the front.
 Frame B is the chassis' own, axes x forward, y left, z up in the drawn position, origin O in the chassis'
 centre of mass. Pins and slides lie along B's y and x axes, so a leaf moves in a plane y = const of B.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,9 +19,15 @@ from fmus.kernels.by_reference import by_reference
 from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Integers, Matrix, Vector
 from fmus.physics.elementary import hypot
-from fmus.vehicles.sides import SIDES, of_side, return_rollers
+from fmus.vehicles.sides import SIDES, of_side, of_wheels, places_of_wheels, return_rollers
 
 BODY, WHOLE = range(2)  # indices into ``VehicleTree.masses``
+
+
+class LinearSprings(NamedTuple):
+    """Suspension of linear spring-dampers alone, whose numbers are those of the tree."""
+
+    wheels: int  # of a side
 
 
 class VehicleTree(NamedTuple):
@@ -30,7 +37,8 @@ class VehicleTree(NamedTuple):
     masses: Floats  # (2,) BODY: chassis with both sprockets, WHOLE: with all leaves, kg
     centre: Floats  # (3,) centre of mass of chassis with sprockets, m
     inertia: Floats  # (3, 3) of chassis with sprockets about that centre, without the sprockets' spin, kg m2
-    is_arm: Integers  # (n,) 1 for a road arm, 0 for an idler or a return roller
+    is_arm: Integers  # (n,) 1 for a road arm, 0 for the others
+    joined: Integers  # (n,) 1 for the second arm of a bogie, which has the coordinate of the leaf before it
     hinge: Floats  # (n, 3) pin of the arm, or drawn wheel centre of the others, m
     arm: Floats  # (n, 2) x and z of the wheel centre from the pin in the drawn position, m; 0 for the others
     fraction: Floats  # (n,) centre of mass of arm and wheel on the line from pin to wheel centre; 1 for the others
@@ -45,13 +53,14 @@ class VehicleTree(NamedTuple):
     # and -1 ahead of it, then 0: the sense of x in which it compresses its spring; 0 for a return roller
     on_arm: Floats
     on_chassis: Floats  # (n, 2) x and z of the spring's end on the chassis, from the pin, m
-    drawn_length: Floats  # (n,) of the spring-damper in the drawn position, m
+    drawn_length: Floats  # (n,) of the spring-damper in the drawn position, m; 0 without one
     stiffness: Floats  # (n,) N/m
     damping: Floats  # (n,) N s/m
     preload: Floats  # (n,) push of the spring in the drawn position, N
     travel: Floats  # (n,) largest motion of an idler on its slide, m; 0 for a return roller
     sprocket: Floats  # (2, 3) centres of the sprocket mounts, left and right, m
     input_index: Integers  # (n + 2,) index of the wrench input that acts on a unit: leaves, left mount, right mount
+    suspension: Any  # LinearSprings, or ``suspension.elements.Elements``
     mirror: Floats  # (n + 2,) 1, or -1 where the input is that of the other side, mirrored in the plane y = 0 of B
     # Work arrays of the equations of motion (``dynamics.rates``).
     rotation: Floats  # (3, 3) B to world
@@ -64,54 +73,32 @@ class VehicleTree(NamedTuple):
 
 def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     """Tree of a vehicle table; with ``sides`` = 1 the right side gets the left side's wrenches, mirrored."""
-    body, sprocket, idler, roller = vehicle["chassis"], vehicle["sprocket"], vehicle["idler"], return_rollers(vehicle)
-    wheel, arm, spring = vehicle["road_wheel"], vehicle["road_arm"], vehicle["suspension"]
-    tensioner, lateral = vehicle["tensioner"], vehicle["track"]["lateral"]
-    origin, pivot = np.array(body["centre"]), np.array(arm["pivot"])  # the latter from the wheel centre, as all points
-    arms, rollers = len(wheel["x"]), len(roller["x"])
-    count = arms + 1 + rollers  # leaves a side
-
-    def leaves(road: Any, idling: Any, rolling: Any) -> Floats:
-        """Array over all leaves with one value for arms, one for idlers and one for return rollers."""
-        side = np.repeat(np.array([road, idling, rolling], dtype=float), [arms, 1, rollers], axis=0)
-        return np.concatenate([side, side])
-
-    left, right = (_hinges(of_side(vehicle, side)) for side in SIDES)
-    hinge = np.concatenate([left, right * [1, -1, 1]]) - origin
+    body, sprocket, lateral = vehicle["chassis"], vehicle["sprocket"], vehicle["track"]["lateral"]
+    tables = [of_side(vehicle, side) for side in SIDES]
+    left, right = (_leaves(table) for table in tables)
+    each: dict[str, Any] = {key: np.concatenate([left[key], right[key]]) for key in left}
+    origin = np.array(body["centre"])
+    each["hinge"] = np.concatenate([left["hinge"], right["hinge"] * [1, -1, 1]]) - origin
     mounts = np.array([[0.0, lateral, 0.0], [0.0, -lateral, 0.0]]) - origin
-    on_arm, on_chassis = np.array(spring["on_arm"]) - pivot, np.array(spring["on_chassis"]) - pivot
+    wheels, count = len(vehicle["road_wheel"]["x"]), len(left["is_arm"])
 
     centre, inertia = np.zeros(3), np.zeros((3, 3))
     masses = body["mass"], body["inertia"], sprocket["mass"], sprocket["transverse_inertia"]
     mass = plain(with_sprockets)(*masses, mounts, centre, inertia)
-    is_arm, leaf_mass = leaves(1, 0, 0).astype(np.int64), wheel["mass"] + arm["mass"]
-    leaf_masses = leaves(leaf_mass, idler["mass"], roller["mass"])
-    # arm and wheel: point masses at a distance of half an arm, on the line of the arm
-    reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
-    length_squared = float((pivot * pivot).sum())
+    suspension: Any = LinearSprings(wheels)
+    if has_elements(tables):
+        from fmus.chassis.suspension.elements import elements
+
+        suspension = elements(tables, count - wheels - 1, -np.sign(each["arm"][:, 0]))
     input_index, mirror = _inputs(count, sides)
     whole = VehicleTree(
         gravity=np.array([float(vehicle["gravity"])]),
-        masses=np.array([mass, plain(with_leaves)(mass, is_arm, leaf_masses)]),
+        masses=np.array([mass, plain(with_leaves)(mass, wheels, each["leaf_mass"])]),
         centre=centre,
         inertia=inertia,
-        is_arm=is_arm,
-        hinge=hinge,
-        arm=leaves(-pivot, (0.0, 0.0), (0.0, 0.0)),
-        fraction=leaves((wheel["mass"] + 0.5 * arm["mass"]) / leaf_mass, 1.0, 1.0),
-        leaf_mass=leaf_masses,
-        across=leaves(arm["pin_inertia"] + reduced * length_squared, 0.0, 0.0),
-        along=leaves((arm["pin_inertia"] - arm["long_inertia"]) / length_squared + reduced, 0.0, 0.0),
-        transverse=leaves(wheel["transverse_inertia"], idler["transverse_inertia"], roller["transverse_inertia"]),
-        spin_inertia=leaves(wheel["spin_inertia"], idler["spin_inertia"], roller["spin_inertia"]),
-        on_arm=leaves(on_arm, (-1.0 if idler["x"] > 0.0 else 1.0, 0.0), (0.0, 0.0)),
-        on_chassis=leaves(on_chassis, (0.0, 0.0), (0.0, 0.0)),
-        drawn_length=leaves(hypot(*(on_chassis - on_arm).tolist()), 0.0, 0.0),
-        stiffness=leaves(spring["stiffness"], tensioner["stiffness"], 0.0),
-        damping=leaves(spring["damping"], tensioner["damping"], 0.0),
-        preload=leaves(spring["preload"], tensioner["preload"], 0.0),
-        travel=leaves(0.0, idler["radius"], 0.0),
+        **each,
         sprocket=mounts,
+        suspension=suspension,
         input_index=input_index,
         mirror=mirror,
         rotation=np.eye(3),
@@ -122,6 +109,68 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         leaf_force=np.zeros(2 * count),
     )
     return by_reference(whole)
+
+
+def has_elements(sides: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether the tables of sides have more than linear spring-dampers."""
+    return any(
+        isinstance(part, Mapping)
+        for table in sides for name in ("suspension", "tensioner") for part in (table[name] or {}).values()
+    )  # fmt: skip
+
+
+def _leaves(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Arrays of the leaves of a side from its vehicle table, but hinges in the vehicle frame, at the left."""
+    wheel, idler, roller = table["road_wheel"], table["idler"], return_rollers(table)
+    tensioner, lateral = table["tensioner"], table["track"]["lateral"]
+    wheels, rollers = len(wheel["x"]), len(roller["x"])
+    arm = table["road_arm"] or {"mass": 0.0, "pin_inertia": 0.0, "long_inertia": 0.0, "pivot": (0.0, 0.0)}
+    spring = table["suspension"] or {}
+    moving = 1 if table["road_arm"] else 0
+    pivot = np.array(places_of_wheels(arm["pivot"], wheels))  # from the wheel centre, as all points
+    has_line = spring.get("on_arm") is not None
+    on_arm, on_chassis = (
+        (np.array(places_of_wheels(spring[key], wheels)) if has_line else pivot) - pivot
+        for key in ("on_arm", "on_chassis")
+    )
+
+    def leaves(road: Any, idling: Any, rolling: Any) -> Floats:
+        """Array over the leaves from that of the wheels, or one value for them, and values of the others."""
+        own = np.array(road, dtype=float)
+        own = np.broadcast_to(own, (wheels, *np.shape(idling))) if own.shape == np.shape(idling) else own
+        return np.array([*own, np.array(idling, dtype=float), *[np.array(rolling, dtype=float)] * rollers])
+
+    leaf_mass = wheel["mass"] + arm["mass"]
+    # arm and wheel: point masses at a distance of half an arm, on the line of the arm
+    reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
+    length_squared = (pivot * pivot).sum(axis=1)
+    along = np.zeros(wheels)
+    if moving:
+        along = (arm["pin_inertia"] - arm["long_inertia"]) / length_squared + reduced
+    hinges = [[x + ahead, lateral, wheel["z"] + up] for x, (ahead, up) in zip(wheel["x"], pivot, strict=True)]
+    rolls = ([x, lateral, roller["z"]] for x in roller["x"])
+    joined = np.arange(wheels) % 2 if arm.get("pairs") else 0
+    drawn = [hypot(*line) for line in (on_chassis - on_arm).tolist()]
+    return {
+        "is_arm": leaves(moving, 0, 0).astype(np.int64),
+        "joined": leaves(joined, 0, 0).astype(np.int64),
+        "hinge": np.array([*hinges, [idler["x"], lateral, idler["z"]], *rolls]),
+        "arm": leaves(-pivot, (0.0, 0.0), (0.0, 0.0)),
+        "fraction": leaves((wheel["mass"] + 0.5 * arm["mass"]) / leaf_mass, 1.0, 1.0),
+        "leaf_mass": leaves(leaf_mass, idler["mass"], roller["mass"]),
+        "across": leaves(arm["pin_inertia"] + reduced * length_squared, 0.0, 0.0),
+        "along": leaves(along, 0.0, 0.0),
+        "transverse": leaves(wheel["transverse_inertia"], idler["transverse_inertia"], roller["transverse_inertia"]),
+        "spin_inertia": leaves(wheel["spin_inertia"], idler["spin_inertia"], roller["spin_inertia"]),
+        "on_arm": leaves(on_arm, (-1.0 if idler["x"] > 0.0 else 1.0, 0.0), (0.0, 0.0)),
+        "on_chassis": leaves(on_chassis, (0.0, 0.0), (0.0, 0.0)),
+        "drawn_length": leaves(drawn, 0.0, 0.0),
+        **{
+            key: leaves(of_wheels(0.0 if spring.get(key) is None else spring[key], wheels), tensioner[key], 0.0)
+            for key in ("stiffness", "damping", "preload")
+        },
+        "travel": leaves(0.0, idler["radius"], 0.0),
+    }
 
 
 def _inputs(leaves: int, sides: int) -> tuple[Integers, Floats]:
@@ -142,16 +191,13 @@ def fastest_rate(tree: VehicleTree) -> float:
             mass = mass * tree.fraction[k] ** 2 * (x * x + z * z) + tree.across[k]
             slope_squared = float((end * end).sum())  # a spring across the line to its end has the largest lever
         stiffness, damping = (float(slope_squared * each[k] / mass) for each in (tree.stiffness, tree.damping))
+        if tree.is_arm[k] and not isinstance(tree.suspension, LinearSprings):
+            from fmus.chassis.suspension.elements import slopes
+
+            further = slopes(tree.suspension, tree, k, slope_squared)
+            stiffness, damping = stiffness + further[0] / mass, damping + further[1] / mass
         fastest = max(fastest, damping, float(np.sqrt(stiffness)))
     return fastest
-
-
-def _hinges(table: Mapping[str, Any]) -> Floats:
-    """Hinges (leaves, 3) of a side with this vehicle table, at the left, in the vehicle frame, m."""
-    wheel, idler, roller = table["road_wheel"], table["idler"], return_rollers(table)
-    (ahead, up), lateral = table["road_arm"]["pivot"], table["track"]["lateral"]
-    arms = [[x + ahead, lateral, wheel["z"] + up] for x in wheel["x"]]
-    return np.array([*arms, [idler["x"], lateral, idler["z"]], *([x, lateral, roller["z"]] for x in roller["x"])])
 
 
 @kernel
@@ -188,10 +234,11 @@ def with_sprockets(
 
 
 @kernel
-def with_leaves(mass: float, is_arm: Integers, leaf_mass: Floats) -> float:
-    """Mass of the vehicle, kg, from that of the chassis with sprockets and those of the leaves (n)."""
-    leaves, arms = is_arm.size // 2, 0  # of a side: arms, the idler, rollers
-    for k in range(leaves):
-        arms += is_arm[k]
-    side = arms * leaf_mass[0] + leaf_mass[arms] + (leaves - 1 - arms) * leaf_mass[leaves - 1]
+def with_leaves(mass: float, wheels: int, leaf_mass: Floats) -> float:
+    """Mass of the vehicle, kg, from that of the chassis with sprockets and those of the leaves (n).
+
+    ``wheels``: road wheels of a side.
+    """
+    leaves = leaf_mass.size // 2  # of a side: road wheels, the idler, rollers
+    side = wheels * leaf_mass[0] + leaf_mass[wheels] + (leaves - 1 - wheels) * leaf_mass[leaves - 1]
     return mass + 2 * side

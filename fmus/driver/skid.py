@@ -23,7 +23,7 @@ import numpy as np
 from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.elementary import asin, atan2, hypot, sin
-from fmus.vehicles.sides import of_side, return_rollers, wheel_places
+from fmus.vehicles.sides import of_side, places_of_wheels, return_rollers, wheel_places
 
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
@@ -94,9 +94,11 @@ def _bodies(v: Mapping[str, Any]) -> Any:
         yield idler["mass"], idler["x"], y, idler["z"], idler["transverse_inertia"]
         for x in roller["x"]:
             yield roller["mass"], x, y, roller["z"], roller["transverse_inertia"]
-        for x in wheel["x"]:
+        pivots = places_of_wheels(arm["pivot"], len(wheel["x"])) if arm else [(0.0, 0.0)] * len(wheel["x"])
+        for x, (ahead, up) in zip(wheel["x"], pivots, strict=True):
             yield wheel["mass"], x, y, wheel["z"], wheel["transverse_inertia"]
-            yield arm["mass"], x + 0.5 * arm["pivot"][0], y, wheel["z"] + 0.5 * arm["pivot"][1], arm["pin_inertia"]
+            if arm:
+                yield arm["mass"], x + 0.5 * ahead, y, wheel["z"] + 0.5 * up, arm["pin_inertia"]
         yield loop, 0.5 * idler["x"], y, 0.5 * (wheel["z"] - wheel["radius"]), loop * idler["x"] * idler["x"] / 12.0
 
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from fmus.cache.files import cached_result
 from fmus.cache.sources import source_hash
-from fmus.chassis.dynamics import ROOT, rates
+from fmus.chassis.dynamics import ROOT, is_fixed, rates
 from fmus.chassis.model import Model as Chassis
 from fmus.chassis.model import stations
 from fmus.chassis.observe import put_sides
@@ -194,12 +194,12 @@ class _Vehicle:
             for side, track in tracks.items()
             if side in sides
         }
-        self.unknowns = [
-            HEIGHT,
-            *([] if self.half else [ROLL]),
-            PITCH,
-            *range(LEAVES, LEAVES + len(sides) * self.leaves),
-        ]
+        tree, leaves = self.chassis.tree, range(len(sides) * self.leaves)
+        place = [k // self.leaves * (len(tree.is_arm) // 2) + k % self.leaves for k in leaves]  # in the tree
+        self._joined = [k for k in leaves if tree.joined[place[k]]]  # second arms of bogies
+        fixed = plain(is_fixed)
+        moving = [k for k in leaves if not (fixed(tree, place[k]) or k in self._joined)]
+        self.unknowns = [HEIGHT, *([] if self.half else [ROLL]), PITCH, *(LEAVES + k for k in moving)]
 
     def start(self) -> Floats:
         """First guess: the drawn position."""
@@ -219,6 +219,8 @@ class _Vehicle:
         Raises StepFailed where a chain finds no equilibrium.
         """
         self.pose = float(guess[HEIGHT]), float(guess[PITCH])
+        for k in self._joined:
+            guess[LEAVES + k] = guess[LEAVES + k - 1]
         x = self.chassis.start_state(self.as_equilibrium(guess)._asdict())
         motions = _motions(self.chassis, x)
         wrenches = np.zeros((len(motions), len(motions[0]), WRENCH))

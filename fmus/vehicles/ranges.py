@@ -113,11 +113,13 @@ def range_violations(
     ``which``: the range, "plausible" or "possible"; ``above``: prefix of the keys in the sentence.
     """
     for number_range in ranges:
-        value: Any = table
+        found: Any = table
         for part in number_range.key.split("."):
-            value = value.get(part) if isinstance(value, Mapping) else None
+            found = found.get(part) if isinstance(found, Mapping) else None
         low, high = getattr(number_range, which)
-        if isinstance(value, int | float) and not low <= value <= high:
+        for value in found if isinstance(found, tuple) else (found,):
+            if not isinstance(value, int | float) or low <= value <= high:
+                continue
             unit = "" if number_range.unit == "1" else f" {number_range.unit}"
             relation = "must be" if which == "possible" else "plausible is"
             yield (

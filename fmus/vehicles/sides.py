@@ -21,6 +21,16 @@ def of_side(vehicle: Mapping[str, Any], side: str) -> Mapping[str, Any]:
     return table
 
 
+def of_wheels(value: Any, count: int) -> list[Any]:
+    """Numbers of each of ``count`` wheels of a side, from that of all or from a list."""
+    return list(value) if isinstance(value, list | tuple) else [value] * count
+
+
+def places_of_wheels(value: Any, count: int) -> list[Any]:
+    """Places (x, z) of each of ``count`` wheels of a side, from that of all or from a list; None without one."""
+    return list(value) if value is not None and isinstance(value[0], list | tuple) else [value] * count
+
+
 def wheel_places(vehicle: Mapping[str, Any]) -> list[float]:
     """Positions x of the road wheels, m, means of both sides."""
     left, right = (of_side(vehicle, side)["road_wheel"]["x"] for side in SIDES)

@@ -19,6 +19,8 @@ from pydantic import (
     ConfigDict,
     Field,
     GetJsonSchemaHandler,
+    PlainValidator,
+    TypeAdapter,
     ValidationError,
     WithJsonSchema,
 )
@@ -101,6 +103,43 @@ class In(GroupedMetadata):
         return {"anyOf": [number, text], "unit": self.unit}
 
 
+class OrEach(GroupedMetadata):
+    """Annotation of a value of ``kind``, or of a list of such values, one for each wheel of a side."""
+
+    def __init__(self, kind: Any) -> None:
+        self._one = TypeAdapter(kind)
+
+    def __iter__(self) -> Iterator[object]:
+        yield PlainValidator(self._read)
+        yield WithJsonSchema(self._schema())
+
+    @property
+    def _is_list(self) -> bool:
+        """Whether one value is a list itself."""
+        return self._one.json_schema().get("type") == "array"
+
+    def _read(self, value: object) -> Any:
+        inner = value[0] if isinstance(value, list | tuple) and value and self._is_list else value
+        if not isinstance(inner, list | tuple):
+            return self._checked(value, "")
+        each = value if isinstance(value, list | tuple) else ()
+        return tuple(self._checked(one, f"wheel {k}: ") for k, one in enumerate(each, 1))
+
+    def _checked(self, value: object, which: str) -> Any:
+        try:
+            return self._one.validate_python(value)
+        except ValidationError as error:
+            message = error.errors()[0]["msg"].removeprefix("Value error, ")
+            raise ValueError(f"{which}{message[0].lower()}{message[1:]}") from None
+
+    def _schema(self) -> dict[str, Any]:
+        one = self._one.json_schema()
+        each = {"type": "array", "items": {key: part for key, part in one.items() if key != "unit"}, "minItems": 1}
+        if "anyOf" in one:
+            return {**one, "anyOf": [*one["anyOf"], each]}
+        return {"anyOf": [one, each]}
+
+
 def ratio(**bounds: float) -> Any:
     """Field of a bounded number without a unit."""
     return Field(allow_inf_nan=False, json_schema_extra={"unit": "1"}, **bounds)  # type: ignore[call-overload]
@@ -113,6 +152,8 @@ Distance = Annotated[float, In("m", gt=0)]
 Force = Annotated[float, In("N")]
 Stiffness = Annotated[float, In("N/m", ge=0)]
 Damping = Annotated[float, In("N s/m", ge=0)]
+Each = float | tuple[float, ...]  # of all wheels of a side, or of each
+EachPlace = tuple[float, float] | tuple[tuple[float, float], ...]
 
 
 @cache

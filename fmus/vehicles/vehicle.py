@@ -12,18 +12,28 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
 
+from fmus.vehicles import suspension_tables
 from fmus.vehicles.ranges import contradictions
 from fmus.vehicles.sides import SIDES, of_side
+from fmus.vehicles.suspension_tables import (
+    Place,
+    RightSuspensionTable,
+    RoadArmTable,
+    SuspensionTable,
+    TensionerTable,
+)
 from fmus.vehicles.tables import (
     BadInput,
     Damping,
     Distance,
+    EachPlace,
     Force,
     FrozenTable,
     In,
     Inertia,
     Length,
     Mass,
+    OrEach,
     Stiffness,
     first_error,
     ratio,
@@ -127,41 +137,6 @@ class ReturnRollerTable(FrozenTable):  # noqa: D101
     """position above the sprocket axle"""
 
 
-class RoadArmTable(FrozenTable):  # noqa: D101
-    mass: Mass
-    """mass of a road arm, whose centre of mass is in its middle"""
-    pin_inertia: Inertia
-    """moment of inertia about the pivot's axis, through the centre of mass"""
-    long_inertia: Inertia
-    """moment of inertia about the long axis of the arm"""
-    pivot: tuple[Length, Length]
-    """(x, z) of the pivot from the wheel centre"""
-
-
-class SuspensionTable(FrozenTable):  # noqa: D101
-    stiffness: Stiffness
-    """stiffness of the spring along the spring-damper"""
-    damping: Damping
-    """damping along the spring-damper"""
-    on_arm: tuple[Length, Length]
-    """(x, z) of the end on the road arm, from the wheel centre"""
-    on_chassis: tuple[Length, Length]
-    """(x, z) of the end on the hull, from the wheel centre as drawn"""
-    preload: Force
-    """push of the spring in the drawn position"""
-
-
-class TensionerTable(FrozenTable):  # noqa: D101
-    stiffness: Stiffness
-    """stiffness of the idler's spring, along x"""
-    damping: Damping
-    """damping of the idler, along x"""
-    preload: Force
-    """push on the idler, away from the sprocket, besides the one that balances the track at the start"""
-    travel: Distance = 0.1
-    """displacement of the idler, either way from its place at the start, beyond which a run warns"""
-
-
 class TrackTable(FrozenTable):  # noqa: D101
     links: Annotated[int, Field(ge=4, le=4096)]
     """number of links of a track"""
@@ -198,6 +173,11 @@ class RightIdlerTable(FrozenTable):  # noqa: D101
     """position forward of the sprocket axle, as drawn; moved like that of the left idler"""
 
 
+class RightArmTable(FrozenTable):  # noqa: D101
+    pivot: Annotated[EachPlace, OrEach(Place)]
+    """(x, z) of the pivot from the wheel centre, of all wheels or a list with that of each"""
+
+
 class RightTensionerTable(FrozenTable):  # noqa: D101
     preload: Force
     """push on the right idler, away from the sprocket, besides the one that balances the track at the start"""
@@ -214,6 +194,10 @@ class RightTable(FrozenTable):  # noqa: D101
     """idler of the right side"""
     tensioner: RightTensionerTable | None = None
     """spring-damper of the right idler"""
+    road_arm: RightArmTable | None = None
+    """arms of the right side"""
+    suspension: RightSuspensionTable | None = None
+    """suspension of the right side; an element that is given here replaces that of the left side"""
 
 
 class SectionTable(FrozenTable):  # noqa: D101
@@ -269,7 +253,7 @@ class GuideTable(FrozenTable):  # noqa: D101
 
 def _check_consistency(vehicle: Vehicle) -> Vehicle:
     table = vehicle.model_dump()
-    for complaint in contradictions(table):
+    for complaint in (*contradictions(table), *suspension_tables.contradictions(table)):
         raise ValueError(complaint)
     for name in vehicle.seat:
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name):
@@ -307,10 +291,10 @@ class VehicleTable(FrozenTable):
     """wheels of each side that run on the track; all are alike"""
     return_roller: ReturnRollerTable | None = None
     """rollers of each side, on fixed axles, that carry the upper run of the track; all are alike"""
-    road_arm: RoadArmTable
-    """arms between hull and road wheels; all are alike"""
-    suspension: SuspensionTable
-    """spring-dampers between hull and road arms; all are alike"""
+    road_arm: RoadArmTable | None = None
+    """arms between hull and road wheels; without them the wheels turn on axles fixed to the hull, a roller frame"""
+    suspension: SuspensionTable | None = None
+    """springs, dampers and stops between hull and road arms"""
     tensioner: TensionerTable
     """spring-damper between hull and idler"""
     track: TrackTable
@@ -332,7 +316,8 @@ class VehicleTable(FrozenTable):
 
     def total_mass(self, tracks: Sequence[str] = SIDES) -> float:
         """Mass of all bodies with tracks on these sides, kg."""
-        wheels = len(self.road_wheel.x) * (self.road_wheel.mass + self.road_arm.mass)
+        arm = self.road_arm.mass if self.road_arm else 0.0
+        wheels = len(self.road_wheel.x) * (self.road_wheel.mass + arm)
         rollers = len(self.return_roller.x) * self.return_roller.mass if self.return_roller else 0.0
         wheels_of_side = self.sprocket.mass + self.idler.mass + wheels + rollers
         links = sum(self.of_side(side).track.links for side in tracks)

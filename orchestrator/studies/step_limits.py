@@ -26,6 +26,7 @@ from scipy.optimize import brentq
 
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import highest_frequency
+from fmus.vehicles.sides import of_wheels
 from orchestrator.cosim.graph import Floats, Quantity
 from orchestrator.execution import summary
 from orchestrator.scene.kinds import Scene, VehicleScene
@@ -195,11 +196,15 @@ def pairs(scene: VehicleScene) -> dict[str, Oscillator]:
     contact, ground, link = v.contact.wheel, v.contact.ground, v.track.mass
     wrapped = math.pi * v.idler.radius / v.track.pitch  # links on half of the idler
     load = summary.weight(scene) / (2.0 * len(v.road_wheel.x))
+    arm, count = v.road_arm.mass if v.road_arm else 0.0, len(v.road_wheel.x)
+    stiffness, damping = (
+        max(of_wheels(getattr(v.suspension, key, None) or 0.0, count)) for key in ("stiffness", "damping")
+    )
     spin = v.road_wheel.spin_inertia / v.road_wheel.radius**2
     return {
         "road wheel on its link": Oscillator(
-            k=contact.stiffness, c=contact.damping, m1=link, m2=v.road_wheel.mass + 0.5 * v.road_arm.mass,
-            k1=ground.stiffness, c1=ground.damping, k2=v.suspension.stiffness, c2=v.suspension.damping,
+            k=contact.stiffness, c=contact.damping, m1=link, m2=v.road_wheel.mass + 0.5 * arm,
+            k1=ground.stiffness, c1=ground.damping, k2=stiffness, c2=damping,
         ),
         "idler in its bend": Oscillator(
             k=0.5 * wrapped * contact.stiffness, c=0.5 * wrapped * contact.damping, m1=wrapped * link, m2=v.idler.mass,

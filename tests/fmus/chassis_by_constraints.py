@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from fmus.chassis.dynamics import ROOT
 
+SPRING = ("stiffness", "damping", "preload", "on_arm", "on_chassis")
 CHASSIS = 0  # number of the chassis among the bodies
 
 
@@ -133,10 +134,17 @@ class Arm(NamedTuple):
     to_wheel: np.ndarray  # from the pin as drawn, m
 
 
-def arm_motion(assembly, wheel_x, lateral, leaf):
-    """Motion of the arm of the wheel that is drawn at ``wheel_x`` and ``lateral``."""
+def of_wheel(table, key, k):
+    """Number or place of wheel k of a side, from that of all or from a list."""
+    value = table[key]
+    is_list = isinstance(value, tuple) and (len(value) != 2 or isinstance(value[0], tuple))
+    return value[k] if is_list else value
+
+
+def arm_motion(assembly, wheel_x, lateral, leaf, k):
+    """Motion of the arm of wheel k, which is drawn at ``wheel_x`` and ``lateral``."""
     frame, table = assembly.frame, assembly.table
-    px, pz = table["road_arm"]["pivot"]
+    px, pz = of_wheel(table["road_arm"], "pivot", k)
     pivot = assembly.from_centre([wheel_x + px, lateral, table["road_wheel"]["z"] + pz])
     pin = frame.centre + frame.axes @ pivot
     return Arm(
@@ -176,9 +184,9 @@ def add_road_wheel(assembly, arm, on, spin):
     assembly.leaves.append((body, on))
 
 
-def add_suspension(assembly, arm, on):
-    """Load the arm, which is the body ``on``, and the chassis with the force of a spring and damper."""
-    frame, spring = assembly.frame, assembly.table["suspension"]
+def add_suspension(assembly, arm, on, table, k):
+    """Load the arm of wheel k, which is the body ``on``, and the chassis with the force of a spring and damper."""
+    frame, spring = assembly.frame, {key: of_wheel(table, key, k) for key in table}
     low = arm.pin + arm.axes @ (arm.to_wheel + np.array([spring["on_arm"][0], 0, spring["on_arm"][1]]))
     high = arm.pin + frame.axes @ (arm.to_wheel + np.array([spring["on_chassis"][0], 0, spring["on_chassis"][1]]))
     drawn = np.hypot(*(np.array(spring["on_arm"]) - spring["on_chassis"]))
@@ -236,15 +244,21 @@ def add_sprocket(assembly, lateral):
     assembly.units.append(body)
 
 
-def add_side(assembly, lateral, leaves):
+def add_side(assembly, lateral, leaves, suspension):
     """Add road wheels on their arms, idler, return rollers and sprocket of one side."""
     count = len(assembly.table["road_wheel"]["x"])
     of_arms, of_idler, of_rollers = leaves[:count], leaves[count], leaves[count + 1 :]
-    for wheel_x, leaf in zip(assembly.table["road_wheel"]["x"], of_arms, strict=True):
-        arm = arm_motion(assembly, wheel_x, lateral, leaf)
+    before = None
+    for k, (wheel_x, leaf) in enumerate(zip(assembly.table["road_wheel"]["x"], of_arms, strict=True)):
+        arm = arm_motion(assembly, wheel_x, lateral, leaf, k)
         on = add_arm(assembly, arm)
         add_road_wheel(assembly, arm, on, leaf.spin)
-        add_suspension(assembly, arm, on)
+        if suspension:
+            add_suspension(assembly, arm, on, suspension, k)
+        if assembly.table["road_arm"]["pairs"] and k % 2:  # one piece with the arm before
+            row = np.concatenate([np.zeros(3), assembly.frame.axes[:, 1]])
+            assembly.constraints.add({on: row, before: -row}, 0.0)
+        before = on
     add_idler(assembly, lateral, of_idler)
     for roller_x, leaf in zip((assembly.table["return_roller"] or {"x": ()})["x"], of_rollers, strict=True):
         add_return_roller(assembly, lateral, roller_x, leaf.spin)
@@ -260,8 +274,10 @@ def assemble(table, x):
     half = len(table["road_wheel"]["x"]) + 1 + len((table["return_roller"] or {"x": ()})["x"])
     n = 2 * half
     leaves = [Leaf(*x[[ROOT + k, ROOT + 2 * n + k, ROOT + 3 * n + k]]) for k in range(n)]
-    add_side(assembly, table["track"]["lateral"], leaves[:half])
-    add_side(assembly, -table["track"]["lateral"], leaves[half:])
+    left = table["suspension"] and {key: table["suspension"][key] for key in SPRING}
+    right = (table["right"] or {}).get("suspension") or {}
+    add_side(assembly, table["track"]["lateral"], leaves[:half], left)
+    add_side(assembly, -table["track"]["lateral"], leaves[half:], left and {**left, **right})
     return assembly
 
 

@@ -45,6 +45,6 @@ def stir(model, scale=1.0, seed=5):
     x[ROOT : ROOT + n] = 0.05 * scale * rng.normal(size=n)
     x[ROOT + 2 * n : ROOT + 3 * n] = scale * rng.normal(size=n)
     x[ROOT + 3 * n : ROOT + 4 * n] = 20 * scale * rng.normal(size=n)
-    x[ROOT : ROOT + n].reshape(2, -1)[:, LEAVES // 2 :] = 0.0  # return rollers
-    x[ROOT + 2 * n : ROOT + 3 * n].reshape(2, -1)[:, LEAVES // 2 :] = 0.0
+    fixed = (model.tree.is_arm == 0) & (model.tree.travel == 0.0)  # return rollers
+    x[ROOT : ROOT + n][fixed] = x[ROOT + 2 * n : ROOT + 3 * n][fixed] = 0.0
     return x

@@ -186,17 +186,50 @@ def test_precession_of_a_symmetric_gyrostat(spin):
 # --- an independent formulation ---
 
 
+EACH = {  # springs that differ from wheel to wheel and side to side, one wheel without a damper, a leading last arm
+    "suspension": {
+        "stiffness": (1e6, 8e5, 8e5, 8e5, 1.2e6), "damping": (2e4, 0.0, 1e4, 1e4, 2e4),
+        "preload": (5e3, 4e3, 3e3, 2e3, 1e3), "on_chassis": (*4 * [(-0.3, 0.3)], (0.3, 0.3)),
+        "on_arm": (*4 * [(0.184, -0.106)], (-0.184, -0.106)),
+    },
+    "road_arm": {"pivot": (*4 * [(0.288, 0.134)], (-0.288, 0.134))},
+    "right": {"suspension": {"stiffness": 9e5, "preload": (1e3, 2e3, 3e3, 4e3, 5e3)}},
+}  # fmt: skip
+PAIRS = {
+    "road_wheel": {"x": (-0.6, -1.2, -1.9, -2.5)},
+    "road_arm": {"pairs": True, "pivot": ((-0.3, 0.1), (0.3, 0.1), (-0.2, 0.1), (0.4, 0.1))},
+}
+FREE_PAIRS = {**PAIRS, "suspension": None}
+
+
 @pytest.mark.parametrize(
-    ("seed", "rollers", "idler_x"), [(0, None, -4.0), (1, None, -4.0), (2, ROLLERS, -4.0), (3, ROLLERS, 0.9)]
+    ("seed", "rollers", "idler_x", "changes"),
+    [
+        (0, None, -4.0, {}),
+        (1, None, -4.0, {}),
+        (2, ROLLERS, -4.0, {}),
+        (3, ROLLERS, 0.9, {}),
+        (4, ROLLERS, -4.0, EACH),
+        (5, ROLLERS, -4.0, PAIRS),
+        (6, None, -4.0, FREE_PAIRS),
+    ],
 )
-def test_accelerations_agree_with_maximal_coordinates(seed, rollers, idler_x):
+def test_accelerations_agree_with_maximal_coordinates(seed, rollers, idler_x, changes):
     table = {**copy.deepcopy(TABLE), "return_roller": rollers}
+    for key, part in changes.items():
+        table[key] = part and {**(table[key] or {}), **part}
     table["idler"]["x"] = idler_x  # ahead of the sprocket the tensioner pushes forwards
     table["chassis"]["centre"] = (-2.006, 0.13, 0.406)  # an asymmetric vehicle: no error may cancel by symmetry
-    table["suspension"]["preload"], table["tensioner"]["preload"] = 4e3, 9e3
+    table["tensioner"]["preload"] = 9e3
+    if table["suspension"] and not changes:
+        table["suspension"]["preload"] = 4e3
     model = Model({"vehicle": table, "chassis": {"sides": ["left", "right"]}})
     model.initialise({})
     x = stir(model, seed=seed)
+    if table["road_arm"]["pairs"]:
+        for k in np.flatnonzero(model.tree.joined):
+            for first in (ROOT, ROOT + 2 * len(model.tree.is_arm)):
+                x[first + k] = x[first + k - 1]
     u = 1e4 * np.random.default_rng(seed).normal(size=model.inputs)
     linear, angular, rate, spin = accelerations_by_constraints(table, x, u)
     n = len(model.tree.is_arm)
@@ -216,7 +249,8 @@ def test_accelerations_agree_with_maximal_coordinates(seed, rollers, idler_x):
 
     numbers = tree(table, 2)
     assert agrees(numbers, 1e-9)
-    for name in ("across", "along", "transverse", "spin_inertia", "leaf_mass", "stiffness", "damping", "inertia"):
+    springs = ("stiffness", "damping") if table["suspension"] else ()
+    for name in ("across", "along", "transverse", "spin_inertia", "leaf_mass", *springs, "inertia"):
         assert not agrees(numbers._replace(**{name: 1.03 * getattr(numbers, name)}), 1e-6), name
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.ground.soils import work_of_pressure
+from fmus.vehicles.sides import places_of_wheels
 from fmus.vehicles.vehicle import VehicleTable
 
 if TYPE_CHECKING:
@@ -53,11 +54,12 @@ def centre_of_mass(vehicle: VehicleTable) -> tuple[float, float]:
     v, wheels = vehicle, vehicle.road_wheel
     sprocket, idler = np.zeros(2), np.array([v.idler.x, v.idler.z])
     road = [np.array([x, wheels.z]) for x in wheels.x]
-    arm = np.array(v.road_arm.pivot) / 2.0
     parts = [(v.chassis.mass, np.array([v.chassis.centre[0], v.chassis.centre[2]]))]
     parts += [(2.0 * v.sprocket.mass, sprocket), (2.0 * v.idler.mass, idler)]
     parts += [(2.0 * wheels.mass, place) for place in road]
-    parts += [(2.0 * v.road_arm.mass, place + arm) for place in road]
+    if arm := v.road_arm:
+        pivots = places_of_wheels(arm.pivot, len(road))
+        parts += [(2.0 * arm.mass, place + np.array(pivot) / 2.0) for place, pivot in zip(road, pivots, strict=True)]
     if v.return_roller:
         parts += [(2.0 * v.return_roller.mass, np.array([x, v.return_roller.z])) for x in v.return_roller.x]
     loop = (sprocket + idler + np.mean(road, axis=0)) / 3.0

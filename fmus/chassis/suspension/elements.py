@@ -1,0 +1,240 @@
+"""All elements of a suspension: numbers from the vehicle table, force on a leaf, energy, outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.chassis.dynamics import ROOT, compression, linear_spring, wheel_offset
+from fmus.chassis.suspension import curve, gas_spring, recoil, rotary_damper, stop, torsion_bar
+from fmus.chassis.tree import VehicleTree
+from fmus.interface.ports import Port
+from fmus.kernels.jit import implemented_in, kernel
+from fmus.physics.arrays import Floats, Vector
+from fmus.vehicles.sides import of_wheels
+
+
+@implemented_in(suspension=".elements")
+class Elements(NamedTuple):
+    """Elements of the leaves of a vehicle; None for those that no leaf has."""
+
+    wheels: int  # of a side
+    spring: Any  # curve.Curve
+    gas_spring: Any
+    damper: Any  # curve.Curve
+    torsion_bar: Any
+    rotary_damper: Any
+    bump_stop: Any
+    rebound_stop: Any
+    recoil: Any
+
+
+NAMES = ("spring", "gas_spring", "damper", "torsion_bar", "rotary_damper", "bump_stop", "rebound_stop")
+
+
+def elements(sides: Sequence[Mapping[str, Any]], rollers: int, sense: Floats) -> Elements:
+    """Elements of a vehicle from the tables of its left and right side.
+
+    ``rollers``: return rollers of a side; ``sense`` (leaves): 1 where the wheel rises with the coordinate.
+    """
+    wheels = len(sides[0]["road_wheel"]["x"])
+    tables = {name: [(side["suspension"] or {}).get(name) for side in sides] for name in NAMES}
+    recoils = [side["tensioner"].get("recoil") for side in sides]
+
+    def each(name: str, key: str) -> Floats:
+        """Number (leaves) of the wheels that have an element, 0 for the others."""
+        values = []
+        for table in tables[name]:
+            having = (table or {}).get("wheels") or (range(1, wheels + 1) if table else ())
+            numbers = of_wheels((table or {}).get(key, 0.0), wheels)
+            values += [number if k in having else 0.0 for k, number in enumerate(numbers, 1)]
+            values += [0.0] * (1 + rollers)
+        return np.array(values)
+
+    def made(kind: type, name: str, *more: Any) -> Any:
+        keys = [key for key in kind._fields if key not in ("sense",)]  # type: ignore[attr-defined]
+        return kind(**{key: each(name, key) for key in keys}, **dict(more)) if any(tables[name]) else None
+
+    bars = made(torsion_bar.TorsionBar, "torsion_bar", ("sense", sense))
+    resistance = np.array([
+        0.0 if leaf != wheels or not table else float(table[key])
+        for key in ("preload", "stiffness") for table in recoils for leaf in range(wheels + 1 + rollers)
+    ]).reshape(2, -1)  # fmt: skip
+    return Elements(
+        wheels,
+        _curves(tables["spring"], "compression", wheels, rollers),
+        made(gas_spring.GasSpring, "gas_spring"),
+        _curves(tables["damper"], "speed", wheels, rollers),
+        bars,
+        made(rotary_damper.RotaryDamper, "rotary_damper"),
+        made(stop.Stop, "bump_stop", ("sense", 1.0)),
+        made(stop.Stop, "rebound_stop", ("sense", -1.0)),
+        recoil.Recoil(resistance[0], resistance[1]) if any(recoils) else None,
+    )
+
+
+def _curves(tables: Sequence[Mapping[str, Any] | None], key: str, wheels: int, rollers: int) -> curve.Curve | None:
+    """Curves of the left and the right side, None without any."""
+    given: list[Mapping[str, Any]] = []
+    given += [table for table in tables if table and table not in given][:1]
+    given += [table for table in tables[1:] if table and table not in given]
+    if not given:
+        return None
+    which: list[int] = []
+    for table in tables:
+        row, having = given.index(table) if table else -1, (table or {}).get("wheels") or range(1, wheels + 1)
+        which += [row if k in having else -1 for k in range(1, wheels + 1)] + [-1] * (1 + rollers)
+    points = max(len(table[key]) for table in given)
+    at, force, stored = (np.zeros((len(given), points)) for _ in range(3))
+    for row, table in enumerate(given):
+        x, f = np.array(table[key]), np.array(table["force"])
+        more = points - len(x)  # continue the last line
+        slope = (f[-1] - f[-2]) / (x[-1] - x[-2])
+        further = x[-1] + (x[-1] - x[-2]) * np.arange(1, more + 1)
+        at[row], force[row] = [*x, *further], [*f, *(f[-1] + slope * (further - x[-1]))]
+        work = np.concatenate([[0.0], np.cumsum(0.5 * (force[row, 1:] + force[row, :-1]) * np.diff(at[row]))])
+        stored[row] = work
+    found = curve.Curve(np.array(which), at, force, stored)
+    for row in range(len(given)):
+        leaf = which.index(row)
+        stored[row] -= curve.stored(found, leaf, 0.0)
+    return found
+
+
+@kernel
+def _along(spring: Any, gas: Any, damper: Any, k: int, e: float, ed: float) -> Vector:
+    """Push along the spring-damper, N, stored energy, J, lost power, W, of what leaf k has there."""
+    push, energy, lost = 0.0, 0.0, 0.0
+    if spring is not None:
+        push, energy = push + curve.force(spring, k, e), energy + curve.stored(spring, k, e)
+    if gas is not None:
+        push, energy = push + gas_spring.force(gas, k, e), energy + gas_spring.stored(gas, k, e)
+    if damper is not None:
+        f = curve.force(damper, k, ed)
+        push, lost = push + f, lost + f * ed
+    return push, energy, lost
+
+
+@kernel
+def _about(bar: Any, damper: Any, bump: Any, rebound: Any, tree: VehicleTree, k: int, q: float, qd: float) -> Vector:
+    """Force against the coordinate of leaf k, N m, stored energy, J, lost power, W, of what acts on its arm."""
+    pull, energy, lost = 0.0, 0.0, 0.0
+    if bar is not None:
+        pull, energy = bar.sense[k] * torsion_bar.moment(bar, k, q), torsion_bar.stored(bar, k, q)
+    if damper is not None:
+        m = rotary_damper.moment(damper, k, qd)
+        pull, lost = pull + m, lost + m * qd
+    r, dr = wheel_offset(tree, k, q)
+    rise, slope = r[2] - tree.arm[k, 1], dr[2]
+    if bump is not None:
+        f, stored, power = stop.force(bump, k, rise, slope * qd)
+        pull, energy, lost = pull + slope * f, energy + stored, lost + power
+    if rebound is not None:
+        f, stored, power = stop.force(rebound, k, rise, slope * qd)
+        pull, energy, lost = pull - slope * f, energy + stored, lost + power
+    return pull, energy, lost
+
+
+@kernel
+def _give(spring: Any, tree: VehicleTree, k: int, e: float) -> tuple[float, float]:
+    if spring is not None:
+        return recoil.softening(spring, tree, k, e)
+    return 0.0, 0.0
+
+
+@kernel
+def suspend(suspension: Elements, tree: VehicleTree, k: int, q: float, qd: float) -> tuple[float, float, float, float]:
+    """See ``dynamics.suspend``."""
+    e, slope = compression(tree, k, q)
+    push, _, lost, stored = linear_spring(tree, k, q, qd)
+    s = suspension
+    f, energy, power = _along(s.spring, s.gas_spring, s.damper, k, e, slope * qd)
+    push, stored, lost = push + f, stored + energy, lost + power
+    f, energy = _give(s.recoil, tree, k, e)
+    push, stored = push - f, stored - energy
+    pull, energy, power = _about(s.torsion_bar, s.rotary_damper, s.bump_stop, s.rebound_stop, tree, k, q, qd)
+    return push, slope * push + pull, lost + power, stored + energy
+
+
+@kernel
+def put_elements(suspension: Elements, tree: VehicleTree, x: Floats, k: int, y: Floats, i: int) -> int:
+    """See ``dynamics.put_elements``."""
+    s, n = suspension, len(tree.is_arm)
+    q, qd = x[ROOT + k], x[ROOT + 2 * n + k]
+    if tree.is_arm[k] == 1:
+        return _put_arm(s.torsion_bar, s.bump_stop, s.rebound_stop, tree, k, q, qd, y, i)
+    return _put_recoil(s.recoil, tree, k, q, y, i)
+
+
+@kernel
+def _put_arm(
+    bar: Any, bump: Any, rebound: Any, tree: VehicleTree, k: int, q: float, qd: float, y: Floats, i: int
+) -> int:
+    r, dr = wheel_offset(tree, k, q)
+    rise, rate = r[2] - tree.arm[k, 1], dr[2] * qd
+    if bar is not None:
+        y[i] = torsion_bar.moment(bar, k, q)
+        i += 1
+    if bump is not None:
+        y[i] = stop.force(bump, k, rise, rate)[0]
+        i += 1
+    if rebound is not None:
+        y[i] = stop.force(rebound, k, rise, rate)[0]
+        i += 1
+    return i
+
+
+@kernel
+def _put_recoil(spring: Any, tree: VehicleTree, k: int, q: float, y: Floats, i: int) -> int:
+    if spring is not None and tree.travel[k] > 0.0:
+        y[i] = recoil.stroke(spring, tree, k, compression(tree, k, q)[0])
+        i += 1
+    return i
+
+
+def output_ports(suspension: Elements, wheel: str) -> list[Port]:
+    """Outputs of a leaf: of the arm ``wheel``, ``left.road_arm[1]``, or of the idler, ``left.idler``."""
+    side, _, place = wheel.partition(".")
+    if place == "idler":
+        text = f"how far the recoil spring of the {side} idler gives"
+        return [Port(f"{side}.recoil.stroke", "output", "m", text)] if suspension.recoil else []
+    index = place.removeprefix("road_arm")
+    texts = {
+        "torsion_bar": ("moment", "N.m", f"moment of the torsion bar on {wheel}, pushing its wheel down is positive"),
+        "bump_stop": ("force", "N", f"force of the bump stop on the wheel of {wheel}, downwards in the hull"),
+        "rebound_stop": ("force", "N", f"force of the rebound stop on the wheel of {wheel}, upwards in the hull"),
+    }
+    return [
+        Port(f"{side}.{name}{index}.{what}", "output", unit, text)
+        for name, (what, unit, text) in texts.items()
+        if getattr(suspension, name) is not None
+    ]
+
+
+def slopes(suspension: Elements, tree: VehicleTree, k: int, lever_squared: float) -> tuple[float, float]:
+    """Bounds of stiffness, N m/rad, and damping, N m s/rad, of the elements of leaf k about its pivot.
+
+    ``lever_squared``: largest lever of the spring-damper, squared, m2. A gas spring counts at half of its volume.
+    """
+    s, wheel_squared = suspension, float((tree.arm[k] ** 2).sum())
+    stiffness, damping = 0.0, 0.0
+    for found, is_spring in ((s.spring, True), (s.damper, False)):
+        if found is not None and found.which[k] >= 0:
+            at, force = found.at[found.which[k]], found.force[found.which[k]]
+            steepest = lever_squared * float((np.diff(force) / np.diff(at)).max())
+            stiffness, damping = stiffness + steepest * is_spring, damping + steepest * (not is_spring)
+    if s.gas_spring is not None:
+        gas = s.gas_spring
+        rate = gas.exponent[k] * gas.pressure[k] * gas.area[k] ** 2 / max(gas.volume[k], 1e-300)
+        stiffness += lever_squared * float(rate) * 2.0 ** (float(gas.exponent[k]) + 1.0)
+    if s.torsion_bar is not None:
+        stiffness += float(s.torsion_bar.stiffness[k])
+    if s.rotary_damper is not None:
+        damping += float(s.rotary_damper.damping[k])
+    for each in (s.bump_stop, s.rebound_stop):
+        if each is not None:
+            stiffness += wheel_squared * float(each.stiffness[k])
+            damping += wheel_squared * float(each.damping[k])
+    return stiffness, damping

@@ -1,0 +1,363 @@
+"""Elements of the suspension: exact solutions of each, its energy, and what must agree in a vehicle file."""
+
+import copy
+
+import numpy as np
+import pytest
+from chassis_probe import TABLE, Probe
+from scipy.integrate import quad
+
+from fmus.chassis.dynamics import ROOT, rates
+from fmus.chassis.tree import WHOLE
+from fmus.interface.model import InvalidParameter
+from fmus.physics.vector import vector
+from fmus.vehicles.tables import BadInput
+from fmus.vehicles.vehicle import vehicle
+
+HELD = {"chassis.mass": 1e12, "chassis.inertia": (1e12, 1e12, 1e12), "gravity": 0.0}  # a hull that nothing moves
+ARM, WHEEL = TABLE["road_arm"], TABLE["road_wheel"]["mass"]
+AHEAD, UP = ARM["pivot"]  # of the pivot from the wheel centre, m
+LENGTH = float(np.hypot(AHEAD, UP))
+INERTIA = WHEEL * LENGTH**2 + ARM["mass"] * 0.25 * LENGTH**2 + ARM["pin_inertia"]  # of arm and wheel about the pivot
+DRAWN = float(np.hypot(0.484, 0.406))  # length of the spring-damper, m
+LINE = {key: TABLE["suspension"][key] for key in ("on_arm", "on_chassis")}
+SLOW = {"rotary_damper": {"damping": 3e3, "wheels": None}}
+BAR = {"stiffness": 1.2e5, "preset": 0.1, "wheels": None}
+CURVE = {"compression": (-0.1, 0.0, 0.02, 0.1), "force": (-2e4, 0.0, 2e4, 2.2e5), "wheels": None}
+GAS = {
+    "pressure": 8e6, "area": 3e-3, "volume": 9e-4, "exponent": 1.3, "ambient": 101325.0, "wheels": None,
+}  # fmt: skip
+DAMPER = {"speed": (-1.0, -0.2, 0.0, 0.3, 1.0), "force": (-1.5e4, -9e3, 0.0, 3e3, 5e3), "wheels": None}
+STOP = {"gap": 0.02, "stiffness": 4e5, "damping": 0.0, "wheels": None}
+ELEMENTS = {
+    "torsion_bar": {"torsion_bar": BAR},
+    "spring": {**LINE, "spring": CURVE},
+    "gas_spring": {**LINE, "gas_spring": GAS},
+    "isothermal": {**LINE, "gas_spring": {**GAS, "exponent": 1.0}},
+    "damper": {**LINE, "damper": DAMPER},
+    "rotary_damper": SLOW,
+    "bump_stop": {"bump_stop": {**STOP, "damping": 3e3}},
+    "rebound_stop": {"rebound_stop": {**STOP, "damping": 3e3}},
+}
+
+
+LAST = {
+    name: {**table, "wheels": (5,)} for each in ELEMENTS.values() for name, table in each.items() if name not in LINE
+}
+FAR = {**TABLE["tensioner"], "recoil": {"preload": 1e9, "stiffness": 1e5}}
+
+
+def suspension(**tables):
+    """Changes of the vehicle table to these elements; the last wheel has all others, so that one kernel does."""
+    return {"suspension": {**dict.fromkeys(TABLE["suspension"]), **LINE, **LAST, **tables}, "tensioner": FAR}
+
+
+def held(**tables):
+    """Chassis whose hull nothing moves, with these elements."""
+    return Probe({**HELD, **suspension(**tables)})
+
+
+def settled(force, **tables):
+    """Held hull with an upward force on wheel 2 at the left, at rest; a damper slows it."""
+    probe = Probe({**HELD, **suspension(**{**SLOW, **tables})}, step=1e-3)
+    probe["left.road_wheel[2].force.z"] = force
+    probe.run(12.0, 0.01)
+    assert abs(probe.model.state[ROOT + 2 * len(probe.model.tree.is_arm) + 1]) < 1e-7
+    return probe
+
+
+def lever(angle):
+    """Horizontal distance of the wheel centre behind the pivot, m."""
+    return AHEAD * np.cos(angle) + UP * np.sin(angle)
+
+
+def rise(angle):
+    """Rise of the wheel centre from the drawn position, m."""
+    return AHEAD * np.sin(angle) + UP * (1.0 - np.cos(angle))
+
+
+def line(angle):
+    """Compression of the spring-damper, m, and its moment arm about the pivot, m, from the drawn points."""
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    end = turn @ (np.array(LINE["on_arm"]) - ARM["pivot"])
+    to_hull = np.array(LINE["on_chassis"]) - ARM["pivot"] - end
+    length = np.hypot(*to_hull)
+    return DRAWN - length, abs(end[0] * to_hull[1] - end[1] * to_hull[0]) / length
+
+
+def at(probe, angle, rate=0.0):
+    """Acceleration of arm 2 at the left, rad/s2, with this angle and rate; sets the state."""
+    x, n = probe.model.state, len(probe.model.tree.is_arm)
+    x[ROOT + 1], x[ROOT + 2 * n + 1] = angle, rate
+    out = np.zeros_like(x)
+    rates(probe.model.tree, None, None, x, probe.u, out)
+    return out[ROOT + 2 * n + 1], out[-2]
+
+
+# --- exact solutions ---
+
+
+def test_a_torsion_bar_balances_by_hand():
+    probe = settled(50e3, torsion_bar=BAR)
+    angle = probe["left.road_arm[2].angle"]
+    moment = 50e3 * lever(angle)
+    assert 1.2e5 * (0.1 + angle) == pytest.approx(moment, rel=1e-5)
+    assert probe["left.torsion_bar[2].moment"] == pytest.approx(moment, rel=1e-5)
+    assert 1.2e5 * (0.103 + angle) != pytest.approx(moment, rel=1e-2)
+
+
+def test_the_frequency_on_a_torsion_bar():
+    """A wheel swings about its pivot at sqrt(k / J): after five periods it is where it began."""
+    period = 2.0 * np.pi * np.sqrt(INERTIA / 1.2e5)
+
+    def after(stiffness):
+        probe = held(torsion_bar={**BAR, "stiffness": stiffness, "preset": 0.0})
+        probe.model.state[ROOT + 1] = 1e-5
+        return probe.run(5.0 * period, period / 100)["left.road_arm[2].angle"]
+
+    assert after(1.2e5) == pytest.approx(1e-5, rel=1e-4)
+    assert after(1.23e5) != pytest.approx(1e-5, rel=1e-2)
+
+
+def test_a_torsion_bar_of_a_leading_arm_pushes_its_wheel_down():
+    ends = {key: (-x, z) for key, (x, z) in LINE.items()}
+    leading = {"road_arm": {**ARM, "pivot": (-AHEAD, UP)}}
+    probe = Probe({**HELD, **suspension(torsion_bar=BAR, **SLOW, **ends), **leading}, step=1e-3)
+    probe["left.road_wheel[2].force.z"] = 50e3
+    probe.run(12.0, 0.01)
+    assert probe["left.road_wheel[2].position"][2] - TABLE["road_wheel"]["z"] == pytest.approx(
+        rise(-probe["left.road_arm[2].angle"]), rel=5e-3
+    )
+    assert probe["left.road_arm[2].angle"] < 0.0 < probe["left.torsion_bar[2].moment"]
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.3])
+def test_a_gas_spring_balances_by_hand(exponent):
+    """p V^n is that of the drawn position; the moment about the pivot is that of the force on the wheel."""
+    probe = settled(40e3, **LINE, gas_spring={**GAS, "exponent": exponent})
+    angle = probe["left.road_arm[2].angle"]
+    compression, arm = line(angle)
+    assert probe["left.suspension[2].length"] == pytest.approx(DRAWN - compression, rel=1e-12)
+
+    def push(pressure):
+        return 3e-3 * (pressure * (9e-4 / (9e-4 - 3e-3 * compression)) ** exponent - 101325.0)
+
+    assert push(8e6) * arm == pytest.approx(40e3 * lever(angle), rel=1e-5)
+    assert probe["left.suspension[2].force"] == pytest.approx(push(8e6), rel=1e-9)
+    assert push(8.2e6) * arm != pytest.approx(40e3 * lever(angle), rel=1e-2)
+
+
+@pytest.mark.parametrize("force", [-12e3, 10e3, 60e3, 250e3])
+def test_a_spring_by_a_curve_balances_by_hand(force):
+    """Between points, and beyond the last one along the last line."""
+    probe = settled(force, **LINE, spring=CURVE, bump_stop=None)
+    angle = probe["left.road_arm[2].angle"]
+    compression, arm = line(angle)
+    points, forces = np.array(CURVE["compression"]), np.array(CURVE["force"])
+    k = int(np.clip(np.searchsorted(points, compression) - 1, 0, len(points) - 2))
+    slope = (forces[k + 1] - forces[k]) / (points[k + 1] - points[k])
+    assert (forces[k] + slope * (compression - points[k])) * arm == pytest.approx(force * lever(angle), rel=1e-5)
+    if force == 250e3:
+        assert compression > points[-1]
+
+
+def test_a_damper_by_a_curve_and_one_about_the_pivot():
+    """Accelerations at a rate by hand: bump and rebound differ; a rotary damper alone slows exponentially."""
+    probe = held(**LINE, damper=DAMPER)
+    arm = line(0.0)[1]
+    for rate, force in ((0.1 / arm, 1e3), (-0.1 / arm, -4.5e3), (2.0 / arm, 5e3 + 2e3 / 0.7), (-0.6 / arm, -1.2e4)):
+        acceleration, power = at(probe, 0.0, rate)
+        assert acceleration == pytest.approx(-force * arm / INERTIA, rel=1e-7)
+        assert power == pytest.approx(force * rate * arm, rel=1e-9)
+    probe = held(rotary_damper={"damping": 300.0, "wheels": None})
+    x, n = probe.model.state, len(probe.model.tree.is_arm)
+    x[ROOT + 2 * n + 1] = 0.5
+    probe.run(0.3)
+    assert x[ROOT + 2 * n + 1] == pytest.approx(0.5 * np.exp(-300.0 * 0.3 / INERTIA), rel=1e-8)
+    assert x[ROOT + 2 * n + 1] != pytest.approx(0.5 * np.exp(-306.0 * 0.3 / INERTIA), rel=1e-3)
+
+
+@pytest.mark.parametrize(("name", "sense"), [("bump_stop", 1.0), ("rebound_stop", -1.0)])
+def test_a_stop_carries_what_pushes_past_its_gap(name, sense):
+    """At rest the stop's force is the force on the wheel; before its gap it has none."""
+    probe = settled(sense * 30e3, **{name: STOP})
+    angle = probe["left.road_arm[2].angle"]
+    assert probe[f"left.{name}[2].force"] == pytest.approx(30e3, rel=1e-5)
+    assert sense * rise(angle) == pytest.approx(0.02 + 30e3 / 4e5, rel=1e-5)
+    assert probe[f"left.{name}[1].force"] == 0.0
+    near = held(**{name: STOP})
+    short = sense * 0.9 * 0.02 / AHEAD
+    assert at(near, short)[0] == pytest.approx(0.0, abs=1e-6)
+    assert near[f"left.{name}[2].force"] == 0.0
+
+
+def test_a_wheel_bounces_off_an_undamped_stop_with_its_speed():
+    probe = held(bump_stop=STOP)
+    x, n = probe.model.state, len(probe.model.tree.is_arm)
+    x[ROOT + 2 * n + 1] = 0.8
+    deepest = 0.0
+    for _ in range(700):
+        probe.step(5e-4)
+        deepest = max(deepest, rise(x[ROOT + 1]) - 0.02)
+    assert x[ROOT + 2 * n + 1] == pytest.approx(-0.8, rel=1e-6)
+    assert deepest == pytest.approx(0.8 * np.sqrt(INERTIA / 4e5), rel=2e-3)  # its energy is that of the stop
+    assert deepest != pytest.approx(0.8 * np.sqrt(INERTIA / 4.1e5), rel=5e-3)
+
+
+def test_recoil_gives_beyond_its_preload_only():
+    """Two springs in line: the tensioner's until the recoil's preload, then both."""
+    recoil = {"preload": 60e3, "stiffness": 3e5}
+    changes = {**HELD, **suspension(), "tensioner": {**FAR, "recoil": recoil, "damping": 4e4}}
+    for force, stroke in ((50e3, 0.0), (90e3, 30e3 / 3e5)):
+        probe = Probe(changes, **{"tensioner.preload": 20e3})
+        probe["left.idler.force.x"], start = force, probe.energy
+        probe.run(4.0, 0.01)
+        slid = probe["left.idler.position"][0] - TABLE["idler"]["x"]
+        assert slid == pytest.approx((force - 20e3) / 1e6 + stroke, rel=1e-4)
+        assert probe["left.recoil.stroke"] == pytest.approx(stroke, rel=1e-5, abs=1e-12)
+        assert probe["left.tensioner.force"] == pytest.approx(force, rel=1e-6)
+        assert probe.energy + probe["energy.dissipated"] - probe["port.work"] == pytest.approx(start, rel=1e-3)
+    with pytest.raises(InvalidParameter, match=r"tensioner.recoil.preload = 60000 N must be 61000 N at least"):
+        Probe(changes, **{"tensioner.preload": 61e3})
+
+
+def test_wheels_on_fixed_axles_are_a_part_of_the_hull():
+    """Without arms and suspension a force on a wheel moves the whole vehicle, and the wheel spins alone."""
+    frame = {"suspension": None, "road_arm": None, "gravity": 0.0}
+    probe = Probe(frame)
+    mass = probe.model.tree.masses[WHOLE]
+    assert mass == pytest.approx(15891.58 - 128 * 18.02 - 10 * ARM["mass"], abs=1e-9)
+    for side in ("left", "right"):
+        for k, x in enumerate(TABLE["road_wheel"]["x"], 1):
+            place = np.array([x, 1.0795 if side == "left" else -1.0795, TABLE["road_wheel"]["z"]])
+            assert probe[f"{side}.road_wheel[{k}].position"] == pytest.approx(place, abs=1e-14)
+            probe[f"{side}.road_wheel[{k}].force.x"] = 1e3
+    probe["left.road_wheel[2].torque.y"] = 7.0
+    probe.run(0.5)
+    assert probe["left.road_wheel[2].angular_velocity"][1] == pytest.approx(7.0 * 0.5 / 26.06, rel=1e-9)
+    # the centre of mass of the whole has the acceleration of the sum of the forces
+    total = sum(m * v for m, v in zip(*momenta_of(probe), strict=True))
+    assert total[0] == pytest.approx(1e4 * 0.5, rel=1e-6)
+    assert not any("road_arm" in name for name in probe.names)
+
+
+def momenta_of(probe):
+    """Masses, kg, and velocities (3), m/s, of hull, sprockets, wheels and idlers."""
+    masses, velocities = [TABLE["chassis"]["mass"]], [probe["chassis.velocity"]]
+    for side in ("left", "right"):
+        for name, mass in (
+            *((f"road_wheel[{k}]", WHEEL) for k in range(1, 6)),
+            ("idler", TABLE["idler"]["mass"]),
+            ("sprocket", TABLE["sprocket"]["mass"]),
+        ):
+            masses.append(mass)
+            velocities.append(probe[f"{side}.{name}.velocity"])
+    return masses, velocities
+
+
+def test_a_bogie_shares_its_load():
+    """A free bogie turns with (F1 l1 - F2 l2) / J: forces in the inverse ratio of the levers turn nothing."""
+    x = (-0.6, -1.2, -1.9, -2.5)
+    pivots = ((-0.2, 0.1), (0.4, 0.1), (-0.3, 0.1), (0.3, 0.1))
+    changes = {**HELD, "suspension": None, "road_arm": {**ARM, "pairs": True, "pivot": pivots}, "road_wheel.x": x}
+    probe = Probe(changes)
+    probe["left.road_wheel[1].force.z"], probe["left.road_wheel[2].force.z"] = 40e3, 20e3
+    probe.run(0.2)
+    assert probe["left.road_arm[1].angle"] == pytest.approx(0.0, abs=1e-7)
+    probe["left.road_wheel[2].force.z"] = 20.02e3
+    inertia = sum(WHEEL * (l * l + 0.01) + ARM["mass"] * 0.25 * (l * l + 0.01) + ARM["pin_inertia"] for l in (0.2, 0.4))
+    start = Probe(changes)
+    start.u[:] = probe.u
+    acceleration = at(start, 0.0)[0]
+    assert acceleration == pytest.approx(0.4 * 20.0 / inertia, rel=1e-4)
+    probe.run(0.2)
+    assert probe["left.road_arm[1].angle"] == probe["left.road_arm[2].angle"] > 1e-6
+
+
+# --- energy, over all elements ---
+
+
+@pytest.mark.parametrize("name", ELEMENTS)
+def test_what_an_element_takes_is_stored_or_lost(name):
+    """J q'' q' = -dE/dt - lost power at any angle and rate; the energy is the integral of the force."""
+    probe = held(**ELEMENTS[name])
+    shift = 1e-6
+    for angle, rate in ((0.02, 0.7), (0.2, -0.9), (-0.15, 1.1), (-0.25, -0.4)):
+        energies = []
+        for moved in (angle - shift, angle + shift):
+            at(probe, moved)
+            energies.append(probe["energy.spring"])
+        acceleration, lost = at(probe, angle, rate)
+        growth = (energies[1] - energies[0]) / (2.0 * shift) * rate
+        taken = -acceleration * INERTIA * rate
+        assert taken == pytest.approx(growth + lost, rel=1e-5, abs=1e-3)
+        assert lost >= -1e-9
+    work = quad(lambda q: -at(probe, q)[0] * INERTIA, 0.0, 0.2, epsabs=1e-8, limit=400, points=(0.05, 0.07))[0]
+    at(probe, 0.0)
+    start = probe["energy.spring"]
+    at(probe, 0.2)
+    assert probe["energy.spring"] - start == pytest.approx(work, rel=1e-6, abs=1e-4)
+
+
+def test_a_lively_vehicle_with_all_elements_keeps_its_energy():
+    """Kinetic + gravity + spring + dissipated stays, with the order of the method; a false damping is seen."""
+    tables = {name: table for each in ELEMENTS.values() for name, table in each.items()}
+    tables |= {key: TABLE["suspension"][key] for key in ("stiffness", "damping", "preload")}
+    tables |= {"gas_spring": GAS, "bump_stop": {**STOP, "gap": 0.3}, "rebound_stop": {**STOP, "gap": 0.3}}
+    tables["spring"] = {**CURVE, "compression": (-0.5, 0.5), "force": (-1e5, 1e5)}  # without kinks
+    tables["damper"] = {**DAMPER, "speed": (0.0, 9.0), "force": (0.0, 9e4)}
+
+    def drift(step, **changes):
+        probe = Probe(suspension(**{**tables, **changes}), step=step)
+        probe.model.state[7:13] = 0.5, -0.3, 0.2, 0.4, -0.6, 0.3
+        before = probe.energy
+        probe.run(0.2, 4e-3)
+        return abs(probe.energy + probe["energy.dissipated"] - before) / probe["energy.dissipated"]
+
+    coarse, fine = drift(4e-3), drift(2e-3)
+    assert fine < 1e-4, (coarse, fine)
+    assert 3.0 < np.log2(coarse / fine) < 6.5
+
+
+# --- files ---
+
+
+def with_tables(**tables):
+    """Vehicle table of the standard vehicle as in a file, with tables replaced or, by None, left out."""
+    table = copy.deepcopy(TABLE)
+    for key, value in tables.items():
+        table[key] = value if value is None or not isinstance(table.get(key), dict) else {**table[key], **value}
+    return vehicle(table, "tank.toml")
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        ({"suspension": {"stiffness": [1e6, 2e6]}}, "suspension.stiffness: has 2 values, must have one for all"),
+        ({"suspension": {"damping": [1.0, 2.0, 3.0, 4.0, -5.0]}}, "wheel 5: input should be greater than or equal"),
+        ({"road_arm": None}, "suspension: needs the table road_arm"),
+        ({"suspension": None}, "road_arm: needs the table suspension, or pairs = true"),
+        ({"road_arm": {"pairs": True}}, "road_arm.pairs: pairs of 5 wheels"),
+        ({"suspension": {"on_arm": None}}, "suspension.on_arm: is missing; stiffness acts between both ends"),
+        ({"suspension": {"spring": {**CURVE, "force": (1.0, 2.0)}}}, "spring.force: has 2 numbers, must have 4"),
+        ({"suspension": {"spring": {"compression": (0.0, 0.0), "force": (1.0, 2.0)}}}, "or more, rising"),
+        ({"suspension": {"damper": {"speed": (0.0, 1.0), "force": (0.0, -1.0)}}}, "must have the sign of the speed"),
+        ({"suspension": {"damper": {"speed": (0.5, 1.0), "force": (1.0, 2.0)}}}, "must have 0 m/s among"),
+        ({"suspension": {"bump_stop": {**STOP, "wheels": (1, 9)}}}, "bump_stop.wheels: names wheel 9; a side has 5"),
+        ({"right": {"suspension": {"stiffness": (1.0, 2.0)}}}, "right.suspension.stiffness: has 2 values"),
+    ],
+)
+def test_contradictions_are_refused(tables, words):
+    with pytest.raises(BadInput) as error:
+        with_tables(**tables)
+    assert words in str(error.value)
+
+
+def test_elements_are_on_the_wheels_that_are_named_and_sides_may_differ():
+    own = {"bump_stop": {**STOP, "wheels": (1, 3)}}
+    table = with_tables(suspension=own, right={"suspension": {"bump_stop": {**STOP, "gap": 0.5}}}).model_dump()
+    probe = Probe(table)
+    stops = probe.model.tree.suspension.bump_stop
+    assert stops.stiffness.tolist() == [4e5, 0, 4e5, 0, 0, 0, *5 * [4e5], 0]
+    assert stops.gap.tolist() == [0.02, 0, 0.02, 0, 0, 0, *5 * [0.5], 0]
+    assert vector(probe.model.tree.hinge[0], 0)[2] == vector(probe.model.tree.hinge[6], 0)[2]
