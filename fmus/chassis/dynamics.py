@@ -151,6 +151,13 @@ def suspend(suspension: Any, tree: VehicleTree, k: int, q: float, qd: float) -> 
 
 
 @dispatch("suspension", default=True)
+def spring_push(suspension: Any, tree: VehicleTree, k: int, q: float, qd: float) -> float:
+    """Push along the spring-damper of leaf k, N, as an output; its last bit has always been that of this product."""
+    e, slope = compression(tree, k, q)
+    return tree.preload[k] + tree.stiffness[k] * e + tree.damping[k] * slope * qd
+
+
+@dispatch("suspension", default=True)
 def put_elements(suspension: Any, tree: VehicleTree, x: Floats, k: int, y: Floats, i: int) -> int:
     """Write the outputs of the elements of leaf k beside its spring from ``y[i]`` on; return the index after them."""
     return i

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fmus.chassis.dynamics import ROOT, Parts, compression, energies, is_fixed, put_elements, suspend, wheel_offset
+from fmus.chassis.dynamics import ROOT, Parts, compression, energies, is_fixed, put_elements, spring_push, wheel_offset
 from fmus.chassis.fittings import put_hitch, put_seats, touch
 from fmus.chassis.tree import VehicleTree
 from fmus.kernels.jit import allocating, kernel
@@ -70,7 +70,7 @@ def put_springs(tree: VehicleTree, x: Floats, sides: int, y: Floats, i: int) -> 
         if is_fixed(tree, k):
             continue
         d = x[ROOT + k]
-        push = suspend(tree.suspension, tree, k, d, x[ROOT + 2 * n + k])[0]
+        push = spring_push(tree.suspension, tree, k, d, x[ROOT + 2 * n + k])
         if tree.is_arm[k] == 1:
             y[i] = d
             i += 1

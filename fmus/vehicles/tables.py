@@ -19,7 +19,6 @@ from pydantic import (
     ConfigDict,
     Field,
     GetJsonSchemaHandler,
-    PlainValidator,
     TypeAdapter,
     ValidationError,
     WithJsonSchema,
@@ -110,7 +109,7 @@ class OrEach(GroupedMetadata):
         self._one = TypeAdapter(kind)
 
     def __iter__(self) -> Iterator[object]:
-        yield PlainValidator(self._read)
+        yield BeforeValidator(self._read)
         yield WithJsonSchema(self._schema())
 
     @property

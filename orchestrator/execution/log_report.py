@@ -92,6 +92,7 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
                 "checks_after_end": judged.after_end,
                 "observables": judged.observables,
                 "windows": judged.windows,
+                "places": summary.places(judged.observables, run),
                 "phases": summary.phase_entries(run),
                 "fmus": summary.fmu_entries(run),
             }

@@ -50,6 +50,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "checks_after_end": {},
         "observables": {},
         "windows": {},
+        "places": {},
         "phases": [],
         "warnings": [],
         "validity": [],
@@ -65,6 +66,7 @@ def evaluate(run: RunData, scene: SystemScene, simulated: float) -> dict[str, An
         "checks_after_end": after_end(scene, simulated),
         "observables": (found := observables(run, scene, simulated)),
         "windows": windows(found, scene, simulated),
+        "places": places(found, run),
         "phases": phase_entries(run),
     }
 
@@ -113,6 +115,16 @@ def windows(names: Iterable[str], scene: SystemScene, simulated: float) -> dict[
     timed = [name for name in names if OBSERVABLES[name].value]
     found = {name: whole if OBSERVABLES[name].whole else averaged for name in timed}
     return {name: {"from": window.start, "to": window.end} for name, window in found.items()}
+
+
+def places(found: Mapping[str, float], run: RunData) -> dict[str, str]:
+    """Return where and when the largest values among the observables are, in words."""
+    words = {}
+    for name, value in found.items():
+        where = OBSERVABLES[name].place
+        if where is not None and value == value:
+            words[name] = where(run)
+    return words
 
 
 def energy_warning(energy: dict[str, Any] | None) -> str:
@@ -247,9 +259,12 @@ def observables(run: RunData, scene: SystemScene, simulated: float) -> dict[str,
 
 def _names(scene: SystemScene) -> list[str]:
     """Return the names of the observables of this kind of scene."""
-    names = ["tension_max", "tension_mean"]
+    names = ["tension_max", *(["pin_force", "pin_force_high"] if scene.track.link_outputs else []), "tension_mean"]
     if isinstance(scene, VehicleScene):
         names += ["distance", "speed", "settlement", "ground_force", "weight"]
+        suspension = scene.vehicle.suspension
+        if suspension is not None and (suspension.bump_stop or suspension.rebound_stop):
+            names.append("stop_force")
         if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
             names.append("path_error")
         if not scene.turns:

@@ -67,7 +67,8 @@ def _observables(r: dict[str, Any]) -> list[str]:
         observable = OBSERVABLES[key]
         other = r["observables"].get(INSTEAD.get(key, ""), float("nan"))
         if value == value and other != other and not (r["phases"] and key in OF_PHASES):
-            where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else ""
+            place = r["places"].get(key, "")
+            where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else f" {place}" if place else ""
             window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}), r["simulated_time"])
             shown = without_rounding(value / size(observable.unit), observable.unit)
             lines.setdefault(window, []).append(

@@ -60,6 +60,8 @@ NAMES: dict[str, Measure] = {
         chain_measures.sag,
         chain_measures.end_tension,
         chain_measures.joint_force,
+        chain_measures.pin_force,
+        chain_measures.pin_force_high,
         chain_measures.joint_force_spread,
         chain_measures.hoop_strain,
         chain_measures.fall_time,
@@ -81,6 +83,7 @@ NAMES: dict[str, Measure] = {
         vehicle_measures.settlement_of_springs,
         vehicle_measures.settlement_of_contacts,
         vehicle_measures.rut_depth,
+        vehicle_measures.stop_force,
         vehicle_measures.tension_top,
         vehicle_measures.tension_rear,
         vehicle_measures.tension_front,
@@ -110,6 +113,7 @@ class RunObservable(NamedTuple):
     digits: int  # that are shown
     value: Callable[[RunData, Window], float] | None  # SI, raises Missing; None: of the scene alone
     whole: bool = False  # of the whole run: largest value, or difference from start to end; others are means
+    place: Callable[[RunData], str] | None = None  # words for where and when, after the value; raises Missing
 
     @property
     def title(self) -> str:
@@ -164,6 +168,25 @@ OBSERVABLES = {
     "power_regenerated": RunObservable("power from side to side", "kW", 4, _of(turning.regenerated_power)),
     "tension_max": RunObservable("largest link tension", "kN", 4, _tension_max, whole=True),
     "tension_mean": RunObservable("mean link tension", "kN", 4, _tension_mean),
+    "pin_force": RunObservable(
+        "largest pin force",
+        "kN",
+        4,
+        _of(chain_measures.pin_force),
+        True,
+        lambda run: chain_measures.pin_forces(run).place,
+    ),
+    "pin_force_high": RunObservable(
+        "99.9 % of pin forces below", "kN", 4, _of(chain_measures.pin_force_high), whole=True
+    ),
+    "stop_force": RunObservable(
+        "largest force of a stop",
+        "kN",
+        4,
+        _of(vehicle_measures.stop_force),
+        True,
+        lambda run: vehicle_measures.stop_forces(run).place,
+    ),
     "sag": RunObservable("sag", "m", 6, _of(chain_measures.sag)),
     "end_tension": RunObservable("tension at the ends", "kN", 5, _of(chain_measures.end_tension)),
 }

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fmus.ground.keys import is_plane
-from fmus.vehicles.sides import of_side
+from fmus.vehicles.sides import SIDES, of_side
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses import slip as slips
 from orchestrator.results.energy import ports
 from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
-from orchestrator.results.run_data import BLOCK, Missing, RunData, Window, drive_of, mean, track_of, vectors
+from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, drive_of, mean, track_of, vectors
 
 RUN_REACH = 0.2  # m: half length of the sample in the middle between two wheels, or two pitches of short links
 LOWER = -0.1  # m over the sprocket axle: the lower run is below it, or below half the height of small road wheels
@@ -105,6 +107,40 @@ def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
 def rut_depth(run: RunData, of: str, window: Window) -> float:
     """Depth of the deepest link of a track, or of all, in the soil, m; raises Missing on hard ground."""
     return max(float(pressed_by(run, track, window).depth.max(initial=0.0)) for track in hull.tracks(run, of))
+
+
+class StopForce(NamedTuple):
+    """Largest force of a stop of the suspension."""
+
+    most: float  # N, 0 where no stop is hit
+    stop: str  # name, ``left.bump_stop[1]``
+    t: float  # s
+
+    @property
+    def place(self) -> str:
+        """Words for where and when."""
+        return f"at {self.stop} at {self.t:.4g} s" if self.most else "(none is hit)"
+
+
+def stop_forces(run: RunData, of: str = "", window: Window = EVER) -> StopForce:
+    """Largest force of a bump or rebound stop of a side or of both; raises Missing for a vehicle without stops."""
+    found = [
+        StopForce(float(values.max()), name, float(t[values.argmax()]))
+        for side in ([of] if of else SIDES)
+        for kind in ("bump_stop", "rebound_stop")
+        for k in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
+        if run.has(f"chassis.{(name := f'{side}.{kind}[{k}]')}.force")
+        for t, values in [run.signal(f"chassis.{name}.force", window)]
+        if values.size
+    ]
+    if not found:
+        raise Missing("the vehicle has no stops")
+    return max(found, key=lambda each: each.most)
+
+
+def stop_force(run: RunData, of: str, window: Window) -> float:
+    """Largest force of a bump or rebound stop, N."""
+    return stop_forces(run, of, window).most
 
 
 def tension_top(run: RunData, of: str, window: Window) -> float:

@@ -159,6 +159,12 @@ def suspend(suspension: Elements, tree: VehicleTree, k: int, q: float, qd: float
 
 
 @kernel
+def spring_push(suspension: Elements, tree: VehicleTree, k: int, q: float, qd: float) -> float:
+    """See ``dynamics.spring_push``."""
+    return suspend(suspension, tree, k, q, qd)[0]
+
+
+@kernel
 def put_elements(suspension: Elements, tree: VehicleTree, x: Floats, k: int, y: Floats, i: int) -> int:
     """See ``dynamics.put_elements``."""
     s, n = suspension, len(tree.is_arm)
