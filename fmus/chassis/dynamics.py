@@ -132,7 +132,7 @@ def leaf_bias(
 
 @kernel
 def linear_spring(tree: VehicleTree, k: int, q: float, qd: float) -> tuple[float, float, float, float]:
-    """What ``suspend`` returns, of the linear spring and damper of leaf k. (9)"""
+    """Results of ``suspend`` for the linear spring and damper of leaf k. (9)"""
     e, slope = compression(tree, k, q)
     ed = slope * qd
     push = tree.preload[k] + tree.stiffness[k] * e + tree.damping[k] * ed
@@ -259,7 +259,9 @@ def rates(tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, u: Floats, ou
         else:
             eliminate(M, b, Q, k, g[k], generalized_mass)
             if tree.joined[k] == 1:
-                g[k - 1], Q[k - 1] = g[k], Q[k]
+                g[k - 1] = g[k]
+                for i in range(6):
+                    Q[k - 1, i] = Q[k, i]
 
         out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)

@@ -44,7 +44,7 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
     x[:] = 0.0
     c.received[:] = 0.0
     for k in range(n):
-        stiffness, damping, preload = c.springs[k]
+        stiffness, damping, preload = c.springs[k, 0], c.springs[k, 1], c.springs[k, 2]
         if stiffness >= 0:
             tree.stiffness[k] = p[stiffness]
         if damping >= 0:

@@ -15,6 +15,7 @@ from fmpy import read_model_description
 from hypothesis import given
 from hypothesis import strategies as st
 from named_ports import output_names, parameters
+from test_suspension import FAR, LAST
 
 from fmus.components import model_of
 from fmus.fmi.build import BuildFailed, build_shapes, packed_config, start_values
@@ -77,6 +78,10 @@ def own_keys(*scene):
 def test_every_number_of_a_vehicle_file_is_a_parameter_of_a_component():
     known = own_keys("straight", "flexible") | own_keys("straight", "rigid") | own_keys("turn", "rigid")
     known |= own_keys("serpentine", "rigid") | own_keys("marder", "rigid") | own_keys("robot", "rigid")
+    kind, config = parts("straight", "rigid")["chassis"][1:3]
+    elements = {"suspension": {**config["vehicle"]["suspension"], **LAST}, "tensioner": FAR}
+    packed = packed_config(kind, {**config, "vehicle": {**config["vehicle"], **elements}})
+    known |= {name.partition("[")[0] for name in numbers.places(packed)}
     known = {"seat.position" if name.startswith("seat.") else name for name in known}
     right = {key for key in number_meanings() if key.startswith("right.")}  # of a vehicle with unequal sides
     assert set(number_meanings()) - known - right == set(ELSEWHERE) - known

@@ -27,7 +27,7 @@ def _beyond(recoil: Recoil, tree: VehicleTree, k: int, e: float) -> float:
 
 @kernel
 def softening(recoil: Recoil, tree: VehicleTree, k: int, e: float) -> tuple[float, float]:
-    """What the push, N, and the stored energy, J, of the tensioner of leaf k lose at the compression e, m. (22)"""
+    """Loss of push, N, and of stored energy, J, of the tensioner of leaf k at the compression e, m. (22)"""
     past, k1, k2 = _beyond(recoil, tree, k, e), tree.stiffness[k], recoil.stiffness[k]
     lost = k1 * k1 / (k1 + k2) * past if past > 0.0 else 0.0  # k1 less both springs in line
     return lost, 0.5 * lost * past
