@@ -20,6 +20,7 @@ from test_suspension import FAR, LAST
 from fmus.components import model_of
 from fmus.fmi.build import BuildFailed, build_shapes, packed_config, start_values
 from fmus.interface import numbers
+from fmus.interface.ports import UNITS
 from fmus.native import numbers_file
 from fmus.native.pack import build_native, build_native_shape, with_constants
 from fmus.vehicles.ranges import contradictions
@@ -86,6 +87,7 @@ def test_every_number_of_a_vehicle_file_is_a_parameter_of_a_component():
     right = {key for key in number_meanings() if key.startswith("right.")}  # of a vehicle with unequal sides
     assert set(number_meanings()) - known - right == set(ELSEWHERE) - known
     table = {"idler": {"x": 1.0}, "right": {"idler": {"x": 1.1}, "tensioner": {"preload": 2.0}}}
+    assert {unit for unit, *_ in number_meanings().values()} <= set(UNITS)
     assert {"right.idler.x", "right.tensioner.preload"} <= {*numbers.places({"vehicle": table})}
 
 
