@@ -23,6 +23,13 @@ ROUND = "drive.ramp_start=0", "drive.ramp_time=0.05", "drive.left.speed=4", "dri
 WAVES = "ground.washboard={amplitude=0.02, wavelength=2, start=-20}", "ground.half_round={x=[-1], radius=0.02}"
 BELLY = "ground.hull=true", "vehicle.chassis.hull=[[-2.0, 0.0, -0.9]]"
 SLOPE = "ground.grade=0.1", "ground.bank=0.05", "start.heading=0.4"
+ELEMENTS = (  # of the suspension, one of each sort
+    "vehicle.suspension.torsion_bar={stiffness=3e4}", "vehicle.suspension.rotary_damper={damping=500, wheels=[1, 5]}",
+    "vehicle.suspension.gas_spring={pressure=2e6, area=2e-3, volume=1e-3}",
+    "vehicle.suspension.spring={compression=[-0.1, 0, 0.1], force=[-1e4, 0, 3e4]}",
+    "vehicle.suspension.damper={speed=[-1, 0, 1], force=[-1e4, 0, 3e3]}",
+    "vehicle.suspension.bump_stop={gap=0.02, stiffness=5e5}", "vehicle.tensioner.recoil={preload=6e4, stiffness=3e5}",
+)  # fmt: skip
 THERE_AND_BACK = "drive.speed_points=[[0, 0], [0.1, 8], [0.25, 8], [0.35, -8], [1, -8]]"
 
 
@@ -77,6 +84,7 @@ MANY = [
         (*MOVING, "hitch.force=1e4", "hitch.drag_points=[[-1, -1e4], [1, 1e4]]", "seats=['driver']"),
     ),
     Case("straight", "rigid", "chassis", (*MOVING, *BELLY)),
+    Case("straight", "rigid", "chassis", (*MOVING, *ELEMENTS)),
     Case("straight", "rigid", "right_track", (*MOVING, *WAVES)),
     Case("straight", "rigid", "chassis", (*MOVING, *WAVES, *BELLY)),
     Case("soft_ground", "flexible", "left_track", MOVING),
