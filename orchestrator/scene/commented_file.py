@@ -74,7 +74,8 @@ def vehicle_text(source: str, name: str) -> str:
     keys = vehicle_keys()
     seats = [key for key in keys if key.key.startswith("seat.")]
     about = next(key for key in keys if key.key == "seat")
-    lines = [*_lines({**table, "name": name}, [key for key in keys if key not in seats])]
+    own = {**table, "name": name, "title": f"made from the {table['name']}"}
+    lines = [*_lines(own, [key for key in keys if key not in seats])]
     lines += _verbatim(table, about, [key for key in seats if key.meaning])
     return "\n".join([HEAD.format(kind="vehicle", source=path_text(source)), *lines, ""])
 

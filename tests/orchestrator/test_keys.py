@@ -223,6 +223,8 @@ def test_a_commented_vehicle_is_its_source(cotrack, check, tmp_path):
         load("straight", None, [f"vehicle={name}"]).resolved()["vehicle"] for name in ("m113", "tank.toml")
     )
     assert (source.pop("name"), written.pop("name")) == ("m113", "tank")
+    assert "16 tonnes" in source.pop("title")
+    assert written.pop("title") == "made from the m113"  # its own title would go on saying 16 tonnes
     assert written == source
     text = (tmp_path / "tank.toml").read_text(encoding="utf-8")
     assert check("vehicle", tomllib.loads(text)) == []
