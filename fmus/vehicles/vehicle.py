@@ -12,7 +12,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
 
-from fmus.vehicles import suspension_tables
+from fmus.vehicles import life_tables, suspension_tables
+from fmus.vehicles.life_tables import LifeTable
 from fmus.vehicles.ranges import contradictions
 from fmus.vehicles.sides import SIDES, of_side
 from fmus.vehicles.suspension_tables import (
@@ -253,7 +254,11 @@ class GuideTable(FrozenTable):  # noqa: D101
 
 def _check_consistency(vehicle: Vehicle) -> Vehicle:
     table = vehicle.model_dump()
-    for complaint in (*contradictions(table), *suspension_tables.contradictions(table)):
+    for complaint in (
+        *contradictions(table),
+        *suspension_tables.contradictions(table),
+        *life_tables.contradictions(table),
+    ):
         raise ValueError(complaint)
     for name in vehicle.seat:
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name):
@@ -309,6 +314,8 @@ class VehicleTable(FrozenTable):
     """laws of contact"""
     guide: GuideTable
     """guide horns, which keep the track under the wheels"""
+    life: LifeTable | None = None
+    """pin, lugs, section and material, for the life of the track (cotrack analyse LOG life)"""
 
     def of_side(self, side: str) -> VehicleTable:
         """The table that describes a side."""
