@@ -293,7 +293,7 @@ KEYS: dict[str, Acts] = {
 # Duration, recording, checks, limits and what only views show: they must not change any computed value.
 APART = (
     "run.start", "run.stop", "run.outputs", "run.links", "run.checkpoints", "expect.*", "vehicle.tensioner.travel",
-    "vehicle.return_roller.width", "vehicle.longest_step",
+    "vehicle.return_roller.width", "vehicle.longest_step", "vehicle.life.*",
 )  # fmt: skip
 # Keys of [track] that are no numbers: tests/regression/runs.py has runs with each choice.
 CHOICES = (

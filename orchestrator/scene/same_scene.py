@@ -17,7 +17,7 @@ from orchestrator.scene.track_table import TrackModelTable
 # Keys of name, computation, recording, checks and FMUs: runs that differ in these alone are runs of one scene.
 COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "fmu", "seats",
-    "vehicle.name", "vehicle.title", "vehicle.tensioner.travel", "vehicle.seat",
+    "vehicle.name", "vehicle.title", "vehicle.tensioner.travel", "vehicle.seat", "vehicle.life",
     *(f"track.{key}" for key in TrackModelTable.model_fields if key != "start"),
     "start.state", "start.equilibrium", "push",
 )  # fmt: skip

@@ -1,7 +1,7 @@
 """Life of the pins and bodies of links: stress by the force in a pin, rainflow cycles, mean stress, Miner's sum.
 
 A pin is a beam on its lugs: the load of an outer lug acts in its middle, that of an inner lug at its quarter points
-(Melcon and Hoblit, Product Engineering 24, June 1953). Cycles: ASTM E1049-85, 5.4.4 and 5.4.5; the residue of a repeated
+(Melcon and Hoblit, Product Engineering 24, June 1953). Cycles: ASTM E1049-85, 5.4.5; the residue of a repeated
 record closes, so that no cycle is lost at its seams. Mean stress: Goodman; Morrow, SAE Fatigue Design Handbook, 1968;
 Walker, ASTM STP 462, 1970; Smith, Watson and Topper, Journal of Materials 5, 1970. Slope below a knee: Haibach, LBF
 TM 50, 1970.
