@@ -7,6 +7,7 @@ mount's lateral axis a.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from fmus.drives.shaft import ANGLE, PORT_WORK, RATE, SHAFT
@@ -16,12 +17,13 @@ from fmus.physics.arrays import Floats, Four, Quaternion, Vector
 from fmus.physics.elementary import cos, sin
 from fmus.physics.rotation import put_quat, quat_advance, quat_multiply, quat_normalise, quat_rotate
 from fmus.physics.vector import add, dot, put, scale, vector
+from fmus.start import vehicle_quaternion
 
 # indices in the flat state of a sprocket on its mount, after those of its shaft
 SPEED_NOW = SHAFT
 MOMENTUM = 11  # J Omega a at the end of the last step, world (3)
 SPROCKET = 14  # position, orientation, velocity, angular velocity (13)
-MOUNT = 27  # mean wrench of the last step (6)
+MOUNT = 27  # mean wrench of the last step (6), before the first one that of a track at rest
 BASE = 33  # time over which the acceleration of the mount is taken, s; 0 before the first step
 VELOCITY = 34  # velocity and angular velocity of the mount at the beginning of that time (6)
 WIDTH = 40
@@ -41,6 +43,14 @@ class ExtrapolatedMount(NamedTuple):
     start_rate: float  # rate about the axis at the start, rad/s
     end_rate: float  # rate about the axis at the end, rad/s
     chain_torque: float  # mean torque of the chain about the axis, N m
+
+
+@kernel
+def put_wrench_at_rest(x: Floats, p: Sequence[float], wrench: Floats, first: int) -> None:
+    """Set the wrench on the mount before the first step to that of a track at rest; ``p``: the start pose."""
+    q = vehicle_quaternion(p)
+    put(x, MOUNT, quat_rotate(q, vector(wrench, first)))
+    put(x, MOUNT + 3, quat_rotate(q, vector(wrench, first + 3)))
 
 
 @kernel

@@ -9,6 +9,7 @@ named as in a vehicle file (``chassis.mass``, ``road_wheel.x[2]``), and those of
 | `gravity`, `ends.first[1]`, `transverse_damping` | of a chain |
 | `rest.road_wheel[1].position.x` | place of a wheel of a track at the start, or of the mount of a drive |
 | `rest.height`, `rest.roll`, `rest.pitch`, `rest.lateral`, `rest.left[1]` | place of hull and leaves at the start |
+| `rest.wrench[1]` | wrench of a track on the sprocket of a drive at rest |
 | `rest.contact.wheel.friction` | contact with which a chain of rigid links comes to rest |
 | `tensioner.push` | part of `tensioner.preload` that balances a track |
 | `sprocket.spin_inertia` | of the spin of a drive |
@@ -38,6 +39,7 @@ OF_SCENES: dict[str, tuple[str, str]] = {  # unit and description, by the beginn
     "rest.pitch": ("rad", "pitch of the hull at the start"),
     "rest.left": ("1", "left arm from the front, rad, then slide of the idler, m, at the start"),
     "rest.right": ("1", "right arm from the front, rad, then slide of the idler, m, at the start"),
+    "rest.wrench": ("1", "force, N, then torque, N m, of the left, then the right track on its sprocket at rest"),
     "rest.": ("1", "place at the start in the vehicle, m, or quaternion"),
     "gravity": ("m/s2", "acceleration of gravity, downwards"),
     "transverse_damping": ("1/s", "damping of motion across a held chain, over its mass"),
@@ -78,6 +80,7 @@ def places(config: Mapping[str, Any]) -> dict[str, Path]:
         found["tensioner.push"] = ("chassis", "push")
     if isinstance(drive.get("inertia"), float):
         found["sprocket.spin_inertia"] = ("drive", "inertia")
+    found |= {_name(("rest", *path[1:])): path for path in _floats(drive.get("wrench"), ("drive", "wrench"))}
     for key in ("mount", "right"):
         found |= _stance(f"{key}", drive.get(key, ()), ("drive", key))
     return found

@@ -6,7 +6,7 @@ h1 s and the mean W' of the step of h2 s before it give, for a step of h s,
     W + (W - W') (h + h1) / (h1 + h2),  (1)
 
 the value in the middle of the step on the line through both means in the middle of theirs. In the second step W' is
-that of the start, on a mount 0, and with h2 = h1 the second step makes up for what the first one missed.
+that of the start, and h2 = h1: what the start missed, where a vehicle does not begin at rest, is made up for.
 """
 
 from __future__ import annotations

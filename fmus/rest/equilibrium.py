@@ -54,6 +54,7 @@ MOST_STEPS = 60  # pseudo steps
 LIFT = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load gives the vertical stiffness
 LEANS = 1e-7  # roll of a hull from which its chains tilt, rad: 0.3 um between the tracks
 ACCEPTED = 1e-3  # relative difference of tensions of a chain that followed its wheels and of one laid out there
+MIRRORED = 1.0, -1.0, 1.0, -1.0, 1.0, -1.0  # signs of a wrench on the other side
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 
 
@@ -66,6 +67,8 @@ class VehicleEquilibrium(NamedTuple):
     left: Sequence[float]  # arm angles from the front, rad, then the idler's slide, m
     right: Sequence[float]  # likewise
     lateral: float = 0.0  # of the hull, m: on a side slope it has slid until guides touch
+    # force, N, and torque, N m, of each track on its sprocket, left and right, in the vehicle; 0 without a track
+    sprockets: Sequence[Sequence[float]] = ()
 
 
 class FlexibleTrack(NamedTuple):
@@ -150,7 +153,7 @@ def _at_rest(
                 raise StepFailed(f"a track that came there carries {followed:.6g} N, laid out there {anew:.6g} N")
     except StepFailed as error:
         raise StepFailed(f"{_reason(chassis['vehicle'], *vehicle.pose)} ({error})") from None
-    return vehicle.as_equilibrium(guess)
+    return vehicle.as_equilibrium(guess)._replace(sprockets=vehicle.sprocket_wrenches())
 
 
 def _reason(vehicle: Mapping[str, Any], height: float, pitch: float) -> str:
@@ -212,6 +215,14 @@ class _Vehicle:
         right = left if self.half else leaves[self.leaves :]
         lateral = self.lateral + (self._hang - height) * sin(roll)  # road wheels keep their place across the tracks
         return VehicleEquilibrium(height, roll, pitch, left, right, lateral)
+
+    def sprocket_wrenches(self) -> list[list[float]]:
+        """Wrenches (left and right, 6) of the chains on the sprockets at the last place."""
+        found = [chain.last_wrenches[-1].tolist() for _, chain in sorted(self.chains.items())]
+        if self.half:
+            return [found[0], (found[0] * np.array(MIRRORED)).tolist()]
+        given = dict(zip(sorted(self.chains), found, strict=True))
+        return [given.get(side, [0.0] * WRENCH) for side in range(2)]
 
     def accelerations(self, guess: Floats) -> Floats:
         """Accelerations of the free unknowns of a vehicle at rest at ``guess``, m/s2 and rad/s2.
@@ -281,6 +292,11 @@ class _ChainOnWheels:
     def _lay_out(self, rows: Floats) -> None:
         self._model.start_rows[:] = rows
         self._model.lay_out("rest", 0.0)
+
+    @property
+    def last_wrenches(self) -> Floats:
+        """Wrenches (wheels, 6) at the last place, that on the sprocket last."""
+        return self._last[1]
 
     def tensions(self) -> tuple[float, float]:
         """Mean tension, N, on the last wheels, of the chain that followed them and laid out there as in a run."""

@@ -28,6 +28,7 @@ class Parts(NamedTuple):
     mount: Stance  # of the mount as built
     unconnected: np.ndarray  # (13) start values of the mount's inputs: a mount that has them is moved by nothing
     rest_motion: np.ndarray  # (13) motion at rest of a mount that nothing moves
+    wrench: np.ndarray  # (6) of the track on the sprocket at rest, in the vehicle
     inputs: np.ndarray  # (inputs) inputs as the step uses them
     extrapolate: int  # 1: the received wrench is extrapolated
     received: np.ndarray  # wrenches of the last steps, see ``interface.wrenches``
@@ -47,6 +48,7 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
     x[:] = 0.0
     shaft.start_shaft(c.drive, x, p[AFTER_POSE + 1])
     mount.put_sprocket_motion(x, vector(c.rest_motion, 0), c.rest_motion[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    mount.put_wrench_at_rest(x, p, c.wrench, 0)
     return 0
 
 

@@ -49,9 +49,10 @@ class Model(ComponentModel):
     """Spin of one sprocket on its mount.
 
     ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": stance of the mount at the start (``start``),
-    "demanded": whether the speed follows an input, false by default; [""]: in mode torque the torque follows another
-    one}}; other keys are not read. A mount whose inputs
-    still have their start values stands still at the start pose: an unconnected drive is a fixed axle.
+    "wrench": wrench (6) of the track on the sprocket at rest, in the vehicle, 0 by default, "demanded": whether the
+    speed follows an input, false by default; [""]: in mode torque the torque follows another one}}; other keys are not
+    read. A mount whose inputs still have their start values stands still at the start pose: an unconnected drive is a
+    fixed axle.
     """
 
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
@@ -70,6 +71,7 @@ class Model(ComponentModel):
     def __init__(self, config: Mapping[str, Any]) -> None:
         drive_config = config["drive"]
         self.inertia, self._mount = float(drive_config["inertia"]), stance(drive_config["mount"])
+        self._wrench = np.array(drive_config.get("wrench", [0.0] * WRENCH), dtype=float)
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
         self._demands = demanded(drive_config)
@@ -108,8 +110,8 @@ class Model(ComponentModel):
         self.counters[:] = 0
         inputs = np.zeros(self.inputs)
         extrapolate, received = wrenches.CHOICES.index(values["extrapolate"]), self.state[WIDTH:]
-        parts = Parts(self.drive, self._mount, self.unconnected, self.rest_motion, inputs, extrapolate, received,
-                      self.state, self.counters)  # fmt: skip
+        parts = Parts(self.drive, self._mount, self.unconnected, self.rest_motion, self._wrench, inputs, extrapolate,
+                      received, self.state, self.counters)  # fmt: skip
         self.begin(values, parts)
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:

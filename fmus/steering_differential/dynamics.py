@@ -11,7 +11,7 @@ from fmus.drives import mount, shaft
 from fmus.drives.motor import CONTRADICTIONS, SPEED, DriveParameters, find_contradiction, speed_profile
 from fmus.interface import wrenches
 from fmus.interface.model import MOST_STEPS, no_rotation
-from fmus.interface.ports import STATE
+from fmus.interface.ports import STATE, WRENCH
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
@@ -78,6 +78,7 @@ class Parts(NamedTuple):
     mounts: tuple[Stance, Stance]  # left and right mount as built
     unconnected: np.ndarray  # (inputs) start values: a mount that has them is moved by nothing
     rest_motion: np.ndarray  # (inputs) motions at rest of mounts that nothing moves
+    wrench: np.ndarray  # (12) of the left and the right track on its sprocket at rest, in the vehicle
     inputs: np.ndarray  # (inputs) inputs as the step uses them
     extrapolate: int  # 1: received wrenches are extrapolated
     received: np.ndarray  # (2, k) wrenches of the last steps of each side, see ``interface.wrenches``
@@ -104,6 +105,7 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
         put_part_at_rest(p, c.mounts[k], rest, 0)
         set_sprocket(side, 2.0 * k - 1.0, propulsion, steering)
         mount.put_sprocket_motion(side, vector(rest, 0), rest[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        mount.put_wrench_at_rest(side, p, c.wrench, WRENCH * k)
     return 0
 
 

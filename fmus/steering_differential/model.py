@@ -136,6 +136,7 @@ class Model(ComponentModel):
         self.inertia, left = float(drive_config["inertia"]), stance(drive_config["mount"])
         right = stance(drive_config["right"]) if "right" in drive_config else mirror_stance(left)
         self._mounts = left, right
+        self._wrench = np.array(drive_config.get("wrench", [0.0] * 2 * WRENCH), dtype=float)
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
         self._demands = {prefix: demanded(drive_config, prefix) for prefix in BODIES}
@@ -168,8 +169,8 @@ class Model(ComponentModel):
         inputs = np.zeros(self.inputs)
         extrapolate, received = wrenches.CHOICES.index(values["extrapolate"]), self.state[SIZE:].reshape(len(SIDES), -1)
         parts = Parts(
-            self.gearbox, self._mounts, self.unconnected, self._rest_motions, inputs, extrapolate, received,
-            self.state, self.counters,
+            self.gearbox, self._mounts, self.unconnected, self._rest_motions, self._wrench, inputs, extrapolate,
+            received, self.state, self.counters,
         )  # fmt: skip
         self.begin(values, parts)
 

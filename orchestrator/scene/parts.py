@@ -126,9 +126,10 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     stands = stances(hull) if scene.start.equilibrium else {}
     wiring: list[Connection] = []
     tracks, drives = [], []
-    steering = scene.drive.steering
+    steering, rest = scene.drive.steering, scene.start.equilibrium
+    at_rest = dict(zip(SIGN_OF_Y, rest.sprockets if rest else (), strict=False))  # wrenches on sprockets
     if steering is not None:
-        drives.append(_differential_part(vehicle, {"propulsion": scene.drive, "steering": steering}, stands))
+        drives.append(_differential_part(vehicle, {"propulsion": scene.drive, "steering": steering}, stands, at_rest))
     sides = hull["chassis"]["sides"]
     for side in (side for side in scene.tracks if side in sides):
         track, lateral = f"{side}_track", SIGN_OF_Y[side] * vehicle.track.lateral
@@ -138,7 +139,9 @@ def _vehicle(scene: VehicleScene) -> Assembly:
         if steering is None:
             inertia = vehicle.sprocket.spin_inertia
             mount = stands.get(f"{side}.sprocket", AXLE)
-            drives.append(_drive_part(vehicle, f"{side}_drive", scene.drive.of_side(side), inertia, mount, lateral))
+            drive_part = _drive_part(vehicle, f"{side}_drive", scene.drive.of_side(side), inertia, mount, lateral)
+            drive_part.config["drive"] |= {"wrench": list(at_rest[side])} if at_rest else {}
+            drives.append(drive_part)
         drive, connector = _drive_of_side(side, steering is not None)
         wiring += _wheel_connections(track, "sprocket", drive, f"{connector}sprocket")
         for wheel in rims:
@@ -160,7 +163,7 @@ def _chassis_config(scene: VehicleScene) -> dict[str, Any]:
     """Config of the chassis: sides, start, contacts, hitch, seats."""
     equilibrium = scene.start.equilibrium
     chassis: dict[str, Any] = {"sides": list(SIGN_OF_Y)[: 1 if scene.symmetric else 2], **_ground_config(scene)}
-    chassis |= {"start": equilibrium.model_dump(mode="json")} if equilibrium else {}
+    chassis |= {"start": equilibrium.model_dump(mode="json", exclude={"sprockets"})} if equilibrium else {}
     chassis |= {"push": scene.push} if scene.push and len(scene.tracks) == 1 else {}
     chassis |= {"hitch": True} if scene.hitch is not None else {}
     chassis |= {"seats": list(scene.seats)} if scene.seats else {}
@@ -296,12 +299,19 @@ def _drive_part(
     return Part(name, "SprocketDrive", config, {"start.lateral": lateral, **_drive_parameters(drive)}, DRIVE)
 
 
-def _differential_part(vehicle: VehicleTable, shafts: Mapping[str, DriveTable], stands: Mapping[str, Stance]) -> Part:
+def _differential_part(
+    vehicle: VehicleTable,
+    shafts: Mapping[str, DriveTable],
+    stands: Mapping[str, Stance],
+    at_rest: Mapping[str, Sequence[float]],
+) -> Part:
     """Steering differential between both sprockets, with the drives of its shafts."""
     differential: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
     for (side, sign), key in zip(SIGN_OF_Y.items(), ("mount", "right"), strict=True):  # keys of its config
         x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
         differential[key] = [x, y + sign * vehicle.track.lateral, *rest]
+    if at_rest:
+        differential["wrench"] = [number for side in SIGN_OF_Y for number in at_rest[side]]
     if following := [f"{shaft}." for shaft, drive in shafts.items() if drive.demand]:
         differential["demanded"] = following
     config = {"vehicle": vehicle.model_dump(), "drive": differential}
