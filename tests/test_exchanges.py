@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
+from fmus.drives.mount import MOUNT
 from fmus.interface.model import StepFailed
 from fmus.interface.ports import WRENCH
 from fmus.interface.wrenches import LONG_EXCHANGE, expected, keep, received
@@ -64,6 +65,21 @@ def test_extrapolation_in_too_long_steps_is_told(right):
 @pytest.mark.parametrize(("step", "at_once"), [(H, False), (4e-3, False), (2e-3, True)])
 def test_no_part_complains_of_an_exchange_that_is_right(step, at_once):
     assert driven(step, 0.6, at_once)[1] == []
+
+
+def test_a_master_that_steps_all_at_once_starts_at_rest():
+    """The first step of the chassis has the pull of the standing tracks on its mounts: without it the hull is kicked."""
+    speeds = []
+    for pulls in (True, False):
+        vehicle = InProcess(load("straight", "rigid", ["run.step=1 ms", "track.step=1 ms", "run.stop=1 s"]))
+        for side in ("left", "right") if not pulls else ():
+            drive = vehicle[f"{side}_drive"]
+            drive.model.state[MOUNT : MOUNT + WRENCH] = 0.0
+            drive.model.outputs(drive.y)
+        vehicle.step(at_once=True)
+        velocity = [vehicle["chassis"][f"chassis.velocity.{axis}"] for axis in "xyz"]
+        speeds.append(float(np.linalg.norm(velocity)))
+    assert speeds[0] < 1e-5 < 2e-3 < speeds[1]
 
 
 @pytest.mark.long

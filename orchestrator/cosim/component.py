@@ -120,7 +120,10 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         self._places: tuple[int, int, int] = 0, 0, 0  # addresses of inputs, outputs, link outputs; 0: unknown
         folder, description, elements = loadable(fmu)
         if room is None and is_fmi3(description):
-            raise ComponentFailed(f"'{fmu}' is an FMU of FMI 3.0: it runs in a process of its own only")
+            raise ComponentFailed(
+                f"'{fmu}' is an FMU of FMI 3.0: only a process of its own runs it, and parts of cotrack run in that of"
+                " the run; build them of FMI 2.0, without --fmi 3"
+            )
         memory = None if self._remote is None else self._remote.memory
         super().__init__(name, description, discrete, conversions, units, memory, guest is not None)
         if len(starts):
