@@ -68,7 +68,7 @@ def test_no_part_complains_of_an_exchange_that_is_right(step, at_once):
 
 
 def test_a_master_that_steps_all_at_once_starts_at_rest():
-    """The first step of the chassis has the pull of the standing tracks on its mounts: without it the hull is kicked."""
+    """The chassis begins with the pull of the standing tracks on its mounts: without it the hull is kicked."""
     speeds = []
     for pulls in (True, False):
         vehicle = InProcess(load("straight", "rigid", ["run.step=1 ms", "track.step=1 ms", "run.stop=1 s"]))

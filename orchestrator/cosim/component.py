@@ -121,8 +121,8 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         folder, description, elements = loadable(fmu)
         if room is None and is_fmi3(description):
             raise ComponentFailed(
-                f"'{fmu}' is an FMU of FMI 3.0: only a process of its own runs it, and parts of cotrack run in that of"
-                " the run; build them of FMI 2.0, without --fmi 3"
+                f"'{fmu}' is an FMU of FMI 3.0: only a process of its own runs it (in_process = false); FMUs of cotrack"
+                " run in that of the run: build them of FMI 2.0"
             )
         memory = None if self._remote is None else self._remote.memory
         super().__init__(name, description, discrete, conversions, units, memory, guest is not None)

@@ -259,7 +259,9 @@ def observables(run: RunData, scene: SystemScene, simulated: float) -> dict[str,
 
 def _names(scene: SystemScene) -> list[str]:
     """Return the names of the observables of this kind of scene."""
-    names = ["tension_max", *(["pin_force", "pin_force_high"] if scene.track.link_outputs else []), "tension_mean"]
+    track = getattr(scene, "track", None)  # not of systems of FMUs
+    pins = ["pin_force", "pin_force_high"] if track is not None and "force" in track.link_outputs else []
+    names = ["tension_max", *pins, "tension_mean"]
     if isinstance(scene, VehicleScene):
         names += ["distance", "speed", "settlement", "ground_force", "weight"]
         suspension = scene.vehicle.suspension

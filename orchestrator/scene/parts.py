@@ -127,7 +127,9 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     wiring: list[Connection] = []
     tracks, drives = [], []
     steering, rest = scene.drive.steering, scene.start.equilibrium
-    at_rest = dict(zip(SIGN_OF_Y, rest.sprockets if rest else (), strict=False))  # wrenches on sprockets
+    at_rest: dict[str, Sequence[float]] = {  # wrenches on sprockets
+        side: wrench for side, wrench in zip(SIGN_OF_Y, rest.sprockets if rest else (), strict=False)
+    }
     if steering is not None:
         drives.append(_differential_part(vehicle, {"propulsion": scene.drive, "steering": steering}, stands, at_rest))
     sides = hull["chassis"]["sides"]

@@ -225,7 +225,5 @@ def test_an_early_return_ends_a_run_with_a_sentence(oscillator, tmp_path):
 def test_an_fmu_of_fmi_3_has_a_process_of_its_own(oscillator, tmp_path):
     fmu = {"a": {"file": str(oscillator()), "in_process": True}}
     table = {"name": "o", "title": "o", "assembly": "fmus", "run": {"step": 0.01, "stop": 0.5}, "fmu": fmu}
-    with pytest.raises(
-        ComponentFailed, match=r"is an FMU of FMI 3\.0: only a process of its own runs it.* build them of FMI 2\.0"
-    ):
+    with pytest.raises(ComponentFailed, match=r"only a process of its own runs it .* build them of FMI 2\.0"):
         simulate(any_from_table(table, "o.toml"), tmp_path / "o.mcap")
