@@ -218,11 +218,11 @@ class _Vehicle:
 
     def sprocket_wrenches(self) -> list[list[float]]:
         """Wrenches (left and right, 6) of the chains on the sprockets at the last place."""
-        found = [chain.last_wrenches[-1].tolist() for _, chain in sorted(self.chains.items())]
+        found = [chain.last_wrenches[-1] for _, chain in sorted(self.chains.items())]
         if self.half:
-            return [found[0], (found[0] * np.array(MIRRORED)).tolist()]
+            return [found[0].tolist(), (found[0] * np.array(MIRRORED) + 0.0).tolist()]
         given = dict(zip(sorted(self.chains), found, strict=True))
-        return [given.get(side, [0.0] * WRENCH) for side in range(2)]
+        return [given[side].tolist() if side in given else [0.0] * WRENCH for side in range(2)]
 
     def accelerations(self, guess: Floats) -> Floats:
         """Accelerations of the free unknowns of a vehicle at rest at ``guess``, m/s2 and rad/s2.

@@ -48,6 +48,7 @@ ELSEWHERE = {  # numbers of a vehicle file that are parameters of no FMU, and wh
 MOVED = {"SprocketDrive": {"mode": "torque", "torque.drive": 100.0}}
 IDLE = {  # numbers that change nothing in the first steps, and why
     "guide.clearance",  # more than the play of a chain that stands straight
+    *(f"rest.wrench[{k}]" for k in range(1, 7)),  # of a drive: what it shows before the first step
     "track.lateral",  # the default of start.lateral
     "idler.radius",  # of a chassis: the limit of the idler's way
     "road_wheel.x[2]", "road_wheel.x[3]", "road_wheel.x[4]",  # of a track: inside the belt; its wheels are at rest.*
