@@ -21,6 +21,7 @@ from orchestrator.scene.scene import load, scene_names
 MODELS = tuple(TRACKS)
 STEERED = "pivot", "serpentine", "brake_turn", "differential"  # in full only as studies: ``turn`` represents them
 OTHERS = "marder", "robot", "rear_drive"  # in full only as studies: ``test_vehicle_layouts`` represents them
+SUSPENDED = "tank", "crawler"  # suspensions of their own: with flexible links only as studies
 SLOW = "settle", "turn", "rig", "sprocket_bench"  # seconds of run time
 # rigid: others compile their kernels too
 UNEVEN = "half_round", "washboard", "rough", "step", "trench", "soft_ground", "treadmill"
@@ -33,7 +34,7 @@ def marks(name, model):
     """By default a scene runs in full with flexible links, or begins if it takes seconds."""
     if name in (*STEERED, *OTHERS):
         return [pytest.mark.study]
-    if name in UNEVEN:
+    if name in (*UNEVEN, *SUSPENDED):
         return [pytest.mark.study if model == "flexible" else pytest.mark.long]
     return [] if model == "flexible" and name not in (*SLOW, *SLOPES, *ON_SOIL) else [pytest.mark.long]
 
