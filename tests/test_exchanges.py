@@ -82,6 +82,21 @@ def test_a_master_that_steps_all_at_once_starts_at_rest():
     assert speeds[0] < 1e-5 < 2e-3 < speeds[1]
 
 
+@pytest.mark.parametrize("settings", [(), ("start.heading=0.7",), ("drive.steering={speed=1}",)])
+def test_the_wrench_on_a_mount_at_the_start_is_that_of_the_track(settings):
+    """What a drive shows before the first step is what its track, which is at rest by itself, does to its sprocket."""
+    vehicle = InProcess(load("straight", "rigid", ["run.stop=1 s", *settings]))
+    for side in ("left", "right"):
+        drive, before = (
+            (f"{side}_drive", "mount") if f"{side}_drive" in vehicle.members else ("differential", f"{side}.mount")
+        )
+        for what in ("force", "torque"):
+            own = np.array([vehicle[f"{side}_track"][f"sprocket.{what}.{axis}"] for axis in "xyz"])
+            shown = np.array([vehicle[drive][f"{before}.{what}.{axis}"] for axis in "xyz"])
+            assert np.linalg.norm(shown - own) < 2e-3 * max(np.linalg.norm(own), 1e3), (side, what, shown, own)
+            assert np.linalg.norm(own) > 60.0
+
+
 @pytest.mark.long
 def test_extrapolated_wrenches_make_steps_at_once_as_good_as_ours(right):
     """Errors of hull height and tension at 1 ms: ours, at once, at once with extrapolated wrenches."""

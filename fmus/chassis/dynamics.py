@@ -184,6 +184,40 @@ def eliminate(M: Floats, b: Floats, Q: Floats, k: int, g: float, generalized_mas
 
 
 @kernel
+def reduce_leaf(
+    tree: VehicleTree,
+    k: int,
+    M: Floats,
+    b: Floats,
+    Q: Floats,
+    g: Floats,
+    own: tuple[float, float],
+    first: tuple[float, float],
+) -> tuple[float, float]:
+    """Eliminate leaf k with its generalized force and mass ``own``, a bogie with its second arm. (10)
+
+    Returns those of a first arm, which come with the second one as ``first``.
+    """
+    force, mass = own
+    if tree.joined[k] == 1:
+        force, mass = force + first[0], mass + first[1]
+        for i in range(6):
+            Q[k, i] += Q[k - 1, i]
+    g[k] = force / mass
+    if is_fixed(tree, k):
+        g[k], Q[k] = 0.0, 0.0
+    elif k + 1 < tree.is_arm.size and tree.joined[k + 1] == 1:
+        return force, mass
+    else:
+        eliminate(M, b, Q, k, g[k], mass)
+        if tree.joined[k] == 1:
+            g[k - 1] = g[k]
+            for i in range(6):
+                Q[k - 1, i] = Q[k, i]
+    return 0.0, 0.0
+
+
+@kernel
 def solve_symmetric(M: Floats, b: Floats) -> None:
     """Solve M x = b in place of b; M: positive definite, its lower triangle becomes the Cholesky factor."""
     n = len(b)
@@ -215,7 +249,7 @@ def rates(tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, u: Floats, ou
     v, w = to_body(A, vector(x, 7)), vector(x, 10)
     M[:], b[:] = 0.0, 0.0
     d, spin, rate, spin_rate = ROOT, ROOT + n, ROOT + 2 * n, ROOT + 3 * n
-    dissipated, momentum, first_force, first_mass = 0.0, 0.0, 0.0, 0.0
+    dissipated, momentum, first = 0.0, 0.0, (0.0, 0.0)
     if contacts is not None:
         touch(contacts, tree, x, A, v, w)
         dissipated += contacts.sums[1]
@@ -245,23 +279,9 @@ def rates(tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, u: Floats, ou
         generalized_force = dot(dr, f) + dot(lc, f_c) + dot(turn, t_c) - pull
         put(Q[k], 0, scale(m, lc))
         put(Q[k], 3, add(cross(c, scale(m, lc)), Jt))
-        if tree.joined[k] == 1:
-            generalized_force, generalized_mass = generalized_force + first_force, generalized_mass + first_mass
-            for i in range(6):
-                Q[k, i] += Q[k - 1, i]
-        g[k] = generalized_force / generalized_mass
         leaf_tensor(tree, k, r, J)
         add_body(M, m, c, J)
-        if is_fixed(tree, k):
-            g[k], Q[k] = 0.0, 0.0
-        elif k + 1 < n and tree.joined[k + 1] == 1:  # a bogie is eliminated with its second arm (10)
-            first_force, first_mass = generalized_force, generalized_mass
-        else:
-            eliminate(M, b, Q, k, g[k], generalized_mass)
-            if tree.joined[k] == 1:
-                g[k - 1] = g[k]
-                for i in range(6):
-                    Q[k - 1, i] = Q[k, i]
+        first = reduce_leaf(tree, k, M, b, Q, g, (generalized_force, generalized_mass), first)
 
         out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)

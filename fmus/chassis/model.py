@@ -114,6 +114,19 @@ def touch_ports() -> list[Port]:
     ]
 
 
+def failure_sentences(parts: tuple[str, ...]) -> tuple[Sentence, ...]:
+    """Sentences of failures; ``parts``: name of the part of the vehicle by entry of the state."""
+    beyond = "at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} %s from its drawn position"
+    return (
+        Sentence(""),
+        Sentence("at t = {0:.6g} s the motion of the {1:name} is not finite", parts),
+        Sentence("at t = {0:.6g} s the chassis turns too fast for the internal step: its quaternion lost its length"),
+        Sentence(beyond % "rad", parts),
+        Sentence(beyond % "m", parts),
+        TOO_MANY_STEPS,
+    )
+
+
 class Model(ComponentModel):
     """Chassis, road arms, springs, wheels, idlers, rollers, sprocket masses, on the sides that have ports.
 
@@ -166,22 +179,12 @@ class Model(ComponentModel):
         self.sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
         self.tree = tree(vehicle, len(sides))
         self._vehicle, self._ground = vehicle, config["chassis"].get("ground")
-        known, springs = numbers.values(config), spring_names(vehicle)
-        names = list(dict.fromkeys(name for each in springs for name in each if name is not None))
-        self.start_parameters = (*KEYS, *NUMBERS, *names)
-        self._numbers: dict[str, Any] = {name: known[name] for name in (*NUMBERS, *names)}
-        where = {name: k for k, name in enumerate(self.start_parameters)}
-        self._springs = np.array([[where.get(name or "", -1) for name in each] for each in springs])
+        self._set_numbers(config)
         self._contacts: Any = None
         x, y, z = map(float, vehicle["chassis"]["centre"])
         self._centre = x, y, z
         places = [f"{side}.{name}" for side in sides for name in stations(vehicle)]
         self._fittings = Fittings(vehicle, config["chassis"], WRENCH * len(places), ROOT + LEAF * len(self.tree.is_arm))
-        preload = [
-            Port(name, "parameter", "N", "push of each suspension spring when drawn", known[name])
-            for name in names
-            if name == "suspension.preload"
-        ]
         self.ports: tuple[Port, ...] = (
             *(port for place in places for port in wrench_ports(place, "input")),
             *self._fittings.inputs,
@@ -190,7 +193,7 @@ class Model(ComponentModel):
             *(
                 port
                 for k, side in enumerate(sides)
-                for port in spring_ports(self.tree, side, k * (len(springs) // 2), self._wheels)
+                for port in spring_ports(self.tree, side, k * (len(self._springs) // 2), self._wheels)
             ),
             Port("energy.kinetic", "output", "J", "kinetic energy"),
             Port("energy.gravity", "output", "J", "gravity energy since the start"),
@@ -205,7 +208,11 @@ class Model(ComponentModel):
             *start_pose_ports(),
             Port("step", "parameter", "s", "largest internal step", default_step(self.tree, vehicle, self._ground),
                  allowed=POSITIVE),
-            *preload,
+            *(
+                Port(name, "parameter", "N", "push of each suspension spring when drawn", self._numbers[name])
+                for name in self._numbers
+                if name == "suspension.preload"
+            ),
             Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn, less what"
                  " would balance a track on a side that has none",
                  float(vehicle["tensioner"]["preload"])),
@@ -221,16 +228,16 @@ class Model(ComponentModel):
         self._set_start(config["chassis"])
         self.inputs = WRENCH * len(places) + len(self._fittings.inputs)
         parts = tuple(map(self._part, range(size)))
-        self.failures = (
-            Sentence(""),
-            Sentence("at t = {0:.6g} s the motion of the {1:name} is not finite", parts),
-            Sentence(
-                "at t = {0:.6g} s the chassis turns too fast for the internal step: its quaternion lost its length"
-            ),
-            Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} rad from its drawn position", parts),
-            Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} m from its drawn position", parts),
-            TOO_MANY_STEPS,
-        )
+        self.failures = failure_sentences(parts)
+
+    def _set_numbers(self, config: Mapping[str, Any]) -> None:
+        """Set the numbers that can be parameters of the start, and where those of each leaf's spring are."""
+        known, springs = numbers.values(config), spring_names(config["vehicle"])
+        names = list(dict.fromkeys(name for each in springs for name in each if name is not None))
+        self.start_parameters = (*KEYS, *NUMBERS, *names)
+        self._numbers: dict[str, Any] = {name: known[name] for name in (*NUMBERS, *names)}
+        where = {name: k for k, name in enumerate(self.start_parameters)}
+        self._springs = np.array([[where.get(name or "", -1) for name in each] for each in springs])
 
     def start_state(self, start: Mapping[str, Any] | None = None) -> Floats:
         """State with the start pose 0; ``start``, a mapping as the config's, replaces that."""

@@ -219,7 +219,7 @@ class _Vehicle:
     def sprocket_wrenches(self) -> list[list[float]]:
         """Wrenches (left and right, 6) of the chains on the sprockets at the last place."""
         found = [chain.last_wrenches[-1] for _, chain in sorted(self.chains.items())]
-        if self.half:
+        if self.half and found:
             return [found[0].tolist(), (found[0] * np.array(MIRRORED) + 0.0).tolist()]
         given = dict(zip(sorted(self.chains), found, strict=True))
         return [given[side].tolist() if side in given else [0.0] * WRENCH for side in range(2)]

@@ -106,33 +106,6 @@ class StopTable(FrozenTable):  # noqa: D101
     """wheels that have it, from 1 at the front; without this key all"""
 
 
-class RightSuspensionTable(FrozenTable):  # noqa: D101
-    stiffness: Annotated[Each, OrEach(Stiffness)] | None = None
-    """stiffness of the spring along the spring-damper"""
-    damping: Annotated[Each, OrEach(Damping)] | None = None
-    """damping along the spring-damper"""
-    on_arm: Annotated[EachPlace, OrEach(Place)] | None = None
-    """(x, z) of the end on the road arm, from the wheel centre"""
-    on_chassis: Annotated[EachPlace, OrEach(Place)] | None = None
-    """(x, z) of the end on the hull, from the wheel centre as drawn"""
-    preload: Annotated[Each, OrEach(Force)] | None = None
-    """push of the spring in the drawn position"""
-    torsion_bar: TorsionBarTable | None = None
-    """torsion bars of the right side"""
-    spring: SpringCurveTable | None = None
-    """springs by a curve of the right side"""
-    gas_spring: GasSpringTable | None = None
-    """gas springs of the right side"""
-    damper: DamperCurveTable | None = None
-    """dampers by a curve of the right side"""
-    rotary_damper: RotaryDamperTable | None = None
-    """dampers about the pivots of the right side"""
-    bump_stop: StopTable | None = None
-    """bump stops of the right side"""
-    rebound_stop: StopTable | None = None
-    """rebound stops of the right side"""
-
-
 class SuspensionTable(FrozenTable):  # noqa: D101
     stiffness: Annotated[Each, OrEach(Stiffness)] | None = None
     """stiffness of the spring along the spring-damper, of all wheels or a list with that of each"""

@@ -18,7 +18,6 @@ from fmus.vehicles.ranges import contradictions
 from fmus.vehicles.sides import SIDES, of_side
 from fmus.vehicles.suspension_tables import (
     Place,
-    RightSuspensionTable,
     RoadArmTable,
     SuspensionTable,
     TensionerTable,
@@ -197,7 +196,7 @@ class RightTable(FrozenTable):  # noqa: D101
     """spring-damper of the right idler"""
     road_arm: RightArmTable | None = None
     """arms of the right side"""
-    suspension: RightSuspensionTable | None = None
+    suspension: SuspensionTable | None = None
     """suspension of the right side; an element that is given here replaces that of the left side"""
 
 

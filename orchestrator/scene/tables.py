@@ -57,7 +57,7 @@ class EquilibriumTable(FrozenTable):
     """the same on the right side"""
     lateral: Length = 0.0
     """shift of the hull, to the left: its road wheels stand over their tracks, on a side slope at the guides"""
-    sprockets: tuple[tuple[float, ...], ...] = ()
+    sprockets: tuple[tuple[Annotated[float, ratio()], ...], ...] = ()
     """force, N, and torque, N m, of each track on its sprocket, left and right"""
 
 

@@ -35,8 +35,8 @@ def chassis_mount(view: View, names: Sequence[str]) -> Floats:
 
 
 def wrench(view: View, names: Sequence[str]) -> Floats:
-    """Wrench on the mount: the chain's force, and its torque less the change of spin; 0 at the start."""
-    force = np.vstack([np.zeros(3), view.part.input_vectors("sprocket.force")])
+    """Wrench on the mount: the chain's force, and its torque less the change of spin; NaN at the start."""
+    force = np.vstack([np.full(3, np.nan), view.part.input_vectors("sprocket.force")])
     wrench_of_mount = {"force": force, "torque": view.spin.mount_torque()}
     return np.stack([wrench_of_mount[name.split(".")[1]][:, "xyz".index(name[-1])] for name in names], axis=1)
 

@@ -165,11 +165,11 @@ class Spin:
         return np.concatenate([[0.0], np.cumsum(part.h * power)])
 
     def mount_torque(self) -> Floats:
-        """Torque on the mount: the chain's torque less the change of the spin; 0 at the start."""
+        """Torque on the mount: the chain's torque less the change of the spin; NaN at the start."""
         part = self.part
         momentum = self.J * (part["speed"] + self.mount_rate)[:, None] * self.axle
         spin_torque = np.diff(momentum, axis=0) / part.h[:, None]
-        return np.vstack([np.zeros(3), part.input_vectors("sprocket.torque") - spin_torque])
+        return np.vstack([np.full(3, np.nan), part.input_vectors("sprocket.torque") - spin_torque])
 
     def steps(self) -> Floats:
         """Number of internal steps, each at most half the time constant of brake and controller."""

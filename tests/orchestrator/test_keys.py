@@ -255,7 +255,7 @@ def test_points_of_a_source_elsewhere_are_written(tmp_path, monkeypatch):
         (("scene", "far/own"), "'far/own' is no name of a file in the current folder"),
         (("scene", ""), "'' is no name of a file in the current folder"),
         (("scene", "new", "--from", "straigt"), "no scene 'straigt': did you mean 'straight'?"),
-        (("vehicle", "new", "--from", "leopard"), "no vehicle 'leopard': give a .toml file or one of m113"),
+        (("vehicle", "new", "--from", "leopard"), "no vehicle 'leopard': give a .toml file or one of dozer"),
         (("scene", "x" * 300), "cannot be written: File name too long"),
     ],
 )

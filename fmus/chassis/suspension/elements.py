@@ -13,6 +13,7 @@ from fmus.chassis.tree import VehicleTree
 from fmus.interface.ports import Port
 from fmus.kernels.jit import implemented_in, kernel
 from fmus.physics.arrays import Floats, Vector
+from fmus.physics.exponential import power
 from fmus.vehicles.sides import of_wheels
 
 
@@ -234,7 +235,7 @@ def slopes(suspension: Elements, tree: VehicleTree, k: int, lever_squared: float
     if s.gas_spring is not None:
         gas = s.gas_spring
         rate = gas.exponent[k] * gas.pressure[k] * gas.area[k] ** 2 / max(gas.volume[k], 1e-300)
-        stiffness += lever_squared * float(rate) * 2.0 ** (float(gas.exponent[k]) + 1.0)
+        stiffness += lever_squared * float(rate) * power(2.0, float(gas.exponent[k]) + 1.0)
     if s.torsion_bar is not None:
         stiffness += float(s.torsion_bar.stiffness[k])
     if s.rotary_damper is not None:
