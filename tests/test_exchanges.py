@@ -84,7 +84,7 @@ def test_a_master_that_steps_all_at_once_starts_at_rest():
 
 @pytest.mark.parametrize("settings", [(), ("start.heading=0.7",), ("drive.steering={speed=1}",)])
 def test_the_wrench_on_a_mount_at_the_start_is_that_of_the_track(settings):
-    """What a drive shows before the first step is what its track, which is at rest by itself, does to its sprocket."""
+    """A drive shows before the first step what its track, which comes to rest by itself, does to its sprocket."""
     vehicle = InProcess(load("straight", "rigid", ["run.stop=1 s", *settings]))
     for side in ("left", "right"):
         drive, before = (
