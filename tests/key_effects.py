@@ -47,6 +47,10 @@ CASES = {
         "turn", (*STEERED, "drive.mode=torque", "drive.left.torque=5e3", "drive.right.torque=4e3", "drive.brake=1e3")
     ),
     "two sides": Case("marder", (*STEERED, f"drive.left.speed_points={LEFT}", f"drive.right.speed_points={RIGHT}")),
+    "tank": Case(
+        "tank", (*VEHICLE, "vehicle.suspension.bump_stop.gap=1e-4", "vehicle.suspension.rebound_stop.gap=1e-4")
+    ),
+    "crawler": Case("crawler", (*VEHICLE, "vehicle.tensioner.recoil.preload=10")),
     "joined": Case("differential", (*STEERED, *JOINED, "drive.speed=20")),
     "joined and stopped": Case(
         "differential", (*STEERED, *JOINED, "drive.steering.stop=0.02", "drive.steering.stop_time=5e-3"), 0.03
@@ -203,6 +207,14 @@ KEYS: dict[str, Acts] = {
     "vehicle.track.pitch": Acts("eleven teeth", ALL, 0.1527),
     "vehicle.track.width": Acts("vehicle", WIDE),  # a cable has contact on its line
     "vehicle.road_wheel.x.5": Acts("two sides", ("rigid",)),  # the m113 has five wheels a side
+    "vehicle.road_wheel.x.6": Acts("tank"),
+    "vehicle.return_roller.x.3": Acts("tank"),
+    "vehicle.suspension.rotary_damper.wheels.*": Acts("tank", value=4),  # a wheel that has none
+    **{
+        f"vehicle.suspension.{name}.*": Acts("tank")
+        for name in ("torsion_bar", "rotary_damper", "bump_stop", "rebound_stop")
+    },
+    "vehicle.tensioner.recoil.*": Acts("crawler"),
     "vehicle.return_roller.*": Acts("two sides", ("rigid",)),
     "vehicle.right.*": Acts("two sides", ("rigid",)),
     "vehicle.*.width": Acts("on one track"),

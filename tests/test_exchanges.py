@@ -48,7 +48,7 @@ def test_a_part_says_that_the_step_is_too_long_before_the_tension_is_wrong(right
     first = {name.rpartition("_")[2]: time for time, name, _ in reversed(said)}
     assert set(first) == {"track", "chassis"}
     assert min(first.values()) < wrong
-    assert max(first.values()) < 0.3
+    assert max(first.values()) < 0.5
     assert len({text.partition("=")[2][:20] for _, name, text in said if name == "chassis"}) == 1  # once
     texts = dict((name, text) for _, name, text in said)
     assert "J of nothing" in texts["left_track"] or "what it rests on" in texts["left_track"]
@@ -58,8 +58,8 @@ def test_a_part_says_that_the_step_is_too_long_before_the_tension_is_wrong(right
 @pytest.mark.long
 def test_extrapolation_in_too_long_steps_is_told(right):
     rows, said = driven(4e-3, 1.0, True, "linear")
-    assert said[0][0] < 0.1
-    assert rows[round(said[0][0] / 4e-3), 3] < 2.0 * right[0][0, 3]
+    assert said[0][0] < 0.3
+    assert rows[: round(said[0][0] / 4e-3), 3].max() < 2.0 * right[0][0, 3]
 
 
 @pytest.mark.parametrize(("step", "at_once"), [(H, False), (4e-3, False), (2e-3, True)])

@@ -55,7 +55,8 @@ def test_rows_equal_single_runs_bit_by_bit(cotrack, tmp_path):
     for row in (rows[0], rows[3]):
         own = ("--set", f"track.model={row['track.model']}", "--set", f"chain.span={row['chain.span']}")
         single = last(cotrack("run", "hanging_chain", *CHAIN, *own, "--json")[1])
-        units = {"tension_max": "N", "tension_mean": "N", "sag": "m", "end_tension": "N"}
+        forces = dict.fromkeys(("tension_max", "pin_force", "pin_force_high", "tension_mean", "end_tension"), "N")
+        units = {**forces, "sag": "m"}
         assert {name: float(row[f"{name}, {unit}"]) for name, unit in units.items()} == single["observables"]
         assert float(row["check rest"]) == single["checks"]["rest"]["value"]
         assert float(row["energy residual"]) == single["energy"]["residual_relative"]
