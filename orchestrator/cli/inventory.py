@@ -137,11 +137,11 @@ def _size(scene: Scene, part: Part) -> str:
     if part.stage == DRIVER:
         return "pure pursuit of a path" if {"path.arcs", "path.points"} & {*part.parameters} else "holds a heading"
     vehicle = part.config["vehicle"]
-    wheels, axles = len(vehicle["road_wheel"]["x"]), "arms with wheels" if vehicle["road_arm"] else "wheels on axles"
+    count, axles = len(vehicle["road_wheel"]["x"]), "arms with wheels" if vehicle["road_arm"] else "wheels on axles"
     sides = len(part.config["chassis"]["sides"])
     mirrored = ", their mirror images" if sides == 1 else ""
     rollers = f"{len(roller['x']) * sides} return rollers, " if (roller := vehicle["return_roller"]) else ""
-    return f"1 hull, {wheels * sides} {axles}, {sides} idlers, {rollers}{sides} mounts{mirrored}"
+    return f"1 hull, {count * sides} {axles}, {sides} idlers, {rollers}{sides} mounts{mirrored}"
 
 
 def _absent_parts(scene: Scene, assembly: Assembly) -> list[str]:
