@@ -184,21 +184,12 @@ def eliminate(M: Floats, b: Floats, Q: Floats, k: int, g: float, generalized_mas
 
 
 @kernel
-def reduce_leaf(
-    tree: VehicleTree,
-    k: int,
-    M: Floats,
-    b: Floats,
-    Q: Floats,
-    g: Floats,
-    own: tuple[float, float],
-    first: tuple[float, float],
-) -> tuple[float, float]:
+def reduce_leaf(tree: VehicleTree, k: int, own: tuple[float, float], first: tuple[float, float]) -> tuple[float, float]:
     """Eliminate leaf k with its generalized force and mass ``own``, a bogie with its second arm. (10)
 
     Returns those of a first arm, which come with the second one as ``first``.
     """
-    force, mass = own
+    (force, mass), Q, g = own, tree.coupling, tree.leaf_force
     if tree.joined[k] == 1:
         force, mass = force + first[0], mass + first[1]
         for i in range(6):
@@ -209,7 +200,7 @@ def reduce_leaf(
     elif k + 1 < tree.is_arm.size and tree.joined[k + 1] == 1:
         return force, mass
     else:
-        eliminate(M, b, Q, k, g[k], mass)
+        eliminate(tree.root_mass, tree.root_force, Q, k, g[k], mass)
         if tree.joined[k] == 1:
             g[k - 1] = g[k]
             for i in range(6):
@@ -281,7 +272,7 @@ def rates(tree: VehicleTree, contacts: Any, hitch: Any, x: Floats, u: Floats, ou
         put(Q[k], 3, add(cross(c, scale(m, lc)), Jt))
         leaf_tensor(tree, k, r, J)
         add_body(M, m, c, J)
-        first = reduce_leaf(tree, k, M, b, Q, g, (generalized_force, generalized_mass), first)
+        first = reduce_leaf(tree, k, (generalized_force, generalized_mass), first)
 
         out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)

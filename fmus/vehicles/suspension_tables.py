@@ -159,6 +159,8 @@ ABOUT = ("torsion_bar", "rotary_damper", "bump_stop", "rebound_stop")  # element
 
 def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
     """Yield a sentence for each contradiction in arms, suspension and tensioner of a vehicle table."""
+    if vehicle["tensioner"]["recoil"] and not vehicle["tensioner"]["stiffness"]:
+        yield "tensioner.recoil: needs a tensioner.stiffness above 0, in line with which its spring is"
     for side in SIDES:
         above = "right." if side == "right" and vehicle.get("right") else ""
         yield from (f"{above}{text}" for text in _of_side(of_side(vehicle, side)))

@@ -264,8 +264,8 @@ def _names(scene: SystemScene) -> list[str]:
     names = ["tension_max", *pins, "tension_mean"]
     if isinstance(scene, VehicleScene):
         names += ["distance", "speed", "settlement", "ground_force", "weight"]
-        suspension = scene.vehicle.suspension
-        if suspension is not None and (suspension.bump_stop or suspension.rebound_stop):
+        own = [table.suspension for table in (scene.vehicle, scene.vehicle.right) if table and table.suspension]
+        if any(suspension.bump_stop or suspension.rebound_stop for suspension in own):
             names.append("stop_force")
         if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
             names.append("path_error")

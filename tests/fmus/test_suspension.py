@@ -344,6 +344,10 @@ def with_tables(**tables):
         ({"suspension": {"damper": {"speed": (0.0, 1.0), "force": (0.0, -1.0)}}}, "must have the sign of the speed"),
         ({"suspension": {"damper": {"speed": (0.5, 1.0), "force": (1.0, 2.0)}}}, "must have 0 m/s among"),
         ({"suspension": {"bump_stop": {**STOP, "wheels": (1, 9)}}}, "bump_stop.wheels: names wheel 9; a side has 5"),
+        (
+            {"tensioner": {"stiffness": 0.0, "recoil": {"preload": 1e3, "stiffness": 1e5}}},
+            "tensioner.recoil: needs a tensioner.stiffness above 0",
+        ),
         ({"right": {"suspension": {"stiffness": (1.0, 2.0)}}}, "right.suspension.stiffness: has 2 values"),
     ],
 )

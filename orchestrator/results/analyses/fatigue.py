@@ -246,9 +246,15 @@ def closed(values: Floats) -> Floats:
 
 def rainflow_cycles(values: Floats) -> tuple[Floats, Floats]:
     """Ranges (k,) of a record (m,) and their counts, 1 or 0.5, by ASTM E1049-85; raises NotInstalled."""
-    if not np.ptp(values):
-        return np.empty(0), np.empty(0)
-    twice = [values[0], *values.tolist()]  # of a record of two points the package counts none
-    found = [(size, count) for size, _, count, _, _ in library("rainflow").extract_cycles(twice)]
-    sizes, counts = np.array(found).reshape(-1, 2).T
+    sizes, _, counts = cycles_with_means(values)
     return sizes, counts
+
+
+def cycles_with_means(values: Floats) -> tuple[Floats, Floats, Floats]:
+    """Ranges, means and counts (k,) as of ``rainflow_cycles``."""
+    if not np.ptp(values):
+        return np.empty(0), np.empty(0), np.empty(0)
+    twice = [values[0], *values.tolist()]  # of a record of two points the package counts none
+    found = [(size, mean, count) for size, mean, count, _, _ in library("rainflow").extract_cycles(twice)]
+    sizes, means, counts = np.array(found).reshape(-1, 3).T
+    return sizes, means, counts

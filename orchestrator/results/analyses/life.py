@@ -16,10 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
-from orchestrator.results.analyses.fatigue import closed, turning_points
+from orchestrator.results.analyses.fatigue import closed, cycles_with_means, turning_points
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 
@@ -186,19 +185,9 @@ def _of_track(run: RunData, track: str, window: Window, life: Mapping[str, Any])
 
 def damages(force: Floats, factors: Mapping[str, float], lines: list[Mapping[str, Any]]) -> Floats:
     """Share of life of each of DETAILS in a repeat of a record of the force in a pin (m), N; raises NotInstalled."""
-    ranges, means, counts = cycles(closed(turning_points(force)))
+    ranges, means, counts = cycles_with_means(closed(turning_points(force)))
     found = []
     for name, line in zip(DETAILS, lines, strict=True):
         amplitude = equivalent_amplitude(0.5 * factors[name] * ranges, factors[name] * means, line)
         found.append(float((counts * damage_of(amplitude, line)).sum()))
     return np.array(found)
-
-
-def cycles(values: Floats) -> tuple[Floats, Floats, Floats]:
-    """Ranges, means and counts (k), 1 or 0.5, of the cycles of a record (m); raises NotInstalled."""
-    if len(values) < 2 or not np.ptp(values):
-        return np.empty(0), np.empty(0), np.empty(0)
-    twice = [values[0], *values.tolist()]  # of a record of two points the package counts none
-    found = np.array([(size, mean, count) for size, mean, count, _, _ in library("rainflow").extract_cycles(twice)])
-    ranges, means, counts = found.reshape(-1, 3).T
-    return ranges, means, counts
