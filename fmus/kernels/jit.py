@@ -280,7 +280,7 @@ def dispatch(
             return namesake_of(type(args[0]))(*args)
 
         def chosen(*args: Any) -> Any:
-            found = namesake_of(args[0].instance_class)
+            found = namesake_of(getattr(args[0], "instance_class", type(None)))
             function = getattr(found, "py_func", found)
             if [*inspect.signature(function).parameters] != [*signature.parameters]:
                 raise TypeError(f"{found.__module__}.{stub.__name__}: other parameters than those of its stub")

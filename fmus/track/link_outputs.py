@@ -27,6 +27,7 @@ class OutputGroup(NamedTuple):
     text: str  # description, with {part} and {it}
     columns: int = 0  # number of columns of ``on_links`` that the group needs
     ground: bool = False  # only where there is a ground
+    bushed: bool = False  # only where pins have bushes
 
 
 class LinkArrays(NamedTuple):
@@ -78,21 +79,32 @@ GROUPS = {
         "link", "slope", tuple(f"{end}.{axis}" for end in ("first", "last") for axis in XYZ), "1",
         "{part} of the position gradient along {it} at a pin, world",
     ),
+    "turned": OutputGroup(
+        "joint", "turned", ("",), "rad", "angle by which {it} has turned to and fro so far, all added up", bushed=True
+    ),
+    "rubbed": OutputGroup(
+        "joint", "rubbed", ("",), "J", "work of the friction of {it} so far, which is that of its wear", bushed=True
+    ),
 }  # fmt: skip
-TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES, SLOPES = range(len(GROUPS))
+TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES, SLOPES, TURNED, RUBBED = range(len(GROUPS))
 STANDARD = ("tension", "stress", "position", "force", "ground")
-WITH_OWN_KERNELS = ("axis", "fibres", "slopes")  # groups with kernels of their own
+WITH_OWN_KERNELS = ("axis", "fibres", "slopes", "turned", "rubbed")  # groups with kernels of their own
 
 
-def chosen_groups(request: Any, ground: bool) -> tuple[str, ...]:
+def chosen_groups(request: Any, ground: bool, bushed: bool = False) -> tuple[str, ...]:
     """Names of the groups to show, in order; ``request``: names, True (standard groups) or False (none)."""
     names = STANDARD if request is True else request or ()
-    return tuple(name for name, group in GROUPS.items() if name in names and (ground or not group.ground))
+    return tuple(
+        name
+        for name, group in GROUPS.items()
+        if name in names and (ground or not group.ground) and (bushed or not group.bushed)
+    )
 
 
-def on_links_shape(groups: Sequence[str], pins: int) -> LinkForcesShape:
-    """Shape (pins, columns) of the array of forces on links that the groups need."""
+def on_links_shape(groups: Sequence[str], pins: int, bushed: bool = False) -> LinkForcesShape:
+    """Shape (pins, columns) of the array of forces on links that the groups, and bushed pins, need."""
     columns = max((GROUPS[name].columns for name in groups), default=0)
+    columns = max(columns, WITH_JOINT * bushed)
     return (pins, columns) if columns else NONE
 
 

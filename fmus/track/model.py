@@ -17,6 +17,7 @@ from fmus.interface.ports import STATE, Port
 from fmus.kernels.jit import plain
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
+from fmus.physics.chain.bushing import Bushing
 from fmus.physics.chain.explicit import sizes, slopes
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import HELD, LOOP, PINNED, PULLED, Environment
@@ -34,6 +35,15 @@ from fmus.track.failures import WARNINGS, failure_sentences, warning_sentences
 from fmus.track.motions import exchange_size
 from fmus.track.ports import start_stance, track_ports
 from fmus.track.start import LaidChain, drawn, drawn_keys
+
+def bushing(track: Mapping[str, Any]) -> Bushing | None:
+    """Bush of each pin from the table ``track``; None without one."""
+    table = track.get("bushing")
+    if not table:
+        return None
+    arm = table["friction"] * (table["radius"] or 0.0)
+    return Bushing(table["stiffness"], table["preset"], table["damping"], arm, table["slow"])
+
 
 KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
 
@@ -62,6 +72,7 @@ class TrackModel(LaidChain, ComponentModel):
         shaped = ["teeth", "pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"]
         return [
             *(f"track.{key}" for key in ("pitch", "mass", "inertia", "face", "width", "lateral")),
+            *(f"track.bushing.{key}" for key in ("stiffness", "preset", "damping", "friction", "radius", "slow")),
             *(f"sprocket.{key}" for key in (shaped if wheels or ground else shaped[:1])),
             *drawn_keys(wheels),
             *(("road_wheel.radius", "road_wheel.z") if ground or not wheels else ()),
@@ -86,8 +97,12 @@ class TrackModel(LaidChain, ComponentModel):
         self.rows = np.zeros((wheels, WIDTH))
         self.start_rows = np.zeros((wheels, WIDTH))
         self.frame = np.zeros(FRAME)
-        self.link_groups = link_outputs.chosen_groups(config.get("link_outputs", True), bool(self.config["ground"]))
-        self.on_links_shape = link_outputs.on_links_shape(self.link_groups, self.nodes)
+        self.link_groups = link_outputs.chosen_groups(
+            config.get("link_outputs", True), bool(self.config["ground"]), bool(self.vehicle["track"].get("bushing"))
+        )
+        self.bushing = bushing(self.vehicle["track"])
+        self.bushed = self.nodes if self.bushing else 0
+        self.on_links_shape = link_outputs.on_links_shape(self.link_groups, self.nodes, self.bushed > 0)
         link_ports = link_outputs.ports(self.link_groups, self.links_count, self.nodes)
         self.link_ports = len(link_ports)
         self.ports = track_ports(config, self.wheel_list, link_ports) + self.link_parameters(self.vehicle)

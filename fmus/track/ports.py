@@ -38,7 +38,7 @@ OUTPUTS = (
     ("tension.max", "N", "largest link tension"),
     ("stress.max", "Pa", "largest axial stress at an outer fibre, 0 for rigid links"),
     ("energy.kinetic", "J", "kinetic energy of the links"),
-    ("energy.strain", "J", "strain energy of the links and of a closing spring"),
+    ("energy.strain", "J", "strain energy of the links, of bushes and of a closing spring"),
     ("energy.gravity", "J", "potential energy of the links over the origin of the start frame"),
     ("energy.contact", "J", "energy stored in contact springs"),
     ("energy.dissipated", "J", "energy lost by friction and damping, the sum of its causes"),
@@ -61,7 +61,8 @@ OUTPUTS = (
     ("energy.dissipated.tooth_damping", "J", "energy lost by normal damping of teeth"),
     ("energy.dissipated.guides", "J", "energy lost by friction and damping of guide horns on wheels"),
     ("energy.dissipated.material", "J", "energy lost by damping of the material of links"),
-    ("energy.dissipated.joints", "J", "energy lost by damping of pins across the chain and of a closing spring"),
+    ("energy.dissipated.joints", "J", "energy lost by damping of pins across the chain, of bushes and of a closing spring"),
+    ("energy.dissipated.pins", "J", "energy lost by friction in bushed pins, which is the work of their wear"),
 )
 ON_SOIL = {  # texts of outputs that are others on soil
     "penetration.max": "deepest penetration of a contact with a wheel or a tooth",

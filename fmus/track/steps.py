@@ -28,10 +28,12 @@ from fmus.track.link_outputs import (
     FORCE,
     GROUND,
     POSITION,
+    RUBBED,
     SLIDING,
     SLOPES,
     STRESS,
     TENSION,
+    TURNED,
     WHEELS,
     LinkArrays,
 )
@@ -270,7 +272,11 @@ def _write_extra_groups(extra: int | None, c: LinkOutputData, y: Floats, index: 
             index = _copy_numbers(1, fibre_stress.ravel(), y, index)
         if c.group_flags[SLOPES]:
             slopes(c.link, c.s, c.work, ends)
-            _copy_vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, index)
+            index = _copy_vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, index)
+        if c.group_flags[TURNED]:
+            index = _copy_numbers(1, c.s.turned[:, 0], y, index)
+        if c.group_flags[RUBBED]:
+            _copy_numbers(1, c.s.turned[:, 1], y, index)
 
 
 @kernel

@@ -12,6 +12,7 @@ from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, Port
 from fmus.kernels.jit import implementation
 from fmus.physics.ancf.cable import cable_arrays
 from fmus.physics.ancf.element import ELASTICITIES
+from fmus.physics.chain.bushing import Bushing
 from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.inertia import LEAST_SHARE, second_moments
 from fmus.track.choices import AXES, CHOLESKY, CONSTRAINED, COORDINATES, ELIMINATED, JOINTS, NODAL
@@ -59,15 +60,17 @@ def chain_links(
     closed: bool,
     material: Material,
     closing: ClosingSpring | None,
+    bushing: Bushing | None = None,
 ) -> Any:
     """Parameters of the links of a chain, of the class of its kind; raises InvalidParameter."""
     make = _beams if kind.element == "beam" else _cables
-    made = make(kind, vehicle, (links, int(closed)), material, closing)
+    made = make(kind, vehicle, (links, int(closed)), material, closing)._replace(bushing=bushing)
     if kind.coordinates != CHOLESKY:
         return made
     from fmus.physics.chain.flexible.cholesky import cholesky_links
 
-    layout = implementation("elements")(type(made)).LAYOUT
+    kit = implementation("elements")(type(made))
+    layout = kit.BUSHED if bushing else kit.LAYOUT
     return cholesky_links(made, len(layout.own), (mesh_size(kind, links, closed), len(layout.shared)))
 
 

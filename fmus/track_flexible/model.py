@@ -111,6 +111,7 @@ class Model(TrackModel):
             self.on_links_shape,
             self.kind.coordinates == CHOLESKY,
             self.ground_memory,
+            self.bushed,
         )
 
     @property
@@ -143,7 +144,7 @@ class Model(TrackModel):
         if kind != self.kind:
             self.kind = kind
             self.allocate()
-        self.link = chain_links(kind, self.vehicle, self.links_count, self.closed, self.material, self.closing)
+        self.link = chain_links(kind, self.vehicle, self.links_count, self.closed, self.material, self.closing, self.bushing)
         self.kit = implementation("elements")(type(self.own_links))
 
     @property
@@ -219,6 +220,7 @@ class Model(TrackModel):
             self.most_points,
             self.ground_memory,
             self.s.rut,
+            self.bushed,
         )
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from fmus.interface.model import Floats, InvalidParameter, StepFailed
 from fmus.interface.ports import Port
 from fmus.physics.chain import state
+from fmus.physics.chain.bushing import without_losses
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import HELD, PINNED
 from fmus.physics.chain.rigid.dynamics import LIMIT, longest
@@ -49,7 +50,13 @@ class Model(TrackModel):
     def shapes(self) -> state.Shapes:
         """Shapes of the views into the chain's state, by name."""
         return shapes(
-            self.links_count, self.closed, len(self.wheel_list), self.on_links_shape, self.joints, self.ground_memory
+            self.links_count,
+            self.closed,
+            len(self.wheel_list),
+            self.on_links_shape,
+            self.joints,
+            self.ground_memory,
+            self.bushed > 0,
         )
 
     def prepare(self, p: Mapping[str, Any]) -> None:
@@ -74,7 +81,7 @@ class Model(TrackModel):
         if p.get("closure") == SPRING:
             spring = ClosingSpring(p["closure.stiffness"], p["closure.damping"])
         half = 0.5 * self.pitch
-        self.rigid = RigidLinks(half, v["face"], 0.25 * v["width"], v["mass"], inertia, ends, spring)
+        self.rigid = RigidLinks(half, v["face"], 0.25 * v["width"], v["mass"], inertia, ends, spring, self.bushing)
         self.link: Any = self.rigid
         if self.formulation == RECURSIVE:
             from fmus.physics.chain.rigid.jointed import JointedLinks
@@ -89,6 +96,7 @@ class Model(TrackModel):
             self.most_points,
             self.ground_memory,
             self.s.rut,
+            self.bushed > 0,
         )
 
     @property
@@ -125,7 +133,7 @@ class Model(TrackModel):
         self.start_rows[:] = rows
         # friction and damping of the vehicle's table, so that the equilibrium does not depend on their parameters
         links, env, s, w = self.rigid, self.rest_environment(rows), self.s, self.work
-        links = links._replace(inertia=self.rotary_factor * links.inertia)
+        links = links._replace(inertia=self.rotary_factor * links.inertia, bushing=without_losses(self.bushing))
         partners = self._vehicle_partners
         if partners is not None:
             from fmus.track.contacts import at_rest, without_friction

@@ -81,6 +81,10 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
                 f" must exceed the pitch radius {pitch_radius:.4f} m"
             )
     yield from range_violations(vehicle, VEHICLE, "possible")
+    bushing = (vehicle.get("track") or {}).get("bushing") or {}
+    for key, needed in (("friction", "radius"), ("wear", "bearing")):
+        if bushing.get(key) and bushing.get(needed) is None:
+            yield f"track.bushing.{needed}: is missing; track.bushing.{key} = {bushing[key]:g} needs it"
     x = ((vehicle.get("right") or {}).get("idler") or {}).get("x")
     if x is not None and idler["x"] * x < 0.0:
         yield f"right.idler.x = {x} m: must be on the side of the sprocket that idler.x is on"

@@ -137,6 +137,25 @@ class ReturnRollerTable(FrozenTable):  # noqa: D101
     """position above the sprocket axle"""
 
 
+class BushingTable(FrozenTable):  # noqa: D101
+    stiffness: Annotated[float, In("N m/rad", ge=0)] = 0.0
+    """stiffness of the bushes of a pin against the turning of its two links"""
+    preset: Annotated[float, In("rad", gt=-1.5, lt=1.5)] = 0.0
+    """angle between the links at which the bushes are free of torque, positive as the chain bends round its wheels"""
+    damping: Annotated[float, In("N m s/rad", ge=0)] = 0.0
+    """damping of the bushes of a pin"""
+    friction: Annotated[float, ratio(ge=0, le=2.0)] = 0.0
+    """coefficient of friction between pin and link, under the force of the pin"""
+    radius: Distance | None = None
+    """radius at which a pin rubs; with friction"""
+    slow: Annotated[float, In("rad/s", gt=0)] = 0.2
+    """rate of turning below which the friction of a pin grows in proportion to it"""
+    wear: Annotated[float, In("1/Pa", ge=0)] = 0.0
+    """volume that wears off per force and way of rubbing (Archard)"""
+    bearing: Distance | None = None
+    """width along the pin on which a link bears it; with wear"""
+
+
 class TrackTable(FrozenTable):  # noqa: D101
     links: Annotated[int, Field(ge=4, le=4096)]
     """number of links of a track"""
@@ -156,6 +175,8 @@ class TrackTable(FrozenTable):  # noqa: D101
     """mean static tension on the wheels as drawn, on level ground, to 0.1 %: the idler's place is solved for it; in
     equilibrium less (m113: 12 % less). 0: a slack track, its idler drawn in by 60 mm (links of 152.4 mm; others in
     proportion), the farthest that the search goes"""
+    bushing: BushingTable | None = None
+    """bushes and friction of the pins"""
 
 
 class RightTrackTable(FrozenTable):  # noqa: D101

@@ -18,6 +18,7 @@ import numpy as np
 
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
+from fmus.physics.chain.bushing import hold_forces
 from fmus.physics.chain.integration import DONE, PINS_OPEN, SINGULAR, STEP_TOO_SHORT, UNSTABLE, IntegrationOutcome
 from fmus.physics.chain.interface import accelerate, derivative, first_speed, observe, project, speed, stage_joints
 from fmus.physics.chain.report import (
@@ -79,6 +80,7 @@ def march(
     x, x0 = s.flat[: k.shape[1]], k[stages]
     s.mean[:] = 0.0
     move(rows, 0.0, w.wheels)
+    hold_forces(s, w)
     along = first_speed(links, env, s, w, report)
     for n in range(steps):
         copy(x, x0)
@@ -92,6 +94,7 @@ def march(
             stage_joints(links, env, s, w)
             add_share(share / h, w.wrench, s.mean)
             add_share(share, w.on_links, s.on_links_sum)
+            add_share(share, w.bushes.turning, s.turned)
             accumulate(report, share, w.sums)
             report[WORK] += share * w.sums[END_POWER]
         finish(RK4, dt, x0, k)
@@ -118,7 +121,7 @@ SUMMED_ENTRIES = SUMS - LOSSES + 3  # summed entries of the report: losses by ca
 def sizes(s: ChainState) -> tuple[int, int]:
     """Numbers of variables with an error estimate and of quadratures of the State ``s``."""
     controlled = sum(part.size for part in integrated_views(s).values())
-    return controlled, s.mean.size + s.on_links_sum.size + SUMMED_ENTRIES
+    return controlled, s.mean.size + s.on_links_sum.size + s.turned.size + SUMMED_ENTRIES
 
 
 @allocating
@@ -147,6 +150,7 @@ def march_adaptively(
     copy(x, y)
     m.x[n:] = 0.0
     m.counts[:] = 0
+    hold_forces(s, w)
     failed = _evaluate(links, contacts, env, m.y, m.k, rows, 0.0, s, w)
     restart(m, min(longest, h))
     while failed < 0 and done < h * (1.0 - 1e-12):
@@ -190,6 +194,7 @@ def march_by_dormand_prince(
     copy(x, m.x[:n])
     m.x[n:] = 0.0
     m.counts[:] = 0
+    hold_forces(s, w)
     m.step_control[NEXT] = s.lengths[0] if s.lengths[0] > 0.0 else h
     while done < h * (1.0 - 1e-12):
         dt = length(m, h - done, longest)
@@ -247,7 +252,7 @@ def _add_integrals(m: Adams | DormandPrince, h: float, s: ChainState, report: Fl
     counters[REJECTED] += m.counts[methods.REJECTED]
     index = m.controlled
     s.mean[:] = 0.0
-    for total, per in ((s.mean, 1.0 / h), (s.on_links_sum, 1.0)):
+    for total, per in ((s.mean, 1.0 / h), (s.on_links_sum, 1.0), (s.turned, 1.0)):
         for i in range(total.shape[0]):
             for k in range(total.shape[1]):
                 total[i, k] += per * m.x[index]
@@ -277,13 +282,13 @@ def _evaluate(
 
     ``rows`` (m, 15): the wheels at 0 s.
     """
-    n = k.size - s.mean.size - s.on_links_sum.size - SUMMED_ENTRIES
+    n = k.size - s.mean.size - s.on_links_sum.size - s.turned.size - SUMMED_ENTRIES
     copy(y[:n], s.flat[:n])
     move(rows, t, w.wheels)
     failed = derivative(links, contacts, env, s, w, k[:n])
     stage_joints(links, env, s, w)
     index = n
-    for now in (w.wrench, w.on_links):
+    for now in (w.wrench, w.on_links, w.bushes.turning):
         for i in range(now.shape[0]):
             for j in range(now.shape[1]):
                 k[index] = now[i, j]

@@ -22,10 +22,11 @@ import numpy as np
 
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
+from fmus.physics.chain.bushing import hold_forces
 from fmus.physics.chain.integration import DONE, IntegrationOutcome
 from fmus.physics.chain.interface import commit_contacts, end_work, first_speed, newton, newton_joints, observe, speed
 from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, accumulate
-from fmus.physics.chain.state import copy, copy_rows, store_evaluation
+from fmus.physics.chain.state import add_share, copy, copy_rows, store_evaluation
 from fmus.physics.integrate.generalized_alpha import WITHOUT_MEMORY, GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
 
@@ -123,6 +124,7 @@ def advance(
         short = is_short(s.lengths, dt)
         c = WITHOUT_MEMORY if short else method.alpha
         this = ImplicitMethod(c, method.tolerance, method.sharp_friction)
+        hold_forces(s, w)
         failure, link, residual = newton(links, contacts, env, this, dt, s, w, counters)
         if failure:
             copy(w.before.flat, s.flat[: w.before.flat.size])
@@ -141,6 +143,8 @@ def advance(
         accumulate(report, 0.5 * dt, s.sums)
         accumulate(report, 0.5 * dt, w.sums)
         report[WORK] += end_work(links, env, dt, s, w)
+        add_share(0.5 * dt, s.turning, s.turned)
+        add_share(0.5 * dt, w.bushes.turning, s.turned)
         store_evaluation(s, w)
         if short:
             keep_auxiliary_values(w.before, s, dt)

@@ -104,9 +104,10 @@ def add_share(share: float, source: Floats, target: Floats) -> None:
 
 @kernel
 def store_evaluation(s: ChainState, w: ChainWork) -> None:
-    """Copy wrenches, forces on links and sums of the last evaluation from ``w`` to the state."""
+    """Copy wrenches, forces on links, turning of pins and sums of the last evaluation from ``w`` to the state."""
     copy_rows(w.wrench, s.wrench)
     copy_rows(w.on_links, s.on_links)
+    copy_rows(w.bushes.turning, s.turning)
     for i in range(s.sums.shape[0]):
         s.sums[i] = w.sums[i]
 
@@ -117,6 +118,7 @@ def store_first_evaluation(s: ChainState, w: ChainWork) -> None:
     store_evaluation(s, w)
     s.span[0], s.span[1] = 1.0, 0.0
     s.lengths[:] = 0.0
+    s.turned[:] = 0.0
     copy_rows(w.wrench, s.aux)
     copy_rows(w.wrench, s.mean)
     copy_rows(w.on_links, s.on_links_aux)

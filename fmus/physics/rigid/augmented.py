@@ -14,6 +14,8 @@ open one held at both ends, is compliant along its axis and in tilting. The othe
 directions too, so this spring stays unloaded.
 Paper 8.1 closes a chain by a stiff spring instead (``ClosingSpring``): the closing pin is then compliant in its three
 position rows and has no others, or it is left out of the system where the spring is an explicit force.
+With bushed pins (``chain.bushing``) each has a sixth row, the angle between its links, whose multiplier is the change of
+the bush's torque over the step: D is its compliance there.
 """
 
 from __future__ import annotations
@@ -42,12 +44,12 @@ class AugmentedSystem(NamedTuple):
     axes_after: np.ndarray  # (p, 2, 3) axis rows of the link after each pin
     iteration_matrix: np.ndarray  # (n, 6, 6) K of each link; ``factor`` inverts it in place
     residual: np.ndarray  # (n, 6) r of the links, N and N m
-    gap: np.ndarray  # (p, 5) C, misfit of the equations of the pins, m and rad
+    gap: np.ndarray  # (p, r) C, misfit of the equations of the pins, m and rad; r = 5, with bushes 6
     correction: np.ndarray  # (n, 6) dx of the links, m and rad
-    multiplier_correction: np.ndarray  # (p, 5) dl of the multipliers, N and N m
-    schur_complement: np.ndarray  # (3, p, 5, 5) B K^-1 B^T + D: diagonal, upper, lower
+    multiplier_correction: np.ndarray  # (p, r) dl of the multipliers, N and N m
+    schur_complement: np.ndarray  # (3, p, r, r) B K^-1 B^T + D: diagonal, upper, lower
     factors: block_cyclic.Factors  # factors of the Schur complement
-    scratch: np.ndarray  # (10, 6) also for the inversion
+    scratch: np.ndarray  # (2 r, 6) also for the inversion
 
 
 class Ends(NamedTuple):
@@ -86,84 +88,110 @@ def spring_compliance(spring: ClosingSpring, by_v: float) -> float:
     return 1.0 / (spring.stiffness + by_v * spring.damping) if spring.stiffness > 0.0 else 0.0
 
 
-def system(n: int, closed: bool) -> AugmentedSystem:
-    """Return zeroed arrays for ``n`` links."""
-    p = n if closed else n + 1
+def system(n: int, closed: bool, bushed: bool = False) -> AugmentedSystem:
+    """Return zeroed arrays for ``n`` links, whose pins may have bushes."""
+    p, r = n if closed else n + 1, 6 if bushed else 5
     return AugmentedSystem(
         rotation=np.zeros((n, 3, 3)),
         axes_before=np.zeros((p, 2, 3)),
         axes_after=np.zeros((p, 2, 3)),
         iteration_matrix=np.zeros((n, 6, 6)),
         residual=np.zeros((n, 6)),
-        gap=np.zeros((p, 5)),
+        gap=np.zeros((p, r)),
         correction=np.zeros((n, 6)),
-        multiplier_correction=np.zeros((p, 5)),
-        schur_complement=np.zeros((3, p, 5, 5)),
-        factors=block_cyclic.workspace(p, 5),
-        scratch=np.zeros((10, 6)),
+        multiplier_correction=np.zeros((p, r)),
+        schur_complement=np.zeros((3, p, r, r)),
+        factors=block_cyclic.workspace(p, r),
+        scratch=np.zeros((2 * r, 6)),
     )
 
 
 @kernel
 @noalias
-def _multiply_inverse(half: float, A: Matrix, Kinv: Floats, WQ: Floats, WP: Floats, P: Floats) -> None:
-    """Write B K^-1 of a link into ``P``: rows 0-4 its first pin (as Q), rows 5-9 its second (as P).
+def _multiply_inverse(
+    half: float, A: Matrix, Kinv: Floats, WQ: Floats, WP: Floats, P: Floats, rows: tuple[int, ...]
+) -> None:
+    """Write B K^-1 of a link into ``P``: first the ``rows`` of its first pin (as Q), then of its second (as P).
 
     The arguments are the blocks of one link and its pins; Kinv is the inverse of K. ``half``, m: half the pitch.
     """
+    m = len(rows)
     for k in range(3):
         y, z = -half * A[k, 2], half * A[k, 1]
         for c in range(6):
             turning = y * Kinv[4, c] + z * Kinv[5, c]
             P[k, c] = turning - Kinv[k, c]
-            P[5 + k, c] = turning + Kinv[k, c]
+            P[m + k, c] = turning + Kinv[k, c]
     for k in range(2):
         for c in range(6):
             P[3 + k, c] = WQ[k, 0] * Kinv[3, c] + WQ[k, 2] * Kinv[5, c]
-            P[8 + k, c] = WP[k, 0] * Kinv[3, c] + WP[k, 1] * Kinv[4, c] + WP[k, 2] * Kinv[5, c]
+            P[m + 3 + k, c] = WP[k, 0] * Kinv[3, c] + WP[k, 1] * Kinv[4, c] + WP[k, 2] * Kinv[5, c]
+    if m > 5:
+        for c in range(6):
+            P[5, c], P[m + 5, c] = Kinv[4, c], -Kinv[4, c]
 
 
 @kernel
 @noalias
 def _add_complement(
-    half: float, A: Matrix, WQ: Floats, WP: Floats, P: Floats, SA: Floats, SU: Floats, SL: Floats, SB: Floats
+    half: float,
+    A: Matrix,
+    WQ: Floats,
+    WP: Floats,
+    P: Floats,
+    SA: Floats,
+    SU: Floats,
+    SL: Floats,
+    SB: Floats,
+    rows: tuple[int, ...],
 ) -> None:
     """Add B K^-1 B^T of a link to the blocks of its pins; ``P``: B K^-1 of ``_multiply_inverse``."""
-    for a in range(5):
+    m = len(rows)
+    for a in range(m):
         for k in range(3):
             y, z = -half * A[k, 2], half * A[k, 1]
             turning = y * P[a, 4] + z * P[a, 5]
             SA[a, k] += turning - P[a, k]
             SU[a, k] = turning + P[a, k]
-            turning = y * P[5 + a, 4] + z * P[5 + a, 5]
-            SL[a, k] = turning - P[5 + a, k]
-            SB[a, k] += turning + P[5 + a, k]
+            turning = y * P[m + a, 4] + z * P[m + a, 5]
+            SL[a, k] = turning - P[m + a, k]
+            SB[a, k] += turning + P[m + a, k]
         for k in range(2):
             SA[a, 3 + k] += WQ[k, 0] * P[a, 3] + WQ[k, 2] * P[a, 5]
             SU[a, 3 + k] = WP[k, 0] * P[a, 3] + WP[k, 1] * P[a, 4] + WP[k, 2] * P[a, 5]
-            SL[a, 3 + k] = WQ[k, 0] * P[5 + a, 3] + WQ[k, 2] * P[5 + a, 5]
-            SB[a, 3 + k] += WP[k, 0] * P[5 + a, 3] + WP[k, 1] * P[5 + a, 4] + WP[k, 2] * P[5 + a, 5]
+            SL[a, 3 + k] = WQ[k, 0] * P[m + a, 3] + WQ[k, 2] * P[m + a, 5]
+            SB[a, 3 + k] += WP[k, 0] * P[m + a, 3] + WP[k, 1] * P[m + a, 4] + WP[k, 2] * P[m + a, 5]
+        if m > 5:
+            SA[a, 5] += P[a, 4]
+            SU[a, 5] = -P[a, 4]
+            SL[a, 5] = P[m + a, 4]
+            SB[a, 5] -= P[m + a, 4]
 
 
 @kernel
 @noalias
-def factor(half: float, ends: Ends, s: AugmentedSystem, scale: float, spring: float = 0.0) -> int:
+def factor(half: float, ends: Ends, s: AugmentedSystem, bush: Floats, scale: float, spring: float = 0.0) -> int:
     """Factor the system from its rotations, axis rows and K; return -1, or the index of the singular block.
 
-    ``half``: half the pitch, m. ``scale`` multiplies the compliance of the closing pin: 1 where dl are forces of a
+    ``half``: half the pitch, m; ``bush`` (p; 0 without bushes): stiffness of each over the step, N m/rad, not 0;
+    ``scale`` multiplies the compliance of the closing pin: 1 where dl are forces of a
     spring; where K is the bare mass, ``REGULAR`` makes it as large as the links' own compliance, so that the unloaded
     spring has little effect. ``spring``: ``spring_compliance``, 0 for a pin.
     """
     n, p = s.iteration_matrix.shape[0], s.gap.shape[0]
-    S = s.schur_complement
+    S, rows, P = s.schur_complement, s.factors.size, s.scratch
     SA, SU, SL = S[0], S[1], S[2]
     SA[:] = 0.0
     for i in range(n):
-        if not invert(s.iteration_matrix[i], s.scratch[0], SIX):
+        A, K = s.rotation[i], s.iteration_matrix[i]
+        if not invert(K, P[0], SIX):
             return i
         j = (i + 1) % p
-        _multiply_inverse(half, s.rotation[i], s.iteration_matrix[i], s.axes_after[i], s.axes_before[j], s.scratch)
-        _add_complement(half, s.rotation[i], s.axes_after[i], s.axes_before[j], s.scratch, SA[i], SU[i], SL[j], SA[j])
+        _multiply_inverse(half, A, K, s.axes_after[i], s.axes_before[j], P, rows)
+        _add_complement(half, A, s.axes_after[i], s.axes_before[j], P, SA[i], SU[i], SL[j], SA[j], rows)
+    if len(rows) > 5:
+        for j in range(p):
+            SA[j, 5, 5] += 1.0 / bush[j]
     if not ends.closed:
         if not ends.first:
             _remove_pin(0, SA, SU, SL)
@@ -188,10 +216,10 @@ def factor(half: float, ends: Ends, s: AugmentedSystem, scale: float, spring: fl
 
 @kernel
 def _remove_pin(j: int, SA: Floats, SU: Floats, SL: Floats) -> None:
-    """Remove pin ``j`` from the blocks (p, 5, 5): identity on its diagonal, no coupling."""
+    """Remove pin ``j`` from the blocks (p, r, r): identity on its diagonal, no coupling."""
     p = SA.shape[0]
     SA[j] = 0.0
-    for k in range(5):
+    for k in range(SA.shape[1]):
         SA[j, k, k] = 1.0
     SU[j] = 0.0
     SL[j] = 0.0
@@ -220,9 +248,9 @@ def compliance(ends: Ends, s: AugmentedSystem, lam: Floats) -> None:
 def solve(half: float, ends: Ends, s: AugmentedSystem) -> None:
     """Solve for dx and dl with the residuals r and C and the results of ``factor``; ``half`` in m."""
     n, p = s.iteration_matrix.shape[0], s.gap.shape[0]
-    dx, dl, WP, WQ = s.correction, s.multiplier_correction, s.axes_before, s.axes_after
+    dx, dl, WP, WQ, m = s.correction, s.multiplier_correction, s.axes_before, s.axes_after, len(s.factors.size)
     for j in range(p):
-        for k in range(5):
+        for k in range(m):
             dl[j, k] = -s.gap[j, k]
     for i in range(n):
         for a in range(6):
@@ -231,6 +259,9 @@ def solve(half: float, ends: Ends, s: AugmentedSystem) -> None:
                 y += s.iteration_matrix[i, a, c] * s.residual[i, c]
             dx[i, a] = y
         _add_jacobian_product(half, s.rotation[i], WQ[i], WP[(i + 1) % p], dx[i], dl[i], dl[(i + 1) % p])
+        if m > 5:
+            dl[i, 5] += dx[i, 4]
+            dl[(i + 1) % p, 5] -= dx[i, 4]
     _zero_absent_pins(ends, n, dl)
     block_cyclic.solve(s.schur_complement[0], s.schur_complement[1], s.factors, ends.closed, dl)
     f = s.scratch[0]
@@ -238,6 +269,8 @@ def solve(half: float, ends: Ends, s: AugmentedSystem) -> None:
         for a in range(6):
             f[a] = -s.residual[i, a]
         pin.reaction(half, s.rotation[i], dl[i], dl[(i + 1) % p], WQ[i], WP[(i + 1) % p], f)
+        if m > 5:
+            f[4] += dl[i, 5] - dl[(i + 1) % p, 5]
         for a in range(6):
             y = 0.0
             for c in range(6):
@@ -249,7 +282,7 @@ def solve(half: float, ends: Ends, s: AugmentedSystem) -> None:
 def _add_jacobian_product(
     half: float, A: Matrix, WQ: Floats, WP: Floats, x: Floats, before: Floats, after: Floats
 ) -> None:
-    """Add a link's B x, ``x`` (6), to the rows of the pins ``before`` and ``after`` it (5 each)."""
+    """Add a link's B x, ``x`` (6), to the first five rows of the pins ``before`` and ``after`` it."""
     for k in range(3):
         turning = half * (A[k, 1] * x[5] - A[k, 2] * x[4])
         before[k] += turning - x[k]
@@ -271,9 +304,9 @@ def rates(half: float, ends: Ends, s: AugmentedSystem, v: Floats) -> None:
 
 @kernel
 def _zero_absent_pins(ends: Ends, n: int, rows: Floats) -> None:
-    """Zero the rows (p, 5) of absent pins."""
+    """Zero the rows (p, r) of absent pins."""
     close = closing_pin(ends, n)
-    for k in range(5):
+    for k in range(rows.shape[1]):
         if not (ends.closed or ends.first):
             rows[0, k] = 0.0
         if not (ends.closed or ends.last):

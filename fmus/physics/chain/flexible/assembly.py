@@ -9,6 +9,7 @@ import numpy as np
 from fmus.kernels.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count, energy, force, mass, tangent, total_mass, vector_count
 from fmus.physics.arrays import Floats, Four, Vector
+from fmus.physics.chain.flexible.bushes import add_bushes, bush_energy, turn_bushes
 from fmus.physics.chain.flexible.closing import spring_energy
 from fmus.physics.chain.flexible.condensation import clear, condense, reduce
 from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
@@ -57,6 +58,7 @@ def evaluate(
     whole, weight = rows * dims + len(indices.common), scale(total_mass(c), env.gravity)
     clear(w, fresh)
     mass(c, w.mass)
+    turn_bushes(links.bushing, links, x, w, by.v)
     if contacts is not None:
         if fresh:
             w.points.number[0] = 0
@@ -75,6 +77,7 @@ def evaluate(
             add_mass(rows, dims, w.mass, by.vdot, w.iteration_matrix)
             couple_inertia(links, w, by.vdot)
         add_lateral_bending(links, w, r, fresh)
+        add_bushes(links.bushing, links, w, i, r, fresh)
         w.sums[MATERIAL] += force(c, w.coordinates, w.rates, r)
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if w.touched[i]:
@@ -97,7 +100,7 @@ def totals(links: FlexibleLinks, env: Environment, x: State, w: Work) -> tuple[F
     n, c, q = links.n, links.element, x.q
     weight = scale(total_mass(c), env.gravity)
     kinetic, gravity = rotary_energy(links, x), 0.0
-    strain_energy = spring_energy(links.closing, axis_count(c), q)
+    strain_energy = spring_energy(links.closing, axis_count(c), q) + bush_energy(links.bushing, links, x, w)
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):
         first, second = ends(layout(links), q.shape[0], i)

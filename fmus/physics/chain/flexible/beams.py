@@ -18,8 +18,9 @@ from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, section_vectors
 from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.arrays import Floats, Vector
+from fmus.physics.chain.bushing import Bushing
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, layout_of_halves
+from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, chosen, layout_of_halves, with_torques
 from fmus.physics.vector import dot, scale, vector
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ LAYOUT = layout_of_halves(
     outer=[0, 1, 2, 6, 7, 8, 12, 13, 14, 18, 19, 20],
     fixed=6,
 )
+BUSHED = with_torques(LAYOUT)
 ELEMENT = (8, 3)  # (rows, axes): vectors of a link, components of a vector
 AXES = np.arange(3)  # axes of space that a vector of this chain has
 FREE = 0  # size of the state of the axes: fixed
@@ -61,6 +63,7 @@ class Beams(NamedTuple):
     area: float  # area of the section, m2
     young: float  # Young's modulus, Pa
     closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
+    bushing: Bushing | None = None  # bush of each pin between two links
 
 
 @namesake
@@ -73,7 +76,7 @@ def gather(links: Beams, q: Floats, i: int, j: int, e: Floats) -> None:
 
 @namesake
 def layout(links: Beams) -> LinkLayout:
-    return LAYOUT
+    return chosen(links.bushing, LAYOUT, BUSHED)
 
 
 @namesake

@@ -18,8 +18,9 @@ from fmus.kernels.jit import implemented_in, namesake
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, mean_curvature, section_force, tension
 from fmus.physics.arrays import Floats, Four, Vector
+from fmus.physics.chain.bushing import Bushing
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, layout_of_halves
+from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, chosen, layout_of_halves, with_torques
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 
 
 LAYOUT = layout_of_halves(begin=[0, 1, 2, 5, 7, 6], end=[0, 1, 2, 3, 7, 4], outer=[0, 1, 2, 4, 6, 7, 8, 10], fixed=3)
+BUSHED = with_torques(LAYOUT)
 ELEMENT = (4, 3)  # (rows, axes): vectors of a link, components of a vector
 AXES = np.arange(3)  # axes of space that a vector of this chain has
 FREE = 0  # size of the state of the axes: fixed
@@ -74,6 +76,7 @@ class Cables(NamedTuple):
     area: float  # area of the section, m2
     second_moment: float  # second moment of area about the pin, m4
     closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
+    bushing: Bushing | None = None  # bush of each pin between two links
 
 
 @namesake
@@ -87,7 +90,7 @@ def gather(links: CableLinks, q: Floats, i: int, j: int, e: Floats) -> None:
 
 @namesake
 def layout(links: Cables) -> LinkLayout:
-    return LAYOUT
+    return chosen(links.bushing, LAYOUT, BUSHED)
 
 
 @namesake

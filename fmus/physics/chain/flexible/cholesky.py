@@ -28,7 +28,7 @@ from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.dynamics import NOTHING
 from fmus.physics.chain.flexible.initial_state import condense_mass
 from fmus.physics.chain.flexible.interface import layout
-from fmus.physics.chain.flexible.link_layout import ends
+from fmus.physics.chain.flexible.link_layout import ends, placed
 from fmus.physics.chain.flexible.pins import keep_symmetric
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.on_links import JOINT
@@ -75,7 +75,7 @@ def to_cholesky(links: CholeskyLinks, s: State, w: Work) -> None:
     """Cholesky coordinates and rates ``s.p`` (2, nodes, width) from the nodal ones."""
     nodal = links.links
     indices, right, side = layout(nodal), w.right[0], links.side
-    m, n = len(indices.shared), len(indices.own)
+    m, n, second = placed(indices), len(indices.own), len(indices.shared)
     for part in range(2):
         q, p = s.q if part == 0 else s.v, s.p[part]
         p[:] = 0.0
@@ -84,9 +84,10 @@ def to_cholesky(links: CholeskyLinks, s: State, w: Work) -> None:
             for k in range(n):
                 x = q[i if 2 * k < n else j, indices.own_place[k]]
                 for a in range(m):
-                    x += right[k, a] * q[i, indices.pin[a]] + right[k, m + a] * q[j, indices.pin[a]]
+                    x += right[k, a] * q[i, indices.pin[a]] + right[k, second + a] * q[j, indices.pin[a]]
                 for l in range(k + 1):
                     p[i if 2 * l < n else j, indices.own_place[l]] += links.root[k, l] * x
+        side[:] = 0.0
         for i in range(q.shape[0]):
             for k in range(m):
                 side[i, k] = q[i, indices.pin[k]]
@@ -107,7 +108,9 @@ def _nodal(links: CholeskyLinks, p: Floats, rates: Floats, q: Floats, v: Floats,
     """Write B^-T ``p`` to ``q`` and B^-T ``rates`` to ``v``, all (nodes, width)."""
     nodal = links.links
     indices, right, inverse, b, side = layout(nodal), w.right[0], links.inverse, w.right_side, links.side
-    m, n = len(indices.shared), len(indices.own)
+    m, n, second = placed(indices), len(indices.own), len(indices.shared)
+    b[:] = 0.0
+    side[:] = 0.0
     for i in range(b.shape[0]):
         for k in range(m):
             b[i, k], side[i, k] = p[i, indices.pin[k]], rates[i, indices.pin[k]]
@@ -124,8 +127,8 @@ def _nodal(links: CholeskyLinks, p: Floats, rates: Floats, q: Floats, v: Floats,
                 x += inverse[l, k] * p[node, indices.own_place[l]]
                 y += inverse[l, k] * rates[node, indices.own_place[l]]
             for a in range(m):
-                x -= right[k, a] * b[i, a] + right[k, m + a] * b[j, a]
-                y -= right[k, a] * side[i, a] + right[k, m + a] * side[j, a]
+                x -= right[k, a] * b[i, a] + right[k, second + a] * b[j, a]
+                y -= right[k, a] * side[i, a] + right[k, second + a] * side[j, a]
             node = i if 2 * k < n else j
             q[node, indices.own_place[k]], v[node, indices.own_place[k]] = x, y
 
@@ -147,7 +150,7 @@ def accelerations(links: CholeskyLinks, contacts: Contacts | None, env: Environm
                 x += root[l, k] * own[link, l]
             a[i if 2 * k < n else j, indices.own_place[k]] = -x
     for i in range(w.right_side.shape[0]):
-        for k in range(len(indices.shared)):
+        for k in range(placed(indices)):
             a[i, indices.pin[k]] = -w.right_side[i, k]
 
 

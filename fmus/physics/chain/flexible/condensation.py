@@ -18,9 +18,10 @@ import numpy as np
 from fmus.kernels.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats
+from fmus.physics.chain.flexible.bushes import add_compliances
 from fmus.physics.chain.flexible.closing import add_spring
 from fmus.physics.chain.flexible.interface import layout, lever
-from fmus.physics.chain.flexible.link_layout import ends
+from fmus.physics.chain.flexible.link_layout import ends, placed
 from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.chain.integration import HELD, PINNED
 from fmus.physics.chain.state import copy_rows
@@ -121,7 +122,8 @@ def _spread(indices: LinkLayout, R: Floats, inner: Floats, own: Floats, b: Float
     ``inner`` (links, n, n), ``own`` (links, n). Returns the largest entry of the own parts, N, and its link; ``x`` (n)
     is scratch.
     """
-    links, nodes, m, n = R.shape[0], b.shape[0], len(indices.shared), len(indices.own)
+    links, nodes, m, n = R.shape[0], b.shape[0], placed(indices), len(indices.own)
+    second_pin = len(indices.shared)
     flat = R.reshape(links, R.shape[1] * R.shape[2])
     worst, where = 0.0, 0
     for i in range(links):
@@ -137,7 +139,7 @@ def _spread(indices: LinkLayout, R: Floats, inner: Floats, own: Floats, b: Float
             own[i, k] = s
         for k in range(m):
             b[first, k] += r[indices.outer[k]]
-            b[second, k] += r[indices.outer[m + k]]
+            b[second, k] += r[indices.outer[second_pin + k]]
     return worst, where
 
 
@@ -183,6 +185,8 @@ def reduce(
     worst, where = _spread(indices, w.residual, w.inner, w.own, w.right_side, w.scratch)
     pin_loads(links, env, x, w, by_rate, tangent)
     add_spring(links.closing, indices, axis_count(links.element), x, w, by_rate, tangent)
+    if tangent:
+        add_compliances(links.bushing, links, w)
     if w.on_links.shape[0] > 0:
         copy_rows(w.right_side, w.imbalance)
     return _reduce(indices, env, w.left, w.own, w.right_side, worst, where)
@@ -199,8 +203,9 @@ def correct(links: FlexibleLinks, w: Work, x: Motion, by: Slopes, longest: float
     indices, levers, right, own, b = layout(links), lever(links), w.right, w.own, w.right_side
     count, nodes, m, n = own.shape[0], b.shape[0], len(indices.shared), len(indices.own)
     q, v, vdot, size = x.q, x.v, x.vdot, 0.0
+    coordinates = placed(indices)
     for i in range(nodes):
-        for k in range(m):
+        for k in range(coordinates):
             change = abs(b[i, k]) * levers[k]
             if not change < np.inf:
                 return np.inf
@@ -217,7 +222,7 @@ def correct(links: FlexibleLinks, w: Work, x: Motion, by: Slopes, longest: float
             v[node, place] += scale * by.v * s
             vdot[node, place] += scale * by.vdot * s
     for i in range(nodes):
-        for k in range(m):
+        for k in range(coordinates):
             s = scale * b[i, k]
             place = indices.pin[k]
             q[i, place] += s

@@ -39,7 +39,7 @@ from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
     pin_axis,
 )
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.link_layout import layout_of_halves, node
+from fmus.physics.chain.flexible.link_layout import chosen, layout_of_halves, node, placed, with_torques
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.elimination import invert
 from fmus.physics.integrate.generalized_alpha import Slopes
@@ -52,6 +52,7 @@ if TYPE_CHECKING:
 
 NODE = 6  # coordinates of a node: position (3), slope (3)
 LAYOUT = layout_of_halves([0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4, 5], cables.LAYOUT.outer.tolist(), 3, pins=2)
+BUSHED = with_torques(LAYOUT)
 PLANE = np.array([[0, 2], [3, 5]])  # indices in a node of the x and z components of each of its vectors
 
 
@@ -70,7 +71,7 @@ def gather(links: ConstrainedCables, q: Floats, i: int, j: int, e: Floats) -> No
 
 @namesake
 def layout(links: ConstrainedCables) -> LinkLayout:
-    return LAYOUT
+    return chosen(links.bushing, LAYOUT, BUSHED)
 
 
 AS_THEY_ARE = Slopes(0.0, 0.0, 0.0)  # corrections that change no rates
@@ -110,7 +111,7 @@ def _first(links: ConstrainedCables) -> int:
 
 @namesake
 def factor(links: ConstrainedCables, w: Work) -> int:
-    indices, S, n = LAYOUT, w.joints.schur_complement, links.n
+    indices, S, n = chosen(links.bushing, LAYOUT, BUSHED), w.joints.schur_complement, links.n
     D, U, L = S[0], S[1], S[2]
     m, last = len(indices.shared), 2 * n - 1
     for i in range(n):
@@ -141,7 +142,7 @@ def factor(links: ConstrainedCables, w: Work) -> int:
 @namesake
 def solve(links: ConstrainedCables, w: Work) -> None:
     W, multipliers, y, n, b = w.joints.inverse, w.joints.multipliers, w.joints.scratch, links.n, w.right_side
-    S, m, last = w.joints.schur_complement, len(LAYOUT.shared), 2 * n - 1
+    S, m, last = w.joints.schur_complement, len(chosen(links.bushing, LAYOUT, BUSHED).shared), 2 * n - 1
     for i in range(n):
         for r in range(2 * m):
             s = 0.0
@@ -176,9 +177,9 @@ def solve(links: ConstrainedCables, w: Work) -> None:
 
 @namesake
 def misfit(links: ConstrainedCables, q: Floats, w: Work) -> None:
-    gap, indices = w.joints.gap, LAYOUT
+    gap, indices = w.joints.gap, chosen(links.bushing, LAYOUT, BUSHED)
     for j in range(links.n):
-        for k in range(len(indices.shared)):
+        for k in range(placed(indices)):
             gap[j, k] = q[2 * j, indices.pin[k]] - q[2 * j - 1, indices.pin[k]] if j >= _first(links) else 0.0
 
 

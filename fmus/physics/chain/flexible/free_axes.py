@@ -33,7 +33,7 @@ from fmus.physics.chain.flexible.axes_state import (
     to_axes,
 )
 from fmus.physics.chain.flexible.condensation import eliminate
-from fmus.physics.chain.flexible.interface import gather
+from fmus.physics.chain.flexible.interface import gather, layout
 from fmus.physics.chain.on_links import WHEELS
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
@@ -164,15 +164,16 @@ def couple_inertia(links: TurningCables, w: TurningWork, by_acceleration: float)
 
 @namesake
 def assemble_border(links: TurningCables, w: TurningWork, i: int, j: int) -> None:
-    border, corner, rest = w.axes.border, w.axes.corner, w.rest
-    for n in range(8):
-        pin, place = (i, n) if n < 4 else (j, n - 4)
+    border, corner, rest, m = w.axes.border, w.axes.corner, w.rest, len(layout(links).shared)
+    axes = 2 * m
+    for n in range(axes):
+        pin, place = (i, n) if n < m else (j, n - m)
         for k in range(2):
-            border[pin, place, k] += rest[n, 8 + k]
-            border[pin, place, 2 + k] += rest[8 + k, n]
+            border[pin, place, k] += rest[n, axes + k]
+            border[pin, place, 2 + k] += rest[axes + k, n]
     for k in range(2):
         for l in range(2):
-            corner[k, l] += rest[8 + k, 8 + l]
+            corner[k, l] += rest[axes + k, axes + l]
 
 
 @namesake
@@ -243,10 +244,10 @@ def _solve_rotation(links: TurningCables, x: Motion, w: TurningWork, by_accelera
         a.corner[0, 0] + links.rotary_inertia * by_acceleration,
         a.corner[1, 1] + links.rotary_inertia * by_acceleration,
     )
-    s01, s10 = a.corner[0, 1], a.corner[1, 0]
+    s01, s10, roll_of = a.corner[0, 1], a.corner[1, 0], 2 * len(layout(links).shared)
     for i in range(links.n):
         for n in range(4):
-            t0, t1 = t0 - w.left[i, 8, n] * own[i, n], t1 - w.left[i, 9, n] * own[i, n]
+            t0, t1 = t0 - w.left[i, roll_of, n] * own[i, n], t1 - w.left[i, roll_of + 1, n] * own[i, n]
     for i in range(y.shape[0]):
         for k in range(y.shape[1]):
             t0, t1 = t0 - border[i, k, 2] * y[i, k], t1 - border[i, k, 3] * y[i, k]
@@ -257,7 +258,7 @@ def _solve_rotation(links: TurningCables, x: Motion, w: TurningWork, by_accelera
             y[i, k] -= Z[0, i, k] * roll + Z[1, i, k] * yaw
     for i in range(links.n):
         for n in range(4):
-            own[i, n] -= w.right[i, n, 8] * roll + w.right[i, n, 9] * yaw
+            own[i, n] -= w.right[i, n, roll_of] * roll + w.right[i, n, roll_of + 1] * yaw
     return roll, yaw
 
 

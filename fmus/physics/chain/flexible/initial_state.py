@@ -13,6 +13,7 @@ from fmus.kernels.jit import allocating, kernel
 from fmus.physics.ancf.element import axis_count, mass, vector_count
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.assembly import evaluate
+from fmus.physics.chain.flexible.bushes import leave_out_torques
 from fmus.physics.chain.flexible.condensation import clear, condense, correct
 from fmus.physics.chain.flexible.dynamics import NOTHING, accelerations, newton_joints, observe
 from fmus.physics.chain.flexible.inertia import add_mass
@@ -120,6 +121,7 @@ def condense_mass(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
         add_mass(rows, dims, w.mass, 1.0, w.iteration_matrix)
         condense(links, w, i, *ends(layout(links), s.q.shape[0], i))
     pin_loads(links, env, Motion(s.q, w.still, w.still, s.axes), w, 0.0, True)
+    leave_out_torques(links.bushing, links, w)
 
 
 @kernel

@@ -22,6 +22,7 @@ from fmus.physics.chain.flexible import inertia
 
 if TYPE_CHECKING:
     from fmus.physics.ancf.element import Element
+    from fmus.physics.chain.bushing import Bushing
     from fmus.physics.chain.flexible.closing import ClosingSpring
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.state import Motion, State, Work
@@ -54,6 +55,10 @@ if TYPE_CHECKING:
         @property
         def closing(self) -> ClosingSpring | None:
             """Spring of a loop whose mesh is open."""
+
+        @property
+        def bushing(self) -> Bushing | None:
+            """Bush of each pin between two links."""
 
 
 @dispatch("elements")

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.kernels.jit import kernel, plain
+from fmus.kernels.jit import dispatch, kernel, plain
 from fmus.physics.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from types import ModuleType
 
+    from fmus.physics.chain.bushing import Bushing
     from fmus.physics.chain.flexible.interface import FlexibleLinks
 
 
@@ -34,6 +35,7 @@ class LinkLayout(NamedTuple):
     common: tuple[int, ...]  # length c, the number of unknowns common to all links, after an element's coordinates
     fixed: int  # number of shared coordinates, the first ones, that a pinned end has from the ground
     pins: tuple[int, ...]  # length: nodes of the mesh that a link adds, 1 shared one, or its own 2
+    torques: tuple[int, ...] = ()  # length 1 with bushes: the last shared unknown of a pin, no coordinate, is its torque
 
 
 def layout_of_halves(begin: list[int], end: list[int], outer: list[int], fixed: int, pins: int = 1) -> LinkLayout:
@@ -57,6 +59,25 @@ def with_common_unknowns(layout: LinkLayout, common: int) -> LinkLayout:
     """Return the ``layout`` of links that have ``common`` additional unknowns in common."""
     first = len(layout.outer) + len(layout.inner)
     return layout._replace(outer=np.append(layout.outer, first + np.arange(common)), common=(0,) * common)
+
+
+def with_torques(layout: LinkLayout) -> LinkLayout:
+    """Return the ``layout`` of links with bushed pins, see ``chain.bushing``: two more unknowns of a link, the last."""
+    m, first, outer = len(layout.shared), len(layout.outer) + len(layout.inner), layout.outer
+    whole = np.concatenate([outer[:m], [first], outer[m : 2 * m], [first + 1], outer[2 * m :]])
+    return layout._replace(outer=whole, shared=(0,) * (m + 1), torques=(0,))
+
+
+@dispatch("layouts", default=True)
+def chosen(bushing: Bushing | None, plain: LinkLayout, bushed: LinkLayout) -> LinkLayout:
+    """Layout of links, of those without bushes ``plain``, of those with them ``bushed``."""
+    return plain
+
+
+@kernel
+def placed(layout: LinkLayout) -> int:
+    """Number of shared unknowns of a pin that are coordinates."""
+    return len(layout.shared) - len(layout.torques)
 
 
 @kernel

@@ -15,7 +15,7 @@ import numpy as np
 from fmus.kernels.jit import implemented_in, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - interface
-from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, layout_of_halves
+from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, chosen, layout_of_halves, with_torques
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
@@ -26,6 +26,7 @@ NODE = PIN_WIDTH["planar"]
 
 
 LAYOUT = layout_of_halves(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5], fixed=2)
+BUSHED = with_torques(LAYOUT)
 ELEMENT = (4, 2)  # (rows, axes): vectors of a link, components of a vector
 AXES = np.array([0, 2])  # axes of space that a vector of this chain has
 FREE = 0  # size of the state of the axes: fixed
@@ -48,7 +49,7 @@ def gather(links: PlanarCables, q: Floats, i: int, j: int, e: Floats) -> None:
 
 @namesake
 def layout(links: PlanarCables) -> LinkLayout:
-    return LAYOUT
+    return chosen(links.bushing, LAYOUT, BUSHED)
 
 
 @namesake

@@ -10,6 +10,7 @@ from fmus.kernels.by_reference import by_reference
 from fmus.physics.arrays import Floats
 from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain import state
+from fmus.physics.chain.bushing import BushArrays, bush_arrays
 from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
@@ -46,6 +47,8 @@ class State(NamedTuple):
     span: np.ndarray  # (2) time since then, s, and steps left of the interval
     lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``implicit``
     sums: np.ndarray  # (SUMS) of the last evaluation, see ``sums``
+    turned: np.ndarray  # (k, 2) angle, rad, and work of friction, J, of bushed pins so far; k = 0 without bushes
+    turning: np.ndarray  # (k, 2) their present rates, rad/s and W
     soil: np.ndarray  # (points, k) memory of the ground at the contact points; (0, 0) on hard ground
     rut: np.ndarray  # (k) rut of the chain, see ``contact.soil.memory``; (0) on hard ground
 
@@ -67,17 +70,19 @@ def shapes(
     forces: LinkForcesShape = NONE,
     cholesky: bool = False,
     ground: state.GroundMemory = state.HARD,
+    bushed: int = 0,
 ) -> state.Shapes:
     """Shapes of the views; ``width``: coordinates of a pin.
 
     ``axes``: size of the axes' state; ``forces``: shape of the forces on each link; ``cholesky``: with its coordinates;
-    ``ground``: its memory.
+    ``ground``: its memory; ``bushed``: number of the chain's pins if they have bushes.
     """
     pins, on = (nodes, width), (wheels + 1, 6)
     return {
         "p": (2 * cholesky, *pins), "q": pins, "v": pins, "axes": (axes,), "a": pins, "vdot": pins,
         "wrench": on, "aux": on, "mean": on, "on_links": forces, "on_links_aux": forces, "on_links_sum": forces,
-        "span": (2,), "lengths": (2,), "sums": (SUMS,), **ground.shapes,
+        "span": (2,), "lengths": (2,), "sums": (SUMS,),
+        "turned": (bushed, 2), "turning": (bushed, 2), **ground.shapes,
     }  # fmt: skip
 
 
@@ -93,7 +98,7 @@ class Work(NamedTuple):
     lower: np.ndarray  # (nodes, m, m) blocks to the previous pin
     factors: Factors  # factors of these blocks
     right_side: np.ndarray  # (nodes, m) of the equations of the pins: their residual; then their correction
-    iteration_matrix: np.ndarray  # (whole, whole) of one link; whole = rows axes + c, c unknowns common to all
+    iteration_matrix: np.ndarray  # (whole, whole) of one link; whole = rows axes + c + 2 t, c unknowns common to all, t torques a pin
     residual: np.ndarray  # (links, rows, axes) residual of each link: inertia + internal - external, N and N m
     inner: np.ndarray  # (links, n, n) inverse of its own part
     right: np.ndarray  # (links, n, 2 m + c) inner^-1 times the coupling to pins and common unknowns
@@ -118,6 +123,7 @@ class Work(NamedTuple):
     on_links: np.ndarray  # (k, c) forces on each link, see ``on_links``
     imbalance: np.ndarray  # (nodes, axes) forces at the pins in the last evaluation, N
     sums: np.ndarray  # (SUMS) see ``sums``
+    bushes: BushArrays  # of bushed pins
     contact: Memory  # memory of sharp friction
     points: Any  # ``ContactPoints`` at the last iteration matrix; None without contacts
     near: Near  # distances of links from a wheel
@@ -146,16 +152,17 @@ def work(
     contacts: int = 0,
     ground: GroundMemory = HARD,
     rut: Floats = NO_RUT,
+    bushed: int = 0,
 ) -> Work:
     """Return zeroed arrays; ``kit``: module of the links; ``forces``: shape of the forces on each link.
 
     ``contacts``: most contact points, 0 if the chain can touch nothing; ``ground``: its memory, ``rut``: that part of
-    it in the state.
+    it in the state; ``bushed``: number of the chain's pins if they have bushes.
     """
     rows, dims = kit.ELEMENT
-    at = kit.LAYOUT
-    m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)
-    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces, ground=ground._replace(rut=0))
+    at = kit.BUSHED if bushed else kit.LAYOUT
+    m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common) + 2 * len(at.torques)
+    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces, ground=ground._replace(rut=0), bushed=bushed)
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     wheel_rows = z((wheels, 15))
     return by_reference(Work(
@@ -168,7 +175,7 @@ def work(
         shape_functions=z(rows), shape_slopes=z(rows), unit_tangent=z(3),
         wheels=wheel_rows, flat=wheel_rows if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
-        wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
+        wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS), bushes=bush_arrays(bushed),
         contact=memory(points(wheels, nodes)),
         points=_contact_points(contacts, nodes, kit.NODE) if contacts else None,
         near=near(links),

@@ -15,6 +15,7 @@ import scipy  # loads its parts when they are used
 from fmus.kernels.jit import implemented_in, namesake
 from fmus.physics.ancf.cable import Cable, linear, mass
 from fmus.physics.arrays import Floats
+from fmus.physics.chain.bushing import Bushing
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.axes_state import SIZE
 from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
@@ -30,13 +31,14 @@ from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
     pin_axis,
 )
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.physics.chain.flexible.link_layout import with_common_unknowns
+from fmus.physics.chain.flexible.link_layout import chosen, with_common_unknowns, with_torques
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.state import TurningWork
 
 LAYOUT = with_common_unknowns(cables.LAYOUT, 2)  # roll and yaw of the axes
+BUSHED = with_torques(LAYOUT)
 FREE = SIZE  # size of the state of the axes
 
 
@@ -58,11 +60,12 @@ class TurningCables(NamedTuple):
     excess_EI: float  # excess of the bending stiffness about the normal over that about the pin, N m2
     rotary_inertia: float  # second moment of mass of all links along their pins, kg m2
     closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
+    bushing: Bushing | None = None  # bush of each pin between two links
 
 
 @namesake
 def layout(links: TurningCables) -> LinkLayout:
-    return LAYOUT
+    return chosen(links.bushing, LAYOUT, BUSHED)
 
 
 @namesake

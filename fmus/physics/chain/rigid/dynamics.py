@@ -19,7 +19,7 @@ from fmus.physics.chain.on_links import JOINT
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.closing import strain_energy
-from fmus.physics.chain.rigid.links import pins, residual
+from fmus.physics.chain.rigid.links import bush_energy, pins, residual
 from fmus.physics.chain.rigid.newton import (
     GAP,
     newton,  # noqa: F401 - reached by dispatch
@@ -79,7 +79,7 @@ def accelerations(links: RigidLinks, contacts: Contacts | None, env: Environment
             pin.velocity_terms(links.half, w.still, 0.0 * s.v[0, 3:], y.rotation[0], s.v[0, 3:], y.gap[0])
         elif j == n and links.ends.last:
             pin.velocity_terms(links.half, y.rotation[n - 1], s.v[n - 1, 3:], w.still, 0.0 * s.v[0, 3:], y.gap[n])
-    failed = augmented.factor(links.half, ends, y, augmented.REGULAR)
+    failed = augmented.factor(links.half, ends, y, w.bushes.stiffness, augmented.REGULAR)
     if failed >= 0:
         return failed
     augmented.solve(links.half, ends, y)
@@ -179,7 +179,8 @@ def observe(links: RigidLinks, env: Environment, s: State, w: Work, report: Floa
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         kinetic += body.kinetic(links.mass, links.inertia, s.v[i])
         place = add(place, vector(s.q[i], 0))
-    energy = kinetic, strain_energy(links, s, w), -dot(scale(links.mass, env.gravity), place)
+    strain = strain_energy(links, s, w) + bush_energy(links.bushing, links, s, w)
+    energy = kinetic, strain, -dot(scale(links.mass, env.gravity), place)
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.wheels, env.mount)[3], (low, mean, high, 0.0), energy)
 
 

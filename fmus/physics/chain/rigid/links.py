@@ -13,6 +13,7 @@ import numpy as np
 
 from fmus.kernels.jit import implemented_in, kernel, noalias
 from fmus.physics.arrays import Floats, Vector
+from fmus.physics.chain.bushing import Bushing, stored, turn
 from fmus.physics.chain.interface import evaluate_contacts
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.state import State, Work
@@ -42,6 +43,7 @@ class RigidLinks(NamedTuple):
     inertia: np.ndarray  # (3) principal inertias about a link's own axes, kg m2
     ends: Ends  # connections of the ends
     spring: ClosingSpring = PIN  # closing spring, or PIN
+    bushing: Bushing | None = None  # bush of each pin between two links
 
 
 def place(links: RigidLinks, pins: Floats, s: State, w: Work) -> None:
@@ -82,6 +84,44 @@ def _across(links: RigidLinks, damping: float, s: State, w: Work, by_v: float, t
                 s.load[j, a] += share * f[a]
             w.sums[JOINTS] -= share * dot(f, u)
             add_force(A[i], lever(A[i], end, 0.0, 0.0), share, f, g, tangent, w.rotation_jacobian, r[i], K[i])
+
+
+@kernel
+def _angle(links: RigidLinks, w: Work, j: int) -> tuple[int, float]:
+    """Link before pin ``j``, and the angle from it to the link after, rad; -1 where no bush is."""
+    A, n = w.system.rotation, w.system.rotation.shape[0]
+    if j == n or (j == 0 and (not links.ends.closed or links.spring.stiffness > 0.0)):
+        return -1, 0.0
+    before = j - 1 if j > 0 else n - 1
+    x = axis(A[j], 0)
+    return before, atan2(-dot(x, axis(A[before], 2)), dot(x, axis(A[before], 0)))
+
+
+@kernel
+def _turn_bushes(bushing: Bushing | None, links: RigidLinks, s: State, w: Work, by_v: float) -> None:
+    """Torques of bushes on the links, about the pins; ``by_v`` in 1/s."""
+    if bushing is not None:
+        r = w.system.residual
+        for j in range(s.lam.shape[0]):
+            before, angle = _angle(links, w, j)
+            if before >= 0:
+                turn(bushing, j, angle, s.v[j, 4] - s.v[before, 4], by_v, w)
+                r[j, 4] += w.bushes.torque[j]
+                r[before, 4] -= w.bushes.torque[j]
+
+
+@kernel
+def bush_energy(bushing: Bushing | None, links: RigidLinks, s: State, w: Work) -> float:
+    """Energy of all bushes, J; leaves the links' rotations in ``w.system``."""
+    energy = 0.0
+    if bushing is not None:
+        for i in range(s.q.shape[0]):
+            body.rotation(s.q[i], w.system.rotation[i])
+        for j in range(s.lam.shape[0]):
+            before, angle = _angle(links, w, j)
+            if before >= 0:
+                energy += stored(bushing, angle)
+    return energy
 
 
 @kernel
@@ -193,5 +233,6 @@ def loads(
         evaluate_contacts(links, contacts, s, w, w.wheels, by.v, tangent)
     if env.transverse > 0.0:
         _across(links, env.transverse, s, w, by.v, tangent)
+    _turn_bushes(links.bushing, links, s, w, by.v)
     if not links.ends.closed:
         _pull(links, env, s, w, tangent)

@@ -18,6 +18,7 @@ import numpy as np
 
 from fmus.kernels.jit import allocating, kernel, noalias
 from fmus.physics.arrays import Floats, Integers
+from fmus.physics.chain.bushing import FREE
 from fmus.physics.chain.implicit import CHORD, FASTEST, MOST, REUSE, SLOW
 from fmus.physics.chain.integration import CROWDED, DONE, SINGULAR, STALLED
 from fmus.physics.chain.interface import add_last_correction
@@ -44,7 +45,8 @@ PARTING = 0.1  # least acceleration, m/s2, by which a step would take the rates 
 
 @kernel
 def set_mass(links: RigidLinks, w: Work) -> None:
-    """Set the matrices of all links to their masses and inertias."""
+    """Set the matrices of all links to their masses and inertias, and those of bushes to none."""
+    w.bushes.stiffness[:] = FREE
     K = w.system.iteration_matrix
     K[:] = 0.0
     for i in range(K.shape[0]):
@@ -68,7 +70,7 @@ def close_rates(links: RigidLinks, h: float, s: State, w: Work) -> None:
         return
     set_mass(links, w)
     y.residual[:] = 0.0
-    if augmented.factor(links.half, ends, y, augmented.REGULAR) < 0:
+    if augmented.factor(links.half, ends, y, w.bushes.stiffness, augmented.REGULAR) < 0:
         augmented.solve(links.half, ends, y)
         add_share(1.0, y.correction, s.v)
 
@@ -120,7 +122,8 @@ def newton(
             settle_rates(links, s, w, by)
             return DONE, 0, 0.0
         if fresh:
-            failed = augmented.factor(links.half, links.ends, y, 1.0, augmented.spring_compliance(links.spring, by.v))
+            spring = augmented.spring_compliance(links.spring, by.v)
+            failed = augmented.factor(links.half, links.ends, y, w.bushes.stiffness, 1.0, spring)
             if failed >= 0:
                 return SINGULAR, failed, largest_residual(y.residual)[0]
         augmented.solve(links.half, links.ends, y)

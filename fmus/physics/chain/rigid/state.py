@@ -9,6 +9,7 @@ import numpy as np
 from fmus.kernels.by_reference import by_reference
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
+from fmus.physics.chain.bushing import BushArrays, bush_arrays
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
@@ -38,6 +39,8 @@ class State(NamedTuple):
     span: np.ndarray  # (2) time since then, s, and steps left of the interval
     lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``implicit``
     sums: np.ndarray  # (SUMS) of the last evaluation, see ``sums``
+    turned: np.ndarray  # (k, 2) angle, rad, and work of friction, J, of bushed pins so far; k = 0 without bushes
+    turning: np.ndarray  # (k, 2) their present rates, rad/s and W
     lam: np.ndarray  # (p, 5) multipliers of the pins, N and N m
     load: np.ndarray  # (p, 3) present force of teeth and damping on each pin, N: half on either link
     along: np.ndarray  # (n, 1) tension of a link due to contacts between its pins, N
@@ -52,11 +55,12 @@ def shapes(
     forces: LinkForcesShape = NONE,
     joints: int = 0,
     ground: state.GroundMemory = state.HARD,
+    bushed: bool = False,
 ) -> state.Shapes:
     """Shapes of the views.
 
     ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates; ``ground``: its
-    memory.
+    memory; ``bushed``: with what bushed pins turned.
     """
     pins, on = (links if closed else links + 1), (wheels + 1, 6)
     motion = links, 6
@@ -64,7 +68,7 @@ def shapes(
         "joints": (joints,),
         "q": (links, 7), "v": motion, "a": motion, "vdot": motion, "wrench": on, "aux": on, "mean": on,
         "on_links": forces, "on_links_aux": forces, "on_links_sum": forces, "span": (2,), "lengths": (2,),
-        "sums": (SUMS,), "lam": (pins, 5), "load": (pins, 3), "along": (links, 1),
+        "sums": (SUMS,), "turned": (bushed * pins, 2), "turning": (bushed * pins, 2), "lam": (pins, 5), "load": (pins, 3), "along": (links, 1),
         **ground.shapes,
     }  # fmt: skip
 
@@ -84,6 +88,7 @@ class Work(NamedTuple):
     on_links: np.ndarray  # (k, c) forces on each link, see ``on_links``
     along: np.ndarray  # (n, 1) tension of a link due to contacts between its pins, N
     sums: np.ndarray  # (SUMS) see ``sums``
+    bushes: BushArrays  # of bushed pins
     pins: np.ndarray  # (2, p, 3) positions, m, and velocities, m/s, of the pins
     lever: np.ndarray  # (3) lever of a contact point, m
     rotation_jacobian: np.ndarray  # (3, 3) derivative of the contact point by the link's rotation, m
@@ -102,19 +107,21 @@ def work(
     contacts: int = 0,
     ground: GroundMemory = HARD,
     rut: Floats = NO_RUT,
+    bushed: bool = False,
 ) -> Work:
     """Return zeroed arrays.
 
     ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates; ``contacts``: most
-    contact points, 0 if the chain can touch nothing; ``ground``: its memory, ``rut``: that part of it in the state.
+    contact points, 0 if the chain can touch nothing; ``ground``: its memory, ``rut``: that part of it in the state;
+    ``bushed``: for bushed pins.
     """
     z, pins = np.zeros, links if closed else links + 1
-    sizes, supports = shapes(links, closed, wheels, forces, joints, ground._replace(rut=0)), z((2, 7))
+    sizes, supports = shapes(links, closed, wheels, forces, joints, ground._replace(rut=0), bushed), z((2, 7))
     supports[:, 3] = 1.0
     return by_reference(
         Work(
             before=views(State, sizes, z(size(sizes))),
-            system=augmented.system(links, closed),
+            system=augmented.system(links, closed, bushed),
             articulated=recursive.articulated_bodies(links if joints else 0),
             contact=memory(points(wheels, pins)),
             points=_contact_points(contacts, links) if contacts else None,
@@ -125,6 +132,7 @@ def work(
             on_links=z(forces),
             along=z((links, 1)),
             sums=z(SUMS),
+            bushes=bush_arrays(pins if bushed else 0),
             pins=z((2, pins, 3)),
             lever=z(3),
             rotation_jacobian=z((3, 3)),
