@@ -102,7 +102,7 @@ def _rigid(track: Any, h: float) -> dict[str, Callable[[int], None]]:
     return {
         "matrix": lambda n: _residuals(n, True, *chain),
         "residual": lambda n: _residuals(n, False, *chain),
-        "factor": lambda n: _eliminations(n, matrix, half, ends, s),
+        "factor": lambda n: _eliminations(n, matrix, half, ends, s, track.work.bushes.stiffness),
         "solve": lambda n: _increments(n, half, ends, s),
     }
 
@@ -114,10 +114,10 @@ def _residuals(n, tangent, links, contacts, env, s, w, by):
 
 
 @allocating
-def _eliminations(n, matrix, half, ends, s):
+def _eliminations(n, matrix, half, ends, s, bush):
     for _ in range(n):
         s.iteration_matrix[:] = matrix  # inverted in place
-        augmented.factor(half, ends, s, 1.0)
+        augmented.factor(half, ends, s, bush, 1.0)
 
 
 @kernel

@@ -275,7 +275,7 @@ def test_a_refusal_gives_its_sentence_whether_or_not_messages_wait(toy, monkeypa
         with pytest.raises(ComponentFailed, match=re.escape(f"toy: {sentence}")):
             component.initialise({"stiffness": -1.0})
         assert any("Traceback" in message for message in heard) is not fmus.fmi.slave._MESSAGES_WAIT
-        assert sentence in heard[0].splitlines()
+        assert any(sentence in message.splitlines() for message in heard)
         with pytest.raises(ComponentFailed, match="not allowed in the phase initialising"):
             component._call(component._library.fmi2Terminate)
         component._call(component._library.fmi2GetReal, None, 0, None)

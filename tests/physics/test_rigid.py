@@ -120,10 +120,10 @@ def test_stiffness_by_differences():
         assert np.abs((torque(-x) - torque(x)) / (2 * h) - K[:, k]).max() < 1e-9
 
 
-def chain(n: int, ends: Ends, rng: np.random.Generator, wobble: float = 0.3):
+def chain(n: int, ends: Ends, rng: np.random.Generator, wobble: float = 0.3, bushed: bool = False):
     """System with random poses near a polygon and random blocks, and its dense Jacobian."""
-    s = augmented.system(n, ends.closed)
-    p = len(s.gap)
+    s = augmented.system(n, ends.closed, bushed)
+    p, r = s.gap.shape
     q = np.array([pose(rng) for _ in range(n)])
     for i in range(n):
         turn = Rotation.from_euler("y", 2 * np.pi * i / n) * Rotation.from_rotvec(wobble * rng.normal(size=3))
@@ -131,7 +131,7 @@ def chain(n: int, ends: Ends, rng: np.random.Generator, wobble: float = 0.3):
         q[i, 3:] = w, x, y, z
         s.rotation[i] = matrix(q[i])
         s.iteration_matrix[i] = rng.normal(size=(6, 6)) + 5.0 * np.eye(6)
-    B = np.zeros((5 * p, 6 * n))
+    B = np.zeros((r * p, 6 * n))
     still = np.eye(3)
     for j in range(p):
         P, Q = (j - 1) % n if ends.closed else j - 1, j
@@ -143,9 +143,11 @@ def chain(n: int, ends: Ends, rng: np.random.Generator, wobble: float = 0.3):
         BP, BQ = np.empty((2, 5, 6))
         pin.jacobian(HALF, AP, AQ, BP, BQ)
         if P >= 0:
-            B[5 * j : 5 * j + 5, 6 * P : 6 * P + 6] += BP
+            B[r * j : r * j + 5, 6 * P : 6 * P + 6] += BP
+            B[r * j + 5 : r * j + r, 6 * P + 4] = -1.0
         if n > Q:
-            B[5 * j : 5 * j + 5, 6 * Q : 6 * Q + 6] += BQ
+            B[r * j : r * j + 5, 6 * Q : 6 * Q + 6] += BQ
+            B[r * j + 5 : r * j + r, 6 * Q + 4] = 1.0
     return s, B
 
 
@@ -153,29 +155,33 @@ ENDS = [Ends(True, False, False), Ends(False, True, True), Ends(False, True, Fal
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("bushed", [False, True])
 @pytest.mark.parametrize("ends", ENDS)
-def test_solver_equals_dense(ends: Ends):
+def test_solver_equals_dense(ends: Ends, bushed: bool):
     rng = np.random.default_rng(7)
-    s, B = chain(6, ends, rng)
-    n, p = 6, len(s.gap)
-    s.residual[:], s.gap[:] = rng.normal(size=(n, 6)), rng.normal(size=(p, 5))
+    s, B = chain(6, ends, rng, bushed=bushed)
+    n, (p, r) = 6, s.gap.shape
+    s.residual[:], s.gap[:] = rng.normal(size=(n, 6)), rng.normal(size=(p, r))
+    bush = rng.uniform(0.5, 2.0, bushed * p)
     K = np.zeros((6 * n, 6 * n))
     for i in range(n):
         K[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = s.iteration_matrix[i]
-    D = np.zeros((5 * p, 5 * p))
+    D = np.zeros((r * p, r * p))
+    for j in range(bush.size):
+        D[r * j + 5, r * j + 5] = 1.0 / bush[j]
     if ends.closed or (ends.first and ends.last):
         j, link = (0, 0) if ends.closed else (n, n - 1)
         y = s.rotation[link, :, 1]
-        D[5 * j : 5 * j + 3, 5 * j : 5 * j + 3] = np.outer(y, y) / augmented.STIFFNESS
-        D[5 * j + 3, 5 * j + 3] = D[5 * j + 4, 5 * j + 4] = 1.0 / augmented.TILTING
+        D[r * j : r * j + 3, r * j : r * j + 3] = np.outer(y, y) / augmented.STIFFNESS
+        D[r * j + 3, r * j + 3] = D[r * j + 4, r * j + 4] = 1.0 / augmented.TILTING
     C = s.gap.copy()
     for j, held in ((0, ends.first), (p - 1, ends.last)):
         if not ends.closed and not held:
-            D[5 * j : 5 * j + 5, 5 * j : 5 * j + 5] = np.eye(5)
+            D[r * j : r * j + r, r * j : r * j + r] = np.eye(r)
             C[j] = 0.0
     whole = np.block([[K, -B.T], [B, D]])
     expected = -np.linalg.solve(whole, np.concatenate([s.residual.ravel(), C.ravel()]))
-    assert augmented.factor(HALF, ends, s, 1.0) == -1
+    assert augmented.factor(HALF, ends, s, bush, 1.0) == -1
     augmented.solve(HALF, ends, s)
     solution = np.concatenate([s.correction.ravel(), s.multiplier_correction.ravel()])
     assert np.abs(solution - expected).max() < 1e-9 * np.abs(expected).max()

@@ -1,0 +1,188 @@
+"""Bushed pins: statics and motion by solutions of their own, friction and its wear, energy, in all kinds of links."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy
+from m113 import TRACK, VEHICLE
+from named_ports import outputs, parameters
+
+from fmus.track_flexible.model import Model as Flexible
+from fmus.track_rigid.model import Model as Rigid
+
+P, MASS, INERTIA, G = TRACK["pitch"], TRACK["mass"], TRACK["inertia"][1], 9.81
+NONE = {"stiffness": 0.0, "preset": 0.0, "damping": 0.0, "friction": 0.0, "radius": 0.02, "slow": 0.2}
+KINDS = [  # model, parameters, and the relative difference from rigid links that elastic ones may have
+    pytest.param(Rigid, {}, 1e-6, id="rigid"),
+    *(
+        pytest.param(Flexible, changes, 2e-4, id="-".join(changes.values()) or "cable", marks=pytest.mark.long)
+        for changes in ({}, {"element": "planar"}, {"element": "beam"}, {"joints": "constrained"})
+    ),
+]
+
+
+def chain(model, links: int, bushing: dict, ends: dict, changes: dict, gravity: float = G, **more):
+    """An open chain without wheels, initialised."""
+    vehicle = VEHICLE | {"track": TRACK | {"bushing": NONE | bushing}}
+    config = {"links": links, "closed": False, "wheels": [], "ground": False, "gravity": gravity, "ends": ends}
+    made = model({"vehicle": vehicle, "track": config | more, "link_outputs": True})
+    made.initialise(parameters(made, **changes))
+    return made
+
+
+def places(model) -> np.ndarray:
+    """Positions of the pins (pins, 2) along x and z, m."""
+    y = outputs(model)
+    return np.array([[y[f"joint[{i}].position.{axis}"] for axis in "xz"] for i in range(1, model.nodes + 1)])
+
+
+def turned(model) -> np.ndarray:
+    """Angles of the inner pins, rad, positive as the chain bends round its wheels."""
+    chord = np.diff(places(model), axis=0)
+    return -np.diff(np.unwrap(np.arctan2(chord[:, 1], chord[:, 0])))
+
+
+def hanging(links: int, span: float, stiffness: float, preset: float) -> tuple[np.ndarray, float]:
+    """Angles of the links of a chain between two ends at one height, and its horizontal pull, N, by its energy."""
+    after = links - np.arange(links) - 0.5  # weights that hang on a link's end, and half its own
+
+    def gradient(x: np.ndarray) -> np.ndarray:
+        a, (along, up) = x[:-2], x[-2:]
+        torque = stiffness * (-np.diff(a) - preset)
+        bend = np.zeros(links)
+        bend[:-1] += torque
+        bend[1:] -= torque
+        balance = MASS * G * P * after * np.cos(a) + bend + P * (along * np.sin(a) - up * np.cos(a))
+        return np.array([*balance / (MASS * G * P), (P * np.cos(a)).sum() - span, (P * np.sin(a)).sum()])
+
+    slack = np.linspace(-0.6, 0.6, links)
+    found = scipy.optimize.root(gradient, [*slack, MASS * G * links, 0.5 * MASS * G * links], tol=1e-13)
+    assert np.abs(found.fun).max() < 1e-9
+    return found.x[:-2], found.x[-2]
+
+
+@pytest.mark.parametrize(("model", "changes", "tolerance"), KINDS)
+def test_hanging_chain_with_bushes(model, changes, tolerance):
+    links, span = 16, 0.9 * 16 * P
+    ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [span, 0.0]}
+    hung = chain(model, links, {"stiffness": 400.0, "preset": 0.1}, ends, changes)
+    found = places(hung)[links // 2, 1], abs(outputs(hung)["joint[1].force.x"])
+
+    def expected(stiffness: float, preset: float) -> list[float]:
+        angles, pull = hanging(links, span, stiffness, preset)
+        return [P * np.sin(angles[: links // 2]).sum(), pull]
+
+    assert found == pytest.approx(expected(400.0, 0.1), rel=tolerance)
+    for twin in ((412.0, 0.1), (400.0, 0.103)):
+        assert found != pytest.approx(expected(*twin), rel=tolerance)
+    stored = 200.0 * ((turned(hung) - 0.1) ** 2).sum()
+    assert outputs(hung)["energy.strain"] == pytest.approx(stored, rel=10.0 * tolerance)
+
+
+def motion(model, changes: dict, h: float, bushing: dict) -> float:
+    """Angle at 0.1 s of the pin between two links, the first of which the ground holds, from straight, rad."""
+    pair = chain(model, 2, bushing, {"kind": "held", "first": [0.0, 0.0]}, changes | {"start": "straight"}, gravity=0.0)
+    for k in range(round(0.1 / h)):
+        pair.step(k * h, h, np.zeros(0))
+    return float(turned(pair)[0])
+
+
+@pytest.mark.parametrize(("model", "changes", "tolerance"), KINDS)
+def test_two_links_swing_about_the_preset_of_their_bush(model, changes, tolerance):
+    k, c, preset = 40.0, 0.2, 1e-3
+    masses = np.array([[INERTIA + 1.25 * MASS * P**2, 0.5 * MASS * P**2], [0.5 * MASS * P**2, INERTIA + 0.25 * MASS * P**2]])
+
+    def expected(k: float, c: float) -> float:
+        per_torque = np.array([-1.0, 1.0]) @ np.linalg.solve(masses, [-1.0, 1.0])
+        decay, whole = 0.5 * c * per_torque, k * per_torque
+        ringing = np.sqrt(whole - decay**2)
+        return preset * (1.0 - np.exp(-0.1 * decay) * (np.cos(0.1 * ringing) + decay / ringing * np.sin(0.1 * ringing)))
+
+    bushing = {"stiffness": k, "damping": c, "preset": preset}
+    coarse, middle, fine = (motion(model, changes, h, bushing) for h in (1e-3, 5e-4, 2.5e-4))
+    assert 3.7 < (coarse - middle) / (middle - fine) < 4.3  # of second order
+    extrapolated = fine - (middle - fine) / 3.0
+    assert extrapolated == pytest.approx(expected(k, c), rel=max(tolerance, 1e-5))
+    assert extrapolated != pytest.approx(expected(1.02 * k, c), rel=1e-3)
+    assert extrapolated != pytest.approx(expected(k, 1.05 * c), rel=1e-3)
+
+
+@pytest.mark.parametrize(("model", "changes", "tolerance"), KINDS)
+def test_friction_of_pins_is_the_work_of_their_wear(model, changes, tolerance):
+    """The ledger closes, and each pin's work is that of its friction under its force."""
+    links = 8
+    ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * links * P, 0.0]}
+    bushing = {"stiffness": 50.0, "damping": 1.0, "friction": 0.3}
+    swinging = chain(model, links, bushing, ends, changes | {"start": "displaced"})
+    parts = [f"energy.{part}" for part in ("kinetic", "strain", "gravity", "dissipated")]
+    energies, work, before, most = [], 0.0, None, 0.0
+    h = 2.5e-4
+    for k in range(800):
+        y = outputs(swinging)
+        angles, force = turned(swinging), [np.hypot(y[f"joint[{i}].force.x"], y[f"joint[{i}].force.z"]) for i in range(2, 9)]
+        if before is not None:
+            rate = (angles - before) / h
+            work += h * (0.3 * 0.02 * np.array(force) * rate**2 / np.sqrt(rate**2 + 0.2**2)).sum()
+        before, most = angles, max(most, y["energy.kinetic"])
+        energies.append(sum(y[part] for part in parts))
+        swinging.step(k * h, h, np.zeros(0))
+    y = outputs(swinging)
+    assert np.ptp(energies) < 1e-3 * most
+    assert y["energy.dissipated.pins"] > 0.1 * most
+    assert swinging.s.turned[:, 1].sum() == pytest.approx(y["energy.dissipated.pins"], rel=1e-12)
+    assert work == pytest.approx(y["energy.dissipated.pins"], rel=0.01)
+    assert 1.03 * work != pytest.approx(y["energy.dissipated.pins"], rel=0.01)
+    assert (swinging.s.turned[1:-1] > 0.0).all()
+    assert not swinging.s.turned[[0, -1]].any()  # the pins of the ground have no bush
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("model", "changes"),
+    [
+        (Rigid, {"integrator": "runge_kutta"}),
+        (Rigid, {"integrator": "dormand_prince", "formulation": "recursive"}),
+        (Rigid, {"integrator": "adams"}),
+        (Flexible, {"integrator": "adams"}),
+        (Flexible, {"integrator": "adams", "coordinates": "cholesky"}),
+        (Flexible, {"integrator": "adams", "joints": "constrained"}),
+    ],
+)
+def test_explicit_integrators_find_the_same_motion(model, changes):
+    ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 8 * P, 0.0]}
+    bushing = {"stiffness": 500.0, "preset": 0.05, "damping": 2.0, "friction": 0.2, "slow": 2.0}
+    ends_of = []
+    for choice, h in ((changes, 1e-3), ({}, 1e-4)):
+        model_run = chain(model, 8, bushing, ends, {"start": "displaced"} | choice)
+        for k in range(round(0.02 / h)):
+            model_run.step(k * h, h, np.zeros(0))
+        ends_of.append([*places(model_run)[4], *1e-2 * model_run.s.turned.sum(axis=0)])
+    assert ends_of[0] == pytest.approx(ends_of[1], abs=2e-6)
+    still = places(chain(model, 8, bushing, ends, {"start": "displaced"}))[4]
+    assert np.abs(still - ends_of[1][:2]).max() > 1e-4
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("model", "changes", "tolerance"), KINDS)
+def test_a_chain_on_flat_ground_lies_or_curls_as_its_preset_says(model, changes, tolerance):
+    if "joints" in changes:
+        pytest.skip("links with constrained joints touch nothing")
+    stiffness, links = 1500.0, 16
+    ends = {"kind": "pulled", "first": [0.0, 0.0], "last": [0.0, 0.0]}
+    for preset in (0.0, 0.3):
+        lying = chain(model, links, {"stiffness": stiffness, "preset": preset}, ends, changes, ground=True)
+        angles, z = turned(lying), places(lying)[:, 1]
+        if preset == 0.0:
+            assert np.abs(angles).max() < 1e-6
+            continue
+        # where a pin and the one before it are in the air, the weight beyond it turns against the bush
+        x, on = places(lying)[:, 0], z - z.min() < 1e-3
+        last = int(np.flatnonzero(on)[-1]) + 2
+        assert 2 <= links - last
+        middle = 0.5 * (x[1:] + x[:-1])
+        for j in range(last, links):
+            moment = MASS * G * abs(middle[j:] - x[j]).sum()
+            assert stiffness * (preset - angles[j - 1]) == pytest.approx(moment, rel=0.01)
+            assert stiffness * (1.05 * preset - angles[j - 1]) != pytest.approx(moment, rel=0.01)
+        assert z[-1] - z.min() > 0.1
