@@ -25,6 +25,10 @@ QUICK = ("track.start=polygon", "drive.ramp_start=0", "drive.ramp_time=0.02", "t
 VEHICLE = (*QUICK, "start.pitch=0.01", "start.height=-0.01", "drive.speed=20")
 STEERED = (*QUICK, "start.pitch=0.01", "start.height=-0.01")
 LEFT, RIGHT = ("[[0.001, 0.1], [0.008, 3], [0.014, 2], [0.03, 4]]", "[[0.001, 0.1], [0.008, 2], [0.014, 3], [0.03, 5]]")
+BUSHED = (
+    "vehicle.track.bushing={stiffness=500, preset=0.1, damping=20, friction=0.3, radius=0.02, slow=2, wear=1e-13,"
+    " bearing=0.3}"
+)
 JOINED = ("drive.steering.ramp_start=0", "drive.steering.ramp_time=0.02")
 RIG = (*QUICK, "drive.speed=2")
 SLOWER: Overrides = {"left_drive": {"speed.end": 8.0}}
@@ -37,6 +41,7 @@ CASES = {
     "guided": Case("straight", (*VEHICLE, "vehicle.guide.clearance=1e-5"), overrides=SLOWER),
     "eleven teeth": Case("straight", (*VEHICLE, "vehicle.sprocket.outer_radius=0.285"), overrides=SLOWER),
     "tensioned": Case("straight", ("track.link_outputs=false",), 0.002, "vehicle.track.tension"),
+    "worn": Case("straight", (*VEHICLE, "vehicle.sprocket.pitch=0.1523"), overrides=SLOWER),
     "stopped": Case("straight", (*VEHICLE, "drive.stop=0.02", "drive.stop_time=5e-3"), 0.03),
     "motor": Case("straight", (*VEHICLE, "drive.mode=torque", "drive.torque=5e3", "drive.brake=1e3")),
     "steered": Case("turn", (*STEERED, "drive.speed=20", "drive.left.speed=8")),
@@ -51,6 +56,7 @@ CASES = {
         "tank", (*VEHICLE, "vehicle.suspension.bump_stop.gap=1e-4", "vehicle.suspension.rebound_stop.gap=1e-4")
     ),
     "crawler": Case("crawler", (*VEHICLE, "vehicle.tensioner.recoil.preload=10")),
+    "bushed": Case("straight", (*VEHICLE, BUSHED), overrides=SLOWER),
     "joined": Case("differential", (*STEERED, *JOINED, "drive.speed=20")),
     "joined and stopped": Case(
         "differential", (*STEERED, *JOINED, "drive.steering.stop=0.02", "drive.steering.stop_time=5e-3"), 0.03
@@ -204,6 +210,8 @@ KEYS: dict[str, Acts] = {
     "vehicle.track.inertia.1": Acts("vehicle", ALL),
     "vehicle.track.inertia.*": Acts("vehicle", WIDE),  # a cable has inertia about its pin only
     "vehicle.track.links": Acts("vehicle", ALL, 65),
+    "vehicle.track.bushing.*": Acts("bushed", ALL),
+    "vehicle.sprocket.pitch": Acts("worn", ALL),
     "vehicle.track.pitch": Acts("eleven teeth", ALL, 0.1527),
     "vehicle.track.width": Acts("vehicle", WIDE),  # a cable has contact on its line
     "vehicle.road_wheel.x.5": Acts("two sides", ("rigid",)),  # the m113 has five wheels a side
@@ -306,6 +314,7 @@ KEYS: dict[str, Acts] = {
 APART = (
     "run.start", "run.stop", "run.outputs", "run.links", "run.checkpoints", "expect.*", "vehicle.tensioner.travel",
     "vehicle.return_roller.width", "vehicle.longest_step", "vehicle.life.*",
+    "vehicle.track.bushing.wear", "vehicle.track.bushing.bearing",
 )  # fmt: skip
 # Keys of [track] that are no numbers: tests/regression/runs.py has runs with each choice.
 CHOICES = (

@@ -159,6 +159,8 @@ def chain_size(model: TrackModel) -> int:
     kind = getattr(model, "kind", None)  # of flexible links
     if kind is not None and kind.element != "cable":
         raise InvalidParameter(f"element = '{kind.element}': the monolith knows chains of cables only")
+    if model.bushed:
+        raise InvalidParameter("track.bushing: the monolith knows pins without bushes only")
     if model.s.soil.size > 0:
         raise InvalidParameter(
             "ground.soil: the monolith knows hard ground only; its steps are not accepted one by one"

@@ -164,7 +164,8 @@ def _reason(vehicle: Mapping[str, Any], height: float, pitch: float) -> str:
         beyond = max(ahead - max(wheels), min(wheels) - ahead)
         return f"its centre of mass is {beyond:.2f} m {which} road wheel, so it tips over"
     text = f"it has sagged by {-1e3 * height:.0f} mm and pitched by {pitch * 180.0 / np.pi:.1f} degrees"
-    radius = 0.5 * vehicle["track"]["pitch"] / sin(np.pi / vehicle["sprocket"]["teeth"]) - vehicle["track"]["face"]
+    made_for = vehicle["sprocket"].get("pitch") or vehicle["track"]["pitch"]
+    radius = 0.5 * made_for / sin(np.pi / vehicle["sprocket"]["teeth"]) - vehicle["track"]["face"]
     for name, x, bottom in ("sprocket", 0.0, -radius), ("idler", idler["x"], idler["z"] - idler["radius"]):
         room = bottom - 2.0 * vehicle["track"]["face"] - ground_level(vehicle)
         if height - sin(pitch) * (x - vehicle["chassis"]["centre"][0]) < -room:

@@ -37,7 +37,7 @@ def contacts(
     s, track = vehicle["sprocket"], vehicle["track"]
     shape = (
         s["teeth"],
-        track["pitch"],
+        s.get("pitch") or track["pitch"],
         s["pin_radius"],
         s["outer_radius"],
         s["seat_clearance"],

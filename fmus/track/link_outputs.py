@@ -86,7 +86,9 @@ GROUPS = {
         "joint", "rubbed", ("",), "J", "work of the friction of {it} so far, which is that of its wear", bushed=True
     ),
 }  # fmt: skip
-TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES, SLOPES, TURNED, RUBBED = range(len(GROUPS))
+TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES, SLOPES, TURNED, RUBBED = range(
+    len(GROUPS)
+)
 STANDARD = ("tension", "stress", "position", "force", "ground")
 WITH_OWN_KERNELS = ("axis", "fibres", "slopes", "turned", "rubbed")  # groups with kernels of their own
 

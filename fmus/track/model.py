@@ -36,6 +36,7 @@ from fmus.track.motions import exchange_size
 from fmus.track.ports import start_stance, track_ports
 from fmus.track.start import LaidChain, drawn, drawn_keys
 
+
 def bushing(track: Mapping[str, Any]) -> Bushing | None:
     """Bush of each pin from the table ``track``; None without one."""
     table = track.get("bushing")
@@ -69,7 +70,7 @@ class TrackModel(LaidChain, ComponentModel):
         """See ``ComponentModel``."""
         track = config["track"]
         wheels, ground = track["wheels"], bool(track["ground"])
-        shaped = ["teeth", "pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"]
+        shaped = ["teeth", "pitch", "pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"]
         return [
             *(f"track.{key}" for key in ("pitch", "mass", "inertia", "face", "width", "lateral")),
             *(f"track.bushing.{key}" for key in ("stiffness", "preset", "damping", "friction", "radius", "slow")),

@@ -61,7 +61,11 @@ OUTPUTS = (
     ("energy.dissipated.tooth_damping", "J", "energy lost by normal damping of teeth"),
     ("energy.dissipated.guides", "J", "energy lost by friction and damping of guide horns on wheels"),
     ("energy.dissipated.material", "J", "energy lost by damping of the material of links"),
-    ("energy.dissipated.joints", "J", "energy lost by damping of pins across the chain, of bushes and of a closing spring"),
+    (
+        "energy.dissipated.joints",
+        "J",
+        "energy lost by damping of pins across the chain, of bushes and of a closing spring",
+    ),
     ("energy.dissipated.pins", "J", "energy lost by friction in bushed pins, which is the work of their wear"),
 )
 ON_SOIL = {  # texts of outputs that are others on soil

@@ -116,7 +116,8 @@ class LaidChain:
     def circles(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Centres (wheels, 2) and radii (wheels) of the line of pins round the wheels, m; which wheels are rims."""
         wheels, face = self.wheel_list, self.vehicle["track"]["face"]
-        pitch_radius = self.pitch / (2.0 * sin(np.pi / self.vehicle["sprocket"]["teeth"]))
+        sprocket = self.vehicle["sprocket"]
+        pitch_radius = (sprocket.get("pitch") or self.pitch) / (2.0 * sin(np.pi / sprocket["teeth"]))
         rims = np.array([w["kind"] != "teeth" for w in wheels])
         radii = np.array([w["radius"] + face if rim else pitch_radius for w, rim in zip(wheels, rims, strict=True)])
         return np.array([w["position"] for w in wheels], dtype=float), radii, rims

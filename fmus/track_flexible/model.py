@@ -144,7 +144,9 @@ class Model(TrackModel):
         if kind != self.kind:
             self.kind = kind
             self.allocate()
-        self.link = chain_links(kind, self.vehicle, self.links_count, self.closed, self.material, self.closing, self.bushing)
+        self.link = chain_links(
+            kind, self.vehicle, self.links_count, self.closed, self.material, self.closing, self.bushing
+        )
         self.kit = implementation("elements")(type(self.own_links))
 
     @property

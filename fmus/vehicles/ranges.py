@@ -52,6 +52,9 @@ VEHICLE = (
     PlausibleRange("tensioner.travel", "m", (1e-3, 1.0), (1e-6, 50.0), "a tensioner takes up some links at most"),
     PlausibleRange("track.pitch", "m", (5e-3, 1.0), (1e-4, 10.0), "links of toys and of crawlers"),
     PlausibleRange("track.mass", "kg", (1e-3, 2e3), (1e-9, 1e6), "links of toys and of crawlers"),
+    PlausibleRange("track.bushing.stiffness", "N m/rad", (0.0, 1e6), (0.0, 1e9),
+                   "rubber bushes of a track have some kN m/rad, and stiffer ones are no hinge"),
+    PlausibleRange("track.bushing.damping", "N m s/rad", (0.0, 1e4), (0.0, 1e8), "more is no hinge"),
     PlausibleRange("track.tension", "N", (0.0, 1e6), (-1e9, 1e9),
                    "a chain pulls, by some weights of the vehicle at most"),
     *(
@@ -74,7 +77,7 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
     """Yield a sentence for each number of a vehicle table, or of tables of it, that no vehicle can have."""
     sprocket, section, idler = (vehicle.get(name) or {} for name in ("sprocket", "section", "idler"))
     if {"outer_radius", "teeth"} <= {*sprocket} and "pitch" in (vehicle.get("track") or {}):
-        pitch_radius = vehicle["track"]["pitch"] / (2.0 * sin(pi / sprocket["teeth"]))
+        pitch_radius = (sprocket.get("pitch") or vehicle["track"]["pitch"]) / (2.0 * sin(pi / sprocket["teeth"]))
         if sprocket["outer_radius"] <= pitch_radius:
             yield (
                 f"sprocket.outer_radius = {sprocket['outer_radius']} m"

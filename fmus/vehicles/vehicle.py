@@ -73,6 +73,8 @@ class SprocketTable(FrozenTable):  # noqa: D101
     """moment of inertia across the axle"""
     teeth: Annotated[int, Field(ge=6, le=40)]
     """number of teeth"""
+    pitch: Distance | None = None
+    """pitch of the chain that the teeth were made for; without it that of the track, which grows by wear"""
     outer_radius: Distance
     """radius of the tips of the teeth; must exceed the pitch radius"""
     pin_radius: Distance

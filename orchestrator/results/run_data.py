@@ -317,7 +317,8 @@ def sprocket_end(scene: Mapping[str, Any]) -> float:
 
 def pitch_radius(vehicle: Mapping[str, Any]) -> float:
     """Pitch radius of the pins on the sprocket of a vehicle table, m."""
-    return float(vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"])))
+    pitch = vehicle["sprocket"].get("pitch") or vehicle["track"]["pitch"]
+    return float(pitch / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"])))
 
 
 def vectors(series: Series, instance: str, prefix: str, parts: str = "xyz") -> Floats:

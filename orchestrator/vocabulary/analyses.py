@@ -89,6 +89,13 @@ ANALYSES = {
         all_tracks=True,
         full_series=True,
     ),
+    "wear": Analysis(
+        "of bushed pins that rub: turning, work of friction, growth of the pitch (track.bushing of the vehicle)",
+        (TRACK,),
+        records=("turned", "rubbed"),
+        all_tracks=True,
+        full_series=True,
+    ),
     "wheel-loads": Analysis("of road wheels, and how long they are lifted off"),
     "patches": Analysis("contact patches of smooth wheels on links"),
     "contact": Analysis("pressure under links", (TRACK,)),

@@ -30,6 +30,7 @@ ELEMENTS = (  # of the suspension, one of each sort
     "vehicle.suspension.damper={speed=[-1, 0, 1], force=[-1e4, 0, 3e3]}",
     "vehicle.suspension.bump_stop={gap=0.02, stiffness=5e5}", "vehicle.tensioner.recoil={preload=6e4, stiffness=3e5}",
 )  # fmt: skip
+BUSHED = "vehicle.track.bushing={stiffness=500, preset=0.1, damping=5, friction=0.3, radius=0.02}"
 THERE_AND_BACK = "drive.speed_points=[[0, 0], [0.1, 8], [0.25, 8], [0.35, -8], [1, -8]]"
 
 
@@ -75,6 +76,8 @@ MANY = [
     Case("straight", "rigid", "left_track", (*MOVING, *JOINTED, "track.closure=spring")),
     Case("straight", "rigid", "left_track", (*MOVING, "track.closure=spring")),
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.elasticity=general")),
+    Case("straight", "flexible", "left_track", (*MOVING, BUSHED)),
+    Case("straight", "rigid", "left_track", (*MOVING, BUSHED)),
     Case("straight", "flexible", "right_track", (*QUICK, "drive.speed=0")),
     Case("straight", "rigid", "left_track", (*QUICK, "drive.speed=0")),
     Case(

@@ -43,6 +43,7 @@ ELSEWHERE = {  # numbers of a vehicle file that are parameters of no FMU, and wh
     "hitch.x": "of a scene that tows", "hitch.z": "of a scene that tows",
     "seat.position": "of a scene with a seat",
     "chassis.hull": "of a scene whose hull touches the ground",
+    "track.bushing.wear": "of an analysis", "track.bushing.bearing": "of an analysis",
     "idler.width": "of a wheel without a track", "road_wheel.width": "of a wheel without a track",
 }  # fmt: skip
 MOVED = {"SprocketDrive": {"mode": "torque", "torque.drive": 100.0}}
@@ -84,6 +85,7 @@ def test_every_number_of_a_vehicle_file_is_a_parameter_of_a_component():
     elements = {"suspension": {**config["vehicle"]["suspension"], **LAST}, "tensioner": FAR}
     packed = packed_config(kind, {**config, "vehicle": {**config["vehicle"], **elements}})
     known |= {name.partition("[")[0] for name in numbers.places(packed)}
+    known |= own_keys("straight", "rigid", BUSHED, WORN)
     known = {"seat.position" if name.startswith("seat.") else name for name in known}
     # of a vehicle with unequal sides; of the life, which is computed from a log
     right = {key for key in number_meanings() if key.startswith(("right.", "life."))}
@@ -100,10 +102,22 @@ def test_a_component_has_no_numbers_that_it_does_not_read():
     assert not [name for name in numbers.places(config_of("left_drive")[1]) if name.startswith("chassis.")]
 
 
-@pytest.mark.parametrize("part_name", ["chassis", "left_track", "left_drive"])
-def test_every_number_is_read(part_name):
+BUSHED = "vehicle.track.bushing={stiffness=500, preset=0.1, damping=20, friction=0.3, radius=0.02, slow=2.0}"
+WORN = "vehicle.sprocket.pitch=0.1523"
+
+
+@pytest.mark.parametrize(
+    ("part_name", "settings"),
+    [
+        ("chassis", ()),
+        ("left_track", ()),
+        ("left_drive", ()),
+        pytest.param("left_track", (BUSHED, WORN), marks=pytest.mark.long),
+    ],
+)
+def test_every_number_is_read(part_name, settings):
     """Another value changes the start or the first steps."""
-    kind, config = config_of(part_name)
+    kind, config = config_of(part_name, "straight", "rigid", *settings)
 
     def course(config):
         model = model_of(kind)(config)

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 # stored contact energy, J; power lost as contact patches move, W; largest penetration, m; load on the ground, N; its
 # products with the slip along -x and -y, N m/s; power of the end loads, W
 CONTACT, PATCH_POWER, DEPTH, LOAD, SLIP, SIDESLIP, END_POWER = range(7)
-# dissipated power by cause, W: GUIDES by friction and damping, MATERIAL in links, JOINTS by dampers of pins and closure,
-# PINS by friction in bushed pins
+# dissipated power by cause, W: GUIDES by friction and damping, MATERIAL in links, JOINTS by dampers of pins and
+# closure, PINS by friction in bushed pins
 LOSSES = 7  # index of the first
 (
     GROUND_FRICTION, GROUND_DAMPING, WHEEL_FRICTION, WHEEL_DAMPING, TOOTH_FRICTION, TOOTH_DAMPING, GUIDES, MATERIAL,

@@ -14,8 +14,8 @@ open one held at both ends, is compliant along its axis and in tilting. The othe
 directions too, so this spring stays unloaded.
 Paper 8.1 closes a chain by a stiff spring instead (``ClosingSpring``): the closing pin is then compliant in its three
 position rows and has no others, or it is left out of the system where the spring is an explicit force.
-With bushed pins (``chain.bushing``) each has a sixth row, the angle between its links, whose multiplier is the change of
-the bush's torque over the step: D is its compliance there.
+With bushed pins (``chain.bushing``) each has a sixth row, the angle between its links, whose multiplier is the change
+of the bush's torque over the step: D is its compliance there.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def _multiply_inverse(
 
 @kernel
 @noalias
-def _add_complement(
+def _add_complement(  # noqa: PLR0913, arrays that must not alias
     half: float,
     A: Matrix,
     WQ: Floats,

@@ -1,7 +1,7 @@
 """Bushed pins of flexible links, see ``chain.bushing``: the angle of a pin is that between the slopes of its links.
 
-The slopes are the links' own and condensed, so the change of each bush's torque is an unknown of its pin (``torques`` of
-the layout): columns of the derivative b in the matrices of both links, and -1 / T' on the diagonal of the pin. The
+The slopes are the links' own and condensed, so the change of each bush's torque is an unknown of its pin (``torques``
+of the layout): columns of the derivative b in the matrices of both links, and -1 / T' on the diagonal of the pin. The
 curvature of the angle (torque over the square of a slope) is left out of the matrix: it is 1e-4 of a link's stiffness.
 """
 
@@ -16,7 +16,7 @@ from fmus.physics.chain.bushing import Bushing, stored, turn
 from fmus.physics.chain.flexible.interface import gather, in_space, layout, pin_axis
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.elementary import atan2
-from fmus.physics.vector import add, cross, dot, put, scale, vector
+from fmus.physics.vector import cross, dot, put, scale
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks

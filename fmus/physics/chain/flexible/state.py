@@ -98,7 +98,9 @@ class Work(NamedTuple):
     lower: np.ndarray  # (nodes, m, m) blocks to the previous pin
     factors: Factors  # factors of these blocks
     right_side: np.ndarray  # (nodes, m) of the equations of the pins: their residual; then their correction
-    iteration_matrix: np.ndarray  # (whole, whole) of one link; whole = rows axes + c + 2 t, c unknowns common to all, t torques a pin
+    iteration_matrix: (
+        np.ndarray
+    )  # (whole, whole) of one link; whole = rows axes + c + 2 t, c unknowns common to all, t torques a pin
     residual: np.ndarray  # (links, rows, axes) residual of each link: inertia + internal - external, N and N m
     inner: np.ndarray  # (links, n, n) inverse of its own part
     right: np.ndarray  # (links, n, 2 m + c) inner^-1 times the coupling to pins and common unknowns
@@ -175,7 +177,8 @@ def work(
         shape_functions=z(rows), shape_slopes=z(rows), unit_tangent=z(3),
         wheels=wheel_rows, flat=wheel_rows if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
-        wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS), bushes=bush_arrays(bushed),
+        wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
+        bushes=bush_arrays(bushed),
         contact=memory(points(wheels, nodes)),
         points=_contact_points(contacts, nodes, kit.NODE) if contacts else None,
         near=near(links),

@@ -68,7 +68,8 @@ def shapes(
         "joints": (joints,),
         "q": (links, 7), "v": motion, "a": motion, "vdot": motion, "wrench": on, "aux": on, "mean": on,
         "on_links": forces, "on_links_aux": forces, "on_links_sum": forces, "span": (2,), "lengths": (2,),
-        "sums": (SUMS,), "turned": (bushed * pins, 2), "turning": (bushed * pins, 2), "lam": (pins, 5), "load": (pins, 3), "along": (links, 1),
+        "sums": (SUMS,), "turned": (bushed * pins, 2), "turning": (bushed * pins, 2),
+        "lam": (pins, 5), "load": (pins, 3), "along": (links, 1),
         **ground.shapes,
     }  # fmt: skip
 
