@@ -4,8 +4,8 @@
 
 The angle is that of the link after the pin relative to the one before it, positive as the chain bends round its wheels.
 -T acts on the link after, T on the link before. N is the size of the pin's force at the start of the step; s
-regularises friction. Its work is that of wear (Archard, J. Appl. Phys. 24, 1953, doi 10.1063/1.1721448). Where a spring closes a
-loop, and at the ends of a chain, there is no bush.
+regularises friction. Its work is that of wear (Archard, J. Appl. Phys. 24, 1953, doi 10.1063/1.1721448). Where a spring
+closes a loop, and at the ends of a chain, there is no bush.
 
 Neighbours meet in the torque, which stands in the way of what is eliminated link by link. In an implicit step the
 change of the torque, t = T' b dx with the derivative b of the angle, is therefore an unknown of the pin,

@@ -1,8 +1,8 @@
 """Wear of bushed pins: how far each turns and what its friction does, and the growth of the pitch by that.
 
 Archard (J. Appl. Phys. 24, 1953, doi 10.1063/1.1721448): the volume that wears off is a coefficient times the force
-times the way of rubbing, V = wear int |F| r |d theta|, the work of friction over its coefficient. The hole and the pin of the
-radius r and the width b that part by d under a pull leave 2 r b d of it, so the pitch grows by d.
+times the way of rubbing, V = wear int |F| r |d theta|, the work of friction over its coefficient. The hole and the pin
+of the radius r and the width b that part by d under a pull leave 2 r b d of it, so the pitch grows by d.
 """
 
 from __future__ import annotations
