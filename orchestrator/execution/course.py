@@ -148,8 +148,8 @@ def _of_log(run: RunData, window: Window) -> tuple[int, Floats]:
 
         def pins(first: float, last: float, step: int = 1, scale: float = 1.0, each: PinForces = each) -> Floats:
             """Damage (pins, details) a km by scaled forces from one number of circuits to another."""
-            a = np.searchsorted(each.way, first * each.length)
-            b = np.searchsorted(each.way, last * each.length, side="right")  # with the time that it stands there
+            ends = first, last + 1e-9  # with the time that the chain stands at the end
+            a, b = np.searchsorted(each.way, np.multiply(ends, each.length))
             damage = [cycle_damages(pull, factors, life)[0].sum(axis=0) for pull in scale * each.force[a:b:step].T]
             return np.array(damage) * each.way[-1] / ((last - first) * each.length * odometer)
 

@@ -67,6 +67,8 @@ def test_the_life_of_a_course_by_hand(runs):
     )
     assert [one["worst over all"] for one in rows] == pytest.approx([1.0, odd.max() / odd.mean()], rel=1e-4)
     assert [one["circuits"] for one in rows] == [4, 4]
+    both = course_of(runs, ('["even.mcap", "odd.mcap"]', 10, ""))
+    assert life_of(both, WORST)[0] == pytest.approx(1.0 / odd.max(), rel=1e-4), "the worst link of any log"
     twin = course_of(runs, ('"even.mcap"', 29, ""), ('"odd.mcap"', 11, ""))
     assert life_of(twin)[0] != pytest.approx(by_hand, rel=0.02)
 
@@ -104,6 +106,10 @@ def test_a_chain_that_stands_adds_nothing(tmp_path):
     log_of(tmp_path / "b.mcap", still, travel=way)
     lives = [life_of(course_of(tmp_path, (f'"{name}.mcap"', 1, ""))) for name in "ab"]
     assert lives[1] == pytest.approx(lives[0], rel=1e-6)
+    still[-300:] = 0.0  # all pins are released when it stands: of four cycles, one is from 80 kN to 0
+    log_of(tmp_path / "c.mcap", still, travel=way)
+    by_hand = 4.0 * one_cycle(20e3) / (3.0 * one_cycle(20e3) + one_cycle(40e3))
+    assert life_of(course_of(tmp_path, ('"c.mcap"', 1, "")))[0] / lives[0][0] == pytest.approx(by_hand, rel=1e-3)
 
 
 def test_seeds_and_halves_spread(tmp_path):

@@ -70,6 +70,16 @@ def test_a_repeated_record_is_counted_as_by_another_package(name):
     assert without(values) < half(values) < ours(values)
 
 
+@pytest.mark.parametrize("name", RANDOM)
+def test_the_peak_of_a_cycle_is_its_largest_value(name):
+    """The places that cycles are booked at, in the closed record and in the record itself."""
+    values = RANDOM[name]
+    places = fatigue.closed_places(values)
+    ranges, means, _, peaks = fatigue.cycles_with_peaks(values[places])
+    np.testing.assert_allclose(values[places[peaks]], means + 0.5 * ranges, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(values[places], fatigue.closed(values))
+
+
 def test_the_force_in_a_pin_is_counted_as_by_two_packages(driven):
     """A pin of a vehicle that drives off: closed as by fatpack; as half cycles as by rainflow."""
     with Log(driven) as log:
