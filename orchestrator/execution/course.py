@@ -33,14 +33,14 @@ OneOrMore = BeforeValidator(lambda given: [given] if isinstance(given, str) else
 
 
 class RunTable(FrozenTable):  # noqa: D101
-    log: Annotated[tuple[str, ...], OneOrMore, Field(min_length=1)]
+    log: Annotated[list[str], OneOrMore, Field(min_length=1)]
     km: Annotated[float, In("km", gt=0)]
     start: Annotated[float, In("s")] = Field(default=-math.inf, alias="from")
     end: Annotated[float, In("s")] = Field(default=math.inf, alias="to")
 
 
 class CourseTable(FrozenTable):  # noqa: D101
-    run: Annotated[tuple[RunTable, ...], Field(min_length=1)]
+    run: Annotated[list[RunTable], Field(min_length=1)]
 
 
 class CourseLife(NamedTuple):
@@ -106,7 +106,7 @@ def life(path: str | os.PathLike[str]) -> CourseLife:
         raise BadInput(first_error(error, path_text(file))) from None
     for k, each in enumerate(runs):
         if len({*each.log}) < len(each.log):
-            raise BadInput(f"{path_text(file)}: run.{k}.log = {[*each.log]}: names a log twice")
+            raise BadInput(f"{path_text(file)}: run.{k}.log = {each.log}: names a log twice")
         logs = []
         for name in each.log:
             with Log(file.parent / name, unfinished=True) as log:

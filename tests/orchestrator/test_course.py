@@ -176,6 +176,7 @@ REFUSED = {
     "no log": ("[[run]]\nlog = []\nkm = 1", "run.0.log = .*should have at least 1 item"),
     "unknown key": ('[[run]]\nlog = "a.mcap"\nkm = 1\nshare = 2', "unknown key 'run.0.share'"),
     "another unit": ('[[run]]\nlog = "a.mcap"\nkm = "1 kg"', "run.0.km = '1 kg': must be a quantity in km"),
+    "number as log": ("[[run]]\nlog = 3\nkm = 1", "run.0.log = 3: input should be a valid list"),
     "no TOML": ("[[run]", "not a readable TOML file"),
     "twice": ('[[run]]\nlog = ["a.mcap", "a.mcap"]\nkm = 1', r"run.0.log = .*: names a log twice"),
     "no such log": ('[[run]]\nlog = "none.mcap"\nkm = 1', "none.mcap"),
