@@ -21,6 +21,7 @@ OFFERED = {  # public name: module, name in the module
     "to_arrow": ("log.export", "to_arrow"),
     "analyse": ("results.analyses.catalogue", "analyse"),
     "report": ("execution.log_report", "report"),
+    "life": ("execution.course", "life"),
     "sweep": ("studies.parameter_sweep", "sweep"),
     "compare": ("results.difference", "differences_of_logs"),
 }

@@ -23,7 +23,7 @@ from fmus.cache.limit import keep_limit
 from fmus.vehicles.tables import BadInput
 from orchestrator import __version__
 from orchestrator.cli import common, log_commands
-from orchestrator.cli.analysis_commands import analyse, plot, view
+from orchestrator.cli.analysis_commands import analyse, life, plot, view
 from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, print_message, print_notices, show_usage
 from orchestrator.cli.result_commands import compare, replay, report
 from orchestrator.cli.run_commands import resume, run, truth
@@ -41,7 +41,7 @@ app = typer.Typer(
 app.add_typer(log_commands.app, name="log")
 COMMANDS: tuple[Callable[..., None], ...] = (
     scenes, vehicles, keys, schema, new, show, build, ssp, check, run, resume, replay, compare,
-    view, analyse, plot, report, study, sweep, truth, warm, cache,
+    view, analyse, life, plot, report, study, sweep, truth, warm, cache,
 )  # fmt: skip
 for command in COMMANDS:
     app.command()(command)

@@ -123,6 +123,25 @@ analyse.__doc__ = "\n".join(
 )
 
 
+def life(
+    course: Annotated[Path, typer.Argument(metavar="COURSE.toml", help="runs with their logs and their km")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="of CSV files")] = None,
+) -> None:
+    """Life of the links of a track on a course of recorded runs, in km, with its spread."""
+    from orchestrator.execution.course import life as life_of
+    from orchestrator.results.output_files import atomic_write
+    from orchestrator.scene.products import make_folder
+
+    found = life_of(course)
+    print_lines(f"{found.table()}\n\n{found.runs()}".splitlines())
+    if output:
+        make_folder(output)
+        for name, table in (("life", found.table(every=True)), ("runs", found.runs())):
+            with atomic_write(output / f"{name}.csv") as temporary:
+                temporary.write_text(table.csv(), encoding="utf-8")
+        print(output)
+
+
 def _check_options(what: str, given: Mapping[str, Any]) -> None:
     """Raise BadInput for an option that the analysis does not have."""
     for flag in (option for analysis in ANALYSES.values() for option in analysis.flags):

@@ -15,6 +15,7 @@ import orchestrator
 from orchestrator import OFFERED, __version__
 
 if TYPE_CHECKING:
+    from orchestrator.execution.course import life
     from orchestrator.execution.log_report import report
     from orchestrator.interface.recorded_run import Run, run
     from orchestrator.log.export import export, to_arrow, to_pandas, to_polars, to_xarray
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from orchestrator.studies.parameter_sweep import sweep
 
 __all__ = [
-    "Log", "Run", "__version__", "analyse", "compare", "export", "load", "report", "run", "scenes", "sweep",
+    "Log", "Run", "__version__", "analyse", "compare", "export", "life", "load", "report", "run", "scenes", "sweep",
     "to_arrow", "to_pandas", "to_polars", "to_xarray",
 ]  # fmt: skip
 

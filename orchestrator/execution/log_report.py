@@ -124,9 +124,7 @@ def command(run: RunData) -> str | None:
         return None
     try:
         name, model = str(wanted["name"]), wanted.get("track", {}).get("model")
-        settings = [
-            f"{key}={json.dumps(value)}" for key, value in _changed_settings(_resolved(name, model, []), wanted)
-        ]
+        settings = [f"{key}={json.dumps(value)}" for key, value in changed_settings(_resolved(name, model, []), wanted)]
         if _resolved(name, model, settings) != wanted:
             return None
     except BadInput:
@@ -142,10 +140,10 @@ def _resolved(name: str, model: str | None, settings: list[str]) -> Any:
     return json.loads(json.dumps(placed(load(name, model, settings)).resolved()))
 
 
-def _changed_settings(base: Mapping[str, Any], wanted: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+def changed_settings(base: Mapping[str, Any], wanted: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
     """Yield dotted keys and values of ``wanted`` that ``base`` lacks or that differ."""
     for key, value in wanted.items():
         if isinstance(value, Mapping) and isinstance(base.get(key), Mapping):
-            yield from _changed_settings(base[key], value, f"{above}{key}.")
+            yield from changed_settings(base[key], value, f"{above}{key}.")
         elif base.get(key) != value:
             yield f"{above}{key}", value

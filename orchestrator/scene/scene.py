@@ -48,7 +48,7 @@ def read_scene(scene: str) -> tuple[str, dict[str, Any]]:
     """
     path = Path(scene)
     if path.suffix == ".toml":
-        table = _read_toml(path, "scene")
+        table = read_file_table(path, "scene")
         owner, key = (table["vehicle"], "base") if isinstance(table.get("vehicle"), dict) else (table, "vehicle")
         if isinstance(owner.get(key), str) and Path(owner[key]).suffix == ".toml":
             owner[key] = str(path.parent / owner[key])
@@ -77,10 +77,11 @@ def read_with_files(scene: str) -> tuple[str, dict[str, Any]]:
 def read_vehicle(name: str) -> dict[str, Any]:
     """Raw table of a packaged vehicle or of a TOML file; raises BadInput."""
     path = Path(name)
-    return _read_toml(path, "vehicle") if path.suffix == ".toml" else read_table(name)[0]
+    return read_file_table(path, "vehicle") if path.suffix == ".toml" else read_table(name)[0]
 
 
-def _read_toml(path: Path, kind: str) -> dict[str, Any]:
+def read_file_table(path: Path, kind: str) -> dict[str, Any]:
+    """Raw table of a TOML file, named ``kind`` in messages; raises BadInput."""
     try:
         return read_toml(path)
     except FileNotFoundError:

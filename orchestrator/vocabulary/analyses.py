@@ -64,6 +64,7 @@ SN = Option("sn", str, "--sn", "RANGE,CYCLES,SLOPE", SN_HELP)
 TEETH = Option("teeth", bool, "--teeth", None, "events: each tooth that passes")
 AT = Option("at", list[float], "--at", "T", "deformation: an instant, s; repeatable; default last")
 LINK = Option("link", int, "--link", "N", "deformation: the link of a picture, default 1")
+BY = Option("by", str, "--by", "place|phase", "life: damage by place on the circuit, or by phase of the run")
 SEAT = Option("seat", str, "--seat", "NAME", "ride: the seat, default all")
 
 ANALYSES = {
@@ -83,7 +84,7 @@ ANALYSES = {
     ),
     "life": Analysis(
         "of pins and links by the forces in pins: stress, damage, km (table life of the vehicle)",
-        (TRACK,),
+        (TRACK, BY),
         every_step=True,
         library="rainflow",
         all_tracks=True,

@@ -2,21 +2,18 @@
 
 import numpy as np
 import pytest
-from made_logs import STEP, made
+from analysis_logs import driven_log
+from life_logs import LINE, TABLE, log_of
+from made_logs import STEP
 from scipy.integrate import quad
 
-from fmus.vehicles.life_tables import FatigueTable, LifeTable
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import read_table, vehicle
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import life
 from orchestrator.results.run_data import Missing, RunData, Window
 
-LINE = FatigueTable(stress=200e6, cycles=1e6, slope=5.0, mean_stress="none")
-TABLE = LifeTable(
-    pin_diameter=0.03, lugs=2, inner_lug=0.07, outer_lug=0.05, gap=1e-3, body_area=2e-3, pin_factor=1.2,
-    body_factor=2.5, pin=LINE, body=LINE.model_copy(update={"slope": 4.0, "stress": 100e6}),
-)  # fmt: skip
+driven = pytest.fixture(scope="module")(driven_log)
 
 
 def test_the_stresses_of_a_pin_by_hand():
@@ -70,18 +67,6 @@ def test_the_line_has_a_knee():
     assert 1.0 / life.damage_of(np.array([100e6]), own)[0] == pytest.approx(1e6 * 2.0**20, rel=1e-12)
 
 
-def log_of(path, forces, table=TABLE):
-    """Log of a chain of two links of 0.1 m that goes round in a second, with these forces (m, 2) in its pins, N."""
-    topics = {
-        "/track/links": [(f"joint[{i}].force.{axis}", "N") for axis in "xyz" for i in (1, 2)],
-        "/track/out": [("travel", "m")],
-    }
-    t = np.arange(len(forces)) * STEP
-    values = np.concatenate([0.6 * forces, 0.0 * forces, 0.8 * forces], axis=1)
-    scene = {"vehicle": {"track": {"pitch": 0.1}, "life": table.model_dump()}, "track": {"model": "rigid"}}
-    return made(path, topics, {"/track/links": (t, values), "/track/out": (t, 0.2 * t[:, None])}, scene)
-
-
 def test_the_life_of_a_pin_by_hand(tmp_path):
     """Ten cycles of 0 to 60 kN in the second pin, none in the first: km by Miner's sum of its worst detail."""
     t = np.arange(0.0, 10.0 + 0.5 * STEP, STEP)
@@ -119,3 +104,73 @@ def test_what_is_missing_is_said(tmp_path):
     table = {**table, "life": {**table["life"], "pin": {"stress": 1e8, "mean_stress": "morrow"}}}
     with pytest.raises(BadInput, match=r'life.pin.fracture: is missing; mean_stress = "morrow" needs it'):
         vehicle(table, where)
+
+
+def turning(n, m, turns):
+    """Pins (m, n, 3) of a round chain that turns in the numbering of its links."""
+    angle = -2.0 * np.pi * (np.arange(n) / n + np.linspace(0.0, turns, m)[:, None])
+    return np.stack([np.cos(angle), 0.0 * angle, np.sin(angle)], axis=2)
+
+
+def test_damage_is_booked_where_and_when_the_force_is_largest(tmp_path):
+    """Every pin has its largest force at one place; a single pin a larger one at another, once."""
+    n, m = 20, 2001
+    pins = turning(n, m, 3.3)
+    place = -np.arctan2(pins[..., 2], pins[..., 0]) / (2.0 * np.pi) % 1.0
+    force = 20e3 + 20e3 * np.exp(-(((place - 0.625) / 0.05) ** 2))
+    k = int(np.argmin(np.abs(place[:1200, 7] - 0.225)))
+    force[k, 7] = 60e3
+    path = log_of(tmp_path / "a.mcap", force, positions=pins)
+    with Log(path) as log:
+        found = life.of(RunData(log), by="place")
+        table, series = found.table(), found.series().records()
+    whole = found.tracks[0].damage.sum(axis=0)
+    np.testing.assert_allclose(sum(each for _, each in found.tracks[0].booked), whole, rtol=1e-12)
+    columns = [f"{name}" for name in life.DETAILS]
+    assert [sum(row[name] for row in series) for name in columns] == pytest.approx([100.0] * 3, rel=1e-12)
+    share = {int(row["place"] / (2.0 * np.pi / n)): row["pin bending"] for row in series}
+    one = life.cycle_damages(force[:, 7], life.stresses(TABLE.model_dump()), TABLE.model_dump())[0][:, 0].max()
+    assert share[4] == pytest.approx(100.0 * 2.0 * one / whole[0], rel=1e-3), "two halves of the largest cycle"
+    assert share[12] > 0.98 * (100.0 - share[4]), "the one place of all the others"
+    assert table.records()[0]["part"] == "", "a chain without wheels has no parts"
+    with Log(path) as log, pytest.raises(Missing, match="no phases without the motion of a hull"):
+        life.of(RunData(log), by="phase")
+    with Log(path) as log, pytest.raises(BadInput, match="--by tooth: must be one of place, phase"):
+        life.of(RunData(log), by="tooth")
+
+
+def test_damage_is_booked_in_the_phase_of_the_largest_force(tmp_path):
+    """Three cycles at speed and one larger one in the acceleration before: its peak is there, its lowest point not."""
+    t = np.arange(0.0, 8.0, STEP)
+    speed = np.interp(t, (1.0, 3.0), (0.0, 4.0))
+    force = np.full((len(t), 2), 20e3)
+    for moment, most in ((2.0, 60e3), (4.0, 50e3), (5.0, 50e3), (6.0, 50e3)):
+        force[:, 1] += (most - 20e3) * np.exp(-(((t - moment) / 0.05) ** 2))
+    force[:, 1] -= 10e3 * np.exp(-(((t - 7.0) / 0.05) ** 2))
+    with Log(log_of(tmp_path / "a.mcap", force, speed=speed)) as log:
+        found = life.of(RunData(log), by="phase")
+    rows = {row["phase"]: row for row in found.table().records()}
+    assert [*rows] == ["rest", "acceleration", "steady"]
+    per_newton = life.stresses(TABLE.model_dump())
+    large, small = (
+        float(life.damage_of(np.array([half * per_newton["pin bending"]]), LINE.model_dump())[0])
+        for half in (25e3, 15e3)  # from the lowest point of all, 10 kN; from 20 kN
+    )
+    by_hand = 100.0 * large / (large + 3.0 * small)
+    assert rows["acceleration"]["pin bending"] == pytest.approx(by_hand, rel=1e-4)
+    assert rows["steady"]["pin bending"] == pytest.approx(100.0 - by_hand, rel=1e-3)
+    assert rows["rest"]["pin bending"] == pytest.approx(0.0, abs=1e-12)
+    whole = found.tracks[0].damage.sum(axis=0)
+    np.testing.assert_allclose(sum(each for _, each in found.tracks[0].booked), whole, rtol=1e-12)
+
+
+def test_the_shares_of_a_vehicle_sum_to_all(driven):
+    """Shares by part of a short run of a vehicle, in all the parts of its circuit."""
+    with Log(driven) as log:
+        found = life.of(RunData(log), by="place")
+    rows = found.table().records()
+    assert {row["part"] for row in rows} == {
+        "sprocket", "front run", "ground run", "rear run", "idler", "upper run",
+    }  # fmt: skip
+    for name in life.DETAILS:
+        assert sum(row[name] for row in rows) == pytest.approx(100.0, rel=1e-12)

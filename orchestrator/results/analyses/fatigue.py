@@ -229,32 +229,40 @@ def equivalent_range(ranges: Floats, counts: Floats, cycles: float, slope: float
 
 def turning_points(values: Floats) -> Floats:
     """End points and turning points of a record (m,); only these affect cycles."""
+    return values[turning_places(values)]
+
+
+def turning_places(values: Floats) -> np.ndarray:
+    """Places (k,) of the end points and turning points in a record (m,)."""
     if len(values) < 3:
-        return values
-    steps = np.diff(values)
-    kept = np.flatnonzero(np.append(True, steps != 0.0))  # first of equal neighbours
-    values = values[kept]
-    turns = np.flatnonzero(np.diff(np.sign(np.diff(values)))) + 1
-    return values[np.unique(np.concatenate([[0], turns, [len(values) - 1]]))]
+        return np.arange(len(values))
+    kept = np.flatnonzero(np.append(True, np.diff(values) != 0.0))  # first of equal neighbours
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(values[kept])))) + 1
+    return kept[np.unique(np.concatenate([[0], turns, [len(kept) - 1]]))]
 
 
 def closed(values: Floats) -> Floats:
     """Turning points (m,) of a repeated record (n,) from its largest value on, as ASTM E1049-85, 5.4.5 counts it."""
-    first = int(values.argmax())
-    return turning_points(np.concatenate([values[first:], values[: first + 1]]))
+    return values[closed_places(values)]
+
+
+def closed_places(values: Floats) -> np.ndarray:
+    """Places (m,) in a record (n,) of its points ``closed``."""
+    once_round = (np.arange(len(values) + 1) + values.argmax()) % len(values)
+    return once_round[turning_places(values[once_round])]
 
 
 def rainflow_cycles(values: Floats) -> tuple[Floats, Floats]:
     """Ranges (k,) of a record (m,) and their counts, 1 or 0.5, by ASTM E1049-85; raises NotInstalled."""
-    sizes, _, counts = cycles_with_means(values)
+    sizes, _, counts, _ = cycles_with_peaks(values)
     return sizes, counts
 
 
-def cycles_with_means(values: Floats) -> tuple[Floats, Floats, Floats]:
-    """Ranges, means and counts (k,) as of ``rainflow_cycles``."""
+def cycles_with_peaks(values: Floats) -> tuple[Floats, Floats, Floats, np.ndarray]:
+    """Ranges, means, counts and places of the largest values (k,) as of ``rainflow_cycles``."""
     if not np.ptp(values):
-        return np.empty(0), np.empty(0), np.empty(0)
+        return np.empty(0), np.empty(0), np.empty(0), np.empty(0, int)
     twice = [values[0], *values.tolist()]  # of a record of two points the package counts none
-    found = [(size, mean, count) for size, mean, count, _, _ in library("rainflow").extract_cycles(twice)]
-    sizes, means, counts = np.array(found).reshape(-1, 3).T
-    return sizes, means, counts
+    sizes, means, counts, *ends = np.array([*library("rainflow").extract_cycles(twice)]).reshape(-1, 5).T
+    first, last = (np.maximum(end.astype(int) - 1, 0) for end in ends)
+    return sizes, means, counts, np.where(values[first] >= values[last], first, last)

@@ -7,24 +7,28 @@ Walker, ASTM STP 462, 1970; Smith, Watson and Topper, Journal of Materials 5, 19
 TM 50, 1970.
 
 The force in a pin counts by its size: that its direction turns against the pin is left out, which is on the safe side.
+The damage of a cycle is booked where the pin is, and when, at the cycle's largest force.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, record_blocks
-from orchestrator.results.analyses.fatigue import closed, cycles_with_means, turning_points
+from orchestrator.results.analyses import circuit, envelope, hull, phases, record_blocks
+from orchestrator.results.analyses.fatigue import closed_places, cycles_with_peaks
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 
 FORCE = "joint[*].force"
 DETAILS = ("pin bending", "pin shear", "body")
+PARTS = ("pin", "pin", "body")  # tables of their materials
 SHOWN = 5  # pins of a track in the printed table
+BY = {"place": (("part", ""), ("place", "m")), "phase": (("phase", ""), ("from", "s"), ("to", "s"))}  # and columns
 
 
 def stresses(life: Mapping[str, Any]) -> dict[str, float]:
@@ -77,6 +81,7 @@ class TrackLife(NamedTuple):
     scatter: tuple[float, ...]  # of each detail
     interval: float  # s between records
     halved: float  # damage of the worst pin and detail by every second record alone, over that of all
+    booked: Sequence[tuple[tuple[Any, ...], Floats]]  # cells of BY, (details) damage of all pins; empty without
 
     @property
     def worst(self) -> tuple[int, int]:
@@ -100,14 +105,28 @@ class Life(NamedTuple):
     """Life of one or more tracks."""
 
     tracks: tuple[TrackLife, ...]
+    by: str = ""  # key of BY
 
     def table(self) -> Table:
-        """Table of the most damaged pins of each track."""
-        return self._table(SHOWN)
+        """Table of the most damaged pins of each track; with ``by`` of shares of the damage, by part or phase."""
+        return self._shares(1 if self.by == "place" else None) if self.by else self._table(SHOWN)
 
     def series(self) -> Table:
-        """Table of all pins."""
-        return self._table(None)
+        """Table of all pins; with ``by`` of shares of the damage, by place or phase."""
+        return self._shares(None) if self.by else self._table(None)
+
+    def _shares(self, columns: int | None) -> Table:
+        heads = BY[self.by][:columns]
+        rows: dict[tuple[Any, ...], Floats] = {}
+        for each in self.tracks:
+            whole = np.where((damage := each.damage.sum(axis=0)) > 0.0, damage, np.nan)
+            for cells, part in each.booked:
+                key = each.track, *cells[: len(heads)]
+                rows[key] = rows.get(key, 0.0) + 100.0 * part / whole
+        names = (("track", ""), *heads, *((name, "% of its damage") for name in DETAILS))
+        start, end = self.tracks[0].window
+        title = f"Damage of all pins by the {self.by} of a cycle's largest force, {start:.6g} to {end:.6g} s repeated"
+        return Table.of(title, names, [(*key, *share.tolist()) for key, share in rows.items()])
 
     def _table(self, most: int | None) -> Table:
         columns = (
@@ -153,15 +172,33 @@ class Life(NamedTuple):
         )
 
 
-def of(run: RunData, track: str = "", window: Window = EVER) -> Life:
-    """Life of each pin of a track, by default of all; raises Missing, NotInstalled."""
-    life = (run.scene.get("vehicle") or {}).get("life")
-    if not life:
-        raise Missing(f"{run.log.path}: the vehicle has no table life (pin, lugs and material): see cotrack keys life")
-    return Life(tuple(_of_track(run, name, window, life) for name in hull.tracks(run, track)))
+def of(run: RunData, track: str = "", window: Window = EVER, by: str = "") -> Life:
+    """Life of each pin of a track, by default of all; ``by``: key of BY. Raises Missing, NotInstalled, BadInput."""
+    if by and by not in BY:
+        raise BadInput(f"--by {by}: must be one of {', '.join(BY)}")
+    life = table_of(run)
+    return Life(tuple(_of_track(run, name, window, life, by) for name in hull.tracks(run, track)), by)
 
 
-def _of_track(run: RunData, track: str, window: Window, life: Mapping[str, Any]) -> TrackLife:
+def table_of(run: RunData) -> Mapping[str, Any]:
+    """Table ``life`` of the vehicle; raises Missing."""
+    if life := (run.scene.get("vehicle") or {}).get("life"):
+        return dict(life)
+    raise Missing(f"{run.log.path}: the vehicle has no table life (pin, lugs and material): see cotrack keys life")
+
+
+class PinForces(NamedTuple):
+    """Forces in the m records and n pins of a track, and the way of its chain."""
+
+    t: Floats  # (m) s
+    force: Floats  # (m, n) N
+    way: Floats  # (m) m, length of chain that has passed, either way
+    net: float  # m, that passed without what came back
+    length: float  # m, of the chain
+
+
+def pin_forces(run: RunData, track: str, window: Window) -> PinForces:
+    """Recorded forces in the pins of a track; raises Missing."""
     times, forces = [], []
     for block in record_blocks.records(run, track, window, FORCE):
         times.append(block.t)
@@ -169,25 +206,51 @@ def _of_track(run: RunData, track: str, window: Window, life: Mapping[str, Any])
     t, force = np.concatenate(times), np.concatenate(forces)
     if not np.isfinite(force).all():
         raise Missing(f"{run.log.path}: the forces in pins of '{track}' are not all finite numbers")
-    span = Window(float(t[0]), float(t[-1]))
     moment, passed = run.signal(f"{track}.travel", EVER)
-    travel = float(np.abs(np.diff(np.interp(np.append(t[0], t), moment, passed))).sum())
-    factors = stresses(life)
-    lines = [life["pin"], life["pin"], life["body"]]
-    damage = np.array([damages(column, factors, lines) for column in force.T])
+    travel, length = np.interp(t, moment, passed), force.shape[1] * run.scene["vehicle"]["track"]["pitch"]
+    return PinForces(t, force, np.append(0.0, np.abs(np.diff(travel)).cumsum()), float(np.ptp(travel)), length)
+
+
+def _of_track(run: RunData, track: str, window: Window, life: Mapping[str, Any], by: str) -> TrackLife:
+    found = pin_forces(run, track, window)
+    t, force, travel = found.t, found.force, float(found.way[-1])
+    span, factors = Window(float(t[0]), float(t[-1])), stresses(life)
+    damages, peaks = zip(*(cycle_damages(column, factors, life) for column in force.T), strict=True)
+    damage = np.array([each.sum(axis=0) for each in damages])
     pin, detail = np.unravel_index(int(damage.argmax()), damage.shape)
-    halved = damages(force[::2, pin], factors, lines)[detail] / damage[pin, detail] if damage[pin, detail] else 1.0
-    length = force.shape[1] * run.scene["vehicle"]["track"]["pitch"]
-    interval, scatter = (span.end - span.start) / max(len(t) - 1, 1), tuple(line["scatter"] for line in lines)
-    most = force.max(axis=0)
-    return TrackLife(track, span, travel, travel / length, most, damage, factors, scatter, interval, float(halved))
+    sparse = cycle_damages(force[::2, pin], factors, life)[0].sum(axis=0)[detail]
+    halved = float(sparse / damage[pin, detail]) if damage[pin, detail] else 1.0
+    interval, scatter = (span.end - span.start) / max(len(t) - 1, 1), tuple(life[part]["scatter"] for part in PARTS)
+    if by == "phase":
+        known = phases.of(run).phases
+        cells = [(phases.phase_name(each), each.start, each.end) for each in known]
+        number = np.searchsorted([each.start for each in known[1:]], t[np.concatenate(peaks)], side="right")
+    elif by:
+        cells, bins = _places(run, track, window)
+        number = np.concatenate([column[peak] for column, peak in zip(bins.T, peaks, strict=True)])
+    booked = [(each, np.concatenate(damages)[number == k].sum(axis=0)) for k, each in enumerate(cells)] if by else []
+    parts = span, travel, travel / found.length, force.max(axis=0), damage, factors, scatter, interval, halved, booked
+    return TrackLife(track, *parts)
 
 
-def damages(force: Floats, factors: Mapping[str, float], lines: list[Mapping[str, Any]]) -> Floats:
-    """Share of life of each of DETAILS in a repeat of a record of the force in a pin (m), N; raises NotInstalled."""
-    ranges, means, counts = cycles_with_means(closed(turning_points(force)))
+def _places(run: RunData, track: str, window: Window) -> tuple[list[tuple[Any, ...]], np.ndarray]:
+    """Parts and places of the circuit, one a link, and the number of that of each record and pin (m, n); Missing."""
+    where, names = envelope.of(run, track=track, window=window), {}
+    if run.scene.get("assembly") == "vehicle":  # the lower run in three
+        wheels = run.scene["vehicle"]["road_wheel"]["x"]
+        names = {1: "front run", 0: "ground run", -1: "rear run"}
+        sides = (where.forward > max(wheels)) * 1 - (where.forward < min(wheels))
+    parts = [names[sides[k]] if names and part == "lower run" else part for k, part in enumerate(where.part)]
+    at = np.concatenate([block.joints / block.length[:, None] for block in circuit.records(run, track, window)])
+    return list(zip(parts, where.place.tolist(), strict=True)), (at * len(parts)).astype(int) % len(parts)
+
+
+def cycle_damages(force: Floats, factors: Mapping[str, float], life: Mapping[str, Any]) -> tuple[Floats, np.ndarray]:
+    """Damage (k, details) of each cycle of a repeated record (m), N, and the record (k) of its peak; NotInstalled."""
+    places = closed_places(force)
+    ranges, means, counts, peaks = cycles_with_peaks(force[places])
     found = []
-    for name, line in zip(DETAILS, lines, strict=True):
-        amplitude = equivalent_amplitude(0.5 * factors[name] * ranges, factors[name] * means, line)
-        found.append(float((counts * damage_of(amplitude, line)).sum()))
-    return np.array(found)
+    for name, part in zip(DETAILS, PARTS, strict=True):
+        amplitude = equivalent_amplitude(0.5 * factors[name] * ranges, factors[name] * means, life[part])
+        found.append(counts * damage_of(amplitude, life[part]))
+    return np.array(found).T, places[peaks]

@@ -1,0 +1,241 @@
+"""Life of a course: Miner's sum of runs by hand, whole circuits, its spread, and what is refused."""
+
+import cotrack as installed
+import numpy as np
+import pytest
+from life_logs import LINE, TABLE, log_of
+from made_logs import STEP
+
+from fmus.vehicles.tables import BadInput
+from orchestrator.execution import course
+from orchestrator.execution.course import ALL, ERROR, HALVES, RECORDS, REST, SEEDS, WORST
+from orchestrator.log.reader import LogUnreadable
+from orchestrator.results.analyses import life
+from orchestrator.results.run_data import Missing
+
+PER_NEWTON = life.stresses(TABLE.model_dump())["pin bending"]
+LENGTH = 0.4  # m: a chain of four links goes round in a second
+
+
+def one_cycle(amplitude):
+    """Damage of the bending of a pin by a cycle with this amplitude, N."""
+    return float(life.damage_of(np.array([PER_NEWTON * amplitude]), LINE.model_dump())[0])
+
+
+def waves(*amplitudes, seconds=4.0, growth=None):
+    """Forces of four pins, a cycle in every circuit, each a quarter behind the one before; ``growth``: (m,) factor."""
+    t = np.arange(0.0, seconds + 0.5 * STEP, STEP)
+    phase = 2.0 * np.pi * (t[:, None] - np.arange(4) / 4.0)
+    return 60e3 - np.array(amplitudes) * np.cos(phase) * (1.0 if growth is None else growth(t)[:, None])
+
+
+def course_of(folder, *runs):
+    """Life on a course of runs, each a log's name, km and further lines."""
+    lines = (f"[[run]]\nlog = {log}\nkm = {km}\n{more}\n" for log, km, more in runs)
+    (folder / "course.toml").write_text("\n".join(lines), encoding="utf-8")
+    return course.life(folder / "course.toml")
+
+
+def life_of(found, estimate=ALL):
+    """Least and largest life of 50 %, km, by an estimate."""
+    row = found.table().records()[estimate]
+    return row["50 % last, least"], row["50 % last, most"]
+
+
+@pytest.fixture
+def runs(tmp_path):
+    """Folder of two runs of the same chain, one of pins that all have the same, one of pins that have not."""
+    log_of(tmp_path / "even.mcap", waves(20e3, 20e3, 20e3, 20e3))
+    log_of(tmp_path / "odd.mcap", waves(20e3, 22e3, 24e3, 30e3))
+    return tmp_path
+
+
+def test_the_life_of_a_course_by_hand(runs):
+    """30 km of one run and 10 km of the other: Miner's sum of the means of all links, and of the worst ones."""
+    found = course_of(runs, ('"even.mcap"', 30, ""), ('"odd.mcap"', 10, ""))
+    circuits = 1000.0 / LENGTH  # in a km
+    even, odd = (circuits * np.array([one_cycle(a) for a in each]) for each in ([20e3] * 4, [20e3, 22e3, 24e3, 30e3]))
+    by_hand = 1.0 / (0.75 * even.mean() + 0.25 * odd.mean())
+    assert life_of(found) == pytest.approx((by_hand, by_hand), rel=1e-4)
+    assert life_of(found, WORST)[0] == pytest.approx(1.0 / (0.75 * even.max() + 0.25 * odd.max()), rel=1e-4)
+    row = found.table().records()[ALL]
+    assert row["90 % last, least"] == pytest.approx(by_hand / np.sqrt(3.0), rel=1e-4)
+    assert (row["track"], row["breaks by"]) == ("track", "pin bending")
+    rows = found.runs().records()
+    assert [one["of it"] for one in rows] == pytest.approx(
+        [100.0 * 0.75 * even.mean() * by_hand, 100.0 * 0.25 * odd.mean() * by_hand], rel=1e-4
+    )
+    assert [one["worst over all"] for one in rows] == pytest.approx([1.0, odd.max() / odd.mean()], rel=1e-4)
+    assert [one["circuits"] for one in rows] == [4, 4]
+    both = course_of(runs, ('["even.mcap", "odd.mcap"]', 10, ""))
+    assert life_of(both, WORST)[0] == pytest.approx(1.0 / odd.max(), rel=1e-4), "the worst link of any log"
+    twin = course_of(runs, ('"even.mcap"', 29, ""), ('"odd.mcap"', 11, ""))
+    assert life_of(twin)[0] != pytest.approx(by_hand, rel=0.02)
+
+
+def test_order_and_unit_of_the_shares_do_not_matter(runs):
+    """Runs in another order, a run in two parts, shares in m: the same life; also from Python."""
+    found = course_of(runs, ('"even.mcap"', 30, ""), ('"odd.mcap"', 10, ""))
+    other = course_of(runs, ('"odd.mcap"', '"4000 m"', ""), ('"even.mcap"', 24, ""), ('["odd.mcap"]', 4, ""))
+    assert life_of(other) == pytest.approx(life_of(found), rel=1e-12)
+    np.testing.assert_allclose(installed.life(runs / "course.toml").rates["track"], other.rates["track"])
+
+
+def test_a_rest_of_a_circuit_is_left_out(tmp_path):
+    """Four circuits and 0.4 of one with a larger cycle: the rest says what it would add."""
+    whole = waves(20e3, 20e3, 20e3, 20e3)
+    more = waves(*[20e3] * 4, seconds=4.4, growth=lambda t: 1.0 + 1.0 * (t > 4.1))
+    log_of(tmp_path / "whole.mcap", whole)
+    log_of(tmp_path / "more.mcap", more)
+    found, longer = (course_of(tmp_path, (f'"{name}.mcap"', 1, "")) for name in ("whole", "more"))
+    assert life_of(longer) == pytest.approx(life_of(found), rel=1e-6)
+    least, most = life_of(longer, REST)
+    assert least < 0.5 * most
+    assert life_of(found, REST) == pytest.approx(life_of(found), rel=1e-9)
+    window = course_of(tmp_path, ('"more.mcap"', 1, 'from = 1\nto = "3.2 s"'))
+    assert window.circuits == (2,)
+    assert life_of(window) == pytest.approx(life_of(found), rel=1e-3)
+
+
+def test_a_chain_that_stands_adds_nothing(tmp_path):
+    """A rest before and after the way: of the same circuits, the same life."""
+    force = waves(20e3, 20e3, 20e3, 20e3)
+    log_of(tmp_path / "a.mcap", force)
+    still = np.concatenate([np.repeat(force[:1], 700, axis=0), force, np.repeat(force[-1:], 400, axis=0)])
+    way = np.clip(LENGTH * (np.arange(len(still)) * STEP - 0.7), 0.0, 4.0 * LENGTH)
+    log_of(tmp_path / "b.mcap", still, travel=way)
+    lives = [life_of(course_of(tmp_path, (f'"{name}.mcap"', 1, ""))) for name in "ab"]
+    assert lives[1] == pytest.approx(lives[0], rel=1e-6)
+    still[-300:] = 0.0  # all pins are released when it stands: of four cycles, one is from 80 kN to 0
+    log_of(tmp_path / "c.mcap", still, travel=way)
+    by_hand = 4.0 * one_cycle(20e3) / (3.0 * one_cycle(20e3) + one_cycle(40e3))
+    assert life_of(course_of(tmp_path, ('"c.mcap"', 1, "")))[0] / lives[0][0] == pytest.approx(by_hand, rel=1e-3)
+
+
+def test_seeds_and_halves_spread(tmp_path):
+    """Logs of other seeds bound the life by their own; so do the halves of a run that gets rougher."""
+    for name, size in (("a", 20e3), ("b", 23e3), ("c", 21e3)):
+        log_of(tmp_path / f"{name}.mcap", waves(*[size] * 4))
+    found = course_of(tmp_path, ('["a.mcap", "b.mcap", "c.mcap"]', 5, ""))
+    alone = [1000.0 / LENGTH * one_cycle(size) for size in (20e3, 23e3, 21e3)]
+    assert life_of(found)[0] == pytest.approx(1.0 / np.mean(alone), rel=1e-4), "the mean of damages, not of lives"
+    assert life_of(found, SEEDS) == pytest.approx((1.0 / alone[1], 1.0 / alone[0]), rel=1e-4)
+    assert np.isnan(life_of(course_of(tmp_path, ('"a.mcap"', 5, "")), SEEDS)).all()
+    both = course_of(tmp_path, ('"a.mcap"', 5, ""), ('["b.mcap", "c.mcap"]', 15, ""))
+    assert both.table().records()[SEEDS]["known of runs"] == 1
+    bounds = [1.0 / (0.25 * alone[0] + 0.75 * each) for each in alone[1:]]
+    assert life_of(both, SEEDS) == pytest.approx(bounds, rel=1e-4)
+    log_of(tmp_path / "rough.mcap", waves(*[20e3] * 4, growth=lambda t: 1.0 + 0.1 * (t > 2.0)))
+    least, most = life_of(course_of(tmp_path, ('"rough.mcap"', 5, "")), HALVES)
+    assert most == pytest.approx(1.0 / alone[0], rel=0.01)
+    assert most / least == pytest.approx(one_cycle(22e3) / one_cycle(20e3), rel=0.05)
+
+
+def test_error_and_records_spread(tmp_path):
+    """An estimated error of 2 % of the forces bounds the life by the slope; so does what every second record misses."""
+    force = waves(*[20e3] * 4)
+    force[501::1000, 0] += 5e3  # at the tops of one pin, in odd records
+    log_of(tmp_path / "a.mcap", force, error=0.02)
+    found = course_of(tmp_path, ('"a.mcap"', 5, ""))
+    (life_km, _), (least, most) = life_of(found), life_of(found, ERROR)
+    slope = 9.0 if PER_NEWTON * 26e3 < 200e6 else 5.0
+    assert slope == 9.0, "all cycles are below the knee"
+    assert (life_km / least, life_km / most) == pytest.approx((1.02**9, 0.98**9), rel=1e-9)
+    least, most = life_of(found, RECORDS)
+    without, spiked = one_cycle(20e3), one_cycle(22.5e3)
+    assert most == life_km
+    assert life_km / least == pytest.approx(2.0 - without / (0.75 * without + 0.25 * spiked), rel=1e-4)
+    assert np.isnan(life_of(course_of(tmp_path, (f'"{log_of(tmp_path / "b.mcap", force).name}"', 5, "")), ERROR)).all()
+
+
+def test_km_are_the_mean_way_of_the_chains(tmp_path):
+    """In a turn the outer chain goes round three times as often: a km is that of the middle."""
+    force = waves(*[20e3] * 4)
+    t = np.arange(len(force)) * STEP
+    travel = {"left_track": 0.5 * LENGTH * t, "right_track": 1.5 * LENGTH * t}
+    log_of(tmp_path / "a.mcap", force, travel=travel, tracks=("left_track", "right_track"))
+    found = course_of(tmp_path, ('"a.mcap"', 5, ""))
+    assert found.circuits == (2,)
+    left, right = (found.damage(side)[0, ALL, 0, 0] for side in ("left_track", "right_track"))
+    assert (left, right) == pytest.approx([1000.0 / LENGTH * one_cycle(20e3)] * 2, rel=1e-4)
+    assert {row["track"] for row in found.table(every=True).records()} == {"left_track", "right_track"}
+
+
+def test_no_damage_is_a_life_without_end(tmp_path):
+    log_of(tmp_path / "a.mcap", np.full((3001, 4), 20e3))
+    found = course_of(tmp_path, ('"a.mcap"', 5, ""))
+    assert life_of(found) == (np.inf, np.inf)
+    assert "inf" in str(found.table())
+    assert np.isnan(found.runs().records()[0]["of it"])
+
+
+REFUSED = {
+    "km of nothing": ('[[run]]\nlog = "a.mcap"\nkm = 0', r"course.toml.: run.0.km = 0: input should be greater than 0"),
+    "no km": ('[[run]]\nlog = "a.mcap"', "course.toml.: key 'run.0.km' is missing"),
+    "no run": ("", "course.toml.: key 'run' is missing"),
+    "no log": ("[[run]]\nlog = []\nkm = 1", "run.0.log = .*should have at least 1 item"),
+    "unknown key": ('[[run]]\nlog = "a.mcap"\nkm = 1\nshare = 2', "unknown key 'run.0.share'"),
+    "another unit": ('[[run]]\nlog = "a.mcap"\nkm = "1 kg"', "run.0.km = '1 kg': must be a quantity in km"),
+    "number as log": ("[[run]]\nlog = 3\nkm = 1", "run.0.log = 3: input should be a valid list"),
+    "no TOML": ("[[run]", "not a readable TOML file"),
+    "twice": ('[[run]]\nlog = ["a.mcap", "a.mcap"]\nkm = 1', r"run.0.log = .*: names a log twice"),
+    "no such log": ('[[run]]\nlog = "none.mcap"\nkm = 1', "none.mcap"),
+    "window": (
+        '[[run]]\nlog = "a.mcap"\nkm = 1\nfrom = 3\nto = 2',
+        "no links of 'track' were recorded between 3 and 2",
+    ),
+    "0.9 circuits": ('[[run]]\nlog = "a.mcap"\nkm = 1\nto = 0.9', "a.mcap: the chain of track went round 0.90 times"),
+    "no way": ('[[run]]\nlog = "still.mcap"\nkm = 1', "still.mcap: the chain of track went round 0.00 times"),
+    "back": ('[[run]]\nlog = "back.mcap"\nkm = 1', "back.mcap: the chain of track went round 0.60 times"),
+    "no table": ('[[run]]\nlog = "bare.mcap"\nkm = 1', "bare.mcap: the vehicle has no table life"),
+    "failed": ('[[run]]\nlog = "failed.mcap"\nkm = 1', "failed.mcap was cut off, or its run failed"),
+    "cut off": ('[[run]]\nlog = "cut.mcap"\nkm = 1', "cut.mcap was cut off, or its run failed"),
+    "forces": ('[[run]]\nlog = "no.mcap"\nkm = 1', "no.mcap holds no 'track.joint.*force'; record it with the group"),
+    "pitch": (
+        '[[run]]\nlog = "a.mcap"\nkm = 1\n[[run]]\nlog = "pitch.mcap"\nkm = 1',
+        "pitch.mcap: pitch = 0.11 is not",
+    ),
+    "links": ('[[run]]\nlog = ["a.mcap", "links.mcap"]\nkm = 1', "links.mcap: links = 3 is not as in .*a.mcap"),
+    "life": ('[[run]]\nlog = ["a.mcap", "life.mcap"]\nkm = 1', "life.mcap: life.gap = 0.002 is not as in .*a.mcap"),
+    "tracks": ('[[run]]\nlog = ["a.mcap", "two.mcap"]\nkm = 1', r"two.mcap: tracks = .*right_track.* is not as in"),
+}
+
+
+@pytest.fixture(scope="module")
+def odd_logs(tmp_path_factory):
+    folder, force = tmp_path_factory.mktemp("odd"), waves(*[20e3] * 4)
+    t = np.arange(len(force)) * STEP
+    log_of(folder / "a.mcap", force)
+    log_of(folder / "still.mcap", force, travel=0.0 * t)
+    log_of(folder / "back.mcap", force, travel=0.6 * LENGTH * (1.0 - np.abs(t / 2.0 - 1.0)))
+    log_of(folder / "bare.mcap", force, table=None)
+    log_of(folder / "failed.mcap", force, status="failed")
+    log_of(folder / "pitch.mcap", force, pitch=0.11)
+    log_of(folder / "links.mcap", force[:, :3])
+    log_of(folder / "life.mcap", force, table=TABLE.model_copy(update={"gap": 2e-3}))
+    log_of(folder / "two.mcap", force, tracks=("left_track", "right_track"))
+    log_of(folder / "no.mcap", force[:, :0])
+    content = (folder / "a.mcap").read_bytes()
+    (folder / "cut.mcap").write_bytes(content[: len(content) // 2])
+    return folder
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_no_course_is_refused_in_a_sentence(odd_logs, case):
+    text, said = REFUSED[case]
+    (odd_logs / "course.toml").write_text(text, encoding="utf-8")
+    with pytest.raises((BadInput, Missing, LogUnreadable), match=said):
+        course.life(odd_logs / "course.toml")
+
+
+def test_the_command_prints_tables_and_writes_them(runs, cotrack):
+    found = course_of(runs, ('"even.mcap"', 30, ""), ('"odd.mcap"', 10, ""))
+    status, out, err = cotrack("life", runs / "course.toml", "-o", runs / "new" / "folder")
+    assert (status, err) == (0, "")
+    assert out.splitlines()[:-1] == f"{found.table()}\n\n{found.runs()}".splitlines()
+    folder = runs / "new" / "folder"
+    assert (folder / "life.csv").read_text() == found.table(every=True).csv()
+    assert (folder / "runs.csv").read_text() == found.runs().csv()
+    err = cotrack.refused("life", runs / "none.toml", "-o", runs / "other")
+    assert "no course file" in err
+    assert not (runs / "other").exists()
