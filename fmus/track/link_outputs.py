@@ -9,7 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.interface.ports import Port
-from fmus.physics.chain.on_links import NONE, WITH_GROUND, WITH_JOINT, WITH_SLIDING, WITH_WHEELS, LinkForcesShape
+from fmus.physics.chain.on_links import (
+    NONE,
+    WITH_GROUND,
+    WITH_JOINT,
+    WITH_MOMENT,
+    WITH_PARTS,
+    WITH_SLIDING,
+    WITH_WHEELS,
+    LinkForcesShape,
+)
 
 XYZ = tuple("xyz")
 
@@ -69,6 +78,22 @@ GROUPS = {
     "depth": OutputGroup(
         "link", "ground.depth", ("",), "m", "depth of {it} in the ground, mean over the interval", WITH_SLIDING, True
     ),
+    "teeth": OutputGroup(
+        "joint", "tooth.force", XYZ, "N", "{part} force of teeth on {it}, world, mean over the interval", WITH_PARTS
+    ),
+    "rims": OutputGroup(
+        "link", "rim.force", XYZ, "N", "{part} force of rims on {it}, world, mean over the interval", WITH_PARTS
+    ),
+    "horns": OutputGroup(
+        "link", "horn.force", XYZ, "N", "{part} force of wheels on the horn of {it}, world, mean over the interval",
+        WITH_PARTS,
+    ),
+    "moment": OutputGroup(
+        "joint", "moment", XYZ, "N.m",
+        "{part} moment of {it} on the link that begins there, about the axes across the pin, world, mean over the"
+        " interval",
+        WITH_MOMENT,
+    ),
     "axis": OutputGroup("joint", "axis", XYZ, "1", "{part} of the unit vector along {it}, world"),
     "fibres": OutputGroup(
         "link", "fibre", ("outer", "inner"), "Pa",
@@ -79,7 +104,8 @@ GROUPS = {
         "{part} of the position gradient along {it} at a pin, world",
     ),
 }  # fmt: skip
-TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES, SLOPES = range(len(GROUPS))
+TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, TEETH, RIMS, HORNS, MOMENT = range(12)
+AXIS, FIBRES, SLOPES = range(12, len(GROUPS))
 STANDARD = ("tension", "stress", "position", "force", "ground")
 WITH_OWN_KERNELS = ("axis", "fibres", "slopes")  # groups with kernels of their own
 

@@ -92,6 +92,8 @@ class Touch(NamedTuple):
     slide: Floats  # (T, 3) N m/s: load times velocity of the points on the ground
     sliding: Floats  # (T, n, 3) m/s, mean velocity of the points on the ground
     link_depth: Floats  # (T, n) m, depth of the deepest point
+    horns: Floats  # (T, n, 3) of wheels on the horns
+    twist: Floats  # (T, nodes, 3) N m, moment of the teeth on the pins about their middles
     lost: Floats  # (T, causes) J, lost besides ``losses`` in the step that ends here
 
 
@@ -102,15 +104,18 @@ class _ContactSums:
         self.chain, self.wheels = chain, wheels
         self.t = Touch(z((T, m, 6)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.nodes, 3)),
                        z(T), z((T, len(CAUSES))), z((T, chain.n)), z(T), z(T), z(T), z((T, 3)), z((T, chain.n, 3)),
-                       z((T, chain.n)), z((T, len(CAUSES))))  # fmt: skip
+                       z((T, chain.n)), z((T, chain.n, 3)), z((T, chain.nodes, 3)), z((T, len(CAUSES))))  # fmt: skip
 
     def add(self, t, index, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple) -> None:
         """Add forces at points ``x`` (p, 3) and instants ``t`` on links (or pins) ``at`` by wheel ``m``."""
         sums, f = self.t, push.force
         if kind == TOOTH:
             np.add.at(sums.teeth, (t, index), f)
+            np.add.at(sums.twist, (t, index), np.cross(x - self.chain.pins[t, index], f))
         else:
             np.add.at(sums.force, (t, index), f)
+            if kind == GUIDE:
+                np.add.at(sums.horns, (t, index), f)
             arm, ends = x - self.chain.middle[t, index], self.chain.ends
             np.add.at(sums.torque, (t, index), np.cross(arm, f))
             line = (ends[1] - ends[0])[t, index]

@@ -57,6 +57,27 @@ def wheels_of_links(view: View, names: Sequence[str]) -> Floats:
     return of_links(view, forces, names)
 
 
+def parts_of_wheels(view: View, names: Sequence[str]) -> Floats:
+    """Forces of teeth on each pin, of rims and of discs and wheels on the horn of each link."""
+    touch = view.touch
+    parts = {"tooth": touch.teeth, "rim": touch.force - touch.ground - touch.horns, "horn": touch.horns}
+    means = {name: with_start(part[0], view.recursion.means(part)) for name, part in parts.items()}
+    return np.stack([means[name.split(".")[1]][:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+
+
+def part_of_wheels(view: View, names: Sequence[str]) -> Floats:
+    """Force of the wheels on a link less its other parts."""
+    (name,), c, part, axis = names, view.chain, view.part, names[0][-1]
+    i = link_number(name)
+    if ".tooth." in name:
+        i = i - 1 if i > 0 else (c.n - 1 if c.closed else 0)
+    teeth = [c.second[i]] if c.closed or i > 0 else [0, c.second[i]]
+    others = [f"joint[{j + 1}].tooth.force.{axis}" for j in teeth]
+    others += [f"link[{i + 1}].{what}.force.{axis}" for what in ("rim", "horn")]
+    found = part[f"link[{i + 1}].wheels.force.{axis}"] - sum(part[other] for other in others if other != name)
+    return found[:, None]
+
+
 def of_links(view: View, forces: Floats, names: Sequence[str]) -> Floats:
     """Means over the steps, by the recursion, of a force on each link (T, n, 3)."""
     means = with_start(forces[0], view.recursion.means(forces))
@@ -205,6 +226,26 @@ def joints_by_momentum(view: View, names: Sequence[str]) -> Floats:
     other, sign = (c.second[i], 1.0) if j < c.n else (i, -1.0)
     force = sign * (gained - others) + part[f"joint[{other + 1}].force.{axis}"][1:]
     return with_start(np.array(np.nan), force)[:, None]
+
+
+def moments(view: View, names: Sequence[str]) -> Floats:
+    """Moment of a pin: the rate of a link's angular momentum less the moments of all other forces on it."""
+    (name,), c, touch, F = names, view.chain, view.touch, view.joints
+    arms = [end - c.middle for end in c.ends[:2]]
+    load, twist = (touch.teeth + across(c)[0])[:, c.second], touch.twist[:, c.second]
+    if isinstance(c, Rigid):  # each link of a pin gets half
+        twist = 0.5 * (touch.twist[:, : c.n] + twist)
+    if not c.closed:
+        load[:, -1] = 0.0
+    rest = c.momentum_rates(view.accelerations)[1] - touch.torque - twist
+    rest -= np.cross(arms[0], F[:, : c.n]) + np.cross(arms[1], load - F[:, c.second])
+    rest[:30] = rest[30]
+    means = with_start(rest[0], view.recursion.means(rest))
+    means[:60] = np.nan
+    j, axis = link_number(name), name[-1]
+    i = min(j, c.n - 1)
+    other, sign = (c.second[i], 1.0) if j < c.n else (i, -1.0)
+    return (sign * means[:, i, AXES[axis]] + view.part[f"joint[{other + 1}].moment.{axis}"])[:, None]
 
 
 def joint_axes(view: View, names: Sequence[str]) -> Floats:

@@ -15,7 +15,7 @@ import numpy as np
 from fmus.kernels.jit import allocating, kernel, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.carrier import carrier, chain_speed
-from fmus.physics.chain.on_links import JOINT
+from fmus.physics.chain.on_links import JOINT, MOMENT
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.closing import strain_energy
@@ -226,6 +226,13 @@ def newton_joints(links: RigidLinks, env: Environment, s: State, w: Work) -> Non
                 force[i, JOINT + k] = -before
                 if i == n - 1 and not links.ends.closed:
                     force[n, JOINT + k] = -after
+    if force.shape[1] > MOMENT:
+        for j in range(s.lam.shape[0]):  # lambda[3:5] turn the link before the pin about z, and back about x
+            before = (j - 1) % n if j > 0 or links.ends.closed else -1
+            for k in range(3):
+                x = w.system.rotation[before, k, 0] if before >= 0 else w.still[k, 0]
+                z = w.system.rotation[before, k, 2] if before >= 0 else w.still[k, 2]
+                force[j, MOMENT + k] = s.lam[j, 4] * x - s.lam[j, 3] * z
 
 
 @namesake
