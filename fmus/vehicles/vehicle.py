@@ -241,7 +241,8 @@ class ContactTable(FrozenTable):  # noqa: D101
     sprocket: ContactLawTable
     """contact of a pin with a tooth"""
     wheel: ContactLawTable
-    """contact of a link with a road wheel or an idler"""
+    """contact of a link with a road wheel or an idler; stiffness and damping are those of a whole link inside a rim, a
+    part of it has that share: a small roller sinks deeper"""
     ground: ContactLawTable
     """contact of a link with the ground"""
 

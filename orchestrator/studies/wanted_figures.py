@@ -12,15 +12,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from fmus.track.link_outputs import GROUPS
+from fmus.track.link_outputs import GROUPS, STANDARD
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results import measures
 from orchestrator.results.analyses import catalogue
+from orchestrator.results.largest_forces import FORCES, HIGH
 from orchestrator.results.run_data import EVER, RunData, reason
 from orchestrator.results.table import Table
 from orchestrator.scene.settings import hint
 from orchestrator.vocabulary.analyses import ANALYSES, UNITS
+
+NEEDS = {"damage": "life"}  # analysis that a measure makes
 
 
 class WantedFigure(NamedTuple):
@@ -40,19 +43,21 @@ def wanted_figures(texts: Sequence[str]) -> tuple[WantedFigure, ...]:
             raise BadInput(f"--for {one.text}: {hint(one.name, known, 'there are')}")
         if one.name in measures.REDUCTIONS and not one.of:
             raise BadInput(f"--for {one.text}: needs a signal, as {one.name}:left_track.tension.max")
-        if one.name in ANALYSES:
-            if one.of:
+        if one.name in ANALYSES or one.name in NEEDS:
+            if one.of and one.name in ANALYSES:
                 raise BadInput(f"--for {one.text}: an analysis is given by its name alone")
-            catalogue.require_library(one.name)
+            catalogue.require_library(NEEDS.get(one.name, one.name))
     return found
 
 
 def recording_settings(wanted: Sequence[WantedFigure], given: Mapping[str, Any]) -> dict[str, Any]:
     """Settings of a scene with which its runs record what analyses need, and those that are ``given``."""
-    analyses = [ANALYSES[one.name] for one in wanted if one.name in ANALYSES]
+    analyses = [ANALYSES[NEEDS.get(one.name, one.name)] for one in wanted if NEEDS.get(one.name, one.name) in ANALYSES]
     every_step = {"run.links": 1} if any(one.every_step for one in analyses) else {}
-    groups = {group for one in analyses for group in one.records}
-    return every_step | ({"track.link_outputs": [*GROUPS]} if groups else {}) | dict(given)
+    groups = [group for one in analyses for group in one.records]
+    groups += [force.group for name, force in FORCES.items() if {name, f"{name}{HIGH}"} & {one.name for one in wanted}]
+    groups = [name for name in GROUPS if name in (*STANDARD, *groups)]
+    return every_step | ({"track.link_outputs": groups} if {*groups} - {*STANDARD} else {}) | dict(given)
 
 
 def figures_of_log(path: str, wanted: Sequence[WantedFigure]) -> tuple[dict[str, float], list[str]]:
@@ -78,7 +83,10 @@ def _of(run: RunData, one: WantedFigure) -> Iterator[tuple[str, float]]:
         yield _head(one.text, UNITS[one.name]), float(measure(run, one.of, EVER))
     else:
         module = catalogue.module_of(one.name)
-        table = module.summary(run) if hasattr(module, "summary") else module.of(run).table()
+        if hasattr(module, "figures"):
+            table = module.figures(run)
+        else:
+            table = getattr(module, "summary", module.of)(run).table()
         yield from _cells(one.name, table)
 
 

@@ -121,8 +121,12 @@ UNITS = {
     "sag": "m",
     "end_tension": "N",
     "joint_force": "N",
-    "pin_force": "N",
-    "pin_force_high": "N",
+    **{
+        f"{what}{end}": "N m" if what == "pin_moment" else "N"
+        for what in ("pin_force", "tooth_force", "rim_force", "horn_force", "wheel_force", "pin_moment")
+        for end in ("", "_high")
+    },
+    "damage": "1/km",
     "joint_force_spread": "1",
     "hoop_strain": "1",
     "fall_time": "1",
@@ -145,6 +149,7 @@ UNITS = {
     "settlement_of_contacts": "m",
     "rut_depth": "m",
     "stop_force": "N",
+    "recoil_stroke": "m",
     "tension_top": "N",
     "tension_rear": "N",
     "tension_front": "N",

@@ -52,14 +52,16 @@ KINDS = {
     "TrackRigid": Kind(
         "TrackRigid",
         track_checks.CHECKS,
-        r"stress\.max|link\[\d+\]\.(stress|fibre\..*)|energy\.(strain|.*\.material)|joint\[65\]\.axis\.z",
+        r"stress\.max|link\[\d+\]\.(stress|fibre\..*)|energy\.(strain|.*\.material)|joint\[65\]\.(axis\.z|moment\..*)",
     ),
-    "cable": FLEXIBLE._replace(zero=r"joint\[\d+\]\.axis\.z|link\[\d+\]\.horn\..*|energy\..*\.guides"),
+    "cable": FLEXIBLE._replace(
+        zero=r"joint\[\d+\]\.axis\.z|joint\[65\]\.moment\..*|link\[\d+\]\.horn\..*|energy\..*\.guides"
+    ),
     "turning": FLEXIBLE._replace(zero=r"energy\.work|energy\..*\.joints"),
     "planar": FLEXIBLE._replace(
         zero=r".*\.torque\.z|joint\[\d+\]\.(axis\.z|moment\..*)|link\[\d+\]\.horn\..*|energy\..*\.guides"
     ),
-    "beam": FLEXIBLE._replace(zero=r"joint\[65\]\.axis\.z"),
+    "beam": FLEXIBLE._replace(zero=r"joint\[65\]\.(axis\.z|moment\..*)"),
     "general": FLEXIBLE._replace(asked=STRAINED),
     "engineering": FLEXIBLE._replace(asked=STRAINED),
     "Chassis": Kind("Chassis", chassis_checks.CHECKS),

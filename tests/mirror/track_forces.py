@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirror.check import View
-from mirror.forces import across, pulls
-from mirror.links import UP, Rigid
+from mirror.forces import STEP, across, pulls
+from mirror.links import UP, Rigid, gauss
 from mirror.record import Floats
 from mirror.track_series import AXES, link_number, wheel_names, with_start
 
@@ -229,23 +229,59 @@ def joints_by_momentum(view: View, names: Sequence[str]) -> Floats:
 
 
 def moments(view: View, names: Sequence[str]) -> Floats:
-    """Moment of a pin: the rate of a link's angular momentum less the moments of all other forces on it."""
-    (name,), c, touch, F = names, view.chain, view.touch, view.joints
+    """Pin moments as means over the steps by the recursion, known from the 30th instant on."""
+    found = moments_of_rigid_links(view) if isinstance(view.chain, Rigid) else moments_of_elements(view)
+    found[:30] = found[30]
+    means = with_start(found[0], view.recursion.means(found))
+    means[:60] = np.nan
+    return np.stack([means[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+
+
+def moments_of_rigid_links(view: View) -> Floats:
+    """Moments by Euler's equations, link by link from the first pin; where both ends are joined, of least squares."""
+    c, touch, F = view.chain, view.touch, view.joints
     arms = [end - c.middle for end in c.ends[:2]]
-    load, twist = (touch.teeth + across(c)[0])[:, c.second], touch.twist[:, c.second]
-    if isinstance(c, Rigid):  # each link of a pin gets half
-        twist = 0.5 * (touch.twist[:, : c.n] + twist)
+    load = (touch.teeth + across(c)[0])[:, c.second]
     if not c.closed:
         load[:, -1] = 0.0
-    rest = c.momentum_rates(view.accelerations)[1] - touch.torque - twist
+    rest = c.momentum_rates(view.accelerations)[1] - touch.torque
+    rest -= 0.5 * (touch.twist[:, : c.n] + touch.twist[:, c.second])  # each link of a pin gets half
     rest -= np.cross(arms[0], F[:, : c.n]) + np.cross(arms[1], load - F[:, c.second])
-    rest[:30] = rest[30]
-    means = with_start(rest[0], view.recursion.means(rest))
-    means[:60] = np.nan
-    j, axis = link_number(name), name[-1]
-    i = min(j, c.n - 1)
-    other, sign = (c.second[i], 1.0) if j < c.n else (i, -1.0)
-    return (sign * means[:, i, AXES[axis]] + view.part[f"joint[{other + 1}].moment.{axis}"])[:, None]
+    found = np.concatenate([np.zeros_like(rest[:, :1]), -np.cumsum(rest, axis=1)], axis=1)
+    kind = "closed" if c.closed else view.track["ends"]["kind"]
+    if kind == "held":
+        return found - found[:, -1:]
+    found = found[:, : c.nodes]
+    if kind == "pulled":
+        return found
+    axis = c.axes.mean(1, keepdims=True)
+    for now, pins, y in zip(found[30:], c.pins[30:], axis[30:], strict=True):
+        now -= (now * y).sum(-1, keepdims=True) * y
+        unit = np.concatenate([np.cross(pins, y).reshape(-1, 1), np.tile(np.eye(3), (c.nodes, 1))], axis=1)
+        now -= (unit @ np.linalg.lstsq(unit, now.ravel(), rcond=1e-9)[0]).reshape(-1, 3)
+    return found
+
+
+def moments_of_elements(view: View) -> Floats:
+    """Work of a link's strain, inertia and contacts in a change of the gradient that it shares at its first pin."""
+    c = view.chain
+    a, tau = c.coordinate_accelerations(view.accelerations), float(view.part.parameters["material.relaxation_time"])
+    x, w = gauss(4)
+    weight, found = c.mass * c.gravity * np.einsum("p,pa->a", w, c.centreline(x)), np.zeros((*c.pins.shape,))
+    for end, own in enumerate((slice(0, c.n), slice(c.n, c.nodes))):
+        row = c.shared_row + end * (c.e.shape[2] // 2)
+        G = np.zeros((len(c.e), c.n, 3))
+        for k, nudge in enumerate(c.shared_nudges):
+            unit = c.nudged(row, nudge).e[:, :, row] - c.e[:, :, row]
+            shift = np.zeros_like(c.e)
+            shift[:, :, row] = STEP * unit
+            e = c.e + tau * c.v
+            work = (c.energies(e + shift) - c.energies(e - shift)) / (2.0 * STEP)
+            work += (np.einsum("b,tnbi->tni", c.mass_matrix[row], a) * unit).sum(-1) + weight[row] * unit[..., 2]
+            G += (work - view.touch.shared[:, :, end, k])[..., None] * unit
+        moment = np.cross(c.e[:, :, row], G) * (1.0 - 2.0 * end)
+        found[:, own] = moment[:, own] if end == 0 else moment[:, -1:][:, : c.nodes - c.n]
+    return found
 
 
 def joint_axes(view: View, names: Sequence[str]) -> Floats:
