@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import life, record_blocks
+from orchestrator.results.analyses import record_blocks
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, track_of
 
 
@@ -83,11 +83,6 @@ def _on_wheels(run: RunData, track: str, window: Window, _: str) -> tuple[Floats
     return found[0][0], np.stack([np.linalg.norm(force, axis=1) for _, force in found], axis=1), wheels
 
 
-def damage(run: RunData, of: str, window: Window) -> float:
-    """Share of its life that the worst pin loses in a km, at half of the parts (``cotrack analyse LOG life``)."""
-    return 1e3 / min(each.life for each in life.of(run, of, window).tracks)
-
-
 def _measure(name: str, end: str) -> Callable[[RunData, str, Window], float]:
     """Measure of the largest force, or with ``end`` HIGH of the 99.9 % value."""
     force = FORCES[name]
@@ -97,9 +92,8 @@ def _measure(name: str, end: str) -> Callable[[RunData, str, Window], float]:
         return found.high if end else found.most
 
     measure.__name__ = f"{name}{end}"
-    measure.__doc__ = f"Largest {force.what}, {force.unit}, mean over the interval of records"
-    if end:
-        measure.__doc__ = f"99.9 % of the records with a {force.what} are below it, {force.unit}"
+    begin = f"Force below which 99.9 % of the records have the {force.what}" if end else f"Largest {force.what}"
+    measure.__doc__ = f"{begin}, {force.unit}, mean over the interval of records"
     return measure
 
 

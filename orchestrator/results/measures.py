@@ -61,7 +61,6 @@ NAMES: dict[str, Measure] = {
         chain_measures.end_tension,
         chain_measures.joint_force,
         *largest_forces.MEASURES,
-        largest_forces.damage,
         chain_measures.joint_force_spread,
         chain_measures.hoop_strain,
         chain_measures.fall_time,
@@ -146,10 +145,10 @@ def _of(measure: Callable[[RunData, str, Window], float], of: str = "") -> Calla
 def _largest_forces() -> dict[str, RunObservable]:
     found = {}
     for name, force in largest_forces.FORCES.items():
-        words, high = name.replace("_", " "), f"{name}{largest_forces.HIGH}"
-        value, place = _of(NAMES[name]), partial(lambda name, run: largest_forces.largest(run, name).place, name)
-        found[name] = RunObservable(f"largest {words}", f"k{force.unit}", 4, value, True, place)
-        found[high] = RunObservable(f"99.9 % of {words}s below", f"k{force.unit}", 4, _of(NAMES[high]), True)
+        words, unit, high = name.replace("_", " "), f"k{force.unit}", f"{name}{largest_forces.HIGH}"
+        place = partial(lambda name, run: largest_forces.largest(run, name).place, name)
+        found[name] = RunObservable(f"largest {words}", unit, 4, _of(NAMES[name]), True, place)
+        found[high] = RunObservable(f"99.9 % of {words}s below", unit, 4, _of(NAMES[high]), True)
     return found
 
 
@@ -188,14 +187,7 @@ OBSERVABLES = {
         True,
         lambda run: vehicle_measures.stop_forces(run).place,
     ),
-    "recoil_stroke": RunObservable(
-        "largest stroke of a recoil",
-        "mm",
-        4,
-        _of(vehicle_measures.recoil_stroke),
-        True,
-        lambda run: vehicle_measures.recoil_strokes(run).place,
-    ),
+    "recoil_stroke": RunObservable("largest recoil stroke", "mm", 4, _of(vehicle_measures.recoil_stroke), whole=True),
     "sag": RunObservable("sag", "m", 6, _of(chain_measures.sag)),
     "end_tension": RunObservable("tension at the ends", "kN", 5, _of(chain_measures.end_tension)),
 }

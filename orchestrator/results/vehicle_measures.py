@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -110,44 +109,33 @@ def rut_depth(run: RunData, of: str, window: Window) -> float:
     return max(float(pressed_by(run, track, window).depth.max(initial=0.0)) for track in hull.tracks(run, of))
 
 
-class AtPart(NamedTuple):
-    """Largest value of an output of parts of the suspension."""
+class StopForce(NamedTuple):
+    """Largest force of a stop of the suspension."""
 
-    most: float  # 0 where none is hit
-    part: str  # name, ``left.bump_stop[1]``
+    most: float  # N, 0 where no stop is hit
+    stop: str  # name, ``left.bump_stop[1]``
     t: float  # s
 
     @property
     def place(self) -> str:
         """Words for where and when."""
-        return f"at {self.part} at {self.t:.4g} s" if self.most else "(none is hit)"
+        return f"at {self.stop} at {self.t:.4g} s" if self.most else "(none is hit)"
 
 
-def _largest(run: RunData, of: str, window: Window, parts: Sequence[str], output: str, what: str) -> AtPart:
-    """Largest ``output`` of the parts of a side or of both; raises Missing for a vehicle without ``what``."""
+def stop_forces(run: RunData, of: str = "", window: Window = EVER) -> StopForce:
+    """Largest force of a bump or rebound stop of a side or of both; raises Missing for a vehicle without stops."""
     found = [
-        AtPart(float(values.max()), name, float(t[values.argmax()]))
+        StopForce(float(values.max()), name, float(t[values.argmax()]))
         for side in ([of] if of else SIDES)
-        for part in parts
-        if run.has(f"chassis.{(name := f'{side}.{part}')}.{output}")
-        for t, values in [run.signal(f"chassis.{name}.{output}", window)]
+        for kind in ("bump_stop", "rebound_stop")
+        for k in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
+        if run.has(f"chassis.{(name := f'{side}.{kind}[{k}]')}.force")
+        for t, values in [run.signal(f"chassis.{name}.force", window)]
         if values.size
     ]
     if not found:
-        raise Missing(f"the vehicle has no {what}")
+        raise Missing("the vehicle has no stops")
     return max(found, key=lambda each: each.most)
-
-
-def stop_forces(run: RunData, of: str = "", window: Window = EVER) -> AtPart:
-    """Largest force of a bump or rebound stop of a side or of both, N; raises Missing for a vehicle without stops."""
-    wheels = range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
-    stops = [f"{kind}[{k}]" for kind in ("bump_stop", "rebound_stop") for k in wheels]
-    return _largest(run, of, window, stops, "force", "stops")
-
-
-def recoil_strokes(run: RunData, of: str = "", window: Window = EVER) -> AtPart:
-    """Largest stroke of the recoil of a side or of both, m; raises Missing for a vehicle without recoil."""
-    return _largest(run, of, window, ["recoil"], "stroke", "recoil")
 
 
 def stop_force(run: RunData, of: str, window: Window) -> float:
@@ -156,8 +144,12 @@ def stop_force(run: RunData, of: str, window: Window) -> float:
 
 
 def recoil_stroke(run: RunData, of: str, window: Window) -> float:
-    """Largest way that a recoil spring gives, m."""
-    return recoil_strokes(run, of, window).most
+    """Largest way that a recoil spring gives, m; raises Missing for a vehicle without one."""
+    names = [f"chassis.{side}.recoil.stroke" for side in ([of] if of else SIDES)]
+    strokes = [float(run.signal(name, window)[1].max()) for name in names if run.has(name)]
+    if not strokes:
+        raise Missing("the vehicle has no recoil")
+    return max(strokes)
 
 
 def tension_top(run: RunData, of: str, window: Window) -> float:

@@ -23,8 +23,6 @@ from orchestrator.results.table import Table
 from orchestrator.scene.settings import hint
 from orchestrator.vocabulary.analyses import ANALYSES, UNITS
 
-NEEDS = {"damage": "life"}  # analysis that a measure makes
-
 
 class WantedFigure(NamedTuple):
     """Figures of a run that a user asks for."""
@@ -43,16 +41,16 @@ def wanted_figures(texts: Sequence[str]) -> tuple[WantedFigure, ...]:
             raise BadInput(f"--for {one.text}: {hint(one.name, known, 'there are')}")
         if one.name in measures.REDUCTIONS and not one.of:
             raise BadInput(f"--for {one.text}: needs a signal, as {one.name}:left_track.tension.max")
-        if one.name in ANALYSES or one.name in NEEDS:
-            if one.of and one.name in ANALYSES:
+        if one.name in ANALYSES:
+            if one.of:
                 raise BadInput(f"--for {one.text}: an analysis is given by its name alone")
-            catalogue.require_library(NEEDS.get(one.name, one.name))
+            catalogue.require_library(one.name)
     return found
 
 
 def recording_settings(wanted: Sequence[WantedFigure], given: Mapping[str, Any]) -> dict[str, Any]:
     """Settings of a scene with which its runs record what analyses need, and those that are ``given``."""
-    analyses = [ANALYSES[NEEDS.get(one.name, one.name)] for one in wanted if NEEDS.get(one.name, one.name) in ANALYSES]
+    analyses = [ANALYSES[one.name] for one in wanted if one.name in ANALYSES]
     every_step = {"run.links": 1} if any(one.every_step for one in analyses) else {}
     groups = [group for one in analyses for group in one.records]
     groups += [force.group for name, force in FORCES.items() if {name, f"{name}{HIGH}"} & {one.name for one in wanted}]
@@ -83,10 +81,7 @@ def _of(run: RunData, one: WantedFigure) -> Iterator[tuple[str, float]]:
         yield _head(one.text, UNITS[one.name]), float(measure(run, one.of, EVER))
     else:
         module = catalogue.module_of(one.name)
-        if hasattr(module, "figures"):
-            table = module.figures(run)
-        else:
-            table = getattr(module, "summary", module.of)(run).table()
+        table = module.worst(run) if hasattr(module, "worst") else getattr(module, "summary", module.of)(run).table()
         yield from _cells(one.name, table)
 
 

@@ -121,12 +121,9 @@ UNITS = {
     "sag": "m",
     "end_tension": "N",
     "joint_force": "N",
-    **{
-        f"{what}{end}": "N m" if what == "pin_moment" else "N"
-        for what in ("pin_force", "tooth_force", "rim_force", "horn_force", "wheel_force", "pin_moment")
-        for end in ("", "_high")
-    },
-    "damage": "1/km",
+    **dict.fromkeys((f"{by}_force{e}" for by in ("pin", "tooth", "rim", "horn", "wheel") for e in ("", "_high")), "N"),
+    "pin_moment": "N m",
+    "pin_moment_high": "N m",
     "joint_force_spread": "1",
     "hoop_strain": "1",
     "fall_time": "1",

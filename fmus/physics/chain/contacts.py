@@ -35,8 +35,7 @@ class Contacts(NamedTuple):
     soil: Any  # and of links with the ground (``grounds``)
 
 
-# wheel, or the ground after the last; link or pin; link of the force; 1: a pin; column of the force in ``on_links``
-PARTNER, BODY, LINK, ON_PIN, COLUMN = range(5)
+PARTNER, BODY, LINK, ON_PIN, COLUMN = range(5)  # numbers of a point, see ``ContactPoint``
 # numbers of a point: xi, z, y of ``locate``; position, m; g; of ``Sinking``, where its first is not 0: by_rate,
 # ``ContactForce.by_rate``, normal, foot
 PLACE, POSITION, MATRIX, BY_RATE, RATE, NORMAL, FOOT = 0, 3, 6, 15, 16, 19, 22

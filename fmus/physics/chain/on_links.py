@@ -48,7 +48,7 @@ def add_link_force(on_links: Floats, i: int, column: int, f: Vector) -> None:
 
 
 @kernel
-def add_wheel_force(on_links: Floats, i: int, part: int, row: int, f: Vector) -> None:
+def add_part(on_links: Floats, i: int, part: int, row: int, f: Vector) -> None:
     """Add the force ``f``, N, of a wheel to link ``i``, and to its ``part`` at the link or pin ``row``."""
     add_link_force(on_links, i, WHEELS, f)
     add_link_force(on_links, row, part, f)

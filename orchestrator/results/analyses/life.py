@@ -161,7 +161,7 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Life:
     return Life(tuple(_of_track(run, name, window, life) for name in hull.tracks(run, track)))
 
 
-def figures(run: RunData) -> Table:
+def worst(run: RunData) -> Table:
     """Table of the worst pin of a run alone, for sweeps; raises Missing, NotInstalled."""
     found = of(run)
     each = min(found.tracks, key=lambda one: one.life)

@@ -258,8 +258,7 @@ def _moments(links: RigidLinks, s: State, w: Work) -> None:
 def _by_common_force(links: RigidLinks, s: State, A: Floats, j: int) -> Vector:
     """Moment of pin ``j``, m, by a force of 1 N along the axes that all pins have in common."""
     i = min(j, s.q.shape[0] - 1)
-    end = -links.half if j == i else links.half
-    return cross(add(vector(s.q[i], 0), scale(end, axis(A[i], 0))), axis(A[i], 1))
+    return cross(add(vector(s.q[i], 0), scale(links.half if j > i else -links.half, axis(A[i], 0))), axis(A[i], 1))
 
 
 @namesake
