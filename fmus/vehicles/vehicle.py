@@ -153,9 +153,9 @@ class TrackTable(FrozenTable):  # noqa: D101
     width: Distance
     """width of a link"""
     tension: Force
-    """mean static tension on the wheels as drawn, on level ground, to 0.1 %: the idler's place is solved for it; in
-    equilibrium less (m113: 12 % less). 0: a slack track, its idler drawn in by 60 mm (links of 152.4 mm; others in
-    proportion), the farthest that the search goes"""
+    """pretension: mean static tension on the wheels as drawn, on level ground, to 0.1 %: the idler's place is solved
+    for it; in equilibrium less (m113: 12 %). 0: a slack track, its idler drawn in by 60 mm (links of 152.4 mm; others
+    in proportion), the farthest that the search goes"""
 
 
 class RightTrackTable(FrozenTable):  # noqa: D101

@@ -261,9 +261,8 @@ def observables(run: RunData, scene: SystemScene, simulated: float) -> dict[str,
 def _names(scene: SystemScene) -> list[str]:
     """Return the names of the observables of this kind of scene."""
     track = getattr(scene, "track", None)  # not of systems of FMUs
-    recorded = {name: track is not None and force.group in track.link_outputs for name, force in FORCES.items()}
-    pins = [f"{name}{end}" for name, shown in recorded.items() if shown for end in ("", HIGH)]
-    names = ["tension_max", *pins, "tension_mean"]
+    shown = [name for name, one in FORCES.items() if track is not None and one.group in track.link_outputs]
+    names = ["tension_max", *(f"{name}{end}" for name in shown for end in ("", HIGH)), "tension_mean"]
     if isinstance(scene, VehicleScene):
         names += ["distance", "speed", "settlement", "ground_force", "weight"]
         own = [table.suspension for table in (scene.vehicle, scene.vehicle.right) if table and table.suspension]

@@ -34,6 +34,7 @@ class WantedFigure(NamedTuple):
 
 def wanted_figures(texts: Sequence[str]) -> tuple[WantedFigure, ...]:
     """Figures by the texts of a user; raises BadInput for an unknown one, NotInstalled where a library is missing."""
+    texts = ",".join(texts).split(",") if texts else ()
     found = tuple(WantedFigure(text, *(part.strip() for part in (*text.split(":", 1), "")[:2])) for text in texts)
     for one in found:
         known = [*measures.NAMES, *measures.REDUCTIONS, *ANALYSES]

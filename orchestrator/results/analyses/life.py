@@ -163,9 +163,8 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Life:
 
 def worst(run: RunData) -> Table:
     """Table of the worst pin of a run alone, for sweeps; raises Missing, NotInstalled."""
-    found = of(run)
-    each = min(found.tracks, key=lambda one: one.life)
-    columns = ("track", ""), ("pin", ""), ("damage", "1/km"), ("life", "km"), ("life of 90 %", "km")
+    each = min((found := of(run)).tracks, key=lambda one: one.life)
+    columns = ("track", ""), ("pin", ""), ("damage", "1/km"), ("of half", "km"), ("of 90 %", "km")
     row = each.track, each.worst[0] + 1, 1e3 / each.life, 1e-3 * each.life, 1e-3 * each.safe_life
     return Table.of("Life of the worst pin", columns, [row], found.notes())
 
