@@ -94,7 +94,7 @@ CHECKS = (
           applies=at_rest),
     Check(PARTS, "contact laws", parts_of_wheels, 1e-3, 2.0, applies=implicit),
     Check(PARTS, "force of the wheels less that of other parts", part_of_wheels, 1e-9, 1e-7, balance=True),
-    Check(r"joint\[\d+\]\.moment\.[xyz]", "motion of the links", moments, 5e-3, 5.0, applies=implicit),
+    Check(r"joint\[\d+\]\.moment\.[xyz]", "motion of the links", moments, 5e-3, 0.3, applies=implicit),
     Check(r"link\[\d+\]\.ground\.sliding\.[xyz]", "points on the ground", sliding, 1e-3, 1e-4, applies=implicit),
     Check(r"link\[\d+\]\.ground\.depth", "points on the ground", ground_depth, 1e-4, 1e-7, applies=implicit),
     Check(r"ground\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=straight_on),

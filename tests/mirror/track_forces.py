@@ -252,8 +252,8 @@ def moments_of_rigid_links(view: View) -> Floats:
     if kind == "held":
         return found - found[:, -1:]
     found = found[:, : c.nodes]
-    if kind == "pulled":
-        return found
+    if kind == "pulled":  # the last pin has none either
+        return found - np.linspace(0.0, 1.0, c.nodes)[:, None] * found[:, -1:]
     axis = c.axes.mean(1, keepdims=True)
     for now, pins, y in zip(found[30:], c.pins[30:], axis[30:], strict=True):
         now -= (now * y).sum(-1, keepdims=True) * y
