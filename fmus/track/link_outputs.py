@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.interface.ports import Port
+from fmus.physics.chain import on_links
 from fmus.physics.chain.on_links import NONE, WITH_GROUND, WITH_JOINT, WITH_SLIDING, WITH_WHEELS, LinkForcesShape
 
 XYZ = tuple("xyz")
+MEAN = ", world, mean over the interval"
 
 
 INTERVAL = "link_outputs.interval"  # parameter: communication steps over which link outputs are averaged
@@ -70,6 +72,13 @@ GROUPS = {
     "depth": OutputGroup(
         "link", "ground.depth", ("",), "m", "depth of {it} in the ground, mean over the interval", WITH_SLIDING, True
     ),
+    "teeth": OutputGroup("joint", "tooth.force", XYZ, "N", "{part} force of teeth on {it}" + MEAN, on_links.WITH_PARTS),
+    "rims": OutputGroup("link", "rim.force", XYZ, "N", "{part} force of rims on {it}" + MEAN, on_links.WITH_PARTS),
+    "horns": OutputGroup("link", "horn.force", XYZ, "N", "{part} force on {it}'s horn" + MEAN, on_links.WITH_PARTS),
+    "moment": OutputGroup(
+        "joint", "moment", XYZ, "N.m", "{part} moment of {it} across its axis on the link that begins there" + MEAN,
+        on_links.WITH_MOMENT,
+    ),
     "axis": OutputGroup("joint", "axis", XYZ, "1", "{part} of the unit vector along {it}, world"),
     "fibres": OutputGroup(
         "link", "fibre", ("outer", "inner"), "Pa",
@@ -86,9 +95,8 @@ GROUPS = {
         "joint", "rubbed", ("",), "J", "work of the friction of {it} so far, which is that of its wear", bushed=True
     ),
 }  # fmt: skip
-TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES, SLOPES, TURNED, RUBBED = range(
-    len(GROUPS)
-)
+TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, TEETH, RIMS, HORNS, MOMENT = range(12)
+AXIS, FIBRES, SLOPES, TURNED, RUBBED = range(12, len(GROUPS))
 STANDARD = ("tension", "stress", "position", "force", "ground")
 WITH_OWN_KERNELS = ("axis", "fibres", "slopes", "turned", "rubbed")  # groups with kernels of their own
 

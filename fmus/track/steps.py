@@ -27,11 +27,15 @@ from fmus.track.link_outputs import (
     FIBRES,
     FORCE,
     GROUND,
+    HORNS,
+    MOMENT,
     POSITION,
+    RIMS,
     RUBBED,
     SLIDING,
     SLOPES,
     STRESS,
+    TEETH,
     TENSION,
     TURNED,
     WHEELS,
@@ -257,6 +261,10 @@ def write_link_outputs(c: LinkOutputData, y: Floats) -> None:
     index = _copy_vectors(group_flags[SLIDING], means[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, index)
     if group_flags[DEPTH]:
         index = _copy_numbers(1, means[:n, on_links.DEPTH], y, index)
+    index = _copy_vectors(group_flags[TEETH], means[:, on_links.TEETH : on_links.TEETH + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[RIMS], means[:n, on_links.RIMS : on_links.RIMS + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[HORNS], means[:n, on_links.HORNS : on_links.HORNS + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[MOMENT], means[:, on_links.MOMENT : on_links.MOMENT + 3], c.frame, y, index)
     _write_extra_groups(c.extra, c, y, index)
 
 

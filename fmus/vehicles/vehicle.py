@@ -174,9 +174,9 @@ class TrackTable(FrozenTable):  # noqa: D101
     width: Distance
     """width of a link"""
     tension: Force
-    """mean static tension on the wheels as drawn, on level ground, to 0.1 %: the idler's place is solved for it; in
-    equilibrium less (m113: 12 % less). 0: a slack track, its idler drawn in by 60 mm (links of 152.4 mm; others in
-    proportion), the farthest that the search goes"""
+    """pretension: mean static tension on the wheels as drawn, on level ground, to 0.1 %: the idler's place is solved
+    for it; in equilibrium less (m113: 12 %). 0: a slack track, its idler drawn in by 60 mm (links of 152.4 mm; others
+    in proportion), the farthest that the search goes"""
     bushing: BushingTable | None = None
     """bushes and friction of the pins"""
 
@@ -264,7 +264,8 @@ class ContactTable(FrozenTable):  # noqa: D101
     sprocket: ContactLawTable
     """contact of a pin with a tooth"""
     wheel: ContactLawTable
-    """contact of a link with a road wheel or an idler"""
+    """contact of a link with a road wheel or an idler; stiffness and damping are those of a whole link inside a rim, a
+    part of it has that share: a small roller sinks deeper"""
     ground: ContactLawTable
     """contact of a link with the ground"""
 

@@ -125,7 +125,7 @@ def sweep(
     scheduler: Scheduler = None,
     figures: Annotated[
         list[str] | None,
-        typer.Option("--for", metavar="FIGURE", help="a measure, an analysis, or max:SIGNAL, as columns; repeatable"),
+        typer.Option("--for", metavar="FIGURE", help="a measure, an analysis, or max:SIGNAL, as columns; by commas"),
     ] = None,
 ) -> None:
     """Run a scene with every combination of varied settings; write a table with a row for each run, and a picture.

@@ -14,6 +14,7 @@ from orchestrator.results import measures, run_data
 from orchestrator.results.analyses import phases
 from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.energy import ledger
+from orchestrator.results.largest_forces import FORCES, HIGH
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, given_parts
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
@@ -260,13 +261,15 @@ def observables(run: RunData, scene: SystemScene, simulated: float) -> dict[str,
 def _names(scene: SystemScene) -> list[str]:
     """Return the names of the observables of this kind of scene."""
     track = getattr(scene, "track", None)  # not of systems of FMUs
-    pins = ["pin_force", "pin_force_high"] if track is not None and "force" in track.link_outputs else []
-    names = ["tension_max", *pins, "tension_mean"]
+    shown = [name for name, one in FORCES.items() if track is not None and one.group in track.link_outputs]
+    names = ["tension_max", *(f"{name}{end}" for name in shown for end in ("", HIGH)), "tension_mean"]
     if isinstance(scene, VehicleScene):
         names += ["distance", "speed", "settlement", "ground_force", "weight"]
         own = [table.suspension for table in (scene.vehicle, scene.vehicle.right) if table and table.suspension]
         if any(suspension.bump_stop or suspension.rebound_stop for suspension in own):
             names.append("stop_force")
+        if scene.vehicle.tensioner.recoil:
+            names.append("recoil_stroke")
         if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
             names.append("path_error")
         if not scene.turns:

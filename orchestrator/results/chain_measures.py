@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from orchestrator.results.run_data import (
@@ -172,53 +170,6 @@ def tight_span_enters(run: RunData, of: str, window: Window) -> float:
 
 
 # --- helpers ---------------------------------------------------------------------------------------
-
-
-# --- largest forces --------------------------------------------------------------------------------
-
-
-class PinForces(NamedTuple):
-    """Extremes of the forces in the pins of a track."""
-
-    track: str
-    most: float  # N
-    pin: int  # where, from 1
-    t: float  # s
-    high: float  # N, force that all pins and records but one in a thousand stay below
-
-    @property
-    def place(self) -> str:
-        """Words for where and when."""
-        return f"in pin {self.pin} of the {self.track.replace('_', ' ')} at {self.t:.4g} s"
-
-
-def pin_forces(run: RunData, of: str = "", window: Window = EVER) -> PinForces:
-    """Forces in the pins of the track that has the largest one, or of a side; means over the interval of records.
-
-    Raises Missing for a run without records of forces.
-    """
-
-    def found(track: str) -> PinForces:
-        t, forces = _joint_forces(run, track, window)
-        if not forces.size:
-            raise Missing(f"no forces in pins are recorded of '{track}' (run.links, track.link_outputs)")
-        row, pin = np.unravel_index(int(forces.argmax()), forces.shape)
-        high = float(np.quantile(forces, 0.999))
-        return PinForces(track, float(forces[row, pin]), int(pin) + 1, float(t[row]), high)
-
-    tracks = (track_of(run, of),) if of else run.tracks
-    name = f"pin forces {of} {window}"
-    return run.compute_once(name, lambda _: max(map(found, tracks), key=lambda each: each.most))
-
-
-def pin_force(run: RunData, of: str, window: Window) -> float:
-    """Largest force in a pin, N, mean over the interval of records."""
-    return pin_forces(run, of, window).most
-
-
-def pin_force_high(run: RunData, of: str, window: Window) -> float:
-    """Force, N, below which the forces in pins are in all records but one in a thousand."""
-    return pin_forces(run, of, window).high
 
 
 def _joint_forces(run: RunData, of: str, window: Window) -> tuple[Floats, Floats]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.results import chain_measures, turning, vehicle_measures
+from orchestrator.results import chain_measures, largest_forces, turning, vehicle_measures
 from orchestrator.results.energy import drift, ledger
 from orchestrator.results.run_data import Floats, RunData, Window, mean
 
@@ -60,8 +60,7 @@ NAMES: dict[str, Measure] = {
         chain_measures.sag,
         chain_measures.end_tension,
         chain_measures.joint_force,
-        chain_measures.pin_force,
-        chain_measures.pin_force_high,
+        *largest_forces.MEASURES,
         chain_measures.joint_force_spread,
         chain_measures.hoop_strain,
         chain_measures.fall_time,
@@ -84,6 +83,7 @@ NAMES: dict[str, Measure] = {
         vehicle_measures.settlement_of_contacts,
         vehicle_measures.rut_depth,
         vehicle_measures.stop_force,
+        vehicle_measures.recoil_stroke,
         vehicle_measures.tension_top,
         vehicle_measures.tension_rear,
         vehicle_measures.tension_front,
@@ -142,6 +142,16 @@ def _of(measure: Callable[[RunData, str, Window], float], of: str = "") -> Calla
     return lambda run, window: measure(run, of, window)
 
 
+def _largest_forces() -> dict[str, RunObservable]:
+    found = {}
+    for name, force in largest_forces.FORCES.items():
+        words, unit, high = name.replace("_", " "), f"k{force.unit}", f"{name}{largest_forces.HIGH}"
+        place = partial(lambda name, run: largest_forces.largest(run, name).place, name)
+        found[name] = RunObservable(f"largest {words}", unit, 4, _of(NAMES[name]), True, place)
+        found[high] = RunObservable(f"99.9 % of {words}s below", unit, 4, _of(NAMES[high]), True)
+    return found
+
+
 _slip, _power = partial(_of, turning.track_slip), partial(_of, turning.drive_power)
 
 OBSERVABLES = {
@@ -168,17 +178,7 @@ OBSERVABLES = {
     "power_regenerated": RunObservable("power from side to side", "kW", 4, _of(turning.regenerated_power)),
     "tension_max": RunObservable("largest link tension", "kN", 4, _tension_max, whole=True),
     "tension_mean": RunObservable("mean link tension", "kN", 4, _tension_mean),
-    "pin_force": RunObservable(
-        "largest pin force",
-        "kN",
-        4,
-        _of(chain_measures.pin_force),
-        True,
-        lambda run: chain_measures.pin_forces(run).place,
-    ),
-    "pin_force_high": RunObservable(
-        "99.9 % of pin forces below", "kN", 4, _of(chain_measures.pin_force_high), whole=True
-    ),
+    **_largest_forces(),
     "stop_force": RunObservable(
         "largest force of a stop",
         "kN",
@@ -187,6 +187,7 @@ OBSERVABLES = {
         True,
         lambda run: vehicle_measures.stop_forces(run).place,
     ),
+    "recoil_stroke": RunObservable("largest recoil stroke", "mm", 4, _of(vehicle_measures.recoil_stroke), whole=True),
     "sag": RunObservable("sag", "m", 6, _of(chain_measures.sag)),
     "end_tension": RunObservable("tension at the ends", "kN", 5, _of(chain_measures.end_tension)),
 }

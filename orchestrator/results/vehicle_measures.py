@@ -143,6 +143,15 @@ def stop_force(run: RunData, of: str, window: Window) -> float:
     return stop_forces(run, of, window).most
 
 
+def recoil_stroke(run: RunData, of: str, window: Window) -> float:
+    """Largest way that a recoil spring gives, m; raises Missing for a vehicle without one."""
+    names = [f"chassis.{side}.recoil.stroke" for side in ([of] if of else SIDES)]
+    strokes = [float(run.signal(name, window)[1].max()) for name in names if run.has(name)]
+    if not strokes:
+        raise Missing("the vehicle has no recoil")
+    return max(strokes)
+
+
 def tension_top(run: RunData, of: str, window: Window) -> float:
     """Mean tension of the upper run, N; of one side or of all tracks."""
     return _run_tension(run, of, window, "top")

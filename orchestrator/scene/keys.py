@@ -103,7 +103,7 @@ def numbers(entry: Schema) -> Iterator[Schema]:
 
 
 REQUIRED = "required"
-MOST_NAMES = 12  # that are listed
+MOST_NAMES = 15  # that are listed
 SYMBOLS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
 # Parameters of drives and driver with other names than their keys, and those whose default depends on the scene.
 PARAMETERS = {

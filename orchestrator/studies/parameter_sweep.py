@@ -111,7 +111,7 @@ def plan(
         cases.append(
             Case(loaded.name, name, run_case, (loaded, native, estimated, log, wanted), loaded.run.stop, math.inf)
         )
-    return Sweep(design, cases)
+    return Sweep(design, cases, tuple(one.text for one in wanted))
 
 
 def _claim(folder: Path, definition: dict[str, Any]) -> None:
@@ -159,7 +159,9 @@ def run_case(
     unknown = f"estimated error: not known, {error['message']}" if error["message"] else ""
     note = "; ".join(filter(None, (result["message"], unknown, *missing)))
     ok = result["status"] == "ok" and not summary.energy_warning(energy)
-    return [Row("", "", _figures(result, energy, error) | further | {"log": log and f"logs/{log.name}"}, ok, note)]
+    known = _figures(result, energy, error)
+    further = {key: value for key, value in further.items() if known.get(key.partition(",")[0]) != value}
+    return [Row("", "", known | further | {"log": log and f"logs/{log.name}"}, ok, note)]
 
 
 def _figures(result: dict[str, Any], energy: dict[str, Any] | None, error: dict[str, Any]) -> dict[str, Any]:
@@ -188,6 +190,7 @@ class Sweep:
     TITLE: ClassVar[str] = "Sweep"
     design: Design
     cases: list[Case]
+    asked: tuple[str, ...] = ()  # figures that the picture and the printed table are limited to
 
     def told(self, rows: Sequence[Row]) -> str:
         """Text about a case as it finishes: its first figures, or why it failed."""
@@ -210,8 +213,9 @@ class Sweep:
         """Table of all columns but those whose keys begin with one of the texts ``without``."""
         fullest_first = sorted(rows, key=lambda row: -len(row.figures))  # a case that was refused has no figures
         keys = dict.fromkeys(["status", *(key for row in fullest_first for key in row.figures), "note"])
+        only = ("status", "checks", "note", *self.asked) if self.asked and without else ""
         columns = [Column(one.key, one.head, unit=one.unit) for one in self.design.variations]
-        columns += [_column(key) for key in keys if not key.startswith(without)]
+        columns += [_column(key) for key in keys if key.startswith(only) and not key.startswith(without)]
         records = [
             {one.key: value.shown for one, value in zip(self.design.variations, point, strict=True)}
             | {"status": "failed", **row.cells()}

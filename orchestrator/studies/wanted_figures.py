@@ -12,11 +12,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from fmus.track.link_outputs import GROUPS
+from fmus.track.link_outputs import GROUPS, STANDARD
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results import measures
 from orchestrator.results.analyses import catalogue
+from orchestrator.results.largest_forces import FORCES, HIGH
 from orchestrator.results.run_data import EVER, RunData, reason
 from orchestrator.results.table import Table
 from orchestrator.scene.settings import hint
@@ -33,6 +34,7 @@ class WantedFigure(NamedTuple):
 
 def wanted_figures(texts: Sequence[str]) -> tuple[WantedFigure, ...]:
     """Figures by the texts of a user; raises BadInput for an unknown one, NotInstalled where a library is missing."""
+    texts = ",".join(texts).split(",") if texts else ()
     found = tuple(WantedFigure(text, *(part.strip() for part in (*text.split(":", 1), "")[:2])) for text in texts)
     for one in found:
         known = [*measures.NAMES, *measures.REDUCTIONS, *ANALYSES]
@@ -51,8 +53,10 @@ def recording_settings(wanted: Sequence[WantedFigure], given: Mapping[str, Any])
     """Settings of a scene with which its runs record what analyses need, and those that are ``given``."""
     analyses = [ANALYSES[one.name] for one in wanted if one.name in ANALYSES]
     every_step = {"run.links": 1} if any(one.every_step for one in analyses) else {}
-    groups = {group for one in analyses for group in one.records}
-    return every_step | ({"track.link_outputs": [*GROUPS]} if groups else {}) | dict(given)
+    groups = [group for one in analyses for group in one.records]
+    groups += [force.group for name, force in FORCES.items() if {name, f"{name}{HIGH}"} & {one.name for one in wanted}]
+    groups = [name for name in GROUPS if name in (*STANDARD, *groups)]
+    return every_step | ({"track.link_outputs": groups} if {*groups} - {*STANDARD} else {}) | dict(given)
 
 
 def figures_of_log(path: str, wanted: Sequence[WantedFigure]) -> tuple[dict[str, float], list[str]]:
@@ -78,7 +82,7 @@ def _of(run: RunData, one: WantedFigure) -> Iterator[tuple[str, float]]:
         yield _head(one.text, UNITS[one.name]), float(measure(run, one.of, EVER))
     else:
         module = catalogue.module_of(one.name)
-        table = module.summary(run) if hasattr(module, "summary") else module.of(run).table()
+        table = module.worst(run) if hasattr(module, "worst") else getattr(module, "summary", module.of)(run).table()
         yield from _cells(one.name, table)
 
 

@@ -31,6 +31,7 @@ ELEMENTS = (  # of the suspension, one of each sort
     "vehicle.suspension.bump_stop={gap=0.02, stiffness=5e5}", "vehicle.tensioner.recoil={preload=6e4, stiffness=3e5}",
 )  # fmt: skip
 BUSHED = "vehicle.track.bushing={stiffness=500, preset=0.1, damping=5, friction=0.3, radius=0.02}"
+PARTS = ('track.link_outputs=["force", "wheels", "teeth", "rims", "horns", "moment"]',)
 THERE_AND_BACK = "drive.speed_points=[[0, 0], [0.1, 8], [0.25, 8], [0.35, -8], [1, -8]]"
 
 
@@ -54,12 +55,12 @@ FEW = [
 ]
 MANY = [
     Case("hanging_chain", "rigid", "chain"),
-    Case("straight", "flexible", "left_track", MOVING),
+    Case("straight", "flexible", "left_track", (*MOVING, *PARTS)),
     Case("straight", "rigid", "right_track", (*MOVING, *SLOPE)),
     Case("straight", "flexible", "left_track", (*MOVING, "track.element=beam")),
     Case("straight", "flexible", "left_track", (*MOVING, "symmetric=true", "planar=true")),
     Case("turn", "flexible", "left_track", (*QUICK, *ROUND)),
-    Case("turn", "rigid", "right_track", (*QUICK, *ROUND)),
+    Case("turn", "rigid", "right_track", (*QUICK, *ROUND, *PARTS)),
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),
     Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),

@@ -13,7 +13,7 @@ from fmus.interface.model import StepFailed
 from fmus.physics.chain.flexible.axes_state import from_axes
 from fmus.physics.chain.flexible.node_faces import add_last_correction
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.on_links import GROUND, WHEELS
+from fmus.physics.chain.on_links import GROUND, HORNS, RIMS, TEETH, WHEELS
 from fmus.physics.chain.report import GROUND as REPORT_GROUND
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.track_flexible.model import Model
@@ -30,7 +30,7 @@ class Chain:
 
     def __init__(self, kind: str, ground: bool) -> None:
         track = {"links": 64, "closed": True, "wheels": wheels(), "ground": ground, "gravity": 9.81, "ends": None}
-        outputs = ["force", "ground", "wheels"]
+        outputs = ["force", "ground", "wheels", "teeth", "rims", "horns"]
         self.model = Model({"vehicle": TABLE, "track": track, "link_outputs": outputs})
         self.model.initialise(parameters(self.model, **KINDS[kind]))
         u = at_rest(self.model)
@@ -142,6 +142,10 @@ def test_links_and_pins_get_what_the_wheels_give(kind):
     )
     size = abs(given).max()
     assert on_links[:, WHEELS : WHEELS + 3].sum(axis=0) == pytest.approx(-given[:-1].sum(axis=0), abs=1e-9 * size)
+    teeth, rims, horns = (on_links[:, part : part + 3].sum(axis=0) for part in (TEETH, RIMS, HORNS))
+    assert teeth == pytest.approx(-given[0], abs=1e-9 * size)
+    assert rims + horns == pytest.approx(-given[1:-1].sum(axis=0), abs=1e-9 * size)
+    assert min(abs(teeth).max(), abs(rims).max()) > 0.01 * size
     assert on_links[:, GROUND : GROUND + 3].sum(axis=0) == pytest.approx(-given[-1], abs=1e-9 * size)
     total = load[w.touched].sum(axis=(0, 1)) + imbalance.sum(axis=0)
     in_space = total if len(total) == 3 else np.array([total[0], 0.0, total[1]])

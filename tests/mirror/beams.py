@@ -15,6 +15,8 @@ class Beam(Element):
 
     width = 18
     guided = True
+    shared_row = 2
+    shared_nudges = tuple(np.eye(3))
 
     def coordinates(self, x: Floats, places: bool) -> Floats:
         first, last = (a.reshape(*a.shape[:2], 6, 3) for a in (x[:, : self.n], x[:, self.second]))

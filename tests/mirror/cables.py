@@ -17,6 +17,10 @@ class Cable(Element):
 
     width = 8
 
+    @property
+    def shared_nudges(self) -> tuple[Floats, ...]:
+        return (self.across,)
+
     def coordinates(self, x: Floats, places: bool) -> Floats:
         first, last = x[:, : self.n], x[:, self.second]
         e = np.stack([first[..., [0, 1, 2]], first[..., [5, 7, 6]], last[..., [0, 1, 2]], last[..., [3, 7, 4]]], axis=2)
@@ -183,6 +187,17 @@ class Turning(Cable):
         self.dc = self.vectors(self.state_rates)
         self.update_world()
 
+    @property
+    def shared_nudges(self) -> tuple[Floats, ...]:
+        return (np.array([0.0, 1.0, 0.0]),)
+
+    def nudged(self, row: int, change: Floats) -> Turning:
+        other = copy(self)
+        other.c = self.c.copy()
+        other.c[:, :, row] += change
+        other.update_world()
+        return other
+
     def vectors(self, x: Floats) -> Floats:
         """Vectors (T, n, 4, 3) along the axes, from (T, nodes, 8)."""
         first, last = x[:, : self.n], x[:, self.second]
@@ -329,6 +344,7 @@ class Planar(Cable):
     """Cable without lateral coordinates: position and two slopes, x and z of each."""
 
     width = 6
+    shared_nudges = ()
 
     def coordinates(self, x: Floats, places: bool) -> Floats:
         wide = np.zeros((*x.shape[:2], 8))

@@ -176,6 +176,20 @@ class Element(Chain):
             self.pins = np.concatenate([self.pins, self.e[:, -1:, half]], axis=1)
             self.rates = np.concatenate([self.rates, self.v[:, -1:, half]], axis=1)
 
+    shared_row = 1  # vector of an element that is a gradient which it shares at its first pin, in some directions
+
+    @property
+    def shared_nudges(self) -> tuple[Floats, ...]:
+        """Unit changes of that vector, in the axes of ``nudged``."""
+        raise NotImplementedError
+
+    def nudged(self, row: int, change: Floats) -> Element:
+        """The chain with a vector of all elements changed."""
+        other = copy(self)
+        other.e = self.e.copy()
+        other.e[:, :, row] += change
+        return other
+
     def advanced(self, tau: float) -> Element:
         other = copy(self)
         other.e, other.pins = self.e + tau * self.v, self.pins + tau * self.rates

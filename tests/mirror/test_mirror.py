@@ -52,12 +52,16 @@ KINDS = {
     "TrackRigid": Kind(
         "TrackRigid",
         track_checks.CHECKS,
-        r"stress\.max|link\[\d+\]\.(stress|fibre\..*)|energy\.(strain|.*\.material)|joint\[65\]\.axis\.z",
+        r"stress\.max|link\[\d+\]\.(stress|fibre\..*)|energy\.(strain|.*\.material)|joint\[65\]\.(axis\.z|moment\..*)",
     ),
-    "cable": FLEXIBLE._replace(zero=r"joint\[\d+\]\.axis\.z|energy\..*\.guides"),
+    "cable": FLEXIBLE._replace(
+        zero=r"joint\[\d+\]\.axis\.z|joint\[65\]\.moment\..*|link\[\d+\]\.horn\..*|energy\..*\.guides"
+    ),
     "turning": FLEXIBLE._replace(zero=r"energy\.work|energy\..*\.joints"),
-    "planar": FLEXIBLE._replace(zero=r".*\.torque\.z|joint\[\d+\]\.axis\.z|energy\..*\.guides"),
-    "beam": FLEXIBLE._replace(zero=r"joint\[65\]\.axis\.z"),
+    "planar": FLEXIBLE._replace(
+        zero=r".*\.torque\.z|joint\[\d+\]\.(axis\.z|moment\..*)|link\[\d+\]\.horn\..*|energy\..*\.guides"
+    ),
+    "beam": FLEXIBLE._replace(zero=r"joint\[65\]\.(axis\.z|moment\..*)"),
     "general": FLEXIBLE._replace(asked=STRAINED),
     "engineering": FLEXIBLE._replace(asked=STRAINED),
     "Chassis": Kind("Chassis", chassis_checks.CHECKS),
@@ -67,7 +71,7 @@ KINDS = {
 }
 FMUS = {kind.fmu: kind for kind in KINDS.values()}
 SOMETHING = "something where nothing is"
-SOIL = r"link\[\d+\]\.(ground|wheels)\..*"  # 0 for links without contact within a run
+SOIL = r"(link\[\d+\]\.(ground|wheels|rim|horn)|joint\[\d+\]\.tooth)\..*"  # 0 for links without contact within a run
 
 
 class Finding(NamedTuple):

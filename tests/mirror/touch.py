@@ -15,13 +15,14 @@ import numpy as np
 from fmus.track.start import drawn
 from mirror import soft
 from mirror.ground import Ground
-from mirror.links import UP, Chain
+from mirror.links import UP, Chain, Element
 from mirror.motion import Wheels, ground_frame, start_frame
 from mirror.record import Floats
 
 SPREAD = 0.5 / np.sqrt(3.0)  # distance of two Gauss points from the middle of the unit interval
 RAMP = 1e-3  # m, penetration over which a damper sets in
 DEEP = 5e-3  # m, penetration at which a damper of Hunt and Crossley equals that of the table
+NUDGE = 1e-4  # of a gradient, for differences of places
 HORN = 0.05  # m, penetration depth of a guide horn in a disc
 
 
@@ -92,6 +93,9 @@ class Touch(NamedTuple):
     slide: Floats  # (T, 3) N m/s: load times velocity of the points on the ground
     sliding: Floats  # (T, n, 3) m/s, mean velocity of the points on the ground
     link_depth: Floats  # (T, n) m, depth of the deepest point
+    horns: Floats  # (T, n, 3) of wheels on the horns
+    twist: Floats  # (T, nodes, 3) N m, moment of the teeth on the pins about their middles
+    shared: Floats  # (T, n, 2, 3) N m, work of forces on a link in nudges of its shared gradients, by end
     lost: Floats  # (T, causes) J, lost besides ``losses`` in the step that ends here
 
 
@@ -100,17 +104,34 @@ class _ContactSums:
         T, m = wheels.centre.shape[:2]
         z = np.zeros
         self.chain, self.wheels = chain, wheels
+        self.nudged = []
+        for end in range(2) if isinstance(chain, Element) else ():
+            row = chain.shared_row + end * (chain.e.shape[2] // 2)
+            for k, way in enumerate(chain.shared_nudges):
+                self.nudged.append((end, k, chain.nudged(row, NUDGE * way), chain.nudged(row, -NUDGE * way)))
         self.t = Touch(z((T, m, 6)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.nodes, 3)),
                        z(T), z((T, len(CAUSES))), z((T, chain.n)), z(T), z(T), z(T), z((T, 3)), z((T, chain.n, 3)),
-                       z((T, chain.n)), z((T, len(CAUSES))))  # fmt: skip
+                       z((T, chain.n)), z((T, chain.n, 3)), z((T, chain.nodes, 3)), z((T, chain.n, 2, 3)),
+                       z((T, len(CAUSES))))  # fmt: skip
 
-    def add(self, t, index, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple) -> None:
-        """Add forces at points ``x`` (p, 3) and instants ``t`` on links (or pins) ``at`` by wheel ``m``."""
+    def add(
+        self, t, index, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple, place: tuple = ()
+    ) -> None:
+        """Add forces at points ``x`` (p, 3) and instants ``t`` on links (or pins) ``at`` by wheel ``m``.
+
+        ``place``: of ``Chain.point``, of points on links.
+        """
         sums, f = self.t, push.force
+        for end, k, more, less in self.nudged if place else ():
+            way = (more.point(t, index, *place)[0] - less.point(t, index, *place)[0]) / (2.0 * NUDGE)
+            np.add.at(sums.shared, (t, index, end, k), (f * way).sum(-1))
         if kind == TOOTH:
             np.add.at(sums.teeth, (t, index), f)
+            np.add.at(sums.twist, (t, index), np.cross(x - self.chain.pins[t, index], f))
         else:
             np.add.at(sums.force, (t, index), f)
+            if kind == GUIDE:
+                np.add.at(sums.horns, (t, index), f)
             arm, ends = x - self.chain.middle[t, index], self.chain.ends
             np.add.at(sums.torque, (t, index), np.cross(arm, f))
             line = (ends[1] - ends[0])[t, index]
@@ -163,7 +184,8 @@ def rims(sums: _ContactSums, law: Law, m: int, radius: float) -> None:
     for side in (-1.0, 1.0):
         for y in chain.lateral:
             share = 0.5 * (high - low) / len(chain.lateral)
-            x, u = chain.point(t, i, 0.5 * (low + high) + side * SPREAD * (high - low), y, -chain.face)
+            xi = 0.5 * (low + high) + side * SPREAD * (high - low)
+            x, u = chain.point(t, i, xi, y, -chain.face)
             radial = x - centre
             radial = radial - (radial * axle).sum(-1, keepdims=True) * axle
             rho = np.linalg.norm(radial, axis=-1)
@@ -171,7 +193,7 @@ def rims(sums: _ContactSums, law: Law, m: int, radius: float) -> None:
             on = depths[-1] > 0.0
             w = sums.material(t, m, x, u)
             push = press(law, share[on], depths[-1][on], (radial / rho[:, None])[on], w[on], sinking[on])
-            sums.add(t[on], i[on], x[on], w[on], depths[-1][on], push, m, WHEEL)
+            sums.add(t[on], i[on], x[on], w[on], depths[-1][on], push, m, WHEEL, (xi[on], y, -chain.face))
     # a parabola through two depths stores more than two points: its mean square over the part, by three points
     half = 0.5 * (high - low) * length
     bow, extra = half**2 / (2.0 * radius), 0.0
@@ -185,14 +207,15 @@ def guides(sums: _ContactSums, law: Law, m: int, radius: float, play: float) -> 
     t, i, low, high, _, _, _ = inside(chain, wheels, m, radius)
     axle = wheels.axle[t, m]
     for side in (-1.0, 1.0):
-        x, u = chain.point(t, i, 0.5 * (low + high) + side * SPREAD * (high - low), 0.0, -chain.face)
+        xi = 0.5 * (low + high) + side * SPREAD * (high - low)
+        x, u = chain.point(t, i, xi, 0.0, -chain.face)
         off = ((x - wheels.centre[t, m]) * axle).sum(-1)
         depth = abs(off) - play
         on = depth > 0.0
         w = sums.material(t, m, x, u)
         n = -np.sign(off)[:, None] * axle
         push = press(law, 0.5 * (high - low)[on], depth[on], n[on], w[on])
-        sums.add(t[on], i[on], x[on], w[on], depth[on], push, m, GUIDE)
+        sums.add(t[on], i[on], x[on], w[on], depth[on], push, m, GUIDE, (xi[on], 0.0, -chain.face))
 
 
 def hard_ground(sums: _ContactSums, law: Law, ground: Ground) -> None:
@@ -207,7 +230,8 @@ def hard_ground(sums: _ContactSums, law: Law, ground: Ground) -> None:
             depth, n = ground.under(x)
             on = depth > 0.0
             push = press(law, 0.5 / len(chain.lateral), depth[on], n[on], u[on])
-            sums.add(t[on], i[on], x[on], u[on], depth[on], push, None, GROUND)
+            place = np.full(on.sum(), 0.5 + side * SPREAD), y, chain.face
+            sums.add(t[on], i[on], x[on], u[on], depth[on], push, None, GROUND, place)
             np.add.at(sums.t.load, t[on], push.normal)
             np.add.at(sums.t.slide, t[on], push.normal[:, None] * u[on])
             np.add.at(sums.t.sliding, (t[on], i[on]), u[on])
@@ -224,7 +248,7 @@ def soft_ground(sums: _ContactSums, law: soft.Law, ground: Ground) -> None:
     axes = ground_frame(chain.part.parameters).inv()
     ahead = axes.apply((chain.ends[1] - chain.ends[0])[t, i])[:, :2].reshape(T, chain.n, 2)
     share = 0.5 / len(chain.lateral)
-    x, u, depth, part = [], [], [], []
+    x, u, depth, part, places = [], [], [], [], []
     for side in (-1.0, 1.0):
         for y in chain.lateral:
             place, velocity = chain.point(t, i, 0.5 + side * SPREAD, y, chain.face)
@@ -232,6 +256,7 @@ def soft_ground(sums: _ContactSums, law: soft.Law, ground: Ground) -> None:
             u.append(velocity.reshape(T, chain.n, 3))
             depth.append(ground.under(place)[0].reshape(T, chain.n))
             part += [side * (0.25 - SPREAD)] * chain.n
+            places += [(0.5 + side * SPREAD, y)] * chain.n
     x, u, depth = (np.concatenate(each, axis=1) for each in (x, u, depth))
     start, _ = start_frame(chain.part.parameters)
     local = axes.apply(x.reshape(-1, 3) - start).reshape(x.shape)
@@ -243,7 +268,8 @@ def soft_ground(sums: _ContactSums, law: soft.Law, ground: Ground) -> None:
     force = axes.inv().apply(found.shear[t, k] + found.normal[t, k][:, None] * UP)
     none = np.zeros(len(t))
     push = Push(force, found.normal[t, k], found.stored[t, k], none, none)
-    sums.add(t, link[k], x[t, k], u[t, k], none, push, None, GROUND)
+    place = *(np.array(places)[k].T), chain.face
+    sums.add(t, link[k], x[t, k], u[t, k], none, push, None, GROUND, place)
     sums.t.lost[:, GROUND] += np.stack([found.sheared, found.compacted], axis=1)
     np.add.at(sums.t.load, t, push.normal)
     np.add.at(sums.t.slide, t, push.normal[:, None] * u[t, k])

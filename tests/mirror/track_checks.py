@@ -47,8 +47,11 @@ from mirror.track_forces import (
     joint_ways,
     joints_by_momentum,
     links_on_wheels,
+    moments,
     momentum,
     newton,
+    part_of_wheels,
+    parts_of_wheels,
     sliding,
     stress,
     stress_of_all,
@@ -72,6 +75,7 @@ def stages(view: View, names: Sequence[str]) -> Floats:
 
 
 WHEEL = r"(sprocket|road_wheel\[\d+\]|idler)"
+PARTS = r"(joint\[\d+\]\.tooth|link\[\d+\]\.(rim|horn))\.force\.[xyz]"
 CHECKS = (
     Check(WHEEL + r"\.force\.[xyz]", "contact laws", wrenches, 1e-3, 0.2, applies=implicit_on_wheels),
     Check(WHEEL + r"\.torque\.[xyz]", "contact laws", wrenches, 1e-3, 0.05, applies=implicit_on_wheels),
@@ -88,6 +92,9 @@ CHECKS = (
           1e-7, balance=True),
     Check(r"link\[\d+\]\.wheels\.force\.[xyz]", "what balances a link at rest", newton, 1e-3, 1.0, balance=True,
           applies=at_rest),
+    Check(PARTS, "contact laws", parts_of_wheels, 1e-3, 2.0, applies=implicit),
+    Check(PARTS, "force of the wheels less that of other parts", part_of_wheels, 1e-9, 1e-7, balance=True),
+    Check(r"joint\[\d+\]\.moment\.[xyz]", "motion of the links", moments, 5e-3, 0.3, applies=implicit),
     Check(r"link\[\d+\]\.ground\.sliding\.[xyz]", "points on the ground", sliding, 1e-3, 1e-4, applies=implicit),
     Check(r"link\[\d+\]\.ground\.depth", "points on the ground", ground_depth, 1e-4, 1e-7, applies=implicit),
     Check(r"ground\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=straight_on),

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirror.check import View
-from mirror.forces import across, pulls
-from mirror.links import UP, Rigid
+from mirror.forces import STEP, across, pulls
+from mirror.links import UP, Rigid, gauss
 from mirror.record import Floats
 from mirror.track_series import AXES, link_number, wheel_names, with_start
 
@@ -55,6 +55,27 @@ def wheels_of_links(view: View, names: Sequence[str]) -> Floats:
     if not c.closed:
         forces[:, 0] += view.touch.teeth[:, 0]
     return of_links(view, forces, names)
+
+
+def parts_of_wheels(view: View, names: Sequence[str]) -> Floats:
+    """Forces of teeth on each pin, of rims and of discs and wheels on the horn of each link."""
+    touch = view.touch
+    parts = {"tooth": touch.teeth, "rim": touch.force - touch.ground - touch.horns, "horn": touch.horns}
+    means = {name: with_start(part[0], view.recursion.means(part)) for name, part in parts.items()}
+    return np.stack([means[name.split(".")[1]][:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+
+
+def part_of_wheels(view: View, names: Sequence[str]) -> Floats:
+    """Force of the wheels on a link less its other parts."""
+    (name,), c, part, axis = names, view.chain, view.part, names[0][-1]
+    i = link_number(name)
+    if ".tooth." in name:
+        i = i - 1 if i > 0 else (c.n - 1 if c.closed else 0)
+    teeth = [c.second[i]] if c.closed or i > 0 else [0, c.second[i]]
+    others = [f"joint[{j + 1}].tooth.force.{axis}" for j in teeth]
+    others += [f"link[{i + 1}].{what}.force.{axis}" for what in ("rim", "horn")]
+    found = part[f"link[{i + 1}].wheels.force.{axis}"] - sum(part[other] for other in others if other != name)
+    return found[:, None]
 
 
 def of_links(view: View, forces: Floats, names: Sequence[str]) -> Floats:
@@ -205,6 +226,62 @@ def joints_by_momentum(view: View, names: Sequence[str]) -> Floats:
     other, sign = (c.second[i], 1.0) if j < c.n else (i, -1.0)
     force = sign * (gained - others) + part[f"joint[{other + 1}].force.{axis}"][1:]
     return with_start(np.array(np.nan), force)[:, None]
+
+
+def moments(view: View, names: Sequence[str]) -> Floats:
+    """Pin moments as means over the steps by the recursion, known from the 30th instant on."""
+    found = moments_of_rigid_links(view) if isinstance(view.chain, Rigid) else moments_of_elements(view)
+    found[:30] = found[30]
+    means = with_start(found[0], view.recursion.means(found))
+    means[:60] = np.nan
+    return np.stack([means[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+
+
+def moments_of_rigid_links(view: View) -> Floats:
+    """Moments by Euler's equations, link by link from the first pin; where both ends are joined, of least squares."""
+    c, touch, F = view.chain, view.touch, view.joints
+    arms = [end - c.middle for end in c.ends[:2]]
+    load = (touch.teeth + across(c)[0])[:, c.second]
+    if not c.closed:
+        load[:, -1] = 0.0
+    rest = c.momentum_rates(view.accelerations)[1] - touch.torque
+    rest -= 0.5 * (touch.twist[:, : c.n] + touch.twist[:, c.second])  # each link of a pin gets half
+    rest -= np.cross(arms[0], F[:, : c.n]) + np.cross(arms[1], load - F[:, c.second])
+    found = np.concatenate([np.zeros_like(rest[:, :1]), -np.cumsum(rest, axis=1)], axis=1)
+    kind = "closed" if c.closed else view.track["ends"]["kind"]
+    if kind == "held":
+        return found - found[:, -1:]
+    found = found[:, : c.nodes]
+    if kind == "pulled":  # the last pin has none either
+        return found - np.linspace(0.0, 1.0, c.nodes)[:, None] * found[:, -1:]
+    axis = c.axes.mean(1, keepdims=True)
+    for now, pins, y in zip(found[30:], c.pins[30:], axis[30:], strict=True):
+        now -= (now * y).sum(-1, keepdims=True) * y
+        unit = np.concatenate([np.cross(pins, y).reshape(-1, 1), np.tile(np.eye(3), (c.nodes, 1))], axis=1)
+        now -= (unit @ np.linalg.lstsq(unit, now.ravel(), rcond=1e-9)[0]).reshape(-1, 3)
+    return found
+
+
+def moments_of_elements(view: View) -> Floats:
+    """Work of a link's strain, inertia and contacts in a change of the gradient that it shares at its first pin."""
+    c = view.chain
+    a, tau = c.coordinate_accelerations(view.accelerations), float(view.part.parameters["material.relaxation_time"])
+    x, w = gauss(4)
+    weight, found = c.mass * c.gravity * np.einsum("p,pa->a", w, c.centreline(x)), np.zeros((*c.pins.shape,))
+    for end, own in enumerate((slice(0, c.n), slice(c.n, c.nodes))):
+        row = c.shared_row + end * (c.e.shape[2] // 2)
+        G = np.zeros((len(c.e), c.n, 3))
+        for k, nudge in enumerate(c.shared_nudges):
+            unit = c.nudged(row, nudge).e[:, :, row] - c.e[:, :, row]
+            shift = np.zeros_like(c.e)
+            shift[:, :, row] = STEP * unit
+            e = c.e + tau * c.v
+            work = (c.energies(e + shift) - c.energies(e - shift)) / (2.0 * STEP)
+            work += (np.einsum("b,tnbi->tni", c.mass_matrix[row], a) * unit).sum(-1) + weight[row] * unit[..., 2]
+            G += (work - view.touch.shared[:, :, end, k])[..., None] * unit
+        moment = np.cross(c.e[:, :, row], G) * (1.0 - 2.0 * end)
+        found[:, own] = moment[:, own] if end == 0 else moment[:, -1:][:, : c.nodes - c.n]
+    return found
 
 
 def joint_axes(view: View, names: Sequence[str]) -> Floats:

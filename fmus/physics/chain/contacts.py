@@ -35,7 +35,7 @@ class Contacts(NamedTuple):
     soil: Any  # and of links with the ground (``grounds``)
 
 
-PARTNER, BODY, LINK, ON_PIN = range(4)  # wheel, or the ground after the last; link or pin; link of the force; 1: a pin
+PARTNER, BODY, LINK, ON_PIN, COLUMN = range(5)  # numbers of a point, see ``ContactPoint``
 # numbers of a point: xi, z, y of ``locate``; position, m; g; of ``Sinking``, where its first is not 0: by_rate,
 # ``ContactForce.by_rate``, normal, foot
 PLACE, POSITION, MATRIX, BY_RATE, RATE, NORMAL, FOOT = 0, 3, 6, 15, 16, 19, 22
@@ -49,6 +49,7 @@ class ContactPoint(NamedTuple):
     body: int  # index of the link, or of the pin
     link: int  # index of the link that is said to bear the force
     on_pin: int  # 1: on a pin, 0: on a face
+    column: int  # of the force in ``on_links``
     place: Vector  # xi, z and y of ``locate``; of a pin only y
     position: Vector  # along the axes of the chain's coordinates, m
 
@@ -57,7 +58,7 @@ class ContactPoints(NamedTuple):
     """Contact points at the last matrix, and the motion of the chain since."""
 
     number: np.ndarray  # (1) int: of points
-    which: np.ndarray  # (points, 4) int: PARTNER to ON_PIN
+    which: np.ndarray  # (points, 5) int: PARTNER to COLUMN
     numbers: np.ndarray  # (points, SIZE)
     q: np.ndarray  # coordinates at the matrix, (nodes, width) or (links, 7)
     step: np.ndarray  # (nodes, width) last correction of the coordinates; of rigid links it is in ``AugmentedSystem``
@@ -67,7 +68,7 @@ def contact_points(points: int, coordinates: tuple[int, int], step: tuple[int, i
     """Return zeroed arrays for at most ``points`` points of a chain; shapes of its coordinates and of ``step``."""
     z = np.zeros
     return ContactPoints(
-        z(1, dtype=np.int64), z((points, 4), dtype=np.int64), z((points, SIZE)), z(coordinates), z(step)
+        z(1, dtype=np.int64), z((points, 5), dtype=np.int64), z((points, SIZE)), z(coordinates), z(step)
     )
 
 
@@ -86,6 +87,7 @@ def record(points: ContactPoints, point: ContactPoint, force: ContactForce, sink
         return
     which, numbers, g = points.which[n], points.numbers[n], force.g
     which[PARTNER], which[BODY], which[LINK], which[ON_PIN] = point.partner, point.body, point.link, point.on_pin
+    which[COLUMN] = point.column
     put(numbers, PLACE, point.place)
     put(numbers, POSITION, point.position)
     for k in range(3):

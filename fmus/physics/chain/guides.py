@@ -20,7 +20,7 @@ from fmus.physics.chain.interface import (
     record_point,
 )
 from fmus.physics.chain.near import WheelAndLink, contact_distance_squared, wheel_distances
-from fmus.physics.chain.on_links import WHEELS, add_link_force
+from fmus.physics.chain.on_links import HORNS, add_part
 from fmus.physics.chain.sums import GUIDES as GUIDE_LOSSES
 from fmus.physics.chain.sums import PATCH_POWER, add_contact
 from fmus.physics.contact.face import NOT_SINKING, point_contact_force
@@ -102,8 +102,8 @@ def _touch_disc(
         slope = -dot(face.n, position_slope(links, x, w, i))
         w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
         add_reaction(row, p, force.f, w.wrench[k])
-        add_link_force(w.on_links, i, WHEELS, force.f)
+        add_part(w.on_links, i, HORNS, i, force.f)
         apply_force(links, w, i, force, tangent)
         if tangent:
-            record_point(links, w, ContactPoint(k, i, i, 0, (xi, -links.face, 0.0), p), force, NOT_SINKING)
+            record_point(links, w, ContactPoint(k, i, i, 0, HORNS, (xi, -links.face, 0.0), p), force, NOT_SINKING)
         finish_section(links, w, i, tangent)

@@ -2,8 +2,10 @@
 
 Columns, up to the requested number: force of the pin, N; force of the ground, N; force of the wheels, N, on the link
 and on the pin where it ends; velocity over the ground, m/s, mean of the link's points on it; depth of the deepest of
-these, m. All but the first are summed point by point. Outputs are means over an interval, a number of communication
-steps: the State's ``span`` holds the time that its sums cover, s, and the steps left of the interval.
+these, m. Then three parts of the force of the wheels, N: of teeth on the pin; of rims and of discs and wheels on the
+horn, on the link. The last is the moment of the pin on the link, N m, about the axes across it. Forces of contacts are
+summed point by point. Outputs are means over an interval, a number of communication steps: the State's ``span`` holds
+the time that its sums cover, s, and the steps left of the interval.
 """
 
 from __future__ import annotations
@@ -19,8 +21,11 @@ if TYPE_CHECKING:
     from fmus.physics.chain.state import ChainState
 
 JOINT, GROUND, WHEELS, SLIDING, DEPTH = 0, 3, 6, 9, 12  # first column of each quantity
-WITH_JOINT, WITH_GROUND, WITH_WHEELS, WITH_SLIDING = 3, 6, 9, 13  # number of columns up to and including each
-MIRRORED = np.array([1.0, -1, 1] * 4 + [1.0])  # signs of a row mirrored in the plane of the track
+TEETH, RIMS, HORNS, MOMENT = 13, 16, 19, 22
+# number of columns up to and including each
+WITH_JOINT, WITH_GROUND, WITH_WHEELS, WITH_SLIDING, WITH_PARTS, WITH_MOMENT = 3, 6, 9, 13, 22, 25
+# signs of a row mirrored in the plane of the track
+MIRRORED = np.array([1.0, -1, 1] * 4 + [1.0] + [1.0, -1, 1] * 3 + [-1.0, 1, -1])
 SPAN, LEFT = range(2)  # indices into ``span``
 LinkForcesShape = tuple[int, int]  # shape (k, c): pins, columns
 NONE: LinkForcesShape = (0, 0)
@@ -40,6 +45,13 @@ def add_link_force(on_links: Floats, i: int, column: int, f: Vector) -> None:
     if column < on_links.shape[1]:
         for k in range(3):
             on_links[i, column + k] += f[k]
+
+
+@kernel
+def add_part(on_links: Floats, i: int, part: int, row: int, f: Vector) -> None:
+    """Add the force ``f``, N, of a wheel to link ``i``, and to its ``part`` at the link or pin ``row``."""
+    add_link_force(on_links, i, WHEELS, f)
+    add_link_force(on_links, row, part, f)
 
 
 @kernel

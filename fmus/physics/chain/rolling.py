@@ -42,7 +42,16 @@ from fmus.physics.chain.near import (
     contact_distance_squared,
     wheel_distances,
 )
-from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force, add_sliding, average_sliding, clear
+from fmus.physics.chain.on_links import (
+    GROUND,
+    RIMS,
+    TEETH,
+    add_link_force,
+    add_part,
+    add_sliding,
+    average_sliding,
+    clear,
+)
 from fmus.physics.chain.report import add_loss
 from fmus.physics.chain.sums import (
     CONTACT,
@@ -158,11 +167,11 @@ def _rim(
                 slope = -dot(face.n, position_slope(links, x, w, i))
                 w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
                 add_reaction(row, p, force.f, w.wrench[k])
-                add_link_force(w.on_links, i, WHEELS, force.f)
+                add_part(w.on_links, i, RIMS, i, force.f)
                 apply_force(links, w, i, force, tangent)
                 if tangent:
                     add_rate_matrix(links, w, i, force, sinking)
-                    record_point(links, w, ContactPoint(k, i, i, 0, (xi, -links.face, y), p), force, sinking)
+                    record_point(links, w, ContactPoint(k, i, i, 0, RIMS, (xi, -links.face, y), p), force, sinking)
             finish_section(links, w, i, tangent)
         energy, power = gauss_excess(law, radius, length(links), low, high, ends)
         w.sums[CONTACT] += energy
@@ -192,10 +201,10 @@ def _teeth(
             add_contact(w.sums, TOOTH_FRICTION, TOOTH_DAMPING, depth, force)
             add_reaction(row, p, force.f, w.wrench[k])
             link = i - 1 if i > 0 else (n - 1 if nodes == n else 0)
-            add_link_force(w.on_links, link, WHEELS, force.f)
+            add_part(w.on_links, link, TEETH, i, force.f)
             apply_pin_force(links, x, w, i, y, force, tangent)
             if tangent:
-                record_point(links, w, ContactPoint(k, i, link, 1, (0.0, 0.0, y), p), force, NOT_SINKING)
+                record_point(links, w, ContactPoint(k, i, link, 1, TEETH, (0.0, 0.0, y), p), force, NOT_SINKING)
 
 
 @kernel
@@ -247,8 +256,8 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
                 force = from_ground(links, x, w, force, tangent)
                 apply_force(links, w, i, force, tangent)
                 if tangent:
-                    place = xi, links.face, y
-                    record_point(links, w, ContactPoint(ground, i, i, 0, place, along_axes[0]), force, NOT_SINKING)
+                    touched = ContactPoint(ground, i, i, 0, GROUND, (xi, links.face, y), along_axes[0])
+                    record_point(links, w, touched, force, NOT_SINKING)
             finish_section(links, w, i, tangent)
         average_sliding(w.on_links, i, hits)
 

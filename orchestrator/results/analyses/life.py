@@ -187,6 +187,14 @@ def table_of(run: RunData) -> Mapping[str, Any]:
     raise Missing(f"{run.log.path}: the vehicle has no table life (pin, lugs and material): see cotrack keys life")
 
 
+def worst(run: RunData) -> Table:
+    """Table of the worst pin of a run alone, for sweeps; raises Missing, NotInstalled."""
+    each = min((found := of(run)).tracks, key=lambda one: one.life)
+    columns = ("track", ""), ("pin", ""), ("damage", "1/km"), ("of half", "km"), ("of 90 %", "km")
+    row = each.track, each.worst[0] + 1, 1e3 / each.life, 1e-3 * each.life, 1e-3 * each.safe_life
+    return Table.of("Life of the worst pin", columns, [row], found.notes())
+
+
 class PinForces(NamedTuple):
     """Forces in the m records and n pins of a track, and the way of its chain."""
 

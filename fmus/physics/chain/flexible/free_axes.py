@@ -34,7 +34,7 @@ from fmus.physics.chain.flexible.axes_state import (
 )
 from fmus.physics.chain.flexible.condensation import eliminate
 from fmus.physics.chain.flexible.interface import gather, layout
-from fmus.physics.chain.on_links import WHEELS
+from fmus.physics.chain.on_links import HORNS, RIMS, TEETH, WHEELS
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
@@ -74,9 +74,10 @@ def wrenches_from_axes(links: TurningCables, x: Motion, w: TurningWork) -> None:
     for k in range(w.wrench.shape[0] - 1):
         put(w.wrench[k], 0, from_axes(x.axes, vector(w.wrench[k], 0)))
         put(w.wrench[k], 3, from_axes(x.axes, vector(w.wrench[k], 3)))
-    if w.on_links.shape[1] > WHEELS:
-        for i in range(w.on_links.shape[0]):
-            put(w.on_links[i], WHEELS, from_axes(x.axes, vector(w.on_links[i], WHEELS)))
+    for column in (WHEELS, TEETH, RIMS, HORNS):
+        if w.on_links.shape[1] > column:
+            for i in range(w.on_links.shape[0]):
+                put(w.on_links[i], column, from_axes(x.axes, vector(w.on_links[i], column)))
 
 
 @namesake

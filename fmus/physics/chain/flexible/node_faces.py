@@ -21,7 +21,7 @@ from fmus.physics.chain.contacts import record
 from fmus.physics.chain.flexible.interface import gather, in_space, layout, motion_with_axes, start_frame_vector
 from fmus.physics.chain.flexible.link_layout import ends, node
 from fmus.physics.chain.interface import locate, locate_pin, locate_section
-from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force
+from fmus.physics.chain.on_links import GROUND, add_link_force, add_part
 from fmus.physics.vector import add, cross, dot, scale, vector
 
 if TYPE_CHECKING:
@@ -94,7 +94,9 @@ def add_last_correction(links: FlexibleLinks, x: Motion, w: Work) -> None:
             torque = start_frame_vector(links, x, cross(add(p, scale(-1.0, vector(w.flat[partner], 0))), f))
             for k in range(3):
                 w.wrench[partner, 3 + k] -= torque[k]
-        add_link_force(w.on_links, which[at.LINK], WHEELS if partner < wheels else GROUND, force)
+            add_part(w.on_links, which[at.LINK], which[at.COLUMN], body, force)
+        else:
+            add_link_force(w.on_links, which[at.LINK], GROUND, force)
         for k in range(axis_count(links.element)):
             part = f[k] if axis_count(links.element) == 3 else f[2 * k]
             if which[at.ON_PIN]:

@@ -9,6 +9,9 @@ after the correction gives the sum of its own forces, D. With F, E a link's resi
 
 so forces on links and pins balance to rounding. A force common to all pins is not determined: in a loop the x are given
 zero mean (a uniform tension has no mean either), and the closure error is spread over the pins.
+
+Moments follow from the gradient that two links share at their pin, g, and from a link's residual there, G, which is
+evaluated again: M = g x G. Cables share one component of their slope, beams the gradient along the pin.
 """
 
 from __future__ import annotations
@@ -18,26 +21,30 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.kernels.jit import kernel, namesake
-from fmus.physics.ancf.element import axis_count, total_mass, vector_count
+from fmus.physics.ancf.element import axis_count, force, total_mass, vector_count
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.interface import (
     absolute_accelerations,
+    add_lateral_bending,
     along_axes,
+    gather,
     in_space,
+    inertia_and_weight,
     layout,
     omitted_accelerations,
     start_frame_vector,
 )
 from fmus.physics.chain.flexible.link_layout import ends, node
+from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.integration import HELD, PINNED, PULLED
-from fmus.physics.chain.on_links import JOINT
+from fmus.physics.chain.on_links import JOINT, MOMENT
 from fmus.physics.chain.sums import END_POWER, JOINTS
-from fmus.physics.vector import add, put, scale, vector
+from fmus.physics.vector import add, cross, put, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
-    from fmus.physics.chain.flexible.state import Motion, State, Work
+    from fmus.physics.chain.flexible.state import State, Work
     from fmus.physics.chain.integration import Environment
 
 
@@ -148,6 +155,7 @@ def newton_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
             add(x, scale(-1.0, base)), add(in_space(links, b[last]), scale(-1.0, in_space(links, R[n - 1, half])))
         )
         put(forces[n], JOINT, start_frame_vector(links, s, shift))
+    _moments(links, env, s, w)
 
 
 @namesake
@@ -162,6 +170,32 @@ def stage_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> N
         put(forces[i], JOINT, start_frame_vector(links, s, _end(links, w, i, 0)))
         if i == n - 1 and links.closed != 1:
             put(forces[n], JOINT, start_frame_vector(links, s, scale(-1.0, _end(links, w, i, half))))
+    _moments(links, env, s, w)
+
+
+@kernel
+def _moments(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
+    """Moment of each pin, N m, into ``w.on_links``, if it has them: it overwrites the residuals of the links."""
+    if w.on_links.shape[1] <= MOMENT:
+        return
+    indices, c, x = layout(links), links.element, Motion(s.q, s.v, s.vdot, s.axes)
+    rows, axes, weight = vector_count(c), axis_count(c), scale(total_mass(c), env.gravity)
+    for i in range(links.n):
+        r, (first, second) = w.residual[i], ends(indices, s.q.shape[0], i)
+        gather(links, s.q, first, second, w.coordinates)
+        gather(links, s.v, first, second, w.rates)
+        gather(links, s.vdot, first, second, w.accelerations)
+        inertia_and_weight(links, x, w, weight, r)
+        add_lateral_bending(links, w, r, False)
+        force(c, w.coordinates, w.rates, r)
+        for end in range(2 if i == links.n - 1 and links.closed != 1 else 1):
+            moment = (0.0, 0.0, 0.0)
+            for k in range(axes, len(indices.shared)):
+                row, a = indices.outer[k] // axes + end * (rows // 2), indices.outer[k] % axes
+                G = r[row, a] + (w.load[i, row, a] if w.touched[i] else 0.0)
+                along = (G if a == 0 else 0.0, G if a == 1 else 0.0, G if a == 2 else 0.0)
+                moment = add(moment, cross(vector(w.coordinates[row], 0), along))
+            put(w.on_links[i + end], MOMENT, start_frame_vector(links, s, scale(1.0 - 2.0 * end, moment)))
 
 
 @kernel

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.kernels.jit import allocating, kernel, namesake
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.carrier import carrier, chain_speed
-from fmus.physics.chain.on_links import JOINT
+from fmus.physics.chain.on_links import JOINT, MOMENT
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.closing import strain_energy
@@ -30,7 +30,8 @@ from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import ClosingSpring
-from fmus.physics.vector import add, dot, scale, vector
+from fmus.physics.rigid.body import axis
+from fmus.physics.vector import add, cross, dot, put, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.contacts import Contacts
@@ -227,6 +228,38 @@ def newton_joints(links: RigidLinks, env: Environment, s: State, w: Work) -> Non
                 force[i, JOINT + k] = -before
                 if i == n - 1 and not links.ends.closed:
                     force[n, JOINT + k] = -after
+        if force.shape[1] > MOMENT:
+            _moments(links, s, w)
+
+
+@kernel
+def _moments(links: RigidLinks, s: State, w: Work) -> None:
+    """Moments of the pins, N m, into ``w.on_links``, from the multipliers lambda[3:5] (``rigid.pin``).
+
+    Equilibrium leaves three open where both ends are joined: a force S along the axes and a moment X that all pins have
+    in common. They are those of least sum of squared moments, as in a loop of equally compliant links.
+    """
+    ends, A, p, n = links.ends, w.system.rotation, s.lam.shape[0], s.q.shape[0]
+    M, q, Mq, qq = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0
+    for j in range(p):
+        before = (j - 1) % n if j > 0 or ends.closed else -1
+        x, z = (axis(A[before], 0), axis(A[before], 2)) if before >= 0 else (axis(w.still, 0), axis(w.still, 2))
+        moment, by_force = add(scale(s.lam[j, 4], x), scale(-s.lam[j, 3], z)), _by_common_force(links, s, A, j)
+        put(w.on_links[j], MOMENT, moment)
+        M, q = add(M, scale(1.0 / p, moment)), add(q, scale(1.0 / p, by_force))
+        Mq, qq = Mq + dot(moment, by_force) / p, qq + dot(by_force, by_force) / p
+    if (ends.closed or (ends.first and ends.last)) and links.spring.stiffness == 0.0:
+        S = -(Mq - dot(M, q)) / (qq - dot(q, q))
+        for j in range(p):
+            open_part = add(scale(S, add(_by_common_force(links, s, A, j), scale(-1.0, q))), scale(-1.0, M))
+            put(w.on_links[j], MOMENT, add(vector(w.on_links[j], MOMENT), open_part))
+
+
+@kernel
+def _by_common_force(links: RigidLinks, s: State, A: Floats, j: int) -> Vector:
+    """Moment of pin ``j``, m, by a force of 1 N along the axes that all pins have in common."""
+    i = min(j, s.q.shape[0] - 1)
+    return cross(add(vector(s.q[i], 0), scale(links.half if j > i else -links.half, axis(A[i], 0))), axis(A[i], 1))
 
 
 @namesake

@@ -11,7 +11,7 @@ from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain import contacts as at
 from fmus.physics.chain.contacts import record
-from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force
+from fmus.physics.chain.on_links import GROUND, add_link_force, add_part
 from fmus.physics.rigid import body
 from fmus.physics.rigid.body import add_force, axis, joined, lever, rate
 from fmus.physics.vector import add, cross, dot, scale, vector
@@ -152,7 +152,9 @@ def add_last_correction(links: RigidLinks, x: State, w: Work) -> None:
             torque = cross(add(p, scale(-1.0, vector(w.wheels[partner], 0))), f)
             for k in range(3):
                 w.wrench[partner, 3 + k] -= torque[k]
-        add_link_force(w.on_links, which[at.LINK], WHEELS if partner < wheels else GROUND, f)
+            add_part(w.on_links, which[at.LINK], which[at.COLUMN], i, f)
+        else:
+            add_link_force(w.on_links, which[at.LINK], GROUND, f)
         if which[at.ON_PIN]:
             for k in range(3):
                 x.load[i, k] += f[k]

@@ -1,0 +1,100 @@
+"""Largest forces of a run: in pins, of teeth, rims, wheels, on horns; pin moments; what bears them, where and when."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import record_blocks
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, track_of
+
+
+class Force(NamedTuple):
+    """Force or moment that pins, links or wheels bear."""
+
+    what: str  # as in "largest ..."
+    signal: str  # of the links of a track; empty: of its wheels
+    place: str  # words for where, with the number or the name
+    group: str = ""  # of link outputs in which it is
+    unit: str = "N"
+
+
+FORCES = {  # by the measure of the largest one
+    "pin_force": Force("force in a pin", "joint[*].force", "in pin {}", "force"),
+    "tooth_force": Force("force of a tooth on a pin", "joint[*].tooth.force", "on pin {}", "teeth"),
+    "rim_force": Force("force of the rims of wheels on a link", "link[*].rim.force", "on link {}", "rims"),
+    "horn_force": Force("force of a wheel on a guide horn", "link[*].horn.force", "on link {}", "horns"),
+    "wheel_force": Force("force of a track on a wheel", "", "on {}"),
+    "pin_moment": Force("moment of a pin about the axes across it", "joint[*].moment", "in pin {}", "moment", "N m"),
+}
+HIGH = "_high"  # end of the name of the measure that is the 99.9 % value
+
+
+class Largest(NamedTuple):
+    """Extremes of a force on the track that has the largest one."""
+
+    most: float  # N or N m; 0 where nothing bears it
+    where: str  # words
+    t: float  # s
+    high: float  # what all but one in a thousand of the records in which something bears it stay below
+
+    @property
+    def place(self) -> str:
+        """Words for where and when."""
+        return f"{self.where} at {self.t:.4g} s" if self.most else "(none)"
+
+
+def largest(run: RunData, name: str, of: str = "", window: Window = EVER) -> Largest:
+    """Largest force of the track that has it, or of a side; ``name``: a key of FORCES. Raises Missing.
+
+    Forces are means over the interval of records.
+    """
+    force = FORCES[name]
+
+    def found(track: str) -> Largest:
+        read = _on_links if force.signal else _on_wheels
+        t, sizes, bearers = read(run, track, window, force.signal)
+        row, column = np.unravel_index(int(sizes.argmax()), sizes.shape)
+        where = f"{force.place.format(bearers[column])} of the {track.replace('_', ' ')}"
+        high = float(np.quantile(bearing, 0.999)) if (bearing := sizes[sizes > 0.0]).size else 0.0
+        return Largest(float(sizes[row, column]), where, float(t[row]), high)
+
+    tracks = (track_of(run, of),) if of else run.tracks
+    return run.compute_once(f"{name} {of} {window}", lambda _: max(map(found, tracks), key=lambda each: each.most))
+
+
+def _on_links(run: RunData, track: str, window: Window, signal: str) -> tuple[Floats, Floats, list[str]]:
+    """Times (m,), sizes (m, pins or links) and their numbers."""
+    blocks = [(one.t, record_blocks.sizes(one.values[0])) for one in record_blocks.records(run, track, window, signal)]
+    t, sizes = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    return t, sizes, [str(k + 1) for k in range(sizes.shape[1])]
+
+
+def _on_wheels(run: RunData, track: str, window: Window, _: str) -> tuple[Floats, Floats, list[str]]:
+    """Times (m,), sizes (m, wheels) and the names of the wheels."""
+    names = run.log.topics[run.log.known_topic(f"/{track}/out")].names
+    wheels = [name.removesuffix(".torque.x") for name in names if name.endswith(".torque.x")]
+    if not wheels:
+        raise Missing(f"'{track}' has no wheels")
+    found = [run.vectors(track, "out", f"{wheel}.force", window=window) for wheel in wheels]
+    return found[0][0], np.stack([np.linalg.norm(force, axis=1) for _, force in found], axis=1), wheels
+
+
+def _measure(name: str, end: str) -> Callable[[RunData, str, Window], float]:
+    """Measure of the largest force, or with ``end`` HIGH of the 99.9 % value."""
+    force = FORCES[name]
+
+    def measure(run: RunData, of: str, window: Window) -> float:
+        found = largest(run, name, of, window)
+        return found.high if end else found.most
+
+    measure.__name__ = f"{name}{end}"
+    begin = f"Force below which 99.9 % of the records have the {force.what}" if end else f"Largest {force.what}"
+    measure.__doc__ = f"{begin}, {force.unit}, mean over the interval of records"
+    return measure
+
+
+MEASURES = tuple(_measure(name, end) for name in FORCES for end in ("", HIGH))
