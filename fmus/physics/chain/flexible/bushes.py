@@ -94,13 +94,14 @@ def add_compliances(bushing: Bushing | None, links: FlexibleLinks, w: Work) -> N
     if bushing is not None:
         indices, nodes = layout(links), w.diagonal.shape[0]
         last, share = len(indices.shared) - 1, 1.0 / len(indices.pins)
-        for i in range(nodes):
-            w.diagonal[i, last, last] = -1.0
-        for j in range(_first(links), links.n):
+        first = _first(links)
+        for j in range(first, links.n):
             i = len(indices.pins) * j
-            w.diagonal[i, last, last] = -share / w.bushes.stiffness[j]
+            w.diagonal[i, last, last] -= share / w.bushes.stiffness[j]
             if len(indices.pins) == 2:  # each link has a node of its own there
-                w.diagonal[i - 1, last, last] = w.diagonal[i, last, last]
+                w.diagonal[i - 1, last, last] -= share / w.bushes.stiffness[j]
+        if first == 1:  # the ends
+            w.diagonal[0, last, last] = w.diagonal[nodes - 1, last, last] = -1.0
 
 
 @kernel
