@@ -45,23 +45,24 @@ class Kind(NamedTuple):
 
 # outputs that depend on the elasticity
 STRAINED = r"tension\..*|stress\.max|link\[\d+\]\.(?!wheels).*|joint\[\d+\]\.force\.[xy]|energy\.strain"
-FLEXIBLE = Kind("TrackFlexible", track_checks.CHECKS)
+NO_BUSHES = r"energy\..*\.pins"
+FLEXIBLE = Kind("TrackFlexible", track_checks.CHECKS, NO_BUSHES)
 # 0 by definition: rigid links have no strain; a chain in its plane turns no wheel about an upright axis, has level pins
 # and no guides; the last pins of open chains are level; a chain that turns has no pulled ends and no damped pins
 KINDS = {
     "TrackRigid": Kind(
         "TrackRigid",
         track_checks.CHECKS,
-        r"stress\.max|link\[\d+\]\.(stress|fibre\..*)|energy\.(strain|.*\.material)|joint\[65\]\.(axis\.z|moment\..*)",
+        r"stress\.max|link\[\d+\]\.(stress|fibre\..*)|energy\.(strain|.*\.(material|pins))|joint\[65\]\.(axis\.z|moment\..*)",
     ),
     "cable": FLEXIBLE._replace(
-        zero=r"joint\[\d+\]\.axis\.z|joint\[65\]\.moment\..*|link\[\d+\]\.horn\..*|energy\..*\.guides"
+        zero=r"joint\[\d+\]\.axis\.z|joint\[65\]\.moment\..*|link\[\d+\]\.horn\..*|energy\..*\.guides|energy\..*\.pins"
     ),
-    "turning": FLEXIBLE._replace(zero=r"energy\.work|energy\..*\.joints"),
+    "turning": FLEXIBLE._replace(zero=r"energy\.work|energy\..*\.joints|energy\..*\.pins"),
     "planar": FLEXIBLE._replace(
-        zero=r".*\.torque\.z|joint\[\d+\]\.(axis\.z|moment\..*)|link\[\d+\]\.horn\..*|energy\..*\.guides"
+        zero=r".*\.torque\.z|joint\[\d+\]\.(axis\.z|moment\..*)|link\[\d+\]\.horn\..*|energy\..*\.guides|energy\..*\.pins"
     ),
-    "beam": FLEXIBLE._replace(zero=r"joint\[65\]\.(axis\.z|moment\..*)"),
+    "beam": FLEXIBLE._replace(zero=r"joint\[65\]\.(axis\.z|moment\..*)|energy\..*\.pins"),
     "general": FLEXIBLE._replace(asked=STRAINED),
     "engineering": FLEXIBLE._replace(asked=STRAINED),
     "Chassis": Kind("Chassis", chassis_checks.CHECKS),

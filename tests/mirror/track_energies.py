@@ -41,6 +41,7 @@ def losses(view: View, names: Sequence[str]) -> Floats:
     powers = {cause: view.touch.losses[:, k] for k, cause in enumerate(CAUSES)}
     powers["material"] = np.zeros(len(view.part.t)) if isinstance(c, Rigid) else c.material_loss
     powers["joints"] = across(c)[1]
+    powers["pins"] = np.zeros(len(view.part.t))  # no run has bushed pins: see tests/fmus/test_bushing.py
     energies = {cause: integrated(view, power) for cause, power in powers.items()}
     for k, cause in enumerate(CAUSES):
         energies[cause] = energies[cause] + np.cumsum(view.touch.lost[:, k])

@@ -1,4 +1,4 @@
-"""Logs of chains with known forces in their pins, for tests of lives."""
+"""Logs of chains with known forces or known wear in their pins, for tests of lives."""
 
 import json
 
@@ -59,3 +59,16 @@ def log_of(
         estimate = {"coupling": error, "integration": None, "total": error, "wall_time": 0.0, "message": ""}
         closing["results"] = {"error": json.dumps(estimate | {"observables": {"joint_force": one}})}
     return made(path, topics, rows, scene, instances=instances, **closing)
+
+
+BUSHING = {"friction": 0.2, "radius": 0.01, "wear": 1e-13, "bearing": 0.25}
+
+
+def worn(path, bushing=BUSHING):
+    """A track of two links of 0.1 m that passes 20 m in 10 s, whose pins rub at 3 and 5 W and turn at 0.5 rad/s."""
+    scene = {"vehicle": {"track": {"pitch": 0.1, "bushing": bushing}, "sprocket": {"pitch": None}}}
+    t = np.linspace(0.0, 10.0, 101)
+    names = ["joint[1].turned", "joint[2].turned", "joint[1].rubbed", "joint[2].rubbed"]
+    topics = {"/track/links": [(name, "1") for name in names], "/track/out": [("travel", "m")]}
+    values = np.stack([0.5 * t, 0.5 * t, 3.0 * t, 5.0 * t], axis=1)
+    return made(path, topics, {"/track/links": (t, values), "/track/out": (t, -2.0 * t[:, None])}, scene)

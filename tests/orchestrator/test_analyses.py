@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from analysis_logs import driven_log, spinning_log
+from life_logs import worn
 from made_logs import STEP, made
 from matplotlib.figure import Figure
 
@@ -192,8 +193,9 @@ OPTIONS = {"spectrum": ", signals='left_track.tension.max'"}
 
 
 @pytest.mark.parametrize("what", ANALYSES)
-def test_every_analysis_takes_three_lines_of_a_notebook(driven, what):
-    cell = CELL.format(path=str(driven), what=what, window=(0.05, 0.2), options=OPTIONS.get(what, ""))
+def test_every_analysis_takes_three_lines_of_a_notebook(driven, what, tmp_path):
+    log = worn(tmp_path / "worn.mcap") if what == "wear" else driven
+    cell = CELL.format(path=str(log), what=what, window=(0.05, 0.2), options=OPTIONS.get(what, ""))
     names = {}
     exec(cell, names)
     assert len(cell.splitlines()) == 3

@@ -97,7 +97,7 @@ def test_show_counts_pairs_outputs_and_modules():
     assert "rims: 6 wheels x 64 links" in touching
     assert "ground: 64 links" in touching
     shown, loaded, left = rest.split("modules of fmus:")
-    assert "left_track   69 a step; " in shown
+    assert "left_track   70 a step; " in shown
     assert "planar" in loaded
     assert "planar" not in left
     assert "fmus.physics.rigid: augmented, body, pin, recursive" in left

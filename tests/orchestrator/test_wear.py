@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_logs import made
+from life_logs import BUSHING, worn
 
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -10,21 +10,9 @@ from orchestrator.results.analyses import wear
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.scene.scene import load
 
-BUSHING = {"friction": 0.2, "radius": 0.01, "wear": 1e-13, "bearing": 0.25}
-
-
-def log_of(path, bushing):
-    """A track of two links of 0.1 m that passes 20 m in 10 s, whose pins rub at 3 and 5 W and turn at 0.5 rad/s."""
-    scene = {"vehicle": {"track": {"pitch": 0.1, "bushing": bushing}, "sprocket": {"pitch": None}}}
-    t = np.linspace(0.0, 10.0, 101)
-    names = ["joint[1].turned", "joint[2].turned", "joint[1].rubbed", "joint[2].rubbed"]
-    topics = {"/track/links": [(name, "1") for name in names], "/track/out": [("travel", "m")]}
-    values = np.stack([0.5 * t, 0.5 * t, 3.0 * t, 5.0 * t], axis=1)
-    return made(path, topics, {"/track/links": (t, values), "/track/out": (t, -2.0 * t[:, None])}, scene)
-
 
 def test_growth_of_the_pitch_by_hand(tmp_path):
-    with Log(log_of(tmp_path / "worn.mcap", BUSHING)) as log:
+    with Log(worn(tmp_path / "worn.mcap", BUSHING)) as log:
         found = wear.of(RunData(log), window=Window(2.0, 8.0))
     (track,) = found.tracks
     assert track.travel == pytest.approx(12.0, rel=1e-12)
@@ -41,9 +29,9 @@ def test_growth_of_the_pitch_by_hand(tmp_path):
 
 def test_what_is_missing_is_said(tmp_path):
     refused = pytest.raises(Missing, match=r"no pin of the vehicle rubs \(vehicle.track.bushing.friction\)")
-    with Log(log_of(tmp_path / "a.mcap", {**BUSHING, "friction": 0.0})) as log, refused:
+    with Log(worn(tmp_path / "a.mcap", {**BUSHING, "friction": 0.0})) as log, refused:
         wear.of(RunData(log))
-    with Log(log_of(tmp_path / "b.mcap", {**BUSHING, "wear": 0.0, "bearing": None})) as log:
+    with Log(worn(tmp_path / "b.mcap", {**BUSHING, "wear": 0.0, "bearing": None})) as log:
         found = wear.of(RunData(log), window=Window(0.0, 0.1))
     assert "needs track.bushing.wear" in found.notes()[-1]
     assert len(found.table().columns) == 4
