@@ -210,8 +210,8 @@ KEYS: dict[str, Acts] = {
     "vehicle.track.inertia.1": Acts("vehicle", ALL),
     "vehicle.track.inertia.*": Acts("vehicle", WIDE),  # a cable has inertia about its pin only
     "vehicle.track.links": Acts("vehicle", ALL, 65),
-    "vehicle.track.bushing.*": Acts("bushed", ALL),
-    "vehicle.sprocket.pitch": Acts("worn", ALL),
+    "vehicle.track.bushing.*": Acts("bushed", ("rigid",)),  # other links: tests/fmus/test_bushing.py
+    "vehicle.sprocket.pitch": Acts("worn", ("rigid",)),
     "vehicle.track.pitch": Acts("eleven teeth", ALL, 0.1527),
     "vehicle.track.width": Acts("vehicle", WIDE),  # a cable has contact on its line
     "vehicle.road_wheel.x.5": Acts("two sides", ("rigid",)),  # the m113 has five wheels a side

@@ -78,7 +78,6 @@ MANY = [
     Case("straight", "rigid", "left_track", (*MOVING, "track.closure=spring")),
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.elasticity=general")),
     Case("straight", "flexible", "left_track", (*MOVING, BUSHED)),
-    Case("straight", "rigid", "left_track", (*MOVING, BUSHED)),
     Case("straight", "flexible", "right_track", (*QUICK, "drive.speed=0")),
     Case("straight", "rigid", "left_track", (*QUICK, "drive.speed=0")),
     Case(

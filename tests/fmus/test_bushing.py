@@ -148,10 +148,7 @@ def test_friction_of_pins_is_the_work_of_their_wear(model, changes, tolerance):
     [
         (Rigid, {"integrator": "runge_kutta"}),
         (Rigid, {"integrator": "dormand_prince", "formulation": "recursive"}),
-        (Rigid, {"integrator": "adams"}),
-        (Flexible, {"integrator": "adams"}),
         (Flexible, {"integrator": "adams", "coordinates": "cholesky"}),
-        (Flexible, {"integrator": "adams", "joints": "constrained"}),
     ],
 )
 def test_explicit_integrators_find_the_same_motion(model, changes):

@@ -20,6 +20,7 @@ import numpy as np
 
 from fmus.kernels.jit import implemented_in, kernel, namesake
 from fmus.physics.chain.on_links import JOINT
+from fmus.physics.chain.state import add_share
 from fmus.physics.chain.sums import JOINTS, PINS
 
 if TYPE_CHECKING:
@@ -73,6 +74,13 @@ def hold_forces(s: ChainState, w: ChainWork) -> None:
     force, f = w.bushes.force, s.on_links
     for j in range(min(force.size, f.shape[0])):
         force[j] = np.sqrt(f[j, JOINT] ** 2 + f[j, JOINT + 1] ** 2 + f[j, JOINT + 2] ** 2)
+
+
+@kernel
+def book(share: float, s: ChainState, w: ChainWork) -> None:
+    """Add ``share`` s of the turning before a step and of that after it, as losses are summed."""
+    add_share(share, s.turning, s.turned)
+    add_share(share, w.bushes.turning, s.turned)
 
 
 @kernel

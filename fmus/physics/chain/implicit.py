@@ -22,11 +22,11 @@ import numpy as np
 
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.bushing import hold_forces
+from fmus.physics.chain.bushing import book, hold_forces
 from fmus.physics.chain.integration import DONE, IntegrationOutcome
 from fmus.physics.chain.interface import commit_contacts, end_work, first_speed, newton, newton_joints, observe, speed
 from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, accumulate
-from fmus.physics.chain.state import add_share, copy, copy_rows, store_evaluation
+from fmus.physics.chain.state import copy, copy_rows, store_evaluation
 from fmus.physics.integrate.generalized_alpha import WITHOUT_MEMORY, GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
 
@@ -143,8 +143,7 @@ def advance(
         accumulate(report, 0.5 * dt, s.sums)
         accumulate(report, 0.5 * dt, w.sums)
         report[WORK] += end_work(links, env, dt, s, w)
-        add_share(0.5 * dt, s.turning, s.turned)
-        add_share(0.5 * dt, w.bushes.turning, s.turned)
+        book(0.5 * dt, s, w)
         store_evaluation(s, w)
         if short:
             keep_auxiliary_values(w.before, s, dt)
