@@ -210,6 +210,7 @@ KEYS: dict[str, Acts] = {
     "vehicle.track.inertia.1": Acts("vehicle", ALL),
     "vehicle.track.inertia.*": Acts("vehicle", WIDE),  # a cable has inertia about its pin only
     "vehicle.track.links": Acts("vehicle", ALL, 65),
+    "vehicle.track.bushing.preset": Acts("bushed", ("rigid",), seen="energy.strain"),  # torques of a loop cancel
     "vehicle.track.bushing.*": Acts("bushed", ("rigid",)),  # other links: tests/fmus/test_bushing.py
     "vehicle.sprocket.pitch": Acts("worn", ("rigid",)),
     "vehicle.track.pitch": Acts("eleven teeth", ALL, 0.1527),

@@ -124,7 +124,7 @@ def test_contents_are_what_a_component_loads():
         assert ("fmus.physics.contact.ground" in contents.modules) == ("ground" in track)
         assert ("fmus.physics.chain.flexible.consistent_start" in contents.modules) == ("start" in parameters)
         assert (contents.outputs, contents.link_outputs) == (
-            (27,),
+            (28,),
             (2 * 8 + 6 * 9 + (3 * 8 if "ground" in track else 0),),
         )
 
