@@ -16,9 +16,10 @@ pytestmark = pytest.mark.long  # each kind of links is compiled anew with bushes
 NONE = {"stiffness": 0.0, "preset": 0.0, "damping": 0.0, "friction": 0.0, "radius": 0.02, "slow": 0.2}
 KINDS = [  # model, parameters, and the relative difference from rigid links that elastic ones may have
     pytest.param(Rigid, {}, 1e-6, id="rigid"),
-    *(
-        pytest.param(Flexible, changes, 2e-4, id="-".join(changes.values()) or "cable")
-        for changes in ({}, {"element": "planar"}, {"element": "beam"}, {"joints": "constrained"})
+    pytest.param(Flexible, {}, 2e-4, id="cable"),
+    *(  # the same kernels of bushes, compiled for other layouts
+        pytest.param(Flexible, changes, 2e-4, id="-".join(changes.values()), marks=pytest.mark.study)
+        for changes in ({"element": "planar"}, {"element": "beam"}, {"joints": "constrained"})
     ),
 ]
 
@@ -146,9 +147,9 @@ def test_friction_of_pins_is_the_work_of_their_wear(model, changes, tolerance):
 @pytest.mark.parametrize(
     ("model", "changes"),
     [
-        (Rigid, {"integrator": "runge_kutta"}),
+        pytest.param(Rigid, {"integrator": "runge_kutta"}, marks=pytest.mark.study),
         (Rigid, {"integrator": "dormand_prince", "formulation": "recursive"}),
-        (Flexible, {"integrator": "adams", "coordinates": "cholesky"}),
+        pytest.param(Flexible, {"integrator": "adams", "coordinates": "cholesky"}, marks=pytest.mark.study),
     ],
 )
 def test_explicit_integrators_find_the_same_motion(model, changes):

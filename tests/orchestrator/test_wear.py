@@ -40,16 +40,16 @@ def test_what_is_missing_is_said(tmp_path):
 @pytest.mark.long
 def test_wear_of_straight_converges_in_the_step_and_is_the_loss_of_the_ledger(tmp_path):
     settings = ["vehicle.track.bushing={friction=0.15, radius=0.012, wear=1e-13, bearing=0.3}"]
-    settings += ['track.link_outputs=["turned", "rubbed"]', "run.stop=6"]
+    settings += ['track.link_outputs=["turned", "rubbed"]', "run.stop=4"]
     growths = []
     for h in (1.25e-3, 6.25e-4):
         path = tmp_path / f"{h}.mcap"
         simulate(load("straight", "rigid", [*settings, f"run.step={h}", f"track.step={h}"]), path)
         with Log(path) as log:
             run = RunData(log)
-            growths.append([each.growth.mean() for each in wear.of(run, window=Window(2.0, 6.0)).tracks])
+            growths.append([each.growth.mean() for each in wear.of(run, window=Window(2.5, 4.0)).tracks])
             for each in wear.of(run).tracks:
-                _, lost = run.signal(f"{each.track}.energy.dissipated.pins", Window(0.0, 6.0))
+                _, lost = run.signal(f"{each.track}.energy.dissipated.pins", Window(0.0, 4.0))
                 assert each.rubbed.sum() == pytest.approx(lost[-1] - lost[0], rel=1e-6)
     assert growths[0] == pytest.approx(growths[1], rel=0.02)
     assert growths[0] != pytest.approx(1.03 * np.array(growths[1]), rel=0.02)
