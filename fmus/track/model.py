@@ -98,11 +98,11 @@ class TrackModel(LaidChain, ComponentModel):
         self.rows = np.zeros((wheels, WIDTH))
         self.start_rows = np.zeros((wheels, WIDTH))
         self.frame = np.zeros(FRAME)
-        self.link_groups = link_outputs.chosen_groups(
-            config.get("link_outputs", True), bool(self.config["ground"]), bool(self.vehicle["track"].get("bushing"))
-        )
         self.bushing = bushing(self.vehicle["track"])
-        self.bushed = self.nodes if self.bushing else 0
+        self.bushed = self.nodes if self.bushing else 0  # number of pins that may have a bush
+        self.link_groups = link_outputs.chosen_groups(
+            config.get("link_outputs", True), bool(self.config["ground"]), self.bushed > 0
+        )
         self.on_links_shape = link_outputs.on_links_shape(self.link_groups, self.nodes, self.bushed > 0)
         link_ports = link_outputs.ports(self.link_groups, self.links_count, self.nodes)
         self.link_ports = len(link_ports)

@@ -28,7 +28,7 @@ def chain(model, links: int, bushing: dict, ends: dict, changes: dict, gravity: 
     """An open chain without wheels, initialised."""
     vehicle = VEHICLE | {"track": TRACK | {"bushing": NONE | bushing}}
     config = {"links": links, "closed": False, "wheels": [], "ground": False, "gravity": gravity, "ends": ends}
-    made = model({"vehicle": vehicle, "track": config | more, "link_outputs": True})
+    made = model({"vehicle": vehicle, "track": config | more, "link_outputs": ["position", "force", "moment"]})
     made.initialise(parameters(made, **changes))
     return made
 
@@ -78,6 +78,9 @@ def test_hanging_chain_with_bushes(model, changes, tolerance):
     assert found == pytest.approx(expected(400.0, 0.1), rel=tolerance)
     for twin in ((412.0, 0.1), (400.0, 0.103)):
         assert found != pytest.approx(expected(*twin), rel=tolerance)
+    moments = [value for name, value in outputs(hung).items() if ".moment." in name]
+    assert len(moments) == 3 * (links + 1)
+    assert np.abs(moments).max() < 1e-6  # a torque about a pin is no moment across it
     stored = 200.0 * ((turned(hung) - 0.1) ** 2).sum()
     assert outputs(hung)["energy.strain"] == pytest.approx(stored, rel=10.0 * tolerance)
 

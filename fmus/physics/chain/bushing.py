@@ -70,9 +70,9 @@ def bush_arrays(pins: int) -> BushArrays:
 
 @kernel
 def hold_forces(s: ChainState, w: ChainWork) -> None:
-    """Note the force of each pin at the start of a step, under which it rubs; 0 where it is not evaluated."""
+    """Note the force of each pin at the start of a step, under which it rubs; chains with bushes evaluate it."""
     force, f = w.bushes.force, s.on_links
-    for j in range(min(force.size, f.shape[0])):
+    for j in range(force.size):
         force[j] = np.sqrt(f[j, JOINT] ** 2 + f[j, JOINT + 1] ** 2 + f[j, JOINT + 2] ** 2)
 
 

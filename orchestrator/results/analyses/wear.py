@@ -86,8 +86,9 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Wear:
     bushing = (vehicle.get("track") or {}).get("bushing") or {}
     if not bushing.get("friction"):
         raise Missing(f"{run.log.path}: no pin of the vehicle rubs (vehicle.track.bushing.friction)")
-    per_work = bushing.get("wear", 0.0) / bushing["friction"] / (2.0 * bushing["radius"])
-    per_work /= bushing.get("bearing") or 1.0
+    per_work = 0.0  # growth of the pitch by the work of friction, m/J
+    if bushing.get("wear"):
+        per_work = bushing["wear"] / bushing["friction"] / (2.0 * bushing["radius"] * bushing["bearing"])
     pitch = float(vehicle["track"]["pitch"])
     tracks = tuple(_of_track(run, name, window, pitch, per_work) for name in hull.tracks(run, track))
     return Wear(tracks, pitch, float(vehicle["sprocket"].get("pitch") or pitch), per_work > 0.0)
@@ -100,8 +101,8 @@ def _of_track(run: RunData, track: str, window: Window, pitch: float, per_work: 
         first = first or (float(block.t[0]), turned[0].copy(), rubbed[0].copy())
         last = float(block.t[-1]), turned[-1].copy(), rubbed[-1].copy()
     moment, passed = run.signal(f"{track}.travel", EVER)
-    ways = np.abs(np.diff(passed))
-    travel = float(np.interp(last[0], moment[1:], np.cumsum(ways)) - np.interp(first[0], moment[1:], np.cumsum(ways)))
+    way = np.append(0.0, np.abs(np.diff(passed)).cumsum())
+    travel = float(np.diff(np.interp([first[0], last[0]], moment, way))[0])
     turned, rubbed = last[1] - first[1], last[2] - first[2]
     growth = rubbed * per_work * FAR / travel if travel > 0.0 else np.full(len(rubbed), np.nan)
     span = Window(first[0], last[0])

@@ -13,6 +13,7 @@ from fmus.kernels.jit import kernel
 from fmus.physics.ancf.element import axis_count, vector_count
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.bushing import Bushing, stored, turn
+from fmus.physics.chain.flexible.closing import first_joined
 from fmus.physics.chain.flexible.interface import gather, in_space, layout, pin_axis
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.elementary import atan2
@@ -21,12 +22,6 @@ from fmus.physics.vector import cross, dot, put, scale
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.state import Motion, State, Work
-
-
-@kernel
-def _first(links: FlexibleLinks) -> int:
-    """Index of the first pin with a bush; none is where a spring closes the loop."""
-    return 0 if links.closed == 1 and links.closing is None else 1
 
 
 @kernel
@@ -58,7 +53,7 @@ def _derivative(a: Vector, t: Vector) -> Vector:
 def turn_bushes(bushing: Bushing | None, links: FlexibleLinks, x: Motion, w: Work, by_rate: float) -> None:
     """Torques of all bushes, and derivatives of their angles by the slopes, into ``w.bushes``; ``by_rate`` in 1/s."""
     if bushing is not None:
-        for j in range(_first(links), links.n):
+        for j in range(first_joined(links), links.n):
             axis = pin_axis(links, x.q[ends(layout(links), x.q.shape[0], j)[0]])
             t, u = _slopes(links, x.q, w, j)
             dt, du = _slopes(links, x.v, w, j)
@@ -94,7 +89,7 @@ def add_compliances(bushing: Bushing | None, links: FlexibleLinks, w: Work) -> N
     if bushing is not None:
         indices, nodes = layout(links), w.diagonal.shape[0]
         last, share = len(indices.shared) - 1, 1.0 / len(indices.pins)
-        first = _first(links)
+        first = first_joined(links)
         for j in range(first, links.n):
             i = len(indices.pins) * j
             w.diagonal[i, last, last] -= share / w.bushes.stiffness[j]
@@ -117,7 +112,7 @@ def bush_energy(bushing: Bushing | None, links: FlexibleLinks, s: State, w: Work
     """Energy of all bushes, J."""
     energy = 0.0
     if bushing is not None:
-        for j in range(_first(links), links.n):
+        for j in range(first_joined(links), links.n):
             axis = pin_axis(links, s.q[ends(layout(links), s.q.shape[0], j)[0]])
             t, u = _slopes(links, s.q, w, j)
             energy += stored(bushing, _angle(axis, t, u))

@@ -21,6 +21,7 @@ from fmus.physics.chain.sums import JOINTS
 
 if TYPE_CHECKING:
     from fmus.physics.ancf.element import Element
+    from fmus.physics.chain.flexible.interface import FlexibleLinks
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.state import Motion, Work
 
@@ -30,6 +31,12 @@ class ClosingSpring(NamedTuple):
 
     stiffness: float  # stiffness, N/m
     damping: float  # damping, N s/m
+
+
+@kernel
+def first_joined(links: FlexibleLinks) -> int:
+    """Index of the first pin that joins two links: the ends of a mesh that a spring closes are no pin."""
+    return 0 if links.closed == 1 and links.closing is None else 1
 
 
 @kernel

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.kernels.jit import implemented_in, kernel, namesake
+from fmus.kernels.jit import implemented_in, namesake
 from fmus.physics import block_cyclic
 from fmus.physics.arrays import Floats
 from fmus.physics.block_cyclic import Factors, workspace
@@ -38,6 +38,7 @@ from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
     outer_and_inner,
     pin_axis,
 )
+from fmus.physics.chain.flexible.closing import first_joined
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.link_layout import chosen, layout_of_halves, node, placed, with_torques
 from fmus.physics.chain.flexible.state import Motion
@@ -103,12 +104,6 @@ def joints(links: int, m: int) -> ConstrainedJoints:
     )  # fmt: skip
 
 
-@kernel
-def _first(links: ConstrainedCables) -> int:
-    """Index of the first pin with equations."""
-    return 0 if links.closed == 1 and links.closing is None else 1
-
-
 @namesake
 def factor(links: ConstrainedCables, w: Work) -> int:
     indices, S, n = chosen(links.bushing, LAYOUT, BUSHED), w.joints.schur_complement, links.n
@@ -129,7 +124,7 @@ def factor(links: ConstrainedCables, w: Work) -> int:
                 D[j, r, c] = Q[r, c] + P[m + r, m + c]
                 U[j, r, c] = -Q[r, m + c]
                 L[j, r, c] = -P[m + r, c]
-    if _first(links) == 1:
+    if first_joined(links) == 1:
         for k in range(m):
             stiff = -w.upper[last, k, k] if links.closed == 1 else 0.0  # of the spring, in the corner; 0: no equation
             for c in range(m):
@@ -155,7 +150,7 @@ def solve(links: ConstrainedCables, w: Work) -> None:
         for k in range(m):
             before = b[2 * j - 1, k] if j > 0 else b[last, k]
             multipliers[j, k] = b[2 * j, k] - before - w.joints.gap[j, k]
-    if _first(links) == 1:
+    if first_joined(links) == 1:
         for k in range(m):
             if links.closed == 0 or w.upper[last, k, k] == 0.0:
                 multipliers[0, k] = 0.0
@@ -180,7 +175,7 @@ def misfit(links: ConstrainedCables, q: Floats, w: Work) -> None:
     gap, indices = w.joints.gap, chosen(links.bushing, LAYOUT, BUSHED)
     for j in range(links.n):
         for k in range(placed(indices)):
-            gap[j, k] = q[2 * j, indices.pin[k]] - q[2 * j - 1, indices.pin[k]] if j >= _first(links) else 0.0
+            gap[j, k] = q[2 * j, indices.pin[k]] - q[2 * j - 1, indices.pin[k]] if j >= first_joined(links) else 0.0
 
 
 @namesake

@@ -35,9 +35,7 @@ class LinkLayout(NamedTuple):
     common: tuple[int, ...]  # length c, the number of unknowns common to all links, after an element's coordinates
     fixed: int  # number of shared coordinates, the first ones, that a pinned end has from the ground
     pins: tuple[int, ...]  # length: nodes of the mesh that a link adds, 1 shared one, or its own 2
-    torques: tuple[
-        int, ...
-    ] = ()  # length 1 with bushes: the last shared unknown of a pin, no coordinate, is its torque
+    torques: tuple[int, ...] = ()  # length 1 with bushes: the last shared unknown of a pin is its torque
 
 
 def layout_of_halves(begin: list[int], end: list[int], outer: list[int], fixed: int, pins: int = 1) -> LinkLayout:

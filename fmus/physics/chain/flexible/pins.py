@@ -35,7 +35,7 @@ from fmus.physics.chain.flexible.interface import (
     omitted_accelerations,
     start_frame_vector,
 )
-from fmus.physics.chain.flexible.link_layout import ends, node
+from fmus.physics.chain.flexible.link_layout import ends, node, placed
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.integration import HELD, PINNED, PULLED
 from fmus.physics.chain.on_links import JOINT, MOMENT
@@ -190,7 +190,7 @@ def _moments(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
         force(c, w.coordinates, w.rates, r)
         for end in range(2 if i == links.n - 1 and links.closed != 1 else 1):
             moment = (0.0, 0.0, 0.0)
-            for k in range(axes, len(indices.shared)):
+            for k in range(axes, placed(indices)):
                 row, a = indices.outer[k] // axes + end * (rows // 2), indices.outer[k] % axes
                 G = r[row, a] + (w.load[i, row, a] if w.touched[i] else 0.0)
                 along = (G if a == 0 else 0.0, G if a == 1 else 0.0, G if a == 2 else 0.0)
