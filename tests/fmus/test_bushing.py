@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy
@@ -244,3 +249,23 @@ def test_stiff_bushes_need_no_more_corrections(model, changes, tolerance):
     steps, _, corrections, rejected = stiff.counters
     assert (steps, rejected) == (20, 0)
     assert corrections <= 3 * steps
+
+
+AS_PYTHON = """
+import numpy as np
+from test_bushing import KINDS, P, chain
+ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 3 * P, 0.0]}
+for model, changes, _ in (kind.values for kind in KINDS):
+    pair = chain(model, 3, {"damping": 1e4, "friction": 0.2, "preset": 0.1}, ends, changes | {"start": "polygon"})
+    for k in range(3):
+        pair.step(k * 1e-3, 1e-3, np.zeros(0))
+    print(pair.counters[2] <= 9 and pair.counters[3] == 0)
+"""
+
+
+def test_all_kinds_keep_inside_their_arrays(environment):
+    """Kernels as Python check every index; the kinds that are compiled in studies alone converge here too."""
+    path = os.pathsep.join([str(Path(__file__).parent), environment["PYTHONPATH"]])
+    env = {**environment, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
+    done = subprocess.run([sys.executable, "-c", AS_PYTHON], env=env, capture_output=True, text=True)
+    assert done.stdout.split() == ["True"] * len(KINDS), done.stderr
