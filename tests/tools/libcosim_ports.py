@@ -1,8 +1,8 @@
 """Third law and energy of single ports: ``python -m tests.tools.libcosim_ports SCENE SECONDS FOLDER``.
 
 libcosim steps all native FMUs of a scene with rigid links at once, with held and with extrapolated wrenches; all is
-from the outputs that it shows. Received wrench: the last one, or twice that less the one before. Its giver moves the place
-of the wrench on by the last velocity. Needs cotrack[native] and libcosimpy==0.0.6; the archive takes some minutes.
+from the outputs that it shows. Received wrench: the last one, or twice that less the one before. Its giver moves the
+place of the wrench on by the last velocity. Needs cotrack[native] and libcosimpy==0.0.6; the archive takes minutes.
 """
 
 import re
