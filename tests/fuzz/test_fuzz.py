@@ -53,8 +53,8 @@ class TestSecondHalf:
 
 @pytest.mark.long
 @pytest.mark.parametrize("half", HALVES)
-def test_minutes_of_random_cases(environment, tmp_path, half):
-    run_half(environment, tmp_path, half, "0.5", "2")
+def test_random_cases_of_all_kinds(environment, tmp_path, half):
+    run_half(environment, tmp_path, half, "0.3", "2")
 
 
 @pytest.mark.long

@@ -141,6 +141,7 @@ class Run(NamedTuple):
     without: tuple[str, ...] = ()
 
 
+SIDE = ("left_track", "left_drive", "right_drive", "chassis")  # the right track is checked
 RUNS = {
     "rigid": Run(lambda: vehicle("rigid", overrides=TURN), ("left_track",)),
     "cable": Run(lambda: vehicle("flexible", overrides={"left_drive": {"speed.end": 10.0}}), ("right_track",)),
@@ -155,28 +156,29 @@ RUNS = {
     "thrown on a slope": Run(partial(thrown, "ground.grade=0.2", "ground.bank=-0.3", *HUNT_CROSSLEY)),
     "sloping": Run(partial(sloping, "rigid"), ("left_track",)),
     "sloping turning": Run(partial(sloping, "flexible", "track.axes=free", duration=0.65), ("left_track", "chassis")),
-    "waving": Run(partial(waving, *HUNT_CROSSLEY), ("left_track", "left_drive", "right_drive", "chassis")),
-    "sinking": Run(partial(sinking, "rigid"), ("left_track", "left_drive", "right_drive", "chassis")),
-    # with cohesion, the last correction decides whether a point that hardly touches has shear or none
-    "sinking turning": Run(partial(sinking, "flexible", "track.axes=free", "ground.soil.cohesion=0 Pa"),
-                           ("left_track", "left_drive", "right_drive", "chassis")),
+    "waving": Run(waving, SIDE),
+    "sinking": Run(partial(sinking, "rigid"), SIDE),
     "joined": Run(joined, ("left_track", "right_track", "chassis")),
     "driven": Run(  # without friction, slip follows from the width alone
         partial(driven, "driver.friction=0"), ("left_track", "right_track", "left_drive", "right_drive", "chassis")
     ),
     "gripping": Run(partial(driven, "driver.ramp_time=1.5 s", "driver.speed=1.5 m/s", duration=1.8),
                     ("left_track", "right_track", "left_drive", "right_drive", "chassis")),
-    "hht rigid": Run(partial(drawn, "rigid", "track.integrator=hht", "track.spectral_radius=0.8")),
+    "hht rigid": Run(partial(drawn, "rigid", "track.integrator=hht", "track.spectral_radius=0.8", *HUNT_CROSSLEY)),
     "explicit rigid": Run(partial(drawn, "rigid", *EXPLICIT, "bench.transverse_damping=0 N s/m", duration=0.02)),
     "explicit cable": Run(partial(swinging, *SOFT_LINKS["cable"], *EXPLICIT, *UNDAMPED, duration=0.05)),
     **{f"{name} {kind}": Run(partial(make, *settings))
        for name, make, kinds in (("drawn", drawn, LINKS), ("swinging", swinging, SOFT_LINKS), ("free", free, LINKS))
        for kind, settings in kinds.items()},
 }  # fmt: skip
+# Each compiles half a minute; the runs above have the same outputs.
 STUDIES = {
-    name: Run(partial(vehicle, "flexible", "symmetric=true", f"track.elasticity={name}"))
-    for name in ("general", "engineering")
-}
+    **{name: Run(partial(vehicle, "flexible", "symmetric=true", f"track.elasticity={name}"))
+       for name in ("general", "engineering")},
+    "waving hunt_crossley": Run(partial(waving, *HUNT_CROSSLEY), SIDE),
+    # with cohesion, the last correction decides whether a point that hardly touches has shear or none
+    "sinking turning": Run(partial(sinking, "flexible", "track.axes=free", "ground.soil.cohesion=0 Pa"), SIDE),
+}  # fmt: skip
 
 
 def record(name: str) -> Record:

@@ -117,7 +117,7 @@ def survey(whole, seeds, drawn, monkeypatch, folder):
 
 @pytest.mark.long
 def test_a_mutated_log_ends_in_a_sentence(whole, monkeypatch, tmp_path):
-    seen = survey(whole, range(48), 24, monkeypatch, tmp_path)
+    seen = survey(whole, range(28), 14, monkeypatch, tmp_path)
     assert seen["verify"] == {0, 1}, "there are no mutants of both kinds"
     assert seen["recover"] >= {0, 3}
     assert seen["compare"] == seen["view"] == {0, 2}

@@ -250,7 +250,9 @@ def kill_with_more_cases(process, folder):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("where", ["one process", "two processes", pytest.param("Dask", marks=pytest.mark.study)])
+@pytest.mark.parametrize(
+    "where", ["two processes", *(pytest.param(study, marks=pytest.mark.study) for study in ("one process", "Dask"))]
+)
 def test_a_sweep_that_is_killed_twice_ends_with_the_rows_of_one_that_was_not(whole, environment, tmp_path, where):
     """A kill takes the workers too; cases that are finished are not run again."""
     with ExitStack() as stack:
