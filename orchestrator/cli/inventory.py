@@ -8,12 +8,23 @@ from typing import Any
 
 from fmus.ahead import loaded_contents
 from fmus.track.choices import TRACKS
+from fmus.vehicles.sides import SIDES, of_side
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.fmu_table import ARROW, FmuTable
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, Assembly, Part
 from orchestrator.scene.system_scene import SystemScene
 
+SUSPENSION = {  # elements, by key of the table
+    "spring": "springs by a table",
+    "gas_spring": "gas springs",
+    "damper": "dampers by a table",
+    "torsion_bar": "torsion bars",
+    "rotary_damper": "rotary dampers",
+    "bump_stop": "bump stops",
+    "rebound_stop": "rebound stops",
+    "recoil": "recoil springs",
+}
 CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"
 CONTACTS = ("contact with wheels and teeth", "contact with the ground")
 
@@ -127,9 +138,10 @@ def _size(scene: Scene, part: Part) -> str:
         links, pins = track["links"], track["links"] - (0 if track["closed"] else 1)
         pins -= bool(track["closed"] and scene.track.closure == "spring")
         size = scene.track.kind.size({**scene.track.kind.defaults, **part.parameters}, links, pins)
+        bushed = ", bushes in the pins" if part.config["vehicle"]["track"].get("bushing") else ""
         count = len(track["wheels"])
         wheels = "1 wheel" if count == 1 else f"{count} wheels"
-        return f"{size}, {wheels}, {'ground' if track['ground'] else 'no ground'}"
+        return f"{size}{bushed}, {wheels}, {'ground' if track['ground'] else 'no ground'}"
     if part.stage == DRIVE:
         return f"spin inertia {part.config['drive']['inertia']:g} kg m2" + (
             " a side, joined" if part.kind == "SteeringDifferential" else ""
@@ -137,24 +149,39 @@ def _size(scene: Scene, part: Part) -> str:
     if part.stage == DRIVER:
         return "pure pursuit of a path" if {"path.arcs", "path.points"} & {*part.parameters} else "holds a heading"
     vehicle = part.config["vehicle"]
-    count, axles = len(vehicle["road_wheel"]["x"]), "arms with wheels" if vehicle["road_arm"] else "wheels on axles"
+    count, arms = len(vehicle["road_wheel"]["x"]), vehicle["road_arm"]
+    axles = ("arms of bogies" if arms["pairs"] else "arms with wheels") if arms else "wheels on axles"
     sides = len(part.config["chassis"]["sides"])
     mirrored = ", their mirror images" if sides == 1 else ""
     rollers = f"{len(roller['x']) * sides} return rollers, " if (roller := vehicle["return_roller"]) else ""
-    return f"1 hull, {count * sides} {axles}, {sides} idlers, {rollers}{sides} mounts{mirrored}"
+    elements = "".join(f", {SUSPENSION[key]}" for key in _suspension(vehicle))
+    return f"1 hull, {count * sides} {axles}, {sides} idlers, {rollers}{sides} mounts{elements}{mirrored}"
+
+
+def _suspension(vehicle: Mapping[str, Any]) -> list[str]:
+    """Return the elements of ``SUSPENSION`` that any side of a vehicle has."""
+    having: set[str] = set()
+    for table in (of_side(vehicle, side) for side in SIDES):
+        having |= {key for given in (table["suspension"] or {}, table["tensioner"]) for key in given if given[key]}
+    return [key for key in SUSPENSION if key in having]
 
 
 def _absent_parts(scene: Scene, assembly: Assembly) -> list[str]:
     kinds = {part.kind for part in assembly.parts}
+    links = [part for part in assembly.parts if part.stage == TRACK and part.fmu is None]
     tracks = [part.config["track"] for part in assembly.parts if part.stage == TRACK]
     wheels = max((len(track["wheels"]) for track in tracks), default=0)
     mirrored = isinstance(scene, VehicleScene) and scene.symmetric
+    chassis = [part.config["vehicle"] for part in assembly.parts if part.kind == "Chassis" and part.fmu is None]
+    elements = [what for key, what in SUSPENSION.items() if not any(key in _suspension(vehicle) for vehicle in chassis)]
     absent = {
         **{f"the {name} track model ({kind.fmu})": kind != scene.track.kind for name, kind in TRACKS.items()},
         CHASSIS_PARTS: "Chassis" not in kinds,
+        f"of the suspension: {', '.join(elements)}": chassis and elements,
         "drives": not kinds & {"SprocketDrive", "SteeringDifferential"},
         "a steering differential": "SteeringDifferential" not in kinds,
         "a driver": "Driver" not in kinds,
+        "bushes in the pins": links and not any(part.config["vehicle"]["track"].get("bushing") for part in links),
         CONTACTS[0]: wheels == 0,
         "contact with wheels other than the sprocket": wheels == 1,
         CONTACTS[1]: not any(track["ground"] for track in tracks),

@@ -45,7 +45,30 @@ def test_every_command_with_scenes_takes_a_vehicle(cotrack):
 def test_show(cotrack):
     out = cotrack.done("show", "straight", "--track", "rigid")
     assert "TrackRigid" in out
-    assert "left out" in out
+    present, absent = out.split("\nleft out\n")
+    unused = "of the suspension: springs by a table, gas springs, dampers by a table, torsion bars, rotary dampers"
+    assert f"  {unused}, bump stops, rebound stops, recoil springs\n" in absent
+    assert "  bushes in the pins\n" in absent
+    assert "bushes" not in present
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "elements"),
+    [
+        ("leopard2", "14 arms with wheels, 2 idlers, 8 return rollers, 2 mounts, torsion bars"),
+        ("dozer", "14 wheels on axles, 2 idlers, 2 return rollers, 2 mounts, recoil springs;"),
+    ],
+)
+def test_show_names_the_elements_of_a_vehicle(cotrack, vehicle, elements):
+    """Elements of a vehicle stand with its chassis and its tracks, and not among what is left out."""
+    bushes = "--set", "vehicle.track.bushing.stiffness=500"
+    present, absent = cotrack.done("show", "straight", "--vehicle", vehicle, *bushes).split("\nleft out\n")
+    assert elements in present
+    assert present.count(", bushes in the pins, ") == 2
+    assert "  bushes in the pins\n" not in absent  # a module's list may have the word
+    unused = absent.partition("of the suspension: ")[2].partition("\n")[0].split(", ")
+    assert len(unused) > 3
+    assert not [name for name in unused if name in present]
 
 
 def test_run_ends_with_one_json_object(cotrack, tmp_path):
