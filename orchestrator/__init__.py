@@ -22,6 +22,7 @@ OFFERED = {  # public name: module, name in the module
     "analyse": ("results.analyses.catalogue", "analyse"),
     "report": ("execution.log_report", "report"),
     "life": ("execution.course", "life"),
+    "fit": ("studies.fit", "fit"),
     "sweep": ("studies.parameter_sweep", "sweep"),
     "compare": ("results.difference", "differences_of_logs"),
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from inspect import signature
@@ -13,11 +14,17 @@ import typer
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cli.common import (
+    ClockOption,
+    From,
+    MapOption,
     NativeOption,
     SceneName,
     Settings,
+    ShiftOption,
+    To,
     TrackOption,
     VehicleOption,
+    measured_file,
     narration,
     with_vehicle,
 )
@@ -140,3 +147,58 @@ def sweep(
     common = with_vehicle(vehicle, settings)
     planned = plan(design, scene, output, track, common, native, estimate, keep_logs, figures or ())
     conduct("sweep", planned, planned.cases, output, workers, scheduler)
+
+
+def fit(
+    scene: SceneName,
+    file: Annotated[Path, typer.Option("--data", metavar="FILE.csv", help="measured signals")],
+    mapped: MapOption,
+    free: Annotated[
+        list[str], typer.Option("--free", metavar="KEY[=FROM:TO]", help="number to fit, and its range; repeatable")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="folder for tables, picture and scene")],
+    track: TrackOption = None,
+    settings: Settings = None,
+    vehicle: VehicleOption = None,
+    clock: ClockOption = "",
+    shift: ShiftOption = "0",
+    noise: Annotated[
+        list[str] | None,
+        typer.Option("--noise", metavar="SIGNAL=SIZE", help="standard deviation of a sample, in the signal's unit"),
+    ] = None,
+    start: From = -math.inf,
+    end: To = math.inf,
+    native: NativeOption = False,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", help="processes", min=1)] = 1,
+) -> None:
+    """Fit numbers of a scene so that its run agrees with measured signals; tell how sure they are.
+
+    Exit 1 if the first line says "no fit". Started again with the same folder, it continues where it was interrupted.
+    """
+    from orchestrator.studies.fit import fit as fitted
+
+    data = measured_file(file, mapped, clock, shift)
+    assert data is not None
+    with narration.suppressed():
+        found = fitted(
+            scene, file, data.columns, free, output, track=track, settings=with_vehicle(vehicle, settings),
+            clock=clock, shift=shift, noise=dict(map(_noise, noise or ())), start=start, end=end, native=native,
+            workers=workers, told=lambda text: print(f"... {text}", file=sys.stderr),
+        )  # fmt: skip
+    print(found.verdict)
+    print(found.table.markdown())
+    print(found.residuals.markdown())
+    for path in found.files:
+        print(path)
+    sys.exit(0 if found.ok else 1)
+
+
+def _noise(text: str) -> tuple[str, float]:
+    signal, _, size = text.partition("=")
+    try:
+        number = float(size)
+    except ValueError:
+        number = math.nan
+    if not signal or not 0.0 < number < math.inf:
+        raise BadInput(f"--noise {text}: must be SIGNAL=SIZE, a size above 0 in the unit of the signal")
+    return signal, number

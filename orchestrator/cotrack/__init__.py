@@ -24,11 +24,12 @@ if TYPE_CHECKING:
     from orchestrator.results.difference import differences_of_logs as compare
     from orchestrator.scene.scene import load
     from orchestrator.scene.scene import scene_names as scenes
+    from orchestrator.studies.fit import fit
     from orchestrator.studies.parameter_sweep import sweep
 
 __all__ = [
-    "Log", "Run", "__version__", "analyse", "compare", "export", "life", "load", "report", "run", "scenes", "sweep",
-    "to_arrow", "to_pandas", "to_polars", "to_xarray",
+    "Log", "Run", "__version__", "analyse", "compare", "export", "fit", "life", "load", "report", "run", "scenes",
+    "sweep", "to_arrow", "to_pandas", "to_polars", "to_xarray",
 ]  # fmt: skip
 
 

@@ -1,0 +1,186 @@
+"""``cotrack fit``: known numbers are found again, as sure as is said, and all that is no answer is named."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results.run_data import EVER, RunData
+from orchestrator.scene.scene import load
+from orchestrator.studies import fit as fitting
+
+SETTINGS = ("chain.links=8", "run.stop=0.05", "run.links=1", "track.start=displaced", "expect={}")
+SIGNALS = {name: name for name in ("chain.tension.max", "chain.joint[4].position.z")}
+SPAN, MASS = "chain.span=0.5:0.95", "vehicle.track.mass=10:40 kg"
+TRUTH = {"chain.span": 0.72, "vehicle.track.mass": 17.0}
+T = np.arange(0.0, 0.0501, 0.001)
+
+
+def signals(folder, settings):
+    """Signals of a run at T by name."""
+    simulate(load("hanging_chain", "rigid", settings), folder / "run.mcap")
+    with Log(folder / "run.mcap") as log:
+        run = RunData(log)
+        return {name: np.interp(T, *run.signal(name, EVER)) for name in SIGNALS}
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """Signals with the numbers TRUTH."""
+    settings = [*SETTINGS, *(f"{key}={value}" for key, value in TRUTH.items())]
+    return signals(tmp_path_factory.mktemp("truth"), settings)
+
+
+@pytest.fixture(scope="module")
+def noise(measured):
+    """One per cent of the size of each signal."""
+    return {name: 0.01 * float(np.sqrt(np.mean(values**2))) for name, values in measured.items()}
+
+
+@pytest.fixture
+def data(measured, noise, tmp_path):
+    """Function that writes a file with noise of a seed; None: without."""
+
+    def write(seed=None):
+        drawn = np.random.default_rng(seed).standard_normal((len(measured), len(T))) if seed is not None else 0.0
+        size = np.array(list(noise.values()))[:, None]
+        values = np.array(list(measured.values())) + size * drawn
+        path = tmp_path / f"data{seed}.csv"
+        np.savetxt(path, np.vstack([T, values]).T, "%.17g", ",", header=",".join(["t", *measured]), comments="")
+        return path
+
+    return write
+
+
+def fitted(file, folder, free=(SPAN, MASS), more=(), **options):
+    settings = [*SETTINGS, *more]
+    return fitting.fit("hanging_chain", file, SIGNALS, free, folder, track="rigid", settings=settings, **options)
+
+
+def deviations(found):
+    """Distance of each number from the truth in standard errors."""
+    true = [TRUTH[record["key"]] for record in found.table.records()]
+    return [(a - b) / e for a, b, e in zip(found.answer.numbers, true, found.answer.errors, strict=True)]
+
+
+def test_exact_data_give_the_numbers_back(data, noise, tmp_path):
+    found = fitted(data(), tmp_path / "fit", noise=noise)
+    assert found.answer.numbers == pytest.approx(list(TRUTH.values()), rel=1e-5)
+    assert found.answer.numbers != pytest.approx([1.02 * value for value in TRUTH.values()], rel=1e-5)
+    assert not found.ok, "without noise, the stated noise is wrong"
+    assert "the differences are not the stated noise" in found.verdict
+
+
+@pytest.mark.long
+def test_noisy_data_give_the_numbers_within_their_errors(data, noise, tmp_path):
+    """Errors are those of the scatter: the sum of 20 squares in units of the errors is chi-squared."""
+    found = [fitted(data(seed), tmp_path / "fit", noise=noise) for seed in range(10)]
+    assert all(one.ok and one.verdict.startswith("fitted: ") for one in found), [one.verdict for one in found]
+    squares = float(np.sum(np.square([deviations(one) for one in found])))
+    low, high = 7.43, 40.0  # 0.5 and 99.5 % of chi-squared with 20 degrees of freedom
+    assert low < squares < high
+    assert not low < 4.0 * squares < high or not low < squares / 4.0 < high
+
+
+def test_noise_is_estimated_and_that_is_said(data, noise, tmp_path):
+    found = fitted(data(3), tmp_path / "fit")
+    assert found.ok
+    assert any("whether or not the model is right" in note for note in found.answer.notes)
+    estimated = [record["noise"] for record in found.residuals.records()]
+    assert estimated == pytest.approx(list(noise.values()), rel=0.3)
+    assert max(map(abs, deviations(found))) < 4.0
+
+
+def test_a_wrong_noise_is_no_success(data, noise, tmp_path):
+    found = fitted(data(3), tmp_path / "fit", noise={name: 0.5 * size for name, size in noise.items()})
+    assert not found.ok
+    assert 3.0 < found.answer.chi2 < 5.0
+    assert found.verdict.startswith("no fit: chi2/n is ")
+
+
+def test_numbers_that_cannot_be_told_apart_are_named(data, noise, tmp_path):
+    """The chain touches no ground, so no signal depends on its friction; the mass is found beside it."""
+    free = "vehicle.contact.ground.friction", MASS
+    found = fitted(data(3), tmp_path / "fit", free, noise=noise, more=["chain.span=0.72"])
+    assert "no signal depends on vehicle.contact.ground.friction" in found.verdict
+    assert found.answer.errors[0] == np.inf
+    assert found.answer.numbers[1] == pytest.approx(17.0, abs=4.0 * found.answer.errors[1])
+
+
+def test_a_bound_that_is_met_is_no_success(data, noise, tmp_path):
+    found = fitted(data(3), tmp_path / "fit", ["vehicle.track.mass=18:40 kg"], noise=noise, more=["chain.span=0.72"])
+    assert "vehicle.track.mass ends at its bound, 18" in found.verdict
+
+
+@pytest.mark.long
+def test_a_fit_goes_on_where_it_was_interrupted(data, noise, tmp_path, monkeypatch):
+    """Runs that are finished are not made again, and the answer is the same."""
+    file = data(3)
+    whole = fitted(file, tmp_path / "whole", noise=noise)
+    made = []
+
+    def counted(*arguments, **options):
+        made.append(1)
+        if len(made) == 7:
+            raise KeyboardInterrupt
+        return simulate(*arguments, **options)
+
+    monkeypatch.setattr(fitting, "simulate", counted)
+    with pytest.raises(KeyboardInterrupt):
+        fitted(file, tmp_path / "fit", noise=noise)
+    before = len(list((tmp_path / "fit" / "cases").iterdir()))
+    assert before == 5  # the first run, which reads the units, is not one of them
+    again = fitted(file, tmp_path / "fit", noise=noise)
+    assert again.answer.numbers == whole.answer.numbers
+    assert len(made) - 7 == len(list((tmp_path / "fit" / "cases").iterdir())) - before + 1
+
+
+def test_the_command_writes_a_scene_that_runs(cotrack, data, noise, tmp_path):
+    mapped = [part for name in SIGNALS for part in ("--map", f"{name}={name}", "--noise", f"{name}={noise[name]!r}")]
+    settings = [part for text in SETTINGS for part in ("--set", text)]
+    free = "--free", SPAN, "--free", MASS
+    out = cotrack.done(
+        "fit", "hanging_chain", "--track", "rigid", "--data", data(3), *mapped, *settings, *free, "-o", "f"
+    )
+    assert out.startswith("fitted: 2 numbers by 102 samples of 2 signals, chi2/n ")
+    result = json.loads(Path("f/fit.json").read_text())
+    numbers = {record["key"]: record["fitted"] for record in result["numbers"]}
+    assert result["ok"]
+    for name in ("fitted.toml", "fitted_vehicle.toml"):
+        assert (
+            f"  # fitted to {tmp_path / 'data3.csv'}, 0 s added to its times; standard error "
+            in Path("f", name).read_text()
+        )
+    scene = load("f/fitted.toml")
+    same = load("hanging_chain", "rigid", [*SETTINGS, *(f"{key}={value!r}" for key, value in numbers.items())])
+    assert {**scene.resolved(), "name": ""} == {**same.resolved(), "name": ""}
+    assert Path("f/fit.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("free", "said"),
+    [
+        ("chain.sapn", "--free chain.sapn: hanging_chain.toml has no such number ('sapn')"),
+        ("track.start", "--free track.start: is \"displaced\" in hanging_chain.toml, and a number is needed"),
+        ("chain.span=1", "--free chain.span=1: must be KEY or KEY=FROM:TO"),
+        ("chain.span=0.5:0.6", "--free chain.span=0.5:0.6: the scene has "),
+        ("chain.span=0.9:0.5", "--free chain.span=0.9:0.5: FROM must be below TO"),
+        ("start.heading", "--free start.heading: the scene has 0, so a range KEY=FROM:TO must say"),
+    ],
+)  # fmt: skip
+def test_a_number_that_cannot_be_fitted_is_refused(data, tmp_path, free, said):
+    with pytest.raises(fitting.BadInput) as refused:
+        fitted(data(), tmp_path / "fit", [free])
+    assert str(refused.value).startswith(said)
+    assert not (tmp_path / "fit").exists()
+
+
+def test_a_run_that_fails_ends_the_fit(cotrack, data):
+    err = cotrack.refused(
+        "fit", "hanging_chain", "--track", "rigid", "--data", data(), "--map", "chain.tension.max=chain.tension.max",
+        "--free", "chain.span", "--noise", "chain.sag=1", "-o", "f",
+    )  # fmt: skip
+    assert err == "cotrack: --noise chain.sag: no --map gives this signal a column\n"
