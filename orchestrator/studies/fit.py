@@ -25,7 +25,7 @@ import numpy as np
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import Floats, within
 from orchestrator.results import output_files
 from orchestrator.results.measured_difference import read_shifted
@@ -94,9 +94,9 @@ def number_at(scene: Any, key: str) -> float:
             place = place[int(part)]
         else:
             raise BadInput(f"--free {key}: {scene.where} has no such number ('{part}'); 'cotrack keys' lists all")
-    if isinstance(place, bool) or not isinstance(place, int | float):
-        raise BadInput(f"--free {key}: is {json.dumps(place)[:60]} in {scene.where}, and a number is needed")
-    return float(place)
+    if not isinstance(place, float):
+        raise BadInput(f"--free {key}: is {json.dumps(place)[:60]} in {scene.where}, and a real number is needed")
+    return place
 
 
 class FitFailed(Exception):
@@ -139,15 +139,20 @@ class Fit:
         keys = [tuple(point.tolist()) for point in points]
         new = [key for key in dict.fromkeys(keys) if key not in self._values]
         wanted = [(one.signal, tuple(one.t.tolist())) for one in self.signals]
-        cases = []
+        cases = {}
         for key in new:
-            numbers = self.numbers(np.array(key))
-            scene = with_settings(self.scene, {one.key: number for one, number in zip(self.free, numbers, strict=True)})
-            name = ", ".join(f"{one.key}={number:.10g}" for one, number in zip(self.free, numbers, strict=True))
-            cases.append(Case(self.scene.name, name, run_signals, (scene, self.native, wanted), scene.run.stop))
-        rows = pool.run(cases, self.workers, None, self.store)
+            numbers = dict(zip((one.key for one in self.free), self.numbers(np.array(key)), strict=True))
+            name = ", ".join(f"{one}={number:.10g}" for one, number in numbers.items())
+            try:
+                scene = with_settings(self.scene, numbers)
+            except BadInput as error:  # numbers that do not go together
+                self._values[key] = f"{name}: {error}"
+            else:
+                arguments = scene, self.native, wanted
+                cases[key] = Case(self.scene.name, name, run_signals, arguments, scene.run.stop)
+        rows = pool.run([*cases.values()], self.workers, None, self.store)
         self.runs += len(cases)
-        for key, case, row in zip(new, cases, rows, strict=True):
+        for (key, case), row in zip(cases.items(), rows, strict=True):
             self._values[key] = [np.array(v) for v in row["values"]] if row.ok else f"{case.name}: {row.note}"
         return [self._values[key] for key in keys]
 
@@ -421,8 +426,8 @@ def _fit(
     for signal in noise:
         if signal not in data.columns:
             raise BadInput(f"--noise {signal}: no --map gives this signal a column")
-    make_folder(output)
     signals, shift, notes = _measured(scene, data, window, native)
+    make_folder(output)
     task = Fit(scene, numbers, signals, dict(noise), native, workers, pool.Store(output / "cases"), told)
     try:
         end = search(task)
@@ -485,7 +490,10 @@ def _measured(
             raise BadInput(f"the run of the start fails, so nothing is fitted: {result['message']}")
         with Log(path) as log:
             run = RunData(log)
-            record = read_shifted(run, data, window)
+            try:
+                record = read_shifted(run, data, window)
+            except NoSuchSignal as error:  # the path of the log says nothing to a user
+                raise BadInput(str(error).replace(str(path), f"a run of {scene.name}")) from None
             spans = [run.signal(one.signal, EVER)[0][[0, -1]] for one in record.signals]
     signals = []
     for one, (begin, stop) in zip(record.signals, spans, strict=True):

@@ -164,7 +164,9 @@ def test_the_command_writes_a_scene_that_runs(cotrack, data, noise, tmp_path):
     ("free", "said"),
     [
         ("chain.sapn", "--free chain.sapn: hanging_chain.toml has no such number ('sapn')"),
-        ("track.start", "--free track.start: is \"displaced\" in hanging_chain.toml, and a number is needed"),
+        ("track.start", "--free track.start: is \"displaced\" in hanging_chain.toml, and a real number is needed"),
+        ("chain.links", "--free chain.links: is 8 in hanging_chain.toml, and a real number is needed"),
+        ("run.stop", "a run fails, so nothing is fitted: run.stop="),
         ("chain.span=1", "--free chain.span=1: must be KEY or KEY=FROM:TO"),
         ("chain.span=0.5:0.6", "--free chain.span=0.5:0.6: the scene has "),
         ("chain.span=0.9:0.5", "--free chain.span=0.9:0.5: FROM must be below TO"),
@@ -178,7 +180,13 @@ def test_a_number_that_cannot_be_fitted_is_refused(data, tmp_path, free, said):
     assert not (tmp_path / "fit").exists()
 
 
-def test_a_run_that_fails_ends_the_fit(cotrack, data):
+def test_a_signal_that_no_run_has_is_refused(data, tmp_path):
+    with pytest.raises(fitting.BadInput, match=r"^a run of hanging_chain has no signal 'chain\.pull'"):
+        fitting.fit("hanging_chain", data(), {"chain.pull": "t"}, [SPAN], tmp_path / "fit", settings=SETTINGS)
+    assert not (tmp_path / "fit").exists()
+
+
+def test_a_noise_of_no_signal_is_refused(cotrack, data):
     err = cotrack.refused(
         "fit", "hanging_chain", "--track", "rigid", "--data", data(), "--map", "chain.tension.max=chain.tension.max",
         "--free", "chain.span", "--noise", "chain.sag=1", "-o", "f",
