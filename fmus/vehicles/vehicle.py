@@ -148,13 +148,13 @@ class BushingTable(FrozenTable):  # noqa: D101
     """damping of the bushes of a pin"""
     friction: Annotated[float, ratio(ge=0, le=2.0)] = 0.0
     """coefficient of friction between pin and link, under the force of the pin"""
-    radius: Distance | None = None
+    radius: Annotated[float, In("m", gt=0, lt=1)] | None = None
     """radius at which a pin rubs; with friction"""
     slow: Annotated[float, In("rad/s", gt=0)] = 0.2
     """rate of turning below which the friction of a pin grows in proportion to it"""
-    wear: Annotated[float, In("1/Pa", ge=0)] = 0.0
+    wear: Annotated[float, In("1/Pa", ge=0, le=1e-9)] = 0.0
     """volume that wears off per force and way of rubbing (Archard)"""
-    bearing: Distance | None = None
+    bearing: Annotated[float, In("m", gt=0, lt=10)] | None = None
     """width along the pin on which a link bears it; with wear"""
 
 

@@ -107,7 +107,8 @@ def life(path: str | os.PathLike[str]) -> CourseLife:
     for k, each in enumerate(runs):
         if len({*each.log}) < len(each.log):
             raise BadInput(f"{path_text(file)}: run.{k}.log = {each.log}: names a log twice")
-        logs = []
+        logs: list[tuple[int, Floats]] = []
+        scene: dict[str, Any] = {}
         for name in each.log:
             with Log(file.parent / name, unfinished=True) as log:
                 if not log.closing or log.closing["status"] == "failed":
@@ -118,6 +119,13 @@ def life(path: str | os.PathLike[str]) -> CourseLife:
                 known = known or {"of": log.path, **own}
                 for key, value in changed_settings(known, own):
                     raise Missing(f"{log.path}: {key} = {value} is not as in {known['of']}: a course is of one track")
+                scene = scene or dict(run.scene)
+                for key, value in changed_settings(scene, run.scene):
+                    if not key.endswith((".seed", "title")):
+                        raise Missing(
+                            f"{log.path}: {key} = {value} is not as in {each.log[0]}: logs of one run differ in the"
+                            " seed of the ground alone; others are a run of their own"
+                        )
                 log.notice_seal()
                 logs.append(_of_log(run, Window(each.start, each.end)))
         circuits.append(min(count for count, _ in logs))

@@ -11,7 +11,7 @@ from orchestrator.execution import course
 from orchestrator.execution.course import ALL, ERROR, HALVES, RECORDS, REST, SEEDS, WORST
 from orchestrator.log.reader import LogUnreadable
 from orchestrator.results.analyses import life
-from orchestrator.results.run_data import Missing
+from orchestrator.results.run_data import Missing, RunData
 
 PER_NEWTON = life.stresses(TABLE.model_dump())["pin bending"]
 LENGTH = 0.4  # m: a chain of four links goes round in a second
@@ -129,6 +129,24 @@ def test_seeds_and_halves_spread(tmp_path):
     least, most = life_of(course_of(tmp_path, ('"rough.mcap"', 5, "")), HALVES)
     assert most == pytest.approx(1.0 / alone[0], rel=0.01)
     assert most / least == pytest.approx(one_cycle(22e3) / one_cycle(20e3), rel=0.05)
+
+
+def test_logs_of_one_run_are_of_one_scene(runs, monkeypatch):
+    """A list holds logs that differ in the seed; another setting is named."""
+    begin, other = RunData.__init__, {"ground": {"rough": {"seed": 2}}}
+
+    def changed(run, log):
+        begin(run, log)
+        run.scene = {**run.scene, **(other if "odd" in str(log.path) else {"ground": {"rough": {"seed": 1}}})}
+
+    monkeypatch.setattr(RunData, "__init__", changed)
+    course_of(runs, ('["even.mcap", "odd.mcap"]', 1, ""))
+    other["drive"] = {"speed": 12.0}
+    with pytest.raises(
+        Missing, match=r"odd\.mcap: drive = .* is not as in even\.mcap: logs of one run differ in the seed"
+    ):
+        course_of(runs, ('["even.mcap", "odd.mcap"]', 1, ""))
+    course_of(runs, ('"even.mcap"', 1, ""), ('"odd.mcap"', 1, ""))
 
 
 def test_error_and_records_spread(tmp_path):

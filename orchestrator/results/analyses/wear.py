@@ -75,6 +75,8 @@ class Wear(NamedTuple):
         ]
         if not self.grows:
             return (*found, "the growth of the pitch needs track.bushing.wear and track.bushing.bearing of the vehicle")
+        if any(each.circuits < 0.9 for each in self.tracks):
+            return (*found, "a run with the grown pitch is said of a circuit or more")
         grown = self.pitch + max(float(each.growth.mean()) for each in self.tracks)
         again = f"--set vehicle.track.pitch={grown:.7g} --set vehicle.sprocket.pitch={self.sprocket_pitch:.7g}"
         return (*found, f"after 1000 km of this, on the sprocket as it is: cotrack run with {again}")
