@@ -219,14 +219,14 @@ def log_warning(instance: str, status: int, message: str) -> None:
 
 
 WithOption = Annotated[
-    Path | None, typer.Option("--with", metavar="FILE.csv", help="measured record, shown beside the run")
+    Path | None, typer.Option("--with", metavar="FILE", help="measured record, shown beside the run")
 ]
 MapOption = Annotated[
     list[str] | None,
-    typer.Option("--map", metavar="SIGNAL=COLUMN[:UNIT]", help="column of the CSV file for a signal, repeatable"),
+    typer.Option("--map", metavar="SIGNAL=COLUMN[:UNIT]", help="column of the record for a signal, repeatable"),
 ]
 ClockOption = Annotated[
-    str, typer.Option("--clock", metavar="COLUMN[:UNIT]", help="time in the CSV file; default t or time")
+    str, typer.Option("--clock", metavar="COLUMN[:UNIT]", help="time in the measured record; default t or time")
 ]
 ShiftOption = Annotated[
     str, typer.Option("--shift", metavar="S|find", help="s added to the file's time; find: least RMS difference")
@@ -234,7 +234,7 @@ ShiftOption = Annotated[
 
 
 def measured_file(file: Path | None, mapped: Sequence[str] | None, clock: str, shift: str) -> MeasuredFile | None:
-    """Parse the options of a CSV file; None without one.
+    """Parse the options of a measured record; None without one.
 
     Raises BadInput, also for options without a file and a file without a map.
     """
@@ -249,7 +249,7 @@ def measured_file(file: Path | None, mapped: Sequence[str] | None, clock: str, s
             raise BadInput(f"--map {text}: '{signal}' has a column already, '{columns[signal]}'")
         columns[signal] = column
     if file is None and (columns or clock or shift != "0"):
-        raise BadInput("--map, --clock and --shift belong to the CSV file of a test, which is not given")
+        raise BadInput("--map, --clock and --shift belong to the file of a test, which is not given")
     if file is not None and not columns:
         raise BadInput("a measured record needs --map SIGNAL=COLUMN, for example --map 'chassis.speed=v'")
     return None if file is None else MeasuredFile(file, columns, clock, shift)

@@ -124,7 +124,7 @@ def _write_answer(log: Path, opened: Any, path: Path, picture: Path | None, wind
 def compare(
     run: Annotated[Path, typer.Argument(metavar="A", help="an MCAP log")],
     reference: Annotated[
-        Path, typer.Argument(metavar="B", help="the reference, another MCAP log; with --map the CSV file of a test")
+        Path, typer.Argument(metavar="B", help="the reference, another MCAP log; with --map the record of a test")
     ],
     different: DifferentOption = False,
     start: FromCompared = -inf,
@@ -157,18 +157,20 @@ def compare(
     and --to count along travel or from the event, and observables averaged over seconds are left out. Exit status 1
     if an allowed difference is exceeded or, with --bits, if any bit differs.
 
-    With --map, B is a CSV file of measured signals: a header of names with units as "v [km/h]", a clock, numbers. The
-    command prints how much the mapped signals differ, and --allow limits their relative RMS difference.
+    With --map, B is a file of measured signals: CSV (a header of names with units as "v [km/h]", a clock, numbers),
+    Parquet, MDF 4, TDMS or another log. The command prints how much the mapped signals differ, and --allow limits
+    their relative RMS difference.
     """
     from orchestrator.cli.comparison import lines
+    from orchestrator.results.measured_formats import SUFFIXES
     from orchestrator.results.run_data import Window
 
     check_window(start, end)
     window = Window(start, end)
-    is_measured = bool(mapped) or by_phase or reference.suffix.lower() == ".csv"
+    is_measured = bool(mapped) or by_phase or reference.suffix.lower() in SUFFIXES
     if measured := measured_file(reference if is_measured else None, mapped, clock, shift):
         if different or align != "time" or bitwise or picture:
-            raise BadInput("--different, --align, --bits and -o are for two logs, and --map is for a CSV file")
+            raise BadInput("--different, --align, --bits and -o are for two logs, and --map is for a measured record")
         result, text = _compare_measured(run, measured, window, by_phase, allowed or ())
     else:
         result = _compare_logs((run, reference), different, window, align, allowed or (), bitwise, picture)
@@ -251,7 +253,7 @@ def report(
     """Write one HTML page about a run, with a player; it needs a browser only.
 
     The page shows status, checks, motion, drives, energy, tension, loads and events. With a reference, each chart
-    shows both runs and a table lists their differences. With a CSV file of measured signals, a section
+    shows both runs and a table lists their differences. With a file of measured signals, a section
     draws them with those of the run and lists the differences by phase.
     """
     from orchestrator.execution.log_report import report as write

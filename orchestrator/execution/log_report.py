@@ -39,7 +39,7 @@ def report(
 ) -> None:
     """Write the page of a log; with ``reference`` also a comparison (``different``: of different scenes).
 
-    ``measured``: a CSV file of measured signals, compared over the run and in each of its phases. ``sn``: S-N line of
+    ``measured``: a file of measured signals, compared over the run and in each of its phases. ``sn``: S-N line of
     the fatigue, "stress range,cycles,slope", as "90 MPa,1e6,5".
 
     Raises BadInput, LogUnreadable, NotInstalled; with ``measured`` also NoSuchSignal and Missing.

@@ -25,6 +25,7 @@ TOML = 1 << 18  # bytes of a TOML file, which takes up to 2 s per MB to parse; l
 CSV = 4 << 20  # bytes of a table of points
 ROWS = 50_000  # of a table of points
 MEASURED, MEASURED_ROWS = 16 << 20, 250_000  # bytes and lines of a measured record
+MEASURED_BINARY, MEASURED_SAMPLES = 1 << 28, 2_000_000  # bytes of one that is not text, samples of its columns
 CSV_LINE = 1 << 16  # characters of a line of a CSV file
 DOCUMENT = 8 << 20  # bytes of a JSON or XML document, which takes up to 25 times its size in memory
 AT_ONCE = 64 << 20  # bytes read or unpacked into memory at once: a record or a chunk of a log

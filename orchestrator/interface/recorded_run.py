@@ -196,13 +196,13 @@ class Run:
         """Write the page of the run, by default beside its log, and return its path.
 
         :param reference: a run to compare with.
-        :param measured: a CSV file of measured signals to compare with, with ``columns``, ``shift`` and ``clock`` as
+        :param measured: a file of measured signals to compare with, with ``columns``, ``shift`` and ``clock`` as
             of ``compare_measured``.
         :param sn: S-N line of the fatigue, "stress range,cycles,slope", as "90 MPa,1e6,5".
         :raises BadInput: for what cannot be compared. Raises NotInstalled, NoSuchSignal, Missing.
         """
         if measured is None and (columns or clock or shift):
-            raise BadInput("columns, shift and clock belong to measured, a CSV file, which is not given")
+            raise BadInput("columns, shift and clock belong to measured, a file, which is not given")
         page = Path(path) if path is not None else self.log.with_suffix(".html")
         other = reference.log if isinstance(reference, Run) else reference
         source = None if measured is None else MeasuredFile(measured, columns or {}, clock, shift)
@@ -224,7 +224,7 @@ class Run:
         end: float = inf,
         by_phase: bool = False,
     ) -> MeasuredComparison:
-        """Return the difference from a CSV file of measured signals; ``.table()`` is printed, ``.shift`` in s.
+        """Return the difference from a file of measured signals; ``.table()`` is printed, ``.shift`` in s.
 
         :param columns: "COLUMN" or "COLUMN:UNIT" by signal, ``{"chassis.speed": "v:km/h"}``.
         :param shift: s, added to the times of the file, or "find".

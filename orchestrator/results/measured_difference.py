@@ -84,7 +84,7 @@ class MeasuredComparison(NamedTuple):
 
     @property
     def file(self) -> Path:
-        """CSV file."""
+        """File of the test."""
         return self.record.file
 
     @property
@@ -208,7 +208,7 @@ def find_shift(pairs: Sequence[Pair]) -> tuple[float, str]:
         raise Missing("no shift can be found: no mapped signal varies in the file")
     # The finer record sets the grid, so that an undersampled oscillation has its least difference there too.
     finest = min(float(np.median(np.diff(t))) for pair in varying for t in (pair[0], pair[2].t) if len(t) > 1)
-    span = sum(float(t[-1] - t[0]) for t in (varying[0][0], varying[0][2].t))
+    span = max(sum(float(t[-1] - t[0]) for t in (pair[0], pair[2].t)) for pair in varying)
     interval = max(finest, span / GRID)
     start, costs = _on_grid(varying, interval)
     k = int(np.argmin(costs))
@@ -269,12 +269,13 @@ def _on_grid(pairs: Sequence[Pair], interval: float) -> tuple[float, Floats]:
     from scipy.signal import correlate
 
     start, end = max(float(t[0]) for t, _, _ in pairs), min(float(t[-1]) for t, _, _ in pairs)
-    begin, stop = pairs[0][2].t[[0, -1]].tolist()  # one clock for all measured signals
+    begin, stop = min(float(each.t[0]) for _, _, each in pairs), max(float(each.t[-1]) for _, _, each in pairs)
     total: Floats = np.zeros(1)
     for t, values, measured in pairs:
         mean, deviation = np.nanmean(measured.values), np.nanstd(measured.values)
         a = (np.interp(_grid(start, end, interval), t, values) - mean) / deviation
-        b = (np.interp(_grid(begin, stop, interval), measured.t, measured.values) - mean) / deviation
+        inside = _grid(begin, stop, interval), measured.t, measured.values
+        b = (np.interp(*inside, left=np.nan, right=np.nan) - mean) / deviation
         has_a, has_b = (np.isfinite(side).astype(float) for side in (a, b))
         a, b = (np.nan_to_num(side, posinf=0.0, neginf=0.0) for side in (a, b))
         count = correlate(has_a, has_b, method="fft")

@@ -1,39 +1,36 @@
-"""Measured signals from the CSV file of a test: columns by their names, in the units of a run's signals.
+"""Measured signals from the file of a test: columns by their names, in the units of a run's signals.
 
-The first line holds names with units: "v [km/h]", "v (km/h)" or "v, km/h". A cell that is empty, NaN, infinite or a
-mark of no data (``files.columns``) is a gap. The clock must increase from line to line.
+``measured_formats`` reads the file. A value that is NaN, infinite or a mark of no data (``files.columns``) is a gap.
+The clock must increase from sample to sample.
 """
 
 from __future__ import annotations
 
-import csv
 import os
-import re
-from array import array
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from fmus.vehicles.tables import BadInput, to_si
-from orchestrator.files.budget import MEASURED, MEASURED_ROWS
-from orchestrator.files.columns import head, no_data, unit_size
-from orchestrator.files.csv_lines import csv_lines
+from fmus.vehicles.tables import BadInput
+from orchestrator.files.columns import no_data, unit_size
 from orchestrator.log.time_series import Floats
+from orchestrator.results.measured_formats import FileColumn, Samples, read_samples
 
 CLOCKS = ("t", "time")
+CLOCK = ""  # stands for the clock among signals
 FIND = "find"
+NAMED = 20  # columns in a message
 LATEST = 1e12  # s: a clock that counts ns without saying so is beyond
 
 
 class MeasuredFile(NamedTuple):
-    """CSV file of a test and its relation to a run."""
+    """File of a test and its relation to a run."""
 
     path: str | os.PathLike[str]
     columns: Mapping[str, str]  # "COLUMN" or "COLUMN:UNIT" by signal of the run
-    clock: str = ""  # column of the time, in s if no unit is given; by default "t" or "time"
+    clock: str = ""  # column of the time, in s if no unit is given; by default "t" or "time", or times of the columns
     shift: float | str = 0.0  # s, added to its times, or FIND for that of the least difference
 
 
@@ -72,57 +69,78 @@ def read(
     :param clock: column of the time, in s if no unit is given; by default "t" or "time".
     :raises BadInput: for a file that cannot be read, unknown columns, other dimensions, a clock that does not increase.
     """
-    lines = csv_lines(path, MEASURED, MEASURED_ROWS, ";\t,")
-    try:
-        _, header = next(lines, (0, []))
-        heads = [head(cell) for cell in header]
-        asked = {"": clock or _clock(path, heads), **columns}
-        found = [
-            _column(path, header, heads, text, unit_of(signal) if signal else "s") for signal, text in asked.items()
-        ]
-        numbers = array("d")
-        for line, cells in lines:
-            numbers.append(line)
-            numbers.extend(_number(path, line, cells, column) for column in found)
-    except BadInput:
-        raise
-    except (OSError, ValueError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise BadInput(f"{path} cannot be read: {reason}") from None
-    line_of, *values = np.array(numbers).reshape(-1, 1 + len(found)).T
-    factors = [_factor(path, column, signal) for column, signal in zip(found, asked, strict=True)]
-    missing = [no_data(v) for v in values]
-    t, *series = (np.where(gap, np.nan, v * factor) for v, gap, factor in zip(values, missing, factors, strict=True))
-    _check_clock(path, found[0].name, line_of, t)
-    for column, row in zip(found[1:], series, strict=True):
-        if np.isnan(row).all():
-            raise BadInput(f"{path}: column '{column.name}' holds no number")
-    marks = [np.unique(v[gap & np.isfinite(v)], return_counts=True) for v, gap in zip(values, missing, strict=True)]
-    return [
-        MeasuredSignal(signal, column.name, column.unit, t, row, not column.given_unit, dict(zip(*mark, strict=True)))
-        for signal, column, row, mark in zip(columns, found[1:], series, marks[1:], strict=True)
-    ]
+    units = {signal: unit_of(signal) for signal in columns}
+    asked: dict[str, _Column] = {}
+
+    def choose(present: Sequence[FileColumn]) -> list[int]:
+        asked.clear()
+        for signal, text in columns.items():
+            asked[signal] = _column(path, present, text, units[signal])
+        if not asked or not all(present[column.number].timed for column in asked.values()):
+            asked[CLOCK] = _column(path, present, clock or _clock(path, present), "s")
+        elif clock:
+            raise BadInput(f"{path}: its columns have times of their own, so that it takes no --clock")
+        return [column.number for column in asked.values()]
+
+    samples = read_samples(path, choose)
+    times = None
+    if CLOCK in asked:
+        times = _in_unit(path, asked[CLOCK], samples, CLOCK)
+        _check_clock(path, f"'{asked[CLOCK].name}'", times, samples[asked[CLOCK].number].lines)
+    return [_signal(path, signal, asked[signal], samples, times) for signal in columns]
 
 
-def _clock(path: Path, heads: Sequence[tuple[str, str]]) -> str:
-    for name, _ in heads:
-        if name.lower() in CLOCKS:
-            return name
-    named = ", ".join(name for name, _ in heads) or "nothing"
-    raise BadInput(f"{path} has no column 't' or 'time', its first line names {named}: --clock names the time")
+def _in_unit(path: Path, column: _Column, samples: Mapping[int, Samples], signal: str) -> Floats:
+    """Values of a column in the unit of a signal, NaN in gaps."""
+    values = samples[column.number].values
+    return np.where(no_data(values), np.nan, values * _factor(path, column, signal))
 
 
-def _column(path: Path, header: Sequence[str], heads: Sequence[tuple[str, str]], text: str, unit: str) -> _Column:
+def _signal(
+    path: Path, signal: str, column: _Column, samples: Mapping[int, Samples], times: Floats | None
+) -> MeasuredSignal:
+    raw = samples[column.number]
+    values = _in_unit(path, column, samples, signal)
+    if raw.t is not None:
+        _check_clock(path, f"of '{column.name}'", raw.t, raw.lines)
+    t = times if raw.t is None else raw.t
+    assert t is not None  # a column without times has a clock
+    if len(t) != len(values):
+        raise BadInput(f"{path}: column '{column.name}' has {len(values)} samples, and its clock {len(t)}")
+    if np.isnan(values).all():
+        raise BadInput(f"{path}: column '{column.name}' holds no number")
+    gaps = raw.values[no_data(raw.values) & np.isfinite(raw.values)]
+    marks = dict(zip(*np.unique(gaps, return_counts=True), strict=True))
+    return MeasuredSignal(signal, column.name, column.unit, t, values, not column.given_unit, marks)
+
+
+def _clock(path: Path, present: Sequence[FileColumn]) -> str:
+    for column in present:
+        if column.name.lower() in CLOCKS:
+            return column.name
+    named = _names([column.whole for column in present]) or "nothing"
+    where = "its first line names" if present and not any(column.timed for column in present) else "it names"
+    raise BadInput(f"{path} has no column 't' or 'time', {where} {named}: --clock names the time")
+
+
+def _column(path: Path, present: Sequence[FileColumn], text: str, unit: str) -> _Column:
     """Column by its whole head or its name, with ":UNIT" behind it or not."""
     name, colon, given = text.rpartition(":")
     for wanted, wanted_unit in ((text, ""), *([(name, given)] if colon else [])):
-        for keys in ([cell.strip() for cell in header], [name for name, _ in heads]):
+        for keys in ([column.whole for column in present], [column.name for column in present]):
             places = [number for number, key in enumerate(keys) if key == wanted.strip()]
             if len(places) > 1:
-                raise BadInput(f"{path} has {len(places)} columns '{wanted}': name one with its unit as in the file")
+                wholes = ", ".join(f"'{present[place].whole}'" for place in places)
+                raise BadInput(f"{path} has {len(places)} columns '{wanted}': name one as in the file, of {wholes}")
             if places:
-                return _Column(places[0], heads[places[0]][0], wanted_unit.strip() or heads[places[0]][1], unit)
-    raise BadInput(f"{path} has no column '{text}': it has {', '.join(name for name, _ in heads) or 'none'}")
+                found = present[places[0]]
+                return _Column(places[0], found.name, wanted_unit.strip() or found.unit, unit)
+    raise BadInput(f"{path} has no column '{text}': it has {_names([column.name for column in present]) or 'none'}")
+
+
+def _names(names: Sequence[str]) -> str:
+    more = [f"{len(names) - NAMED} more"] if len(names) > NAMED else []
+    return ", ".join([*names[:NAMED], *more])
 
 
 def _factor(path: Path, column: _Column, signal: str) -> float:
@@ -133,36 +151,15 @@ def _factor(path: Path, column: _Column, signal: str) -> float:
         raise BadInput(f"{path}: column '{column.name}' {error}{f', the unit of {signal}' if signal else ''}") from None
 
 
-def _number(path: Path, line: int, cells: Sequence[str], column: _Column) -> float:
-    try:
-        return float(cells[column.number].strip() or "nan")
-    except IndexError:
-        raise BadInput(f"{path}, line {line}: there are {len(cells)} cells, and none for '{column.name}'") from None
-    except ValueError:
-        cell = cells[column.number].strip()
-        hint = _hint(cell, column)
-        raise BadInput(f"{path}, line {line}: '{column.name}' must be a number or empty, not '{cell}'{hint}") from None
-
-
-def _hint(cell: str, column: _Column) -> str:
-    """Sentence part that guesses the mistake in a cell that is not a number; empty without a guess."""
-    if re.fullmatch(r"[-+]?\d+,\d+", cell):
-        return "; decimals have a point"
-    with suppress(ValueError):
-        to_si(column.unit)(f"1 {cell}")
-        return f"; a unit belongs into the first line, '{column.name} [{cell}]'"
-    return ""
-
-
-def _check_clock(path: Path, name: str, line_of: Floats, t: Floats) -> None:
-    """Raise BadInput for a clock without rows, with gaps, or that does not increase."""
+def _check_clock(path: Path, clock: str, t: Floats, lines: Floats | None) -> None:
+    """Raise BadInput for times without samples, with gaps, or that do not increase."""
     if not len(t):
-        raise BadInput(f"{path} holds no line of numbers below its header")
-    bad = ~(np.abs(t) < LATEST)
-    if bad.any():
-        raise BadInput(f"{path}, line {line_of[bad][0]:.0f}: the clock '{name}' must be a number below {LATEST:g} s")
-    stays = np.flatnonzero(np.diff(t) <= 0.0)
-    if len(stays):
-        k = stays[0] + 1
+        below = " below its header" if lines is not None else ""
+        raise BadInput(f"{path} holds no line of numbers{below}")
+    bad = np.flatnonzero(~(np.abs(t) < LATEST))
+    stays = np.flatnonzero(np.diff(t) <= 0.0) + 1
+    for k in (*bad[:1], *stays[:1]):
+        where = f"row {k + 1}" if lines is None else f"line {lines[k]:.0f}"
         steps = f"{t[k]:.15g} s after {t[k - 1]:.15g} s"
-        raise BadInput(f"{path}, line {line_of[k]:.0f}: the clock '{name}' must increase: {steps}")
+        fault = f"be a number below {LATEST:g} s" if len(bad) else f"increase: {steps}"
+        raise BadInput(f"{path}, {where}: the clock {clock} must {fault}")

@@ -204,7 +204,11 @@ def test_another_shift_that_is_nearly_as_good_is_named(write, tmp_path, wave, ot
     [
         ("t,v\n0,1\n", "w", "m.csv has no column 'w': it has t, v"),
         ("v,F\n0,1\n", "v", "m.csv has no column 't' or 'time', its first line names v, F: --clock names the time"),
-        ("t,v [km/h],v [m/s]\n0,1,1\n", "v", "m.csv has 2 columns 'v': name one with its unit as in the file"),
+        (
+            "t,v [km/h],v [m/s]\n0,1,1\n",
+            "v",
+            "m.csv has 2 columns 'v': name one as in the file, of 'v [km/h]', ",
+        ),
         (
             "t,v [kN]\n0,1\n",
             "v",
@@ -212,11 +216,12 @@ def test_another_shift_that_is_nearly_as_good_is_named(write, tmp_path, wave, ot
         ),
         ("t,v\n0,1\n", "v:knts", "m.csv: column 'v' is in knts, which does not convert to m/s, the unit of ch"),
         ("t,v\n0,1\n1,abc\n", "v", "m.csv, line 3: 'v' must be a number or empty, not 'abc'"),
-        ("t;v\n0;1,5\n", "v", "m.csv, line 2: 'v' must be a number or empty, not '1,5'; decimals have a point"),
+        ("t;v\n0;1,5\n", "v", "m.csv, line 2: 'v' must be a number or empty, not '1,5'; decimals have a point: 0,1.5"),
         (
             "t,v\ns,km/h\n0,1\n",
             "v",
-            "m.csv, line 2: 't' must be a number or empty, not 's'; a unit belongs into the first",
+            "m.csv, line 2: 't' must be a number or empty, not 's'; units belong into the first line,"
+            " without a line of their own: t [s],v [km/h]",
         ),
         ("t [kg],v\n0,1\n", "v", "m.csv: column 't' is in kg, which does not convert to s"),
         ("t,v\n0,\n1,nan\n", "v", "m.csv: column 'v' holds no number"),
@@ -225,7 +230,7 @@ def test_another_shift_that_is_nearly_as_good_is_named(write, tmp_path, wave, ot
         ("t,v\n0,1\n0,1\n", "v", "m.csv, line 3: the clock 't' must increase: 0 s after 0 s"),
         ("t,v\n0,1\n,1\n", "v", "m.csv, line 3: the clock 't' must be a number below 1e+12 s"),
         ("t,v\n", "v", "m.csv holds no line of numbers below its header"),
-        ("", "v", "m.csv has no column 't' or 'time', its first line names nothing: --clock names the time"),
+        ("", "v", "m.csv has no column 'v': it has none"),
     ],
 )
 def test_a_bad_file_is_refused_in_a_sentence(run, cotrack, tmp_path, text, column, sentence):

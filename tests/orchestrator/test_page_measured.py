@@ -134,7 +134,7 @@ def test_a_run_without_a_hull_has_no_phases(tmp_path):
     [
         (("--with", "none.csv", *MAPPED), "none.csv cannot be read: No such file or directory"),
         (("--with", "m.csv"), "a measured record needs --map SIGNAL=COLUMN"),
-        (("--shift", "1"), "--map, --clock and --shift belong to the CSV file of a test, which is not given"),
+        (("--shift", "1"), "--map, --clock and --shift belong to the file of a test, which is not given"),
         (("--with", "m.csv", "--map", "chassis.speed=w"), "m.csv has no column 'w': it has t, v"),
         (("--with", "m.csv", "--map", "chassis.sped=v"), "no signal 'chassis.sped'; did you mean 'chassis.speed'"),
         (("--with", "m.csv", "--map", "chassis.speed=v", "--shift", "99"), "have no values in common"),
@@ -151,7 +151,7 @@ def test_bad_options_give_a_sentence_and_no_page(run, cotrack, tmp_path, options
 
 
 def test_columns_need_a_file(run, tmp_path):
-    with pytest.raises(BadInput, match="columns, shift and clock belong to measured, a CSV file, which is not given"):
+    with pytest.raises(BadInput, match="columns, shift and clock belong to measured, a file, which is not given"):
         package.Run(run).report(tmp_path / "x.html", shift="find")
     with pytest.raises(BadInput, match=r"m\.csv: no signal has a column"):
         package.Run(run).report(tmp_path / "x.html", measured="m.csv")

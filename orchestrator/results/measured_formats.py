@@ -1,0 +1,291 @@
+"""Files of measured signals: chosen columns with names, units and samples as they stand in the file, by format.
+
+CSV: the first line holds names with units, "v [km/h]", "v (km/h)" or "v, km/h"; a cell may be empty. Parquet: names as
+in CSV, or the unit in the metadata of a column, as ``log export`` writes it; dates count in s from the first. MCAP: the
+log of another run. Whatever a library raises at a file of others is a file that cannot be read.
+
+MDF 4, by asammdf 8.8.28: ``to_dataframe`` fills the time before a group begins with its first value, and exports begin
+each group at zero; it drops invalid samples, over which a line would be drawn; a group without a clock has times by
+number. So each channel is read with its own master, whose times count from the start of the file, invalid samples are
+gaps, and other masters than time are refused.
+
+TDMS, by npTDMS 1.13.0: properties of the last segment count for all samples, so that a record that was armed again gets
+the start of its last part; it is refused if they change. An index file beside a file is used even if it is older; a
+stream has none. Times count from the first start of all channels.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from io import BufferedReader
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.vehicles.tables import BadInput
+from orchestrator.files.budget import MEASURED, MEASURED_BINARY, MEASURED_ROWS, MEASURED_SAMPLES, OverBudget, open_file
+from orchestrator.files.columns import head
+from orchestrator.files.csv_lines import csv_lines
+from orchestrator.log.extra import NotInstalled, library
+from orchestrator.log.notices import notice
+from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.time_series import Floats
+
+EXTRA = "measured"
+PREAMBLE = 200  # lines in which a header is looked for, to name it
+SHOWN = 100  # characters of a line in a message
+TIMING = ("wf_start_time", "wf_start_offset", "wf_increment")  # properties of a TDMS channel
+_TIME = re.compile(r"(?:.*[T ])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?")
+
+
+class FileColumn(NamedTuple):
+    """Column of a file."""
+
+    whole: str  # name that is unique in the file: "v [km/h]" in CSV, "GROUP/v" in MDF and TDMS
+    name: str
+    unit: str  # "" without one
+    timed: bool = False  # it has times of its own
+
+
+class Samples(NamedTuple):
+    """Samples of a column."""
+
+    values: Floats  # (m,) in the unit of the file; NaN in gaps
+    t: Floats | None = None  # (m,) s; None without times of its own
+    lines: Floats | None = None  # (m,) numbers of the lines of a CSV file
+
+
+Choose = Callable[[Sequence[FileColumn]], Sequence[int]]
+Read = dict[int, Samples]
+
+
+def read_samples(path: Path, choose: Choose) -> Read:
+    """Read columns of a file, by its suffix; a suffix that no other format has is that of a CSV file.
+
+    :param choose: gives the numbers of the wanted columns among those of the file; raises BadInput.
+    :raises BadInput: for a file that cannot be read; NotInstalled without its library, LogUnreadable for a log.
+    """
+    try:
+        return FORMATS.get(path.suffix.lower(), _csv)(path, choose)
+    except (BadInput, NotInstalled, LogUnreadable):
+        raise
+    except Exception as error:
+        reason = f"{getattr(error, 'strerror', None) or error}" or type(error).__name__
+        raise BadInput(f"{path} cannot be read: {' '.join(reason.split())}") from None
+
+
+def _csv(path: Path, choose: Choose) -> Read:
+    lines = csv_lines(path, MEASURED, MEASURED_ROWS, ";\t,")
+    _, header = next(lines, (0, []))
+    try:
+        chosen = sorted(choose(_heads(header)))
+    except BadInput as error:
+        raise BadInput(f"{error}{_later_header(path, choose)}") from None
+    numbers = array("d")
+    for line, cells in lines:
+        if any(cell.strip() for cell in cells[len(header) :]):
+            pairs = ",".join(map(".".join, zip(cells[::2], cells[1::2], strict=False)))
+            hint = f"; decimals have a point: {pairs:.{SHOWN}}" if len(cells) == 2 * len(header) else ""
+            raise BadInput(f"{path}, line {line}: there are {len(cells)} cells, and {len(header)} columns{hint}")
+        numbers.append(line)
+        numbers.extend(_number(path, line, cells, header, k) for k in chosen)
+    line_of, *values = np.array(numbers).reshape(-1, 1 + len(chosen)).T
+    return {k: Samples(each, lines=line_of) for k, each in zip(chosen, values, strict=True)}
+
+
+def _heads(header: Sequence[str]) -> list[FileColumn]:
+    return [FileColumn(cell.strip(), *head(cell)) for cell in header]
+
+
+def _later_header(path: Path, choose: Choose) -> str:
+    """Sentence part on a line below the first that names all wanted columns; "" without one."""
+    for mark in ";\t,":
+        for line, cells in islice(csv_lines(path, MEASURED, MEASURED_ROWS, mark), 1, PREAMBLE):
+            with suppress(BadInput):
+                choose(_heads(cells))
+                return f"; line {line} names all that is asked for: delete the lines above it"
+    return ""
+
+
+def _number(path: Path, line: int, cells: Sequence[str], header: Sequence[str], k: int) -> float:
+    name = head(header[k])[0]
+    try:
+        return float(cells[k].strip() or "nan")
+    except IndexError:
+        raise BadInput(f"{path}, line {line}: there are {len(cells)} cells, and none for '{name}'") from None
+    except ValueError:
+        hint = _hint(cells, header, k)
+        sentence = f"'{name}' must be a number or empty, not '{cells[k].strip()}'{hint}"
+        raise BadInput(f"{path}, line {line}: {sentence}") from None
+
+
+def _hint(cells: Sequence[str], header: Sequence[str], k: int) -> str:
+    """Sentence part that says how a line would read with numbers; "" without a guess."""
+    texts = [cell.strip() for cell in cells]
+    if re.fullmatch(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?", texts[k]):
+        return f"; decimals have a point: {','.join(text.replace(',', '.') for text in texts):.{SHOWN}}"
+    if time := _TIME.fullmatch(texts[k]):
+        hours, minutes, seconds = (float(part.replace(",", ".")) for part in time.groups())
+        texts[k] = f"{3600.0 * hours + 60.0 * minutes + seconds:.12g}"
+        return f"; a clock counts seconds, for example of the day: {','.join(texts):.{SHOWN}}"
+    if not any(re.match(r"[-+.]?\d", text) for text in texts):
+        units = zip(map(head, header), (text.strip("[]()") for text in texts), strict=False)
+        line = ",".join(f"{name} [{unit}]" if unit else name for (name, _), unit in units)
+        return f"; units belong into the first line, without a line of their own: {line:.{SHOWN}}"
+    return ""
+
+
+@contextmanager
+def _stream(path: Path) -> Iterator[BufferedReader]:
+    with open_file(path) as stream:
+        if os.fstat(stream.fileno()).st_size > MEASURED_BINARY:
+            raise OverBudget(f"it has more than {MEASURED_BINARY} bytes")
+        yield stream
+
+
+def _check_samples(count: int) -> None:
+    if count > MEASURED_SAMPLES:
+        raise OverBudget(f"a column has {count} samples, and {MEASURED_SAMPLES} are allowed")
+
+
+def _values(path: Path, name: str, values: Any) -> Floats:
+    """Values as doubles, dates in s from the first one; raises BadInput for others, as texts and arrays."""
+    found = np.asarray(values)
+    if found.ndim != 1 or found.dtype.kind not in "iufMm":
+        raise BadInput(f"{path}: column '{name}' holds no numbers, but {found.dtype} of {found.ndim} dimensions")
+    return np.asarray((found - found[:1]) / np.timedelta64(1, "s") if found.dtype.kind in "Mm" else found, np.float64)
+
+
+def _parquet(path: Path, choose: Choose) -> Read:
+    arrow, parquet = library("pyarrow", EXTRA), library("pyarrow.parquet", EXTRA)
+    with _stream(path) as stream, parquet.ParquetFile(stream) as file:
+        _check_samples(file.metadata.num_rows)
+        fields = list(file.schema_arrow)
+        names = [field.name for field in fields]
+        units = [(field.metadata or {}).get(b"unit", b"").decode() for field in fields]
+        units = [
+            "s" if arrow.types.is_temporal(field.type) else unit for field, unit in zip(fields, units, strict=True)
+        ]
+        heads = [(name, unit) if unit else head(name) for name, unit in zip(names, units, strict=True)]
+        chosen = choose([FileColumn(name, *each) for name, each in zip(names, heads, strict=True)])
+        # pyarrow reads "a.b" along with "a": the name picks the column once more.
+        columns = {k: file.read([names[k]]).column(names[k]).to_numpy() for k in chosen}
+        return {k: Samples(_values(path, names[k], values)) for k, values in columns.items()}
+
+
+def _drop(file: Any) -> None:
+    """Close a file of asammdf that is not in use, in silence: one that it could not open raises there, too."""
+    with suppress(Exception):
+        file.close()
+
+
+def _mdf(path: Path, choose: Choose) -> Read:
+    asammdf = library("asammdf", EXTRA)
+    logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # it prints what it raises, too
+    library("asammdf.blocks.mdf_v4", EXTRA).MDF4.__del__ = _drop
+    with _stream(path) as stream, asammdf.MDF(stream) as file:
+        if not file.version.startswith("4"):
+            raise BadInput(f"{path} is MDF {file.version}: save it as MDF 4")
+        labels = [group.channel_group.acq_name for group in file.groups]
+        twice = Counter(labels)
+        labels = [label if label and twice[label] == 1 else f"{k}" for k, label in enumerate(labels)]
+        places = [(i, j) for i, group in enumerate(file.groups) for j in range(len(group.channels))]
+        channels = [file.groups[i].channels[j] for i, j in places]
+        present = [
+            FileColumn(f"{labels[i]}/{c.name}", c.name, (c.conversion and c.conversion.unit) or c.unit, timed=True)
+            for (i, _), c in zip(places, channels, strict=True)
+        ]
+        found = {}
+        for k in choose(present):
+            i, j = places[k]
+            _check_samples(file.groups[i].channel_group.cycles_nr)
+            master = file.masters_db.get(i)
+            if master is None or file.groups[i].channels[master].sync_type != 1:  # time; others: angle, number
+                raise BadInput(f"{path}: the group '{labels[i]}' of '{channels[k].name}' has no clock")
+            signal = file.get(group=i, index=j, ignore_invalidation_bits=True)
+            values, invalid = _values(path, present[k].whole, signal.samples), signal.invalidation_bits
+            kept = values if invalid is None else np.where(np.asarray(invalid, bool), np.nan, values)
+            found[k] = Samples(kept, np.asarray(signal.timestamps, float))
+    return found
+
+
+def _tdms(path: Path, choose: Choose) -> Read:
+    nptdms = library("nptdms", EXTRA)
+    nptdms.log.log_manager.set_level(logging.ERROR)  # for what is cut off there is a notice
+    with _stream(path) as stream:
+        told = _time_properties(stream)
+        stream.seek(0)
+        with nptdms.TdmsFile.open(stream) as file:
+            if file.file_status.incomplete_final_segment or file.file_status.channel_statuses:
+                notice(f"{path} was cut off: its last segment is incomplete")
+            channels = [channel for group in file.groups() for channel in group.channels()]
+            present = [
+                FileColumn(
+                    f"{c.group_name}/{c.name}", c.name, str(c.properties.get("unit_string", "")),
+                    timed="wf_increment" in c.properties,
+                )
+                for c in channels
+            ]  # fmt: skip
+            begins = [c.properties["wf_start_time"] for c in channels if "wf_start_time" in c.properties]
+            found = {}
+            for k in choose(present):
+                _check_samples(len(channels[k]))
+                t = _track(path, channels[k], told, min(begins, default=None)) if present[k].timed else None
+                found[k] = Samples(_values(path, present[k].whole, channels[k][:]), t)
+    return found
+
+
+def _track(path: Path, channel: Any, told: Mapping[tuple[str, str], set[str]], first: Any) -> Floats:
+    """Times of a TDMS channel, s, from the first start among all; raises BadInput if they are not known."""
+    about, name = channel.properties, f"{channel.group_name}/{channel.name}"
+    for key in TIMING:
+        values = told.get((channel.path, key), ())
+        if key in about and not values:
+            raise BadInput(f"{path}: '{name}' is not read, because {key} of its segments cannot be known")
+        if len(values) > 1:
+            raise BadInput(f"{path}: '{name}' was armed again, {key} changes: save each record as a file of its own")
+    if str(about.get("wf_xunit_string") or "s") != "s":
+        raise BadInput(f"{path}: '{name}' is over {about['wf_xunit_string']}, not over time in s")
+    late = (about["wf_start_time"] - first) / np.timedelta64(1, "s") if "wf_start_time" in about else 0.0
+    start = late + float(about.get("wf_start_offset", 0.0))
+    return np.asarray(start + float(about["wf_increment"]) * np.arange(len(channel)), float)
+
+
+def _time_properties(stream: BufferedReader) -> dict[tuple[str, str], set[str]]:
+    """Values that segments of a TDMS file give to each time property, by path and key.
+
+    Method of npTDMS that merges them is its own affair; without it nothing is found, and ``_track`` refuses.
+    """
+    found: dict[tuple[str, str], set[str]] = {}
+
+    class Watched(library("nptdms.reader", EXTRA).TdmsReader):  # type: ignore[misc]
+        def _update_object_properties(self, properties: Any) -> None:
+            for path, pairs in (properties or {}).items():
+                for key, value in pairs:
+                    if key in TIMING:
+                        found.setdefault((path, key), set()).add(repr(value))  # of equal dates alike
+            super()._update_object_properties(properties)
+
+    Watched(stream).read_metadata()
+    return found
+
+
+def _mcap(path: Path, choose: Choose) -> Read:
+    with Log(path) as log:
+        names = log.signals
+        chosen = choose([FileColumn(name, name, log.unit(name), timed=True) for name in names])
+        return {k: Samples(values, t) for k in chosen for t, values in [log.signal(names[k])]}
+
+
+FORMATS: dict[str, Callable[[Path, Choose], Read]] = {
+    ".csv": _csv, ".parquet": _parquet, ".mf4": _mdf, ".mdf": _mdf, ".tdms": _tdms, ".mcap": _mcap,
+}  # fmt: skip
+SUFFIXES = FORMATS.keys() - {".mcap"}  # of files that are no run
