@@ -18,6 +18,7 @@ import stat
 import struct
 import tomllib
 from io import BufferedReader
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -99,15 +100,20 @@ def most_records(packed: int) -> int:
     return RECORDS + packed // RECORD
 
 
-def open_file(path: Path) -> BufferedReader:
-    """Open a regular file for reading; raises OSError, also for pipes, devices and files that are mostly holes."""
+def open_file(path: Path, most: float = inf) -> BufferedReader:
+    """Open a regular file of ``most`` bytes at most for reading; raises OverBudget for more.
+
+    Raises OSError, also for pipes, devices and files that are mostly holes.
+    """
     _check_kind(os.stat(path))  # a device is not even opened
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     try:
         status = os.fstat(descriptor)
         _check_kind(status)  # a pipe may have taken the place of the file
         _check_holes(descriptor, status)
-    except OSError:
+        if status.st_size > most:
+            raise OverBudget(f"it has more than {most} bytes")
+    except (OSError, OverBudget):
         os.close(descriptor)
         raise
     return os.fdopen(descriptor, "rb")

@@ -17,12 +17,11 @@ stream has none. Times count from the first start of all channels.
 from __future__ import annotations
 
 import logging
-import os
 import re
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from io import BufferedReader
 from itertools import islice
 from pathlib import Path
@@ -41,6 +40,7 @@ from orchestrator.log.time_series import Floats
 
 EXTRA = "measured"
 PREAMBLE = 200  # lines in which a header is looked for, to name it
+UNITS_UNTIL = 3  # last line that may be one of units
 SHOWN = 100  # characters of a line in a message
 TIMING = ("wf_start_time", "wf_start_offset", "wf_increment")  # properties of a TDMS channel
 _TIME = re.compile(r"(?:.*[T ])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?")
@@ -122,12 +122,11 @@ def _number(path: Path, line: int, cells: Sequence[str], header: Sequence[str], 
     except IndexError:
         raise BadInput(f"{path}, line {line}: there are {len(cells)} cells, and none for '{name}'") from None
     except ValueError:
-        hint = _hint(cells, header, k)
-        sentence = f"'{name}' must be a number or empty, not '{cells[k].strip()}'{hint}"
+        sentence = f"'{name}' must be a number or empty, not '{cells[k].strip()}'{_hint(line, cells, header, k)}"
         raise BadInput(f"{path}, line {line}: {sentence}") from None
 
 
-def _hint(cells: Sequence[str], header: Sequence[str], k: int) -> str:
+def _hint(line: int, cells: Sequence[str], header: Sequence[str], k: int) -> str:
     """Sentence part that says how a line would read with numbers; "" without a guess."""
     texts = [cell.strip() for cell in cells]
     if re.fullmatch(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?", texts[k]):
@@ -136,19 +135,11 @@ def _hint(cells: Sequence[str], header: Sequence[str], k: int) -> str:
         hours, minutes, seconds = (float(part.replace(",", ".")) for part in time.groups())
         texts[k] = f"{3600.0 * hours + 60.0 * minutes + seconds:.12g}"
         return f"; a clock counts seconds, for example of the day: {','.join(texts):.{SHOWN}}"
-    if not any(re.match(r"[-+.]?\d", text) for text in texts):
+    if line <= UNITS_UNTIL and not any(re.fullmatch(r"[-+\d.,:eE]+", text) for text in texts):
         units = zip(map(head, header), (text.strip("[]()") for text in texts), strict=False)
-        line = ",".join(f"{name} [{unit}]" if unit else name for (name, _), unit in units)
-        return f"; units belong into the first line, without a line of their own: {line:.{SHOWN}}"
+        first = ",".join(f"{name} [{unit}]" if unit else name for (name, _), unit in units)
+        return f"; units belong into the first line, without a line of their own: {first:.{SHOWN}}"
     return ""
-
-
-@contextmanager
-def _stream(path: Path) -> Iterator[BufferedReader]:
-    with open_file(path) as stream:
-        if os.fstat(stream.fileno()).st_size > MEASURED_BINARY:
-            raise OverBudget(f"it has more than {MEASURED_BINARY} bytes")
-        yield stream
 
 
 def _check_samples(count: int) -> None:
@@ -166,19 +157,19 @@ def _values(path: Path, name: str, values: Any) -> Floats:
 
 def _parquet(path: Path, choose: Choose) -> Read:
     arrow, parquet = library("pyarrow", EXTRA), library("pyarrow.parquet", EXTRA)
-    with _stream(path) as stream, parquet.ParquetFile(stream) as file:
+    with open_file(path, MEASURED_BINARY) as stream, parquet.ParquetFile(stream) as file:
         _check_samples(file.metadata.num_rows)
-        fields = list(file.schema_arrow)
-        names = [field.name for field in fields]
-        units = [(field.metadata or {}).get(b"unit", b"").decode() for field in fields]
-        units = [
-            "s" if arrow.types.is_temporal(field.type) else unit for field, unit in zip(fields, units, strict=True)
-        ]
-        heads = [(name, unit) if unit else head(name) for name, unit in zip(names, units, strict=True)]
-        chosen = choose([FileColumn(name, *each) for name, each in zip(names, heads, strict=True)])
-        # pyarrow reads "a.b" along with "a": the name picks the column once more.
-        columns = {k: file.read([names[k]]).column(names[k]).to_numpy() for k in chosen}
-        return {k: Samples(_values(path, names[k], values)) for k, values in columns.items()}
+        present = []
+        for field in file.schema_arrow:
+            dates, unit = arrow.types.is_temporal(field.type), (field.metadata or {}).get(b"unit", b"").decode()
+            named = (field.name, "s" if dates else unit) if dates or unit else head(field.name)
+            present.append(FileColumn(field.name, *named))
+        found = {}
+        for k in choose(present):
+            name = present[k].whole
+            column = file.read([name]).column(name)  # pyarrow reads "a.b" along with "a": picked once more
+            found[k] = Samples(_values(path, name, column.to_numpy()))
+    return found
 
 
 def _drop(file: Any) -> None:
@@ -191,7 +182,7 @@ def _mdf(path: Path, choose: Choose) -> Read:
     asammdf = library("asammdf", EXTRA)
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # it prints what it raises, too
     library("asammdf.blocks.mdf_v4", EXTRA).MDF4.__del__ = _drop
-    with _stream(path) as stream, asammdf.MDF(stream) as file:
+    with open_file(path, MEASURED_BINARY) as stream, asammdf.MDF(stream) as file:
         if not file.version.startswith("4"):
             raise BadInput(f"{path} is MDF {file.version}: save it as MDF 4")
         labels = [group.channel_group.acq_name for group in file.groups]
@@ -220,20 +211,17 @@ def _mdf(path: Path, choose: Choose) -> Read:
 def _tdms(path: Path, choose: Choose) -> Read:
     nptdms = library("nptdms", EXTRA)
     nptdms.log.log_manager.set_level(logging.ERROR)  # for what is cut off there is a notice
-    with _stream(path) as stream:
+    with open_file(path, MEASURED_BINARY) as stream:
         told = _time_properties(stream)
         stream.seek(0)
         with nptdms.TdmsFile.open(stream) as file:
             if file.file_status.incomplete_final_segment or file.file_status.channel_statuses:
                 notice(f"{path} was cut off: its last segment is incomplete")
             channels = [channel for group in file.groups() for channel in group.channels()]
-            present = [
-                FileColumn(
-                    f"{c.group_name}/{c.name}", c.name, str(c.properties.get("unit_string", "")),
-                    timed="wf_increment" in c.properties,
-                )
-                for c in channels
-            ]  # fmt: skip
+            present = []
+            for c in channels:
+                unit, timed = str(c.properties.get("unit_string", "")), "wf_increment" in c.properties
+                present.append(FileColumn(f"{c.group_name}/{c.name}", c.name, unit, timed))
             begins = [c.properties["wf_start_time"] for c in channels if "wf_start_time" in c.properties]
             found = {}
             for k in choose(present):
@@ -254,7 +242,9 @@ def _track(path: Path, channel: Any, told: Mapping[tuple[str, str], set[str]], f
             raise BadInput(f"{path}: '{name}' was armed again, {key} changes: save each record as a file of its own")
     if str(about.get("wf_xunit_string") or "s") != "s":
         raise BadInput(f"{path}: '{name}' is over {about['wf_xunit_string']}, not over time in s")
-    late = (about["wf_start_time"] - first) / np.timedelta64(1, "s") if "wf_start_time" in about else 0.0
+    if first is not None and "wf_start_time" not in about:
+        raise BadInput(f"{path}: '{name}' has no wf_start_time, and other channels have one")
+    late = 0.0 if first is None else (about["wf_start_time"] - first) / np.timedelta64(1, "s")
     start = late + float(about.get("wf_start_offset", 0.0))
     return np.asarray(start + float(about["wf_increment"]) * np.arange(len(channel)), float)
 

@@ -290,6 +290,10 @@ def test_tdms_whose_segments_cannot_be_told_is_refused(tmp_path, monkeypatch):
     with pytest.raises(BadInput, match="is not read, because wf_start_offset of its segments cannot be known"):
         read(file, SPEED_V, UNITS.get)
     monkeypatch.undo()
+    begins = waveform(t, "m/s", wf_start_time=np.datetime64("2026-11-28T10:00:00"))
+    write_tdms(file, [[("g", "v", t, waveform(t, "m/s")), ("g", "w", t, begins)]])
+    with pytest.raises(BadInput, match="'g/v' has no wf_start_time, and other channels have one"):
+        read(file, SPEED_V, UNITS.get)
     write_tdms(file, [[("g", "v", t, waveform(t, "m/s", wf_xunit_string="Hz"))]])
     with pytest.raises(BadInput, match="'g/v' is over Hz, not over time in s"):
         read(file, SPEED_V, UNITS.get)
@@ -346,10 +350,10 @@ def test_files_have_limits(tmp_path, monkeypatch, kind):
             "t;v [km/h]\n0;3.6\n1;7.2\n",
         ),
         (
-            "t,v\n[s],[km/h]\n0,3.6\n1,7.2\n",
+            "t,v,n\n[s],[km/h],1/min\n0,3.6,0\n1,7.2,0\n",
             "line 2: 't' must be a number or empty, not '[s]'; units belong into the first line, without a line of"
-            " their own: t [s],v [km/h]",
-            "t [s],v [km/h]\n0,3.6\n1,7.2\n",
+            " their own: t [s],v [km/h],n [1/min]",
+            "t [s],v [km/h],n [1/min]\n0,3.6,0\n1,7.2,0\n",
         ),
         (
             "t,v [km/h]\n2026-11-28T00:00:00.000Z,3.6\n2026-11-28T00:00:01Z,7.2\n",
@@ -368,6 +372,12 @@ def test_csv_files_of_loggers_are_refused_with_what_mends_them(tmp_path, text, s
     file.write_bytes(mended.encode() if mended else text.encode() + b"1,7.2,1\n")
     (found,) = read(file, SPEED_V, UNITS.get)
     assert (found.t.tolist(), found.values.tolist()) == ([0.0, 1.0], pytest.approx([1.0, 2.0]))
+
+
+def test_a_text_far_below_is_no_line_of_units(tmp_path):
+    (tmp_path / "m.csv").write_text("t,v\n0,1\n1,1\n2,1\nend\n")
+    with pytest.raises(BadInput, match=r"m\.csv, line 5: 't' must be a number or empty, not 'end'$"):
+        read(tmp_path / "m.csv", SPEED_V, UNITS.get)
 
 
 def test_an_hour_of_a_german_date_counts_in_the_seconds_of_the_day(tmp_path):
