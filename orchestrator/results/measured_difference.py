@@ -214,6 +214,7 @@ def find_shift(pairs: Sequence[Pair]) -> tuple[float, str]:
     k = int(np.argmin(costs))
     shift, least = _refined(varying, start + k * interval, interval)
     others = np.where(_valley(costs, k), np.inf, costs)
+    others[max(k - 4, 0) : k + 5] = np.inf  # from there refinement, by two intervals, may reach the same shift
     if not np.isfinite(others).any():
         return shift, ""
     other, cost = _refined(varying, start + int(np.argmin(others)) * interval, interval)

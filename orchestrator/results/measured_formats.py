@@ -250,9 +250,9 @@ def _track(path: Path, channel: Any, told: Mapping[tuple[str, str], set[str]], f
 
 
 def _time_properties(stream: BufferedReader) -> dict[tuple[str, str], set[str]]:
-    """Values that segments of a TDMS file give to each time property, by path and key.
+    """Values of each time property, by path and key, in all segments of a TDMS file.
 
-    Method of npTDMS that merges them is its own affair; without it nothing is found, and ``_track`` refuses.
+    The method that merges them is npTDMS' own affair; if it has another name, nothing is found, and ``_track`` refuses.
     """
     found: dict[tuple[str, str], set[str]] = {}
 

@@ -66,7 +66,7 @@ def read(
 
     :param columns: "COLUMN" or "COLUMN:UNIT" by signal; a column is named with its unit as in the file, or without.
     :param unit_of: unit of a signal of the run.
-    :param clock: column of the time, in s if no unit is given; by default "t" or "time".
+    :param clock: column of the time, in s if no unit is given; by default "t" or "time"; none for columns with times.
     :raises BadInput: for a file that cannot be read, unknown columns, other dimensions, a clock that does not increase.
     """
     units = {signal: unit_of(signal) for signal in columns}
@@ -76,7 +76,12 @@ def read(
         asked.clear()
         for signal, text in columns.items():
             asked[signal] = _column(path, present, text, units[signal])
-        if not asked or not all(present[column.number].timed for column in asked.values()):
+        timed = {present[column.number].timed for column in asked.values()}
+        if len(timed) > 1:
+            raise BadInput(
+                f"{path}: columns with times of their own and others do not share a clock: map one kind only"
+            )
+        if timed != {True}:
             asked[CLOCK] = _column(path, present, clock or _clock(path, present), "s")
         elif clock:
             raise BadInput(f"{path}: its columns have times of their own, so that it takes no --clock")
@@ -91,9 +96,12 @@ def read(
 
 
 def _in_unit(path: Path, column: _Column, samples: Mapping[int, Samples], signal: str) -> Floats:
-    """Values of a column in the unit of a signal, NaN in gaps."""
+    """Values of a column in the unit of a signal, NaN in gaps; raises BadInput for another dimension."""
     values = samples[column.number].values
-    return np.where(no_data(values), np.nan, values * _factor(path, column, signal))
+    try:
+        return np.where(no_data(values), np.nan, values * unit_size(column.given_unit, column.unit))
+    except ValueError as error:
+        raise BadInput(f"{path}: column '{column.name}' {error}{f', the unit of {signal}' if signal else ''}") from None
 
 
 def _signal(
@@ -141,14 +149,6 @@ def _column(path: Path, present: Sequence[FileColumn], text: str, unit: str) -> 
 def _names(names: Sequence[str]) -> str:
     more = [f"{len(names) - NAMED} more"] if len(names) > NAMED else []
     return ", ".join([*names[:NAMED], *more])
-
-
-def _factor(path: Path, column: _Column, signal: str) -> float:
-    """Size of the column's unit in the unit of the signal; raises BadInput for another dimension."""
-    try:
-        return unit_size(column.given_unit, column.unit)
-    except ValueError as error:
-        raise BadInput(f"{path}: column '{column.name}' {error}{f', the unit of {signal}' if signal else ''}") from None
 
 
 def _check_clock(path: Path, clock: str, t: Floats, lines: Floats | None) -> None:

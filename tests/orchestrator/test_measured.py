@@ -178,6 +178,7 @@ def test_the_shift_of_an_undersampled_oscillation_is_found(write, tmp_path):
         (np.sin(2.0 * np.pi * T / 0.4) + 0.01 * np.sin(5.0 * T), True),
         (np.sin(2.0 * np.pi * T / 0.4) + 0.2 * np.sin(5.0 * T), False),
         (SPEED, False),
+        (np.sin(2.0 * np.pi * (60.0 * T + 20.0 * T**2)), False),  # a sample beside the best shift begins another valley
         (np.clip(T, 0.5, 1.0), False),  # a ramp: shifts about the best one are nearly as good
     ],
 )

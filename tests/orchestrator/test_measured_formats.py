@@ -262,6 +262,8 @@ def test_channels_of_tdms_begin_when_they_began(tmp_path):
     assert (w.t[0], w.assumed) == (3.0, True)
     (w,) = read(file, {"chassis.speed": "w"}, UNITS.get, "date")
     assert w.t == pytest.approx(1e-3 * np.arange(9), abs=1e-12)
+    with pytest.raises(BadInput, match="columns with times of their own and others do not share a clock"):
+        read(file, {"chassis.speed": "v", "chassis.force": "w"}, UNITS.get)
     for name, sentence in (("x", "column 'x' has 8 samples, and its clock 9"), ("s", "column 'c/s' holds no numbers")):
         with pytest.raises(BadInput, match=sentence):
             read(file, {"chassis.speed": name}, UNITS.get)
