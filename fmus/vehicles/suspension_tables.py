@@ -41,8 +41,8 @@ class RoadArmTable(FrozenTable):  # noqa: D101
     pivot: Annotated[EachPlace, OrEach(Place)]
     """(x, z) of the pivot from the wheel centre, of all wheels or a list with that of each"""
     pairs: bool = False
-    """whether the arms of wheels 1 and 2, 3 and 4, ... are one beam each, a bogie: their pivots are at one place, and
-    they need no suspension"""
+    """whether the arms of wheels 1 and 2, 3 and 4, ... are one beam each, a bogie, of an even number of wheels: their
+    pivots are at one place, an arm is half of the beam, and they need no suspension; a suspension acts on each arm"""
 
 
 class TorsionBarTable(FrozenTable):  # noqa: D101
@@ -178,12 +178,16 @@ def _of_side(table: Mapping[str, Any]) -> Iterator[str]:
     if len(pivots) != len(x):
         yield _count("road_arm.pivot", len(pivots), len(x))
     elif arm["pairs"] and len(x) % 2:
-        yield f"road_arm.pairs: pairs of {len(x)} wheels, an odd number"
+        yield f"road_arm.pairs: {len(x)} wheels of a side must be an even number"
     elif arm["pairs"]:
         places = [(at + ahead, up) for at, (ahead, up) in zip(x, pivots, strict=True)]
         for k in range(0, len(x), 2):
             if max(abs(a - b) for a, b in zip(places[k], places[k + 1], strict=True)) > 1e-9:
-                yield f"road_arm.pivot: the pivots of wheels {k + 1} and {k + 2}, a pair, are not at one place"
+                first, second = (f"({at:g}, {up:g})" for at, up in places[k : k + 2])
+                yield (
+                    f"road_arm.pivot: the pivots of wheels {k + 1} and {k + 2}, a pair, must be at one place, not at"
+                    f" {first} and {second} m: each is counted from its own wheel"
+                )
     if suspension is not None:
         yield from _suspension(suspension, len(x))
 

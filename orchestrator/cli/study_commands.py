@@ -151,7 +151,9 @@ def sweep(
 
 def fit(
     scene: SceneName,
-    file: Annotated[Path, typer.Option("--data", metavar="FILE.csv", help="measured signals")],
+    file: Annotated[
+        Path, typer.Option("--data", metavar="FILE", help="measured signals: .csv, .parquet, .mf4, .tdms, or a log")
+    ],
     mapped: MapOption,
     free: Annotated[
         list[str], typer.Option("--free", metavar="KEY[=FROM:TO]", help="number to fit, and its range; repeatable")

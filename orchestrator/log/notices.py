@@ -18,6 +18,11 @@ def cut_off(path: Path, t: float) -> str:
     return f"{path} was cut off at t = {t:.6g} s: no closing record"
 
 
+def failed(path: Path, message: str) -> str:
+    """Return the notice for a log of a run that failed or left what its model holds for."""
+    return f"{path}: its run failed: {message}"
+
+
 def stripped(path: Path) -> str:
     """Return the notice for a log without any metadata and attachments."""
     return f"{path} was rewritten by other software, which left out scene, status and results: it has signals alone"

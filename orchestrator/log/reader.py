@@ -79,6 +79,8 @@ class Log(AbstractContextManager["Log"]):
         self.cut_off = cut_off if is_cut_off else ""
         if not unfinished:
             notices.notice(self.cut_off)
+            if self.closing and self.closing["status"] == "failed":
+                notices.notice(notices.failed(self.path, self.closing["message"]))
         self.rewritten = False  # by other software, with the same contents, as far as ``seal_faults`` has looked
         self._places: dict[str, tuple[str, int]] = {}
         for topic, about in self.topics.items():

@@ -81,6 +81,10 @@ def free_number(scene: Scene, text: str) -> FreeNumber:
     size = abs(start) or high - low
     if not 0.0 < size < math.inf:
         raise BadInput(f"--free {text}: the scene has 0, so a range KEY=FROM:TO must say how large it may be")
+    try:
+        with_settings(scene, {key: start + STEPS[0] * size * (1.0 if start + STEPS[0] * size <= high else -1.0)})
+    except BadInput as error:  # a stop, for example, is a multiple of the step
+        raise BadInput(f"--free {text}: cannot be changed a little: {error}") from None
     return FreeNumber(key, start, low, high, size)
 
 

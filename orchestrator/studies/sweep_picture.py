@@ -17,6 +17,8 @@ MOST_CURVES = 8  # that a legend names
 MOST_MAPS = 4  # of a figure
 PREFIXED = ("N", "J", "W", "Pa", "N m", "N.m")  # units that are shown with a prefix
 COLOURS = ("viridis", "plasma", "cividis", "cool")  # of curves, by the key that they are curves over
+WIDE = 100.0  # largest over least of positive figures that are drawn on a logarithmic scale
+NUMBERS = " pin"  # ends the key of a column that numbers parts, which is no figure
 ACROSS = 4  # panes in a line, unless a figure has more
 Record = Mapping[str, Any]  # of a case, by key of the columns
 
@@ -24,7 +26,8 @@ Record = Mapping[str, Any]  # of a case, by key of the columns
 def draw(design: Design, table: Table, title: str) -> Picture:
     """Draw the columns of numbers behind the varied keys, panes over every key and maps for each."""
     records, variations = table.records(), design.variations
-    drawn = [column for column in table.columns[len(variations) :] if _varies(records, column.key)]
+    figures = [column for column in table.columns[len(variations) :] if not column.key.endswith(NUMBERS)]
+    drawn = [column for column in figures if _varies(records, column.key)]
     scales = {column.key: _scale(records, column) for column in drawn}
     numbers = [one for one in variations if one.is_number]
     words = [one for one in variations if not one.is_number]
@@ -44,9 +47,14 @@ def draw(design: Design, table: Table, title: str) -> Picture:
                 pane.legend(fontsize=7)
         factor, head = scales[column.key]
         values = [factor * _number(record[column.key]) for record in records]
+        wide = np.nanmin(values) > 0.0 and np.nanmax(values) > WIDE * np.nanmin(values)
+        for pane in line[: len(variations)] if wide else ():
+            pane.set_yscale("log")
         for pane, combination in zip(line[len(variations) :], maps, strict=True):
             chosen = [each for each in records if tuple(each[one.key] for one in words) == combination]
             mesh = _draw_map(pane, design, numbers, chosen, column, factor)
+            if wide:
+                mesh.set_norm("log")
             mesh.set_clim(np.nanmin(values), np.nanmax(values))  # one scale for all maps of a figure
             figure.colorbar(mesh, ax=pane)
             pane.set_title(", ".join([head, *map(str, combination)]), fontsize=9)
@@ -85,7 +93,8 @@ def _draw_curves(
     others = [one for one in design.variations if one is not x and not one.ends]
     curves: dict[str, list[Record]] = {}
     for record in sorted(records, key=lambda record: record[x.key]) if x.is_number else records:
-        name = ", ".join(f"{one.key.rpartition('.')[2]} = {cell_text(record[one.key], '.6g')}" for one in others)
+        named = ((one.key.rpartition(".")[2], cell_text(record[one.key], ".6g"), one.unit) for one in others)
+        name = ", ".join(f"{key} = {text} {unit}".rstrip() for key, text, unit in named)
         curves.setdefault(name, []).append(record)
     from matplotlib import colormaps  # loaded where a picture is drawn
 

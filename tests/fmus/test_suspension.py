@@ -337,7 +337,7 @@ def with_tables(**tables):
         ({"suspension": {"damping": [1.0, 2.0, 3.0, 4.0, -5.0]}}, "wheel 5: input should be greater than or equal"),
         ({"road_arm": None}, "suspension: needs the table road_arm"),
         ({"suspension": None}, "road_arm: needs the table suspension, or pairs = true"),
-        ({"road_arm": {"pairs": True}}, "road_arm.pairs: pairs of 5 wheels"),
+        ({"road_arm": {"pairs": True}}, "road_arm.pairs: 5 wheels of a side must be an even number"),
         ({"suspension": {"on_arm": None}}, "suspension.on_arm: is missing; stiffness acts between both ends"),
         ({"suspension": {"spring": {**CURVE, "force": (1.0, 2.0)}}}, "spring.force: has 2 numbers, must have 4"),
         ({"suspension": {"spring": {"compression": (0.0, 0.0), "force": (1.0, 2.0)}}}, "or more, rising"),

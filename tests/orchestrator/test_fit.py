@@ -166,7 +166,7 @@ def test_the_command_writes_a_scene_that_runs(cotrack, data, noise, tmp_path):
         ("chain.sapn", "--free chain.sapn: hanging_chain.toml has no such number ('sapn')"),
         ("track.start", "--free track.start: is \"displaced\" in hanging_chain.toml, and a real number is needed"),
         ("chain.links", "--free chain.links: is 8 in hanging_chain.toml, and a real number is needed"),
-        ("run.stop", "a run fails, so nothing is fitted: run.stop="),
+        ("run.stop", "--free run.stop: cannot be changed a little: hanging_chain.toml: run: stop = 0.050005 s must be"),
         ("chain.span=1", "--free chain.span=1: must be KEY or KEY=FROM:TO"),
         ("chain.span=0.5:0.6", "--free chain.span=0.5:0.6: the scene has "),
         ("chain.span=0.9:0.5", "--free chain.span=0.9:0.5: FROM must be below TO"),

@@ -4,7 +4,9 @@ import shutil
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
+from life_logs import log_of
 from recorded import record_in_chunks
 
 import orchestrator as cotrack_package
@@ -55,6 +57,15 @@ def test_every_reading_command_says_first_that_a_log_was_cut_off(cotrack, cut, c
     assert err.splitlines()[0] == f"cotrack: {sentence}"
     assert err.count("was cut off") == 1, "the message appears once"
     assert 0.0 < last < 0.3
+
+
+def test_a_log_of_a_failed_run_says_so(cotrack, tmp_path):
+    """Figures of a run that left the range of its model are shown below the reason."""
+    log = log_of(tmp_path / "failed.mcap", np.full((3000, 4), 2e4), status="failed", message="not valid from 2 s on")
+    _, _, err = cotrack("analyse", log, "life")
+    assert err.splitlines()[0] == f"cotrack: {tmp_path / 'failed.mcap'}: its run failed: not valid from 2 s on"
+    _, _, err = cotrack("analyse", log_of(tmp_path / "whole.mcap", np.full((3000, 4), 2e4)), "life")
+    assert "failed" not in err
 
 
 def test_whole_logs_and_logs_of_runs_say_nothing(cotrack, cut, tmp_path):

@@ -68,3 +68,27 @@ def test_a_colour_has_one_meaning():
     colours = [{line.get_color() for line in pane.lines} for pane in (over_a, over_b)]
     assert [len(each) for each in colours] == [2, 3]
     assert not colours[0] & colours[1]
+
+
+def wide(least):
+    """Picture of a figure from ``least`` to 1 over a and b with the number of a pin beside it."""
+    design = Design.of(["a=1:2:2", "b=3,4 m"])
+    figures = ((7.0, 1.0), (8.0, 0.5), (9.0, least), (7.0, 0.2))
+    rows = [(*point, *pair) for point, pair in zip(shown(design), figures, strict=True)]
+    columns = (
+        *(Column(one.key, one.head) for one in design.variations),
+        Column("life pin", "life pin"),
+        Column("y", "y"),
+    )
+    return sweep_picture.draw(design, Table("", columns, rows), "Sweep")
+
+
+def test_figures_over_decades_have_a_logarithmic_scale_and_numbers_of_pins_none():
+    """Damages span decades; the number of the pin that breaks is no figure."""
+    scales = {}
+    for least in (1e-3, 2e-2):
+        over_a, over_b, cells = wide(least).axes[:3]
+        assert over_a.get_ylabel() == cells.get_title() == "y", "the number of a pin is not drawn"
+        scales[least] = {over_a.get_yscale(), over_b.get_yscale(), type(cells.collections[0].norm).__name__}
+        assert [line.get_label() for line in over_a.lines] == ["b = 3 m", "b = 4 m"]
+    assert scales == {1e-3: {"log", "LogNorm"}, 2e-2: {"linear", "Normalize"}}
