@@ -28,7 +28,7 @@ from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, 
 from orchestrator.cli.result_commands import compare, replay, report
 from orchestrator.cli.run_commands import resume, run, truth
 from orchestrator.cli.scene_commands import build, cache, check, keys, new, scenes, schema, show, ssp, vehicles, warm
-from orchestrator.cli.study_commands import fit, study, sweep
+from orchestrator.cli.study_commands import fit, sensitivity, study, sweep
 
 app = typer.Typer(
     name="cotrack",
@@ -41,7 +41,7 @@ app = typer.Typer(
 app.add_typer(log_commands.app, name="log")
 COMMANDS: tuple[Callable[..., None], ...] = (
     scenes, vehicles, keys, schema, new, show, build, ssp, check, run, resume, replay, compare,
-    view, analyse, life, plot, report, study, sweep, fit, truth, warm, cache,
+    view, analyse, life, plot, report, study, sweep, fit, sensitivity, truth, warm, cache,
 )  # fmt: skip
 for command in COMMANDS:
     app.command()(command)

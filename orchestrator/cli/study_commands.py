@@ -204,3 +204,35 @@ def _noise(text: str) -> tuple[str, float]:
     if not signal or not 0.0 < number < math.inf:
         raise BadInput(f"--noise {text}: must be SIGNAL=SIZE, a size above 0 in the unit of the signal")
     return signal, number
+
+
+def sensitivity(
+    scene: SceneName,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="folder for tables and picture")],
+    keys: Annotated[
+        list[str] | None, typer.Option("--of", metavar="KEY", help="number, repeatable; default all of the vehicle")
+    ] = None,
+    track: TrackOption = None,
+    settings: Settings = None,
+    vehicle: VehicleOption = None,
+    native: NativeOption = False,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", help="processes", min=1)] = 2,
+    figures: Annotated[
+        list[str] | None,
+        typer.Option("--for", metavar="FIGURE", help="a measure, an analysis, or max:SIGNAL, as of sweep; by commas"),
+    ] = None,
+) -> None:
+    """Tell what one per cent of each number of a vehicle does to the figures of a run; write tables and a picture.
+
+    Started again with the same folder, it continues where it was interrupted.
+    """
+    from orchestrator.studies import sensitivity as derivatives
+
+    with narration.suppressed():
+        found, files = derivatives.sensitivity(
+            scene, output, keys or (), track=track, settings=with_vehicle(vehicle, settings), figures=figures or (),
+            native=native, workers=workers, told=lambda text: print(f"... {text}", file=sys.stderr),
+        )  # fmt: skip
+    print(found.table().markdown())
+    for path in files:
+        print(path)

@@ -88,7 +88,7 @@ def free_number(scene: Scene, text: str) -> FreeNumber:
     return FreeNumber(key, start, low, high, size)
 
 
-def number_at(scene: Any, key: str) -> float:
+def number_at(scene: Any, key: str, option: str = "--free") -> float:
     """Number of a dotted key of a scene, SI; raises BadInput where there is none."""
     place: Any = scene.resolved()
     for part in key.split("."):
@@ -97,9 +97,9 @@ def number_at(scene: Any, key: str) -> float:
         elif isinstance(place, list | tuple) and part.isdecimal() and int(part) < len(place):
             place = place[int(part)]
         else:
-            raise BadInput(f"--free {key}: {scene.where} has no such number ('{part}'); 'cotrack keys' lists all")
+            raise BadInput(f"{option} {key}: {scene.where} has no such number ('{part}'); 'cotrack keys' lists all")
     if not isinstance(place, float):
-        raise BadInput(f"--free {key}: is {json.dumps(place)[:60]} in {scene.where}, and a real number is needed")
+        raise BadInput(f"{option} {key}: is {json.dumps(place)[:60]} in {scene.where}, and a real number is needed")
     return place
 
 
