@@ -56,7 +56,7 @@ CASES = {
         "tank", (*VEHICLE, "vehicle.suspension.bump_stop.gap=1e-4", "vehicle.suspension.rebound_stop.gap=1e-4")
     ),
     "crawler": Case("crawler", (*VEHICLE, "vehicle.tensioner.recoil.preload=10")),
-    "bushed": Case("straight", (*VEHICLE, BUSHED), overrides=SLOWER),
+    "bushed": Case("hanging_chain", ("chain.links=8", "track.start=displaced", BUSHED)),
     "joined": Case("differential", (*STEERED, *JOINED, "drive.speed=20")),
     "joined and stopped": Case(
         "differential", (*STEERED, *JOINED, "drive.steering.stop=0.02", "drive.steering.stop_time=5e-3"), 0.03

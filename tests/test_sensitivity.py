@@ -148,7 +148,7 @@ def effect(key: str, kind: str, fmus: bool = False) -> float:
 
 def in_brief(key: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
     """Kinds of links for the short test of a key: no beams, if cables or rigid links show the key."""
-    return kinds if len(kinds) < 3 and "cable" not in kinds else tuple(kind for kind in kinds if kind != "beam")
+    return tuple(kind for kind in kinds if kind != "beam") or kinds
 
 
 def asked() -> dict[str, tuple[str, ...]]:
