@@ -120,10 +120,10 @@ def life(path: str | os.PathLike[str]) -> CourseLife:
                 for key, value in changed_settings(known, own):
                     raise Missing(f"{log.path}: {key} = {value} is not as in {known['of']}: a course is of one track")
                 scene = scene or dict(run.scene)
-                for key, value in changed_settings(scene, run.scene):
+                for key, _ in (*changed_settings(scene, run.scene), *changed_settings(run.scene, scene)):
                     if not key.endswith((".seed", "title")):
                         raise Missing(
-                            f"{log.path}: {key} = {value} is not as in {each.log[0]}: logs of one run differ in the"
+                            f"{log.path}: {key} is not as in {each.log[0]}: logs of one run differ in the"
                             " seed of the ground alone; others are a run of their own"
                         )
                 log.notice_seal()

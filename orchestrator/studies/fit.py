@@ -274,7 +274,7 @@ def _smooth_steps(fit: Fit, u: Floats, noise: Mapping[str, float]) -> tuple[Floa
         once, twice = columns(tried), columns(2.0 * tried)
         size = np.linalg.norm(once, axis=0)
         changes = np.linalg.norm(twice - once, axis=0) / np.where(size > 0.0, size, 1.0)
-        better = (changes < rough) | ((size > 0.0) & (rough == 0.0) & ~best.any(axis=0))
+        better = changes < rough
         steps, rough, best = (
             np.where(better, tried, steps), np.where(better, changes, rough), np.where(better, once, best),
         )  # fmt: skip
@@ -349,7 +349,7 @@ def answer(fit: Fit, end: Search) -> Answer:
         if end.rough[j] > ROUGH and key not in silent:
             notes.append(f"the derivative by {key} changes by {100.0 * end.rough[j]:.2g} % with twice the step:"
                          " impacts or stick-slip; its error is rough")  # fmt: skip
-    if not fit.noise:
+    if len(fit.noise) < len(fit.signals):
         notes.append("noise is estimated from the residuals, so chi2/n is 1 whether or not the model is right")
     errors = tuple((sizes * np.sqrt(variance)).tolist())
     return Answer(tuple(numbers), errors, correlations, chi2, tuple(problems), tuple(notes))
