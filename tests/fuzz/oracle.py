@@ -187,7 +187,7 @@ def wrongs(ended: Ended, refusal_is_alone: bool = True) -> list[str]:
     """
     if ended.status < 0:
         name = signal.Signals(-ended.status).name
-        late = {"SIGKILL": f"more than {CPU} s of a processor", "SIGXCPU": f"more than {CPU} s of a processor"}
+        late = dict.fromkeys(("SIGKILL", "SIGXCPU"), f"more than {CPU} s of a processor: {ended.cpu:.2g} s")
         late["SIGALRM"] = f"waits for more than {WALL} s"
         return [f"hang: {late[name]}" if name in late else f"signal: {name}"]
     if ended.status == FAILED:

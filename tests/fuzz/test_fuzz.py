@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from tests.fuzz import oracle, values
 from tests.fuzz.__main__ import CORPUS, SHARES
+from tests.fuzz.bench import Bench
 from tests.fuzz.expected import EXPECTED
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks under limits of Linux")
@@ -154,6 +155,16 @@ def test_the_oracle_lets_good_endings_pass(tmp_path):
         ("Usage: x\nError: y", 2),
     ):
         assert oracle.wrongs(oracle.play(say(text, status), oracle.emptied(tmp_path / "room"))) == []
+
+
+@pytest.mark.parametrize(
+    ("played", "counted"),
+    [([["hang: a"], []], []), ([["hang: a"], ["hang: b"]], ["hang: b"]), ([["traceback: c"]], ["traceback: c"])],
+)
+def test_a_hang_is_played_again(monkeypatch, played, counted):
+    ends = iter(played)
+    monkeypatch.setattr(Bench, "_play", lambda bench, case: next(ends))
+    assert Bench.play(object.__new__(Bench), {}) == counted
 
 
 def test_equal_finds_count_once():
