@@ -151,8 +151,13 @@ def sweep(
 
 def fit(
     scene: SceneName,
-    file: Annotated[
-        Path, typer.Option("--data", metavar="FILE", help="measured signals: .csv, .parquet, .mf4, .tdms, or a log")
+    data: Annotated[
+        list[str],
+        typer.Option(
+            "--data",
+            metavar="[SCENE=]FILE",
+            help="measured signals, of this or another scene: .csv, .parquet, .mf4, .tdms, or a log; repeatable",
+        ),
     ],
     mapped: MapOption,
     free: Annotated[
@@ -164,6 +169,12 @@ def fit(
     vehicle: VehicleOption = None,
     clock: ClockOption = "",
     shift: ShiftOption = "0",
+    part: Annotated[
+        str, typer.Option("--part", metavar="NAME", help="component to step alone; SCENE is the log with its inputs")
+    ] = "",
+    scan: Annotated[
+        int, typer.Option("--scan", metavar="N", help="points of the ranges that are tried as starts", min=0)
+    ] = 0,
     noise: Annotated[
         list[str] | None,
         typer.Option("--noise", metavar="SIGNAL=SIZE", help="standard deviation of a sample, in the signal's unit"),
@@ -179,13 +190,13 @@ def fit(
     """
     from orchestrator.studies.fit import fit as fitted
 
-    data = measured_file(file, mapped, clock, shift)
-    assert data is not None
+    source = measured_file(Path(data[0]), mapped, clock, shift)
+    assert source is not None
     with narration.suppressed():
         found = fitted(
-            scene, file, data.columns, free, output, track=track, settings=with_vehicle(vehicle, settings),
-            clock=clock, shift=shift, noise=dict(map(_noise, noise or ())), start=start, end=end, native=native,
-            workers=workers, told=lambda text: print(f"... {text}", file=sys.stderr),
+            scene, data, source.columns, free, output, track=track, settings=with_vehicle(vehicle, settings), part=part,
+            clock=clock, shift=shift, noise=dict(map(_noise, noise or ())), scan=scan, start=start, end=end,
+            native=native, workers=workers, told=lambda text: print(f"... {text}", file=sys.stderr),
         )  # fmt: skip
     print(found.verdict)
     print(found.table.markdown())

@@ -28,7 +28,7 @@ from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import load, with_settings
 from orchestrator.scene.settings import pairs
 from orchestrator.studies import Case, Row, pool
-from orchestrator.studies.fit import number_at
+from orchestrator.studies.free_numbers import number_at
 from orchestrator.studies.parameter_sweep import run_case
 from orchestrator.studies.wanted_figures import WantedFigure, recording_settings, wanted_figures
 

@@ -11,6 +11,7 @@ from orchestrator.log.reader import Log
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.scene.scene import load
 from orchestrator.studies import fit as fitting
+from orchestrator.studies import least_squares
 
 SETTINGS = ("chain.links=8", "run.stop=0.05", "run.links=1", "track.start=displaced", "expect={}")
 SIGNALS = {name: name for name in ("chain.tension.max", "chain.joint[4].position.z")}
@@ -128,7 +129,7 @@ def test_a_fit_goes_on_where_it_was_interrupted(data, noise, tmp_path, monkeypat
             raise KeyboardInterrupt
         return simulate(*arguments, **options)
 
-    monkeypatch.setattr(fitting, "simulate", counted)
+    monkeypatch.setattr(least_squares, "simulate", counted)
     with pytest.raises(KeyboardInterrupt):
         fitted(file, tmp_path / "fit", noise=noise)
     before = len(list((tmp_path / "fit" / "cases").iterdir()))

@@ -1,0 +1,286 @@
+"""Least squares between runs and measured signals: r = (run - measured) / noise over all samples of all experiments.
+
+The search is the trust-region method of Branch, Coleman and Li (SIAM J. Sci. Comput. 21, 1999, doi
+10.1137/S1064827595289108) in scipy, which keeps bounds; variables count from the start in units of its size or of the
+range. A run rounds (the place of an idler to 1e-8 m), and impacts and stick-slip are rough: a derivative is a
+difference over the first of STEPS that agrees with that over twice the step. A scan looks for the valley in which the
+search begins, by a Latin hypercube of the ranges.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.vehicles.tables import BadInput
+from orchestrator.execution.interrupt import Interrupt
+from orchestrator.execution.replay_model import open_replay
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.results.measured_record import MeasuredSignal
+from orchestrator.results.run_data import EVER, RunData
+from orchestrator.scene.kinds import Scene
+from orchestrator.scene.scene import with_settings
+from orchestrator.studies import Case, Row, pool
+from orchestrator.studies.free_numbers import SMALL, FreeNumber
+
+STEPS = SMALL, 1e-3, 1e-2  # of differences, in units of a number's size: the first that is not rough
+ROUGH = 0.1  # change of a derivative with twice the step that is told
+ROUNDS = 3  # of searches with an estimated noise
+MOST_STEPS = 30  # of a search
+
+
+class FitFailed(Exception):
+    """A fit cannot begin or go on: a run fails."""
+
+
+class Part(NamedTuple):
+    """Component that is stepped alone, with the inputs that a log has of it."""
+
+    log: Path
+    component: str
+    track: str | None  # another model than in the log
+    digest: str  # of the log
+
+
+class Experiment(NamedTuple):
+    """Scene, or a part of one, and the signals that were measured in it."""
+
+    scene: Scene
+    part: Part | None = None
+    native: bool = False
+    signals: tuple[MeasuredSignal, ...] = ()  # on the clock of the run, without gaps
+    name: str = ""  # of its data
+
+    def run(self, numbers: Mapping[str, float], path: Path) -> None:
+        """Log a run with other numbers; raises BadInput, RuntimeError where it fails, KeyboardInterrupt."""
+        if self.part is not None:
+            settings = [f"{key}={number!r}" for key, number in numbers.items()]
+            with open_replay(self.part.log, self.part.component, self.part.track, None, settings) as replay:
+                if not replay.answer(path):
+                    raise BadInput(f"{self.part.log} holds no step of '{self.part.component}'")
+            return
+        interrupt = Interrupt()
+        scene = with_settings(self.scene, numbers) if numbers else self.scene
+        result = simulate(scene, path, estimated=False, native=self.native, interrupt=interrupt)
+        if interrupt.requested:
+            raise KeyboardInterrupt
+        if result["status"] != "ok":
+            raise RuntimeError(result["message"])
+
+
+def run_signals(
+    experiment: Experiment, numbers: Mapping[str, float], wanted: Sequence[tuple[str, tuple[float, ...]]]
+) -> list[Row]:
+    """Values of signals of a run at instants, s, linear between records; raises as ``Experiment.run``."""
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        path = Path(folder) / "run.mcap"
+        experiment.run(numbers, path)
+        with Log(path) as log:
+            run = RunData(log)
+            values = [np.interp(t, *run.signal(signal, EVER)).tolist() for signal, t in wanted]
+    return [Row("", "", {"values": values}, True)]
+
+
+@dataclass
+class Objective:
+    """Sum of squares of the experiments as a function of the variables (k,) of free numbers."""
+
+    experiments: tuple[Experiment, ...]
+    free: tuple[FreeNumber, ...]
+    noise: Mapping[str, float]  # by signal, in its unit; that of others is estimated
+    workers: int = 1
+    store: pool.Store | None = None
+    told: Callable[[str], None] = lambda text: None
+    runs: int = 0
+    _values: dict[tuple[float, ...], list[Floats] | str] = field(default_factory=dict)
+
+    @property
+    def signals(self) -> list[MeasuredSignal]:
+        """Measured signals of all experiments."""
+        return [signal for experiment in self.experiments for signal in experiment.signals]
+
+    def values(self, points: Sequence[Floats]) -> list[list[Floats] | str]:
+        """Signals of the runs with each of some variables (k,), or why a run fails; runs that are new in parallel."""
+        keys = [tuple(point.tolist()) for point in points]
+        cases: dict[tuple[float, ...], list[Case]] = {}
+        for key in dict.fromkeys(keys):
+            if key not in self._values:
+                cases[key] = [self._case(one, np.array(key)) for one in self.experiments]
+        rows = iter(pool.run([case for each in cases.values() for case in each], self.workers, None, self.store))
+        for key, each in cases.items():
+            ended = [(case, next(rows)) for case in each]
+            self.runs += len(each)
+            failed = [f"{case.name}: {row.note}" for case, row in ended if not row.ok]
+            self._values[key] = failed[0] if failed else [np.array(v) for _, row in ended for v in row["values"]]
+        return [self._values[key] for key in keys]
+
+    def _case(self, experiment: Experiment, u: Floats) -> Case:
+        numbers = dict(zip((one.key for one in self.free), self.numbers(u), strict=True))
+        name = ", ".join(f"{key}={number:.10g}" for key, number in numbers.items())
+        wanted = [(one.signal, tuple(one.t.tolist())) for one in experiment.signals]
+        bare = experiment._replace(signals=(), name="")
+        return Case(experiment.scene.name, name, run_signals, (bare, numbers, wanted), experiment.scene.run.stop)
+
+    def numbers(self, u: Floats) -> list[float]:
+        """Numbers of the scene for variables (k,), within their ranges."""
+        return [
+            float(np.clip(one.start + one.size * v, one.low, one.high)) for one, v in zip(self.free, u, strict=True)
+        ]
+
+    def difference(self, u: Floats) -> list[Floats]:
+        """Run minus measured by signal; raises FitFailed."""
+        (values,) = self.values([u])
+        if isinstance(values, str):
+            raise FitFailed(values)
+        return [run - one.values for run, one in zip(values, self.signals, strict=True)]
+
+    def sums(self, points: Sequence[Floats], noise: Sequence[float]) -> list[float]:
+        """Sum of squares at each of some variables, with a noise by signal; NaN where a run fails."""
+        found = []
+        for u, values in zip(points, self.values(points), strict=True):
+            known = not isinstance(values, str)
+            found.append(sum(float(np.sum((d / s) ** 2)) for d, s in zip(self.difference(u), noise, strict=True))
+                         if known else math.nan)  # fmt: skip
+        return found
+
+    def jacobian(self, u: Floats, lengths: Floats) -> list[Floats]:
+        """Derivatives (samples, k) of each signal with the variables, by steps (k,); raises FitFailed.
+
+        Differences go up; where that leaves a range or the run fails, down.
+        """
+        highs = self.bounds()[1]
+        steps = [-step if v + step > high else step for v, high, step in zip(u, highs, lengths, strict=True)]
+        points = [u + s * e for s, e in zip(steps, np.eye(len(u)), strict=True)]
+        middle, *sides = self.values([u, *points])
+        if isinstance(middle, str):
+            raise FitFailed(middle)
+        columns = []
+        for k, side in enumerate(sides):
+            if isinstance(side, str):
+                steps[k] = -steps[k]
+                (side,) = self.values([u + steps[k] * np.eye(len(u))[k]])
+                if isinstance(side, str):
+                    raise FitFailed(side)
+            columns.append([(a - b) / steps[k] for a, b in zip(side, middle, strict=True)])
+        return [np.stack([column[i] for column in columns], axis=1) for i in range(len(middle))]
+
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Least and largest variables."""
+        low, high = zip(
+            *(((one.low - one.start) / one.size, (one.high - one.start) / one.size) for one in self.free), strict=True
+        )
+        return np.array(low), np.array(high)
+
+
+class Search(NamedTuple):
+    """End of a search."""
+
+    u: Floats  # (k,) variables
+    noise: tuple[float, ...]  # by signal
+    cost: tuple[float, float]  # sum of squares at the start and at the end, with that noise
+    jacobian: Floats  # (samples, k) over the noise
+    steps: Floats  # (k,) of the differences
+    rough: Floats  # (k,) change of each column with twice the step
+    converged: bool
+
+
+def search(task: Objective, scanned: int = 0) -> Search:
+    """Search from the start, or from the best of it and ``scanned`` points.
+
+    Raises FitFailed where a run fails from which it cannot turn back, BadInput for a scan without ranges.
+    """
+    from scipy.optimize import least_squares
+
+    signals = task.signals
+    known = [one.signal in task.noise for one in signals]
+    first = task.difference(np.zeros(len(task.free)))
+    noise = [task.noise.get(one.signal) or _spread(one, d) for one, d in zip(signals, first, strict=True)]
+    u = _best_start(task, scanned, noise)
+    converged = False
+    for _ in range(1 if all(known) else ROUNDS):
+
+        def residual(v: Floats, noise: Sequence[float] = noise) -> Floats:
+            try:
+                difference = task.difference(v)
+            except FitFailed:  # a shorter step is tried
+                return np.full(sum(len(one.t) for one in signals), np.inf)
+            r = np.concatenate([d / s for d, s in zip(difference, noise, strict=True)])
+            task.told(f"sum of squares {r @ r:.6g} at {', '.join(f'{x:.6g}' for x in task.numbers(v))}")
+            return r
+
+        steps = _smooth_steps(task, u, noise)[0]
+
+        def jacobian(v: Floats, noise: Sequence[float] = noise, steps: Floats = steps) -> Floats:
+            return np.concatenate([j / s for j, s in zip(task.jacobian(v, steps), noise, strict=True)])
+
+        found = least_squares(
+            residual, u, jacobian, task.bounds(), ftol=1e-6, xtol=1e-7, gtol=1e-10, max_nfev=MOST_STEPS
+        )
+        u, converged, before = found.x, found.status > 0, noise
+        noise = [s if given else rms(d) or s for s, given, d in zip(before, known, task.difference(u), strict=True)]
+        if all(abs(now / then - 1.0) < 0.01 for now, then in zip(noise, before, strict=True)):
+            break
+    start, end = task.sums([np.zeros(len(u)), u], noise)
+    steps, columns, rough = _smooth_steps(task, u, noise)
+    return Search(u, tuple(noise), (start, end), columns, steps, rough, converged)
+
+
+def _best_start(task: Objective, scanned: int, noise: Sequence[float]) -> Floats:
+    """Variables of the least sum of squares among the start and the points of a scan."""
+    points = [np.zeros(len(task.free))]
+    if scanned:
+        from scipy.stats import qmc
+
+        low, high = task.bounds()
+        for one, a, b in zip(task.free, low, high, strict=True):
+            if not b - a < math.inf:
+                raise BadInput(f"--scan {scanned}: {one.key} has no range: --free {one.key}=FROM:TO")
+        points += [*qmc.scale(qmc.LatinHypercube(len(low), rng=0).random(scanned), low, high)]
+    sums = task.sums(points, noise)
+    best = int(np.nanargmin(sums))
+    if scanned:
+        place = ", ".join(f"{x:.6g}" for x in task.numbers(points[best])) if best else "the start"
+        failed = f"{int(np.isnan(sums).sum())} runs fail"
+        task.told(f"scan of {scanned} points: {failed}, the least sum of squares {sums[best]:.6g} is at {place}")
+    return points[best]
+
+
+def _smooth_steps(task: Objective, u: Floats, noise: Sequence[float]) -> tuple[Floats, Floats, Floats]:
+    """Steps (k,), derivatives over the noise (samples, k) by them, and their change (k,) with twice the step."""
+
+    def columns(lengths: Floats) -> Floats:
+        return np.concatenate([j / s for j, s in zip(task.jacobian(u, lengths), noise, strict=True)])
+
+    steps = np.full(len(u), STEPS[0])
+    best, rough = columns(steps), np.full(len(u), np.inf)
+    for step in STEPS:
+        tried = np.where(rough > ROUGH, step, steps)
+        once, twice = columns(tried), columns(2.0 * tried)
+        size = np.linalg.norm(once, axis=0)
+        changes = np.linalg.norm(twice - once, axis=0) / np.where(size > 0.0, size, 1.0)
+        better = changes < rough
+        steps, rough, best = (
+            np.where(better, tried, steps), np.where(better, changes, rough), np.where(better, once, best),
+        )  # fmt: skip
+        rough = np.where(best.any(axis=0), rough, np.inf)  # a step too small to be felt
+        if (rough <= ROUGH).all():
+            break
+    return steps, best, np.where(np.isfinite(rough), rough, 0.0)
+
+
+def rms(values: Floats) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _spread(one: MeasuredSignal, difference: Floats) -> float:
+    """First weight of a signal whose noise is not known: its deviation, or the size of the difference."""
+    return float(np.std(one.values)) or rms(difference) or 1.0

@@ -1,0 +1,134 @@
+"""Uncertainty of fitted numbers: errors and correlations of linear theory, and profiles that test it by runs.
+
+Standard errors come from J'J of independent samples with the given noise. Without a given noise that of a signal is the
+RMS of its residual, which makes chi2/n 1 and says nothing about the model. A profile is the sum of squares along one
+number, with the others where linear theory has their best: s standard errors away it rises by s^2 if that theory holds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.studies.least_squares import MOST_STEPS, ROUGH, Objective, Search
+
+AT_BOUND = 1e-6  # of a range
+UNKNOWN = 1.0  # standard error of a combination, in units of the numbers' sizes, that is no answer
+CORRELATED = 0.95
+AGREES = 0.5, 2.0  # chi2/n of a model whose differences are noise, and rise of a profile over that of linear theory
+ALONG = -2.0, -1.0, 1.0, 2.0  # standard errors at which a profile has runs
+
+
+class Profile(NamedTuple):
+    """Rise of the sum of squares along a number."""
+
+    numbers: Floats  # (m,) SI
+    errors: Floats  # (m,) s, distance from the fit in standard errors
+    rises: Floats  # (m,); s^2 in linear theory
+
+
+class Answer(NamedTuple):
+    """Fitted numbers with what is known about them."""
+
+    numbers: tuple[float, ...]
+    errors: tuple[float, ...]  # standard errors; infinite where nothing is known
+    correlations: Floats  # (k, k)
+    chi2: float  # sum of squares over samples minus numbers
+    profiles: tuple[Profile, ...]  # empty ones where nothing is known
+    problems: tuple[str, ...]  # why it is no success
+    notes: tuple[str, ...]
+
+
+def answer(task: Objective, end: Search) -> Answer:
+    """Answer of a search; makes the runs of the profiles."""
+    keys = [one.key for one in task.free]
+    values, vectors = np.linalg.eigh(end.jacobian.T @ end.jacobian)
+    values = np.maximum(values, 0.0)
+    blind = values < max(1.0 / UNKNOWN**2, 1e-12 * values[-1])
+    silent = {key for key, column in zip(keys, end.jacobian.T, strict=True) if not column.any()}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.where(blind, np.inf, 1.0 / values)
+        variance = np.array(
+            [sum(i * v**2 for i, v in zip(inverse, row, strict=True) if v**2 > 1e-12) for row in vectors]
+        )
+        covariance = (vectors * np.where(blind, 0.0, inverse)) @ vectors.T
+        deviation = np.sqrt(np.diag(covariance))
+        correlations = covariance / np.outer(deviation, deviation)
+    profiles = _profiles(task, end, covariance, np.isfinite(variance))
+    chi2 = end.cost[1] / max(sum(len(one.t) for one in task.signals) - len(keys), 1)
+    problems = [
+        *(f"no signal depends on {key}" for key in keys if key in silent),
+        *_inseparable(keys, vectors.T[blind], silent), *_unfinished(task, end, profiles),
+    ]  # fmt: skip
+    if task.noise and not AGREES[0] < chi2 < AGREES[1]:
+        problems.append(f"chi2/n is {chi2:.3g}: the differences are not the stated noise")
+    notes = []
+    for j, key in enumerate(keys):
+        notes += [f"{key} and {keys[k]} are correlated by {correlations[j, k]:.3f}" for k in range(j)
+                  if abs(correlations[j, k]) > CORRELATED and not blind.any()]  # fmt: skip
+        if end.rough[j] > ROUGH and key not in silent:
+            notes.append(f"the derivative by {key} changes by {100.0 * end.rough[j]:.2g} % with twice the step:"
+                         " impacts or stick-slip; its error is rough")  # fmt: skip
+        s, rises = profiles[j].errors, profiles[j].rises
+        if ((rises < AGREES[0] * s**2) | (rises > AGREES[1] * s**2)).any():
+            told = ", ".join(f"{rise:.2g} at {e:+g}" for e, rise in zip(s, rises, strict=True))
+            notes.append(
+                f"the error of {key} is rough: the sum of squares rises by {told} standard errors, not by 1 and 4"
+            )
+    if any(one.signal not in task.noise for one in task.signals):
+        notes.append("noise is estimated from the residuals, so chi2/n is 1 whether or not the model is right")
+    errors = (np.array([one.size for one in task.free]) * np.sqrt(variance)).tolist()
+    return Answer(
+        tuple(task.numbers(end.u)), tuple(errors), correlations, chi2, profiles, tuple(problems), tuple(notes)
+    )
+
+
+def _inseparable(keys: list[str], directions: Floats, silent: set[str]) -> list[str]:
+    """Sentences on combinations of numbers that change nothing that was measured."""
+    found = []
+    for vector in directions:
+        parts = [(float(v), key) for v, key in zip(vector, keys, strict=True) if abs(v) > 0.1 and key not in silent]
+        if len(parts) > 1:
+            largest = max(parts, key=lambda part: abs(part[0]))[0]
+            change = ", ".join(f"{key} {100.0 * v / largest:+.3g} %" for v, key in parts)
+            found.append(f"cannot be told apart: {change} together change nothing that was measured")
+        elif parts:
+            found.append(f"{parts[0][1]} is not known to 100 % by these signals")
+    return found
+
+
+def _unfinished(task: Objective, end: Search, profiles: tuple[Profile, ...]) -> list[str]:
+    """Sentences on a search that did not end in a minimum inside of its ranges."""
+    found = [] if end.converged else [f"the search has not converged after {MOST_STEPS} steps"]
+    for one, v, a, b in zip(task.free, end.u, *task.bounds(), strict=True):
+        if min(v - a, b - v) < AT_BOUND * (b - a) < math.inf:
+            found.append(f"{one.key} ends at its bound, {one.low if v - a < b - v else one.high:g}")
+    if not end.cost[1] < end.cost[0] * (1.0 - 1e-9) and np.abs(end.u).max() > 0.0:
+        found.append("the fit is no better than its start")
+    for one, profile in zip(task.free, profiles, strict=True):
+        if len(profile.rises) and profile.rises.min() < -1.0:
+            k = int(profile.rises.argmin())
+            found.append(
+                f"{one.key} = {profile.numbers[k]:.6g} is better, the sum of squares is {-profile.rises[k]:.3g} less"
+            )
+    return found
+
+
+def _profiles(task: Objective, end: Search, covariance: Floats, known: Floats) -> tuple[Profile, ...]:
+    """Profile of each number inside of all ranges; runs that fail are left out."""
+    low, high = task.bounds()
+    points: list[list[tuple[float, Floats]]] = []
+    for k, one in enumerate(known):
+        direction = covariance[:, k] / np.sqrt(covariance[k, k]) if one else np.zeros(len(end.u))
+        tried = [(s, end.u + s * direction) for s in ALONG if one]
+        points.append([(s, u) for s, u in tried if ((low <= u) & (u <= high)).all()])
+    sums = iter(task.sums([u for each in points for _, u in each], end.noise))
+    found = []
+    for k, each in enumerate(points):
+        rows = [(task.numbers(u)[k], s, next(sums) - end.cost[1]) for s, u in each]
+        kept = np.array([row for row in rows if not math.isnan(row[2])]).reshape(-1, 3)
+        found.append(Profile(*kept.T))
+    return tuple(found)
