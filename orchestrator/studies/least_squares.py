@@ -216,7 +216,7 @@ def search(task: Objective, scanned: int = 0) -> Search:
             task.told(f"sum of squares {r @ r:.6g} at {', '.join(f'{x:.6g}' for x in task.numbers(v))}")
             return r
 
-        steps = _smooth_steps(task, u, noise)[0]
+        steps = smooth_steps(task, u, noise)[0]
 
         def jacobian(v: Floats, noise: Sequence[float] = noise, steps: Floats = steps) -> Floats:
             return np.concatenate([j / s for j, s in zip(task.jacobian(v, steps), noise, strict=True)])
@@ -229,7 +229,7 @@ def search(task: Objective, scanned: int = 0) -> Search:
         if all(abs(now / then - 1.0) < 0.01 for now, then in zip(noise, before, strict=True)):
             break
     start, end = task.sums([np.zeros(len(u)), u], noise)
-    steps, columns, rough = _smooth_steps(task, u, noise)
+    steps, columns, rough = smooth_steps(task, u, noise)
     return Search(u, tuple(noise), (start, end), columns, steps, rough, converged)
 
 
@@ -253,7 +253,7 @@ def _best_start(task: Objective, scanned: int, noise: Sequence[float]) -> Floats
     return points[best]
 
 
-def _smooth_steps(task: Objective, u: Floats, noise: Sequence[float]) -> tuple[Floats, Floats, Floats]:
+def smooth_steps(task: Objective, u: Floats, noise: Sequence[float]) -> tuple[Floats, Floats, Floats]:
     """Steps (k,), derivatives over the noise (samples, k) by them, and their change (k,) with twice the step."""
 
     def columns(lengths: Floats) -> Floats:

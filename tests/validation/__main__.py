@@ -16,6 +16,7 @@ from orchestrator.scene.settings import hint
 STUDIES = {
     "mechanics": "elements, joints and chains of the paper against exact and published figures",
     "coupling": "orders, energies and largest stable steps of all couplings on two masses",
+    "fits": "known numbers of vehicles found again from noisy signals, and fits of one model of a chain to the other",
     "paper": "the paper's figures 10 to 21, its costs and each of its statements, by all models of chains",
 }
 

@@ -1,0 +1,102 @@
+"""Search and uncertainty of a fit on formulas instead of runs: closed forms, several valleys, springs in series."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from fmus.vehicles.tables import BadInput
+from orchestrator.results.measured_record import MeasuredSignal
+from orchestrator.scene.scene import load
+from orchestrator.studies.free_numbers import FreeNumber
+from orchestrator.studies.least_squares import Experiment, Objective, search
+from orchestrator.studies.uncertainty import answer
+
+T = np.linspace(0.0, 1.0, 101)
+NOISE = 0.1
+
+
+@dataclass
+class Formula(Objective):
+    """Objective whose run is a formula of the numbers."""
+
+    model: Callable = None
+
+    def values(self, points):
+        return [[self.model(*self.numbers(u))] for u in points]
+
+
+def formula(model, truth, free, seed=1):
+    """Objective of measured values of a model, with noise of a seed; ``free``: start, low and high of each number."""
+    drawn = NOISE * np.random.default_rng(seed).standard_normal(len(T)) if seed is not None else 0.0
+    signal = MeasuredSignal("y", "y", "1", T, model(*truth) + drawn, False, {})
+    experiment = Experiment(load("hanging_chain"), signals=(signal,))
+    numbers = tuple(FreeNumber(f"p{k}", *one, abs(one[0])) for k, one in enumerate(free))
+    return Formula((experiment,), numbers, {"y": NOISE}, model=model)
+
+
+EVERYWHERE = -np.inf, np.inf
+LINE = (lambda a, b: a + b * T), (2.0, 3.0), [(1.0, *EVERYWHERE), (1.0, *EVERYWHERE)]
+
+
+def test_a_line_has_the_errors_of_the_closed_form():
+    """Gauss: covariance sigma^2 inv(A'A), and a profile is the parabola s^2."""
+    task = formula(*LINE)
+    found = answer(task, search(task))
+    A = np.stack([np.ones(len(T)), T], axis=1)
+    covariance = NOISE**2 * np.linalg.inv(A.T @ A)
+    assert found.errors == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-9)
+    assert found.correlations[0, 1] == pytest.approx(covariance[0, 1] / np.prod(found.errors), rel=1e-9)
+    assert found.numbers == pytest.approx(np.linalg.lstsq(A, task.signals[0].values)[0], rel=1e-9)
+    for number, error, profile in zip(found.numbers, found.errors, found.profiles, strict=True):
+        assert profile.errors == pytest.approx([-2.0, -1.0, 1.0, 2.0])
+        assert profile.numbers == pytest.approx(number + error * profile.errors, rel=1e-9)
+        assert profile.rises == pytest.approx(profile.errors**2, rel=1e-6)
+        assert profile.rises != pytest.approx((1.02 * profile.errors) ** 2, rel=1e-6)
+    assert found.problems == found.notes == ()
+
+
+def test_an_error_that_is_not_linear_is_told():
+    """The profile of exp(a t) rises faster above the fit than below."""
+    task = formula(lambda a: 1e-6 * np.exp(a * T), [0.1], [(8.0, *EVERYWHERE)])
+    task = Formula(task.experiments, task.free, {"y": NOISE}, model=task.model)
+    end = search(task)._replace(u=np.zeros(1), jacobian=np.array([[8.0]]), cost=(1.0, 0.0))
+    notes = answer(task, end).notes
+    assert any(note.startswith("the error of p0 is rough: the sum of squares rises not by 1 and 4") for note in notes)
+
+
+def test_springs_in_series_cannot_be_told_apart():
+    task = formula(
+        lambda k1, k2: 10.0 * T / (1.0 / k1 + 1.0 / k2), [2.0, 2.0], [(1.9, *EVERYWHERE), (1.9, *EVERYWHERE)]
+    )
+    found = answer(task, search(task))
+    (sentence,) = (problem for problem in found.problems if problem.startswith("cannot be told apart"))
+    first, second = (float(part.split()[1]) for part in sentence.partition(": ")[2].split(", "))
+    assert (first, second) in [(100.0, pytest.approx(-100.0, abs=8.0)), (pytest.approx(-100.0, abs=8.0), 100.0)]
+    assert found.errors == (np.inf, np.inf)
+
+
+WAVE = (lambda a: np.cos(a * T)), [31.0], [(8.0, 1.0, 50.0)]
+
+
+def test_a_scan_finds_the_valley():
+    """A cosine has a valley at each number of waves."""
+    task = formula(*WAVE)
+    alone, scanned = search(task), search(task, 40)
+    assert task.numbers(scanned.u) == pytest.approx([31.0], abs=0.2)
+    assert scanned.cost[1] < 0.1 * alone.cost[1]
+    assert not answer(task, alone).problems == ()
+    assert answer(task, scanned).problems == ()
+
+
+def test_a_scan_needs_ranges():
+    with pytest.raises(BadInput, match=r"^--scan 5: p0 has no range: --free p0=FROM:TO$"):
+        search(formula(*LINE), 5)
+
+
+def test_a_better_place_on_a_profile_is_no_success():
+    task = formula(*LINE)
+    end = search(task)
+    off = end._replace(u=end.u + 0.2, cost=(end.cost[0], task.sums([end.u + 0.2], end.noise)[0]))
+    assert any(" is better, the sum of squares is " in problem for problem in answer(task, off).problems)
