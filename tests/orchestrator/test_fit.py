@@ -13,6 +13,7 @@ from orchestrator.scene.scene import load
 from orchestrator.studies import fit as fitting
 from orchestrator.studies import least_squares
 
+GALLERY = Path(__file__).resolve().parents[2] / "orchestrator" / "gallery"
 SETTINGS = ("chain.links=8", "run.stop=0.05", "run.links=1", "track.start=displaced", "expect={}")
 SIGNALS = {name: name for name in ("chain.tension.max", "chain.joint[4].position.z")}
 SPAN, MASS = "chain.span=0.5:0.95", "vehicle.track.mass=10:40 kg"
@@ -20,9 +21,9 @@ TRUTH = {"chain.span": 0.72, "vehicle.track.mass": 17.0}
 T = np.arange(0.0, 0.0501, 0.001)
 
 
-def signals(folder, settings):
+def signals(folder, settings, scene="hanging_chain"):
     """Signals of a run at T by name."""
-    simulate(load("hanging_chain", "rigid", settings), folder / "run.mcap")
+    simulate(load(scene, "rigid", settings), folder / "run.mcap")
     with Log(folder / "run.mcap") as log:
         run = RunData(log)
         return {name: np.interp(T, *run.signal(name, EVER)) for name in SIGNALS}
@@ -45,10 +46,10 @@ def noise(measured):
 def data(measured, noise, tmp_path):
     """Function that writes a file with noise of a seed; None: without."""
 
-    def write(seed=None):
-        drawn = np.random.default_rng(seed).standard_normal((len(measured), len(T))) if seed is not None else 0.0
+    def write(seed=None, of=measured):
+        drawn = np.random.default_rng(seed).standard_normal((len(of), len(T))) if seed is not None else 0.0
         size = np.array(list(noise.values()))[:, None]
-        values = np.array(list(measured.values())) + size * drawn
+        values = np.array(list(of.values())) + size * drawn
         path = tmp_path / f"data{seed}.csv"
         np.savetxt(path, np.vstack([T, values]).T, "%.17g", ",", header=",".join(["t", *measured]), comments="")
         return path
@@ -84,6 +85,39 @@ def test_noisy_data_give_the_numbers_within_their_errors(data, noise, tmp_path):
     low, high = 2.16, 25.2  # 0.5 and 99.5 % of chi-squared with 10 degrees of freedom
     assert low < squares < high
     assert off > high, "numbers 2 per cent off would be noticed"
+
+
+def test_two_files_with_one_set_of_numbers(data, noise, tmp_path):
+    """The same file twice has the same best numbers, and errors that are less by the root of two."""
+    file = data(3)
+    once, twice = (fitted(one, tmp_path / "fit", noise=noise) for one in (file, [file, file]))
+    assert twice.answer.numbers == pytest.approx(once.answer.numbers, rel=1e-6)
+    assert np.multiply(twice.answer.errors, 2.0**0.5) == pytest.approx(once.answer.errors, rel=1e-3)
+    assert twice.answer.errors != pytest.approx(once.answer.errors, rel=0.2)
+    assert len(twice.residuals.records()) == 4
+
+
+def test_files_of_two_scenes_with_one_set_of_numbers(data, noise, tmp_path):
+    """Each file is of its own scene: the same chain hangs on the Moon."""
+    moon, earth = tmp_path / "moon.toml", data(3)
+    text = (GALLERY / "hanging_chain.toml").read_text()
+    moon.write_text(text.replace('"m113"', '{ base = "m113", gravity = "1.62 m/s^2" }'))
+    there = signals(tmp_path, [*SETTINGS, *(f"{key}={value}" for key, value in TRUTH.items())], str(moon))
+    file = data(4, there)
+    found = fitted([earth, f"{moon}={file}"], tmp_path / "fit", noise=noise)
+    assert found.ok, found.verdict
+    assert max(map(abs, deviations(found))) < 4.0
+    assert not fitted([earth, file], tmp_path / "fit", noise=noise).ok, "the Moon's file as one of the Earth"
+
+
+def test_a_part_with_recorded_inputs_has_the_fit_of_the_whole(data, noise, tmp_path):
+    """A hanging chain is one component without inputs, so both have the same runs."""
+    file = data(3)
+    simulate(load("hanging_chain", "rigid", [*SETTINGS, "chain.span=0.72"]), tmp_path / "run.mcap")
+    whole = fitted(file, tmp_path / "whole", [MASS], ["chain.span=0.72"], noise=noise)
+    part = fitting.fit(str(tmp_path / "run.mcap"), file, SIGNALS, [MASS], tmp_path / "part", part="chain", noise=noise)
+    assert part.answer.numbers == whole.answer.numbers
+    assert part.answer.errors == whole.answer.errors
 
 
 def test_noise_is_estimated_and_that_is_said(data, noise, tmp_path):

@@ -58,22 +58,22 @@ def test_a_line_has_the_errors_of_the_closed_form():
 
 
 def test_an_error_that_is_not_linear_is_told():
-    """The profile of exp(a t) rises faster above the fit than below."""
-    task = formula(lambda a: 1e-6 * np.exp(a * T), [0.1], [(8.0, *EVERYWHERE)])
-    task = Formula(task.experiments, task.free, {"y": NOISE}, model=task.model)
-    end = search(task)._replace(u=np.zeros(1), jacobian=np.array([[8.0]]), cost=(1.0, 0.0))
-    notes = answer(task, end).notes
-    assert any(note.startswith("the error of p0 is rough: the sum of squares rises not by 1 and 4") for note in notes)
+    """The square of a small number: two errors up it has grown by more than the line says."""
+    task = formula(lambda a: a**2 * T, [0.1], [(0.12, *EVERYWHERE)], seed=None)
+    notes = answer(task, search(task)).notes
+    assert any(note.startswith("the error of p0 is rough: the sum of squares rises by 0.079 at -2") for note in notes)
 
 
 def test_springs_in_series_cannot_be_told_apart():
-    task = formula(
-        lambda k1, k2: 10.0 * T / (1.0 / k1 + 1.0 / k2), [2.0, 2.0], [(1.9, *EVERYWHERE), (1.9, *EVERYWHERE)]
-    )
+    """1/k1 + 1/k2 alone is measured, so k1^2 of the one goes with -k2^2 of the other."""
+    start = (1.9, *EVERYWHERE)
+    task = formula(lambda k1, k2: 10.0 * T / (1.0 / k1 + 1.0 / k2), [2.0, 3.0], [start, start])
     found = answer(task, search(task))
     (sentence,) = (problem for problem in found.problems if problem.startswith("cannot be told apart"))
     first, second = (float(part.split()[1]) for part in sentence.partition(": ")[2].split(", "))
-    assert (first, second) in [(100.0, pytest.approx(-100.0, abs=8.0)), (pytest.approx(-100.0, abs=8.0), 100.0)]
+    k1, k2 = found.numbers
+    assert first / second == pytest.approx(-((k1 / k2) ** 2), rel=0.01)
+    assert first / second != pytest.approx(-1.02 * (k1 / k2) ** 2, rel=0.01)
     assert found.errors == (np.inf, np.inf)
 
 
@@ -86,7 +86,7 @@ def test_a_scan_finds_the_valley():
     alone, scanned = search(task), search(task, 40)
     assert task.numbers(scanned.u) == pytest.approx([31.0], abs=0.2)
     assert scanned.cost[1] < 0.1 * alone.cost[1]
-    assert not answer(task, alone).problems == ()
+    assert answer(task, alone).problems != ()
     assert answer(task, scanned).problems == ()
 
 
