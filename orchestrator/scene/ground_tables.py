@@ -168,14 +168,16 @@ class HeightMapTable(FrozenTable):
     """Heights on a grid, with bicubic interpolation (Catmull-Rom); beyond the grid, those of its edges."""
 
     heights: Annotated[tuple[Annotated[tuple[Height, ...], Field(min_length=2)], ...], Field(min_length=2)]
-    """heights, m, or a file of them: lines follow x, columns y (.csv, .npy of numbers); or a grey image of 16 bits
-    (.png), seen from above with x up and y to the left"""
+    """heights, m, or a file of them: lines follow x, columns y (.csv, .npy of numbers); a grey image of 16 bits
+    (.png), seen from above with x up and y to the left; a survey (.tif, .asc), whose rows run from north to south, with
+    x to the east and y to the north; or a road (.crg)"""
     range: tuple[Length, Length] | None = None
     """heights of black and white of an image"""
     corner: tuple[Place, Place]
-    """least x and y of the grid"""
+    """least x and y of the grid (middles of cells); required except for a survey or a road, which it moves"""
     spacing: tuple[Distance, Distance]
-    """distance of the grid's lines along x and y"""
+    """distance of the grid's lines along x and y; required except for a survey, which has its own, and a road, whose
+    increments are the default"""
     start: Place | None = None
     """x where the map begins; without it, the map is everywhere"""
     length: Distance = 1.0

@@ -67,6 +67,7 @@ def scene_schema() -> Schema:
     heights = tables["HeightMapTable"]["properties"]["heights"]
     described = {key: heights.pop(key) for key in ("description",) if key in heights}
     tables["HeightMapTable"]["properties"]["heights"] = {**described, "anyOf": [heights, {"type": "string"}]}
+    tables["HeightMapTable"]["required"] = ["heights"]  # the file may have its places
     for table in (tables[kind.__name__] for kind in KINDS.values()):
         table["required"].remove("name")
         if whole := table["properties"].get("vehicle"):

@@ -19,6 +19,7 @@ from fmus.vehicles.vehicle import read_table
 from orchestrator.files.budget import read_toml
 from orchestrator.scene import data_files
 from orchestrator.scene.fmu_table import set_folder
+from orchestrator.scene.height_files import locate_heights, read_heights
 from orchestrator.scene.kinds import BenchScene, ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.scene.settings import hint, keys, merge_tables, near_keys, pairs, set_key
 from orchestrator.scene.system_scene import FreeScene, SystemScene
@@ -68,8 +69,16 @@ def read_with_files(scene: str) -> tuple[str, dict[str, Any]]:
 
     Raises BadInput.
     """
+    name, table = _read_located(scene)
+    read_heights(table, Path(), f"{name}.toml")
+    return name, table
+
+
+def _read_located(scene: str) -> tuple[str, dict[str, Any]]:
+    """Name and raw table of a scene, with points of the files that it names; all paths are of the working folder."""
     name, table = read_scene(scene)
     data_files.read_files(table, Path(scene).parent, f"{name}.toml")
+    locate_heights(table, Path(scene).parent)
     set_folder(table, Path(scene).parent)
     return name, table
 
@@ -123,7 +132,7 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
 
     Settings are ``KEY=VALUE`` texts as of ``--set``, or a table as ``{"vehicle.track.mass": 20, "run.stop": "3 s"}``.
     """
-    name, table = read_with_files(scene)
+    name, table = _read_located(scene)
     changes = pairs(settings)
     kind = _kind(table, f"{name}.toml")
     if track is not None and not issubclass(kind, Scene):
@@ -132,6 +141,7 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
     for key, value in changes:
         set_key(table, key, value)
     data_files.read_files(table, Path(), f"{name}.toml")
+    read_heights(table, Path(), f"{name}.toml")  # settings may place the map
     refuse_reduced_measures(table.get("expect"), f"{name}.toml")
     loaded = any_from_table({"name": name, **table}, f"{name}.toml", vehicle_file)
     return _with_suitable_step(loaded.read_from("", dict(pairs(settings))))

@@ -14,8 +14,8 @@ from PIL import Image
 from fmus.ground.keys import is_terrain
 from fmus.ground.terrain import heights, terrain
 from fmus.vehicles.tables import BadInput
-from orchestrator.scene.data_files import read_heights
 from orchestrator.scene.ground_tables import GroundTable
+from orchestrator.scene.height_files import read_heights
 from orchestrator.scene.scene import load
 
 STEP = "ground.step={x=[3, 4], rise='20 cm'}"
@@ -63,7 +63,7 @@ def test_units_and_defaults_and_the_way_to_a_terrain():
         (["ground.friction=[{x=[1, 2]}]"], "needs one of factor and coefficient"),
         ([MAP, "ground.heightmap.heights=[[0, 1], [1]]"], "at least 2"),
         ([MAP, "ground.heightmap.heights=[[0, 1, 2], [1, 2]]"], "as many columns, not 2 and 3"),
-        ([MAP, "ground.heightmap.heights=a.crg"], r"must be a file \.csv, \.npy or \.png"),
+        ([MAP, "ground.heightmap.heights=a.las"], r"must be a file \.csv, \.npy, \.png, \.tif, \.asc or \.crg"),
         ([MAP, "ground.heightmap.range=[0, 1]"], "the heights are numbers already"),
         ([WAVES, "symmetric=true"], r"same ground on both sides, but ground\.washboard\.phase differs"),
         ([ROUGH, "start.roll=180 deg"], r"ground\.rough needs start\.roll = 0"),

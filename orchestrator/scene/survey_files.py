@@ -1,0 +1,162 @@
+"""Heights of surveys: GeoTIFF and ESRI ASCII grids by rasterio, OpenCRG roads by PyOpenCRG (extra ``survey``).
+
+Rasters: GDAL gets the bytes of a file and one driver, so that no file names another one. It makes corners of cells
+out of pixel-is-point and xllcenter; a height lies in the middle of its cell. It reads words of an ASCII grid as 0 and
+blocks that a sparse GeoTIFF leaves out as 0 too, so both are looked for here.
+
+Roads: PyOpenCRG 0.2.2 is pure Python with numpy alone, in double precision. It agrees with pycrg 2.2.0, ASAM's C
+library in single precision, to 1e-8 m on straight, curved, sloped and banked roads with each kind of modifier; crgutils
+0.1.1 does not (``findings/crgutils_left_border.sh``). ASAM OpenCRG 1.2 leaves the modifiers of a file without a section
+$ROAD_CRG_MODS to the reader. Both do as ASAM's tools: the road starts in x = y = z = 0 with heading 0, and its
+borders go on where they are NaN. pycrg does so when it opens a file, PyOpenCRG when it is told to. Numbered long
+sections without LONG_SECTION_V_INCREMENT are refused: PyOpenCRG divides the width, ASAM's tools take 0.01 m.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, TypeVar
+from uuid import uuid4
+
+import numpy as np
+
+from orchestrator.files.budget import AT_ONCE, MEASURED, TOML, OverBudget, read_file
+from orchestrator.files.columns import no_data, unit_size
+from orchestrator.log.extra import library
+from orchestrator.log.time_series import Floats
+from orchestrator.scene.height_grid import check_gaps, check_points, given_spacing, set_places
+
+EXTRA = "survey"
+WEB_MERCATOR = 3857  # stretches lengths, twice at a latitude of 60 degrees
+STRAIGHT = 1e-9  # rad; and part of a spacing
+PROJECT = "project it, as gdalwarp -t_srs does"
+_WORD = re.compile(
+    rb"(?i)ncols|nrows|[xy]ll(corner|center)|cellsize|d[xy]|nodata_value|nan|[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?"
+)
+_REFERENCE, _NUMBERED, _INCREMENT = (
+    re.compile(rb"(?im)^\s*" + line)
+    for line in (rb"\$road_crg_file", rb"D:\s*long section\s+\d", rb"long_section_v_increment")
+)
+Read = TypeVar("Read")
+
+
+def read_raster(path: Path, heightmap: dict[str, Any]) -> Floats:
+    """Heights of a GeoTIFF (.tif, .tiff) or an ESRI ASCII grid (.asc), m; lines follow x, east, and columns y, north.
+
+    Places come into the raw table ``heightmap`` where it has none. Raises ValueError, OSError, NotInstalled.
+    """
+    rasterio = library("rasterio", EXTRA)
+    content, text = read_file(path, MEASURED), path.suffix.lower() == ".asc"
+    options = {"driver": "AAIGrid", "datatype": "Float64"} if text else {"driver": "GTiff"}
+    for word in content.split() if text else ():
+        if not _WORD.fullmatch(word):
+            raise ValueError(f"has {word[:20].decode('latin-1')!r} where a number must be")
+    with warnings.catch_warnings(), ExitStack() as stack:
+        warnings.simplefilter("ignore")  # of files without places
+        folder, projection = uuid4().hex, path.with_suffix(".prj")
+        if text and projection.is_file():  # GDAL looks for it beside the grid
+            stack.enter_context(rasterio.MemoryFile(read_file(projection, TOML), dirname=folder, filename="map.prj"))
+        memory = stack.enter_context(rasterio.MemoryFile(content, dirname=folder, filename=f"map{path.suffix.lower()}"))
+        source = stack.enter_context(_sound(lambda: memory.open(**options)))
+        check_points(source.height, source.width, ": cut it or make it coarser, as gdalwarp -te -tr does")
+        if source.count != 1 or source.subdatasets or source.dtypes[0].startswith("complex"):
+            raise ValueError("must have one band of numbers: take the heights alone, as gdal_translate -b 1 does")
+        if np.prod(source.block_shapes[0], dtype=float) * 16.0 > AT_ONCE:
+            raise OverBudget(f"its blocks have more than {AT_ONCE} bytes")
+        raw, missing = _sound(lambda: (source.read(1), source.read_masks(1) == 0))
+        for (i, j), window in () if text else source.block_windows(1):
+            if source.get_tag_item(f"BLOCK_OFFSET_{j}_{i}", "TIFF", bidx=1) is None:  # left out
+                missing[window.toslices()] = True
+        check_gaps(raw, missing | no_data(raw))
+        across, up = _units(source)
+        if not source.transform.is_identity:
+            _set_places(source.transform, raw.shape, across, heightmap)
+        elif not {"corner", "spacing"} <= heightmap.keys():
+            raise ValueError("has no places: give ground.heightmap.corner and ground.heightmap.spacing")
+        heights = (raw.astype(float) * source.scales[0] + source.offsets[0]) * up
+        north_up, east = source.transform.e < 0.0 or source.transform.is_identity, source.transform.a > 0.0
+    return heights[:: -1 if north_up else 1, :: 1 if east else -1].T
+
+
+def _sound(read: Callable[[], Read]) -> Read:
+    """Result of a library that raises whatever it likes at a file of others; raises ValueError."""
+    try:
+        return read()
+    except Exception:
+        raise ValueError("is damaged, or no file of its suffix") from None
+
+
+def _units(source: Any) -> tuple[float, float]:
+    """Metres in the units of the places and heights of a raster; raises ValueError."""
+    crs, unit = source.crs, (source.units[0] or "").replace("US survey", "survey").replace(" ", "_")
+    if crs and (not crs.is_projected or crs.to_epsg() == WEB_MERCATOR):
+        raise ValueError(f"its places are no true metres, but degrees, Web Mercator or unknown: {PROJECT}")
+    across = crs.linear_units_factor[1] if crs else 1.0
+    if not unit and across != 1.0:
+        raise ValueError(
+            f"its places are in {crs.linear_units}, and no unit of its heights is given: {PROJECT}, to metres"
+        )
+    try:
+        return across, unit_size(unit, "m")
+    except ValueError as error:
+        raise ValueError(f"{error}: convert its heights to m") from None
+
+
+def _set_places(transform: Any, shape: tuple[int, int], across: float, heightmap: dict[str, Any]) -> None:
+    """Complete a raw table by the places of the cells' middles; raises ValueError."""
+    if abs(transform.b) + abs(transform.d) > 1e-9 * abs(transform.a):
+        raise ValueError("its rows do not run from west to east: turn it, as gdalwarp does")
+    rows, columns = shape
+    east = transform.c + transform.a * (0.5 if transform.a > 0.0 else columns - 0.5)
+    north = transform.f + transform.e * (0.5 if transform.e > 0.0 else rows - 0.5)
+    set_places(heightmap, (across * east, across * north), (across * abs(transform.a), across * abs(transform.e)))
+
+
+def read_road(path: Path, heightmap: dict[str, Any]) -> Floats:
+    """Heights of an OpenCRG road (.crg) with its modifiers, m, on a grid over its extent; lines follow x, columns y.
+
+    Beside the road, the grid has the height of the nearest border. Places come into the raw table ``heightmap``; its
+    spacing counts, else the road's own increments, along x if it is straight and runs there, else the smaller one.
+    Raises ValueError, OSError, NotInstalled.
+    """
+    crg = library("pyopencrg", EXTRA)
+    content = read_file(path, MEASURED)
+    if _REFERENCE.search(content):
+        raise ValueError("refers to another file by $ROAD_CRG_FILE: name that one, with the modifiers in it")
+    if _NUMBERED.search(content) and not _INCREMENT.search(content):
+        raise ValueError("numbers its long sections, but lacks LONG_SECTION_V_INCREMENT: add it to $ROAD_CRG")
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what is odd but sound
+        copy = Path(folder, "road.crg")
+        copy.write_bytes(content)
+        try:
+            road = crg.read(copy)
+        except crg.CrgCheckError as error:
+            raise ValueError(f"is no sound OpenCRG road: {(error.report.errors or error.report.warnings)[0]}") from None
+        except Exception as error:
+            reason = str(error).replace(f"{copy}: ", "")
+            raise ValueError(f"is no OpenCRG road: {' '.join(reason.split())}") from None
+        known = ~np.isnan(road.z)
+        inside = np.maximum.accumulate(known, 1) & np.maximum.accumulate(known[:, ::-1], 1)[:, ::-1]
+        check_gaps(road.z, inside & ~known, ("cross section", "long section"))
+        return _over_extent(_sound(lambda: road.apply_mods().fill_nan()), heightmap)
+
+
+def _over_extent(road: Any, heightmap: dict[str, Any]) -> Floats:
+    """Heights of a road without gaps on a grid over its extent; completes a raw table; raises ValueError."""
+    road.opts = {key: value for key, value in road.opts.items() if key.startswith("border_smooth")}  # borders go on
+    edges = np.array(road.uv_to_xy(*map(np.ravel, np.meshgrid(road.u, road.v[[0, -1]]))))
+    along, across = road.u_inc, float(np.diff(road.v).min())
+    ahead = road.is_straight and abs(road.phi_start) < STRAIGHT
+    spacing = given_spacing(heightmap) or ((along, across) if ahead else (min(along, across),) * 2)
+    corner, extent = edges.min(1), np.ptp(edges, 1)
+    points = np.ceil(extent / spacing - STRAIGHT) + 1.0
+    check_points(points[0], points[1], ": give a larger ground.heightmap.spacing, [{:g}, {:g}] m now".format(*spacing))
+    set_places(heightmap, corner.tolist(), spacing)
+    x, y = (low + step * np.arange(int(n)) for low, step, n in zip(corner, spacing, points, strict=True))
+    return np.asarray(road.xy_to_z(*map(np.ravel, np.meshgrid(x, y, indexing="ij")))).reshape(len(x), len(y))

@@ -1,0 +1,382 @@
+"""Heights of surveys and roads: places and turns of their grids, units, gaps, and sentences for what is refused."""
+
+import sys
+from importlib import resources
+
+import numpy as np
+import pytest
+import rasterio
+from jsonschema import Draft202012Validator
+from PIL import Image
+from rasterio.transform import Affine, from_origin
+
+from fmus.vehicles.tables import BadInput
+from orchestrator.files import budget
+from orchestrator.log.extra import NotInstalled
+from orchestrator.scene import survey_files
+from orchestrator.scene.height_files import read_heights
+from orchestrator.scene.keys import scene_schema
+from orchestrator.scene.scene import load
+
+X, Y = 700.0 + 2.0 * np.arange(5), 300.0 + 3.0 * np.arange(4)  # m, of the middles of cells
+TOP = (704.0, 309.0)
+FOOT, SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
+
+
+def hill(x, y):
+    """Height, m, with its top at ``TOP``, different along x and y and on each side."""
+    return 5.0 - 0.25 * np.abs(x - TOP[0]) - 0.5 * np.abs(y - TOP[1]) + 0.125 * (x > TOP[0])
+
+
+GRID = hill(X[:, None], Y[None, :])  # lines follow x, columns y
+ROWS = GRID.T[::-1]  # as in a file: from north to south, from west to east
+
+
+def read_map(path, **keys):
+    table = {"ground": {"heightmap": {"heights": path.name, **keys}}}
+    read_heights(table, path.parent, "mine.toml")
+    return table["ground"]["heightmap"]
+
+
+def tif(path, rows=ROWS, *, more=lambda made: None, **profile):
+    shape = {"height": rows.shape[0], "width": rows.shape[1], "count": 1, "dtype": rows.dtype.name}
+    places = {"crs": "EPSG:25832", "transform": from_origin(699.0, 310.5, 2.0, 3.0)}
+    with rasterio.open(path, "w", driver="GTiff", **{**shape, **places, **profile}) as made:
+        for band in range(1, made.count + 1):
+            made.write(rows, band)
+        more(made)
+    return path
+
+
+def geotiff_by_hand(path, point):
+    """Without GDAL: its tie is the corner of the first cell, or its middle if pixels are points."""
+    tie = (0.0, 0.0, 0.0, *((700.0, 309.0) if point else (699.0, 310.5)), 0.0)
+    keys = (1, 1, 0, 3, 1024, 0, 1, 1, 1025, 0, 1, 2 if point else 1, 3072, 0, 1, 25832)
+    tags = {33550: (2.0, 3.0, 0.0), 33922: tie, 34735: keys}
+    Image.fromarray(ROWS.astype(np.float32)).save(path, tiffinfo=tags)
+    return path
+
+
+def asc(path, where="xllcorner 699\nyllcorner 298.5", size="dx 2\ndy 3", rows=ROWS, mark="-9999"):
+    lines = "\n".join(" ".join(f"{z:.17g}" for z in row) for row in rows)
+    header = f"ncols {rows.shape[1]}\nnrows {rows.shape[0]}\n{where}\n{size}\nNODATA_value {mark}\n"
+    path.write_text(header + lines + "\n")
+    return path
+
+
+def is_right(table):
+    """Whether heights and places are those of the hill."""
+    x, y = (low + step * np.arange(n) for low, step, n in zip(table["corner"], table["spacing"], (5, 4), strict=True))
+    heights = np.array(table["heights"])
+    return heights.shape == (5, 4) and np.array_equal(heights, hill(x[:, None], y[None, :])) and heights.max() == 5.0
+
+
+SURVEYS = {
+    "area": lambda folder: geotiff_by_hand(folder / "a.tif", point=False),
+    "point": lambda folder: geotiff_by_hand(folder / "a.tiff", point=True),
+    "large suffix": lambda folder: tif(folder / "a.TIF"),
+    "from the south": lambda folder: tif(folder / "a.tif", ROWS[::-1], transform=Affine(2, 0, 699, 0, 3, 298.5)),
+    "from the east": lambda folder: tif(folder / "a.tif", ROWS[:, ::-1], transform=Affine(-2, 0, 709, 0, -3, 310.5)),
+    "corner": lambda folder: asc(folder / "a.asc"),
+    "center": lambda folder: asc(folder / "a.asc", "xllcenter 700\nyllcenter 300"),
+}
+
+
+@pytest.mark.parametrize("name", SURVEYS)
+def test_the_top_of_a_hill_is_at_its_x_and_y(tmp_path, name):
+    table = read_map(SURVEYS[name](tmp_path))
+    assert (table["corner"], table["spacing"]) == ([700.0, 300.0], [2.0, 3.0])
+    assert is_right(table)
+    i, j = np.unravel_index(np.argmax(table["heights"]), (5, 4))
+    assert (X[i], Y[j]) == TOP
+
+
+def test_the_hill_tells_each_wrong_turn_and_half_a_cell():
+    places = {"corner": [700.0, 300.0], "spacing": [2.0, 3.0]}
+    assert is_right({"heights": GRID, **places})
+    for turned in (ROWS.T, GRID[::-1], GRID[::-1, ::-1], ROWS, GRID.T):
+        assert not is_right({"heights": turned, **places})
+    for corner in ([701.0, 300.0], [700.0, 301.5]):
+        assert not is_right({"heights": GRID, **places, "corner": corner})
+
+
+def test_a_corner_moves_a_survey_and_the_spacing_may_be_repeated(tmp_path):
+    far = tif(tmp_path / "far.tif", transform=from_origin(500e3, 5300e3, 2.0, 3.0))
+    with pytest.raises(BadInput, match=r"y = 5299990 m, beyond 1e\+06 m: bring it near by .*corner = \[0, 0\]"):
+        read_map(far)
+    table = read_map(far, corner=[-4, "9 m"], spacing=["200 cm", 3])
+    assert (table["corner"], table["spacing"]) == ([-4, "9 m"], [2.0, 3.0])
+    assert np.array_equal(table["heights"], GRID)
+    with pytest.raises(BadInput, match=r"spacing = \[2, 2\] m contradicts the file, which has \[2, 3\]: leave it out"):
+        read_map(far, spacing=[2, 2])
+    for wrong in (2, [1], [0, 1], ["2 kg", 1]):
+        with pytest.raises(BadInput, match="spacing must be two lengths above 0"):
+            read_map(far, spacing=wrong)
+    bare = tif(tmp_path / "bare.tif", crs=None, transform=None)
+    assert np.array_equal(read_map(bare, corner=[0, 0], spacing=[2, 3])["heights"], GRID)
+    with pytest.raises(BadInput, match=r"has no places: give ground\.heightmap\.corner and ground\.heightmap\.spacing"):
+        read_map(bare, corner=[0, 0])
+
+
+def test_scale_offset_and_units_become_metres(tmp_path):
+    def stored(made):
+        made.scales, made.offsets, made.units = (0.125,), (-2.0,), ("ft",)
+
+    counts = ((ROWS + 2.0) / 0.125).astype(np.int16)
+    table = read_map(tif(tmp_path / "a.tif", counts, more=stored))
+    assert np.array(table["heights"]) == pytest.approx(FOOT * GRID, rel=1e-14)
+    assert np.array(table["heights"]) != pytest.approx(SURVEY_FOOT * GRID, rel=1e-6), "2e-6 apart"
+    table = read_map(tif(tmp_path / "b.tif", crs="EPSG:2225+6360"))  # feet of US surveys, across and up
+    assert np.array(table["heights"]) == pytest.approx(SURVEY_FOOT * GRID, rel=1e-14)
+    assert table["spacing"] == pytest.approx([2.0 * SURVEY_FOOT, 3.0 * SURVEY_FOOT], rel=1e-14)
+    assert table["corner"] == pytest.approx([700.0 * SURVEY_FOOT, 300.0 * SURVEY_FOOT], rel=1e-14)
+    assert is_right(read_map(tif(tmp_path / "c.tif", crs="EPSG:25832+7837")))  # metres by name
+    assert is_right(read_map(asc(tmp_path / "c.asc")))
+    (tmp_path / "c.prj").write_text(rasterio.CRS.from_epsg(4326).to_wkt(version="WKT1_ESRI"))
+    with pytest.raises(BadInput, match="places are no true metres"):
+        read_map(tmp_path / "c.asc")
+
+
+def masked(made):
+    made.write_mask(ROWS.max() != ROWS)
+
+
+def gap(value, kind=float):
+    rows = ROWS.astype(kind)
+    rows[1, 2] = rows[3, 0] = value
+    return rows
+
+
+@pytest.mark.parametrize(("make", "sentence"), [
+    (lambda p: tif(p / "a.tif", gap(-7.0), nodata=-7.0), "line 2, column 3 is -7, a mark of no data, and so are 1"),
+    (lambda p: tif(p / "a.tif", gap(np.nan)), "line 2, column 3 is nan, a mark of no data, and so are 1 more:"),
+    (lambda p: tif(p / "a.tif", gap(-3.4028235e38, "f4")), "line 2, column 3 is -3.4.*, a mark of no data"),
+    (lambda p: tif(p / "a.tif", gap(-32768, "i2")), "line 2, column 3 is -32768, a mark"),
+    (lambda p: tif(p / "a.tif", more=masked), "line 1, column 3 is 5, a mark of no data: fill or cut the gaps"),
+    (lambda p: asc(p / "a.asc", rows=gap(-9999.0)), "line 2, column 3 is -9999, a mark of no data, and so are 1 more"),
+    (lambda p: asc(p / "a.asc", rows=gap(77.5), mark="77.5"), "line 2, column 3 is 77.5, a mark"),
+])  # fmt: skip
+def test_gaps_of_surveys_are_refused(tmp_path, make, sentence):
+    with pytest.raises(BadInput, match=sentence):
+        read_map(make(tmp_path))
+
+
+def test_blocks_that_a_sparse_file_leaves_out_are_gaps(tmp_path):
+    path = tmp_path / "a.tif"
+    tiles = {"driver": "GTiff", "tiled": True, "blockxsize": 16, "blockysize": 16, "sparse_ok": True}
+    places = {"crs": "EPSG:25832", "transform": from_origin(5.0, 5.0, 1.0, 1.0)}
+    with rasterio.open(path, "w", height=16, width=32, count=1, dtype="float32", **tiles, **places) as made:
+        made.write(np.ones((16, 16), "f4"), 1, window=rasterio.windows.Window(0, 0, 16, 16))
+    with pytest.raises(BadInput, match="line 1, column 17 is 0, a mark of no data, and so are 255 more"):
+        read_map(path)
+
+
+def many(path):
+    return tif(path / "a.tif", np.zeros((500, 401)))
+
+
+def replaced(path, old, new):
+    path.write_bytes(path.read_bytes().replace(old, new))
+    return path
+
+
+def written(path, content):
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize(("make", "sentence"), [
+    (lambda p: tif(p / "a.tif", crs="EPSG:4326"), "no true metres, but degrees, Web Mercator or unknown: project it"),
+    (lambda p: tif(p / "a.tif", crs="EPSG:3857"), "no true metres"),
+    (lambda p: tif(p / "a.tif", crs="EPSG:4978"), "no true metres"),
+    (lambda p: tif(p / "a.tif", crs="EPSG:2225"), "places are in US survey foot, and no unit of its heights is given"),
+    (lambda p: tif(p / "a.tif", more=lambda made: setattr(made, "units", ("fathoms of old",))),
+     "is in fathoms_of_old, which does not convert to m: convert its heights to m"),
+    (lambda p: tif(p / "a.tif", transform=Affine(2, 0.1, 0, 0.1, -3, 0)), "rows do not run from west to east: turn it"),
+    (lambda p: tif(p / "a.tif", count=2), "must have one band of numbers: take the heights alone"),
+    (lambda p: tif(p / "a.tif", ROWS.astype(complex)), "must have one band of numbers"),
+    (many, "has 401 x 500 points, must have 1 to 200000: cut it or make it coarser"),
+    (lambda p: written(p / "a.tif", b"<VRTDataset/>"), "is damaged, or no file of its suffix"),
+    (lambda p: written(p / "a.tif", b""), "is damaged, or no file of its suffix"),
+    (lambda p: asc(p / "a.asc").rename(p / "b.tif"), "is damaged, or no file of its suffix"),
+    (lambda p: tif(p / "a.tif").rename(p / "b.asc"), "where a number must be"),
+    (lambda p: written(p / "a.tif", tif(p / "b.tif").read_bytes()[:-20]), "is damaged"),
+    (lambda p: replaced(asc(p / "a.asc"), b"nrows 4", b"nrows 5"), "is damaged"),
+    (lambda p: replaced(asc(p / "a.asc"), b"2.5", b"two"), "has 'two.*' where a number must be"),
+    (lambda p: p / "none.tif", "cannot be read: No such file"),
+])  # fmt: skip
+def test_surveys_that_are_refused(tmp_path, capfd, make, sentence):
+    path = make(tmp_path)
+    capfd.readouterr()
+    with pytest.raises(BadInput, match=sentence) as refused:
+        read_map(path)
+    assert str(refused.value).startswith(f"mine.toml: ground.heightmap.heights = '{path}': ")
+    assert "\n" not in str(refused.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_what_a_file_unpacks_to_is_limited(tmp_path, monkeypatch):
+    tiled = tif(tmp_path / "a.tif", tiled=True, blockxsize=4096, blockysize=4096, compress="deflate")
+    with pytest.raises(BadInput, match="its blocks have more than 67108864 bytes"):
+        read_map(tiled)
+    monkeypatch.setattr(survey_files, "MEASURED", 100)
+    with pytest.raises(BadInput, match="it has more than 100 bytes"):
+        read_map(asc(tmp_path / "a.asc"))
+    assert budget.MEASURED > 100
+
+
+@pytest.mark.parametrize(("name", "module"), [("a.tif", "rasterio"), ("a.crg", "pyopencrg")])
+def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch, name, module):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(NotInstalled, match=rf"{module} is not installed: pip install .*'\.\[survey\]'"):
+        read_map(tmp_path / name)
+
+
+U, V = 0.5 * np.arange(9), np.array([-1.0, -0.5, 0.0, 0.5, 1.0])  # m, along and across a road
+SURFACE = 0.01 * U[:, None] ** 2 + 0.04 * V[None, :] + 0.02 * U[:, None] * V[None, :]
+KEEP = ()  # an empty section of modifiers
+NUMBERED = [f"long section {i + 1},m" for i in range(len(V))]
+
+
+def crg(path, z=SURFACE, mods=KEEP, head=(), channels=(), names=NUMBERED):
+    """Road as text, 20 characters a number: ``channels`` are pairs of names and columns of the reference line."""
+    sections = {
+        "$ROAD_CRG": ["REFERENCE_LINE_INCREMENT = 0.5", "LONG_SECTION_V_RIGHT = -1", "LONG_SECTION_V_LEFT = 1",
+                      "LONG_SECTION_V_INCREMENT = 0.5", *head],
+        "$ROAD_CRG_MODS": mods,
+        "$KD_DEFINITION": ["#:LDFI", *(f"D:{name}" for name in (*dict(channels), *names))],
+    }  # fmt: skip
+    lines = [line for key, content in sections.items() if content is not None for line in (key, *content, "$")]
+    lines.append(72 * "$")
+    for row in np.column_stack([*dict(channels).values(), z]):
+        words = [20 * "*" if np.isnan(value) else f"{value:20.14f}" for value in row]
+        lines += ["".join(words[k : k + 4]) for k in range(0, len(words), 4)]
+    path.write_text("\n".join([*lines, ""]))
+    return path
+
+
+def test_a_straight_road_is_exact_at_its_own_nodes(tmp_path):
+    start = ["REFERENCE_LINE_START_X = 10", "REFERENCE_LINE_START_Y = 5", "REFERENCE_LINE_START_Z = 0.5"]
+    slopes = ["REFERENCE_LINE_START_S = 0.1", "REFERENCE_LINE_START_B = 0.05"]
+    table = read_map(crg(tmp_path / "a.crg", head=[*start, *slopes]))
+    assert (table["corner"], table["spacing"]) == ([10.0, 4.0], [0.5, 0.5])
+    placed = 0.5 + 0.1 * U[:, None] + 0.05 * V[None, :]
+    assert np.array(table["heights"]) == pytest.approx(SURFACE + placed, abs=1e-13)
+    assert np.array(table["heights"])[:, ::-1] != pytest.approx(SURFACE + placed, abs=1e-2)
+    assert np.array(table["heights"]) != pytest.approx(SURFACE + placed + 0.02 * 0.05 * V[None, :], abs=1e-4)
+
+
+@pytest.mark.parametrize(("mods", "corner", "up"), [
+    (None, [0.0, -1.0], -0.6),  # ASAM's default: its start, on the road, goes to the origin
+    (KEEP, [10.0, 4.0], 0.0),
+    (["REFLINE_OFFSET_Z = 2"], [10.0, 4.0], 2.0),
+    (["REFPOINT_X = 3", "REFPOINT_Z = 1"], [3.0, -1.0], 0.4),
+])  # fmt: skip
+def test_modifiers_place_a_road_as_the_tools_of_asam_do(tmp_path, mods, corner, up):
+    start = ["REFERENCE_LINE_START_X = 10", "REFERENCE_LINE_START_Y = 5", "REFERENCE_LINE_START_Z = 0.5"]
+    table = read_map(crg(tmp_path / "a.crg", SURFACE + 0.1, mods=mods, head=start))
+    assert table["corner"] == pytest.approx(corner, abs=1e-13)
+    assert np.array(table["heights"]) == pytest.approx(SURFACE + 0.5 + 0.1 + up, abs=1e-13)
+    moved = read_map(tmp_path / "a.crg", corner=[0, 0])
+    assert (moved["corner"], moved["heights"]) == ([0, 0], table["heights"])
+
+
+def test_borders_go_on_beside_a_road_and_gaps_inside_are_refused(tmp_path):
+    z = SURFACE.copy()
+    z[3, :2] = z[5, 4] = np.nan
+    filled = SURFACE.copy()
+    filled[3, :2], filled[5, 4] = z[3, 2], z[5, 3]
+    ends = ["REFERENCE_LINE_START_PHI = 0.5"]
+    for mods in (None, KEEP, ["GRID_NAN_MODE = 0"], ["GRID_NAN_MODE = 2"]):
+        table = read_map(crg(tmp_path / "a.crg", z, mods=mods))
+        assert np.array(table["heights"]) == pytest.approx(filled, abs=1e-13)
+    table = read_map(crg(tmp_path / "b.crg", np.broadcast_to(V**2, SURFACE.shape), head=ends), spacing=[0.25, 0.25])
+    heights, (x, y) = np.array(table["heights"]), table["corner"]
+    x, y = x + 0.25 * np.arange(len(heights)), y + 0.25 * np.arange(heights.shape[1])
+    v = np.cos(0.5) * y - np.sin(0.5) * x[:, None]
+    assert np.abs(v).max() > 2.0, "no place beside the road"
+    assert heights == pytest.approx(np.interp(np.abs(v), [0.0, 0.5, 1.0], [0.0, 0.25, 1.0]), abs=1e-12)
+    z[2, 2] = np.nan
+    with pytest.raises(BadInput, match="cross section 3, long section 3 is nan, a mark of no data: fill or cut"):
+        read_map(crg(tmp_path / "c.crg", z))
+    z[2] = np.nan
+    with pytest.raises(BadInput, match=r"no sound OpenCRG road: 1 cross section\(s\) contain only NaN"):
+        read_map(crg(tmp_path / "d.crg", z))
+
+
+def test_a_curve_lies_on_its_circle(tmp_path):
+    """Banking makes the height a function of the distance to the centre, here 10 m to the left of the start."""
+    count, radius, bank = 41, 10.0, 0.2
+    phi = np.concatenate([[np.nan], (np.arange(count - 1) + 0.5) * 0.5 / radius])
+    head = ["REFERENCE_LINE_START_PHI = 0.025", f"REFERENCE_LINE_START_B = {bank}"]
+    flat = np.zeros((count, len(V)))
+    path = crg(tmp_path / "a.crg", flat, head=head, channels=[("reference line phi,rad", phi)])
+    table = read_map(path, spacing=[0.25, 0.25])
+    heights, corner = np.array(table["heights"]), table["corner"]
+    x, y = (low + 0.25 * np.arange(n) for low, n in zip(corner, heights.shape, strict=True))
+    v = radius - np.hypot(x[:, None], y[None, :] - radius)
+    ahead = np.arctan2(x[:, None], radius - y[None, :])
+    on = (np.abs(v) < 0.9) & (ahead > 0.1) & (ahead < 1.9)
+    assert on.sum() > 300
+    sagitta = 0.5**2 / 8.0 / radius * 2.0
+    assert heights[on] == pytest.approx(bank * v[on], abs=bank * sagitta)
+    assert heights[on] != pytest.approx(1.03 * bank * v[on], abs=bank * sagitta)
+    own = read_map(path)
+    assert own["spacing"] == [0.5, 0.5]
+    assert np.array(own["heights"])[:22, :31] == pytest.approx(heights[:44:2, :62:2], abs=1e-12)
+
+
+@pytest.mark.parametrize(("keys", "spacing", "sentence"), [
+    ({"head": ["$", "$ROAD_CRG_FILE", "other.crg"]}, None, r"refers to another file by \$ROAD_CRG_FILE: name that one"),
+    ({"names": ["long section 1,m", "long section 3,m"], "z": SURFACE[:, :2]}, None, "long section numbers must be 1"),
+    ({}, [0.001, 0.01], "has 201 x 4001 points, must have 1 to 200000: give a larger ground.heightmap.spacing, "
+                        r"\[0.001, 0.01\] m now"),
+    ({}, [0, 1], "spacing must be two lengths above 0"),
+    ({"mods": ["SCALE_LENGTH = -1"]}, None, "no sound OpenCRG road: modifier scale_length must be positive"),
+])  # fmt: skip
+def test_roads_that_are_refused(tmp_path, capfd, keys, spacing, sentence):
+    path = crg(tmp_path / "a.crg", **keys)
+    with pytest.raises(BadInput, match=sentence) as refused:
+        read_map(path, **({} if spacing is None else {"spacing": spacing}))
+    assert "\n" not in str(refused.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_roads_whose_text_is_damaged_are_refused(tmp_path):
+    whole = crg(tmp_path / "a.crg").read_text()
+    for text, sentence in [
+        (whole.replace("LONG_SECTION_V_INCREMENT = 0.5\n", ""), "lacks LONG_SECTION_V_INCREMENT: add it to"),
+        (whole[:-30], "is no sound OpenCRG road"),
+        ("no road", "is no OpenCRG road: no"),
+        ("", "is no OpenCRG road: no"),
+    ]:
+        (tmp_path / "b.crg").write_text(text)
+        with pytest.raises(BadInput, match=sentence) as refused:
+            read_map(tmp_path / "b.crg")
+        assert "\n" not in str(refused.value)
+        assert str(refused.value).count("b.crg") == 1, "the path of a copy is nobody's business"
+
+
+def test_a_scene_names_a_survey_beside_it_and_settings_place_it(tmp_path, cotrack, monkeypatch):
+    tif(tmp_path / "hills.tif")
+    crg(tmp_path / "road.crg")
+    text = resources.files("orchestrator.gallery").joinpath("straight.toml").read_text()
+    scene = tmp_path / "mine.toml"
+    scene.write_text(f"{text}\n[ground.heightmap]\nheights = 'hills.tif'\n")
+    monkeypatch.chdir(tmp_path.parent)
+    heightmap = load(str(scene), "rigid").resolved()["ground"]["heightmap"]
+    assert is_right(heightmap)
+    assert load(f"{tmp_path.name}/mine.toml", "rigid", ["ground.heightmap.corner=[1, 2]"]).ground.heightmap.corner == (
+        1,
+        2,
+    )
+    with pytest.raises(BadInput, match=r"spacing = \[1, 1\] m contradicts the file"):
+        load(str(scene), "rigid", ["ground.heightmap.spacing=[1, 1]"])
+    road = [f"ground.heightmap.heights={tmp_path / 'road.crg'}", "ground.heightmap.spacing=[1, '50 cm']"]
+    heights = load("straight", "rigid", road).ground.heightmap.heights
+    assert np.array(heights) == pytest.approx(SURFACE[::2], abs=1e-13)
+    assert "hills.tif" not in cotrack.done("show", scene, "--track", "rigid")
+    checker = Draft202012Validator(scene_schema())
+    assert checker.is_valid({"assembly": "vehicle", "ground": {"heightmap": {"heights": "a.tif"}}}) == checker.is_valid(
+        {"assembly": "vehicle", "ground": {"heightmap": {"heights": "a.csv", "corner": [0, 0], "spacing": [1, 1]}}}
+    )
