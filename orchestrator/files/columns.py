@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,3 +44,12 @@ def unit_size(given: str, unit: str) -> float:
 def no_data(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which values, as in the file, are no numbers or marks of no data."""
     return np.isin(values, MARKS) | ~(np.abs(values) < HUGE)
+
+
+def check_gaps(values: NDArray[Any], missing: NDArray[np.bool_], names: Sequence[str] = ("line", "column")) -> None:
+    """Raise ValueError for numbers of a grid that are missing; both (n, m), ``names``: of lines and columns."""
+    places = np.argwhere(missing)
+    if len(places):
+        (i, j), more = places[0], f", and so are {len(places) - 1} more" if len(places) > 1 else ""
+        where = f"{names[0]} {i + 1}, {names[1]} {j + 1}"
+        raise ValueError(f"{where} is {values[i, j]:.7g}, a mark of no data{more}: fill or cut the gaps")

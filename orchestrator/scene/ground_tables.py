@@ -30,6 +30,12 @@ PLACES = 50  # along each track, between its first and its last road wheel
 EVEN = 1e-9  # largest distance of the ground from a plane that counts as one, m
 
 
+def check_points(rows: float, columns: float, remedy: str = "") -> None:
+    """Raise ValueError, with ``remedy`` at its end, for a map that is empty or too large."""
+    if not 0 < rows * columns <= MOST_HEIGHTS:
+        raise ValueError(f"has {columns:.0f} x {rows:.0f} points, must have 1 to {MOST_HEIGHTS}{remedy}")
+
+
 class BumpTable(FrozenTable):
     """Trapezoidal obstacle across the path, with rounded edges, in the frame of the start."""
 

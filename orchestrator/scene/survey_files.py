@@ -17,32 +17,30 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeVar
+from typing import Any
 from uuid import uuid4
 
 import numpy as np
 
+from fmus.vehicles.tables import to_si
 from orchestrator.files.budget import AT_ONCE, MEASURED, TOML, OverBudget, read_file
-from orchestrator.files.columns import no_data, unit_size
+from orchestrator.files.columns import check_gaps, no_data, unit_size
 from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
-from orchestrator.scene.height_grid import check_gaps, check_points, given_spacing, set_places
+from orchestrator.scene.ground_tables import check_points
+from orchestrator.scene.values import FARTHEST
 
 EXTRA = "survey"
+Pair = tuple[float, float]
 WEB_MERCATOR = 3857  # stretches lengths, twice at a latitude of 60 degrees
-STRAIGHT = 1e-9  # rad; and part of a spacing
-PROJECT = "project it, as gdalwarp -t_srs does"
+STRAIGHT = 1e-9  # rad
+ROUNDING = 1e-6  # part of a spacing
 _WORD = re.compile(
     rb"(?i)ncols|nrows|[xy]ll(corner|center)|cellsize|d[xy]|nodata_value|nan|[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?"
 )
-_REFERENCE, _NUMBERED, _INCREMENT = (
-    re.compile(rb"(?im)^\s*" + line)
-    for line in (rb"\$road_crg_file", rb"D:\s*long section\s+\d", rb"long_section_v_increment")
-)
-Read = TypeVar("Read")
 
 
 def read_raster(path: Path, heightmap: dict[str, Any]) -> Floats:
@@ -73,17 +71,21 @@ def read_raster(path: Path, heightmap: dict[str, Any]) -> Floats:
             if source.get_tag_item(f"BLOCK_OFFSET_{j}_{i}", "TIFF", bidx=1) is None:  # left out
                 missing[window.toslices()] = True
         check_gaps(raw, missing | no_data(raw))
-        across, up = _units(source)
-        if not source.transform.is_identity:
-            _set_places(source.transform, raw.shape, across, heightmap)
-        elif not {"corner", "spacing"} <= heightmap.keys():
+        heights = _in_metres(source, raw)
+        grid, (rows, columns) = source.transform, raw.shape
+    x, y = grid.c + grid.a * (np.arange(columns) + 0.5), grid.f + grid.e * (np.arange(rows) + 0.5)
+    if grid.is_identity:
+        y = -y  # rows run from north to south
+        if not {"corner", "spacing"} <= heightmap.keys():
             raise ValueError("has no places: give ground.heightmap.corner and ground.heightmap.spacing")
-        heights = (raw.astype(float) * source.scales[0] + source.offsets[0]) * up
-        north_up, east = source.transform.e < 0.0 or source.transform.is_identity, source.transform.a > 0.0
-    return heights[:: -1 if north_up else 1, :: 1 if east else -1].T
+    elif abs(grid.b) + abs(grid.d) > STRAIGHT * abs(grid.a):
+        raise ValueError("its rows do not run from west to east: turn it, as gdalwarp does")
+    else:
+        _set_places(heightmap, (float(x.min()), float(y.min())), (abs(grid.a), abs(grid.e)))
+    return heights.T[np.argsort(x)][:, np.argsort(y)]
 
 
-def _sound(read: Callable[[], Read]) -> Read:
+def _sound(read: Callable[[], Any]) -> Any:
     """Result of a library that raises whatever it likes at a file of others; raises ValueError."""
     try:
         return read()
@@ -91,30 +93,15 @@ def _sound(read: Callable[[], Read]) -> Read:
         raise ValueError("is damaged, or no file of its suffix") from None
 
 
-def _units(source: Any) -> tuple[float, float]:
-    """Metres in the units of the places and heights of a raster; raises ValueError."""
+def _in_metres(source: Any, raw: Floats) -> Floats:
+    """Heights of a raster, m, from the numbers in it; raises ValueError for other units of places and unknown ones."""
     crs, unit = source.crs, (source.units[0] or "").replace("US survey", "survey").replace(" ", "_")
-    if crs and (not crs.is_projected or crs.to_epsg() == WEB_MERCATOR):
-        raise ValueError(f"its places are no true metres, but degrees, Web Mercator or unknown: {PROJECT}")
-    across = crs.linear_units_factor[1] if crs else 1.0
-    if not unit and across != 1.0:
-        raise ValueError(
-            f"its places are in {crs.linear_units}, and no unit of its heights is given: {PROJECT}, to metres"
-        )
+    if crs and (not crs.is_projected or crs.linear_units != "metre" or crs.to_epsg() == WEB_MERCATOR):
+        raise ValueError("has places in degrees, feet, Web Mercator or unknown: project it, as gdalwarp -t_srs does")
     try:
-        return across, unit_size(unit, "m")
+        return (raw.astype(float) * source.scales[0] + source.offsets[0]) * unit_size(unit, "m")
     except ValueError as error:
         raise ValueError(f"{error}: convert its heights to m") from None
-
-
-def _set_places(transform: Any, shape: tuple[int, int], across: float, heightmap: dict[str, Any]) -> None:
-    """Complete a raw table by the places of the cells' middles; raises ValueError."""
-    if abs(transform.b) + abs(transform.d) > 1e-9 * abs(transform.a):
-        raise ValueError("its rows do not run from west to east: turn it, as gdalwarp does")
-    rows, columns = shape
-    east = transform.c + transform.a * (0.5 if transform.a > 0.0 else columns - 0.5)
-    north = transform.f + transform.e * (0.5 if transform.e > 0.0 else rows - 0.5)
-    set_places(heightmap, (across * east, across * north), (across * abs(transform.a), across * abs(transform.e)))
 
 
 def read_road(path: Path, heightmap: dict[str, Any]) -> Floats:
@@ -126,9 +113,10 @@ def read_road(path: Path, heightmap: dict[str, Any]) -> Floats:
     """
     crg = library("pyopencrg", EXTRA)
     content = read_file(path, MEASURED)
-    if _REFERENCE.search(content):
+    text = b"\n" + content.lower()
+    if b"\n$road_crg_file" in text:
         raise ValueError("refers to another file by $ROAD_CRG_FILE: name that one, with the modifiers in it")
-    if _NUMBERED.search(content) and not _INCREMENT.search(content):
+    if re.search(rb"\n\s*d:\s*long section\s+\d", text) and not re.search(rb"\n\s*long_section_v_increment", text):
         raise ValueError("numbers its long sections, but lacks LONG_SECTION_V_INCREMENT: add it to $ROAD_CRG")
     with TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what is odd but sound
@@ -136,11 +124,9 @@ def read_road(path: Path, heightmap: dict[str, Any]) -> Floats:
         copy.write_bytes(content)
         try:
             road = crg.read(copy)
-        except crg.CrgCheckError as error:
-            raise ValueError(f"is no sound OpenCRG road: {(error.report.errors or error.report.warnings)[0]}") from None
         except Exception as error:
-            reason = str(error).replace(f"{copy}: ", "")
-            raise ValueError(f"is no OpenCRG road: {' '.join(reason.split())}") from None
+            reason = error.report.errors[0] if hasattr(error, "report") else str(error).replace(f"{copy}: ", "")
+            raise ValueError(f"is no sound OpenCRG road: {' '.join(reason.split())}") from None
         known = ~np.isnan(road.z)
         inside = np.maximum.accumulate(known, 1) & np.maximum.accumulate(known[:, ::-1], 1)[:, ::-1]
         check_gaps(road.z, inside & ~known, ("cross section", "long section"))
@@ -153,10 +139,34 @@ def _over_extent(road: Any, heightmap: dict[str, Any]) -> Floats:
     edges = np.array(road.uv_to_xy(*map(np.ravel, np.meshgrid(road.u, road.v[[0, -1]]))))
     along, across = road.u_inc, float(np.diff(road.v).min())
     ahead = road.is_straight and abs(road.phi_start) < STRAIGHT
-    spacing = given_spacing(heightmap) or ((along, across) if ahead else (min(along, across),) * 2)
+    spacing = _given_spacing(heightmap) or ((along, across) if ahead else (min(along, across),) * 2)
     corner, extent = edges.min(1), np.ptp(edges, 1)
-    points = np.ceil(extent / spacing - STRAIGHT) + 1.0
+    points = np.ceil(extent / spacing - ROUNDING) + 1.0
     check_points(points[0], points[1], ": give a larger ground.heightmap.spacing, [{:g}, {:g}] m now".format(*spacing))
-    set_places(heightmap, corner.tolist(), spacing)
+    _set_places(heightmap, (float(corner[0]), float(corner[1])), spacing)
     x, y = (low + step * np.arange(int(n)) for low, step, n in zip(corner, spacing, points, strict=True))
     return np.asarray(road.xy_to_z(*map(np.ravel, np.meshgrid(x, y, indexing="ij")))).reshape(len(x), len(y))
+
+
+def _given_spacing(heightmap: dict[str, Any]) -> Pair | None:
+    """Spacing that a raw table gives, m; raises ValueError."""
+    if heightmap.get("spacing") is None:
+        return None
+    with suppress(TypeError, ValueError):
+        x, y = map(to_si("m"), heightmap["spacing"])
+        if min(x, y) > 0.0:
+            return x, y
+    raise ValueError("ground.heightmap.spacing must be two lengths above 0")
+
+
+def _set_places(heightmap: dict[str, Any], corner: Pair, spacing: Pair) -> None:
+    """Complete a raw table by the least x and y and the spacing of a file, m; raises ValueError."""
+    given = _given_spacing(heightmap)
+    if given is not None and not np.allclose(given, spacing, rtol=ROUNDING, atol=0.0):
+        text = "ground.heightmap.spacing = [{:g}, {:g}] m contradicts that of the file, [{:.7g}, {:.7g}]: leave it out"
+        raise ValueError(text.format(*given, *spacing))
+    heightmap["spacing"] = list(spacing)
+    if "corner" not in heightmap and not max(map(abs, corner)) <= FARTHEST:
+        far = "lies at x = {:.7g} m, y = {:.7g} m, beyond {:g} m".format(*corner, FARTHEST)
+        raise ValueError(f"{far}: bring it near by ground.heightmap.corner = [0, 0]")
+    heightmap.setdefault("corner", list(corner))

@@ -107,7 +107,7 @@ def test_a_corner_moves_a_survey_and_the_spacing_may_be_repeated(tmp_path):
     table = read_map(far, corner=[-4, "9 m"], spacing=["200 cm", 3])
     assert (table["corner"], table["spacing"]) == ([-4, "9 m"], [2.0, 3.0])
     assert np.array_equal(table["heights"], GRID)
-    with pytest.raises(BadInput, match=r"spacing = \[2, 2\] m contradicts the file, which has \[2, 3\]: leave it out"):
+    with pytest.raises(BadInput, match=r"spacing = \[2, 2\] m contradicts that of the file, \[2, 3\]: leave it out"):
         read_map(far, spacing=[2, 2])
     for wrong in (2, [1], [0, 1], ["2 kg", 1]):
         with pytest.raises(BadInput, match="spacing must be two lengths above 0"):
@@ -126,14 +126,14 @@ def test_scale_offset_and_units_become_metres(tmp_path):
     table = read_map(tif(tmp_path / "a.tif", counts, more=stored))
     assert np.array(table["heights"]) == pytest.approx(FOOT * GRID, rel=1e-14)
     assert np.array(table["heights"]) != pytest.approx(SURVEY_FOOT * GRID, rel=1e-6), "2e-6 apart"
-    table = read_map(tif(tmp_path / "b.tif", crs="EPSG:2225+6360"))  # feet of US surveys, across and up
+    table = read_map(tif(tmp_path / "b.tif", crs="EPSG:25832+6360"))  # heights in feet of US surveys
     assert np.array(table["heights"]) == pytest.approx(SURVEY_FOOT * GRID, rel=1e-14)
-    assert table["spacing"] == pytest.approx([2.0 * SURVEY_FOOT, 3.0 * SURVEY_FOOT], rel=1e-14)
-    assert table["corner"] == pytest.approx([700.0 * SURVEY_FOOT, 300.0 * SURVEY_FOOT], rel=1e-14)
+    assert table["spacing"] == [2.0, 3.0]
     assert is_right(read_map(tif(tmp_path / "c.tif", crs="EPSG:25832+7837")))  # metres by name
+    assert np.array_equal(read_map(asc(tmp_path / "b.asc", rows=ROWS + 0.1))["heights"], GRID + 0.1)  # no float32
     assert is_right(read_map(asc(tmp_path / "c.asc")))
     (tmp_path / "c.prj").write_text(rasterio.CRS.from_epsg(4326).to_wkt(version="WKT1_ESRI"))
-    with pytest.raises(BadInput, match="places are no true metres"):
+    with pytest.raises(BadInput, match="has places in degrees, feet"):
         read_map(tmp_path / "c.asc")
 
 
@@ -186,10 +186,10 @@ def written(path, content):
 
 
 @pytest.mark.parametrize(("make", "sentence"), [
-    (lambda p: tif(p / "a.tif", crs="EPSG:4326"), "no true metres, but degrees, Web Mercator or unknown: project it"),
-    (lambda p: tif(p / "a.tif", crs="EPSG:3857"), "no true metres"),
-    (lambda p: tif(p / "a.tif", crs="EPSG:4978"), "no true metres"),
-    (lambda p: tif(p / "a.tif", crs="EPSG:2225"), "places are in US survey foot, and no unit of its heights is given"),
+    (lambda p: tif(p / "a.tif", crs="EPSG:4326"), "has places in degrees, feet, Web Mercator or unknown: project it"),
+    (lambda p: tif(p / "a.tif", crs="EPSG:3857"), "has places in degrees, feet"),
+    (lambda p: tif(p / "a.tif", crs="EPSG:4978"), "has places in degrees, feet"),
+    (lambda p: tif(p / "a.tif", crs="EPSG:2225"), "has places in degrees, feet"),
     (lambda p: tif(p / "a.tif", more=lambda made: setattr(made, "units", ("fathoms of old",))),
      "is in fathoms_of_old, which does not convert to m: convert its heights to m"),
     (lambda p: tif(p / "a.tif", transform=Affine(2, 0.1, 0, 0.1, -3, 0)), "rows do not run from west to east: turn it"),
@@ -264,6 +264,11 @@ def test_a_straight_road_is_exact_at_its_own_nodes(tmp_path):
     assert np.array(table["heights"]) == pytest.approx(SURFACE + placed, abs=1e-13)
     assert np.array(table["heights"])[:, ::-1] != pytest.approx(SURFACE + placed, abs=1e-2)
     assert np.array(table["heights"]) != pytest.approx(SURFACE + placed + 0.02 * 0.05 * V[None, :], abs=1e-4)
+
+
+def test_a_road_far_away_gets_no_line_more_by_rounding(tmp_path):
+    table = read_map(crg(tmp_path / "a.crg", head=["REFERENCE_LINE_START_X = 400000.3"]))
+    assert np.array(table["heights"]) == pytest.approx(SURFACE, abs=1e-9)
 
 
 @pytest.mark.parametrize(("mods", "corner", "up"), [
@@ -347,8 +352,8 @@ def test_roads_whose_text_is_damaged_are_refused(tmp_path):
     for text, sentence in [
         (whole.replace("LONG_SECTION_V_INCREMENT = 0.5\n", ""), "lacks LONG_SECTION_V_INCREMENT: add it to"),
         (whole[:-30], "is no sound OpenCRG road"),
-        ("no road", "is no OpenCRG road: no"),
-        ("", "is no OpenCRG road: no"),
+        ("no road", "is no sound OpenCRG road: no"),
+        ("", "is no sound OpenCRG road: no"),
     ]:
         (tmp_path / "b.crg").write_text(text)
         with pytest.raises(BadInput, match=sentence) as refused:
@@ -370,7 +375,7 @@ def test_a_scene_names_a_survey_beside_it_and_settings_place_it(tmp_path, cotrac
         1,
         2,
     )
-    with pytest.raises(BadInput, match=r"spacing = \[1, 1\] m contradicts the file"):
+    with pytest.raises(BadInput, match=r"spacing = \[1, 1\] m contradicts that of the file"):
         load(str(scene), "rigid", ["ground.heightmap.spacing=[1, 1]"])
     road = [f"ground.heightmap.heights={tmp_path / 'road.crg'}", "ground.heightmap.spacing=[1, '50 cm']"]
     heights = load("straight", "rigid", road).ground.heightmap.heights
