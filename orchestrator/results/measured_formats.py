@@ -16,16 +16,18 @@ stream has none. Times count from the first start of all channels.
 
 from __future__ import annotations
 
+import gc
 import logging
 import re
+import sys
 from array import array
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
-from io import BufferedReader
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
+from io import BufferedReader, StringIO
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -43,6 +45,11 @@ PREAMBLE = 200  # lines in which a header is looked for, to name it
 UNITS_UNTIL = 3  # last line that may be one of units
 SHOWN = 100  # characters of a line in a message
 TIMING = ("wf_start_time", "wf_start_offset", "wf_increment")  # properties of a TDMS channel
+LEAD_IN = 28  # bytes
+_TIMED = re.compile(  # path of an object or time property of it, with a date (type 68) or a double (10)
+    rb"(?s)(?P<path>/'(?:[^']|'')*'(?:/'(?:[^']|'')*')?)"
+    rb"|(?P<key>wf_start_time|wf_start_offset|wf_increment)(?P<value>(?:D\0\0\0|\0\0\0D).{16}|(?:\n\0\0\0|\0\0\0\n).{8})"
+)
 _TIME = re.compile(r"(?:.*[T ])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?")
 
 
@@ -73,13 +80,27 @@ def read_samples(path: Path, choose: Choose) -> Read:
     :param choose: gives the numbers of the wanted columns among those of the file; raises BadInput.
     :raises BadInput: for a file that cannot be read; NotInstalled without its library, LogUnreadable for a log.
     """
+    reason = ""
+    with _silent_ends():
+        try:
+            return FORMATS.get(path.suffix.lower(), _csv)(path, choose)
+        except (BadInput, NotInstalled, LogUnreadable):
+            raise
+        except Exception as error:
+            reason = f"{getattr(error, 'strerror', None) or error}" or type(error).__name__
+        gc.collect()  # drops what the failure still holds
+    raise BadInput(f"{path} cannot be read: {' '.join(reason.split())}")
+
+
+@contextmanager
+def _silent_ends() -> Iterator[None]:
+    """Silence asammdf, which prints groups of damaged files and raises when it drops a file that it could not open."""
+    before, sys.unraisablehook = sys.unraisablehook, lambda told: None
     try:
-        return FORMATS.get(path.suffix.lower(), _csv)(path, choose)
-    except (BadInput, NotInstalled, LogUnreadable):
-        raise
-    except Exception as error:
-        reason = f"{getattr(error, 'strerror', None) or error}" or type(error).__name__
-        raise BadInput(f"{path} cannot be read: {' '.join(reason.split())}") from None
+        with redirect_stdout(StringIO()):
+            yield
+    finally:
+        sys.unraisablehook = before
 
 
 def _csv(path: Path, choose: Choose) -> Read:
@@ -172,16 +193,9 @@ def _parquet(path: Path, choose: Choose) -> Read:
     return found
 
 
-def _drop(file: Any) -> None:
-    """Close a file of asammdf that is not in use, in silence: one that it could not open raises there, too."""
-    with suppress(Exception):
-        file.close()
-
-
 def _mdf(path: Path, choose: Choose) -> Read:
     asammdf = library("asammdf", EXTRA)
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # it prints what it raises, too
-    library("asammdf.blocks.mdf_v4", EXTRA).MDF4.__del__ = _drop
     with open_file(path, MEASURED_BINARY) as stream, asammdf.MDF(stream) as file:
         if not file.version.startswith("4"):
             raise BadInput(f"{path} is MDF {file.version}: save it as MDF 4")
@@ -231,7 +245,7 @@ def _tdms(path: Path, choose: Choose) -> Read:
     return found
 
 
-def _track(path: Path, channel: Any, told: Mapping[tuple[str, str], set[str]], first: Any) -> Floats:
+def _track(path: Path, channel: Any, told: Mapping[tuple[str, str], set[bytes]], first: Any) -> Floats:
     """Times of a TDMS channel, s, from the first start among all; raises BadInput if they are not known."""
     about, name = channel.properties, f"{channel.group_name}/{channel.name}"
     for key in TIMING:
@@ -249,22 +263,25 @@ def _track(path: Path, channel: Any, told: Mapping[tuple[str, str], set[str]], f
     return np.asarray(start + float(about["wf_increment"]) * np.arange(len(channel)), float)
 
 
-def _time_properties(stream: BufferedReader) -> dict[tuple[str, str], set[str]]:
-    """Values of each time property, by path and key, in all segments of a TDMS file.
+def _time_properties(stream: BufferedReader) -> dict[tuple[str, str], set[bytes]]:
+    """Values of each time property, as bytes, by path and key, in the metadata of all segments of a TDMS file.
 
-    The method that merges them is npTDMS' own affair; if it has another name, nothing is found, and ``_track`` refuses.
+    A segment begins with a tag, flags (64: big-endian), a version, its length and that of its metadata (National
+    Instruments, TDMS File Format Internal Structure); a property is its name, its type and its value.
     """
-    found: dict[tuple[str, str], set[str]] = {}
-
-    class Watched(library("nptdms.reader", EXTRA).TdmsReader):  # type: ignore[misc]
-        def _update_object_properties(self, properties: Any) -> None:
-            for path, pairs in (properties or {}).items():
-                for key, value in pairs:
-                    if key in TIMING:
-                        found.setdefault((path, key), set()).add(repr(value))  # of equal dates alike
-            super()._update_object_properties(properties)
-
-    Watched(stream).read_metadata()
+    found: dict[tuple[str, str], set[bytes]] = {}
+    at = 0
+    while (lead := stream.read(LEAD_IN)).startswith(b"TDSm"):
+        order: Literal["big", "little"] = "big" if lead[4] & 64 else "little"
+        whole, described = (int.from_bytes(lead[k : k + 8], order) for k in (12, 20))
+        path = ""
+        for each in _TIMED.finditer(stream.read(described)):
+            if each["path"]:
+                path = each["path"].decode()
+            else:
+                found.setdefault((path, each["key"].decode()), set()).add(each["value"])
+        at += LEAD_IN + whole
+        stream.seek(min(at, MEASURED_BINARY))  # a segment that was not finished has no end
     return found
 
 

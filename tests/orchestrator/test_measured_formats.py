@@ -284,7 +284,7 @@ def test_a_record_of_tdms_that_was_armed_again_is_refused(tmp_path, monkeypatch,
 
 
 def test_tdms_whose_segments_cannot_be_told_is_refused(tmp_path, monkeypatch):
-    """If a later npTDMS merges properties by another method, nothing is known of segments."""
+    """A segment whose metadata are not as National Instruments describes them is not guessed."""
     t = 0.01 * np.arange(50)
     file = tmp_path / "m.tdms"
     write_tdms(file, [[("g", "v", t, waveform(t, "m/s"))]])
