@@ -56,6 +56,7 @@ class Fitted(NamedTuple):
     answer: Answer
     files: tuple[Path, ...]
     scene: Scene  # with the fitted numbers
+    runs: int
 
 
 def fit(  # noqa: PLR0913, the options of the command
@@ -197,7 +198,7 @@ def _save(
     more = {"fit.json": json.dumps(_finite(result), indent=1), "residuals.csv": residuals.csv()}
     more |= _scene_files(changed, origins)
     saved = output_files.save_results(folder, "fit", table, _draw(task, end, found, names), more)
-    return Fitted(verdict, not found.problems, table, residuals, found, tuple(saved), changed)
+    return Fitted(verdict, not found.problems, table, residuals, found, tuple(saved), changed, task.runs)
 
 
 def _finite(value: Any) -> Any:
