@@ -35,6 +35,7 @@ STEPS = SMALL, 1e-3, 1e-2  # of differences, in units of a number's size: the fi
 ROUGH = 0.1  # change of a derivative with twice the step that is told
 ROUNDS = 3  # of searches with an estimated noise
 MOST_STEPS = 30  # of a search
+SILENT = 0.1  # norm of a column below which its number stays: its error would be ten times its size
 
 
 class FitFailed(Exception):
@@ -206,20 +207,22 @@ def search(task: Objective, scanned: int = 0) -> Search:
     u = _best_start(task, scanned, noise)
     converged = False
     for _ in range(1 if all(known) else ROUNDS):
+        steps, columns, _ = smooth_steps(task, u, noise)
+        # A row each: scipy 1.17.1 moves variables whose column is 0 (findings/scipy_zero_column.sh).
+        stays = np.where(np.linalg.norm(columns, axis=0) < SILENT, 1.0, 0.0)
 
-        def residual(v: Floats, noise: Sequence[float] = noise) -> Floats:
+        def residual(v: Floats, noise: Sequence[float] = noise, u: Floats = u, stays: Floats = stays) -> Floats:
             try:
                 difference = task.difference(v)
             except FitFailed:  # a shorter step is tried
-                return np.full(sum(len(one.t) for one in signals), np.inf)
+                return np.full(sum(len(one.t) for one in signals) + len(u), np.inf)
             r = np.concatenate([d / s for d, s in zip(difference, noise, strict=True)])
             task.told(f"sum of squares {r @ r:.6g} at {', '.join(f'{x:.6g}' for x in task.numbers(v))}")
-            return r
+            return np.concatenate([r, stays * (v - u)])
 
-        steps = smooth_steps(task, u, noise)[0]
-
-        def jacobian(v: Floats, noise: Sequence[float] = noise, steps: Floats = steps) -> Floats:
-            return np.concatenate([j / s for j, s in zip(task.jacobian(v, steps), noise, strict=True)])
+        def jacobian(v: Floats, noise: Sequence[float] = noise, steps: Floats = steps, stays: Floats = stays) -> Floats:
+            columns = [j * (1.0 - stays) / s for j, s in zip(task.jacobian(v, steps), noise, strict=True)]
+            return np.concatenate([*columns, np.diag(stays)])
 
         found = least_squares(
             residual, u, jacobian, task.bounds(), ftol=1e-6, xtol=1e-7, gtol=1e-10, max_nfev=MOST_STEPS
@@ -243,7 +246,7 @@ def _best_start(task: Objective, scanned: int, noise: Sequence[float]) -> Floats
         for one, a, b in zip(task.free, low, high, strict=True):
             if not b - a < math.inf:
                 raise BadInput(f"--scan {scanned}: {one.key} has no range: --free {one.key}=FROM:TO")
-        points += [*qmc.scale(qmc.LatinHypercube(len(low), rng=0).random(scanned), low, high)]
+        points += [*qmc.scale(qmc.LatinHypercube(len(low), seed=np.random.default_rng(0)).random(scanned), low, high)]
     sums = task.sums(points, noise)
     best = int(np.nanargmin(sums))
     if scanned:

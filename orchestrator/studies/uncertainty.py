@@ -3,6 +3,8 @@
 Standard errors come from J'J of independent samples with the given noise. Without a given noise that of a signal is the
 RMS of its residual, which makes chi2/n 1 and says nothing about the model. A profile is the sum of squares along one
 number, with the others where linear theory has their best: s standard errors away it rises by s^2 if that theory holds.
+Where it is flat, the derivative was that of rounding or impacts: the profile is followed outwards until it rises, and
+its width is the error.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ UNKNOWN = 1.0  # standard error of a combination, in units of the numbers' sizes
 CORRELATED = 0.95
 AGREES = 0.5, 2.0  # chi2/n of a model whose differences are noise, and rise of a profile over that of linear theory
 ALONG = -2.0, -1.0, 1.0, 2.0  # standard errors at which a profile has runs
+FLAT = AGREES[0] * 4.0  # rise two errors away below which a profile is followed
+NONE = 1e-12  # of the largest eigenvalue of J'J: a direction without information
 
 
 class Profile(NamedTuple):
@@ -46,22 +50,23 @@ def answer(task: Objective, end: Search) -> Answer:
     """Answer of a search; makes the runs of the profiles."""
     keys = [one.key for one in task.free]
     values, vectors = np.linalg.eigh(end.jacobian.T @ end.jacobian)
-    values = np.maximum(values, 0.0)
-    blind = values < max(1.0 / UNKNOWN**2, 1e-12 * values[-1])
+    none = values <= NONE * values[-1]
+    blind = none | (values < 1.0 / UNKNOWN**2)
     silent = {key for key, column in zip(keys, end.jacobian.T, strict=True) if not column.any()}
+    inverse = 1.0 / np.where(none, np.inf, values)
+    covariance = (vectors * inverse) @ vectors.T
+    deviation = np.where((vectors[:, none] ** 2 > NONE).any(axis=1), np.inf, np.sqrt(np.diag(covariance)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.where(blind, np.inf, 1.0 / values)
-        variance = np.array(
-            [sum(i * v**2 for i, v in zip(inverse, row, strict=True) if v**2 > 1e-12) for row in vectors]
-        )
-        covariance = (vectors * np.where(blind, 0.0, inverse)) @ vectors.T
-        deviation = np.sqrt(np.diag(covariance))
-        correlations = covariance / np.outer(deviation, deviation)
-    profiles = _profiles(task, end, covariance, np.isfinite(variance))
+        correlations = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    profiles = _profiles(task, end, covariance, deviation)
+    wider = np.array([_width(profile) for profile in profiles])
+    deviation = deviation * wider
     chi2 = end.cost[1] / max(sum(len(one.t) for one in task.signals) - len(keys), 1)
     problems = [
         *(f"no signal depends on {key}" for key in keys if key in silent),
         *_inseparable(keys, vectors.T[blind], silent), *_unfinished(task, end, profiles),
+        *(f"{key} is not known to 100 %: beside it the sum of squares hardly rises"
+          for key, width, far in zip(keys, wider, deviation, strict=True) if width > 1.0 and far > UNKNOWN),
     ]  # fmt: skip
     if task.noise and not AGREES[0] < chi2 < AGREES[1]:
         problems.append(f"chi2/n is {chi2:.3g}: the differences are not the stated noise")
@@ -73,14 +78,16 @@ def answer(task: Objective, end: Search) -> Answer:
             notes.append(f"the derivative by {key} changes by {100.0 * end.rough[j]:.2g} % with twice the step:"
                          " impacts or stick-slip; its error is rough")  # fmt: skip
         s, rises = profiles[j].errors, profiles[j].rises
-        if ((rises < AGREES[0] * s**2) | (rises > AGREES[1] * s**2)).any():
+        if 1.0 < wider[j] < math.inf:
+            notes.append(f"the error of {key} is {wider[j]:.2g} times that of its derivative, by the sum of squares")
+        elif wider[j] == 1.0 and ((rises < AGREES[0] * s**2) | (rises > AGREES[1] * s**2)).any():
             told = ", ".join(f"{rise:.2g} at {e:+g}" for e, rise in zip(s, rises, strict=True))
             notes.append(
                 f"the error of {key} is rough: the sum of squares rises by {told} standard errors, not by 1 and 4"
             )
     if any(one.signal not in task.noise for one in task.signals):
         notes.append("noise is estimated from the residuals, so chi2/n is 1 whether or not the model is right")
-    errors = (np.array([one.size for one in task.free]) * np.sqrt(variance)).tolist()
+    errors = (np.array([one.size for one in task.free]) * deviation).tolist()
     return Answer(
         tuple(task.numbers(end.u)), tuple(errors), correlations, chi2, profiles, tuple(problems), tuple(notes)
     )
@@ -117,18 +124,39 @@ def _unfinished(task: Objective, end: Search, profiles: tuple[Profile, ...]) -> 
     return found
 
 
-def _profiles(task: Objective, end: Search, covariance: Floats, known: Floats) -> tuple[Profile, ...]:
-    """Profile of each number inside of all ranges; runs that fail are left out."""
-    low, high = task.bounds()
-    points: list[list[tuple[float, Floats]]] = []
-    for k, one in enumerate(known):
-        direction = covariance[:, k] / np.sqrt(covariance[k, k]) if one else np.zeros(len(end.u))
-        tried = [(s, end.u + s * direction) for s in ALONG if one]
-        points.append([(s, u) for s, u in tried if ((low <= u) & (u <= high)).all()])
-    sums = iter(task.sums([u for each in points for _, u in each], end.noise))
+def _profiles(task: Objective, end: Search, covariance: Floats, deviation: Floats) -> tuple[Profile, ...]:
+    """Profile of each number, followed up to 100 % where it is flat; numbers that are not known have empty ones."""
+    known = deviation <= UNKNOWN
+    directions = np.where(known, covariance / np.where(known, deviation, 1.0), 0.0)
+    task.values([u for k in np.flatnonzero(known) for _, u in _inside(task, end.u, directions[:, k], ALONG)])  # at once
     found = []
-    for k, each in enumerate(points):
-        rows = [(task.numbers(u)[k], s, next(sums) - end.cost[1]) for s, u in each]
-        kept = np.array([row for row in rows if not math.isnan(row[2])]).reshape(-1, 3)
-        found.append(Profile(*kept.T))
+    for k, error in enumerate(deviation):
+        along: tuple[float, ...] = ALONG if known[k] else ()
+        rows: list[tuple[float, float, float]] = []
+        while along:
+            points = _inside(task, end.u, directions[:, k], along)
+            sums = task.sums([u for _, u in points], end.noise)
+            new = [(task.numbers(u)[k], s, one - end.cost[1]) for (s, u), one in zip(points, sums, strict=True)]
+            new = [row for row in new if not math.isnan(row[2])]
+            rows += new
+            far = 2.0 * along[-1]
+            flat = new and min(rise for _, s, rise in new if abs(s) == along[-1]) < FLAT
+            along = (-far, far) if flat and far * error <= UNKNOWN else ()
+        found.append(Profile(*np.array(sorted(rows)).reshape(-1, 3).T))
     return tuple(found)
+
+
+def _inside(task: Objective, u: Floats, direction: Floats, along: tuple[float, ...]) -> list[tuple[float, Floats]]:
+    """Distances in errors, and the variables there, that are inside of all ranges."""
+    low, high = task.bounds()
+    return [(s, v) for s in along for v in [u + s * direction] if ((low <= v) & (v <= high)).all()]
+
+
+def _width(profile: Profile) -> float:
+    """Error by a profile over that by the derivative: 1 where it rises as soon; infinite where it never does."""
+    outermost = np.abs(profile.errors) == np.abs(profile.errors).max(initial=0.0)
+    rise = profile.rises[outermost].min(initial=math.inf)
+    far = float(np.abs(profile.errors).max(initial=0.0))
+    if rise < FLAT:
+        return math.inf
+    return far / math.sqrt(rise) if far > ALONG[-1] else 1.0

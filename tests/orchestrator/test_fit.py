@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_logs import made
 
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -97,6 +98,7 @@ def test_two_files_with_one_set_of_numbers(data, noise, tmp_path):
     assert len(twice.residuals.records()) == 4
 
 
+@pytest.mark.long
 def test_files_of_two_scenes_with_one_set_of_numbers(data, noise, tmp_path):
     """Each file is of its own scene: the same chain hangs on the Moon."""
     moon, earth = tmp_path / "moon.toml", data(3)
@@ -118,6 +120,45 @@ def test_a_part_with_recorded_inputs_has_the_fit_of_the_whole(data, noise, tmp_p
     part = fitting.fit(str(tmp_path / "run.mcap"), file, SIGNALS, [MASS], tmp_path / "part", part="chain", noise=noise)
     assert part.answer.numbers == whole.answer.numbers
     assert part.answer.errors == whole.answer.errors
+
+
+def write_parquet(path, columns):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    parquet.write_table(arrow.table({"t": T, **columns}), path)
+
+
+def write_mf4(path, columns):
+    asammdf = pytest.importorskip("asammdf")
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(v, T, name=name) for name, v in columns.items()])
+        file.save(path, overwrite=True)
+
+
+def write_tdms(path, columns):
+    nptdms = pytest.importorskip("nptdms")
+    times = {"wf_increment": 0.001, "wf_start_offset": 0.0}
+    with nptdms.TdmsWriter(path) as file:
+        file.write_segment([nptdms.ChannelObject("g", name, v, times) for name, v in columns.items()])
+
+
+def write_mcap(path, columns):
+    topics = {"/chain/out": [(name.removeprefix("chain."), "") for name in columns]}
+    made(path, topics, {"/chain/out": (T, np.stack([*columns.values()], axis=1))}, None, ("chain",))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("write", [write_parquet, write_mf4, write_tdms, write_mcap])
+def test_each_format_has_the_fit_of_csv(data, noise, tmp_path, write):
+    file = data(3)
+    columns = dict(zip(SIGNALS, np.loadtxt(file, delimiter=",", skiprows=1)[:, 1:].T, strict=True))
+    other = tmp_path / f"data.{write.__name__.removeprefix('write_')}"
+    write(other, columns)
+    by_csv, found = (fitted(one, tmp_path / "fit", [MASS], ["chain.span=0.72"], noise=noise) for one in (file, other))
+    assert found.answer.numbers == pytest.approx(by_csv.answer.numbers, rel=1e-12)
+    assert found.answer.errors == pytest.approx(by_csv.answer.errors, rel=1e-12)
+    write(other, {name: 1.001 * values for name, values in columns.items()})
+    off = fitted(other, tmp_path / "fit", [MASS], ["chain.span=0.72"], noise=noise)
+    assert off.answer.numbers != pytest.approx(by_csv.answer.numbers, rel=1e-12)
 
 
 def test_noise_is_estimated_and_that_is_said(data, noise, tmp_path):
