@@ -28,7 +28,7 @@ def validate(
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Run a study of the mechanics, the couplings or the paper; exit 1 when a row is not as it should be.
+    """Run a study of the mechanics, the couplings, fits or the paper; exit 1 when a row is not as it should be.
 
     Started again with the same folder, it goes on where it was interrupted.
     """

@@ -30,7 +30,7 @@ from tests.validation.compared import checked, table, write
 __all__ = ["TITLE", "cases", "table", "write"]
 
 TITLE = "Fits of known numbers of straight and turn, rigid links, 1 % noise"
-LASTS = "about half an hour of two cores"
+LASTS = "an hour of two cores"
 
 STOP, RATE = 3.0, 100.0  # s, Hz
 # Slow enough for smooth signals: at a slip of 20 % impacts amplify a change of 1e-4 in tension ten times.
