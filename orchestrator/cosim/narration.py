@@ -11,7 +11,7 @@ from contextlib import contextmanager
 PATIENCE = 4.0  # s between two messages
 PERIOD = 0.25  # s between two looks at the clock
 KERNELS = "cotrack.kernels"  # logger that receives each kernel compilation
-FIRST = "kernels are compiled, once a machine for each sort of links and vehicle: half a minute of two cores"
+FIRST = "kernels are compiled, once a machine for each sort of links and vehicle: about a minute of two cores"
 
 
 class Narration(logging.Handler):
