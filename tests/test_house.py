@@ -42,8 +42,8 @@ GENERIC = [
         file.relative_to(ORCHESTRATOR).as_posix()
         for place in ("files", "kernels", "cosim/coupling", "cosim/guests", "log", "fmu_check")
         for file in sorted((ORCHESTRATOR / place).glob("*.py"))
-        # a log's system.json as the project writes it; units of columns, with those of vehicles
-        if file.name not in ("recorded_system.py", "tools.py", "columns.py")
+        # a log's system.json as the project writes it; units of columns, with those of vehicles; files of tests
+        if file.name not in ("recorded_system.py", "tools.py", "columns.py", "measured_formats.py")
     ),
     *(
         f"cosim/{name}.py"

@@ -162,7 +162,7 @@ def compare(
     their relative RMS difference.
     """
     from orchestrator.cli.comparison import lines
-    from orchestrator.results.measured_formats import SUFFIXES
+    from orchestrator.log.measured_formats import SUFFIXES
     from orchestrator.results.run_data import Window
 
     check_window(start, end)

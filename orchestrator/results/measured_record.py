@@ -15,8 +15,8 @@ import numpy as np
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.columns import no_data, unit_size
+from orchestrator.log.measured_formats import FileColumn, Samples, read_samples
 from orchestrator.log.time_series import Floats
-from orchestrator.results.measured_formats import FileColumn, Samples, read_samples
 
 CLOCKS = ("t", "time")
 CLOCK = ""  # stands for the clock among signals

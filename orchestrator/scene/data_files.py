@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import CSV, ROWS
 from orchestrator.files.columns import head, no_data, unit_size
 from orchestrator.files.csv_lines import csv_lines
+from orchestrator.log.measured_formats import SUFFIXES, FileColumn, read_samples
 
 Tables = dict[str, Any]  # raw scene
 UNITS = {  # of both columns of the keys that may name a file, where its head gives none
@@ -52,7 +53,9 @@ def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
-    """Pairs of numbers, SI, from a file with two columns, whose first line may hold names with units."""
+    """Pairs of numbers, SI, from a file with two columns, which in CSV may have a first line of names with units."""
+    if path.suffix.lower() in SUFFIXES - {".csv"}:
+        return _of_columns(path, key, units)
     try:
         rows = [*csv_lines(path, CSV, ROWS)]
     except (OSError, ValueError, csv.Error) as error:
@@ -72,6 +75,35 @@ def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float
                 raise BadInput(f"{key}, line {number}: {value:.7g} is a mark of no data: leave the line out")
         pairs.append([first * sizes[0], second * sizes[1]])
     return pairs
+
+
+def _of_columns(path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
+    """Pairs of numbers, SI, from the two columns of a file of another format, or from one that has times of its own."""
+    found: list[FileColumn] = []
+
+    def both(present: Sequence[FileColumn]) -> list[int]:
+        if len(present) > 2 or not (len(present) == 2 or all(column.timed for column in present)):
+            raise BadInput(f"must have two columns, and has {', '.join(one.whole for one in present) or 'none'}")
+        found.extend(present)
+        return [*range(len(present))]
+
+    try:
+        samples = read_samples(path, both)
+    except BadInput as error:
+        raise BadInput(f"{key}: {error}") from None
+    columns = [samples[k].values for k in range(len(found))]
+    if len(found) == 1:
+        times = samples[0].t
+        assert times is not None  # a column alone has them
+        columns.insert(0, times)
+        found.insert(0, FileColumn("time", "time", "s"))
+    if len(columns[0]) != len(columns[1]) or len(columns[0]) > ROWS:
+        counts = " and ".join(str(len(column)) for column in columns)
+        raise BadInput(f"{key}: has columns of {counts} samples, must have as many in both, and {ROWS} at most")
+    pairs = np.stack(columns, axis=1)
+    for row, place in np.argwhere(no_data(pairs))[:1]:
+        raise BadInput(f"{key}, row {row + 1}: {pairs[row, place]:.7g} is a mark of no data: leave the row out")
+    return (pairs * [*_sizes(key, [f"{one.name} [{one.unit}]" for one in found], units)]).tolist()
 
 
 def _sizes(key: str, row: list[str], units: tuple[str, str]) -> Iterator[float]:

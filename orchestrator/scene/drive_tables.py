@@ -57,15 +57,15 @@ class DriveTable(FrozenTable):
     brake_speed: Annotated[float, In("rad/s", gt=0)] | None = None
     """speed below which the brake fades, by default 0.1: under a fifth of its torque it creeps at a fifth of it"""
     speed_points: tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None = None
-    """[time, speed] or a CSV file of them, instead of ramp and stop: linear between points, constant outside"""
+    """[time, speed] or a file of them, instead of ramp and stop: linear between points, constant outside"""
     torque_points: tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None = None
-    """[time, torque] or a CSV file of them, instead of torque"""
+    """[time, torque] or a file of them, instead of torque"""
     brake_points: tuple[tuple[Time, Annotated[float, In("N m", ge=0)]], ...] | None = None
-    """[time, torque] of the brake or a CSV file of them, instead of brake"""
+    """[time, torque] of the brake or a file of them, instead of brake"""
     engine_points: tuple[tuple[Annotated[float, In("rad/s", ge=0)], Annotated[float, In("N m", ge=0)]], ...] | None = (
         None
     )
-    """full-load curve of an engine that limits the motor: [speed, torque] of its shaft, or a CSV file of them"""
+    """full-load curve of an engine that limits the motor: [speed, torque] of its shaft, or a file of them"""
     gear_ratio: Annotated[float, ratio(gt=0)] | None = None
     """engine speed over sprocket speed"""
     demand: bool = False
@@ -229,9 +229,9 @@ class DriverTable(FrozenTable):
     """
 
     arcs: Annotated[tuple[Arc, ...] | None, OR_FALSE] = None
-    """[length, curvature], left positive, a negative length backwards, [0, angle] on the spot; or a CSV file of them"""
+    """[length, curvature], left positive, a negative length backwards, [0, angle] on the spot; or a file of them"""
     points: Annotated[tuple[tuple[Place, Place], ...] | None, OR_FALSE] = None
-    """[x, y] of a smooth path, or a CSV file of them"""
+    """[x, y] of a smooth path, or a file of them"""
     heading: Angle | None = None
     """heading to hold, from that of the start, where there is no path"""
     speed: Annotated[float, In("m/s", ge=0, le=1e3)] = 0.0
@@ -241,7 +241,7 @@ class DriverTable(FrozenTable):
     ramp_time: Time = 1.0
     """length of the ramp, half a cosine from 0 to speed"""
     speed_points: tuple[tuple[Time, Annotated[float, In("m/s", ge=0)]], ...] | None = None
-    """[time, speed] or a CSV file of them, instead of the ramp"""
+    """[time, speed] or a file of them, instead of the ramp"""
     deceleration: Annotated[float, In("m/s^2", gt=0)] | None = None
     """deceleration before curves and the end of the path"""
     lateral_acceleration: Annotated[float, In("m/s^2", gt=0)] | None = None
@@ -292,7 +292,7 @@ class HitchTable(FrozenTable):
     force: Force = 0.0
     """constant force of the load, rearward; negative: it pushes"""
     drag_points: tuple[tuple[Annotated[float, In("m/s")], Force], ...] | None = None
-    """[speed, force] or a CSV file of them, besides the constant force: load over the speed of the hitch along the
+    """[speed, force] or a file of them, besides the constant force: load over the speed of the hitch along the
     hull, linear between points, constant outside"""
     ramp_start: Time = 0.0
     """time at which the ramp of the load begins"""

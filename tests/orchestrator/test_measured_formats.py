@@ -10,11 +10,10 @@ from made_logs import made
 import orchestrator as package
 from fmus.vehicles.tables import BadInput
 from orchestrator.files import budget
-from orchestrator.log import extra
+from orchestrator.log import extra, measured_formats
 from orchestrator.log.export import export
 from orchestrator.log.extra import NotInstalled
 from orchestrator.log.notices import LogNotice
-from orchestrator.results import measured_formats
 from orchestrator.results.measured_record import read
 
 STEP = 1e-3

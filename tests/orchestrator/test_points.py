@@ -1,8 +1,9 @@
-"""CSV files of points in a scene: columns, headings, places of files, refusals."""
+"""Files of points in a scene: columns, headings, places of files, refusals."""
 
 import re
 from math import pi
 
+import numpy as np
 import pytest
 
 from fmus.vehicles.tables import BadInput
@@ -34,6 +35,50 @@ def test_a_line_that_is_no_pair_is_named(tmp_path, text, line):
         BadInput, match=rf"^mine\.toml: driver\.points = '.*way\.csv', line {line}: must be two numbers$"
     ):
         read_text(tmp_path, text)
+
+
+def write_parquet(path, columns):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    parquet.write_table(arrow.table({f"{name} [{unit}]": values for name, unit, values in columns}), path)
+
+
+def write_mf4(path, columns):
+    asammdf = pytest.importorskip("asammdf")
+    (_, _, t), *others = columns
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(values, t, name=name, unit=unit) for name, unit, values in others])
+        file.save(path, overwrite=True)
+
+
+def write_tdms(path, columns):
+    nptdms = pytest.importorskip("nptdms")
+    (_, _, t), *others = columns
+    with nptdms.TdmsWriter(path) as file:
+        for name, unit, values in others:
+            about = {"unit_string": unit, "wf_increment": float(t[1] - t[0]), "wf_start_offset": float(t[0])}
+            file.write_segment([nptdms.ChannelObject("g", name, values, about)])
+
+
+@pytest.mark.parametrize("write", [write_parquet, write_mf4, write_tdms])
+def test_points_of_measured_files(tmp_path, write):
+    """Times of a channel are the first column; units are those of the file."""
+    kind = write.__name__.removeprefix("write_")
+    t, v = np.array([0.0, 0.5, 1.0]), np.array([0.0, 36.0, 18.0])
+    write(tmp_path / f"a.{kind}", [("t", "s", t), ("v", "km/h", v)])
+    table = {"driver": {"speed_points": f"a.{kind}"}}
+    read_files(table, tmp_path, "mine.toml")
+    assert np.array(table["driver"]["speed_points"]) == pytest.approx(np.stack([t, v / 3.6], axis=1), rel=1e-12)
+    write(tmp_path / f"b.{kind}", [("t", "s", t), ("v", "km/h", v), ("w", "kg", v), ("x", "m", v)])
+    with pytest.raises(
+        BadInput, match=r"^mine\.toml: driver\.speed_points = '.*b\..*': must have two columns, and has "
+    ):
+        read_files({"driver": {"speed_points": f"b.{kind}"}}, tmp_path, "mine.toml")
+    write(tmp_path / f"c.{kind}", [("t", "s", t), ("v", "kg", v)])
+    with pytest.raises(BadInput, match="column 'v' "):
+        read_files({"driver": {"speed_points": f"c.{kind}"}}, tmp_path, "mine.toml")
+    write(tmp_path / f"d.{kind}", [("t", "s", t), ("v", "km/h", np.array([0.0, np.nan, 1.0]))])
+    with pytest.raises(BadInput, match="row 2: nan is a mark of no data: leave the row out"):
+        read_files({"driver": {"speed_points": f"d.{kind}"}}, tmp_path, "mine.toml")
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
