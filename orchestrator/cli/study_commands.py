@@ -88,6 +88,7 @@ def conduct(
 ) -> NoReturn:
     """Run the cases of a study, write its files, print its table and exit; raises BadInput."""
     from orchestrator.studies import pool
+    from orchestrator.studies.parameter_sweep import NOT_MET
     from orchestrator.studies.pool import Store, progress_bar
 
     try:
@@ -101,7 +102,9 @@ def conduct(
     for file in files:
         print(file)
     failures = [row for row in rows if row.ok is False]
-    print(f"{len(rows)} rows, {len(failures)} not as they should be", file=sys.stderr)
+    missed = sum(bool(row.figures.get(NOT_MET)) for row in rows)
+    checks = f", {missed} miss checks of the scene" if missed else ""
+    print(f"{len(rows)} rows, {len(failures)} not as they should be{checks}", file=sys.stderr)
     for row in failures:
         print(f"cotrack: {row.item}: {row.case}: {row.note or 'misses its tolerance'}", file=sys.stderr)
     sys.exit(1 if failures else 0)

@@ -197,8 +197,9 @@ class Sweep:
         (row,) = rows
         if row.figures.get("status") != "ok":
             return f": failed: {row.note}"
-        shown = [(name, row.figures[name]) for name in OBSERVABLES if isinstance(row.figures.get(name), float)]
-        return ": " + ", ".join(f"{name.replace('_', ' ')} {value:.5g} {UNITS[name]}" for name, value in shown[:TOLD])
+        shown = [(name, row.figures.get(name)) for name in OBSERVABLES]
+        known = [(name, value) for name, value in shown if isinstance(value, float) and math.isfinite(value)]
+        return ": " + ", ".join(f"{name.replace('_', ' ')} {value:.5g} {UNITS[name]}" for name, value in known[:TOLD])
 
     def table(self, rows: Sequence[Row], title: str = "") -> Table:
         """Table of varied keys, outcome, observables, values of checks, estimated error and energy residual."""

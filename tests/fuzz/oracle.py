@@ -36,7 +36,8 @@ LONGEST = 400  # characters of a sentence
 STATUSES = (0, 1, 2, 3)
 FAILED = 99  # exit status of a case whose own check has failed
 PARTIAL = re.compile(r"\.[0-9a-f]{8,32}$|\.tmp$|\.part$")  # names of files that are being written
-PROGRESS = re.compile(r"\.\.\. |\d+/\d+ |\d+ rows, \d+ not as they should be$")  # lines of a command that goes on
+# lines of a command that goes on
+PROGRESS = re.compile(r"\.\.\. |\d+/\d+ |\d+ rows, \d+ not as they should be(, \d+ miss checks of the scene)?$")
 USAGE = re.compile(r"Usage: |Try |\s*$")  # lines of click about the command line
 
 

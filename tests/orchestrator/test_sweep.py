@@ -147,7 +147,7 @@ def test_a_case_that_fails_is_a_row_with_its_sentence(cotrack, monkeypatch, tmp_
         " energy residual | note |"
     )
     assert shown[3].startswith("| flexible | 0.8 | ok | 0 of 1 | rest | 1 | 0.5 |")
-    assert "4 rows, 3 not as they should be" in err
+    assert "4 rows, 3 not as they should be, 1 miss checks of the scene\n" in err
     assert "cotrack: hanging_chain: track.model=rigid, chain.span=0.7: BadInput: no idler position\n" in err
     rows = rows_of(tmp_path / "found")
     assert [*rows[0]] == [
