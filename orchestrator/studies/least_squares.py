@@ -224,10 +224,13 @@ def search(task: Objective, scanned: int = 0) -> Search:
             columns = [j * (1.0 - stays) / s for j, s in zip(task.jacobian(v, steps), noise, strict=True)]
             return np.concatenate([*columns, np.diag(stays)])
 
+        # From 1: scipy's first step is as long as the variables, and 0 on a bound is its end (scipy_start_on_bound.sh).
+        low, high = task.bounds()
         found = least_squares(
-            residual, u, jacobian, task.bounds(), ftol=1e-6, xtol=1e-7, gtol=1e-10, max_nfev=MOST_STEPS
-        )
-        u, converged, before = found.x, found.status > 0, noise
+            lambda x: residual(x - 1.0), u + 1.0, lambda x: jacobian(x - 1.0), (low + 1.0, high + 1.0),
+            ftol=1e-6, xtol=1e-7, gtol=1e-10, max_nfev=MOST_STEPS,
+        )  # fmt: skip
+        u, converged, before = found.x - 1.0, found.status > 0, noise
         noise = [s if given else rms(d) or s for s, given, d in zip(before, known, task.difference(u), strict=True)]
         if all(abs(now / then - 1.0) < 0.01 for now, then in zip(noise, before, strict=True)):
             break

@@ -170,6 +170,17 @@ def test_noise_is_estimated_and_that_is_said(data, noise, tmp_path):
     assert max(map(abs, deviations(found))) < 4.0
 
 
+def test_samples_of_the_window_and_of_the_run_count(data, measured, noise, tmp_path):
+    """Of 51 samples to 0.05 s, 31 are up to 0.03 s, and all of a file that is twice as long."""
+    file = tmp_path / "a=b.csv"
+    whole = np.loadtxt(data(3), delimiter=",", skiprows=1)
+    later = whole.copy()
+    later[:, 0] += whole[-1, 0] + 0.001
+    np.savetxt(file, np.vstack([whole, later]), "%.17g", ",", header=",".join(["t", *measured]), comments="")
+    found = [fitted(file, tmp_path / "fit", [MASS], ["chain.span=0.72"], noise=noise, end=end) for end in (0.03, 9.0)]
+    assert [one.residuals.records()[0]["samples"] for one in found] == [31, 51]
+
+
 def test_a_wrong_noise_is_no_success(data, noise, tmp_path):
     found = fitted(data(3), tmp_path / "fit", noise={name: 0.5 * size for name, size in noise.items()})
     assert not found.ok

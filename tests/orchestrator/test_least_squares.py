@@ -38,23 +38,44 @@ def formula(model, truth, free, seed=1):
 
 EVERYWHERE = -np.inf, np.inf
 LINE = (lambda a, b: a + b * T), (2.0, 3.0), [(1.0, *EVERYWHERE), (1.0, *EVERYWHERE)]
+CURVE = (lambda a, b, c: a + b * T + c * T**2), (2.0, 3.0, 1.5), [(1.0, *EVERYWHERE)] * 3
 
 
-def test_a_line_has_the_errors_of_the_closed_form():
+@pytest.mark.parametrize("case", [LINE, CURVE], ids=["line", "parabola"])
+def test_polynomials_have_the_errors_of_the_closed_form(case):
     """Gauss: covariance sigma^2 inv(A'A), and a profile is the parabola s^2."""
-    task = formula(*LINE)
+    task = formula(*case)
     found = answer(task, search(task))
-    A = np.stack([np.ones(len(T)), T], axis=1)
+    A = T[:, None] ** np.arange(len(case[1]))
     covariance = NOISE**2 * np.linalg.inv(A.T @ A)
-    assert found.errors == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-9)
-    assert found.correlations[0, 1] == pytest.approx(covariance[0, 1] / np.prod(found.errors), rel=1e-9)
-    assert found.numbers == pytest.approx(np.linalg.lstsq(A, task.signals[0].values)[0], rel=1e-9)
+    deviations = np.sqrt(np.diag(covariance))
+    assert found.errors == pytest.approx(deviations, rel=1e-9)
+    assert found.correlations == pytest.approx(covariance / np.outer(deviations, deviations), rel=1e-9)
+    best, squares = np.linalg.lstsq(A, task.signals[0].values)[:2]
+    assert found.numbers == pytest.approx(best, rel=1e-9)
+    assert found.chi2 == pytest.approx(squares[0] / NOISE**2 / (len(T) - len(best)), rel=1e-9)
     for number, error, profile in zip(found.numbers, found.errors, found.profiles, strict=True):
         assert profile.errors == pytest.approx([-2.0, -1.0, 1.0, 2.0])
         assert profile.numbers == pytest.approx(number + error * profile.errors, rel=1e-9)
         assert profile.rises == pytest.approx(profile.errors**2, rel=1e-6)
         assert profile.rises != pytest.approx((1.02 * profile.errors) ** 2, rel=1e-6)
-    assert found.problems == found.notes == ()
+    assert found.problems == ()
+    assert all(" are correlated by " in note for note in found.notes)
+
+
+def test_a_search_from_the_end_of_a_range():
+    """There a difference must go down."""
+    task = formula(*LINE[:2], [(5.0, 0.0, 5.0), (5.0, 0.0, 5.0)])
+    found = answer(task, search(task))
+    assert found.numbers == pytest.approx(LINE[1], abs=4.0 * max(found.errors))
+    assert found.problems == ()
+
+
+def test_an_error_above_the_number_is_no_success():
+    task = formula(lambda a: 0.01 * a * T, [1.0], [(1.0, *EVERYWHERE)])
+    found = answer(task, search(task))
+    assert found.errors[0] == pytest.approx(NOISE / (0.01 * np.linalg.norm(T)), rel=1e-9)
+    assert found.problems == ("p0 is not known to 100 % by these signals",)
 
 
 def test_an_error_that_is_not_linear_is_told():
