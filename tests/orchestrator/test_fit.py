@@ -267,6 +267,13 @@ def test_a_number_that_cannot_be_fitted_is_refused(data, tmp_path, free, said):
     assert not (tmp_path / "fit").exists()
 
 
+def test_every_scene_needs_the_numbers(data, tmp_path):
+    file = data()
+    with pytest.raises(fitting.BadInput, match=r"^--free chain\.span: rig\.toml has no such number \('chain'\)"):
+        fitting.fit("hanging_chain", [file, f"rig={file}"], SIGNALS, [SPAN], tmp_path / "fit")
+    assert not (tmp_path / "fit").exists()
+
+
 def test_a_signal_that_no_run_has_is_refused(data, tmp_path):
     with pytest.raises(fitting.BadInput, match=r"^a run of hanging_chain has no signal 'chain\.pull'"):
         fitting.fit("hanging_chain", data(), {"chain.pull": "t"}, [SPAN], tmp_path / "fit", settings=SETTINGS)
