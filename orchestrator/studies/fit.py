@@ -20,7 +20,7 @@ from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import within
 from orchestrator.results import output_files
 from orchestrator.results.measured_difference import read_shifted
-from orchestrator.results.measured_record import MeasuredFile
+from orchestrator.results.measured_record import FIND, MeasuredFile, MeasuredSignal
 from orchestrator.results.output_files import Picture, new_figure
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Column, Table
@@ -42,7 +42,7 @@ COLUMNS = (
 RESIDUALS = (
     Column("data", "data"), Column("signal", "signal"), Column("unit", "unit"), Column("samples", "samples"),
     Column("noise", "noise", ".4g"), Column("first", "RMS of the first run", ".4g"),
-    Column("last", "RMS of the fitted run", ".4g"),
+    Column("last", "RMS of the fitted run", ".4g"), Column("chi2", "chi2/n", ".3g"),
 )  # fmt: skip
 
 
@@ -92,30 +92,34 @@ def fit(  # noqa: PLR0913, the options of the command
     An interrupted fit of the same folder continues. Several ``workers`` are processes, for which a script needs
     ``if __name__ == "__main__":``. Raises BadInput, also where a run fails; KeyboardInterrupt.
     """
-    files = [data] if isinstance(data, str | os.PathLike) else data
-    experiments: list[Experiment] = []
-    sources: list[MeasuredFile] = []
-    for file in files:
+    wanted: list[tuple[Experiment, list[MeasuredFile]]] = []  # files of a scene share its runs
+    for file in [data] if isinstance(data, str | os.PathLike) else data:
         other, mark, path = os.fspath(file).rpartition("=")
         if Path(file).exists() or not mark:
             other, path = scene, os.fspath(file)
         one = _of_part(other, part, track, settings) if part else Experiment(load(other, track, settings), None, native)
-        experiments.append(one)
+        sources = next((sources for known, sources in wanted if known == one), None)
+        if sources is None:
+            wanted.append((one, sources := []))
+        if any(Path(known.path).resolve() == Path(path).resolve() for known in sources):
+            raise BadInput(f"--data {path}: is given twice, which would make errors too small")
         sources.append(MeasuredFile(path, columns, clock, shift))
     if part and native:
         raise BadInput("--native: a part is stepped as its log tells")
     for signal in noise or {}:
         if signal not in columns:
             raise BadInput(f"--noise {signal}: no --map gives this signal a column")
-    numbers = free_numbers([one.scene for one in experiments], free)
-    measured = [_measured(*pair, Window(start, end)) for pair in zip(experiments, sources, strict=True)]
+    numbers = free_numbers([one.scene for one, _ in wanted], free)
+    measured = [_measured(*pair, Window(start, end)) for pair in wanted]
     folder = Path(output)
     make_folder(folder)
-    told_of = tuple(one for one, _, _ in measured)
-    task = Objective(told_of, numbers, dict(noise or {}), workers, pool.Store(folder / "cases"), told)
+    experiments = tuple(one for one, _, _ in measured)
+    task = Objective(experiments, numbers, dict(noise or {}), workers, pool.Store(folder / "cases"), told)
+    origin = " and ".join(text for _, origins, _ in measured for text in origins)
+    notes = [text for *_, each in measured for text in each]
     try:
         found = search(task, scan)
-        return _save(task, found, answer(task, found), folder, [(s, notes) for _, s, notes in measured])
+        return _save(task, found, answer(task, found), folder, origin, notes)
     except FitFailed as failure:
         raise BadInput(f"a run fails, so nothing is fitted: {failure}") from None
 
@@ -131,9 +135,15 @@ def _of_part(file: str, name: str, track: str | None, settings: Sequence[str] | 
         return Experiment(scene, Part(Path(file), name, track, log.digest()))
 
 
-def _measured(experiment: Experiment, data: MeasuredFile, window: Window) -> tuple[Experiment, float, tuple[str, ...]]:
-    """Experiment with its signals, without gaps, in the window and the time of a run; their shift, and notes."""
+def _measured(
+    experiment: Experiment, sources: Sequence[MeasuredFile], window: Window
+) -> tuple[Experiment, list[str], list[str]]:
+    """Experiment with its signals, without gaps, in the window and the time of a run; where they come from; notes."""
     about = f"a run of {experiment.scene.name}"
+    signals: list[MeasuredSignal] = []
+    files: list[str] = []
+    origins: list[str] = []
+    notes: list[str] = []
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = Path(folder) / "run.mcap"
         try:
@@ -142,45 +152,65 @@ def _measured(experiment: Experiment, data: MeasuredFile, window: Window) -> tup
             raise BadInput(f"the run of the start fails, so nothing is fitted: {error}") from None
         with Log(path) as log:
             run = RunData(log)
-            try:
-                record = read_shifted(run, data, window)
-            except NoSuchSignal as error:  # the path of the log says nothing to a user
-                raise BadInput(str(error).replace(str(path), about)) from None
-            spans = [run.signal(one.signal, EVER)[0][[0, -1]] for one in record.signals]
-    signals = []
-    for one, (begin, stop) in zip(record.signals, spans, strict=True):
-        inside = within(one.t, window) & (one.t >= begin) & (one.t <= stop) & ~np.isnan(one.values)
-        if not inside.any():
-            raise BadInput(
-                f"{record.file}: '{one.column}' has no sample in the time of the run, {begin:g} to {stop:g} s"
-            )
-        signals.append(one._replace(t=one.t[inside], values=one.values[inside]))
-    return experiment._replace(signals=tuple(signals), name=str(data.path)), record.shift, record.notes
+            for data in sources:
+                try:
+                    record = read_shifted(run, data, window)
+                except NoSuchSignal as error:  # the path of the log says nothing to a user
+                    raise BadInput(str(error).replace(str(path), about)) from None
+                spans = [Window(*run.signal(one.signal, EVER)[0][[0, -1]]) for one in record.signals]
+                told = [_inside(*pair, window, str(data.path)) for pair in zip(record.signals, spans, strict=True)]
+                if data.shift == FIND:
+                    _check_found(run, told, data)
+                signals += told
+                files += [str(data.path)] * len(told)
+                origins.append(f"{data.path}, {record.shift:g} s added to its times")
+                notes += record.notes
+                whole, used = (sum(len(one.t) for one in each) for each in (record.signals, told))
+                if used < whole:
+                    notes.append(f"{data.path}: {used} of {whole} samples have a number and are in window and run")
+    return experiment._replace(signals=tuple(signals), files=tuple(files)), origins, notes
 
 
-def _save(
-    task: Objective, end: Search, found: Answer, folder: Path, read: Sequence[tuple[float, Sequence[str]]]
-) -> Fitted:
-    """Write the result; ``read``: shift, s, and notes of each file."""
+def _inside(one: MeasuredSignal, span: Window, window: Window, file: str) -> MeasuredSignal:
+    """Samples of a signal with a number in the window and the span of a run; raises BadInput for none."""
+    inside = within(one.t, window) & within(one.t, span) & ~np.isnan(one.values)
+    if not inside.any():
+        raise BadInput(f"{file}: '{one.column}' has no sample in the time of the run, {span.start:g} to {span.end:g} s")
+    return one._replace(t=one.t[inside], values=one.values[inside])
+
+
+def _check_found(run: RunData, signals: Sequence[MeasuredSignal], data: MeasuredFile) -> None:
+    """Raise BadInput if the run of the start differs from the signals by more than they vary: any shift is a guess."""
+    ratios = [rms(np.interp(one.t, *run.signal(one.signal, EVER)) - one.values) / np.std(one.values)
+              for one in signals if np.std(one.values) > 0.0]  # fmt: skip
+    if (ratio := rms(np.array(ratios))) > 1.0:
+        raise BadInput(
+            f"--shift find: the run of the start differs from {data.path} by {100.0 * ratio:.3g} % of what the signals"
+            " vary, so its clock cannot be told: give --shift S, or map signals that are alike from the start"
+        )
+
+
+def _save(task: Objective, end: Search, found: Answer, folder: Path, origin: str, read: Sequence[str]) -> Fitted:
+    """Write the result; ``origin``: files of the data; ``read``: notes on them."""
     about = f"{len(task.free)} numbers by {sum(len(one.t) for one in task.signals)} samples of"
     about += f" {len(task.signals)} signals, chi2/n {found.chi2:.4g}, {task.runs} runs"
     verdict = f"no fit: {'; '.join(found.problems)} ({about})" if found.problems else f"fitted: {about}"
     units = {key.key: key.unit for key in scene_keys()}
     records = [
-        {"key": one.key, "unit": units.get(one.key, ""), "start": one.start, "fitted": number, "error": error,
+        {"key": one.key, "unit": units.get(one.key, ""), "start": begun, "fitted": number, "error": error,
          "relative": 100.0 * error / abs(number) if number else math.inf, "step": step, "rough": 100.0 * rough}
-        for one, number, error, step, rough in zip(
-            task.free, found.numbers, found.errors, end.steps, end.rough, strict=True)
+        for one, begun, number, error, step, rough in zip(
+            task.free, task.numbers(end.start), found.numbers, found.errors, end.steps, end.rough, strict=True)
     ]  # fmt: skip
-    apart = zip(task.difference(np.zeros(len(task.free))), task.difference(end.u), strict=True)
-    names = [one.name for one in task.experiments for _ in one.signals]
+    apart = zip(task.difference(end.start), task.difference(end.u), strict=True)
+    names = [file for one in task.experiments for file in one.files]
     sizes = [
         {"data": name, "signal": one.signal, "unit": one.unit, "samples": len(one.t), "noise": noise, "first": rms(a),
-         "last": rms(b)}
+         "last": rms(b), "chi2": (rms(b) / noise) ** 2}
         for name, one, noise, (a, b) in zip(names, task.signals, end.noise, apart, strict=True)
     ]  # fmt: skip
     first = task.experiments[0].scene
-    notes = (*dict.fromkeys(note for _, each in read for note in each), *found.notes)
+    notes = (*dict.fromkeys(read), *found.notes)
     table = Table.of_records(f"Fit of {first.name}", COLUMNS, records, notes)
     residuals = Table.of_records("Residuals", RESIDUALS, sizes)
     profiles = {one.key: each._asdict() for one, each in zip(task.free, found.profiles, strict=True)}
@@ -188,16 +218,14 @@ def _save(
         "verdict": verdict, "ok": not found.problems, "numbers": records, "signals": sizes, "chi2_n": found.chi2,
         "correlations": found.correlations, "profiles": profiles, "problems": found.problems, "notes": notes,
     }  # fmt: skip
-    files = zip(task.experiments, read, strict=True)
-    shifts = (f"{one.name}, {shift:g} s added to its times" for one, (shift, _) in files)
-    origin = f"fitted to {' and '.join(shifts)}"
     origins = {
-        one.key: f"{origin}; standard error {error:.3g}" for one, error in zip(task.free, found.errors, strict=True)
+        one.key: f"fitted to {origin}; standard error {error:.3g}"
+        for one, error in zip(task.free, found.errors, strict=True)
     }
     changed = with_track(with_settings(first, dict(zip((one.key for one in task.free), found.numbers, strict=True))))
     more = {"fit.json": json.dumps(_finite(result), indent=1), "residuals.csv": residuals.csv()}
     more |= _scene_files(changed, origins)
-    saved = output_files.save_results(folder, "fit", table, _draw(task, end, found, names), more)
+    saved = output_files.save_results(folder, "fit", table, _draw(task, end, found, names, units), more)
     return Fitted(verdict, not found.problems, table, residuals, found, tuple(saved), changed, task.runs)
 
 
@@ -215,7 +243,7 @@ def _finite(value: Any) -> Any:
 PROFILES = 4  # in a row of the picture
 
 
-def _draw(task: Objective, end: Search, found: Answer, names: Sequence[str]) -> Picture:
+def _draw(task: Objective, end: Search, found: Answer, names: Sequence[str], units: Mapping[str, str]) -> Picture:
     """Data, first and fitted run of each signal; below, the profile of each number and the parabola of its error."""
     signals, rows = task.signals, -(-len(task.free) // PROFILES)
     heights = [2.2 * len(signals) + 0.6, 2.0 * rows]
@@ -223,13 +251,13 @@ def _draw(task: Objective, end: Search, found: Answer, names: Sequence[str]) -> 
     grid = figure.add_gridspec(2, 1, height_ratios=heights)
     above, below = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
     panes = above.subplots(len(signals), 1, squeeze=False, sharex=len(task.experiments) == 1)[:, 0]
-    apart = zip(task.difference(np.zeros(len(task.free))), task.difference(end.u), strict=True)
+    apart = zip(task.difference(end.start), task.difference(end.u), strict=True)
     for pane, name, one, (a, b) in zip(panes, names, signals, apart, strict=True):
         pane.plot(one.t, one.values, ".", ms=2, color="0.6", label="measured")
         pane.plot(one.t, one.values + a, lw=0.8, ls="--", label="start")
         pane.plot(one.t, one.values + b, lw=1.0, label="fitted")
         pane.set_ylabel(f"{one.signal}, {one.unit}", fontsize=7)
-        if len(task.experiments) > 1:
+        if len(set(names)) > 1:
             pane.set_title(name, fontsize=7, parse_math=False)
     panes[0].legend(fontsize=7)
     panes[-1].set_xlabel("t, s")
@@ -241,12 +269,14 @@ def _draw(task: Objective, end: Search, found: Answer, names: Sequence[str]) -> 
         if math.isfinite(error):
             s = np.linspace(-2.2, 2.2, 45)
             cell.plot(number + error * s, s**2, lw=0.8, color="0.5", label="by the standard error")
-        cell.set_xlabel(free.key, fontsize=7)
+        cell.set_xlabel(f"{free.key}, {units.get(free.key) or 1}", fontsize=7)
+        cell.ticklabel_format(useOffset=False)
+        cell.locator_params(axis="x", nbins=4)
         cell.tick_params(labelsize=6)
     for cell in cells:
         cell.set_visible(False)
     below.axes[0].set_ylabel("rise of the sum of squares", fontsize=7)
-    below.axes[0].legend(fontsize=6)
+    below.axes[0].legend(fontsize=6, loc="upper center")
     figure.suptitle(f"Fit of {task.experiments[0].scene.name}", fontsize=11)
     return figure
 

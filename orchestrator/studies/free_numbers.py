@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from fmus.vehicles.tables import BadInput
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.scene import with_settings
+from orchestrator.scene.settings import hint
 
 SMALL = 1e-4  # change, in units of a number's size, that every free number must allow
 
@@ -56,7 +57,8 @@ def _free_number(scene: Scene, text: str) -> FreeNumber:
             raise BadInput(f"--free {text}: FROM must be below TO")
         if not low <= start <= high:
             raise BadInput(
-                f"--free {text}: the scene has {start:g}, outside of the range: --set {key}=... moves the start"
+                f"--free {text}: the scene has {start:g}, outside of the range {low:g} to {high:g} (SI):"
+                f" --set {key}=... moves the start"
             )
     size = abs(start) or high - low
     if not 0.0 < size < math.inf:
@@ -77,7 +79,11 @@ def number_at(scene: Any, key: str, option: str = "--free") -> float:
         elif isinstance(place, list | tuple) and part.isdecimal() and int(part) < len(place):
             place = place[int(part)]
         else:
-            raise BadInput(f"{option} {key}: {scene.where} has no such number ('{part}'); 'cotrack keys' lists all")
+            names = list(place) if isinstance(place, Mapping) else [str(k) for k in range(len(place))]
+            near = hint(part, names, "there are")
+            raise BadInput(
+                f"{option} {key}: {scene.where} has no such number ('{part}'): {near}; 'cotrack keys' lists all"
+            )
     if not isinstance(place, float):
         raise BadInput(f"{option} {key}: is {json.dumps(place)[:60]} in {scene.where}, and a real number is needed")
     return place

@@ -35,6 +35,7 @@ STEPS = SMALL, 1e-3, 1e-2  # of differences, in units of a number's size: the fi
 ROUGH = 0.1  # change of a derivative with twice the step that is told
 ROUNDS = 3  # of searches with an estimated noise
 MOST_STEPS = 30  # of a search
+UNFELT = 0.01  # rise of the sum of squares below which a number goes back to its start
 SILENT = 0.1  # norm of a column below which its number stays: its error would be ten times its size
 
 
@@ -58,7 +59,7 @@ class Experiment(NamedTuple):
     part: Part | None = None
     native: bool = False
     signals: tuple[MeasuredSignal, ...] = ()  # on the clock of the run, without gaps
-    name: str = ""  # of its data
+    files: tuple[str, ...] = ()  # of each signal
 
     def run(self, numbers: Mapping[str, float], path: Path) -> None:
         """Log a run with other numbers; raises BadInput, RuntimeError where it fails, KeyboardInterrupt."""
@@ -127,7 +128,7 @@ class Objective:
         numbers = dict(zip((one.key for one in self.free), self.numbers(u), strict=True))
         name = ", ".join(f"{key}={number:.10g}" for key, number in numbers.items())
         wanted = [(one.signal, tuple(one.t.tolist())) for one in experiment.signals]
-        bare = experiment._replace(signals=(), name="")
+        bare = experiment._replace(signals=(), files=())
         return Case(experiment.scene.name, name, run_signals, (bare, numbers, wanted), experiment.scene.run.stop)
 
     def numbers(self, u: Floats) -> list[float]:
@@ -184,7 +185,8 @@ class Objective:
 class Search(NamedTuple):
     """End of a search."""
 
-    u: Floats  # (k,) variables
+    start: Floats  # (k,) variables
+    u: Floats  # (k,) variables at the end
     noise: tuple[float, ...]  # by signal
     cost: tuple[float, float]  # sum of squares at the start and at the end, with that noise
     jacobian: Floats  # (samples, k) over the noise
@@ -204,7 +206,7 @@ def search(task: Objective, scanned: int = 0) -> Search:
     known = [one.signal in task.noise for one in signals]
     first = task.difference(np.zeros(len(task.free)))
     noise = [task.noise.get(one.signal) or _spread(one, d) for one, d in zip(signals, first, strict=True)]
-    u = _best_start(task, scanned, noise)
+    u = start = _best_start(task, scanned, noise)
     converged = False
     for _ in range(1 if all(known) else ROUNDS):
         steps, columns, _ = smooth_steps(task, u, noise)
@@ -217,7 +219,7 @@ def search(task: Objective, scanned: int = 0) -> Search:
             except FitFailed:  # a shorter step is tried
                 return np.full(sum(len(one.t) for one in signals) + len(u), np.inf)
             r = np.concatenate([d / s for d, s in zip(difference, noise, strict=True)])
-            task.told(f"sum of squares {r @ r:.6g} at {', '.join(f'{x:.6g}' for x in task.numbers(v))}")
+            task.told(f"sum of squares {r @ r:.6g} at {', '.join(f'{x:.8g}' for x in task.numbers(v))}")
             return np.concatenate([r, stays * (v - u)])
 
         def jacobian(v: Floats, noise: Sequence[float] = noise, steps: Floats = steps, stays: Floats = stays) -> Floats:
@@ -234,9 +236,12 @@ def search(task: Objective, scanned: int = 0) -> Search:
         noise = [s if given else rms(d) or s for s, given, d in zip(before, known, task.difference(u), strict=True)]
         if all(abs(now / then - 1.0) < 0.01 for now, then in zip(noise, before, strict=True)):
             break
-    start, end = task.sums([np.zeros(len(u)), u], noise)
+    alone = np.eye(len(u), dtype=bool)
+    first_sum, last_sum, *without = task.sums([start, u, *np.where(alone, start, u)], noise)
+    u = np.where(np.array(without) - last_sum < UNFELT, start, u)
+    (last_sum,) = task.sums([u], noise)
     steps, columns, rough = smooth_steps(task, u, noise)
-    return Search(u, tuple(noise), (start, end), columns, steps, rough, converged)
+    return Search(start, u, tuple(noise), (first_sum, last_sum), columns, steps, rough, converged)
 
 
 def _best_start(task: Objective, scanned: int, noise: Sequence[float]) -> Floats:

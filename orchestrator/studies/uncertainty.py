@@ -18,6 +18,9 @@ from orchestrator.log.time_series import Floats
 from orchestrator.studies.least_squares import MOST_STEPS, ROUGH, Objective, Search
 
 AT_BOUND = 1e-6  # of a range
+MOVED = 1e-4  # of a number's size: a search that moved by less was at its end
+SMOOTH = 0.2  # correlation of neighbouring residuals, and RANDOM its standard errors, above which they are no noise
+RANDOM = 4.0
 UNKNOWN = 1.0  # standard error of a combination, in units of the numbers' sizes, that is no answer
 CORRELATED = 0.95
 AGREES = 0.5, 2.0  # chi2/n of a model whose differences are noise, and rise of a profile over that of linear theory
@@ -65,9 +68,16 @@ def answer(task: Objective, end: Search) -> Answer:
     problems = [
         *(f"no signal depends on {key}" for key in keys if key in silent),
         *_inseparable(keys, vectors.T[blind], silent), *_unfinished(task, end, profiles),
-        *(f"{key} is not known to 100 %: beside it the sum of squares hardly rises"
+        *(f"{key} has an error above 100 %: beside it the sum of squares hardly rises"
           for key, width, far in zip(keys, wider, deviation, strict=True) if width > 1.0 and far > UNKNOWN),
     ]  # fmt: skip
+    for one, residual in zip(task.signals, task.difference(end.u), strict=True):
+        alike = _alike(residual)
+        if alike > max(SMOOTH, RANDOM / math.sqrt(len(residual))):
+            problems.append(
+                f"the residuals of {one.signal} are no noise, neighbours are correlated by {alike:.2f}: the model is"
+                " wrong there, or samples are not independent, so errors are too small"
+            )
     if task.noise and not AGREES[0] < chi2 < AGREES[1]:
         problems.append(f"chi2/n is {chi2:.3g}: the differences are not the stated noise")
     notes = []
@@ -85,12 +95,20 @@ def answer(task: Objective, end: Search) -> Answer:
             notes.append(
                 f"the error of {key} is rough: the sum of squares rises by {told} standard errors, not by 1 and 4"
             )
-    if any(one.signal not in task.noise for one in task.signals):
-        notes.append("noise is estimated from the residuals, so chi2/n is 1 whether or not the model is right")
+    if guessed := [name for name in dict.fromkeys(one.signal for one in task.signals) if name not in task.noise]:
+        notes.append(
+            f"noise of {', '.join(guessed)} is estimated from residuals: chi2/n is 1 whether or not the model is right"
+        )
     errors = (np.array([one.size for one in task.free]) * deviation).tolist()
     return Answer(
         tuple(task.numbers(end.u)), tuple(errors), correlations, chi2, profiles, tuple(problems), tuple(notes)
     )
+
+
+def _alike(residual: Floats) -> float:
+    """Correlation of neighbouring values about 0; 0 for none (Durbin and Watson, Biometrika 37, 1950)."""
+    size = float(residual @ residual)
+    return float(residual[1:] @ residual[:-1]) / size if size else 0.0
 
 
 def _inseparable(keys: list[str], directions: Floats, silent: set[str]) -> list[str]:
@@ -103,7 +121,7 @@ def _inseparable(keys: list[str], directions: Floats, silent: set[str]) -> list[
             change = ", ".join(f"{key} {100.0 * v / largest:+.3g} %" for v, key in parts)
             found.append(f"cannot be told apart: {change} together change nothing that was measured")
         elif parts:
-            found.append(f"{parts[0][1]} is not known to 100 % by these signals")
+            found.append(f"{parts[0][1]} has an error above 100 %: these signals do not tell it")
     return found
 
 
@@ -113,7 +131,7 @@ def _unfinished(task: Objective, end: Search, profiles: tuple[Profile, ...]) -> 
     for one, v, a, b in zip(task.free, end.u, *task.bounds(), strict=True):
         if min(v - a, b - v) < AT_BOUND * (b - a) < math.inf:
             found.append(f"{one.key} ends at its bound, {one.low if v - a < b - v else one.high:g}")
-    if not end.cost[1] < end.cost[0] * (1.0 - 1e-9) and np.abs(end.u).max() > 0.0:
+    if not end.cost[1] < end.cost[0] * (1.0 - 1e-9) and np.abs(end.u - end.start).max() > MOVED:
         found.append("the fit is no better than its start")
     for one, profile in zip(task.free, profiles, strict=True):
         if len(profile.rises) and profile.rises.min() < -1.0:

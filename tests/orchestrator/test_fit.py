@@ -91,11 +91,15 @@ def test_noisy_data_give_the_numbers_within_their_errors(data, noise, tmp_path):
 def test_two_files_with_one_set_of_numbers(data, noise, tmp_path):
     """The same file twice has the same best numbers, and errors that are less by the root of two."""
     file = data(3)
-    once, twice = (fitted(one, tmp_path / "fit", noise=noise) for one in (file, [file, file]))
+    again = tmp_path / "again.csv"
+    again.write_bytes(file.read_bytes())
+    once, twice = (fitted(one, tmp_path / "fit", noise=noise) for one in (file, [file, again]))
     assert twice.answer.numbers == pytest.approx(once.answer.numbers, rel=1e-6)
     assert np.multiply(twice.answer.errors, 2.0**0.5) == pytest.approx(once.answer.errors, rel=1e-3)
     assert twice.answer.errors != pytest.approx(once.answer.errors, rel=0.2)
     assert len(twice.residuals.records()) == 4
+    with pytest.raises(fitting.BadInput, match="is given twice, which would make errors too small"):
+        fitted([file, file], tmp_path / "fit", noise=noise)
 
 
 @pytest.mark.long
@@ -181,6 +185,21 @@ def test_samples_of_the_window_and_of_the_run_count(data, measured, noise, tmp_p
     assert [one.residuals.records()[0]["samples"] for one in found] == [31, 51]
 
 
+def test_a_wrong_model_is_no_success_without_a_noise(data, tmp_path):
+    """The mass alone cannot explain another span: residuals follow the motion, whatever noise is taken from them."""
+    found = fitted(data(3), tmp_path / "fit", [MASS])
+    assert not found.ok
+    assert found.verdict.startswith("no fit: the residuals of chain.")
+    assert " are no noise, neighbours are correlated by " in found.verdict
+
+
+def test_a_shift_that_cannot_be_found_is_refused(data, noise, tmp_path):
+    """Started far off, the run is unlike the record wherever that is laid."""
+    options = {"noise": noise, "more": ["chain.span=0.55"]}
+    with pytest.raises(fitting.BadInput, match=r"^--shift find: the run of the start differs from .* its clock cannot"):
+        fitted(data(3), tmp_path / "fit", [MASS], shift="find", **options)
+
+
 def test_a_wrong_noise_is_no_success(data, noise, tmp_path):
     found = fitted(data(3), tmp_path / "fit", noise={name: 0.5 * size for name, size in noise.items()})
     assert not found.ok
@@ -250,7 +269,7 @@ def test_the_command_writes_a_scene_that_runs(cotrack, data, noise, tmp_path):
 @pytest.mark.parametrize(
     ("free", "said"),
     [
-        ("chain.sapn", "--free chain.sapn: hanging_chain.toml has no such number ('sapn')"),
+        ("chain.spann", "--free chain.spann: hanging_chain.toml has no such number ('spann'): did you mean 'span'?"),
         ("track.start", "--free track.start: is \"displaced\" in hanging_chain.toml, and a real number is needed"),
         ("chain.links", "--free chain.links: is 8 in hanging_chain.toml, and a real number is needed"),
         ("run.stop", "--free run.stop: cannot be changed a little: hanging_chain.toml: run: stop = 0.050005 s must be"),

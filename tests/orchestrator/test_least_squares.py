@@ -75,7 +75,7 @@ def test_an_error_above_the_number_is_no_success():
     task = formula(lambda a: 0.01 * a * T, [1.0], [(1.0, *EVERYWHERE)])
     found = answer(task, search(task))
     assert found.errors[0] == pytest.approx(NOISE / (0.01 * np.linalg.norm(T)), rel=1e-9)
-    assert found.problems == ("p0 is not known to 100 % by these signals",)
+    assert found.problems == ("p0 has an error above 100 %: these signals do not tell it",)
 
 
 def test_an_error_that_is_not_linear_is_told():
@@ -101,7 +101,7 @@ def test_a_number_whose_profile_stays_flat_is_not_known():
     task = formula(lambda a: 1e-3 * np.sin(2e5 * a) + 0.5 * T, [1.0], [(1.1, *EVERYWHERE)])
     found = answer(task, search(task))
     assert found.errors == (np.inf,)
-    assert "p0 is not known to 100 %: beside it the sum of squares hardly rises" in found.problems
+    assert "p0 has an error above 100 %: beside it the sum of squares hardly rises" in found.problems
 
 
 def test_springs_in_series_cannot_be_told_apart():
@@ -147,3 +147,28 @@ def test_a_number_that_acts_on_nothing_stays():
     found = answer(task, search(task))
     assert found.numbers[1] == 1.0
     assert found.problems == ("no signal depends on p1",)
+
+
+def test_a_number_that_is_not_felt_goes_back_to_its_start():
+    """A ripple of rounding drives it; over its whole way the sum of squares does not change."""
+    task = formula(lambda a, b: a + 1e-5 * np.sin(2e5 * b) * T, [2.0, 1.0], [(1.0, *EVERYWHERE), (1.3, *EVERYWHERE)])
+    end = search(task)
+    assert task.numbers(end.u)[1] == 1.3
+    assert task.numbers(end.u)[0] == pytest.approx(2.0, abs=0.05)
+
+
+def test_residuals_that_follow_each_other_are_no_success():
+    """A line through a parabola of the size of the noise: chi2/n is near 1, and neighbours are alike."""
+    task = formula(lambda a, b, c: a + b * T + c * T**2, [2.0, 3.0, 2.0], CURVE[2])
+    line = Formula(task.experiments, task.free[:2], {"y": NOISE}, model=LINE[0])
+    found = answer(line, search(line))
+    assert found.chi2 < 4.0
+    assert any("the residuals of y are no noise" in problem for problem in found.problems)
+    assert answer(task, search(task)).problems == ()
+
+
+def test_a_search_that_starts_at_its_end_is_a_success():
+    task = formula(*LINE)
+    best = task.numbers(search(task).u)
+    again = formula(*LINE[:2], [(number, *EVERYWHERE) for number in best])
+    assert answer(again, search(again)).problems == ()
