@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import isclose
 from typing import Any
 
+import numpy as np
+
 from fmus.ahead import loaded_contents
 from fmus.track.choices import TRACKS
 from fmus.vehicles.sides import SIDES, of_side
@@ -78,6 +80,7 @@ def describe(scene: Scene) -> Iterator[str]:
     """Yield lines about the parts of a scene with their sizes, and about parts that are left out."""
     yield from _run(scene)
     yield f"  recorded: inputs every step, outputs every {scene.run.outputs}, links every {scene.links_every}"
+    yield from _height_map(scene)
     present, absent = _parts(scene)
     yield from _section("in", present)
     yield from _section("left out", absent)
@@ -93,6 +96,17 @@ def _run(scene: SystemScene) -> Iterator[str]:
         yield f"  {run.stop:g} s in variable steps ({run.variable}), {run.coupling}"
     if scene.shortened:
         yield f"  {scene.shortened}"
+
+
+def _height_map(scene: Scene) -> Iterator[str]:
+    """Yield a line about the map of heights of the ground, if it has one."""
+    table = scene.resolved().get("ground", {}).get("heightmap")
+    if table:
+        heights = np.array(table["heights"])
+        places = zip("xy", table["corner"], table["spacing"], heights.shape, strict=True)
+        ends = (f"{name} {low:g} to {low + step * (count - 1):g} m" for name, low, step, count in places)
+        size = f"{heights.shape[0]} x {heights.shape[1]} heights of {heights.min():g} to {heights.max():g} m"
+        yield f"  height map: {', '.join(ends)}; {size}, and beyond it those of its edges"
 
 
 def _section(title: str, within: Iterable[str]) -> Iterator[str]:

@@ -42,6 +42,7 @@ from orchestrator.log.time_series import Floats
 
 EXTRA = "measured"
 PREAMBLE = 200  # lines in which a header is looked for, to name it
+MARKS = ";\t,"  # between cells: the first of these that the first line has
 UNITS_UNTIL = 3  # last line that may be one of units
 SHOWN = 100  # characters of a line in a message
 TIMING = ("wf_start_time", "wf_start_offset", "wf_increment")  # properties of a TDMS channel
@@ -104,7 +105,7 @@ def _silent_ends() -> Iterator[None]:
 
 
 def _csv(path: Path, choose: Choose) -> Read:
-    lines = csv_lines(path, MEASURED, MEASURED_ROWS, ";\t,")
+    lines = csv_lines(path, MEASURED, MEASURED_ROWS, MARKS)
     _, header = next(lines, (0, []))
     try:
         chosen = sorted(choose(_heads(header)))
@@ -114,7 +115,8 @@ def _csv(path: Path, choose: Choose) -> Read:
     for line, cells in lines:
         if any(cell.strip() for cell in cells[len(header) :]):
             pairs = ",".join(map(".".join, zip(cells[::2], cells[1::2], strict=False)))
-            hint = f"; decimals have a point: {pairs:.{SHOWN}}" if len(cells) == 2 * len(header) else ""
+            whole = f": {pairs:.{SHOWN}}" if len(cells) == 2 * len(header) else ", and a cell that holds a comma quotes"
+            hint = f"; decimals have a point{whole}" if len(cells) > len(header) else ""
             raise BadInput(f"{path}, line {line}: there are {len(cells)} cells, and {len(header)} columns{hint}")
         numbers.append(line)
         numbers.extend(_number(path, line, cells, header, k) for k in chosen)
@@ -128,7 +130,7 @@ def _heads(header: Sequence[str]) -> list[FileColumn]:
 
 def _later_header(path: Path, choose: Choose) -> str:
     """Sentence part on a line below the first that names all wanted columns; "" without one."""
-    for mark in ";\t,":
+    for mark in MARKS:
         for line, cells in islice(csv_lines(path, MEASURED, MEASURED_ROWS, mark), 1, PREAMBLE):
             with suppress(BadInput):
                 choose(_heads(cells))
@@ -143,23 +145,26 @@ def _number(path: Path, line: int, cells: Sequence[str], header: Sequence[str], 
     except IndexError:
         raise BadInput(f"{path}, line {line}: there are {len(cells)} cells, and none for '{name}'") from None
     except ValueError:
-        sentence = f"'{name}' must be a number or empty, not '{cells[k].strip()}'{_hint(line, cells, header, k)}"
+        sentence = f"'{name}' must be a number or empty, not '{cells[k].strip()}'{_hint(path, line, cells, header, k)}"
         raise BadInput(f"{path}, line {line}: {sentence}") from None
 
 
-def _hint(line: int, cells: Sequence[str], header: Sequence[str], k: int) -> str:
+def _hint(path: Path, line: int, cells: Sequence[str], header: Sequence[str], k: int) -> str:
     """Sentence part that says how a line would read with numbers; "" without a guess."""
     texts = [cell.strip() for cell in cells]
+    with path.open(encoding="utf-8-sig") as lines:
+        first = next(lines, "")
+    mark = next((mark for mark in MARKS if mark in first), ",")
     if re.fullmatch(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?", texts[k]):
-        return f"; decimals have a point: {','.join(text.replace(',', '.') for text in texts):.{SHOWN}}"
+        return f"; decimals have a point: {mark.join(text.replace(',', '.') for text in texts):.{SHOWN}}"
     if time := _TIME.fullmatch(texts[k]):
         hours, minutes, seconds = (float(part.replace(",", ".")) for part in time.groups())
         texts[k] = f"{3600.0 * hours + 60.0 * minutes + seconds:.12g}"
-        return f"; a clock counts seconds, for example of the day: {','.join(texts):.{SHOWN}}"
+        return f"; a clock counts seconds, for example of the day: {mark.join(texts):.{SHOWN}}"
     if line <= UNITS_UNTIL and not any(re.fullmatch(r"[-+\d.,:eE]+", text) for text in texts):
         units = zip(map(head, header), (text.strip("[]()") for text in texts), strict=False)
-        first = ",".join(f"{name} [{unit}]" if unit else name for (name, _), unit in units)
-        return f"; units belong into the first line, without a line of their own: {first:.{SHOWN}}"
+        heads = mark.join(f"{name} [{unit}]" if unit else name for (name, _), unit in units)
+        return f"; units belong into the first line, without a line of their own: {heads:.{SHOWN}}"
     return ""
 
 

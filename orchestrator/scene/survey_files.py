@@ -129,8 +129,17 @@ def read_road(path: Path, heightmap: dict[str, Any]) -> Floats:
             raise ValueError(f"is no sound OpenCRG road: {' '.join(reason.split())}") from None
         known = ~np.isnan(road.z)
         inside = np.maximum.accumulate(known, 1) & np.maximum.accumulate(known[:, ::-1], 1)[:, ::-1]
+        _check_length(road, content)
         check_gaps(road.z, inside & ~known, ("cross section", "long section"))
         return _over_extent(_sound(lambda: road.apply_mods().fill_nan()), heightmap)
+
+
+def _check_length(road: Any, content: bytes) -> None:
+    """Raise ValueError if a road ends before its header says: PyOpenCRG reads what is there."""
+    number = rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
+    given = re.search(rb"(?im)^\s*reference_line_end_u\s*=\s*(" + number + rb")", content.partition(b"$$$$")[0])
+    if given and abs(float(given[1]) - road.u_end) > 0.5 * road.u_inc:
+        raise ValueError(f"ends at u = {road.u_end:g} m, and its header says {float(given[1]):g} m: it was cut off")
 
 
 def _over_extent(road: Any, heightmap: dict[str, Any]) -> Floats:
@@ -168,5 +177,7 @@ def _set_places(heightmap: dict[str, Any], corner: Pair, spacing: Pair) -> None:
     heightmap["spacing"] = list(spacing)
     if "corner" not in heightmap and not max(map(abs, corner)) <= FARTHEST:
         far = "lies at x = {:.7g} m, y = {:.7g} m, beyond {:g} m".format(*corner, FARTHEST)
-        raise ValueError(f"{far}: bring it near by ground.heightmap.corner = [0, 0]")
+        raise ValueError(
+            f"{far}: ground.heightmap.corner = [x, y] places its least x and y, and vehicles start at x = 0, y = 0"
+        )
     heightmap.setdefault("corner", list(corner))

@@ -79,8 +79,10 @@ def number_at(scene: Any, key: str, option: str = "--free") -> float:
         elif isinstance(place, list | tuple) and part.isdecimal() and int(part) < len(place):
             place = place[int(part)]
         else:
-            names = list(place) if isinstance(place, Mapping) else [str(k) for k in range(len(place))]
-            near = hint(part, names, "there are")
+            inner = (
+                range(len(place)) if isinstance(place, list | tuple) else place if isinstance(place, Mapping) else ()
+            )
+            near = hint(part, [*map(str, inner)], "there are") if inner else "it has no parts"
             raise BadInput(
                 f"{option} {key}: {scene.where} has no such number ('{part}'): {near}; 'cotrack keys' lists all"
             )

@@ -206,6 +206,6 @@ def _draw(result: Sensitivity) -> Picture:
     shown = pane.imshow(relative[felt] if keys else [[math.nan]], cmap="RdBu_r", vmin=-2.0, vmax=2.0, aspect="auto")
     pane.set_yticks(range(len(keys)), [key.removeprefix("vehicle.") for key in keys], fontsize=7)
     pane.set_xticks(range(len(figures)), list(result.figures), rotation=90, fontsize=7)
-    figure.colorbar(shown, label="% for 1 %; grey: no derivative")
+    figure.colorbar(shown, label="% for 1 %\n(grey: none)")
     figure.suptitle(f"Sensitivity of {result.scene}", fontsize=11)
     return figure

@@ -270,6 +270,7 @@ def test_the_command_writes_a_scene_that_runs(cotrack, data, noise, tmp_path):
     ("free", "said"),
     [
         ("chain.spann", "--free chain.spann: hanging_chain.toml has no such number ('spann'): did you mean 'span'?"),
+        ("chain.span.x", "--free chain.span.x: hanging_chain.toml has no such number ('x'): it has no parts"),
         ("track.start", "--free track.start: is \"displaced\" in hanging_chain.toml, and a real number is needed"),
         ("chain.links", "--free chain.links: is 8 in hanging_chain.toml, and a real number is needed"),
         ("run.stop", "--free run.stop: cannot be changed a little: hanging_chain.toml: run: stop = 0.050005 s must be"),

@@ -217,7 +217,7 @@ def test_another_shift_that_is_nearly_as_good_is_named(write, tmp_path, wave, ot
         ),
         ("t,v\n0,1\n", "v:knts", "m.csv: column 'v' is in knts, which does not convert to m/s, the unit of ch"),
         ("t,v\n0,1\n1,abc\n", "v", "m.csv, line 3: 'v' must be a number or empty, not 'abc'"),
-        ("t;v\n0;1,5\n", "v", "m.csv, line 2: 'v' must be a number or empty, not '1,5'; decimals have a point: 0,1.5"),
+        ("t;v\n0;1,5\n", "v", "m.csv, line 2: 'v' must be a number or empty, not '1,5'; decimals have a point: 0;1.5"),
         (
             "t,v\ns,km/h\n0,1\n",
             "v",

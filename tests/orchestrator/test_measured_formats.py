@@ -336,13 +336,18 @@ def test_files_have_limits(tmp_path, monkeypatch, kind):
     [
         (
             "t;v [km/h]\n0,0;3,6\n1,0;7,2\n",
-            "line 2: 't' must be a number or empty, not '0,0'; decimals have a point: 0.0,3.6",
+            "line 2: 't' must be a number or empty, not '0,0'; decimals have a point: 0.0;3.6",
             "t;v [km/h]\n0.0;3.6\n1.0;7.2\n",
         ),
         (
             "t,v [km/h]\n0,0,3,6\n1,0,7,2\n",
             "line 2: there are 4 cells, and 2 columns; decimals have a point: 0.0,3.6",
             "t,v [km/h]\n0.0,3.6,\n1.0,7.2,\n",  # an empty cell at the end is none
+        ),
+        (
+            "t,v [km/h]\n0,3,6\n1,7,2\n",
+            "line 2: there are 3 cells, and 2 columns; decimals have a point, and a cell that holds a comma quotes",
+            '"t, s","v, km/h"\n0,3.6\n1,7.2\n',
         ),
         (
             "Logger 7, of the bench\nrate;100\n\nt;v [km/h]\n0;3.6\n1;7.2\n",
@@ -383,5 +388,5 @@ def test_a_text_far_below_is_no_line_of_units(tmp_path):
 
 def test_an_hour_of_a_german_date_counts_in_the_seconds_of_the_day(tmp_path):
     (tmp_path / "m.csv").write_text("t;v\n28.11.2026 10:01:02,5;1\n")
-    with pytest.raises(BadInput, match=r"of the day: 36062\.5,1$"):
+    with pytest.raises(BadInput, match=r"of the day: 36062\.5;1$"):
         read(tmp_path / "m.csv", SPEED_V, UNITS.get)

@@ -102,7 +102,7 @@ def test_the_hill_tells_each_wrong_turn_and_half_a_cell():
 
 def test_a_corner_moves_a_survey_and_the_spacing_may_be_repeated(tmp_path):
     far = tif(tmp_path / "far.tif", transform=from_origin(500e3, 5300e3, 2.0, 3.0))
-    with pytest.raises(BadInput, match=r"y = 5299990 m, beyond 1e\+06 m: bring it near by .*corner = \[0, 0\]"):
+    with pytest.raises(BadInput, match=r"y = 5299990 m, beyond 1e\+06 m: ground\.heightmap\.corner = \[x, y\] places"):
         read_map(far)
     table = read_map(far, corner=[-4, "9 m"], spacing=["200 cm", 3])
     assert (table["corner"], table["spacing"]) == ([-4, "9 m"], [2.0, 3.0])
@@ -266,6 +266,15 @@ def test_a_straight_road_is_exact_at_its_own_nodes(tmp_path):
     assert np.array(table["heights"]) != pytest.approx(SURFACE + placed + 0.02 * 0.05 * V[None, :], abs=1e-4)
 
 
+def test_a_road_that_was_cut_off_is_refused(tmp_path):
+    """A file that ends between two cross sections is whole but for the end that its header tells."""
+    end = float(0.5 * (len(U) - 1))
+    whole = read_map(crg(tmp_path / "a.crg", head=[f"REFERENCE_LINE_END_U = {end}"]))
+    assert np.array(whole["heights"]) == pytest.approx(SURFACE, abs=1e-13)
+    with pytest.raises(BadInput, match=rf"ends at u = {end - 1.0:g} m, and its header says {end:g} m: it was cut off"):
+        read_map(crg(tmp_path / "a.crg", SURFACE[:-2], head=[f"REFERENCE_LINE_END_U = {end}"]))
+
+
 def test_a_road_far_away_gets_no_line_more_by_rounding(tmp_path):
     table = read_map(crg(tmp_path / "a.crg", head=["REFERENCE_LINE_START_X = 400000.3"]))
     assert np.array(table["heights"]) == pytest.approx(SURFACE, abs=1e-9)
@@ -384,4 +393,13 @@ def test_a_scene_names_a_survey_beside_it_and_settings_place_it(tmp_path, cotrac
     checker = Draft202012Validator(scene_schema())
     assert checker.is_valid({"assembly": "vehicle", "ground": {"heightmap": {"heights": "a.tif"}}}) == checker.is_valid(
         {"assembly": "vehicle", "ground": {"heightmap": {"heights": "a.csv", "corner": [0, 0], "spacing": [1, 1]}}}
+    )
+
+
+def test_show_tells_where_a_map_lies(cotrack, tmp_path):
+    crg(tmp_path / "a.crg")
+    out = cotrack.done("show", "straight", "--set", f"ground.heightmap.heights={tmp_path / 'a.crg'}")
+    low, high = f"{SURFACE.min():g}", f"{SURFACE.max():g}"
+    assert (
+        f"  height map: x 0 to 4 m, y -1 to 1 m; 9 x 5 heights of {low} to {high} m, and beyond it those of its" in out
     )
