@@ -82,7 +82,7 @@ def _of_columns(path: Path, key: str, units: tuple[str, str]) -> list[list[float
     found: list[FileColumn] = []
 
     def both(present: Sequence[FileColumn]) -> list[int]:
-        if len(present) > 2 or not (len(present) == 2 or all(column.timed for column in present)):
+        if len(present) != 2 and [column.timed for column in present] != [True]:
             raise BadInput(f"must have two columns, and has {', '.join(one.whole for one in present) or 'none'}")
         found.extend(present)
         return [*range(len(present))]
@@ -91,11 +91,11 @@ def _of_columns(path: Path, key: str, units: tuple[str, str]) -> list[list[float
         samples = read_samples(path, both)
     except BadInput as error:
         raise BadInput(f"{key}: {error}") from None
-    columns = [samples[k].values for k in range(len(found))]
+    columns, times = ([getattr(samples[k], part) for k in range(len(found))] for part in ("values", "t"))
+    if not all(t is None or np.array_equal(t, times[0]) for t in times):
+        raise BadInput(f"{key}: its two columns have times of their own that differ: save them over one clock")
     if len(found) == 1:
-        times = samples[0].t
-        assert times is not None  # a column alone has them
-        columns.insert(0, times)
+        columns.insert(0, times[0])
         found.insert(0, FileColumn("time", "time", "s"))
     if len(columns[0]) != len(columns[1]) or len(columns[0]) > ROWS:
         counts = " and ".join(str(len(column)) for column in columns)

@@ -129,6 +129,8 @@ def _of_part(file: str, name: str, track: str | None, settings: Sequence[str] | 
     if settings:
         raise BadInput("--set: a part has the scene of its log, and --free KEY alone changes it")
     with Log(file) as log:
+        if "scene.json" not in log.attachments:
+            raise BadInput(f"--part {name}: {file} does not say of which scene it is")
         scene = with_track(any_from_table(log.table("scene.json"), f"{file}: scene.json"))
         if track is not None:
             scene = scene.model_copy(update={"planar": False, "track": scene.track.of_model(track)}).with_axes()
@@ -183,7 +185,7 @@ def _check_found(run: RunData, signals: Sequence[MeasuredSignal], data: Measured
     """Raise BadInput if the run of the start differs from the signals by more than they vary: any shift is a guess."""
     ratios = [rms(np.interp(one.t, *run.signal(one.signal, EVER)) - one.values) / np.std(one.values)
               for one in signals if np.std(one.values) > 0.0]  # fmt: skip
-    if (ratio := rms(np.array(ratios))) > 1.0:
+    if ratios and (ratio := rms(np.array(ratios))) > 1.0:
         raise BadInput(
             f"--shift find: the run of the start differs from {data.path} by {100.0 * ratio:.3g} % of what the signals"
             " vary, so its clock cannot be told: give --shift S, or map signals that are alike from the start"

@@ -68,7 +68,7 @@ def answer(task: Objective, end: Search) -> Answer:
     problems = [
         *(f"no signal depends on {key}" for key in keys if key in silent),
         *_inseparable(keys, vectors.T[blind], silent), *_unfinished(task, end, profiles),
-        *(f"{key} has an error above 100 %: beside it the sum of squares hardly rises"
+        *(f"{key} is not known: within its range, or 100 %, the sum of squares hardly rises"
           for key, width, far in zip(keys, wider, deviation, strict=True) if width > 1.0 and far > UNKNOWN),
     ]  # fmt: skip
     for one, residual in zip(task.signals, task.difference(end.u), strict=True):

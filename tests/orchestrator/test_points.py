@@ -81,6 +81,21 @@ def test_points_of_measured_files(tmp_path, write):
         read_files({"driver": {"speed_points": f"d.{kind}"}}, tmp_path, "mine.toml")
 
 
+def test_channels_on_two_clocks_are_no_points(tmp_path):
+    """Two channels of a test make a curve only sample by sample; a file without channels makes none."""
+    nptdms = pytest.importorskip("nptdms")
+    late = [{"wf_increment": 0.5, "wf_start_offset": start, "unit_string": "N m"} for start in (0.0, 0.25)]
+    for about, said in (
+        (late, "two columns have times of their own that differ"),
+        ([], "must have two columns, and has none"),
+    ):
+        with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
+            channels = [nptdms.ChannelObject("g", f"c{k}", np.arange(3.0), one) for k, one in enumerate(about)]
+            file.write_segment(channels or [nptdms.RootObject({})])
+        with pytest.raises(BadInput, match=said):
+            read_files({"drive": {"engine_points": "a.tdms"}}, tmp_path, "mine.toml")
+
+
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(
         BadInput, match=r"^here: drive\.left\.speed_points = '.*none\.csv': cannot be read: No such file"
