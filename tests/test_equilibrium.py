@@ -20,6 +20,7 @@ from orchestrator.results.energy import STORED
 from orchestrator.scene import placing
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import changed_scene, from_table, load
+from orchestrator.scene.tables import StandingTable
 
 MOTION = [port.name.removeprefix("of.") for port in motion_ports("of", "output")]
 HEIGHT, LOAD = 1e-4, 5e-3  # m, and share of each wheel's load: largest motion in the first second
@@ -274,8 +275,13 @@ def test_a_vehicle_that_cannot_rest_is_refused_in_an_engineer_s_words(monkeypatc
     monkeypatch.setattr(equilibrium, "cached_result", lambda kind, name, request, compute: compute())
     table = random_vehicle(20)
     sentence = r"it has sagged by (\d+) mm .*: the sprocket, whose track is (\d+) mm above"
+    scene = load("straight", "flexible", {"vehicle": table})
+    with pytest.raises(BadInput, match=sentence):
+        placed(scene)
+    place = placing._laid_idler(scene, scene.vehicle.track.tension, "vehicle.track")
+    scene = placing._with_idlers(scene, [place.x], [place.push], StandingTable(drawn=()))
     with pytest.raises(BadInput, match=sentence) as error:
-        placed(load("straight", "flexible", {"vehicle": table}))
+        placing._scene_at_rest(scene)
     sag, room = map(int, re.search(sentence, str(error.value)).groups())
     pitch, face, wheel = table["track"]["pitch"], table["track"]["face"], table["road_wheel"]
     drawn = wheel["radius"] + face - wheel["z"] - 0.5 * pitch / np.sin(np.pi / table["sprocket"]["teeth"])
@@ -283,7 +289,7 @@ def test_a_vehicle_that_cannot_rest_is_refused_in_an_engineer_s_words(monkeypatc
     assert sag > room
     with monkeypatch.context() as without:
         without.setattr(equilibrium, "ACCEPTED", 1.0)
-        taken = placed(load("straight", "flexible", {"vehicle": table})).start.equilibrium
+        taken = placing._scene_at_rest(scene).start.equilibrium
     assert -1e3 * taken.height == pytest.approx(sag, abs=0.51)
     placing._solved_equilibrium.cache_clear()
     beyond = re.compile(r"its centre of mass is 3\.50 m ahead of its foremost road wheel, so it tips over")
@@ -303,14 +309,10 @@ def test_a_run_s_track_has_the_tension_of_the_equilibrium(monkeypatch, leans):
 
     rest = found()
     assert rest is not None
-    measured, factor = equilibrium._ChainOnWheels.tensions, 1.0005
-
-    def tensions(self):
-        followed, anew = measured(self)
-        return factor * followed, anew
+    measured, factor = equilibrium._ChainOnWheels.tension_laid_out, 1.0005
 
     monkeypatch.setattr(equilibrium, "cached_result", lambda kind, name, request, compute: compute())
-    monkeypatch.setattr(equilibrium._ChainOnWheels, "tensions", tensions)
+    monkeypatch.setattr(equilibrium._ChainOnWheels, "tension_laid_out", lambda self: measured(self) / factor)
     assert found() == rest
     factor = 1.002
     with pytest.raises(BadInput, match="a track that came there carries"):

@@ -142,8 +142,9 @@ class Model(ComponentModel):
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
     warning_sentences: tuple[Sentence, ...] = (
         Sentence(
-            "the vehicle does not start in equilibrium: the hull rises or falls with {0:.2g} m/s2 in the first step,"
-            " because a number or a preload is another than that of rest.*, or its tracks did not carry it"
+            "the vehicle does not start in equilibrium: in the first step the hull rises or falls with {0:.2g} m/s2 and"
+            " an idler's push and its track differ by {1:.2g} %, because a number is another than that with which"
+            " rest.* was found, or other tracks carry it"
         ),
     )  # then that of wrenches that swing
 

@@ -4,12 +4,13 @@ The unknowns are height, roll and pitch of the hull and the coordinates of the l
 is brought to its own static equilibrium on these wheels (in which a track starts); with the wrenches of the chains the
 chassis has accelerations, which must vanish. Friction has no influence: regularised friction is zero at rest.
 
-The chains are of one kind for all kinds of links of the scene, so that all kinds start in the same place: rigid links,
+The chains are of one kind for all kinds of links of steel, so that all kinds start in the same place: rigid links,
 beams and cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. They are cables in an upright plane,
 whose links resist a roll of the wheels as springs side by side (``_ChainOnWheels``). From the place that they give, a
-hull that leans goes on with rigid links, which tilt between the wheels and the ground. Friction of the ground and of
-the rims, which creeps, balances the lateral forces of tilted wheels and of a side slope; the road wheels stand over the
-middle of the tracks, or on a side slope at their guides.
+hull that leans goes on with rigid links, which tilt between the wheels and the ground; so does every hull of a run with
+rigid links if these carry another tension there, by more than ``STRETCHED``: a belt stretches, and they do not.
+Friction of the ground and of the rims, which creeps, balances the lateral forces of tilted wheels and of a side slope;
+the road wheels stand over the middle of the tracks, or on a side slope at their guides.
 
 Method: Newton with an inertia term over the square of a pseudo step that grows as the accelerations fall
 (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35(2), 1998, doi 10.1137/S0036142996304796); the
@@ -19,6 +20,8 @@ Jacobian is computed by finite differences.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +38,7 @@ from fmus.interface.numbers import packed
 from fmus.interface.ports import STATE, WRENCH
 from fmus.kernels.jit import plain
 from fmus.physics.arrays import Floats, Vector
+from fmus.physics.chain.layout import sag_of_longest_span
 from fmus.physics.chain.report import T_MEAN
 from fmus.physics.elementary import sin
 from fmus.physics.elimination import solved
@@ -48,12 +52,15 @@ from fmus.vehicles.tables import BadInput
 
 FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
 LARGEST_CHANGE = 0.05  # largest change of an unknown in a pseudo step, m or rad
-DIFFERENCE = 1e-6  # finite difference for the Jacobian, m or rad
+DIFFERENCE = 1e-5  # finite difference for the Jacobian, m or rad: a chain's forces jump by some 5e-4 m/s2 at kinks
 REST_ACCELERATION = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
 MOST_STEPS = 60  # pseudo steps
+NEWTON = 10.0  # pseudo step, s, beyond which inertia is no part of a change
+LEAST_SHARE = 1.0 / 16.0  # of a change, which is halved while the accelerations grow
 LIFT = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load gives the vertical stiffness
 LEANS = 1e-7  # roll of a hull from which its chains tilt, rad: 0.3 um between the tracks
 ACCEPTED = 1e-3  # relative difference of tensions of a chain that followed its wheels and of one laid out there
+STRETCHED = 0.01  # relative difference of tensions of cables and rigid links beyond which each rests in its own place
 MIRRORED = 1.0, -1.0, 1.0, -1.0, 1.0, -1.0  # signs of a wrench on the other side
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 
@@ -69,6 +76,15 @@ class VehicleEquilibrium(NamedTuple):
     lateral: float = 0.0  # of the hull, m: on a side slope it has slid until guides touch
     # force, N, and torque, N m, of each track on its sprocket, left and right, in the vehicle; 0 without a track
     sprockets: Sequence[Sequence[float]] = ()
+    tracks: Sequence[Sequence[float]] = ()  # ``TrackAtRest`` of each track, left and right
+
+
+class TrackAtRest(NamedTuple):
+    """What a track on its wheels at rest carries."""
+
+    tension: float  # mean over its links, N
+    sag: float  # of its longest free span, m
+    loads: Sequence[float]  # on the road wheels from the front, N
 
 
 class FlexibleTrack(NamedTuple):
@@ -79,32 +95,53 @@ class FlexibleTrack(NamedTuple):
 
 
 def equilibrium(
-    chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack], slope: tuple[float, float] = (0.0, 0.0)
+    chassis: Mapping[str, Any],
+    tracks: Mapping[str, FlexibleTrack],
+    slope: tuple[float, float] = (0.0, 0.0),
+    rigid: bool = False,
 ) -> VehicleEquilibrium:
     """Static equilibrium of a chassis, given by its config, on tracks by side ("left", "right").
 
     ``slope``: pitch and roll of the ground under the vehicle, rad; the result is relative to it. With equal sides and a
-    hull that does not lean sideways, only the left half is solved. The result is cached for this build. Raises
-    BadInput.
+    hull that does not lean sideways, only the left half is solved. ``rigid``: of rigid links, where they differ from
+    cables. The result is cached for this build. Raises BadInput.
     """
-    # what the search reads: of rigid links, on which a hull may lean, also friction
-    leans = slope[1] != 0.0 or is_asymmetric(chassis, tuple(tracks))
-    uneven = any("terrain" in track.config["track"] for track in tracks.values())
-    if not (leans or uneven or chassis["chassis"].get("ground")):
-        chassis = {**chassis, "vehicle": without_motion(chassis["vehicle"])}
-        tracks = {
-            side: track._replace(config={**track.config, "vehicle": without_motion(track.config["vehicle"])})
-            for side, track in tracks.items()
-        }
+    chassis, tracks = motionless(chassis, tracks)
+    request = [*read_by_search(chassis, tracks), slope]
+
+    def found(links: str) -> VehicleEquilibrium:
+        """Equilibrium on ``links``: on rigid ones that of cables, unless the chain of cables stretches."""
+        search = partial(_at_rest, chassis, tracks, slope, found("cables") if links == "rigid" else None)
+        return read_equilibrium(cached_result("places", "equilibrium", [*request, links], search))
+
+    try:
+        return found("rigid" if rigid and tracks else "cables")
+    except (InvalidParameter, StepFailed) as error:
+        raise BadInput(f"the vehicle's equilibrium was not found, start.state = 'drawn' needs none: {error}") from None
+
+
+def motionless(
+    chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]
+) -> tuple[Mapping[str, Any], Mapping[str, FlexibleTrack]]:
+    """Configs without friction and damping of contacts, see ``without_motion``."""
+    return {**chassis, "vehicle": without_motion(chassis["vehicle"])}, {
+        side: track._replace(config={**track.config, "vehicle": without_motion(track.config["vehicle"])})
+        for side, track in tracks.items()
+    }
+
+
+def read_by_search(chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]) -> list[Any]:
+    """What a search for the equilibrium reads, of this build: the beginning of a request to the cache."""
     read = {
         side: (packed(track.config, Cables.reads(track.config)), track.parameters) for side, track in tracks.items()
     }
-    request = [source_hash(), packed(chassis, Chassis.reads(chassis)), read, slope]
-    try:
-        solution = cached_result("places", "equilibrium", request, lambda: _at_rest(chassis, tracks, slope))
-    except (InvalidParameter, StepFailed) as error:
-        raise BadInput(f"the vehicle's equilibrium was not found, start.state = 'drawn' needs none: {error}") from None
-    return VehicleEquilibrium(*solution)
+    return [source_hash(), packed(chassis, Chassis.reads(chassis)), read]
+
+
+def read_equilibrium(solution: Sequence[Any]) -> VehicleEquilibrium:
+    """Equilibrium from the lists that a cache has of it."""
+    found = VehicleEquilibrium(*solution)
+    return found._replace(tracks=[TrackAtRest(*track) for track in found.tracks])
 
 
 def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
@@ -138,22 +175,30 @@ def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
 
 
 def _at_rest(
-    chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack], slope: tuple[float, float]
+    chassis: Mapping[str, Any],
+    tracks: Mapping[str, FlexibleTrack],
+    slope: tuple[float, float],
+    cables: VehicleEquilibrium | None,
 ) -> VehicleEquilibrium:
-    """Solve, and compare the chains with those of a run, which are laid out anew; raises StepFailed with a reason."""
-    vehicle = _Vehicle(Cables, chassis, tracks, slope)
-    try:
-        guess = _solve(vehicle, vehicle.start())
-        if abs(guess[ROLL]) > LEANS or vehicle.gravity[1]:
-            vehicle = _Vehicle(RigidLinks, chassis, tracks, slope)
-            guess = _solve(vehicle, guess)
-        for chain in vehicle.chains.values():
-            followed, anew = chain.tensions()
-            if abs(anew - followed) > ACCEPTED * abs(followed):
-                raise StepFailed(f"a track that came there carries {followed:.6g} N, laid out there {anew:.6g} N")
-    except StepFailed as error:
-        raise StepFailed(f"{_reason(chassis['vehicle'], *vehicle.pose)} ({error})") from None
-    return vehicle.as_equilibrium(guess)._replace(sprockets=vehicle.sprocket_wrenches())
+    """Equilibrium on cables, or from the place of ``cables`` on rigid links; raises StepFailed with a reason.
+
+    The chains are compared with those of a run, which are laid out anew.
+    """
+    vehicle = VehicleOnChains(Cables if cables is None else RigidLinks, chassis, tracks, slope)
+    if cables is not None and not stretched(vehicle, cables):
+        return cables
+    guess = vehicle.come_to_rest(vehicle.start() if cables is None else vehicle.guess_of(cables))
+    if cables is None and (abs(guess[ROLL]) > LEANS or vehicle.gravity[1]):
+        vehicle = VehicleOnChains(RigidLinks, chassis, tracks, slope)
+        guess = vehicle.come_to_rest(guess)
+    return vehicle.rest(guess)
+
+
+def stretched(vehicle: VehicleOnChains, cables: VehicleEquilibrium) -> bool:
+    """Whether the rigid links of a vehicle carry another tension than ``cables`` at their place."""
+    vehicle.accelerations(vehicle.guess_of(cables))
+    pairs = zip(vehicle.tracks_at_rest(), cables.tracks, strict=False)
+    return any(abs(track.tension - cable.tension) > STRETCHED * abs(cable.tension) for track, cable in pairs)
 
 
 def _reason(vehicle: Mapping[str, Any], height: float, pitch: float) -> str:
@@ -173,7 +218,7 @@ def _reason(vehicle: Mapping[str, Any], height: float, pitch: float) -> str:
     return text
 
 
-class _Vehicle:
+class VehicleOnChains:
     """Chassis and chains of a vehicle: its accelerations at given values of the unknowns."""
 
     def __init__(
@@ -190,6 +235,7 @@ class _Vehicle:
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})
         self.leaves = len(chassis["vehicle"]["road_wheel"]["x"]) + 1  # with a coordinate, on a side
+        self._table = chassis["vehicle"]
         self.pose = 0.0, 0.0  # last height, m, and pitch, rad, of the hull
         self._plane = chassis["vehicle"]["track"]["lateral"]
         self._hang = chassis["vehicle"]["road_wheel"]["z"] - chassis["vehicle"]["chassis"]["centre"][2]
@@ -208,6 +254,38 @@ class _Vehicle:
     def start(self) -> Floats:
         """First guess: the drawn position."""
         return np.zeros(LEAVES + (1 if self.half else 2) * self.leaves)
+
+    def come_to_rest(self, guess: Floats) -> Floats:
+        """Unknowns at rest by a search from ``guess``; raises StepFailed with a reason."""
+        try:
+            return _solve(self, guess)
+        except StepFailed as error:
+            raise StepFailed(f"{self._reason()} ({error})") from None
+
+    def rest(self, guess: Floats) -> VehicleEquilibrium:
+        """Equilibrium of a vehicle that came to rest at ``guess``.
+
+        Raises StepFailed if a run lays out one of its chains otherwise.
+        """
+        for chain in self.chains.values():
+            followed, anew = chain.at_rest().tension, chain.tension_laid_out()
+            if abs(anew - followed) > ACCEPTED * abs(followed):
+                text = f"a track that came there carries {followed:.6g} N, laid out there {anew:.6g} N"
+                raise StepFailed(f"{self._reason()} ({text})")
+        rest = self.as_equilibrium(guess)
+        return rest._replace(sprockets=self.sprocket_wrenches(), tracks=self.tracks_at_rest())
+
+    def tracks_at_rest(self) -> list[TrackAtRest]:
+        """Tracks at the last place, left and right."""
+        found = [chain.at_rest() for _, chain in sorted(self.chains.items())]
+        return found * 2 if self.half else found
+
+    def _reason(self) -> str:
+        return _reason(self._table, *self.pose)
+
+    def guess_of(self, rest: VehicleEquilibrium) -> Floats:
+        """Unknowns from an equilibrium, the inverse of ``as_equilibrium``."""
+        return np.array([rest.height, rest.roll, rest.pitch, *rest.left, *(() if self.half else rest.right)])
 
     def as_equilibrium(self, guess: Floats) -> VehicleEquilibrium:
         """Equilibrium from the unknowns: height, roll, pitch of the hull, leaves left and right (half: left)."""
@@ -299,16 +377,25 @@ class _ChainOnWheels:
         """Wrenches (wheels, 6) at the last place, that on the sprocket last."""
         return self._last[1]
 
-    def tensions(self) -> tuple[float, float]:
-        """Mean tension, N, on the last wheels, of the chain that followed them and laid out there as in a run."""
-        self._model.find_equilibrium(self._last[0])
-        followed = float(self._model.report[T_MEAN])
+    def at_rest(self) -> TrackAtRest:
+        """Tension, sag and wheel loads of the chain that followed its wheels to the last place."""
+        model = self._model
+        model.find_equilibrium(self._last[0])
+        centres, (_, radii, _) = model.start_rows[:, [0, 2]], model.circles()
+        borne = np.roll(self._radius, 1) > 0.0
+        sag = sag_of_longest_span(centres, radii, borne, model.pins()[:, [0, 2]])
+        return TrackAtRest(float(model.report[T_MEAN]), sag, model.s.mean[: len(borne), 2][borne].tolist())
+
+    def tension_laid_out(self) -> float:
+        """Mean tension, N, of the chain laid out at the last place as in a run."""
         self._lay_out(self._last[0])
-        return followed, float(self._model.report[T_MEAN])
+        return float(self._model.report[T_MEAN])
 
     def _add_lateral(self, wrenches: Floats) -> None:
         """Add friction that makes up for lateral forces, at the rims of road wheels in proportion to their loads."""
         loads = np.where(self._radius > 0.0, wrenches[:, 2], 0.0)
+        if loads.sum() <= 0.0:  # as drawn: the hull sinks first
+            return
         lateral = (self._lateral * wrenches[:, 2].sum() - wrenches[:, 1].sum()) * loads / loads.sum()
         wrenches[:, 1] += lateral
         wrenches[:, 3] += self._radius * lateral
@@ -322,7 +409,7 @@ def _motions(chassis: Any, x: Floats) -> Floats:
     return y.reshape(sides, places, STATE)
 
 
-def _solve(vehicle: _Vehicle, guess: Floats) -> Floats:
+def _solve(vehicle: VehicleOnChains, guess: Floats) -> Floats:
     """Unknowns at rest by pseudo-transient continuation from ``guess``; raises StepFailed without convergence."""
     unknowns, size = vehicle.unknowns, len(vehicle.unknowns)
     residual, step = vehicle.accelerations(guess), FIRST_STEP
@@ -336,9 +423,25 @@ def _solve(vehicle: _Vehicle, guess: Floats) -> Floats:
         while abs(change).max() > LARGEST_CHANGE:
             step *= 0.5
             change = solved(np.eye(size) / step**2 - slopes, residual)
-        guess[unknowns] += change
-        before, residual = np.sqrt((residual * residual).sum()), vehicle.accelerations(guess)
+        before = _norm(residual)
+        guess, residual = _moved(vehicle, guess, change, before if step > NEWTON else np.inf)
         if abs(residual).max() < REST_ACCELERATION:
             return guess
-        step = min(step * np.clip(before / np.sqrt((residual * residual).sum()), 1.5, 10.0), LAST_STEP)
+        step = min(step * np.clip(before / _norm(residual), 1.5, 10.0), LAST_STEP)
     raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MOST_STEPS} steps")
+
+
+def _moved(vehicle: VehicleOnChains, guess: Floats, change: Floats, most: float) -> tuple[Floats, Floats]:
+    """Guess and accelerations after a change, or after a share of it: chains rest, accelerations below ``most``."""
+    share, found = 1.0, None
+    while share >= LEAST_SHARE and (found is None or _norm(found[1]) > most):
+        moved = guess.copy()
+        moved[vehicle.unknowns] += share * change
+        share *= 0.5
+        with suppress(StepFailed):
+            found = moved, vehicle.accelerations(moved)
+    return found or (moved, vehicle.accelerations(moved))  # which raises
+
+
+def _norm(values: Floats) -> float:
+    return float(np.sqrt((values * values).sum()))

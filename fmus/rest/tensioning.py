@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any
+from typing import Any, NamedTuple
 
 import scipy  # loads its parts when they are used
 
@@ -31,29 +31,36 @@ Links = tuple[str, Mapping[str, Any]]  # kind of component of a track, and its p
 CABLES: Links = ("TrackFlexible", {})
 
 
+class WheelPlace(NamedTuple):
+    """Place of a wheel of a chain at rest, and what it carries there."""
+
+    x: float  # m
+    push: float  # away from the sprocket at the origin, which holds the wheel there against the chain, N
+    tension: float  # mean of the chain, N
+    missed: str  # why this is not the tension asked, in words; "" if it is
+
+
 def tension_wheel(
     config: Mapping[str, Any], name: str, tension: float, keys: str = "vehicle.track", links: Links = CABLES
-) -> tuple[float, float]:
-    """Position x of the wheel ``name``, m, for a mean static ``tension``, N, and the push on it.
+) -> WheelPlace:
+    """Place of the wheel ``name`` at which a chain carries a mean static ``tension``, N, or the nearest to it.
 
-    The push, N, away from the sprocket at the origin, holds the wheel there against the chain. A tension of 0 is a
-    slack track: the wheel is drawn in. ``config`` is that of a track, ``keys`` the table in which the user gave links
-    and tension (for messages). The place is that of cables, unless ``links`` carry another tension there: rigid ones do
-    not stretch. The result is cached for this build. Raises BadInput when the chain cannot carry that tension, to
-    0.1 %, with the wheel within 60 mm of its drawn place (links of 152.4 mm; others in proportion).
+    A tension of 0 is a slack track: the wheel is drawn in. ``config`` is that of a track, ``keys`` the table in which
+    the user gave links and tension (for messages). The place is that of cables, unless ``links`` carry another tension
+    there: rigid ones do not stretch. It is accepted to 0.1 %, within 60 mm of the drawn one (links of 152.4 mm; others
+    in proportion). The result is cached for this build. Raises BadInput for a chain that cannot be laid round its
+    wheels.
     """
     read = packed(config, model_of(CABLES[0]).reads(config))
-    if links == CABLES:
-        read["vehicle"] = without_motion(read["vehicle"])
+    read["vehicle"] = without_motion(read["vehicle"])
     request = [source_hash(), read, name, tension, links]
-    x, push = cached_result("places", "place", request, lambda: _search(read, name, tension, keys, links))
-    return x, push
+    return WheelPlace(*cached_result("places", "place", request, lambda: _search(read, name, tension, keys, links)))
 
 
 def without_motion(vehicle: Mapping[str, Any]) -> dict[str, Any]:
-    """Vehicle table without friction and damping of contacts, which a chain of cables at rest has no use for.
+    """Vehicle table without friction and damping of contacts, which nothing at rest has a use for.
 
-    What is found for such a chain is the same to the bit for all of them.
+    What is found is the same to the bit for all of them.
     """
     laws = {pair: {**law, "damping": 0.0, "friction": 0.0, "friction_velocity": 1.0}
             for pair, law in vehicle["contact"].items()}  # fmt: skip
@@ -144,7 +151,7 @@ class _Track:
         return f"; {key} m would fit"
 
 
-def _search(config: Mapping[str, Any], name: str, tension: float, keys: str, links: Links) -> tuple[float, float]:
+def _search(config: Mapping[str, Any], name: str, tension: float, keys: str, links: Links) -> WheelPlace:
     chain, reach = _Track(config, name, CABLES), REACH * (config["vehicle"]["track"]["pitch"] / PITCH)
     where = f"{keys}.tension = {tension:.6g} N"
     try:
@@ -159,12 +166,14 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str, lin
             chain, x = own, own.place(tension, reach)
     except (InvalidParameter, StepFailed) as error:
         raise BadInput(f"{where}: with the {name} near its drawn x = {chain.drawn:.4g} m {error}") from None
+    at = chain.tension(x)
+    place = WheelPlace(x, round(chain.found[x][1], 3), at, "")
     if chain.carries(x, tension):
-        return x, round(chain.found[x][1], 3)
+        return place
     tensions = [found for found, _ in chain.found.values()]
     low, high = min(tensions), max(tensions)
-    raise BadInput(
-        f"{where}: not reached with the {name} within {reach * 1e3:.3g} mm of x = {chain.drawn:.4g} m, where the track"
-        f" carries {low:.6g} to {high:.6g} N{' and jumps as a pin changes its seat' * (low < tension < high)}; the"
-        f" nearest tension is {chain.tension(x):.6g} N"
+    jumps = " and jumps as a pin changes its seat" * (low < tension < high)
+    return place._replace(
+        missed=f"not reached with the {name} within {reach * 1e3:.3g} mm of x = {chain.drawn:.4g} m, where the track"
+        f" carries {low:.6g} to {high:.6g} N{jumps}"
     )

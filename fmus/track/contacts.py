@@ -63,12 +63,12 @@ def contacts(
     )
 
 
-def without_friction(partners: Contacts) -> Contacts:
-    """Copy of the partners without friction; soil has none before it was touched."""
+def elastic(partners: Contacts) -> Contacts:
+    """Copy of the partners without friction and damping; soil has none before it was touched."""
     return partners._replace(
-        sprocket=partners.sprocket._replace(mu=0.0),
-        wheel=partners.wheel._replace(mu=0.0),
-        soil=partners.soil._replace(mu=0.0) if is_hard(partners.soil) else partners.soil,
+        sprocket=partners.sprocket._replace(mu=0.0, c=0.0),
+        wheel=partners.wheel._replace(mu=0.0, c=0.0),
+        soil=partners.soil._replace(mu=0.0, c=0.0) if is_hard(partners.soil) else partners.soil,
         shape=partners.shape.without_friction(),
     )
 

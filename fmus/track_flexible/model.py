@@ -349,9 +349,9 @@ class Model(TrackModel):
             inertia = self.rotary_factor * self.vehicle["track"]["inertia"][1]
             link = link._replace(element=link.element._replace(rotary=inertia))
         if partners is not None:
-            from fmus.track.contacts import at_rest, without_friction
+            from fmus.track.contacts import at_rest, elastic
 
-            partners = at_rest(without_friction(partners), env.gravity)
+            partners = at_rest(elastic(partners), env.gravity)
         longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0
         outcome: IntegrationOutcome = release(
             link, self.contacts, self.environment, task, Evaluation(motion, by, fresh),

@@ -70,13 +70,6 @@ class Model(TrackModel):
         v = self.vehicle["track"]
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)
-        laws = self.vehicle["contact"]
-        table_values = {
-            f"contact.{pair}.{key}": laws[pair][key]
-            for pair in laws
-            for key in ("damping", "friction", "friction_velocity")
-        }
-        self._vehicle_partners = self.contact_partners({**p, **table_values})
         spring = PIN
         if p.get("closure") == SPRING:
             spring = ClosingSpring(p["closure.stiffness"], p["closure.damping"])
@@ -131,16 +124,15 @@ class Model(TrackModel):
     def find_equilibrium(self, rows: Floats) -> None:
         """See ``TrackModel``."""
         self.start_rows[:] = rows
-        # friction and damping of the vehicle's table, so that the equilibrium does not depend on their parameters
         links, env, s, w = self.rigid, self.rest_environment(rows), self.s, self.work
         links = links._replace(inertia=self.rotary_factor * links.inertia, bushing=without_losses(self.bushing))
-        partners = self._vehicle_partners
+        partners = self.contacts
         if partners is not None:
-            from fmus.track.contacts import at_rest, without_friction
+            from fmus.track.contacts import at_rest, elastic
 
-            leans = len(rows) and rows[0, 11]  # friction of wheels would hold links askew: Newton's steps become short
-            partners = at_rest(without_friction(partners) if leans else partners, env.gravity)
-            if leans:  # nothing holds the chain across: where it was must not matter
+            # friction would hold links of wheels that lean askew, and the start would depend on it and on damping
+            partners = at_rest(elastic(partners), env.gravity)
+            if len(rows) and rows[0, 11]:  # nothing holds the chain across: where it was must not matter
                 s.q[:, 1] -= s.q[:, 1].mean()
         failure, _, link, residual = settle(links, partners, env, REST, rows, s, w, self.counters)
         if failure:

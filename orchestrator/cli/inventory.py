@@ -11,10 +11,13 @@ import numpy as np
 from fmus.ahead import loaded_contents
 from fmus.track.choices import TRACKS
 from fmus.vehicles.sides import SIDES, of_side
+from fmus.vehicles.tables import BadInput
+from orchestrator.execution import summary_text
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.fmu_table import ARROW, FmuTable
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, Assembly, Part
+from orchestrator.scene.placing import placed, track_tension
 from orchestrator.scene.system_scene import SystemScene
 
 SUSPENSION = {  # elements, by key of the table
@@ -81,6 +84,7 @@ def describe(scene: Scene) -> Iterator[str]:
     yield from _run(scene)
     yield f"  recorded: inputs every step, outputs every {scene.run.outputs}, links every {scene.links_every}"
     yield from _height_map(scene)
+    yield from _track_tension(scene)
     present, absent = _parts(scene)
     yield from _section("in", present)
     yield from _section("left out", absent)
@@ -107,6 +111,15 @@ def _height_map(scene: Scene) -> Iterator[str]:
         ends = (f"{name} {low:g} to {low + step * (count - 1):g} m" for name, low, step, count in places)
         size = f"{heights.shape[0]} x {heights.shape[1]} heights of {heights.min():g} to {heights.max():g} m"
         yield f"  height map: {', '.join(ends)}; {size}, and beyond it those of its edges"
+
+
+def _track_tension(scene: Scene) -> Iterator[str]:
+    """Yield a line about the tracks of a vehicle at rest, or why it cannot start."""
+    if isinstance(scene, VehicleScene) and scene.tracks:
+        try:
+            yield f"  {summary_text.track_tension(track_tension(placed(scene)))}"
+        except BadInput as error:
+            yield f"  track tension: {error}"
 
 
 def _section(title: str, within: Iterable[str]) -> Iterator[str]:

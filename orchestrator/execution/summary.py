@@ -19,6 +19,7 @@ from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, given_parts
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.kinds import ChainScene, VehicleScene
+from orchestrator.scene.placing import track_tension
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import Check
 
@@ -53,6 +54,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "windows": {},
         "places": {},
         "phases": [],
+        "track_tension": {},  # asked, and of the tracks at rest: ``scene.placing.track_tension``
         "warnings": [],
         "validity": [],
         "passed_over": [],
@@ -69,6 +71,7 @@ def evaluate(run: RunData, scene: SystemScene, simulated: float) -> dict[str, An
         "windows": windows(found, scene, simulated),
         "places": places(found, run),
         "phases": phase_entries(run),
+        "track_tension": track_tension(scene) if isinstance(scene, VehicleScene) else {},
     }
 
 

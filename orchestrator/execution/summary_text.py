@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from orchestrator.execution import summary
@@ -88,6 +89,30 @@ def _phases(phases: list[dict[str, Any]]) -> list[str]:
     from orchestrator.results.analyses.phases import sentence
 
     return [sentence(phase) for phase in phases]
+
+
+def track_tension(found: dict[str, Any]) -> str:
+    """Return the line about the tension asked and had, and what else the vehicle at rest has; empty without tracks."""
+    if not found:
+        return ""
+    standing = f"{_of_sides(found['standing'])} standing on level, hard ground, " if found["standing"] else ""
+    start = f"{_of_sides(found['start'])} at the start{' as drawn' if found['drawn'] else ''}"
+    if found["why"]:
+        return f"track tension: {_of_sides([found['asked']])} asked, {start}: it does not stand ({found['why']})"
+    factor, unit = scaled(max(map(max, found["loads"])), "N")
+    loads = [", ".join(figure(load / factor, 3) for load in side) for side in found["loads"]]
+    each = loads[:1] if loads[:1] == loads[1:] else loads
+    return (
+        f"track tension: {_of_sides([found['asked']])} asked, {standing}{start};"
+        f" {'standing, ' if found['drawn'] else ''}its longest free span sags by {figure(found['sag'] * 1e3, 3)} mm,"
+        f" road wheels carry {' and '.join(each)} {unit}, and it has settled by {figure(found['settlement'] * 1e3, 3)} mm"
+    )
+
+
+def _of_sides(tensions: Sequence[float]) -> str:
+    """Return the tension of both tracks, or one of each if they differ in the printed digits."""
+    factor, unit = scaled(tensions[0], "N")
+    return f"{' and '.join(dict.fromkeys(figure(tension / factor, 4) for tension in tensions))} {unit}"
 
 
 def _track_of_largest_tension(phases: list[dict[str, Any]]) -> str:
@@ -205,7 +230,7 @@ def lines(r: dict[str, Any], most: int | None = None) -> list[str]:
         *(f"warning: {sentence}" for sentence in r["passed_over"]),
         *(_check(*item) for item in r["checks"].items() if not item[1]["ok"]),
     ]
-    figures = [*_observables(r), *_phases(r["phases"])]
+    figures = [*filter(None, [track_tension(r["track_tension"])]), *_observables(r), *_phases(r["phases"])]
     balances = [
         _error(r["error"]) if r["error"] else "",
         _balance(energy) if energy else "",

@@ -18,7 +18,7 @@ from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable,
 from orchestrator.scene.fmu_table import FmuTable, pair_of, require_instance_name
 from orchestrator.scene.ground_tables import Footing, GroundTable, LevelGroundTable
 from orchestrator.scene.system_scene import ASSUMED_SPEED, SystemScene
-from orchestrator.scene.tables import BenchTable, ChainTable, RigTable, StartTable, VehicleStartTable
+from orchestrator.scene.tables import BenchTable, ChainTable, RigTable, StandingTable, StartTable, VehicleStartTable
 from orchestrator.scene.track_table import TrackModelTable, short_track
 from orchestrator.scene.values import OR_FALSE, SIDES, SOLVED, Side, TrackName
 from orchestrator.vocabulary.analyses import UNSTRESSED, described
@@ -206,6 +206,8 @@ class VehicleScene(Scene):
     """seats of vehicle.seat whose position, velocity and acceleration the chassis gives"""
     push: Force = Field(default=0.0, json_schema_extra=SOLVED)
     """share of the tensioners' preload that balances the tension of placed tracks"""
+    standing: StandingTable | None = Field(default=None, json_schema_extra=SOLVED)
+    """vehicle standing on level, hard ground, where its tracks carry their tension"""
     symmetric: bool = False
     """only the left half runs; the right one mirrors it"""
 

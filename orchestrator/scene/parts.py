@@ -165,7 +165,7 @@ def _chassis_config(scene: VehicleScene) -> dict[str, Any]:
     """Config of the chassis: sides, start, contacts, hitch, seats."""
     equilibrium = scene.start.equilibrium
     chassis: dict[str, Any] = {"sides": list(SIGN_OF_Y)[: 1 if scene.symmetric else 2], **_ground_config(scene)}
-    chassis |= {"start": equilibrium.model_dump(mode="json", exclude={"sprockets"})} if equilibrium else {}
+    chassis |= {"start": equilibrium.model_dump(mode="json", exclude={"sprockets", "tracks"})} if equilibrium else {}
     chassis |= {"push": scene.push} if scene.push and len(scene.tracks) == 1 else {}
     chassis |= {"hitch": True} if scene.hitch is not None else {}
     chassis |= {"seats": list(scene.seats)} if scene.seats else {}

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from fmus.rest.equilibrium import FlexibleTrack, equilibrium
-from fmus.rest.tensioning import CABLES, Links, tension_wheel
+from fmus.interface.model import InvalidParameter, StepFailed
+from fmus.rest.equilibrium import FlexibleTrack, VehicleEquilibrium, equilibrium
+from fmus.rest.standing import StandingVehicle, standing_vehicle
+from fmus.rest.tensioning import Links, WheelPlace, tension_wheel
 from fmus.start import hull_clearance
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import RightIdlerTable, RightTensionerTable, VehicleTable
-from orchestrator.scene.ground_tables import Footing
+from orchestrator.scene.ground_tables import Footing, GroundTable
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import Parameters, Part, closed_track_config, own_parts
-from orchestrator.scene.tables import EquilibriumTable
+from orchestrator.scene.tables import EquilibriumTable, StandingTable, VehicleStartTable
 from orchestrator.scene.values import SIDES, Side
 from orchestrator.vocabulary.limits import BELLY
 
@@ -29,32 +32,104 @@ def placed(scene: Scene) -> Scene:
         return scene
     match scene:
         case RigScene():
-            x, _ = _idler_position(scene, scene.rig.tension, "rig")
+            x = _laid_idler(scene, scene.rig.tension, "rig").x
             scene = scene.model_copy(update={"rig": scene.rig.model_copy(update={"axle_distance": -x})})
         case VehicleScene():
-            tensioned = _tensioned_scene(scene)
-            scene = _scene_at_rest(tensioned)
+            scene = _scene_at_rest(_tensioned_scene(scene))
     return scene.model_copy(update={"placed": True})
 
 
 def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
-    """Vehicle with idlers where tracks as drawn carry their tension, and with the balancing preload."""
+    """Vehicle with idlers where the tracks of the standing vehicle carry their tension, and with the balancing preload.
+
+    Without gravity nothing stands, and a vehicle that tips over does not: its tracks carry their tension as drawn.
+    """
     if not scene.tracks:
         return scene
-    vehicle = scene.vehicle
-    x, push = _idler_position(scene, vehicle.track.tension, "vehicle.track")
-    idler = vehicle.idler.model_copy(update={"x": x})
+    tension, why = scene.vehicle.track.tension, "without gravity"
+    if scene.vehicle.gravity:
+        try:
+            found = _standing_vehicle(scene)
+        except (InvalidParameter, StepFailed) as error:
+            if scene.start.state == "equilibrium":
+                raise BadInput(
+                    "the vehicle's equilibrium was not found, start.state = 'drawn' needs none: on level, hard ground,"
+                    f" where its tracks are to carry {tension:.6g} N, {error}"
+                ) from None
+            why = str(error)
+        else:
+            rest = _numbers(found.rest)
+            standing = StandingTable(drawn=found.drawn, height=rest["height"], tracks=rest["tracks"])
+            return _with_idlers(scene, found.places, found.pushes, standing)
+    laid = [_laid_idler(scene, tension, "vehicle.track")]
+    if scene.vehicle.right is not None:
+        laid.append(_laid_idler(scene, tension, "vehicle.right.track", "right"))
+    standing = StandingTable(drawn=tuple(each.tension for each in laid), why=why)
+    return _with_idlers(scene, [each.x for each in laid], [each.push for each in laid], standing)
+
+
+def track_tension(scene: VehicleScene) -> dict[str, Any]:
+    """Tension asked of a placed vehicle, and what its tracks carry; empty without tracks, and for an older log.
+
+    ``standing``: on level, hard ground; ``start``: at the start on its ground; both N, of each track. ``sag`` of the
+    longest free span, m, ``loads`` on the road wheels of each side, N, and ``settlement`` of the hull, m, are those of
+    the start, and of a vehicle that starts as ``drawn`` those of the standing one.
+    """
+    standing, rest = scene.standing, scene.start.equilibrium
+    if standing is None:
+        return {}
+    at = rest or standing
+    return {
+        "asked": scene.vehicle.track.tension,
+        "standing": [track.tension for track in standing.tracks],
+        "start": [track.tension for track in rest.tracks] if rest else list(standing.drawn),
+        "drawn": rest is None,
+        "why": standing.why,
+        "sag": max((track.sag for track in at.tracks), default=None),
+        "loads": [list(track.loads) for track in at.tracks],
+        "settlement": 0.0 - at.height if at.tracks else None,
+    }
+
+
+def _with_idlers(
+    scene: VehicleScene, places: Sequence[float], pushes: Sequence[float], standing: StandingTable
+) -> VehicleScene:
+    """The scene with idlers at ``places``, m, and ``pushes`` of the tensioners, N, that balance the tracks as drawn."""
+    vehicle, push = scene.vehicle, pushes[0]
+    idler = vehicle.idler.model_copy(update={"x": places[0]})
     tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
     update: dict[str, Any] = {"idler": idler, "tensioner": tensioner}
     if vehicle.right is not None:
-        right = vehicle.of_side("right")
-        x, right_push = right.idler.x, push  # without a track the tensioner lacks the push
-        if "right" in scene.tracks:
-            x, right_push = _idler_position(scene, vehicle.track.tension, "vehicle.right.track", "right")
-        preload = right.tensioner.preload + right_push
-        moved = {"idler": RightIdlerTable(x=x), "tensioner": RightTensionerTable(preload=preload)}
+        preload = vehicle.of_side("right").tensioner.preload + pushes[1]
+        moved = {"idler": RightIdlerTable(x=places[1]), "tensioner": RightTensionerTable(preload=preload)}
         update["right"] = vehicle.right.model_copy(update=moved)
-    return scene.model_copy(update={"push": push, "vehicle": vehicle.model_copy(update=update)})
+    return scene.model_copy(update={"push": push, "standing": standing, "vehicle": vehicle.model_copy(update=update)})
+
+
+def _standing_vehicle(scene: VehicleScene) -> StandingVehicle:
+    """Vehicle of a scene, with its kind of links, standing on level, hard ground; raises as ``standing_vehicle``."""
+    start, alone = VehicleStartTable(), dict.fromkeys(("hitch", "driver"))
+    level = scene.model_copy(
+        update={"ground": GroundTable(), "start": start, "tracks": SIDES, "symmetric": False, "seats": (), **alone}
+    )
+    parts = {part.name: part for part in own_parts(level).parts}
+    tracks = {side: _equilibrium_track(parts[f"{side}_track"], _is_soft(scene), False) for side in SIDES}
+    problem = json.dumps([parts["chassis"].config, tracks, scene.vehicle.track.tension, _is_rigid(scene)])
+    return _solved_standing(problem)
+
+
+def _numbers(rest: VehicleEquilibrium) -> dict[str, Any]:
+    """Equilibrium as a table."""
+    return {**rest._asdict(), "tracks": tuple(track._asdict() for track in rest.tracks)}
+
+
+def _is_rigid(scene: Scene) -> bool:
+    return not scene.track.kind.stressed
+
+
+def _is_soft(scene: Scene) -> bool:
+    """Whether the closing spring of a track has a stiffness of its own."""
+    return scene.track.closure_stiffness is not None
 
 
 def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
@@ -64,14 +139,15 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
     parts = {part.name: part for part in own_parts(scene.model_copy(update={"symmetric": False})).parts}
     under, chassis = scene.footing, parts["chassis"].config
     hull = {**chassis, "chassis": _standing_chassis(scene.name, chassis["chassis"], under)}
-    soft = scene.track.closure_stiffness is not None
     tracks = {
-        side: _equilibrium_track(part, soft, under.uneven) for side in SIDES if (part := parts.get(f"{side}_track"))
+        side: _equilibrium_track(part, _is_soft(scene), under.uneven)
+        for side in SIDES
+        if (part := parts.get(f"{side}_track"))
     }
     pose = parts["chassis"].parameters
     slope = pose.get("start.slope.pitch", 0.0), pose.get("start.slope.roll", 0.0)
-    problem = json.dumps([hull, tracks, slope])
-    solution = EquilibriumTable(**_solved_equilibrium(problem)._asdict())
+    problem = json.dumps([hull, tracks, slope, _is_rigid(scene)])
+    solution = EquilibriumTable(**_numbers(_solved_equilibrium(problem)))
     if scene.ground.soil is not None and "belly" not in scene.run.allow:
         _refuse_belly(scene.name, scene.vehicle, solution)
     return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": solution})})
@@ -120,35 +196,47 @@ def _equilibrium_track(part: Part, soft: bool, uneven: bool) -> tuple[dict[str, 
     return config, values
 
 
+# Solved once per process: scenes and track models share them.
+
+
 @cache
-def _solved_equilibrium(problem: str) -> Any:
-    """Equilibrium, solved once per process."""
-    chassis, tracks, slope = json.loads(problem)
-    return equilibrium(chassis, {side: FlexibleTrack(*track) for side, track in tracks.items()}, tuple(slope))
+def _solved_equilibrium(problem: str) -> VehicleEquilibrium:
+    chassis, tracks, slope, rigid = json.loads(problem)
+    return equilibrium(chassis, _flexible_tracks(tracks), tuple(slope), rigid)
 
 
-def _idler_position(
-    scene: RigScene | VehicleScene, tension: float, keys: str, side: Side = "left"
-) -> tuple[float, float]:
-    """Place of the idler of a track, m, and push of its tensioner, N, for a tension, N; ``keys``: its table."""
+@cache
+def _solved_standing(problem: str) -> StandingVehicle:
+    chassis, tracks, tension, rigid = json.loads(problem)
+    return standing_vehicle(chassis, _flexible_tracks(tracks), tension, rigid)
+
+
+def _flexible_tracks(tracks: Mapping[str, Any]) -> dict[str, FlexibleTrack]:
+    return {side: FlexibleTrack(*track) for side, track in tracks.items()}
+
+
+def _laid_idler(scene: RigScene | VehicleScene, tension: float, keys: str, side: Side = "left") -> WheelPlace:
+    """Place of the idler of a track as drawn for a tension, N; ``keys``: its table. Raises BadInput."""
     config = closed_track_config(scene, side)
     level = {key: value for key, value in config["track"].items() if key != "terrain"}
     problem = json.dumps([{**config, "track": level}, _links_that_start(scene)], sort_keys=True)
-    return _solved_idler_position(problem, tension, keys)
+    place = _solved_idler(problem, tension, keys)
+    if place.missed:
+        raise BadInput(
+            f"{keys}.tension = {tension:.6g} N: {place.missed}; the nearest tension is {place.tension:.6g} N"
+        )
+    return place
 
 
 def _links_that_start(scene: Scene) -> Links:
-    """Links of a scene that starts on wheels as drawn, with the asked tension; else cables, from which it settles."""
-    table, start = scene.track, getattr(scene.start, "state", "drawn")
-    if start == "equilibrium" or table.start not in (None, "rest"):
-        return CABLES
+    """Links of a scene and their mechanics."""
+    table = scene.track
     mechanics = {one.name for one in table.fmu_parameters().values() if not one.method} - {"start"}
     parameters = {name: value for name, value in table.parameters().items() if name in mechanics}
     return table.kind.fmu, {**parameters, "element": "planar"} if scene.planar else parameters
 
 
 @cache
-def _solved_idler_position(problem: str, tension: float, keys: str) -> tuple[float, float]:
-    """Idler position and push, solved once per process: scenes and track models share them."""
+def _solved_idler(problem: str, tension: float, keys: str) -> WheelPlace:
     config, (kind, parameters) = json.loads(problem)
     return tension_wheel(config, "idler", tension, keys, (kind, parameters))

@@ -19,7 +19,7 @@ COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "fmu", "seats",
     "vehicle.name", "vehicle.title", "vehicle.tensioner.travel", "vehicle.seat", "vehicle.life",
     *(f"track.{key}" for key in TrackModelTable.model_fields if key != "start"),
-    "start.state", "start.equilibrium", "push",
+    "start.state", "start.equilibrium", "push", "standing",
 )  # fmt: skip
 
 

@@ -42,6 +42,17 @@ class StartTable(FrozenTable):
         return {"start.position.x": x, "start.position.y": y, "start.position.z": z, "start.heading": self.heading}
 
 
+class TrackAtRestTable(FrozenTable):
+    """Track of a vehicle at rest."""
+
+    tension: Force
+    """mean tension of its links"""
+    sag: Length
+    """sag of its longest free span"""
+    loads: tuple[Force, ...]
+    """loads on the road wheels from the front"""
+
+
 class EquilibriumTable(FrozenTable):
     """Equilibrium position of hull, arms and idlers, from the drawn position (``fmus.rest.equilibrium``)."""
 
@@ -59,6 +70,21 @@ class EquilibriumTable(FrozenTable):
     """shift of the hull, to the left: its road wheels stand over their tracks, on a side slope at the guides"""
     sprockets: tuple[tuple[Annotated[float, ratio()], ...], ...] = ()
     """force, N, and torque, N m, of each track on its sprocket, left and right"""
+    tracks: tuple[TrackAtRestTable, ...] = ()
+    """tracks, left and right"""
+
+
+class StandingTable(FrozenTable):
+    """Vehicle standing on level, hard ground (``fmus.rest.standing``)."""
+
+    drawn: tuple[Force, ...]
+    """mean tension of the tracks as drawn: one of both sides, or left and right"""
+    height: Length = 0.0
+    """rise of the hull's centre of mass from its drawn place"""
+    tracks: tuple[TrackAtRestTable, ...] = ()
+    """tracks, left and right; none of a vehicle that does not stand"""
+    why: str = ""
+    """why it does not stand"""
 
 
 class VehicleStartTable(StartTable):

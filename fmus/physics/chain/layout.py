@@ -53,6 +53,25 @@ def belt_length(centres: Floats, radii: Floats) -> float:
     return float(of_each(hypot, *(np.roll(belt, -1, axis=0) - belt).T).sum())
 
 
+def sag_of_longest_span(centres: Floats, radii: Floats, borne: NDArray[np.bool_], pins: Floats) -> float:
+    """Largest distance, m, of ``pins`` (n, 2) from a taut belt over its longest span, as with a straightedge.
+
+    The belt lies round circles of ``centres`` (m, 2) and ``radii`` (m); between two circles that ``borne`` (m) marks
+    the ground bears the chain, so that it has no free span. 0 for a chain outside of the belt. Raises ValueError.
+    """
+    belt = _belt(centres, radii, None, SAMPLES)
+    chord = np.roll(belt, -1, axis=0) - belt
+    away = abs(np.linalg.norm(belt[:, None] - centres[None], axis=2) - radii)
+    on_road = borne[away.argmin(axis=1)]
+    length = np.where(on_road & np.roll(on_road, -1), 0.0, np.linalg.norm(chord, axis=1))
+    k = int(length.argmax())
+    ends = belt[[k, (k + 1) % len(belt)]]
+    first, last = np.linalg.norm(pins[:, None] - ends, axis=2).argmin(axis=0)
+    x, z = (np.roll(pins, -first, axis=0)[: (last - first) % len(pins) + 1] - ends[0]).T
+    along = chord[k] / length[k]
+    return float(np.max(x * along[1] - z * along[0], initial=0.0))
+
+
 def _seat(centres: Floats, toothed: int, radius: float, teeth: int) -> Floats:
     """Place (2) between two teeth of a sprocket, the one that is furthest from the other wheels."""
     others = np.delete(centres, toothed, axis=0).sum(axis=0) - (len(centres) - 1) * centres[toothed]

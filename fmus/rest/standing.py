@@ -1,0 +1,159 @@
+"""Idlers of a vehicle whose tracks carry a wanted tension as it stands on level, hard ground (build side).
+
+Operator's manuals give the tension of the standing vehicle, and so do models of terramechanics (Wong, Terramechanics
+and Off-Road Vehicle Engineering, 2010, chapter 7). Laid round the wheels as drawn, a chain carries another tension:
+arms give way under the weight, and idlers on their springs. That tension as drawn, by which ``rest.tensioning`` places
+an idler, is found by secants over static equilibria, each of which begins at the last one.
+
+The links are cables, or rigid links where these carry another tension, see ``rest.equilibrium``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.cache.files import cached_result
+from fmus.physics.arrays import Floats
+from fmus.rest.equilibrium import (
+    FlexibleTrack,
+    VehicleEquilibrium,
+    VehicleOnChains,
+    motionless,
+    read_by_search,
+    read_equilibrium,
+    stretched,
+)
+from fmus.rest.tensioning import ACCEPTED, CABLES, Links, tension_wheel
+from fmus.track_flexible.model import Model as Cables
+from fmus.track_rigid.model import Model as RigidLinks
+from fmus.vehicles.sides import SIDES, of_side
+from fmus.vehicles.tables import BadInput
+
+CLOSE = 1e-5  # relative difference of the tension from the wanted one at which the search ends
+MOST = 20  # further equilibria
+FARTHEST = 2.0  # largest change of the tension as drawn from one to the next, as a factor
+
+
+class StandingVehicle(NamedTuple):
+    """Idlers of the sides that have tables of their own, left first, and the equilibrium on level, hard ground."""
+
+    places: Sequence[float]  # x, m
+    pushes: Sequence[float]  # that balance the tracks as drawn, N
+    drawn: Sequence[float]  # mean tension of the tracks as drawn, N
+    rest: VehicleEquilibrium
+
+    def tensions(self) -> Floats:
+        """Mean tensions, N, of the tracks of each table: of both sides, if they share one."""
+        tensions = np.array([track.tension for track in self.rest.tracks])
+        return tensions if len(self.places) > 1 else tensions.mean(keepdims=True)
+
+
+def standing_vehicle(
+    chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack], tension: float, rigid: bool = False
+) -> StandingVehicle:
+    """Idlers with which the tracks of the standing vehicle carry a mean ``tension``, N; 0 draws them in.
+
+    ``chassis`` is the config of a chassis that touches nothing, ``tracks`` are both tracks on level, hard ground, with
+    their idlers as drawn. ``rigid``: on rigid links, where they differ from cables. The result is cached for this
+    build. Raises BadInput where the tension is not reached to 0.1 %, StepFailed or InvalidParameter where the vehicle
+    does not stand.
+    """
+    chassis, tracks = motionless(chassis, tracks)
+    request = [*read_by_search(chassis, tracks), tension]
+
+    def found(links: str) -> StandingVehicle:
+        """On rigid links what it is on cables, unless these stretch."""
+        search = _Search(chassis, tracks, tension, found("cables") if links == "rigid" else None)
+        *numbers, rest = cached_result("places", "standing", [*request, links], search.run)
+        return StandingVehicle(*numbers, read_equilibrium(rest))
+
+    return found("rigid" if rigid else "cables")
+
+
+class _Search:
+    """Search for the tension as drawn of each side that has a table of its own."""
+
+    def __init__(
+        self,
+        chassis: Mapping[str, Any],
+        tracks: Mapping[str, FlexibleTrack],
+        tension: float,
+        cables: StandingVehicle | None,
+    ) -> None:
+        self.chassis, self.tracks, self.tension, self.cables = chassis, tracks, tension, cables
+        self.sides = SIDES if chassis["vehicle"].get("right") else SIDES[:1]
+        self.missed = ""  # why a tension as drawn was not reached
+        self.guess: Floats | None = None  # last equilibrium
+
+    def run(self) -> StandingVehicle:
+        """See ``standing_vehicle``."""
+        drawn = np.full(len(self.sides), self.tension)
+        if self.cables is not None:
+            if not stretched(self._vehicle(self.cables.places, self.cables.pushes), self.cables.rest):
+                return self.cables
+            drawn = np.array(self.cables.drawn)
+        best = last = self._standing(drawn)
+        slope = np.ones_like(drawn)  # of the tension over that as drawn
+        for _ in range(MOST):
+            if self._lack(best) <= CLOSE:
+                return best
+            now = np.array(last.drawn)
+            wanted = now + (self.tension - last.tensions()) / slope
+            standing = self._standing(np.clip(wanted, now / FARTHEST, now * FARTHEST))
+            moved, gained = standing.drawn - now, standing.tensions() - last.tensions()
+            slope = np.divide(gained, moved, out=np.ones_like(moved), where=moved != 0.0)
+            slope[slope <= 0.0] = 1.0
+            last, best = standing, min(best, standing, key=self._lack)
+            if not moved.any():  # the idlers have no more way
+                break
+        if self._lack(best) <= ACCEPTED:
+            return best
+        nearest = " and ".join(f"{tension:.6g} N" for tension in best.tensions())
+        raise BadInput(
+            f"vehicle.track.tension = {self.tension:.6g} N: the vehicle standing on level, hard ground lacks it: the"
+            f" nearest tension is {nearest}{self.missed and f'; as drawn {self.missed}'}"
+        )
+
+    def _lack(self, standing: StandingVehicle) -> float:
+        """Largest relative difference of a tension from the wanted one; a slack track has any."""
+        return float(abs(standing.tensions() / self.tension - 1.0).max()) if self.tension else 0.0
+
+    def _standing(self, drawn: Floats) -> StandingVehicle:
+        links: Links = CABLES if self.cables is None else ("TrackRigid", self.tracks["left"].parameters)
+        found = []
+        for side, tension in zip(self.sides, drawn.tolist(), strict=True):
+            keys = "vehicle.track" if side == "left" else "vehicle.right.track"
+            found.append(tension_wheel(self.tracks[side].config, "idler", tension, keys, links))
+            self.missed = found[-1].missed or self.missed
+        places, pushes, tensions = [x.x for x in found], [x.push for x in found], [x.tension for x in found]
+        vehicle = self._vehicle(places, pushes)
+        self.guess = vehicle.come_to_rest(vehicle.start() if self.guess is None else self.guess)
+        rest = vehicle.as_equilibrium(self.guess)._replace(tracks=vehicle.tracks_at_rest())
+        return StandingVehicle(places, pushes, tensions, rest)
+
+    def _vehicle(self, places: Sequence[float], pushes: Sequence[float]) -> VehicleOnChains:
+        moved = with_idlers(self.chassis["vehicle"], places, pushes)
+        tracks = {}
+        for side, track in self.tracks.items():
+            table = {**track.config["vehicle"], "idler": of_side(moved, side)["idler"]}
+            tracks[side] = track._replace(config={**track.config, "vehicle": table})
+        kind = Cables if self.cables is None else RigidLinks
+        return VehicleOnChains(kind, {**self.chassis, "vehicle": moved}, tracks, (0.0, 0.0))
+
+
+def with_idlers(vehicle: Mapping[str, Any], places: Sequence[float], pushes: Sequence[float]) -> dict[str, Any]:
+    """Vehicle table with its idlers at ``places`` x, m, and further ``pushes`` of their tensioners, N.
+
+    One of each for both sides, or left and right those of a vehicle with a table ``right``.
+    """
+    moved = dict(vehicle)
+    for table, side, x, push in zip((moved, dict(vehicle.get("right") or {})), SIDES, places, pushes, strict=False):
+        preload = of_side(vehicle, side)["tensioner"]["preload"] + push
+        table["idler"] = {**(table.get("idler") or {}), "x": x}
+        table["tensioner"] = {**(table.get("tensioner") or {}), "preload": preload}
+        if side == "right":
+            moved["right"] = table
+    return moved
