@@ -68,7 +68,8 @@ GENERIC = [
 DOORS = {
     "fmus.ahead", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.fmi.build",
     "fmus.fmi.saved", "fmus.ground.keys", "fmus.ground.soils", "fmus.ground.terrain", "fmus.interface.defaults",
-    "fmus.interface.ports", "fmus.monolith.model", "fmus.native.pack", "fmus.rest.equilibrium", "fmus.rest.tensioning",
+    "fmus.interface.ports", "fmus.monolith.model", "fmus.native.pack", "fmus.rest.equilibrium", "fmus.rest.standing",
+    "fmus.rest.tensioning",
     "fmus.start", "fmus.track.choices", "fmus.track.link_outputs", "fmus.vehicles.ranges",
     "fmus.vehicles.sides", "fmus.vehicles.tables", "fmus.vehicles.vehicle",
 }  # fmt: skip

@@ -80,7 +80,7 @@ class VehicleEquilibrium(NamedTuple):
 
 
 class TrackAtRest(NamedTuple):
-    """What a track on its wheels at rest carries."""
+    """Track on its wheels at rest."""
 
     tension: float  # mean over its links, N
     sag: float  # of its longest free span, m
@@ -131,7 +131,7 @@ def motionless(
 
 
 def read_by_search(chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]) -> list[Any]:
-    """What a search for the equilibrium reads, of this build: the beginning of a request to the cache."""
+    """Numbers that a search for the equilibrium reads, of this build: the beginning of a request to the cache."""
     read = {
         side: (packed(track.config, Cables.reads(track.config)), track.parameters) for side, track in tracks.items()
     }

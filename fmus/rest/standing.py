@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.cache.files import cached_result
+from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.physics.arrays import Floats
 from fmus.rest.equilibrium import (
     FlexibleTrack,
@@ -35,6 +36,10 @@ from fmus.vehicles.tables import BadInput
 CLOSE = 1e-5  # relative difference of the tension from the wanted one at which the search ends
 MOST = 20  # further equilibria
 FARTHEST = 2.0  # largest change of the tension as drawn from one to the next, as a factor
+
+
+class DoesNotStand(BadInput):
+    """A vehicle that finds no equilibrium on level, hard ground; the message says why."""
 
 
 class StandingVehicle(NamedTuple):
@@ -58,8 +63,7 @@ def standing_vehicle(
 
     ``chassis`` is the config of a chassis that touches nothing, ``tracks`` are both tracks on level, hard ground, with
     their idlers as drawn. ``rigid``: on rigid links, where they differ from cables. The result is cached for this
-    build. Raises BadInput where the tension is not reached to 0.1 %, StepFailed or InvalidParameter where the vehicle
-    does not stand.
+    build. Raises DoesNotStand, and BadInput where the tension is not reached to 0.1 %.
     """
     chassis, tracks = motionless(chassis, tracks)
     request = [*read_by_search(chassis, tracks), tension]
@@ -70,7 +74,10 @@ def standing_vehicle(
         *numbers, rest = cached_result("places", "standing", [*request, links], search.run)
         return StandingVehicle(*numbers, read_equilibrium(rest))
 
-    return found("rigid" if rigid else "cables")
+    try:
+        return found("rigid" if rigid else "cables")
+    except (InvalidParameter, StepFailed) as error:
+        raise DoesNotStand(str(error)) from None
 
 
 class _Search:

@@ -174,9 +174,9 @@ class TrackTable(FrozenTable):  # noqa: D101
     width: Distance
     """width of a link"""
     tension: Force
-    """pretension: mean static tension on the wheels as drawn, on level ground, to 0.1 %: the idler's place is solved
-    for it; in equilibrium less (m113: 12 %). 0: a slack track, its idler drawn in by 60 mm (links of 152.4 mm; others
-    in proportion), the farthest that the search goes"""
+    """mean static tension of the vehicle standing on level, hard ground, to 0.1 %: the idler's place is solved for it.
+    Soil and slopes add their own; a drawn start moves no idler; without gravity as drawn. 0: a slack track, its idler
+    drawn in by 60 mm (links of 152.4 mm; others in proportion), the farthest that the search goes"""
     bushing: BushingTable | None = None
     """bushes and friction of the pins"""
 

@@ -105,7 +105,8 @@ def track_tension(found: dict[str, Any]) -> str:
     return (
         f"track tension: {_of_sides([found['asked']])} asked, {standing}{start};"
         f" {'standing, ' if found['drawn'] else ''}its longest free span sags by {figure(found['sag'] * 1e3, 3)} mm,"
-        f" road wheels carry {' and '.join(each)} {unit}, and it has settled by {figure(found['settlement'] * 1e3, 3)} mm"
+        f" road wheels carry {' and '.join(each)} {unit}, and it has settled by"
+        f" {figure(found['settlement'] * 1e3, 3)} mm"
     )
 
 

@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.rest.equilibrium import FlexibleTrack, VehicleEquilibrium, equilibrium
-from fmus.rest.standing import StandingVehicle, standing_vehicle
+from fmus.rest.standing import DoesNotStand, StandingVehicle, standing_vehicle
 from fmus.rest.tensioning import Links, WheelPlace, tension_wheel
 from fmus.start import hull_clearance
 from fmus.vehicles.tables import BadInput
@@ -50,7 +49,7 @@ def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
     if scene.vehicle.gravity:
         try:
             found = _standing_vehicle(scene)
-        except (InvalidParameter, StepFailed) as error:
+        except DoesNotStand as error:
             if scene.start.state == "equilibrium":
                 raise BadInput(
                     "the vehicle's equilibrium was not found, start.state = 'drawn' needs none: on level, hard ground,"

@@ -23,7 +23,8 @@ COMPUTED = (
 )  # fmt: skip
 
 
-# Results of the search for the static tension: their last digits differ between versions.
+# Results of the search for the static tension: their last digits differ between versions. Belts of rigid links, which
+# do not stretch, have a standing vehicle of their own, with other results.
 SEARCHED = (
     *(f"vehicle.{side}{key}" for side in ("", "right.") for key in ("idler.x", "tensioner.preload")),
     "rig.axle_distance",
@@ -44,7 +45,7 @@ def require_same_scene(
         if not table:
             raise BadInput(f"{where} does not say of which scene it is")
     if scene_difference(first[1], second[1]) and (
-        difference := scene_difference(_with_current_keys(first[1]), _with_current_keys(second[1]))
+        difference := scene_difference(*_of_one_search(_with_current_keys(first[1]), _with_current_keys(second[1])))
     ):
         named = [f"{where} ({value_text(table.get('name'))})" for where, table in (first, second)]
         raise BadInput(f"{' and '.join(named)} are runs of different scenes: {difference}{remedy}")
@@ -57,6 +58,25 @@ def _with_current_keys(table: Mapping[str, Any]) -> Mapping[str, Any]:
         return resolved
     except BadInput:
         return table
+
+
+def _of_one_search(
+    first: Mapping[str, Any], second: Mapping[str, Any]
+) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    """Both scenes, the first with the idlers of the second if other links have standing vehicles of their own."""
+    one, other = ((table["track"]["model"], table.get("standing")) for table in (first, second))
+    if one[0] == other[0] or None in (one[1], other[1]) or one[1] == other[1]:
+        return first, second
+    changed = json.loads(json.dumps(first))
+    for above, key in (name.rsplit(".", 1) for name in SEARCHED):
+        source, target = second, changed
+        for name in above.split("."):
+            source, target = (table.get(name) or {} for table in (source, target))
+        if key in source and key in target:
+            target[key] = source[key]
+    own, theirs = (table["vehicle"]["tensioner"]["preload"] - table["push"] for table in (first, second))
+    changed["vehicle"]["tensioner"]["preload"] += own - theirs  # the user's, beside the push that was searched
+    return changed, second
 
 
 def scene_difference(first: Mapping[str, Any], second: Mapping[str, Any], above: str = "") -> str | None:

@@ -377,4 +377,4 @@ class RigTable(FrozenTable):
     axle_distance: Distance
     """distance of the axles as drawn; the idler is moved until the chain carries the tension"""
     tension: Force
-    """mean static tension of the chain"""
+    """mean static tension of the chain, on its fixed axles"""
