@@ -137,7 +137,11 @@ class _Search:
             self.missed = found[-1].missed or self.missed
         places, pushes, tensions = [x.x for x in found], [x.push for x in found], [x.tension for x in found]
         vehicle = self._vehicle(places, pushes)
-        self.guess = vehicle.come_to_rest(vehicle.start() if self.guess is None else self.guess)
+        try:
+            self.guess = vehicle.come_to_rest(vehicle.start() if self.guess is None else self.guess)
+        except StepFailed:  # the way from the last place may be too far for a chain
+            vehicle = self._vehicle(places, pushes)
+            self.guess = vehicle.come_to_rest(vehicle.start())
         rest = vehicle.as_equilibrium(self.guess)._replace(tracks=vehicle.tracks_at_rest())
         return StandingVehicle(places, pushes, tensions, rest)
 

@@ -19,6 +19,8 @@ from fmus.physics.contact.teeth import teeth
 from fmus.physics.elementary import hypot
 
 STANDING = (0.0, 0.0, 0.0)
+# Losses with which chains come to rest, those of the m113: damping over stiffness, s, friction, its velocity, m/s.
+SETTLING, SETTLING_FRICTION, SETTLING_VELOCITY = 2.5e-3, 0.1, 0.05
 
 
 def contacts(
@@ -63,12 +65,20 @@ def contacts(
     )
 
 
-def elastic(partners: Contacts) -> Contacts:
-    """Copy of the partners without friction and damping; soil has none before it was touched."""
+def settling(partners: Contacts, friction: float) -> Contacts:
+    """Copy of the partners with which a chain comes to rest: that of the same losses for all vehicles.
+
+    The equilibrium would depend on those of the vehicle a little (1 um): it depends on where the search begins. Soil
+    has no friction before it was touched.
+    """
+
+    def with_losses(law: Any) -> Any:
+        return law._replace(c=SETTLING * law.k, mu=friction, v_reg=SETTLING_VELOCITY)
+
     return partners._replace(
-        sprocket=partners.sprocket._replace(mu=0.0, c=0.0),
-        wheel=partners.wheel._replace(mu=0.0, c=0.0),
-        soil=partners.soil._replace(mu=0.0, c=0.0) if is_hard(partners.soil) else partners.soil,
+        sprocket=with_losses(partners.sprocket),
+        wheel=with_losses(partners.wheel),
+        soil=with_losses(partners.soil) if is_hard(partners.soil) else partners.soil,
         shape=partners.shape.without_friction(),
     )
 

@@ -349,9 +349,9 @@ class Model(TrackModel):
             inertia = self.rotary_factor * self.vehicle["track"]["inertia"][1]
             link = link._replace(element=link.element._replace(rotary=inertia))
         if partners is not None:
-            from fmus.track.contacts import at_rest, elastic
+            from fmus.track.contacts import at_rest, settling
 
-            partners = at_rest(elastic(partners), env.gravity)
+            partners = at_rest(settling(partners, 0.0), env.gravity)
         longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0
         outcome: IntegrationOutcome = release(
             link, self.contacts, self.environment, task, Evaluation(motion, by, fresh),

@@ -128,11 +128,11 @@ class Model(TrackModel):
         links = links._replace(inertia=self.rotary_factor * links.inertia, bushing=without_losses(self.bushing))
         partners = self.contacts
         if partners is not None:
-            from fmus.track.contacts import at_rest, elastic
+            from fmus.track.contacts import SETTLING_FRICTION, at_rest, settling
 
-            # friction would hold links of wheels that lean askew, and the start would depend on it and on damping
-            partners = at_rest(elastic(partners), env.gravity)
-            if len(rows) and rows[0, 11]:  # nothing holds the chain across: where it was must not matter
+            leans = len(rows) and rows[0, 11]  # friction of wheels would hold links askew: Newton's steps become short
+            partners = at_rest(settling(partners, 0.0 if leans else SETTLING_FRICTION), env.gravity)
+            if leans:  # nothing holds the chain across: where it was must not matter
                 s.q[:, 1] -= s.q[:, 1].mean()
         failure, _, link, residual = settle(links, partners, env, REST, rows, s, w, self.counters)
         if failure:
