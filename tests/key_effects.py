@@ -24,6 +24,7 @@ QUICK = ("track.start=polygon", "drive.ramp_start=0", "drive.ramp_time=0.02", "t
 # it falls on its suspension, nose down, and drives off to the right
 VEHICLE = (*QUICK, "start.pitch=0.01", "start.height=-0.01", "drive.speed=20")
 STEERED = (*QUICK, "start.pitch=0.01", "start.height=-0.01")
+UNRAMPED = (QUICK[0], *STEERED[3:])
 LEFT, RIGHT = ("[[0.001, 0.1], [0.008, 3], [0.014, 2], [0.03, 4]]", "[[0.001, 0.1], [0.008, 2], [0.014, 3], [0.03, 5]]")
 BUSHED = (
     "vehicle.track.bushing={stiffness=500, preset=0.1, damping=20, friction=0.3, radius=0.02, slow=2, wear=1e-13,"
@@ -43,15 +44,15 @@ CASES = {
     "tensioned": Case("straight", ("track.link_outputs=false",), 0.002, "vehicle.track.tension"),
     "worn": Case("straight", (*VEHICLE, "vehicle.sprocket.pitch=0.1523"), overrides=SLOWER),
     "stopped": Case("straight", (*VEHICLE, "drive.stop=0.02", "drive.stop_time=5e-3"), 0.03),
-    "motor": Case("straight", (*VEHICLE, "drive.mode=torque", "drive.torque=5e3", "drive.brake=1e3")),
+    "motor": Case("straight", (*UNRAMPED, "drive.mode=torque", "drive.torque=5e3", "drive.brake=1e3")),
     "steered": Case("turn", (*STEERED, "drive.speed=20", "drive.left.speed=8")),
     "steered and stopped": Case(
         "turn", (*STEERED, "drive.left.stop=0.02", "drive.right.stop=0.021", "drive.stop_time=5e-3"), 0.03
     ),
     "two motors and brakes": Case(
-        "turn", (*STEERED, "drive.mode=torque", "drive.left.torque=5e3", "drive.right.torque=4e3", "drive.brake=1e3")
+        "turn", (*UNRAMPED, "drive.mode=torque", "drive.left.torque=5e3", "drive.right.torque=4e3", "drive.brake=1e3")
     ),
-    "two sides": Case("marder", (*STEERED, f"drive.left.speed_points={LEFT}", f"drive.right.speed_points={RIGHT}")),
+    "two sides": Case("marder", (*UNRAMPED, f"drive.left.speed_points={LEFT}", f"drive.right.speed_points={RIGHT}")),
     "tank": Case(
         "tank", (*VEHICLE, "vehicle.suspension.bump_stop.gap=1e-4", "vehicle.suspension.rebound_stop.gap=1e-4")
     ),
@@ -64,7 +65,7 @@ CASES = {
     "joined, two motors": Case(
         "differential",
         (
-            *STEERED, *JOINED, "drive.mode=torque", "drive.torque=5e3", "drive.steering.mode=torque",
+            *UNRAMPED, "drive.mode=torque", "drive.torque=5e3", "drive.steering.mode=torque",
             "drive.steering.torque=1e3", "drive.steering.brake=1e3",
         ),
     ),

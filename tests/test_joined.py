@@ -139,13 +139,13 @@ def test_nothing_of_it_where_it_is_not_asked_for():
         (("drive.steering.mode=fast",), "drive.steering.mode = 'fast'"),
         (
             ("drive.steering.engine_points=[[0, 1]]",),
-            "engine_points needs mode = 'torque' or 'controller', not 'speed'",
+            "engine_points = ((0.0, 1.0),) needs mode = 'torque' or 'controller', not 'speed'",
         ),
-        (("drive.steering.torque=2 kN m",), "torque needs mode = 'torque', not 'speed'"),
-        (("drive.steering.brake=2 kN m",), "brake needs mode = 'torque' or 'controller', not 'speed'"),
+        (("drive.steering.torque=2 kN m",), "torque = 2000.0 needs mode = 'torque', not 'speed'"),
+        (("drive.steering.brake=2 kN m",), "brake = 2000.0 needs mode = 'torque' or 'controller', not 'speed'"),
         (("drive.steering.stop=0.1",), "stop = 0.1 s must not be before the ramp ends, 2 s"),
         (("drive.steering.engine_points=none.csv",), "differential.toml: drive.steering.engine_points = 'none.csv'"),
-        (("drive.steering.gear_ratio=3",), "gear_ratio needs engine_points"),
+        (("drive.steering.gear_ratio=3",), "gear_ratio = 3.0 needs engine_points"),
         (("driver={speed=3}", "drive={mode='speed', steering={mode='torque'}}"), "drive.steering.mode = 'torque'"),
     ],
 )

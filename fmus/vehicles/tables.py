@@ -7,10 +7,10 @@ import inspect
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, Self, get_args
 
 from annotated_types import GroupedMetadata
 from pydantic import (
@@ -21,7 +21,9 @@ from pydantic import (
     GetJsonSchemaHandler,
     TypeAdapter,
     ValidationError,
+    ValidationInfo,
     WithJsonSchema,
+    model_validator,
 )
 
 
@@ -102,6 +104,38 @@ class In(GroupedMetadata):
         return {"anyOf": [number, text], "unit": self.unit}
 
 
+GIVEN: tuple[object, ...] = ()  # any value but none, in a ``When``
+
+
+class When:
+    """Annotation of a key that counts only where other keys of its table have one of these values, or are GIVEN."""
+
+    def __init__(self, **keys: Sequence[object]) -> None:
+        self._keys = keys
+
+    def lacks(self, table: Mapping[str, Any]) -> str:
+        """Why it does not count in a whole ``table`` of a file, in words; empty where it does."""
+        for key, values in self._keys.items():
+            value = table.get(key)
+            if value not in values if values else value in (None, False):
+                is_mode = values and value is not None and None not in values
+                return self._need(key) + (f", not {_toml(value)}" if is_mode else "")
+        return ""
+
+    def _need(self, key: str) -> str:
+        values = self._keys[key]
+        if None in values:
+            return f"excludes {key}"
+        return f"needs {key} = {' or '.join(map(_toml, values))}" if values else f"needs {key}"
+
+    def __str__(self) -> str:
+        return ", ".join(map(self._need, self._keys))
+
+
+def _toml(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
 class OrEach(GroupedMetadata):
     """Annotation of a value of ``kind``, or of a list of such values, one for each wheel of a side."""
 
@@ -162,6 +196,14 @@ def _classes(module: str) -> dict[str, list[ast.stmt]]:
     return {statement.name: statement.body for statement in statements if isinstance(statement, ast.ClassDef)}
 
 
+LOGGED = {"logged": True}  # context of a validation: the table of a log, which also an earlier version may have made
+
+
+def is_logged(info: ValidationInfo | None) -> bool:
+    """Whether a log is read, whose run need not be one of today."""
+    return info is not None and info.context == LOGGED
+
+
 class FrozenTable(BaseModel):
     """Frozen table that refuses unknown keys; the docstring below each key is its description in the JSON schema.
 
@@ -169,6 +211,32 @@ class FrozenTable(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @classmethod
+    @cache
+    def conditions(cls) -> dict[str, When]:
+        """When the keys count that do not always."""
+        found = ((key, one) for key, field in cls.model_fields.items() for one in field.metadata)
+        return {key: one for key, one in found if isinstance(one, When)}
+
+    @classmethod
+    def idle(cls, table: Mapping[str, Any]) -> Iterator[str]:
+        """Yield dotted keys of a ``table`` of a file, also of tables in it, that do not count beside its others."""
+        whole, when = {key: field.default for key, field in cls.model_fields.items()} | dict(table), cls.conditions()
+        for key, value in table.items():
+            if key in when and when[key].lacks(whole):
+                yield key
+            elif isinstance(value, Mapping) and key in cls.model_fields:
+                kind = _table_in(cls.model_fields[key].annotation)
+                yield from (f"{key}.{inner}" for inner in (kind.idle(value) if kind else ()))
+
+    @model_validator(mode="after")
+    def _refuse_idle(self) -> Self:
+        for key, when in self.conditions().items():
+            value = getattr(self, key)
+            if value not in (None, type(self).model_fields[key].default) and (lacking := when.lacks(vars(self))):
+                raise ValueError(f"{key} = {value_text(value)} {lacking}")
+        return self
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -181,8 +249,17 @@ class FrozenTable(BaseModel):
                 match key, text:
                     case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(meaning))):
                         alias = cls.model_fields[name].alias or name
-                        properties[alias]["description"] = " ".join(meaning.split())
+                        when = cls.conditions().get(name)
+                        described = f"{meaning}; {when}" if when else meaning
+                        properties[alias]["description"] = " ".join(described.split())
         return schema
+
+
+def _table_in(annotation: Any) -> type[FrozenTable] | None:
+    """Table of an annotated key; None for a value."""
+    if isinstance(annotation, type) and issubclass(annotation, FrozenTable):
+        return annotation
+    return next(filter(None, map(_table_in, get_args(annotation))), None)
 
 
 def _short(text: str) -> str:

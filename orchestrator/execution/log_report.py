@@ -104,7 +104,7 @@ def _judge(run: RunData) -> RunSummary:
     if not run.scene:
         return RunSummary({}, {}, note="the log does not say of which scene it is")
     try:
-        scene = from_table(run.scene, f"{run.log.path}: scene.json")
+        scene = from_table(run.scene, f"{run.log.path}: scene.json", logged=True)
     except BadInput as error:
         return RunSummary({}, {}, note=str(error))
     simulated = run.span[1]

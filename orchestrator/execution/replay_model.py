@@ -207,7 +207,7 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
     if track is not None:
         scene = scene.model_copy(update={"planar": False, "track": scene.track.of_model(track)}).with_axes()
     if settings:
-        scene = with_track(changed_scene(scene.resolved(), settings, f"{log.path}: scene.json"))
+        scene = with_track(changed_scene(scene.resolved(), settings, f"{log.path}: scene.json", logged=True))
     part = _part(scene, name)
     if part.fmu is not None and track is None:
         raise BadInput(OF_THE_USER.format(name))
@@ -226,7 +226,7 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
 
 
 def _scene(log: Log) -> SystemScene:
-    return any_from_table(log.table("scene.json"), f"{log.path}: scene.json")
+    return any_from_table(log.table("scene.json"), f"{log.path}: scene.json", logged=True)
 
 
 def _part(scene: Scene, name: str) -> Part:

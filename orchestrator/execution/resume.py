@@ -87,7 +87,7 @@ def _scene(log: Log, stop: float | None) -> Scene:
     table = log.table("scene.json")
     if stop is not None and isinstance(table.get("run"), dict):
         table = {**table, "run": {**table["run"], "stop": stop}}
-    return from_table(table, f"{log.path}: scene.json")
+    return from_table(table, f"{log.path}: scene.json", logged=True)
 
 
 def _last_checkpoint(log: Log, latest: float | None, run: RunTable) -> tuple[int, float]:

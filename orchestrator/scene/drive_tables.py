@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from fmus.vehicles.tables import Distance, Force, FrozenTable, In, ratio, to_si
+from fmus.vehicles.tables import GIVEN, Distance, Force, FrozenTable, In, When, ratio, to_si
 from orchestrator.scene.values import OR_FALSE, SIDES, Angle, Duration, Place, Side, Time
 
-POINTS_OF = {  # and the modes that use them
-    "speed_points": ("speed", "controller"),
-    "torque_points": ("torque",),
-    "brake_points": ("torque", "controller"),
-    "engine_points": ("torque", "controller"),
-}
+MOTOR, FOLLOWED = ("torque", "controller"), ("speed", "controller")  # modes with a motor's torque, and with a profile
+PROFILE = When(mode=FOLLOWED, demand=(False,), speed_points=(None,))
+WITH_MOTOR = When(mode=MOTOR)
 
 
 def points_text(pairs: Sequence[tuple[float, float]]) -> str:
@@ -38,92 +35,58 @@ class DriveTable(FrozenTable):
 
     mode: Literal["speed", "torque", "controller"] = "speed"
     """prescribed speed; given motor torque and brake; or a torque that controls the speed"""
-    speed: Annotated[float, In("rad/s")] = 0.0
+    speed: Annotated[float, In("rad/s"), PROFILE] = 0.0
     """speed against the mount after the ramp"""
-    ramp_start: Time = 0.0
+    ramp_start: Annotated[Time, PROFILE] = 0.0
     """time at which the ramp of the speed begins"""
-    ramp_time: Time = 1.0
+    ramp_time: Annotated[Time, PROFILE] = 1.0
     """length of the ramp, half a cosine from 0 to speed"""
-    stop: Time | None = None
+    stop: Annotated[Time | None, PROFILE] = None
     """time at which the sprocket is locked for good, after the ramp"""
-    stop_time: Duration = 1e-3
+    stop_time: Annotated[Duration, When(stop=GIVEN)] = 1e-3
     """time that the stop takes, along half a cosine"""
-    torque: Annotated[float, In("N m")] = 0.0
-    """torque of the motor in mode 'torque'"""
-    torque_limit: Annotated[float, In("N m", gt=0)] | None = None
-    """largest torque of the motor in mode 'controller', or demanded in mode 'torque', either way"""
-    brake: Annotated[float, In("N m", ge=0)] = 0.0
-    """torque of the brake, not in mode 'speed'"""
-    brake_speed: Annotated[float, In("rad/s", gt=0)] | None = None
+    torque: Annotated[float, In("N m"), When(mode=("torque",), demand=(False,), torque_points=(None,))] = 0.0
+    """torque of the motor"""
+    torque_limit: Annotated[Annotated[float, In("N m", gt=0)] | None, WITH_MOTOR] = None
+    """largest torque of the motor, either way, without the brake; torque and torque_points are cut by a given one
+    only"""
+    brake: Annotated[float, In("N m", ge=0), When(mode=MOTOR, brake_points=(None,))] = 0.0
+    """torque of the brake"""
+    brake_speed: Annotated[Annotated[float, In("rad/s", gt=0)] | None, WITH_MOTOR] = None
     """speed below which the brake fades, by default 0.1: under a fifth of its torque it creeps at a fifth of it"""
-    speed_points: tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None = None
+    speed_points: Annotated[
+        tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None, When(mode=FOLLOWED, demand=(False,))
+    ] = None
     """[time, speed] or a file of them, instead of ramp and stop: linear between points, constant outside"""
-    torque_points: tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None = None
+    torque_points: Annotated[
+        tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None, When(mode=("torque",), demand=(False,))
+    ] = None
     """[time, torque] or a file of them, instead of torque"""
-    brake_points: tuple[tuple[Time, Annotated[float, In("N m", ge=0)]], ...] | None = None
+    brake_points: Annotated[tuple[tuple[Time, Annotated[float, In("N m", ge=0)]], ...] | None, WITH_MOTOR] = None
     """[time, torque] of the brake or a file of them, instead of brake"""
-    engine_points: tuple[tuple[Annotated[float, In("rad/s", ge=0)], Annotated[float, In("N m", ge=0)]], ...] | None = (
-        None
-    )
+    engine_points: Annotated[
+        tuple[tuple[Annotated[float, In("rad/s", ge=0)], Annotated[float, In("N m", ge=0)]], ...] | None, WITH_MOTOR
+    ] = None
     """full-load curve of an engine that limits the motor: [speed, torque] of its shaft, or a file of them"""
-    gear_ratio: Annotated[float, ratio(gt=0)] | None = None
+    gear_ratio: Annotated[Annotated[float, ratio(gt=0)] | None, When(engine_points=GIVEN)] = None
     """engine speed over sprocket speed"""
     demand: bool = False
     """its inputs speed.demand and torque.demand say how it turns, which `connections` bring; mode: which one counts"""
-    demand_lag: Annotated[float, In("s", gt=0)] | None = None
+    demand_lag: Annotated[Annotated[float, In("s", gt=0)] | None, When(demand=(True,))] = None
     """time constant with which speed or torque follow their demand, by default 0.1 s"""
 
     @model_validator(mode="after")
-    def _check_default_mode(self) -> DriveTable:
-        if "mode" not in self.model_fields_set:
-            self._check_mode()
-        return self
-
-    def _check_mode(self) -> None:
-        """Raise ValueError for settings that the mode would ignore."""
-        braked = "torque", "controller"
-        limited = braked if self.demand else ("controller",)
-        modes_of = {"torque": ("torque",), "torque_limit": limited, "brake": braked, "brake_speed": braked}
-        for key, modes in modes_of.items():
-            if getattr(self, key):
-                self._require_mode(key, modes)
-
-    def _require_mode(self, key: str, modes: Sequence[str]) -> None:
-        if self.mode not in modes:
-            raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
-
-    @model_validator(mode="after")
-    def _check_demand(self) -> DriveTable:
-        for key in ("speed", "stop", "speed_points", "torque", "torque_points") if self.demand else ():
-            if getattr(self, key):
-                raise ValueError(
-                    f"demand = true excludes {key}, whose place inputs take: set the whole table, drive ="
-                    " {mode = 'torque', demand = true}, or this key to 0"
-                )
-        if self.demand_lag is not None and not self.demand:
-            raise ValueError("demand_lag needs demand = true: without inputs there is nothing to follow")
-        return self
-
-    @model_validator(mode="after")
     def _check_points(self) -> DriveTable:
-        for key, modes in POINTS_OF.items():
+        for key in ("speed_points", "torque_points", "brake_points", "engine_points"):
             points = getattr(self, key)
-            if points is None:
-                continue
-            self._require_mode(key, modes)
-            times = [time for time, _ in points]
-            if not times or not _rise(times):
+            if points is not None and not (points and _rise(first for first, _ in points)):
                 raise ValueError(
                     f"{key}: needs at least one point, and {'speeds' if key == 'engine_points' else 'times'} that rise"
                 )
-        if self.gear_ratio is not None and self.engine_points is None:
-            raise ValueError("gear_ratio needs engine_points: without an engine's curve there is nothing to gear")
         if self.stop is not None and self.stop < self.ramp_start + self.ramp_time:
             raise ValueError(
                 f"stop = {self.stop:g} s must not be before the ramp ends, {self.ramp_start + self.ramp_time:g} s"
             )
-        if self.speed_points is not None and self.stop is not None:
-            raise ValueError("speed_points and stop exclude each other: the points say when it stops")
         return self
 
     @property
@@ -140,11 +103,6 @@ class SteeringTable(DriveTable):
     mode: Literal["speed", "torque", "controller"] = "speed"
     """prescribed speed difference; constant motor torque and brake; or a torque that controls the difference"""
 
-    @model_validator(mode="after")
-    def _check_given_mode(self) -> SteeringTable:
-        self._check_mode()
-        return self
-
 
 class VehicleDriveTable(DriveTable):
     """Drive of both sides of a vehicle; tables ``left`` and ``right`` override it.
@@ -159,22 +117,33 @@ class VehicleDriveTable(DriveTable):
     steering: Annotated[SteeringTable | None, OR_FALSE] = None
     """steering differential: drives the right speed less the left one, [drive] their mean; excludes left and right"""
 
+    @classmethod
+    def idle(cls, table: Mapping[str, Any]) -> Iterator[str]:
+        """As of any table; a key of [drive] counts that does so on one side."""
+        common = {key: value for key, value in table.items() if key in DriveTable.model_fields}
+        given = {side: entry if isinstance(entry := table.get(side), Mapping) else {} for side in SIDES}
+        idle = {side: [*DriveTable.idle({**common, **entry})] for side, entry in given.items()}
+        yield from (key for key in common if all(key in keys for keys in idle.values()))
+        yield from (f"{side}.{key}" for side in SIDES for key in idle[side] if key in given[side])
+        if isinstance(steering := table.get("steering"), Mapping):
+            yield from (f"steering.{key}" for key in SteeringTable.idle(steering))
+
     @model_validator(mode="before")
     @classmethod
     def _merge_sides(cls, value: object) -> object:
-        if not isinstance(value, Mapping):
+        if not isinstance(value, Mapping) or not any(isinstance(value.get(side), Mapping) for side in SIDES):
             return value
-        common = {key: entry for key, entry in value.items() if key not in SIDES}
-        common_drive = {key: entry for key, entry in common.items() if key in DriveTable.model_fields}
-        side_tables = {side: value[side] for side in SIDES if value.get(side) is not None}
-        merged = {
-            side: {**common_drive, **entry} if isinstance(entry, Mapping) else entry
-            for side, entry in side_tables.items()
-        }
-        modes = [entry["mode"] for entry in merged.values() if isinstance(entry, Mapping) and "mode" in entry]
-        if modes and "mode" not in common and (len(side_tables) == len(SIDES) or common_drive != common):
-            common["mode"] = modes[0]  # each side has its own mode, or the missing key must be another one
-        return common | merged
+        common = {key: entry for key, entry in value.items() if key in DriveTable.model_fields}
+        nowhere = {*cls.idle(value)}
+
+        def with_common(own: Mapping[str, Any]) -> dict[str, Any]:
+            """A side's keys and those of [drive], without what counts on the other side alone."""
+            elsewhere = {*DriveTable.idle({**common, **own})} - {*own} - nowhere
+            return {key: entry for key, entry in {**common, **own}.items() if key not in elsewhere}
+
+        sides = {side: own for side in SIDES if isinstance(own := value.get(side) or {}, Mapping)}
+        others = {key: entry for key, entry in value.items() if key not in common}
+        return {**others, **with_common({}), **{side: with_common(own) for side, own in sides.items()}}
 
     @model_validator(mode="after")
     def _normalise_sides(self) -> VehicleDriveTable:
@@ -234,11 +203,11 @@ class DriverTable(FrozenTable):
     """[x, y] of a smooth path, or a file of them"""
     heading: Angle | None = None
     """heading to hold, from that of the start, where there is no path"""
-    speed: Annotated[float, In("m/s", ge=0, le=1e3)] = 0.0
+    speed: Annotated[float, In("m/s", ge=0, le=1e3), When(speed_points=(None,))] = 0.0
     """speed after the ramp"""
-    ramp_start: Time = 0.0
+    ramp_start: Annotated[Time, When(speed_points=(None,))] = 0.0
     """time at which the ramp of the speed begins"""
-    ramp_time: Time = 1.0
+    ramp_time: Annotated[Time, When(speed_points=(None,))] = 1.0
     """length of the ramp, half a cosine from 0 to speed"""
     speed_points: tuple[tuple[Time, Annotated[float, In("m/s", ge=0)]], ...] | None = None
     """[time, speed] or a file of them, instead of the ramp"""
@@ -270,8 +239,6 @@ class DriverTable(FrozenTable):
         for k, (first, second) in enumerate(pairwise(self.points or ())):
             if first == second:
                 raise ValueError(f"points: number {k + 1} and {k + 2} are the same place, {list(first)}")
-        if self.speed_points is not None and self.speed:
-            raise ValueError("speed and speed_points exclude each other")
         for key in ("deceleration", "reach", "preview"):
             if getattr(self, key) is not None and self.arcs is None and self.points is None:
                 raise ValueError(f"{key} needs a path, arcs or points")

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from fmus.ground.keys import is_plane, is_terrain
 from fmus.ground.soils import SoilTable
-from fmus.vehicles.tables import Distance, FrozenTable, In, Length, ratio
+from fmus.vehicles.tables import GIVEN, Distance, FrozenTable, In, Length, When, ratio
 from orchestrator.scene.values import Angle, Place
 
 Slope = Annotated[float, In("1", ge=-2.0, le=2.0)]
@@ -103,7 +103,7 @@ class KerbTable(FrozenTable):
     """radius of both edges"""
     start: Place | None = None
     """x where it begins to rise; without it, it is everywhere"""
-    length: Distance = 1.0
+    length: Annotated[Distance, When(start=GIVEN)] = 1.0
     """length over which it rises"""
 
     @model_validator(mode="after")
@@ -151,7 +151,7 @@ class RoughTable(FrozenTable):
     """a surface with that spectrum along every line instead of lanes, for vehicles that turn or do not drive along x"""
     start: Place | None = None
     """x where the roughness begins; an isotropic one may be everywhere"""
-    length: Distance = 2.0
+    length: Annotated[Distance, When(start=GIVEN)] = 2.0
     """length over which it fades in"""
 
     @model_validator(mode="after")
@@ -186,7 +186,7 @@ class HeightMapTable(FrozenTable):
     increments are the default"""
     start: Place | None = None
     """x where the map begins; without it, the map is everywhere"""
-    length: Distance = 1.0
+    length: Annotated[Distance, When(start=GIVEN)] = 1.0
     """length over which it fades in"""
 
     @model_validator(mode="after")
@@ -259,7 +259,7 @@ class GroundTable(FrozenTable):
     """slope along y, uphill positive"""
     incline_start: Place | None = None
     """x where grade and bank begin; without it, they are everywhere"""
-    incline_length: Distance | None = None
+    incline_length: Annotated[Distance | None, When(incline_start=GIVEN)] = None
     """length over which level ground turns into grade and bank, 1 m by default"""
     bump: BumpTable | None = None
     """obstacle across the path"""
@@ -284,8 +284,8 @@ class GroundTable(FrozenTable):
 
     @model_validator(mode="after")
     def _check_together(self) -> GroundTable:
-        if self.grade is None and self.bank is None and (self.incline_start, self.incline_length) != (None, None):
-            raise ValueError("incline_start and incline_length need grade or bank")
+        if self.grade is None and self.bank is None and self.incline_start is not None:
+            raise ValueError("incline_start needs grade or bank")
         if self.soil is not None:
             if self.friction is not None:
                 raise ValueError("friction needs hard ground: soil has its own shear strength")

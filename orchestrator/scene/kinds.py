@@ -23,8 +23,6 @@ from orchestrator.scene.track_table import TrackModelTable, short_track
 from orchestrator.scene.values import OR_FALSE, SIDES, SOLVED, Side, TrackName
 from orchestrator.vocabulary.analyses import UNSTRESSED, described
 
-# Settings of a drive in mode controller that are allowed beside a driver.
-OF_CONTROLLERS = ("torque_limit", "brake", "brake_speed", "brake_points", "engine_points", "gear_ratio")
 OUTER_TRACK = 1.2  # speed of the outer track in a turn, relative to the vehicle
 
 
@@ -346,9 +344,10 @@ class VehicleScene(Scene):
         for where, drive in self.drive.motors().items():
             if drive.mode == "torque":
                 raise ValueError(f"{where}.mode = 'torque': a driver needs 'speed' or 'controller'")
-            allowed = {"mode"} if drive.mode == "speed" else {"mode", *OF_CONTROLLERS}
-            for key, field in DriveTable.model_fields.items():
-                if key not in allowed and (value := getattr(drive, key)) != field.default:
+            conditions = DriveTable.conditions()
+            for key in ("demand", *conditions):
+                given = (value := getattr(drive, key)) not in (None, DriveTable.model_fields[key].default)
+                if given and (key.startswith("demand") or conditions[key].lacks({**vars(drive), "demand": True})):
                     raise ValueError(
                         f"{where}.{key} = {value_text(value)}: a driver says how fast sprockets turn, leave it out"
                     )

@@ -54,7 +54,7 @@ def require_same_scene(
 def _with_current_keys(table: Mapping[str, Any]) -> Mapping[str, Any]:
     """A logged scene with the keys of this version; a log of an older one lacks later keys."""
     try:
-        resolved: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json").resolved()))
+        resolved: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json", logged=True).resolved()))
         return resolved
     except BadInput:
         return table

@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from fmus.vehicles.tables import BadInput, first_error, foremost, path_text, value_text
+from fmus.vehicles.tables import LOGGED, BadInput, first_error, foremost, path_text, value_text
 from fmus.vehicles.vehicle import read_table
 from orchestrator.files.budget import read_toml
 from orchestrator.scene import data_files
@@ -138,8 +139,7 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
     if track is not None and not issubclass(kind, Scene):
         raise BadInput(f"{name}.toml: track = {value_text(track)}: assembly = '{table['assembly']}' has no track")
     vehicle_file = _complete_table(table, f"{name}.toml", track, changes) if issubclass(kind, Scene) else ""
-    for key, value in changes:
-        set_key(table, key, value)
+    _change(kind, table, changes)
     data_files.read_files(table, Path(), f"{name}.toml")
     read_heights(table, Path(), f"{name}.toml")  # settings may place the map
     refuse_reduced_measures(table.get("expect"), f"{name}.toml")
@@ -163,6 +163,24 @@ def _with_suitable_step(scene: SystemScene) -> SystemScene:
         f" '{suited.vehicle.name}' has longest_step = {1e3 * longest:.4g} ms"
     )
     return suited
+
+
+def _change(kind: type[SystemScene], table: dict[str, Any], changes: Sequence[tuple[str, Any]]) -> None:
+    """Apply settings to a table; what it had and what by them does not count any more, such as a speed, goes."""
+    before = {*kind.idle(table)}
+    for key, value in changes:
+        set_key(table, key, value)
+    for key in {*kind.idle(table)} - before:
+        if not any(f"{key}.".startswith(f"{changed}.") for changed, _ in changes):
+            _remove(table, key)
+
+
+def _remove(table: dict[str, Any], key: str) -> None:
+    """Remove a dotted key."""
+    *path, last = key.split(".")
+    for part in path:
+        table = table[part]
+    del table[last]
 
 
 def _kind(table: Mapping[str, Any], where: str) -> type[SystemScene]:
@@ -200,19 +218,24 @@ def _full_key(key: str, value: object) -> str:
     return key if isinstance(value, dict) else SHORT_KEYS.get(key, key)
 
 
-def from_table(table: Mapping[str, Any], where: str) -> Scene:
+def from_table(table: Mapping[str, Any], where: str, logged: bool = False) -> Scene:
     """Validate a scene with a track, as of ``any_from_table``; raises BadInput."""
-    return with_track(any_from_table(table, where))
+    return with_track(any_from_table(table, where, logged=logged))
 
 
-def any_from_table(table: Mapping[str, Any], where: str, vehicle_file: str = "") -> SystemScene:
+def any_from_table(table: Mapping[str, Any], where: str, vehicle_file: str = "", logged: bool = False) -> SystemScene:
     """Validate a scene whose vehicle is a whole table; raises BadInput with one sentence.
 
-    The sentence begins with ``where``, about the vehicle also with ``vehicle_file``.
+    The sentence begins with ``where``, about the vehicle also with ``vehicle_file``. One that is ``logged`` may have
+    what a new run is refused for: an earlier version took keys that do not count, which are left out.
     """
-    kind = _kind(table, where)
+    kind, own = _kind(table, where), dict(table)
+    idle = [*kind.idle(own)] if logged else []
+    own = deepcopy(own) if idle else own
+    for key in idle:
+        _remove(own, key)
     try:
-        return kind.model_validate(dict(table))
+        return kind.model_validate(own, context=LOGGED if logged else None)
     except ValidationError as error:
         in_vehicle = vehicle_file and foremost(error)["loc"][:1] == ("vehicle",)
         where = f"{where} with vehicle {path_text(vehicle_file)}" if in_vehicle else where
@@ -225,15 +248,16 @@ def with_settings(scene: SystemScene, settings: Sequence[str] | Mapping[str, Any
     return changed.read_from(scene._archive, {**scene._settings, **dict(pairs(settings))})
 
 
-def changed_scene(resolved: dict[str, Any], settings: Sequence[str] | Mapping[str, Any], where: str) -> SystemScene:
+def changed_scene(
+    resolved: dict[str, Any], settings: Sequence[str] | Mapping[str, Any], where: str, logged: bool = False
+) -> SystemScene:
     """Apply settings, as of ``load``, to a resolved scene, which is modified; reads no file.
 
-    Raises BadInput, with a message that begins with ``where``.
+    ``logged``: it is of a log, see ``any_from_table``. Raises BadInput, with a message that begins with ``where``.
     """
-    for key, value in pairs(settings):
-        set_key(resolved, _full_key(key, value), value)
+    _change(_kind(resolved, where), resolved, [(_full_key(key, value), value) for key, value in pairs(settings)])
     refuse_reduced_measures(resolved.get("expect"), where)
-    return any_from_table(resolved, where)
+    return any_from_table(resolved, where, logged=logged)
 
 
 def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from fmus.vehicles.tables import BadInput, Distance, Force, FrozenTable, In, ratio, value_text
+from fmus.vehicles.tables import BadInput, Distance, Force, FrozenTable, In, When, ratio, value_text
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.scene.settings import hint
 from orchestrator.scene.values import OR_FALSE, Duration, Every, Time, TrackName
@@ -136,11 +136,6 @@ class VehicleStartTable(StartTable):
 
 
 SchemeName = Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"]
-OPTIONS = {
-    "hold": ("jacobi", "gauss_seidel"),
-    "tolerance": ("iterative",),
-    "iterations": ("iterative",),
-}
 
 
 class CouplingTable(FrozenTable):
@@ -148,20 +143,12 @@ class CouplingTable(FrozenTable):
 
     scheme: SchemeName = "tracks_first"
     """rule by which inputs over a communication step follow from outputs"""
-    hold: Literal["linear", "constant"] | None = None
+    hold: Annotated[Literal["linear", "constant"] | None, When(scheme=("jacobi", "gauss_seidel"))] = None
     """inputs are extrapolated to the middle of the step, or held"""
-    tolerance: Annotated[float, ratio(gt=0, lt=1)] | None = None
+    tolerance: Annotated[Annotated[float, ratio(gt=0, lt=1)] | None, When(scheme=("iterative",))] = None
     """relative change of inputs that ends the iteration"""
-    iterations: Annotated[int, Field(ge=1)] | None = None
+    iterations: Annotated[Annotated[int, Field(ge=1)] | None, When(scheme=("iterative",))] = None
     """most iterations in a step"""
-
-    @model_validator(mode="after")
-    def _check_options(self) -> CouplingTable:
-        for option in self.options():
-            if self.scheme not in OPTIONS[option]:
-                schemes = " or ".join(OPTIONS[option])
-                raise ValueError(f"{option} is an option of {schemes}, not of {self.scheme}")
-        return self
 
     def options(self) -> dict[str, Any]:
         """Given options, without the scheme."""
@@ -179,7 +166,7 @@ class VariableStepTable(FrozenTable):
     """largest error of a step over the size of what a connection carries, or power residual over the bonds' power"""
     estimate: Literal["doubling", "power"] = "doubling"
     """error of a step by a comparison with two half steps, or by the power residual of the ports"""
-    energy: Annotated[float, In("J", gt=0)] | None = None
+    energy: Annotated[Annotated[float, In("J", gt=0)] | None, When(estimate=("power",))] = None
     """least reference energy of a power residual"""
     shortest: Duration = 1e-5
     """shortest communication step"""
@@ -190,8 +177,6 @@ class VariableStepTable(FrozenTable):
     def _check_order(self) -> VariableStepTable:
         if self.shortest > self.longest:
             raise ValueError(f"shortest = {self.shortest:g} s is longer than longest = {self.longest:g} s")
-        if self.energy is not None and self.estimate != "power":
-            raise ValueError(f"energy is an option of estimate = 'power', not of '{self.estimate}'")
         return self
 
     def __str__(self) -> str:
@@ -333,24 +318,19 @@ class ChainTable(FrozenTable):
     """number of links"""
     ends: Literal["pinned", "held", "lying", "loop"] = "pinned"
     """chain between two pins, held at its first pin only, free on the ground, or closed and free without gravity"""
-    span: Annotated[float, ratio(gt=0, lt=1)] | None = None
-    """of a pinned chain, which needs it: distance of the pins over the length of the chain"""
-    pull: Force = 0.0
-    """of a lying chain: force ahead, half on each of its ends"""
-    spin: Annotated[float, In("rad/s")] = 0.0
-    """of a loop: initial speed about y"""
-    ovalling: Annotated[float, In("rad/s")] = 0.0
-    """of a loop: additional speed of its links, times cos(2 angle)"""
+    span: Annotated[Annotated[float, ratio(gt=0, lt=1)] | None, When(ends=("pinned",))] = None
+    """distance of the pins over the length of the chain"""
+    pull: Annotated[Force, When(ends=("lying",))] = 0.0
+    """force ahead, half on each of its ends"""
+    spin: Annotated[float, In("rad/s"), When(ends=("loop",))] = 0.0
+    """initial speed about y"""
+    ovalling: Annotated[float, In("rad/s"), When(ends=("loop",))] = 0.0
+    """additional speed of its links, times cos(2 angle)"""
 
     @model_validator(mode="after")
     def _check_ends(self) -> ChainTable:
-        if (self.span is None) == (self.ends == "pinned"):
-            raise ValueError(f"ends = '{self.ends}' {'needs' if self.span is None else 'has no'} span")
-        if self.pull and self.ends != "lying":
-            raise ValueError(f"ends = '{self.ends}' has no pull")
-        for key in ("spin", "ovalling"):
-            if getattr(self, key) and self.ends != "loop":
-                raise ValueError(f"ends = '{self.ends}' has no {key}")
+        if self.span is None and self.ends == "pinned":
+            raise ValueError("ends = 'pinned' needs span")
         if self.ends == "loop" and self.links < 3:
             raise ValueError(f"a loop needs 3 links, not {self.links}")
         return self

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from fmus.interface.ports import TOLERANCES
 from fmus.track.choices import BY_ERROR, TRACKS, TrackKind, models_with
 from fmus.track.link_outputs import GROUPS, STANDARD
-from fmus.vehicles.tables import FrozenTable, In, ratio
+from fmus.vehicles.tables import FrozenTable, In, When, ratio
 from orchestrator.scene.values import Duration, TrackName
 
 Tolerance = Annotated[float, ratio(ge=TOLERANCES.least, le=TOLERANCES.most)]
@@ -45,6 +45,7 @@ class FmuParameter(NamedTuple):
 
 
 METHOD = FmuParameter(method=True)
+BY_SPRING = When(closure=("spring",))
 
 
 class TrackModelTable(FrozenTable):
@@ -69,9 +70,13 @@ class TrackModelTable(FrozenTable):
     """coordinates of cables for an explicit integrator"""
     closure: Annotated[Literal["pin", "spring"] | None, FmuParameter()] = None
     """how the last link of a loop joins the first"""
-    closure_stiffness: Annotated[Annotated[float, In("N/m", gt=0)] | None, FmuParameter("closure.stiffness")] = None
+    closure_stiffness: Annotated[
+        Annotated[float, In("N/m", gt=0)] | None, FmuParameter("closure.stiffness"), BY_SPRING
+    ] = None
     """stiffness of a closing spring"""
-    closure_damping: Annotated[Annotated[float, In("N s/m", ge=0)] | None, FmuParameter("closure.damping")] = None
+    closure_damping: Annotated[
+        Annotated[float, In("N s/m", ge=0)] | None, FmuParameter("closure.damping"), BY_SPRING
+    ] = None
     """damping of a closing spring"""
     integrator: Annotated[
         Literal["generalized_alpha", "hht", "runge_kutta", "adams", "dormand_prince"] | None, METHOD
@@ -81,10 +86,10 @@ class TrackModelTable(FrozenTable):
     """largest internal step"""
     spectral_radius: Annotated[Annotated[float, ratio(ge=0, le=1)] | None, METHOD] = None
     """spectral radius of an implicit integrator at high frequencies; of hht at least 0.5, its default"""
-    rtol: Annotated[Tolerance | None, FmuParameter("adams.rtol", method=True)] = None
-    """relative error of an internal step, of integrator = 'adams' or 'dormand_prince'"""
-    atol: Annotated[AbsoluteTolerance | None, FmuParameter("adams.atol", method=True)] = None
-    """absolute error of an internal step, of integrator = 'adams' or 'dormand_prince'"""
+    rtol: Annotated[Tolerance | None, FmuParameter("adams.rtol", method=True), When(integrator=BY_ERROR)] = None
+    """relative error of an internal step"""
+    atol: Annotated[AbsoluteTolerance | None, FmuParameter("adams.atol", method=True), When(integrator=BY_ERROR)] = None
+    """absolute error of an internal step"""
     start: Annotated[Literal["rest", "displaced", "polygon", "straight", "folded"] | None, FmuParameter()] = None
     """layout at the start: static equilibrium, displaced from it, or a polygon of links without load; a held chain:
     straight or folded"""
@@ -124,22 +129,8 @@ class TrackModelTable(FrozenTable):
             if value is not None and self.model not in models:
                 needed = " or ".join(map(repr, models))
                 raise ValueError(f"{key} = '{value}' needs model = {needed}: {self.kind.links} have none")
-        for key in ("rtol", "atol"):
-            if getattr(self, key) is not None and self.integrator not in BY_ERROR:
-                raise ValueError(
-                    f"{key} = {getattr(self, key):g} needs integrator = {' or '.join(map(repr, BY_ERROR))}: others take"
-                    " equal steps"
-                )
         if conflict := self.kind.conflict(self.choices()):
             raise ValueError(conflict)
-        return self
-
-    @model_validator(mode="after")
-    def _check_closure(self) -> TrackModelTable:
-        for key in ("closure_stiffness", "closure_damping"):
-            value = getattr(self, key)
-            if self.closure != "spring" and value is not None:
-                raise ValueError(f"{key} = {value} needs closure = 'spring': a pin has none")
         return self
 
 

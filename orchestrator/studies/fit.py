@@ -131,7 +131,7 @@ def _of_part(file: str, name: str, track: str | None, settings: Sequence[str] | 
     with Log(file) as log:
         if "scene.json" not in log.attachments:
             raise BadInput(f"--part {name}: {file} does not say of which scene it is")
-        scene = with_track(any_from_table(log.table("scene.json"), f"{file}: scene.json"))
+        scene = with_track(any_from_table(log.table("scene.json"), f"{file}: scene.json", logged=True))
         if track is not None:
             scene = scene.model_copy(update={"planar": False, "track": scene.track.of_model(track)}).with_axes()
         return Experiment(scene, Part(Path(file), name, track, log.digest()))

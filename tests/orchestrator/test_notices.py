@@ -158,4 +158,4 @@ def test_keys_that_one_version_does_not_know_make_no_other_scene():
     old = {**new, "drive": {key: value for key, value in new["drive"].items() if key != "brake"}}
     require_same_scene(("a", old), ("b", new))
     with pytest.raises(BadInput, match=r"drive\.brake = 0\.0 and 5000\.0"):
-        require_same_scene(("a", old), ("b", {**new, "drive": {**new["drive"], "brake": 5e3}}))
+        require_same_scene(("a", old), ("b", {**new, "drive": {**new["drive"], "mode": "controller", "brake": 5e3}}))

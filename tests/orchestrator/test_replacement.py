@@ -439,8 +439,8 @@ def test_a_demand_is_held_over_the_step():
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"drive": {"demand": True, "speed": 3.0}}, "demand = true excludes speed"),
-        ({"drive": {"demand_lag": 0.1}}, "demand_lag needs demand = true"),
+        ({"drive": {"demand": True, "speed": 3.0}}, "speed = 3.0 needs demand = false, not true"),
+        ({"drive": {"demand_lag": 0.1}}, "demand_lag = 0.1 needs demand = true, not false"),
         ({"fmu.engine": {"file": "e.fmu"}, "connections": ["engine.y -> drive.torque.demand"]},
          "drive has this input only with drive.demand = true"),
         ({"drive": {"mode": "torque", "demand": True}, "connections": ["track.travel -> drive.torque.demand"]},
