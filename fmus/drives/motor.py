@@ -32,7 +32,7 @@ class DriveParameters(NamedTuple):
     brake_speed: float  # below which the brake fades, rad/s
     proportional: float  # gain of the controller, N m s/rad
     integral: float  # gain of the controller, N m/rad
-    limit: float  # largest torque of the controller, N m
+    limit: float  # largest torque of the motor, N m
     with_acceleration: int  # 1: the mount's acceleration is extrapolated from its last two velocities; 0: it is 0
     stages: np.ndarray  # (5, INTEGRATED) work array: rates of a shaft at the stages of a step, and its quantities
     stop_start: float = -1.0  # time at which the stop begins, after the ramp, s; below 0: no stop
@@ -96,13 +96,19 @@ def speed_profile_slope(p: DriveParameters, t: float) -> float:
 
 
 @kernel
+def given_torque(p: DriveParameters, t: float) -> float:
+    """Torque, N m, that the motor is to have at t in mode TORQUE."""
+    return evaluate(p.torques, t)[0] if has_points(p.torques) else p.torque
+
+
+@kernel
 def motor_torque(p: DriveParameters, t: float, speed: float, integral: float) -> tuple[float, float]:
     """Torque of the motor on the sprocket, N m, and rate of the controller's integral, rad/s. (2)"""
-    most = p.gear * evaluate(p.engine, p.gear * abs(speed))[0] if has_points(p.engine) else np.inf
+    most = p.limit
+    if has_points(p.engine):
+        most = min(most, p.gear * evaluate(p.engine, p.gear * abs(speed))[0])
     if p.mode == TORQUE:
-        unlimited = evaluate(p.torques, t)[0] if has_points(p.torques) else p.torque
-        return min(most, max(-most, unlimited)), 0.0
-    most = min(most, p.limit)
+        return min(most, max(-most, given_torque(p, t))), 0.0
     error = speed_profile(p, t)[0] - speed
     unlimited = p.proportional * error + p.integral * integral
     torque = min(most, max(-most, unlimited))

@@ -12,7 +12,7 @@ from fmus.drives.motor import DriveParameters
 from fmus.drives.shaft import INTEGRATED
 from fmus.interface.course import Course, parse_course
 from fmus.interface.model import InvalidParameter
-from fmus.interface.ports import BRAKE, NOT_NEGATIVE, POSITIVE, SPIN, TORQUE, Port
+from fmus.interface.ports import BRAKE, NOT_NEGATIVE, POSITIVE, SPIN, TORQUE, TORQUE_LIMIT, Port
 from fmus.interface.sentences import Sentence
 from fmus.physics.integrate.runge_kutta import RK4
 
@@ -42,10 +42,10 @@ def lag_port() -> Port:
 
 
 def cut_sentence(prefix: str = "") -> Sentence:
-    """Warning of a demanded torque that is cut."""
+    """Warning of a torque that is cut."""
     return Sentence(
-        f"at t = {{0:.6g}} s the demanded torque {{1:.6g}} N m is beyond {prefix}torque.limit = {{2:.6g}} N m, to which"
-        " it is cut"
+        f"at t = {{0:.6g}} s the torque {{1:.6g}} N m of the motor is beyond {prefix}torque.limit = {{2:.6g}} N m, to"
+        " which it is cut"
     )
 
 
@@ -92,8 +92,8 @@ def motor_ports(prefix: str = "", body: str = "the sprocket", speed: str = "spee
              allowed=NOT_NEGATIVE),
         Port("controller.integral", "parameter", "N.m", "torque per rad of accumulated speed error", 20000.0,
              allowed=NOT_NEGATIVE),
-        Port("torque.limit", "parameter", "N.m", "largest torque of the controller, or demanded, either way", 20000.0,
-             allowed=NOT_NEGATIVE),
+        Port("torque.limit", "parameter", "N.m", "largest torque of the motor, either way; not in mode speed",
+             TORQUE_LIMIT, allowed=NOT_NEGATIVE),
     ]  # fmt: skip
     return [port._replace(name=prefix + port.name) for port in ports]
 

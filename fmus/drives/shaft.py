@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.drives.motor import CONTROLLER, SPEED, TORQUE, DriveParameters, motor_torque, speed_profile
+from fmus.drives.motor import CONTROLLER, SPEED, TORQUE, DriveParameters, given_torque, motor_torque, speed_profile
 from fmus.interface.course import evaluate, has_points, set_line
 from fmus.interface.wrenches import WARNED
 from fmus.kernels.jit import kernel
@@ -116,9 +116,10 @@ def advance_shaft(
 
 
 @kernel
-def warn_of_cut(p: DriveParameters, r: Floats, t: float, torque: float, message: Floats) -> None:
-    """Warn once that a demanded ``torque``, N m, is cut; ``r``: memory of wrenches, whose flag a drive has for this."""
-    if p.lag > 0.0 and p.mode == TORQUE and abs(torque) > p.limit and r[WARNED] == 0.0:
+def warn_of_cut(p: DriveParameters, r: Floats, t: float, demand: float, message: Floats) -> None:
+    """Warn once that a given torque or a ``demand``, N m, is cut; ``r``: memory of wrenches, with a flag for this."""
+    torque = demand if p.lag > 0.0 else given_torque(p, t)
+    if p.mode == TORQUE and abs(torque) > p.limit and r[WARNED] == 0.0:
         r[WARNED] = message[0] = 1.0
         message[1], message[2], message[3] = t, torque, p.limit
 

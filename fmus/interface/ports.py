@@ -24,6 +24,7 @@ POSITIVE, NOT_NEGATIVE = Range(5e-324, inf, "greater than 0"), Range(0.0, inf, "
 # ranges of the keys of scenes
 PLACE = Range(-1e6, 1e6, "between -1e6 and 1e6")
 SPIN, TORQUE = Range(-1e5, 1e5, "between -1e5 and 1e5"), Range(-1e11, 1e11, "between -1e11 and 1e11")
+TORQUE_LIMIT = 20000.0  # of a motor by default, N m
 BRAKE = Range(0.0, 1e11, "between 0 and 1e11")
 
 # Error of an internal step of variable length, relative and in SI units: default and allowed values.

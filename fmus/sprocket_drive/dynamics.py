@@ -68,8 +68,8 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     if steps > MOST_STEPS:
         messages[0, 0], messages[0, 1], messages[0, 2] = t, steps, h
         return STIFF
-    if u.size > STATE + WRENCH + 1:
-        shaft.warn_of_cut(p, c.received, t, u[STATE + WRENCH + 1], messages[1])
+    demand = u[STATE + WRENCH + 1] if u.size > STATE + WRENCH + 1 else 0.0
+    shaft.warn_of_cut(p, c.received, t, demand, messages[1])
     advance(p, x, t, h, steps, inputs)
     for i in range(x.size):
         if not np.isfinite(x[i]):

@@ -127,9 +127,9 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     if max(propulsion_steps, steering_steps) > MOST_STEPS:
         messages[0, 0], messages[0, 1], messages[0, 2] = t, max(propulsion_steps, steering_steps), h
         return STIFF if propulsion_steps >= steering_steps else STIFF_STEERING
-    if u.size > 2 * SIDE + 2:  # the flags are those of the two memories
-        shaft.warn_of_cut(g.propulsion, c.received[0], t, u[2 * SIDE + 2], messages[1])
-        shaft.warn_of_cut(g.steering, c.received[1], t, u[u.size - 1], messages[2])
+    demand = u[2 * SIDE + 2] if u.size > 2 * SIDE + 2 else 0.0
+    shaft.warn_of_cut(g.propulsion, c.received[0], t, demand, messages[1])  # the flags are those of the two memories
+    shaft.warn_of_cut(g.steering, c.received[1], t, u[u.size - 1], messages[2])
     advance(g, x, t, h, propulsion_steps, steering_steps, inputs)
     for i in range(x.size):
         if not np.isfinite(x[i]):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from fmus.ground.keys import is_plane, is_terrain
-from fmus.interface.ports import motion_ports, wrench_ports
+from fmus.interface.ports import TORQUE_LIMIT, motion_ports, wrench_ports
 from fmus.rest.equilibrium import stances
 from fmus.start import Stance, ground_level
 from fmus.track.choices import HHT, TRACKS
@@ -342,6 +342,9 @@ def _drive_parameters(drive: DriveTable) -> Parameters:
     for name in ("speed", "torque", "brake", "engine"):
         if (points := getattr(drive, f"{name}_points")) is not None:
             parameters[f"{name}.points"] = points_text(points)
+    if drive.mode == "torque":  # without a limit of its own what is asked for is not cut
+        asked = max(abs(torque) for _, torque in drive.torque_points or ((0.0, drive.torque),))
+        parameters["torque.limit"] = max(asked, TORQUE_LIMIT)
     for key in ("brake_speed", "gear_ratio", "torque_limit", "demand_lag"):
         if (value := getattr(drive, key)) is not None:
             parameters[key.replace("_", ".")] = value

@@ -147,6 +147,19 @@ def test_controller_keeps_its_limit_and_does_not_wind_up():
     assert max(speeds) < 30.0 * 1.1
 
 
+@pytest.mark.parametrize(("limit", "agrees"), [(400.0, True), (412.0, False), (1e4, False)])
+@pytest.mark.parametrize("asked", [{"torque.drive": -900.0}, {"torque.points": "0 -900; 1 -900"}])
+def test_a_limit_bounds_the_torque_that_the_motor_gives(asked, limit, agrees):
+    """J w = (T + brake) t with a brake that is no part of the limit; what is cut is told once."""
+    probe = Probe(mode="torque", **asked, **{"torque.limit": limit, "brake.torque": 100.0, "brake.speed": 1e-3})
+    for _ in range(100):
+        probe.step(1e-3)
+    assert (probe["torque"] == pytest.approx(-400.0, rel=1e-12)) == agrees
+    assert (probe["speed"] == pytest.approx(-300.0 * 0.1 / J, rel=1e-3)) == agrees
+    said = ["the torque -900 N m of the motor is beyond torque.limit = " in text for text in probe.model.warnings()]
+    assert said == [True] * (limit < 900.0)
+
+
 @pytest.mark.parametrize(
     ("error", "integral", "torque", "rate"),
     [(1.0, 1.0, 400.0, 0.0), (-1.0, 2.0, 400.0, -1.0), (1.0, -2.0, -400.0, 1.0), (0.1, 0.1, 90.0, 0.1)],
