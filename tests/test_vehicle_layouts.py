@@ -7,10 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from vehicle_in_process import InProcess
 
+from fmus.rest.equilibrium import is_asymmetric
+from fmus.vehicles.sides import lopsided
 from fmus.vehicles.tables import BadInput
-from fmus.vehicles.vehicle import read_table, vehicle
+from fmus.vehicles.vehicle import VehicleTable, read_table, vehicle
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
+from orchestrator.scene.settings import entries
 
 M113 = vehicle(*read_table("m113")).model_dump(mode="json", exclude_none=True)
 ROLLERS = {
@@ -194,6 +197,51 @@ def test_cables_of_sides_that_differ_have_free_axes():
     assert axes == [None, "free"]
 
 
+HULL = "vehicle.chassis.hull=[[0.45, 0.85, 0.25], [0.45, -0.86, 0.25]]"
+CENTRE, RIGHT = "vehicle.chassis.centre=[-2.006, {}, 0.406]", "vehicle.right.suspension"
+PATCH = "ground.friction=[{x=[0, 1.5], y=[-0.5, 0.5], factor=0.5}]"
+
+
+@pytest.mark.parametrize(
+    ("key", "fault", "twin"),
+    [
+        ("chassis.centre", [CENTRE.format(0.0002)], [CENTRE.format(0)]),
+        ("chassis.hull", [HULL, "ground.hull=true"], [HULL]),  # points that touch nothing
+        ("track.links", ["vehicle.right={track={links=65}}"], ["vehicle.right={track={links=64}}"]),
+        ("suspension.stiffness", [f"{RIGHT}.stiffness=1.03e6"], [f"{RIGHT}.stiffness=1e6"]),
+        ("friction", [PATCH, "start.position=[0.0, 0.02, 0.0]"], [PATCH]),
+        ("friction", ["ground.friction=[{x=[0, 1.5], y=[-0.5, 0.52], factor=0.5}]"],
+         ["ground.friction=[{x=[0, 1.5], y=[-0.48, 0.52], factor=0.5}]", "start.position=[0.0, 0.02, 0.0]"]),
+        ("grade", ["ground.grade=0.1", "start.heading=0.01"], ["ground.grade=0.1"]),
+        ("bank", ["ground.bank=0.001"], ["ground.bank=0"]),
+    ],
+)  # fmt: skip
+def test_only_its_own_mirror_image_is_symmetric(key, fault, twin):
+    assert load("straight", "rigid", [*twin, "symmetric=true"]).symmetric
+    with pytest.raises(BadInput, match=rf"straight\.toml: symmetric = true needs .*{key}"):
+        load("straight", "rigid", [*fault, "symmetric=true"])
+
+
+def test_every_point_of_a_vehicle_is_compared_with_its_mirror_image():
+    """All keys of three lengths are points; seats do not act."""
+    schema = VehicleTable.model_json_schema()
+    parts = {
+        key: entry.get("items", entry).get("prefixItems") or () for key, entry, _ in entries(schema, schema["$defs"])
+    }
+    points = [key for key, each in parts.items() if len(each) == 3 and all(one["unit"] == "m" for one in each)]
+    assert points == ["chassis.centre", "chassis.hull", "seat.NAME.position"]
+    assert not lopsided(changed())
+    for key in ("centre", "hull"):
+        moved = changed()
+        point = moved["chassis"][key]
+        (point if key == "centre" else point[3])[1] += 1e-6
+        assert lopsided(moved) == f"chassis.{key}"
+    assert is_asymmetric({"vehicle": moved, "chassis": {"ground": {"hull": True}}}, ("left", "right"))
+    assert not is_asymmetric({"vehicle": moved, "chassis": {}}, ("left", "right"))
+
+
 def test_sides_that_differ_are_not_symmetric():
-    with pytest.raises(BadInput, match=r"symmetric = true needs equal sides, but the vehicle has a table right"):
+    with pytest.raises(
+        BadInput, match=r"its own mirror image in its plane y = 0, but vehicle\.idler\.x = -4\.0 and -4\.08 is"
+    ):
         load("straight", "rigid", {"vehicle": changed(right=STAGGERED), "symmetric": True})

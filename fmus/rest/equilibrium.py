@@ -48,6 +48,7 @@ from fmus.rest.tensioning import without_motion
 from fmus.start import LEVEL, Stance, StartPose, ground_level, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.track_rigid.model import Model as RigidLinks
+from fmus.vehicles.sides import lopsided
 from fmus.vehicles.tables import BadInput
 
 FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
@@ -170,8 +171,11 @@ def _stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
 
 def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
     """Whether the two sides carry different loads, so that the hull rolls."""
-    vehicle = chassis["vehicle"]
-    return len(tracks) == 1 or vehicle["chassis"]["centre"][1] != 0.0 or bool(vehicle.get("right"))
+    ground = chassis["chassis"].get("ground") or {}
+    one_sided = len(tracks) == 1 or bool(
+        chassis["vehicle"].get("right")
+    )  # a table right is solved, also of equal sides
+    return one_sided or bool(lopsided(chassis["vehicle"], bool(ground.get("hull"))))
 
 
 def _at_rest(

@@ -21,6 +21,27 @@ def of_side(vehicle: Mapping[str, Any], side: str) -> Mapping[str, Any]:
     return table
 
 
+def lopsided(vehicle: Mapping[str, Any], hull: bool = True) -> str:
+    """First dotted key by which a vehicle differs from its mirror image in the plane y = 0; empty if it does not.
+
+    All counts but what does not act: seats, and without ``hull`` the points of it that would touch the ground.
+    """
+    left, right = (_seen_from(vehicle, side) for side in SIDES)
+    for name in (each for each in left if each not in ("right", "seat")):
+        one, other = left[name] or {}, right[name] or {}
+        for key in sorted({*one, *other}) if isinstance(one, Mapping) else ():
+            if one.get(key) != other.get(key) and (hull or key != "hull"):
+                return f"{name}.{key}"
+    return ""
+
+
+def _seen_from(vehicle: Mapping[str, Any], side: str) -> Mapping[str, Any]:
+    """Table of a side in axes whose y is towards it, in which both sides of a symmetric vehicle are one."""
+    sign, chassis = (1.0 if side == "left" else -1.0), vehicle["chassis"]
+    centre, *points = ([x, sign * y, z] for x, y, z in (chassis["centre"], *(chassis.get("hull") or ())))
+    return {**of_side(vehicle, side), "chassis": {**chassis, "centre": centre, "hull": sorted(points)}}
+
+
 def of_wheels(value: Any, count: int) -> list[Any]:
     """Numbers of each of ``count`` wheels of a side, from that of all or from a list."""
     return list(value) if isinstance(value, list | tuple) else [value] * count

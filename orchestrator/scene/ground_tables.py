@@ -26,6 +26,7 @@ MOST_HEIGHTS = 200_000  # of a map: a log holds them as text
 STEEPEST = 10.0  # 84 degrees, between neighbours of a map: beyond is no ground, but a gap in the data or another unit
 MOST_WAVES = 6000  # of a rough profile: the time to add them grows with the square
 NOTHING = 1e-12  # rounding errors of heights and slopes under a vehicle, m
+EVERYWHERE = (-1e6, 1e6)  # from and to, m
 PLACES = 50  # along each track, between its first and its last road wheel
 EVEN = 1e-9  # largest distance of the ground from a plane that counts as one, m
 
@@ -215,7 +216,7 @@ class FrictionTable(FrozenTable):
 
     x: tuple[Place, Place]
     """from and to along x"""
-    y: tuple[Place, Place] = (-1e6, 1e6)
+    y: tuple[Place, Place] = EVERYWHERE
     """from and to along y"""
     factor: Annotated[float, ratio(ge=0, le=10)] | None = None
     """coefficient of friction over that of vehicle.contact.ground"""
@@ -306,18 +307,19 @@ class GroundTable(FrozenTable):
         ]
         return [key for key in keys if getattr(self, key) not in (None, 0.0)]
 
-    def one_sided(self, heading: float) -> str | None:
-        """A key by which the ground on the left differs from that on the right for a vehicle, or None."""
-        crossed = [key for key in self.shaped_by() if key != "bump"] if heading else []
-        differs = {
-            "bank": bool(self.bank),
-            "kerb": self.kerb is not None,
-            "washboard.phase": self.washboard is not None and self.washboard.phase != 0.0,
-            "rough": self.rough is not None and not self.rough.correlated,
-            "heightmap": self.heightmap is not None,
-            "friction": any(region.y[0] != -region.y[1] for region in self.friction or ()),
+    def one_sided(self, position: Sequence[float], heading: float) -> str | None:
+        """A key by which the ground differs from its mirror image in the plane of a vehicle, or None.
+
+        ``position``, m, and ``heading``, rad: of the vehicle. What is not known to be its own image differs.
+        """
+        regions = [region.y for region in self.friction or ()]
+        is_own = {  # under a vehicle along x
+            **dict.fromkeys(("grade", "step", "half_round", "trench"), True),
+            "washboard": not (self.washboard and self.washboard.phase),
+            "rough": not self.rough or self.rough.correlated,
+            "friction": all(y == EVERYWHERE or abs(sum(y) - 2.0 * position[1]) < EVEN for y in regions),
         }
-        return next((key for key, one_sided in differs.items() if one_sided), next(iter(crossed), None))
+        return next((key for key in self.shaped_by() if key != "bump" and (heading or not is_own.get(key))), None)
 
     def footing(self, position: Sequence[float], heading: float, wheels: Sequence[float], lateral: float) -> Footing:
         """Plane under a vehicle whose drawn sprocket axle is at ``position``, m, world, with this heading, rad.

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import reduce
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from fmus.track.choices import TRACKS
-from fmus.vehicles.tables import BadInput, Force, path_text, value_text
+from fmus.vehicles.sides import lopsided
+from fmus.vehicles.tables import BadInput, Force, is_logged, path_text, value_text
 from fmus.vehicles.vehicle import Vehicle
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable, VehicleDriveTable
 from orchestrator.scene.fmu_table import FmuTable, pair_of, require_instance_name
@@ -217,11 +219,15 @@ class VehicleScene(Scene):
         return value
 
     @model_validator(mode="after")
-    def _check_and_complete(self) -> VehicleScene:
+    def _check_and_complete(self, info: ValidationInfo) -> VehicleScene:
         if self.symmetric and len(self.tracks) == 1:
             raise ValueError("symmetric = true needs both tracks or none")
-        if self.symmetric and self.vehicle.right is not None:
-            raise ValueError("symmetric = true needs equal sides, but the vehicle has a table right")
+        if self.symmetric and not is_logged(info) and (key := self._lopsided):
+            sides = (reduce(getattr, key.split("."), self.vehicle.of_side(side)) for side in SIDES)
+            raise ValueError(
+                "symmetric = true needs a vehicle that is its own mirror image in its plane y = 0, but"
+                f" vehicle.{key} = {' and '.join(dict.fromkeys(map(value_text, sides)))} is not"
+            )
         shaped = self.ground.shaped_by()
         if shaped and self.start.heading_and_pitch() != (self.start.heading, self.start.pitch):
             raise ValueError(
@@ -232,7 +238,7 @@ class VehicleScene(Scene):
                 f"ground.bump lies ahead of the start, ground.{shaped[-1]} in the world: together they need"
                 " start.heading = 0 and start.position = [0, 0, z]"
             )
-        one_sided = self.ground.one_sided(self.start.heading)
+        one_sided = self.ground.one_sided(self.start.position, self.start.heading)
         if self.symmetric and one_sided:
             raise ValueError(f"symmetric = true needs the same ground on both sides, but ground.{one_sided} differs")
         if one_sided and self.track.axes == "fixed":
@@ -298,16 +304,19 @@ class VehicleScene(Scene):
         return self.drive.steers or self.drive.steering is not None or self.driver is not None or demanded
 
     @property
+    def _lopsided(self) -> str:
+        """Key by which the vehicle differs from its mirror image, or empty."""
+        return lopsided(self.vehicle.model_dump(), self.ground.hull)
+
+    @property
     def leaves_plane(self) -> str:
         """Reason why tracks may leave their planes; empty if they stay in them."""
         if self.turns:
             return "the sides are driven differently"
-        if self.vehicle.right is not None:
-            return "the sides of the vehicle differ"
-        if one_sided := self.ground.one_sided(self.start.heading):
+        if key := self._lopsided:
+            return f"the sides of the vehicle differ in {key}"
+        if one_sided := self.ground.one_sided(self.start.position, self.start.heading):
             return f"ground.{one_sided} rolls the vehicle"
-        if self.vehicle.chassis.centre[1]:
-            return "the centre of mass lies to the side"
         return "one side alone has a track" if len(self.tracks) == 1 else ""
 
     def with_axes(self) -> VehicleScene:

@@ -65,7 +65,7 @@ def test_units_and_defaults_and_the_way_to_a_terrain():
         ([MAP, "ground.heightmap.heights=[[0, 1, 2], [1, 2]]"], "as many columns, not 2 and 3"),
         ([MAP, "ground.heightmap.heights=a.las"], r"must be a file \.csv, \.npy, \.png, \.tif, \.asc or \.crg"),
         ([MAP, "ground.heightmap.range=[0, 1]"], "the heights are numbers already"),
-        ([WAVES, "symmetric=true"], r"same ground on both sides, but ground\.washboard\.phase differs"),
+        ([WAVES, "symmetric=true"], r"same ground on both sides, but ground\.washboard differs"),
         ([ROUGH, "start.roll=180 deg"], r"ground\.rough needs start\.roll = 0"),
     ],
 )  # fmt: skip

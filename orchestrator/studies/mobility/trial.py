@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
+from fmus.vehicles.sides import lopsided
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.log.reader import Log
@@ -76,7 +77,7 @@ class Vehicle(NamedTuple):
     @property
     def mirrored(self) -> bool:
         """True if both sides are alike."""
-        return self.table.right is None
+        return not lopsided(self.table.model_dump())
 
     @property
     def front(self) -> float:
