@@ -59,7 +59,7 @@ def random_vehicle(k: int) -> dict[str, Any]:
     _place(table, distance, wheels, rollers, radius)
     for part in ("road_wheel", "return_roller"):
         if part in table:
-            table[part]["x"] = [forward * x for x in table[part]["x"]]
+            table[part]["x"] = sorted((forward * x for x in table[part]["x"]), reverse=True)
     table["idler"]["x"] = forward * drawn
     table["chassis"]["centre"] = [forward * 0.5 * distance, 0.0, 0.3 * radius]
     known = vehicle(table, f"random{k}")

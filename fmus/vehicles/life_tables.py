@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from fmus.vehicles.ranges import Mistake
 from fmus.vehicles.tables import Distance, FrozenTable, In, ratio
 
 Stress = Annotated[float, In("Pa", gt=0)]
@@ -63,9 +64,16 @@ NEEDED = {"goodman": "ultimate", "morrow": "fracture"}
 
 
 def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence for each mean-stress rule that lacks its strength."""
+    """Yield a sentence for each mean-stress rule that lacks its strength, and each strength below the knee."""
     for part in ("pin", "body"):
-        table = (vehicle.get("life") or {}).get(part)
-        key = NEEDED.get(table["mean_stress"]) if table else None
-        if table and key and table[key] is None:
-            yield f'life.{part}.{key}: is missing; mean_stress = "{table["mean_stress"]}" needs it'
+        if (table := (vehicle.get("life") or {}).get(part)) is None:
+            continue
+        needed = NEEDED.get(table["mean_stress"])
+        if needed and table[needed] is None:
+            yield f'life.{part}.{needed}: is missing; mean_stress = "{table["mean_stress"]}" needs it'
+        for key in NEEDED.values():
+            if table[key] is not None and table[key] <= table["stress"]:
+                yield Mistake(
+                    f"life.{part}.{key} = {table[key]:g} Pa: must be more than life.{part}.stress ="
+                    f" {table['stress']:g} Pa, the amplitude at the knee"
+                )

@@ -9,10 +9,15 @@ point, and where doubles no longer resolve the smaller parts of the vehicle besi
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from math import pi, sin
 from typing import Any, NamedTuple
 
 Bounds = tuple[float, float]
+
+
+class Mistake(str):
+    """Sentence about a fault of a table with which a run would go through; a log of an earlier version may have it."""
 
 
 class PlausibleRange(NamedTuple):
@@ -27,6 +32,7 @@ class PlausibleRange(NamedTuple):
 
 MACHINE = "from a robot of some kilograms to the crawlers of open-cast mines"
 PART = "parts of such machines"
+ROUNDED = 1.01  # moments of inertia of a flat body, one of which is the sum of the others, rounded to two digits
 CONTACT = "pads, rubber and steel under a link give way by 0.1 to 30 mm"
 VEHICLE = (
     PlausibleRange("gravity", "m/s^2", (0.0, 25.0), (0.0, 1e3), "Jupiter has 24.8 m/s^2"),
@@ -84,7 +90,25 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
                 f" must exceed the pitch radius {pitch_radius:.4f} m"
             )
     yield from range_violations(vehicle, VEHICLE, "possible")
-    bushing = (vehicle.get("track") or {}).get("bushing") or {}
+    for part in ("chassis", "track"):
+        moments = (vehicle.get(part) or {}).get("inertia") or (1.0, 1.0, 1.0)
+        if max(moments) > ROUNDED * (others := sum(moments) - max(moments)):
+            yield Mistake(
+                f"{part}.inertia = {[*moments]} kg m^2: no body has these, one is more than the sum of the others,"
+                f" {others:.6g} kg m^2"
+            )
+    track = vehicle.get("track") or {}
+    if {"lateral", "width"} <= {*track} and 2.0 * track["lateral"] < track["width"]:
+        yield Mistake(
+            f"track.lateral = {track['lateral']} m: the tracks are in one another, it must be half of track.width ="
+            f" {track['width']} m or more"
+        )
+    for above, table in ("", vehicle), ("right.", vehicle.get("right") or {}):
+        for name in ("road_wheel", "return_roller"):
+            x = (table.get(name) or {}).get("x", ())
+            if any(behind > ahead for ahead, behind in pairwise(x)):
+                yield Mistake(f"{above}{name}.x = {[*x]} m: must run from front to rear, as wheels and their lists do")
+    bushing = track.get("bushing") or {}
     for key, needed in (("friction", "radius"), ("wear", "bearing")):
         if bushing.get(key) and bushing.get(needed) is None:
             yield f"track.bushing.{needed}: is missing; track.bushing.{key} = {bushing[key]:g} needs it"

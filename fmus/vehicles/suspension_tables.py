@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any
 
 from pydantic import Field
 
+from fmus.vehicles.ranges import Mistake
 from fmus.vehicles.sides import SIDES, of_side, of_wheels, places_of_wheels
 from fmus.vehicles.tables import (
     Damping,
@@ -205,13 +206,13 @@ def _suspension(table: Mapping[str, Any], wheels: int) -> Iterator[str]:
     for name in (*ALONG, *ABOUT):
         if element := table[name]:
             yield from _lengths(element, f"suspension.{name}", wheels)
-            yield from _curve(element, f"suspension.{name}")
+            yield from _curve(element, f"suspension.{name}", of_wheels(table["stiffness"] or 0.0, wheels))
             if any(wheel > wheels for wheel in element["wheels"] or ()):
                 yield f"suspension.{name}.wheels: names wheel {max(element['wheels'])}; a side has {wheels}"
 
 
-def _curve(element: Mapping[str, Any], name: str) -> Iterator[str]:
-    """Yield what is wrong in the points of a spring or damper by a curve."""
+def _curve(element: Mapping[str, Any], name: str, stiffness: Sequence[float]) -> Iterator[str]:
+    """Yield what is wrong in the points of a spring, beside which is a ``stiffness``, or of a damper by a curve."""
     along = "compression" if "compression" in element else "speed"
     at, force = element.get(along, ()), element.get("force", ())
     if len(at) != len(force):
@@ -223,6 +224,14 @@ def _curve(element: Mapping[str, Any], name: str) -> Iterator[str]:
             yield f"{name}.speed: must have 0 m/s among its numbers"
         if any(v * f < 0.0 or (v == 0.0 and f != 0.0) for v, f in zip(at, force, strict=True)):
             yield f"{name}.force: must have the sign of the speed, and be 0 at 0 m/s: otherwise the damper drives"
+    elif force:
+        slopes = [(d - b) / (c - a) for (a, b), (c, d) in pairwise(zip(at, force, strict=True))]
+        beside = min(k for wheel, k in enumerate(stiffness, 1) if wheel in (element["wheels"] or (wheel,)))
+        if min(slopes) + beside < 0.0:
+            yield Mistake(
+                f"{name}.force: falls by {-min(slopes):.4g} N/m of compression, more than the stiffness beside it,"
+                f" {beside:.4g} N/m, adds: the wheel would snap through"
+            )
 
 
 def _lengths(table: Mapping[str, Any], name: str, wheels: int) -> Iterator[str]:

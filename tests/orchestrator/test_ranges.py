@@ -26,6 +26,31 @@ def test_the_impossible_is_refused(setting, said):
     assert said in str(refused.value)
 
 
+CURVE = "vehicle.suspension.spring={{compression=[0, 0.1, 0.2], force=[0, 5e4, {}]}}"  # beside 1e6 N/m
+WHEELS = "vehicle.road_wheel.x=[-0.655, -1.322, {}, {}, -3.322]"
+
+
+@pytest.mark.parametrize(
+    ("setting", "sound", "fault", "said"),
+    [
+        ("vehicle.chassis.inertia=[1786.92, 10449.67, {}]", 12236.0, 12400.0, "chassis.inertia = [1786.92, 10449.67,"),
+        ("vehicle.chassis.inertia=[{}, 10449.67, 10721.22]", 280.0, 160.0, "no body has these, one is more"),
+        ("vehicle.track.inertia=[0.22, 0.04, {}]", 0.26, 0.265, "track.inertia = [0.22, 0.04, 0.265] kg m^2: no body"),
+        ("vehicle.track.lateral={}", 0.189, 0.185, "track.lateral = 0.185 m: the tracks are in one another"),
+        (CURVE, -4.9e4, -5.1e4, "suspension.spring.force: falls by 1.01e+06 N/m of compression, more than"),
+        ("vehicle.life.pin.ultimate={}", 4.51e8, 4.5e8, "life.pin.ultimate = 4.5e+08 Pa: must be more than life.pin"),
+        (WHEELS, (-1.989, -2.656), (-2.656, -1.989), "road_wheel.x = [-0.655, -1.322, -2.656, -1.989, -3.322] m"),
+    ],
+)  # fmt: skip
+def test_what_no_vehicle_is_is_refused(setting, sound, fault, said):
+    """Runs with it went through, with other numbers: each value has a twin beside it that is taken."""
+    given, other = (setting.format(*(each if isinstance(each, tuple) else (each,))) for each in (sound, fault))
+    load("settle", None, [given])
+    with pytest.raises(BadInput) as refused:
+        load("settle", None, [other])
+    assert said in str(refused.value)
+
+
 def test_the_implausible_is_said_everywhere(cotrack, caplog):
     changes = ("--set", "drive.speed=250", "--set", "drive.ramp_start=5", "--stop", "10 ms")
     status, out, _ = cotrack("run", "settle", "--track", "rigid", "--no-estimate", "--json", *changes)

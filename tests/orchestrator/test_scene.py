@@ -33,6 +33,40 @@ def test_gallery_resolves_and_reads_back(name, track):
     assert again == scene
 
 
+def test_a_mode_that_is_set_leaves_out_what_the_scene_has_for_another():
+    """Speeds of the file and of a resolved scene go with a motor's torque; a key that is set is refused, or counts."""
+    turn = load("turn", "rigid")
+    for drive in (
+        load("turn", "rigid", ["drive.mode=torque"]).drive,
+        load("turn", "rigid", ["drive.demand=true"]).drive,
+    ):
+        assert (drive.speed, drive.ramp_time, drive.steers) == (0.0, 1.0, False)
+    one = turn.changed({"drive.left.mode": "torque", "drive.left.torque": 5e3, "drive.left.torque_limit": 4e3}).drive
+    assert (one.left.speed, one.left.torque, one.right.speed, one.right.ramp_time) == (0.0, 5e3, 12.0, 1.5)
+    with pytest.raises(BadInput, match=r"drive\.left: speed = 3\.0 needs mode = 'speed' or 'controller', not 'torque'"):
+        turn.changed({"drive.left.mode": "torque", "drive.left.speed": 3.0})
+    assert load("hanging_chain", None, ["chain.ends=held"]).chain.span is None
+
+
+def test_a_log_may_have_what_a_new_run_is_refused_for():
+    """As of an earlier version: a brake that did not count, tracks in one another, half of an unequal vehicle."""
+    new = load("settle", "rigid", ["symmetric=true"])
+    table = json.loads(json.dumps(new.resolved()))
+    table["drive"] |= {"brake": 5.0, "torque_limit": 7.0}
+    table["vehicle"]["track"]["lateral"], table["vehicle"]["chassis"]["centre"][1] = 0.1, 2e-4
+    read = from_table(table, "scene.json", logged=True)
+    assert (read.drive, read.vehicle.track.lateral, read.symmetric) == (new.drive, 0.1, True)
+    for said, part, sound in (
+        ("the tracks are in one another", table["vehicle"], {"track": new.vehicle.track.model_dump()}),
+        ("drive: torque_limit = 7.0 needs mode", table, {"drive": new.drive.model_dump()}),
+        ("symmetric = true needs a vehicle that", table, {"symmetric": False}),
+    ):
+        with pytest.raises(BadInput, match=said):
+            from_table(table, "scene.json")
+        part |= sound
+    assert from_table(table, "scene.json").vehicle.chassis.centre[1] == 2e-4
+
+
 def test_gallery_has_its_scenes():
     assert scene_names()[:5] == ["hanging_chain", "sprocket_bench", "rig", "settle", "straight"]
 
