@@ -48,6 +48,7 @@ class Log(AbstractContextManager["Log"]):
     component, text, time in s and count), and ``messages`` and ``sha256`` by topic; None if the log was cut off.
     ``complete``: closing record and indexes exist and opening found no fault. ``faults``: sentences. ``seal``: root of
     the seal, "" without one; attachments are checked by it when they are read, all the rest by ``seal_faults``.
+    ``unsound``: sentence about a run that failed or a log that was cut off, empty for another one.
 
     :param unfinished: the run may still be going on; otherwise opening a log that was cut off issues a LogNotice.
     :param by_index: open the log by the summary at its end if this is whole; False: look at every record.
@@ -77,10 +78,10 @@ class Log(AbstractContextManager["Log"]):
         self.stripped = is_cut_off and not self._file.is_ours and unmarked
         cut_off = notices.stripped(self.path) if self.stripped else notices.cut_off(self.path, last)
         self.cut_off = cut_off if is_cut_off else ""
+        closing = self.closing or {"status": ""}
+        self.unsound = notices.failed(self.path, closing["message"]) if closing["status"] == "failed" else self.cut_off
         if not unfinished:
-            notices.notice(self.cut_off)
-            if self.closing and self.closing["status"] == "failed":
-                notices.notice(notices.failed(self.path, self.closing["message"]))
+            notices.notice(self.unsound)
         self.rewritten = False  # by other software, with the same contents, as far as ``seal_faults`` has looked
         self._places: dict[str, tuple[str, int]] = {}
         for topic, about in self.topics.items():

@@ -1,5 +1,7 @@
 """Life of pins and links: stresses by hand, rules of mean stress, Miner's sum, and a log with known cycles."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from analysis_logs import driven_log
@@ -9,8 +11,9 @@ from scipy.integrate import quad
 
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import read_table, vehicle
+from orchestrator.log.notices import LogNotice
 from orchestrator.log.reader import Log
-from orchestrator.results.analyses import life
+from orchestrator.results.analyses import catalogue, life
 from orchestrator.results.run_data import Missing, RunData, Window
 
 driven = pytest.fixture(scope="module")(driven_log)
@@ -37,6 +40,14 @@ def test_the_bending_is_that_of_a_beam_under_spread_loads():
     moment = quad(lambda x: 0.5 * force / a * (middle - x), 0.0, a)[0]
     moment -= quad(lambda x: force / b * (middle - x), a + g, middle)[0]
     assert life.stresses(one)["pin bending"] * force == pytest.approx(32.0 * moment / (np.pi * 0.03**3), rel=1e-9)
+
+
+def test_the_life_of_a_run_that_failed_says_so(tmp_path):
+    for status, said in (("failed", [f"{tmp_path / 'failed.mcap'}: its run failed: it fell over"]), ("ok", [])):
+        path = log_of(tmp_path / f"{status}.mcap", np.full((3000, 4), 2e4), status=status, message="it fell over")
+        with pytest.warns(LogNotice) if said else nullcontext():
+            found = catalogue.analyse(path, "life")
+        assert [note for note in found.table().notes if "failed" in note] == said
 
 
 @pytest.mark.parametrize(

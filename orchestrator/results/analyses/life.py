@@ -106,6 +106,7 @@ class Life(NamedTuple):
 
     tracks: tuple[TrackLife, ...]
     by: str = ""  # key of BY
+    unsound: str = ""  # sentence about a run that failed or a log that was cut off
 
     def table(self) -> Table:
         """Table of the most damaged pins of each track; with ``by`` of shares of the damage, by part or phase."""
@@ -165,6 +166,7 @@ class Life(NamedTuple):
                 )
         first = max(self.tracks, key=lambda each: float(each.damage.max(initial=0.0)))
         return (
+            *filter(None, [self.unsound]),
             *found,
             f"recorded every {1e3 * first.interval:.4g} ms (run.links); by every second record alone the worst pin"
             f" would have {100.0 * (1.0 - first.halved):.2g} % less damage",
@@ -177,7 +179,8 @@ def of(run: RunData, track: str = "", window: Window = EVER, by: str = "") -> Li
     if by and by not in BY:
         raise BadInput(f"--by {by}: must be one of {', '.join(BY)}")
     life = table_of(run)
-    return Life(tuple(_of_track(run, name, window, life, by) for name in hull.tracks(run, track)), by)
+    tracks = tuple(_of_track(run, name, window, life, by) for name in hull.tracks(run, track))
+    return Life(tracks, by, run.log.unsound)
 
 
 def table_of(run: RunData) -> Mapping[str, Any]:
