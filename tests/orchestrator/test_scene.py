@@ -48,6 +48,17 @@ def test_a_mode_that_is_set_leaves_out_what_the_scene_has_for_another():
     assert load("hanging_chain", None, ["chain.ends=held"]).chain.span is None
 
 
+@pytest.mark.parametrize(
+    ("drive", "limit"),
+    [("torque=-3e4", 3e4), ("torque_points=[[0, 5], [1, -4e4]]", 4e4), ("torque=5e3", 2e4),
+     ("torque=3e4, torque_limit=4e3", 4e3)],
+)  # fmt: skip
+def test_a_torque_is_cut_by_a_given_limit_alone(drive, limit):
+    scene = load("straight", "rigid", ["placed=true", "start.state=drawn", f"drive={{mode='torque', {drive}}}"])
+    parts = [part for part in assemble(scene).parts if part.kind == "SprocketDrive"]
+    assert [part.parameters["torque.limit"] for part in parts] == [limit, limit]
+
+
 def test_a_log_may_have_what_a_new_run_is_refused_for():
     """As of an earlier version: a brake that did not count, tracks in one another, half of an unequal vehicle."""
     new = load("settle", "rigid", ["symmetric=true"])
