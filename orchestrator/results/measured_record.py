@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from decimal import Decimal
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ CLOCK = ""  # stands for the clock among signals
 FIND = "find"
 NAMED = 20  # columns in a message
 LATEST = 1e12  # s: a clock that counts ns without saying so is beyond
+LOOKED_AT = 1000  # samples by which the digits of a column are known
 
 
 class MeasuredFile(NamedTuple):
@@ -44,6 +46,7 @@ class MeasuredSignal(NamedTuple):
     values: Floats  # (m,) in the unit; NaN in gaps
     assumed: bool  # neither file nor map gives a unit: the column has that of the signal
     marks: Mapping[float, int]  # how often marks of no data stand in the column
+    rounding: float = 0.0  # standard deviation of a sample by the digits of its file, in the unit
 
     def shifted(self, shift: float) -> MeasuredSignal:
         """Signal with ``shift``, s, added to its times."""
@@ -119,7 +122,22 @@ def _signal(
         raise BadInput(f"{path}: column '{column.name}' holds no number")
     gaps = raw.values[no_data(raw.values) & np.isfinite(raw.values)]
     marks = dict(zip(*np.unique(gaps, return_counts=True), strict=True))
-    return MeasuredSignal(signal, column.name, column.unit, t, values, not column.given_unit, marks)
+    rounded = rounding(raw.values[~np.isnan(values)]) * unit_size(column.given_unit, column.unit)
+    return MeasuredSignal(signal, column.name, column.unit, t, values, not column.given_unit, marks, rounded)
+
+
+def rounding(values: Floats) -> float:
+    """Standard deviation of finite values (m,) by rounding: to decimals, or digits, that all have, or to a float."""
+    some = np.abs(values[np.linspace(0, len(values) - 1, min(len(values), LOOKED_AT)).astype(int)])
+    if not (some := some[some > 0.0]).size:
+        return 0.0
+    written = [Decimal(repr(float(v))).normalize() for v in some]
+    first, digits = ([of(v) for v in written] for of in (Decimal.adjusted, lambda v: len(v.as_tuple().digits)))
+    place = min(a - n + 1 for a, n in zip(first, digits, strict=True))
+    single = (some == some.astype(np.float32)).all()
+    last = 10.0 ** np.maximum(place, np.array(first) - max(digits) + 1.0)
+    widths = np.maximum(last, np.spacing(some.astype(np.float32 if single else np.float64)))
+    return float(np.sqrt(np.mean(np.square(widths)) / 12.0))  # of an error that is uniform over the last place
 
 
 def _clock(path: Path, present: Sequence[FileColumn]) -> str:

@@ -196,6 +196,7 @@ def _save(task: Objective, end: Search, found: Answer, folder: Path, origin: str
     """Write the result; ``origin``: files of the data; ``read``: notes on them."""
     about = f"{len(task.free)} numbers by {sum(len(one.t) for one in task.signals)} samples of"
     about += f" {len(task.signals)} signals, chi2/n {found.chi2:.4g}, {task.runs} runs"
+    about += ", exact: residuals are at the precision of record and search" if found.exact else ""
     verdict = f"no fit: {'; '.join(found.problems)} ({about})" if found.problems else f"fitted: {about}"
     units = {key.key: key.unit for key in scene_keys()}
     records = [

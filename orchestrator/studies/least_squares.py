@@ -35,6 +35,7 @@ STEPS = SMALL, 1e-3, 1e-2  # of differences, in units of a number's size: the fi
 ROUGH = 0.1  # change of a derivative with twice the step that is told
 ROUNDS = 3  # of searches with an estimated noise
 MOST_STEPS = 30  # of a search
+RESOLVED = 1e-7  # change of the variables below which a search ends: what it makes in a signal is no residual
 UNFELT = 0.01  # rise of the sum of squares below which a number goes back to its start
 SILENT = 0.1  # norm of a column below which its number stays: its error would be ten times its size
 
@@ -188,6 +189,7 @@ class Search(NamedTuple):
     start: Floats  # (k,) variables
     u: Floats  # (k,) variables at the end
     noise: tuple[float, ...]  # by signal
+    precision: tuple[float, ...]  # of record and search by signal, below which an estimated noise cannot be; 0: given
     cost: tuple[float, float]  # sum of squares at the start and at the end, with that noise
     jacobian: Floats  # (samples, k) over the noise
     steps: Floats  # (k,) of the differences
@@ -230,10 +232,13 @@ def search(task: Objective, scanned: int = 0) -> Search:
         low, high = task.bounds()
         found = least_squares(
             lambda x: residual(x - 1.0), u + 1.0, lambda x: jacobian(x - 1.0), (low + 1.0, high + 1.0),
-            ftol=1e-6, xtol=1e-7, gtol=1e-10, max_nfev=MOST_STEPS,
+            ftol=1e-6, xtol=RESOLVED, gtol=1e-10, max_nfev=MOST_STEPS,
         )  # fmt: skip
         u, converged, before = found.x - 1.0, found.status > 0, noise
-        noise = [s if given else rms(d) or s for s, given, d in zip(before, known, task.difference(u), strict=True)]
+        precision = _precision(signals, columns, before, known)
+        found_sizes = map(rms, task.difference(u))
+        noise = [s if given else max(size, least) or s
+                 for s, given, size, least in zip(before, known, found_sizes, precision, strict=True)]  # fmt: skip
         if all(abs(now / then - 1.0) < 0.01 for now, then in zip(noise, before, strict=True)):
             break
     alone = np.eye(len(u), dtype=bool)
@@ -241,7 +246,7 @@ def search(task: Objective, scanned: int = 0) -> Search:
     u = np.where(np.array(without) - last_sum < UNFELT, start, u)
     (last_sum,) = task.sums([u], noise)
     steps, columns, rough = smooth_steps(task, u, noise)
-    return Search(start, u, tuple(noise), (first_sum, last_sum), columns, steps, rough, converged)
+    return Search(start, u, tuple(noise), tuple(precision), (first_sum, last_sum), columns, steps, rough, converged)
 
 
 def _best_start(task: Objective, scanned: int, noise: Sequence[float]) -> Floats:
@@ -285,6 +290,17 @@ def smooth_steps(task: Objective, u: Floats, noise: Sequence[float]) -> tuple[Fl
         if (rough <= ROUGH).all():
             break
     return steps, best, np.where(np.isfinite(rough), rough, 0.0)
+
+
+def _precision(
+    signals: Sequence[MeasuredSignal], columns: Floats, noise: Sequence[float], known: Sequence[bool]
+) -> list[float]:
+    """Least residual of each signal that says anything: rounding of its record, and what RESOLVED makes in it."""
+    parts = np.split(columns, np.cumsum([len(one.t) for one in signals])[:-1])
+    return [
+        0.0 if given else max(one.rounding, RESOLVED * s * rms(np.linalg.norm(part, axis=1)))
+        for one, part, s, given in zip(signals, parts, noise, known, strict=True)
+    ]
 
 
 def rms(values: Floats) -> float:

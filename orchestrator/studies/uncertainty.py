@@ -1,7 +1,8 @@
 """Uncertainty of fitted numbers: errors and correlations of linear theory, and profiles that test it by runs.
 
 Standard errors come from J'J of independent samples with the given noise. Without a given noise that of a signal is the
-RMS of its residual, which makes chi2/n 1 and says nothing about the model. A profile is the sum of squares along one
+RMS of its residual, which makes chi2/n 1 and says nothing about the model; where that is at the precision of record and
+search, the fit is exact there, and errors are those of that precision. A profile is the sum of squares along one
 number, with the others where linear theory has their best: s standard errors away it rises by s^2 if that theory holds.
 Where it is flat, the derivative was that of rounding or impacts: the profile is followed outwards until it rises, and
 its width is the error.
@@ -15,10 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.studies.least_squares import MOST_STEPS, ROUGH, Objective, Search
+from orchestrator.studies.least_squares import MOST_STEPS, ROUGH, Objective, Search, rms
 
 AT_BOUND = 1e-6  # of a range
 MOVED = 1e-4  # of a number's size: a search that moved by less was at its end
+EXACT = 2.0  # times the precision of record and search: a residual up to there is none
 SMOOTH = 0.2  # correlation of neighbouring residuals, and RANDOM its standard errors, above which they are no noise
 RANDOM = 4.0
 UNKNOWN = 1.0  # standard error of a combination, in units of the numbers' sizes, that is no answer
@@ -47,6 +49,7 @@ class Answer(NamedTuple):
     profiles: tuple[Profile, ...]  # empty ones where nothing is known
     problems: tuple[str, ...]  # why it is no success
     notes: tuple[str, ...]
+    exact: bool  # every residual is at the precision of record and search
 
 
 def answer(task: Objective, end: Search) -> Answer:
@@ -71,7 +74,12 @@ def answer(task: Objective, end: Search) -> Answer:
         *(f"{key} is not known: within its range, or 100 %, the sum of squares hardly rises"
           for key, width, far in zip(keys, wider, deviation, strict=True) if width > 1.0 and far > UNKNOWN),
     ]  # fmt: skip
-    for one, residual in zip(task.signals, task.difference(end.u), strict=True):
+    exact, loose = dict[str, None](), dict[str, None]()  # signals without a residual, with its precision; the others
+    for one, residual, least in zip(task.signals, task.difference(end.u), end.precision, strict=True):
+        if rms(residual) <= EXACT * least:
+            exact[f"{one.signal} {least:.2g} {one.unit}".rstrip()] = None
+            continue
+        loose[one.signal] = None
         alike = _alike(residual)
         if alike > max(SMOOTH, RANDOM / math.sqrt(len(residual))):
             problems.append(
@@ -95,14 +103,18 @@ def answer(task: Objective, end: Search) -> Answer:
             notes.append(
                 f"the error of {key} is rough: the sum of squares rises by {told} standard errors, not by 1 and 4"
             )
-    if guessed := [name for name in dict.fromkeys(one.signal for one in task.signals) if name not in task.noise]:
+    if exact:
+        notes.append(
+            f"residuals of {', '.join(exact)} are at the precision of record and search, an exact fit:"
+            f" errors are {'partly ' * bool(loose)}of that precision, not of a measurement"
+        )
+    if guessed := [name for name in loose if name not in task.noise]:
         notes.append(
             f"noise of {', '.join(guessed)} is estimated from residuals: chi2/n is 1 whether or not the model is right"
         )
     errors = (np.array([one.size for one in task.free]) * deviation).tolist()
-    return Answer(
-        tuple(task.numbers(end.u)), tuple(errors), correlations, chi2, profiles, tuple(problems), tuple(notes)
-    )
+    rest = tuple(problems), tuple(notes), not loose
+    return Answer(tuple(task.numbers(end.u)), tuple(errors), correlations, chi2, profiles, *rest)
 
 
 def _alike(residual: Floats) -> float:

@@ -47,12 +47,12 @@ def noise(measured):
 def data(measured, noise, tmp_path):
     """Function that writes a file with noise of a seed; None: without."""
 
-    def write(seed=None, of=measured):
+    def write(seed=None, of=measured, form="%.17g"):
         drawn = np.random.default_rng(seed).standard_normal((len(of), len(T))) if seed is not None else 0.0
         size = np.array(list(noise.values()))[:, None]
         values = np.array(list(of.values())) + size * drawn
         path = tmp_path / f"data{seed}.csv"
-        np.savetxt(path, np.vstack([T, values]).T, "%.17g", ",", header=",".join(["t", *measured]), comments="")
+        np.savetxt(path, np.vstack([T, values]).T, form, ",", header=",".join(["t", *measured]), comments="")
         return path
 
     return write
@@ -190,6 +190,31 @@ def test_a_wrong_model_is_no_success_without_a_noise(data, tmp_path):
     found = fitted(data(3), tmp_path / "fit", [MASS])
     assert not found.ok
     assert found.verdict.startswith("no fit: the residuals of chain.")
+    assert " are no noise, neighbours are correlated by " in found.verdict
+
+
+WHOLE, ROUNDED = "%.17g", ["%.3f", "%.5g", "%.5g"]
+
+
+@pytest.mark.parametrize(("form", "close"), [(WHOLE, 1e-9), (ROUNDED, 1e-4)])
+def test_a_record_of_a_run_is_fitted_exactly(data, tmp_path, form, close):
+    """With all digits or few of them: what is left is no model error, and errors are those of the precision."""
+    found = fitted(data(form=form), tmp_path / "fit")
+    assert found.ok, found.verdict
+    assert found.verdict.endswith(", exact: residuals are at the precision of record and search")
+    assert any(note.startswith("residuals of chain.tension.max ") for note in found.answer.notes)
+    assert found.answer.numbers == pytest.approx(list(TRUTH.values()), rel=close)
+    assert max(map(abs, deviations(found))) < 4.0
+    assert min(found.answer.errors) > 1e-9 * TRUTH["chain.span"], "errors are below what can be told"
+
+
+@pytest.mark.parametrize(("form", "size"), [(WHOLE, 1e-5), (ROUNDED, 5e-4)])
+def test_a_smooth_rest_above_the_digits_is_no_exact_fit(data, measured, tmp_path, form, size):
+    """The twins: what no number explains, 1e-5 of a signal, or 5e-4 of it where five digits are written."""
+    off = {name: values * (1.0 + size * np.sin(300.0 * T)) for name, values in measured.items()}
+    found = fitted(data(of=off, form=form), tmp_path / "fit")
+    assert not found.ok
+    assert "exact" not in found.verdict
     assert " are no noise, neighbours are correlated by " in found.verdict
 
 

@@ -16,7 +16,7 @@ from orchestrator.files import budget
 from orchestrator.files.csv_lines import csv_lines
 from orchestrator.log.reader import NoSuchSignal
 from orchestrator.results.analyses.signal_picture import figure_of
-from orchestrator.results.measured_record import read
+from orchestrator.results.measured_record import read, rounding
 from orchestrator.results.run_data import Missing
 
 STEP = 1e-3
@@ -54,6 +54,16 @@ def write(tmp_path):
 def only(comparison):
     (difference,) = comparison.differences
     return difference
+
+
+@pytest.mark.parametrize("form", ["%.3f", "%.4g", "%.12g", "float32"])
+def test_the_rounding_of_a_column_is_known_by_its_digits(form):
+    whole = 123.4 * np.sin(np.linspace(0.0, 3.0, 4001))
+    told = whole.astype(form).astype(float) if form == "float32" else np.array([float(form % v) for v in whole])
+    off = float(np.sqrt(np.mean((told - whole) ** 2)))
+    assert rounding(told) == pytest.approx(off, rel=0.02)
+    assert rounding(10.0 * told[told != 0.0] / 3.0) < 0.1 * off or form == "float32", "twin: digits of no file"
+    assert rounding(np.zeros(3)) == 0.0
 
 
 @pytest.mark.parametrize(
