@@ -21,7 +21,6 @@ from orchestrator.cli.common import (
     To,
     WithOption,
     beside,
-    check_window,
     exit_with,
     measured_file,
     print_json,
@@ -81,7 +80,6 @@ def analyse(
     module = module_of(what)
     analysis = ANALYSES[what]
     _check_options(what, given)
-    check_window(start, end)
     picture_suffixes = PICTURES if hasattr(module, "picture") else ()
     if output:
         check_output(output, (".csv", *picture_suffixes))
@@ -89,6 +87,7 @@ def analyse(
         full_series = output and analysis.full_series
         compute = module.of if full_series else getattr(module, "summary", module.of)  # a table needs the summary only
         opened.notice_seal()
+        opened.require_window(start, end)
         run = RunData(opened)
         result = compute(run, window=Window(start, end), **_given_options(analysis.options, given))
     table = result.table()
@@ -201,11 +200,11 @@ def plot(
         raise BadInput("plot needs a log: a file, or a name that ends in .mcap")
     if not signals:
         raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' lists them")
-    check_window(start, end)
     target = output or beside(logs[0], "-plot.png")
     for path in logs:
         with Log(path, unfinished=True) as log:
             log.notice_seal()
+            log.require_window(start, end)
     measured: Sequence[MeasuredSignal] = ()
     if source:
         with Log(logs[0]) as log:

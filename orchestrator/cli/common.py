@@ -105,12 +105,6 @@ def beside(log: Path, ending: str) -> Path:
     return log.with_name(f"{log.stem}{ending}")
 
 
-def check_window(start: float, end: float) -> None:
-    """Raise BadInput for an empty window."""
-    if not start <= end:
-        raise BadInput(f"--from {start:g} --to {end:g}: the first instant must not be after the last")
-
-
 def print_progress(line: str) -> None:
     """Print one line of progress on stderr."""
     with suppress(OSError, ValueError):  # stderr is closed

@@ -23,7 +23,6 @@ from orchestrator.cli.common import (
     ShiftOption,
     To,
     WithOption,
-    check_window,
     exit_with,
     log_warning,
     measured_file,
@@ -74,6 +73,7 @@ def replay(
     verdicts = {}
     for name in names:
         with replay_model.open_replay(log, name, other, log_warning, settings or ()) as opened:
+            opened.log.require_window(start, end)
             if changes and not (opened.model.as_recorded and output is None):
                 path = output or log.with_name(_answer_name(log, name, other, settings or ()))
                 _write_answer(log, opened, path, picture, (start, end))
@@ -165,7 +165,6 @@ def compare(
     from orchestrator.log.measured_formats import SUFFIXES
     from orchestrator.results.run_data import Window
 
-    check_window(start, end)
     window = Window(start, end)
     is_measured = bool(mapped) or by_phase or reference.suffix.lower() in SUFFIXES
     if measured := measured_file(reference if is_measured else None, mapped, clock, shift):
@@ -193,6 +192,7 @@ def _compare_measured(
 
     with Log(run) as run_log:
         run_log.notice_seal()
+        run_log.require_window(*window)
         data = RunData(run_log)
         compared = compare_measured(data, measured, window, by_phase)
         result = measured_result(data, compared, window, allowed)
@@ -218,8 +218,9 @@ def _compare_logs(
 
     run, reference = logs
     with Log(run) as run_log, Log(reference) as reference_log:
-        run_log.notice_seal()
-        reference_log.notice_seal()
+        for log in (run_log, reference_log):
+            log.notice_seal()
+            log.require_window(*window, timed=align == "time")
         run_data, reference_data = RunData(run_log), RunData(reference_log)
         if not different:
             require_same_scene(

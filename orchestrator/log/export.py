@@ -155,6 +155,7 @@ def export(
     suffix = target.suffix.lower().removeprefix(".")
     with Log(path) as log:
         log.notice_seal()
+        log.require_window(*window)
         chosen = log.choose(signals, topics)
         if not chosen:
             raise NoSuchSignal(f"{path} holds nothing to export")
@@ -237,6 +238,7 @@ Named = dict[str, tuple[str, Floats]]  # signal -> unit and values (m,)
 
 def columns_of(log: Log, signals: Sequence[str], window: tuple[float, float] = EVER) -> tuple[Floats, Named]:
     """Return times (m,), s, and the signals; raises NoSuchSignal if signals have different times."""
+    log.require_window(*window)
     chosen = log.choose(signals)
     whole = np.concatenate([*side_by_side(log, chosen, window)])
     places = [(topic, column) for topic, columns in chosen.items() for column in columns]

@@ -40,6 +40,10 @@ class NoSuchSignal(LookupError):
         return str(self.args[0])
 
 
+class NoSuchTime(NoSuchSignal):
+    """The log has no instant of a window of time."""
+
+
 class Log(AbstractContextManager["Log"]):
     """Log opened for reading (a context manager).
 
@@ -154,6 +158,15 @@ class Log(AbstractContextManager["Log"]):
             pieces = self._stream({topic: every}, self._chunks.spans, keep=True)
             self._series[topic] = join_series([self._empty_series(topic), *(piece[topic] for piece in pieces)])
         return self._series[topic]
+
+    def require_window(self, start: float, end: float, timed: bool = True) -> None:
+        """Raise NoSuchTime for a window that ends before it begins or, of ``timed``, s, has no instant of the run."""
+        given, spans = f"--from {start:g} --to {end:g}", np.array([*self._chunks.spans.values()]).reshape(-1, 2)
+        if not start <= end:
+            raise NoSuchTime(f"{given}: the first instant must not be after the last")
+        first, last = spans.min(initial=np.inf), spans.max(initial=-np.inf)
+        if timed and len(spans) and not (start <= last + 1e-9 and first <= end + 1e-9):
+            raise NoSuchTime(f"{given}: the run is recorded from {first:g} to {last:g} s")
 
     def stream(
         self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER

@@ -153,6 +153,7 @@ def _measured(
         except RuntimeError as error:
             raise BadInput(f"the run of the start fails, so nothing is fitted: {error}") from None
         with Log(path) as log:
+            log.require_window(*window)
             run = RunData(log)
             for data in sources:
                 try:

@@ -7,7 +7,8 @@ import pytest
 from short_run import SHORT
 
 from orchestrator.execution import replay_model
-from orchestrator.log.reader import Log
+from orchestrator.log.export import to_pandas
+from orchestrator.log.reader import Log, NoSuchTime
 from orchestrator.log.recorder import Recorder
 
 
@@ -71,6 +72,28 @@ def test_an_answer_is_replayed_in_turn(cotrack, tmp_path):
     assert (status, out.splitlines()[-1]) == (0, "log b-chain-mine.mcap")
     assert "name its FMU with --with" in cotrack.refused("replay", "b-chain-mine.mcap", "--component", "chain")
     assert cotrack("replay", "b-chain-mine.mcap", "--component", "chain", "--with", "mine.fmu")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("window", "said"),
+    [
+        (("--from", "0.02", "--to", "0.01"), "--from 0.02 --to 0.01: the first instant must not be after the last"),
+        (("--from", "3", "--to", "4"), "--from 3 --to 4: the run is recorded from 0 to 0.02 s"),
+    ],
+)
+def test_a_window_outside_of_the_run_is_refused_by_every_command(cotrack, tmp_path, window, said):
+    assert cotrack(*SHORT, "--no-estimate", "--log", "a.mcap")[0] == 0
+    for command in (
+        ("replay", "a.mcap"), ("log", "export", "a.mcap", "-o", "e.csv", "--topic", "/chain/out"),
+        ("view", "a.mcap", "-o", "f.gif"), ("plot", "a.mcap", "chain.speed", "-o", "p.png"),
+        ("compare", "a.mcap", "a.mcap"), ("compare", "a.mcap", "a.mcap", "--map", "chain.speed=chain.speed"),
+        ("analyse", "a.mcap", "validity"),
+    ):  # fmt: skip
+        assert said in cotrack.refused(*command, *window), command
+    with pytest.raises(NoSuchTime, match=said), Log("a.mcap") as log:
+        to_pandas(log, "chain.speed", window=(float(window[1]), float(window[3])))
+    assert not [file for file in tmp_path.iterdir() if file.suffix in (".csv", ".gif", ".png")]
+    assert cotrack("log", "export", "a.mcap", "-o", "e.csv", "--topic", "/chain/out", "--from", "0.02")[0] == 0
 
 
 def test_a_replay_of_no_step_is_exit_1(cotrack, tmp_path):

@@ -41,6 +41,7 @@ def analyse(path: str | os.PathLike[str], what: str, window: tuple[float, float]
     """
     analysis, arguments = module_of(what), _arguments(what, options)
     with Log(path) as log:
+        log.require_window(*window)
         return analysis.of(RunData(log), window=Window(*window), **arguments)
 
 

@@ -51,6 +51,7 @@ def write(path: Path, output: Path, viewpoint: str = "right", colour: str | None
     _check_viewpoint(viewpoint)
     ffmpeg = library("imageio_ffmpeg", "video") if suffix == ".mp4" else None
     with Log(path) as log:
+        log.require_window(*window)
         bodies = Bodies(RunData(log), RATES[suffix], colour, window)
         if bodies.t[-1] - bodies.t[0] > LONGEST:
             raise BadInput(f"{path} is {bodies.t[-1] - bodies.t[0]:.9g} s long: a film is of {LONGEST:g} s at most")
