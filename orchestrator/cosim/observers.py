@@ -241,7 +241,7 @@ class ProgressBar:
 
 
 STATISTICS_PARTS = ("mean", "least", "most")  # order of the parts in a topic
-MEANS = re.compile(r"(link|joint)\[\d+\]\.(force\.|ground\.|wheels\.force\.).*")  # link outputs that are means
+MEANS = re.compile(r"(link|joint)\[\d+\]\.(ground\..+|(\w+\.)?(force|moment)\.\w)")  # link outputs that are means
 
 
 class IntervalStatistics:
