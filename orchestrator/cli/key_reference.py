@@ -8,7 +8,7 @@ from itertools import groupby
 from orchestrator.results.measures import NAMES
 from orchestrator.results.table import Table
 from orchestrator.scene.keys import REQUIRED, Key, facts, table_of
-from orchestrator.vocabulary.analyses import UNITS
+from orchestrator.vocabulary.analyses import MEASURES
 
 ASSEMBLY = Key._fields.index("assembly")
 PAGE = """# Keys of scenes and vehicles
@@ -22,8 +22,8 @@ connections alone."""
 def measure_keys() -> list[Key]:
     """All measures; their meaning is the first sentence of their docstring."""
     return [
-        Key(name, unit, "", "", (NAMES[name].__doc__ or "").partition("\n")[0].rstrip("."))
-        for name, unit in UNITS.items()
+        Key(name, about.unit, "", "", (NAMES[name].__doc__ or "").partition("\n")[0].rstrip("."))
+        for name, about in MEASURES.items()
     ]
 
 

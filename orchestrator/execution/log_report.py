@@ -90,6 +90,7 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
                 "log_bytes": log.size,
                 "checks": judged.checks,
                 "checks_after_end": judged.after_end,
+                "checks_left_out": judged.left_out,
                 "observables": judged.observables,
                 "windows": judged.windows,
                 "places": summary.places(judged.observables, run),
@@ -108,11 +109,13 @@ def _judge(run: RunData) -> RunSummary:
     except BadInput as error:
         return RunSummary({}, {}, note=str(error))
     simulated = run.span[1]
+    made, left_out = summary.checks(run, scene, simulated)
     return RunSummary(
-        summary.checks(run, scene, simulated),
+        made,
         (found := summary.observables(run, scene, simulated)),
         summary.windows(found, scene, simulated),
         summary.after_end(scene, simulated),
+        left_out,
         command=command(run),
     )
 

@@ -16,7 +16,7 @@ from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.energy import ledger
 from orchestrator.results.largest_forces import FORCES, HIGH
 from orchestrator.results.measures import OBSERVABLES
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, given_parts
+from orchestrator.results.run_data import EVER, Missing, RunData, Unrecorded, Window, given_parts
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.kinds import ChainScene, VehicleScene
 from orchestrator.scene.placing import track_tension
@@ -50,6 +50,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "error": None,
         "checks": {},
         "checks_after_end": {},
+        "checks_left_out": {},  # reasons by name
         "observables": {},
         "windows": {},
         "places": {},
@@ -63,9 +64,11 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
 
 def evaluate(run: RunData, scene: SystemScene, simulated: float) -> dict[str, Any]:
     """Evaluate energy, checks, observables, phases and validity of a log that covers ``simulated`` s."""
+    made, left_out = checks(run, scene, simulated)
     return balance(run) | {
         "fmus": fmu_entries(run),
-        "checks": checks(run, scene, simulated),
+        "checks": made,
+        "checks_left_out": left_out,
         "checks_after_end": after_end(scene, simulated),
         "observables": (found := observables(run, scene, simulated)),
         "windows": windows(found, scene, simulated),
@@ -83,7 +86,18 @@ def balance(run: RunData) -> dict[str, Any]:
         energy = None
     found = validity(run)
     entries = [entry._asdict() for entry in found.entries]
-    return {"energy": energy, "validity": entries, "passed_over": found.passed_over}
+    return {"energy": energy, "validity": entries, "passed_over": [*found.passed_over, *_unreached_window(run)]}
+
+
+def _unreached_window(run: RunData) -> list[str]:
+    """Return a sentence if the run does not reach the begin or the end of ``run.window``."""
+    table, last = run.scene.get("run", {}), run.span[1]
+    start, end = ((table.get("window") or {}).get(key) or 0.0 for key in ("from", "to"))
+    if start > last + 1e-9:
+        return [f"run.window.from = {start:g} s is after the end of the run, {last:.6g} s: there are no means"]
+    if end > last + table.get("outputs", 1) * table.get("step", 0.0):
+        return [f"run.window.to = {end:g} s is after the end of the run, {last:.6g} s: means end there"]
+    return []
 
 
 def fmu_entries(run: RunData) -> dict[str, dict[str, str]]:
@@ -118,7 +132,8 @@ def windows(names: Iterable[str], scene: SystemScene, simulated: float) -> dict[
     averaged, whole = averaging_window(scene, simulated), Window(0.0, simulated)
     timed = [name for name in names if OBSERVABLES[name].value]
     found = {name: whole if OBSERVABLES[name].whole else averaged for name in timed}
-    return {name: {"from": window.start, "to": window.end} for name, window in found.items()}
+    sparse = {"every": scene.run.outputs} if scene.run.outputs > 1 else {}
+    return {name: {"from": window.start, "to": window.end, **sparse} for name, window in found.items()}
 
 
 def places(found: Mapping[str, float], run: RunData) -> dict[str, str]:
@@ -177,15 +192,19 @@ def is_passed(result: Mapping[str, Any]) -> bool:
     return verdict(result) == "ok"
 
 
-def checks(run: RunData, scene: SystemScene, simulated: float) -> dict[str, dict[str, Any]]:
-    """Evaluate the checks whose window the run covers.
+def checks(run: RunData, scene: SystemScene, simulated: float) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+    """Evaluate the checks whose window the run covers; and why others are left out: their log holds too few records.
 
     Tolerances in the result are absolute; a note gives the reason for a missing value.
     """
-    results = {}
+    results, left_out = {}, {}
     for name, window in _windows_of_checks(scene, simulated, covered=True).items():
         check = scene.expect[name]
-        value, note = _value(run, check, window)
+        try:
+            value, note = _value(run, check, window)
+        except Unrecorded as reason:
+            left_out[name] = str(reason)
+            continue
         tolerance = check.tolerance * (abs(check.expected) if check.relative else 1.0)
         results[name] = {
             "value": value,
@@ -195,7 +214,7 @@ def checks(run: RunData, scene: SystemScene, simulated: float) -> dict[str, dict
             "note": note,
             "what": f"{(check.measure or check.reduce).replace('_', ' ')} {check.of or check.signal or ''}".rstrip(),
         }
-    return results
+    return results, left_out
 
 
 def after_end(scene: SystemScene, simulated: float) -> dict[str, dict[str, float]]:
@@ -206,13 +225,15 @@ def after_end(scene: SystemScene, simulated: float) -> dict[str, dict[str, float
 
 def check_counts(result: Mapping[str, Any]) -> list[str]:
     """Return how many checks are met, "1 of 8", and how many look beyond the end of the run."""
-    late, total = result["checks_after_end"].values(), len(result["checks"]) + len(result["checks_after_end"])
+    late, left_out = result["checks_after_end"].values(), len(result.get("checks_left_out", ()))
+    total = len(result["checks"]) + len(late) + left_out
     begin = sum(window["from"] >= result["simulated_time"] for window in late)
     counts = " and ".join(
         f"{n} {verb}{'s' * (n == 1)}" for n, verb in ((begin, "begin"), (len(late) - begin, "end")) if n
     )
     met = len(result["checks"]) - len(missed_checks(result))
-    return [f"{met} of {total}", *([f"{counts} after the end"] if counts else [])]
+    told = f"{counts} after the end" if counts else "", f"{left_out} left out" if left_out else ""
+    return [f"{met} of {total}", *filter(None, told)]
 
 
 def _windows_of_checks(scene: SystemScene, simulated: float, *, covered: bool) -> dict[str, Window]:
@@ -228,7 +249,7 @@ def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:
         lambda: (
             measures.reduce(*run.signal(str(check.signal), window), check.reduce)
             if check.measure is None
-            else measures.NAMES[check.measure](run, check.of, window)
+            else measures.value(run, check.measure, check.of, window)
         ),
         check.measure,
     )
@@ -243,6 +264,8 @@ def _number_or_reason(evaluate: Callable[[], float], measure: str | None = None)
     except (KeyError, ValueError, ZeroDivisionError):  # the scene has nothing to measure
         return float("nan"), f"'{measure}' finds nothing to measure in this scene and window"
     except Exception as error:
+        if isinstance(error, Unrecorded) and measure is not None:
+            raise
         return float("nan"), run_data.reason(error)
     return value, "" if np.isfinite(value) else "no finite number comes out of what was recorded"
 

@@ -64,13 +64,14 @@ def _pace(r: dict[str, Any]) -> str:
 def _observables(r: dict[str, Any]) -> list[str]:
     """Return a line per averaging window with its finite observables; OF_PHASES only without phases."""
     lines: dict[str, list[str]] = {}
+    whole = next((one for one in r["windows"].values() if not one["from"]), {"from": 0.0}) | {"to": r["simulated_time"]}
     for key, value in r["observables"].items():
         observable = OBSERVABLES[key]
         other = r["observables"].get(INSTEAD.get(key, ""), float("nan"))
         if value == value and other != other and not (r["phases"] and key in OF_PHASES):
             place = r["places"].get(key, "")
             where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else f" {place}" if place else ""
-            window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}), r["simulated_time"])
+            window = _window(r["windows"].get(key, whole), r["simulated_time"])
             shown = without_rounding(value / size(observable.unit), observable.unit)
             lines.setdefault(window, []).append(
                 f"{observable.label} {figure(shown, observable.digits)} {observable.unit}{where}"
@@ -82,7 +83,8 @@ def _window(window: dict[str, float], simulated: float) -> str:
     """Return the averaging window in words."""
     start, end = window["from"], window["to"]
     is_whole = start == 0.0 and end == simulated
-    return f"{'whole run,' if is_whole else 'mean of'} {start:.6g} to {end:.6g} s"
+    sparse = f", one step in {window['every']}" if "every" in window else ""
+    return f"{'whole run,' if is_whole else 'mean of'} {start:.6g} to {end:.6g} s{sparse}"
 
 
 def _phases(phases: list[dict[str, Any]]) -> list[str]:
@@ -229,6 +231,7 @@ def lines(r: dict[str, Any], most: int | None = None) -> list[str]:
         *(warning(entry) for entry in r["warnings"]),
         *(validity(entry) for entry in r["validity"]),
         *(f"warning: {sentence}" for sentence in r["passed_over"]),
+        *(f"check {name} is left out: {why}" for name, why in r["checks_left_out"].items()),
         *(_check(*item) for item in r["checks"].items() if not item[1]["ok"]),
     ]
     figures = [*filter(None, [track_tension(r["track_tension"])]), *_observables(r), *_phases(r["phases"])]

@@ -9,6 +9,7 @@ from orchestrator.results.run_data import (
     Floats,
     Missing,
     RunData,
+    Unrecorded,
     Window,
     drive_of,
     mean,
@@ -30,7 +31,7 @@ def sag(run: RunData, of: str, window: Window) -> float:
 
 
 def end_tension(run: RunData, of: str, window: Window) -> float:
-    """Force in the pin at the end of a hanging chain (the largest of all pins), N."""
+    """Force in the pin at the end of a hanging chain (the largest of all), N, mean over the interval of records."""
     t, forces = _joint_forces(run, of, window)
     return mean(t, forces.max(axis=1))
 
@@ -39,12 +40,12 @@ def end_tension(run: RunData, of: str, window: Window) -> float:
 
 
 def joint_force(run: RunData, of: str, window: Window) -> float:
-    """Mean force in the pins, N."""
+    """Mean force in the pins, N; each is the size of its mean over the interval of records."""
     return mean(*_joint_forces(run, of, window))
 
 
 def joint_force_spread(run: RunData, of: str, window: Window) -> float:
-    """Largest difference between the force in a pin, at any instant, and the mean, over the mean."""
+    """Largest difference of the force in a pin, mean over the interval of records, from the mean, over the mean."""
     t, forces = _joint_forces(run, of, window)
     return float(np.abs(forces / mean(t, forces) - 1.0).max())
 
@@ -87,6 +88,9 @@ def behind_free_fall(run: RunData, of: str, window: Window) -> float:
 def pins_passed(run: RunData, of: str, window: Window) -> float:
     """Pins that pass the outer end of the sprocket, forward positive, counted with the fraction of a pitch."""
     links, end = run.links(track_of(run, of), window), sprocket_end(run.scene)
+    way = abs(run.mean(f"{track_of(run, of)}.speed", window)) * np.diff(links.t).max(initial=0.0)
+    if way >= 0.5 * links.forward.shape[1] * run.scene["vehicle"]["track"]["pitch"]:
+        raise Unrecorded("more than half a circuit passes between two records of links: a smaller run.links")
     outwards = end * links.forward
     angle = np.arctan2(links.up, outwards)
     radius = np.hypot(links.up, outwards)
@@ -137,6 +141,8 @@ def polygon_ripple(run: RunData, of: str, window: Window) -> float:
     links = run.links(track, window)
     inside = links.t < links.t[0] + whole * period - 1e-9
     t, ends = links.t[inside], links.up[0, [0, -1]]
+    if 3.0 * abs(w) * np.diff(t).max(initial=0.0) >= np.pi:
+        raise Unrecorded("three harmonics of a tooth need more records of links: a smaller run.links")
     end = [0, -1][int(ends.argmin() if of == "lower" else ends.argmax())]
     x = links.forward[inside, end]
     waves = [f(k * w * t) for k in (1, 2, 3) for f in (np.cos, np.sin)]

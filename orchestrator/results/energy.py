@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Series
-from orchestrator.results.run_data import BLOCK, Floats, Missing, RunData, Window, vectors
+from orchestrator.results.run_data import BLOCK, Floats, Missing, RunData, Unrecorded, Window, vectors
 
 Block = Mapping[str, Series]  # messages of the same steps, by topic
 LEAST = 1.0  # J: less counts as rest
@@ -254,7 +254,7 @@ def hitch_works(run: RunData, accounts: Mapping[str, Mapping[str, float]]) -> di
         forces = run.vectors("chassis", "in", "hitch.force", axes)[1]
         positions = run.vectors("chassis", "out", "hitch.position", axes)[1]
         if len(positions) != len(forces) + 1:
-            raise Missing("the work of the hitch needs outputs of every step: run.outputs = 1")
+            raise Unrecorded("the work of the hitch needs outputs of every step: run.outputs = 1")
         for source, done in zip(feeders.values(), -np.sum(forces * np.diff(positions, axis=0), axis=0), strict=True):
             works[source] += float(done)
     return works
@@ -282,7 +282,7 @@ def _works(run: RunData) -> dict[WrenchPort, tuple[float, float]]:
     inputs = {name: f"/{name}/in" for name in run.instances}
     outputs = {name: f"/{name}/out" for name in run.instances}
     if lacking := [topic for topic in inputs.values() if topic not in run.log.topics]:
-        raise Missing(f"the log lacks the topic '{lacking[0]}'")
+        raise Unrecorded(f"the log lacks the topic '{lacking[0]}': run.inputs = true records it")
     end = min(float(run.log.ends(topic).t[-1]) for topic in outputs.values())
     ports_of_run = ports(run)
     lengths = run.log.lengths()

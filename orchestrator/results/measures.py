@@ -1,8 +1,8 @@
 """Measures and observables of a run by name: figures of several signals, for the checks of scenes and for the summary.
 
 A measure is a function ``measure(run, of, window) -> float``; ``of`` is a side ("left", "right"), a span, or empty.
-Their units are in ``vocabulary/analyses.py``. An observable has a label, a unit and digits for summary, report and
-sweep.
+Their units, and what they read, are in ``vocabulary/analyses.py``. An observable has a label, a unit and digits for
+summary, report and sweep.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import numpy as np
 
 from orchestrator.results import chain_measures, largest_forces, turning, vehicle_measures
 from orchestrator.results.energy import drift, ledger
-from orchestrator.results.run_data import Floats, RunData, Window, mean
+from orchestrator.results.run_data import Floats, RunData, Unrecorded, Window, mean
+from orchestrator.vocabulary.analyses import MEASURES
 
 Measure = Callable[[RunData, str, Window], float]
 
@@ -54,55 +55,22 @@ def energy_drift(run: RunData, of: str, window: Window) -> float:
     return drift(run, window)
 
 
-NAMES: dict[str, Measure] = {
-    measure.__name__: measure
-    for measure in (
-        chain_measures.sag,
-        chain_measures.end_tension,
-        chain_measures.joint_force,
-        *largest_forces.MEASURES,
-        chain_measures.joint_force_spread,
-        chain_measures.hoop_strain,
-        chain_measures.fall_time,
-        chain_measures.half_fall_time,
-        chain_measures.behind_free_fall,
-        chain_measures.pins_passed,
-        chain_measures.pins_per_revolution,
-        chain_measures.chain_speed_ratio,
-        chain_measures.polygon_ripple,
-        chain_measures.span_tension,
-        chain_measures.span_moment_ratio,
-        chain_measures.tight_span_enters,
-        vehicle_measures.ground_force,
-        vehicle_measures.uphill_force,
-        vehicle_measures.slip,
-        vehicle_measures.pad_slip,
-        vehicle_measures.speed_excess,
-        vehicle_measures.settlement,
-        vehicle_measures.settlement_of_springs,
-        vehicle_measures.settlement_of_contacts,
-        vehicle_measures.rut_depth,
-        vehicle_measures.stop_force,
-        vehicle_measures.recoil_stroke,
-        vehicle_measures.tension_top,
-        vehicle_measures.tension_rear,
-        vehicle_measures.tension_front,
-        vehicle_measures.third_law,
-        energy_residual,
-        port_residual,
-        energy_drift,
-        turning.yaw_rate,
-        turning.turn_radius,
-        turning.lateral_speed,
-        turning.rotation_centre,
-        turning.track_slip,
-        turning.propulsion,
-        turning.steering_moment,
-        turning.drive_power,
-        turning.regenerated_power,
-        turning.path_error,
-    )
-}
+_OWN = (*largest_forces.MEASURES, energy_residual, port_residual, energy_drift)
+_BY_NAME = {name: one for module in (chain_measures, vehicle_measures, turning) for name, one in vars(module).items()}
+_BY_NAME |= {one.__name__: one for one in _OWN}
+NAMES: dict[str, Measure] = {name: _BY_NAME[name] for name in MEASURES}
+
+
+def value(run: RunData, name: str, of: str, window: Window) -> float:
+    """Value of a measure; raises Unrecorded where it needs more than its log holds, and Missing."""
+    if MEASURES[name].every_step:
+        every = [run.log.topics[topic].every if topic in run.log.topics else 0
+                 for instance in run.instances for topic in (f"/{instance}/in", f"/{instance}/out")]  # fmt: skip
+        if not min(every):
+            raise Unrecorded(f"{name} needs the inputs of every step: run.inputs = true")
+        if max(every) > 1:
+            raise Unrecorded(f"{name} needs the outputs of every step: run.outputs = 1, not {max(every)}")
+    return float(NAMES[name](run, of, window))
 
 
 class RunObservable(NamedTuple):

@@ -46,6 +46,10 @@ class Missing(LookupError):
     """The log lacks a requested signal; the message is one sentence."""
 
 
+class Unrecorded(Missing):
+    """The run recorded too seldom, or not at all, what a figure needs; a check of it is left out."""
+
+
 class Window(NamedTuple):
     """A closed interval of time, s."""
 
@@ -267,6 +271,8 @@ class RunData:
                 return self.sprocket_axle(track, t, EVER, upright)
             _, q = self.vectors(track, "in", "sprocket.orientation", "wxyz", early_window)
         except LookupError:
+            if self.scene.get("assembly") == "vehicle":
+                raise Unrecorded("places of links need the inputs of tracks: run.inputs = true") from None
             start = self.scene["start"]
             ahead = np.array([np.cos(start["heading"]), np.sin(start["heading"]), 0.0])
             return np.tile(start["position"], (len(t), 1)).astype(float), np.tile(ahead, (len(t), 1))

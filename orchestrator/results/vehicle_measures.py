@@ -170,7 +170,7 @@ def tension_front(run: RunData, of: str, window: Window) -> float:
 def third_law(run: RunData, of: str, window: Window) -> float:
     """Impulse of the tracks on their wheels less that received by the chassis, over the sum of magnitudes.
 
-    The sprockets' share passes through the drives, which transmit the whole force.
+    It needs every step. The sprockets' share passes through the drives, which transmit the whole force.
     """
     given, received, size = np.zeros(3), np.zeros(3), 0.0
     track_outputs = [(port.giver, f"{port.giver_connector}.force") for port in ports(run) if port.giver in run.tracks]

@@ -24,7 +24,7 @@ from orchestrator.scene.height_files import locate_heights, read_heights
 from orchestrator.scene.kinds import BenchScene, ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.scene.settings import hint, keys, merge_tables, near_keys, pairs, set_key
 from orchestrator.scene.system_scene import FreeScene, SystemScene
-from orchestrator.scene.tables import refuse_reduced_measures, short_coupling
+from orchestrator.scene.tables import short_coupling
 from orchestrator.scene.track_table import short_track
 
 # Scenes of older versions without an FMU, and their assembly; the validation now checks these elements and joints.
@@ -142,8 +142,7 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
     _change(kind, table, changes)
     data_files.read_files(table, Path(), f"{name}.toml")
     read_heights(table, Path(), f"{name}.toml")  # settings may place the map
-    refuse_reduced_measures(table.get("expect"), f"{name}.toml")
-    loaded = any_from_table({"name": name, **table}, f"{name}.toml", vehicle_file)
+    loaded = _new_scene({"name": name, **table}, f"{name}.toml", vehicle_file)
     return _with_suitable_step(loaded.read_from("", dict(pairs(settings))))
 
 
@@ -256,8 +255,16 @@ def changed_scene(
     ``logged``: it is of a log, see ``any_from_table``. Raises BadInput, with a message that begins with ``where``.
     """
     _change(_kind(resolved, where), resolved, [(_full_key(key, value), value) for key, value in pairs(settings)])
-    refuse_reduced_measures(resolved.get("expect"), where)
-    return any_from_table(resolved, where, logged=logged)
+    return _new_scene(resolved, where, logged=logged)
+
+
+def _new_scene(table: Mapping[str, Any], where: str, vehicle_file: str = "", logged: bool = False) -> SystemScene:
+    """Scene as of ``any_from_table`` whose checks have no fault; those in logs of earlier versions may have one."""
+    scene = any_from_table(table, where, vehicle_file, logged=logged)
+    for name, check in scene.expect.items():
+        if check.fault:
+            raise BadInput(f"{where}: expect.{name}.{check.fault}")
+    return scene
 
 
 def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:

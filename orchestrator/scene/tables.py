@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from fmus.vehicles.tables import BadInput, Distance, Force, FrozenTable, In, When, ratio, value_text
+from fmus.vehicles.tables import Distance, Force, FrozenTable, In, When, ratio, value_text
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.scene.settings import hint
 from orchestrator.scene.values import OR_FALSE, Duration, Every, Time, TrackName
-from orchestrator.vocabulary.analyses import UNITS
+from orchestrator.vocabulary.analyses import MEASURES, wrong_part
 from orchestrator.vocabulary.limits import ALLOWED
 
 if TYPE_CHECKING:
@@ -261,7 +260,7 @@ class RunTable(FrozenTable):
         return round(self.stop / self.step)
 
 
-MeasureName = Annotated[str, Field(json_schema_extra={"enum": sorted(UNITS)})]
+MeasureName = Annotated[str, Field(json_schema_extra={"enum": sorted(MEASURES)})]
 Checked = Field(allow_inf_nan=False, json_schema_extra={"unit": "that of the signal or measure"})
 
 
@@ -276,11 +275,11 @@ class Check(FrozenTable):
     measure: MeasureName | None = None
     """measure that is checked, instead of a signal"""
     of: str = ""
-    """side ('left', 'right') or component of a measure"""
+    """side ('left', 'right'), span ('upper', 'lower') or component of a measure that has such parts"""
     start: Time = Field(0.0, alias="from")
     """begin of the window"""
     end: Time | None = Field(None, alias="to")
-    """end of the window; without it the end of the run"""
+    """end of the window, without it the end of the run; a measure of the whole run is made if the run comes so far"""
     expected: Annotated[float, Checked]
     """expected value"""
     tolerance: Annotated[float, Field(ge=0), Checked]
@@ -298,17 +297,23 @@ class Check(FrozenTable):
     def _check_source(self) -> Check:
         if (self.signal is None) == (self.measure is None):
             raise ValueError("needs either signal or measure")
-        if self.measure is not None and self.measure not in UNITS:
-            raise ValueError(f"no measure '{self.measure}': {hint(self.measure, sorted(UNITS), 'one of')}")
+        if self.measure is not None and self.measure not in MEASURES:
+            raise ValueError(f"no measure '{self.measure}': {hint(self.measure, sorted(MEASURES), 'one of')}")
         return self
 
-
-def refuse_reduced_measures(checks: object, where: str) -> None:
-    """Raise BadInput if a check of a raw table reduces a measure; a log of an earlier version has such checks."""
-    for name, check in checks.items() if isinstance(checks, Mapping) else ():
-        if isinstance(check, Mapping) and check.get("measure") is not None and "reduce" in check:
-            key = f"{where}: expect.{name}.reduce = {value_text(check['reduce'])}"
-            raise BadInput(f"{key}: is for a signal; measure = {value_text(check['measure'])} is a number already")
+    @property
+    def fault(self) -> str:
+        """Key and sentence about what its signal or measure does not read, or a window without time; empty for none."""
+        if self.end is not None and self.start > self.end:
+            return f"from = {self.start:g} s: is after to = {self.end:g} s, so the window ends before it begins"
+        if self.measure is None:
+            return f"of = {value_text(self.of)}: is for a measure; a signal names its component" if self.of else ""
+        if "reduce" in self.model_fields_set:
+            return f"reduce = '{self.reduce}': is for a signal; measure = '{self.measure}' is a number already"
+        if self.start and MEASURES[self.measure].whole:
+            return f"from = {self.start:g} s: {self.measure} is of the whole run"
+        wrong = wrong_part(self.measure, self.of)
+        return wrong and f"of = {value_text(self.of)}: {wrong}"
 
 
 class ChainTable(FrozenTable):

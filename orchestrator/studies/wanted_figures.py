@@ -21,7 +21,7 @@ from orchestrator.results.largest_forces import FORCES, HIGH
 from orchestrator.results.run_data import EVER, RunData, reason
 from orchestrator.results.table import Table
 from orchestrator.scene.settings import hint
-from orchestrator.vocabulary.analyses import ANALYSES, UNITS
+from orchestrator.vocabulary.analyses import ANALYSES, MEASURES, wrong_part
 
 
 class WantedFigure(NamedTuple):
@@ -42,6 +42,8 @@ def wanted_figures(texts: Sequence[str]) -> tuple[WantedFigure, ...]:
             raise BadInput(f"--for {one.text}: {hint(one.name, known, 'there are')}")
         if one.name in measures.REDUCTIONS and not one.of:
             raise BadInput(f"--for {one.text}: needs a signal, as {one.name}:left_track.tension.max")
+        if one.name in measures.NAMES and (fault := wrong_part(one.name, one.of)):
+            raise BadInput(f"--for {one.text}: {fault}")
         if one.name in ANALYSES:
             if one.of:
                 raise BadInput(f"--for {one.text}: an analysis is given by its name alone")
@@ -78,8 +80,7 @@ def _of(run: RunData, one: WantedFigure) -> Iterator[tuple[str, float]]:
         unit = run.log.unit(one.of)
         yield _head(one.text, unit), measures.reduce(*run.signal(one.of), one.name)
     elif one.name in measures.NAMES:
-        measure = measures.NAMES[one.name]
-        yield _head(one.text, UNITS[one.name]), float(measure(run, one.of, EVER))
+        yield _head(one.text, MEASURES[one.name].unit), measures.value(run, one.name, one.of, EVER)
     else:
         module = catalogue.module_of(one.name)
         table = module.worst(run) if hasattr(module, "worst") else getattr(module, "summary", module.of)(run).table()

@@ -125,51 +125,58 @@ def described(name: str) -> Analysis:
     return ANALYSES[name]
 
 
-UNITS = {
-    "sag": "m",
-    "end_tension": "N",
-    "joint_force": "N",
-    **dict.fromkeys((f"{by}_force{e}" for by in ("pin", "tooth", "rim", "horn", "wheel") for e in ("", "_high")), "N"),
-    "pin_moment": "N m",
-    "pin_moment_high": "N m",
-    "joint_force_spread": "1",
-    "hoop_strain": "1",
-    "fall_time": "1",
-    "half_fall_time": "1",
-    "behind_free_fall": "m",
-    "pins_passed": "1",
-    "pins_per_revolution": "1",
-    "chain_speed_ratio": "1",
-    "polygon_ripple": "1",
-    "span_tension": "N",
-    "span_moment_ratio": "1",
-    "tight_span_enters": "1",
-    "ground_force": "N",
-    "uphill_force": "N",
-    "slip": "1",
-    "pad_slip": "1",
-    "speed_excess": "1",
-    "settlement": "m",
-    "settlement_of_springs": "m",
-    "settlement_of_contacts": "m",
-    "rut_depth": "m",
-    "stop_force": "N",
-    "recoil_stroke": "m",
-    "tension_top": "N",
-    "tension_rear": "N",
-    "tension_front": "N",
-    "third_law": "1",
-    "energy_residual": "1",
-    "port_residual": "1",
-    "energy_drift": "1",
-    "yaw_rate": "rad/s",
-    "turn_radius": "m",
-    "lateral_speed": "m/s",
-    "rotation_centre": "m",
-    "track_slip": "m/s",
-    "propulsion": "N",
-    "steering_moment": "N m",
-    "drive_power": "W",
-    "regenerated_power": "W",
-    "path_error": "m",
+class Measure(NamedTuple):
+    """Unit of a measure, and what of a check and a log it reads."""
+
+    unit: str
+    of: tuple[str, ...] = ("",)  # parts of which it can be, "" of all or none; () for any component
+    every_step: bool = False  # it needs outputs and inputs of every step
+    whole: bool = False  # it is of the whole run: a check's from is not read, and to is where the run must have been
+
+
+ANY: tuple[str, ...] = ()
+SIDE, BOTH_SIDES, SPAN = ("", "left", "right"), ("left", "right"), ("upper", "lower")
+MEASURES = {
+    "sag": Measure("m", ANY),
+    **dict.fromkeys(("end_tension", "joint_force"), Measure("N", ANY)),
+    **dict.fromkeys(
+        (f"{by}_force{e}" for by in ("pin", "tooth", "rim", "horn", "wheel") for e in ("", "_high")), Measure("N", SIDE)
+    ),
+    **dict.fromkeys(("pin_moment", "pin_moment_high"), Measure("N m", SIDE)),
+    **dict.fromkeys(("joint_force_spread", "hoop_strain", "fall_time", "half_fall_time"), Measure("1", ANY)),
+    "behind_free_fall": Measure("m", ANY),
+    **dict.fromkeys(("pins_passed", "pins_per_revolution", "chain_speed_ratio"), Measure("1", SIDE)),
+    "polygon_ripple": Measure("1", ("", *SPAN)),
+    "span_tension": Measure("N", SPAN),
+    **dict.fromkeys(("span_moment_ratio", "tight_span_enters"), Measure("1")),
+    **dict.fromkeys(("ground_force", "uphill_force"), Measure("N")),
+    **dict.fromkeys(("slip", "pad_slip"), Measure("1", SIDE)),
+    "speed_excess": Measure("1"),
+    **dict.fromkeys(("settlement", "settlement_of_springs", "settlement_of_contacts"), Measure("m")),
+    "rut_depth": Measure("m", SIDE),
+    "stop_force": Measure("N", SIDE),
+    "recoil_stroke": Measure("m", SIDE),
+    **dict.fromkeys(("tension_top", "tension_rear", "tension_front"), Measure("N", SIDE)),
+    "third_law": Measure("1", every_step=True),
+    **dict.fromkeys(("energy_residual", "port_residual"), Measure("1", whole=True)),
+    "energy_drift": Measure("1"),
+    "yaw_rate": Measure("rad/s"),
+    "turn_radius": Measure("m"),
+    "lateral_speed": Measure("m/s"),
+    "rotation_centre": Measure("m"),
+    "track_slip": Measure("m/s", BOTH_SIDES),
+    "propulsion": Measure("N", BOTH_SIDES),
+    "steering_moment": Measure("N m"),
+    "drive_power": Measure("W", (*BOTH_SIDES, "propulsion", "steering")),
+    "regenerated_power": Measure("W"),
+    "path_error": Measure("m"),
 }
+
+
+def wrong_part(measure: str, of: str) -> str:
+    """Sentence if a measure cannot be of a part, a check's ``of``; empty if it can."""
+    parts = MEASURES[measure].of
+    if not parts or of in parts:
+        return ""
+    known = " or ".join(f"'{part}'" for part in parts if part)
+    return f"{measure} {'is' if '' in parts else 'must be'} of {known or 'no side or part'}"

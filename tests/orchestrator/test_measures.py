@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orchestrator.results import chain_measures, measures
-from orchestrator.results.run_data import Links, Missing, Window, mean, means, within
+from orchestrator.results.run_data import Links, Missing, Unrecorded, Window, mean, means, within
 
 TEETH, PITCH = 10, 0.1524
 RADIUS = PITCH / (2 * np.sin(np.pi / TEETH))
@@ -56,16 +56,31 @@ def on_the_sprocket(turned, reverse_numbers=False, pins=40):
 def test_pins_are_counted_with_fractions(revolutions, reverse_numbers):
     turned = np.linspace(0.1, 0.1 + 2 * np.pi * revolutions, 400)
     links = on_the_sprocket(turned, reverse_numbers)
-    run = Record(links, {"drive.angle": (links.t, turned)})
+    speed = {"track.speed": (links.t, np.full_like(turned, revolutions * TEETH * PITCH))}
+    run = Record(links, {"drive.angle": (links.t, turned), **speed})
     window = Window(0.0, 1.0)
     assert chain_measures.pins_passed(run, "", window) == pytest.approx(TEETH * revolutions, abs=0.02)
     assert chain_measures.pins_per_revolution(run, "", window) == pytest.approx(TEETH, rel=5e-3)
     mirrored, vehicle = links._replace(forward=-links.forward), {**RESTING, "idler": {"x": 4.0}}
-    rear = Record(mirrored, {"drive.angle": (links.t, -turned)}, assembly="vehicle", vehicle=vehicle)
+    rear = Record(mirrored, {"drive.angle": (links.t, -turned), **speed}, assembly="vehicle", vehicle=vehicle)
     assert chain_measures.pins_passed(rear, "", window) == pytest.approx(-TEETH * revolutions, abs=0.02)
     assert chain_measures.pins_per_revolution(rear, "", window) == pytest.approx(TEETH, rel=5e-3)
-    slipping = Record(links, {"drive.angle": (links.t, turned * 1.02)})
+    slipping = Record(links, {"drive.angle": (links.t, turned * 1.02), **speed})
     assert chain_measures.pins_per_revolution(slipping, "", window) != pytest.approx(TEETH, rel=1e-2)
+
+
+@pytest.mark.parametrize(("every", "seldom"), [(199, True), (120, False)])
+def test_records_that_are_half_a_circuit_apart_do_not_tell_how_many_pins_pass(every, seldom):
+    """Of 40 pins 12.7 or 21.1 pass between two records; 21.1 look as 18.9 in the other direction."""
+    turned = np.linspace(0.1, 0.1 + 2 * np.pi * 4.228, 400)[::every]
+    links = on_the_sprocket(turned)
+    run = Record(links, {"track.speed": (links.t, np.full_like(turned, 4.228 * TEETH * PITCH))})
+    if seldom:
+        with pytest.raises(Unrecorded, match="more than half a circuit passes between two records of links"):
+            chain_measures.pins_passed(run, "", Window(0.0, 1.0))
+    else:
+        expected = TEETH * (turned[-1] - turned[0]) / (2 * np.pi)
+        assert chain_measures.pins_passed(run, "", Window(0.0, 1.0)) == pytest.approx(expected, abs=0.05)
 
 
 @pytest.mark.parametrize(("teeth", "stands"), [(0.0, True), (0.95, True), (-0.95, True), (1.05, False), (-1.05, False)])
@@ -96,6 +111,9 @@ def test_polygon_ripple_is_the_first_tooth_harmonic_of_the_speed(ripple):
     links = Links(t, pins, np.array([[0.25, -0.25]] * len(t)), np.zeros((len(t), 1)))
     run = Record(links, {"drive.speed": (t, np.full_like(t, omega))})
     assert chain_measures.polygon_ripple(run, "", Window(0.5, 8.0)) == pytest.approx(ripple, rel=1e-3)
+    seldom = Record(Links(*(column[::22] for column in links)), {"drive.speed": (t, np.full_like(t, omega))})
+    with pytest.raises(Unrecorded, match="three harmonics of a tooth need more records"):
+        chain_measures.polygon_ripple(seldom, "", Window(0.5, 8.0))
 
 
 def spans(upper, lower):

@@ -2,19 +2,26 @@
 
 import math
 import re
+from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orchestrator.execution import replay_model
+from orchestrator.cosim.observers import MEANS
+from orchestrator.execution import replay_model, summary
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import NO_INPUTS, simulate
 from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.time_series import join_series
 from orchestrator.log.tools import WHOLE, verify
+from orchestrator.results import measures
+from orchestrator.results.run_data import EVER, RunData, Unrecorded, Window
 from orchestrator.scene.scene import load
 from orchestrator.scene.system_scene import LONGEST_INTERVAL, NYQUIST, SAMPLES, aliasing_warning, links_every
+from orchestrator.vocabulary.analyses import MEASURES
 
 STEPS, RATES = st.floats(1e-5, 1e-2), st.floats(0.1, 1e3)
 
@@ -181,3 +188,153 @@ def test_a_run_without_recorded_inputs_records_little_and_says_what_it_cannot_do
         pass
     with pytest.raises(LogUnreadable, match=sentence):
         resume(path, tmp_path / "more.mcap")
+
+
+# --- every figure of every step and of every seventh -------------------------------------------------
+
+SEVENTH, H = 7, 1e-3  # steps between records; s
+GROUPS = ["tension", "position", "force", "ground", "sliding", "depth", "wheels", "teeth", "rims", "horns", "moment"]
+ALL = f"track.link_outputs={GROUPS}"
+STOP = "{stiffness=1e6, gap=0.001, damping=1e3}"
+OF_FALLS = (
+    "sag", "end_tension", "joint_force", "joint_force_spread", "hoop_strain", "fall_time", "half_fall_time",
+    "behind_free_fall",
+)  # fmt: skip
+OF_SPANS = "polygon_ripple", "span_tension", "span_moment_ratio", "tight_span_enters"
+OF_BOTH = "pins_passed", "pins_per_revolution", "chain_speed_ratio"
+TURNS = (
+    "driver.arcs=[[10, 0.3]]", "driver.speed=1.5", "driver.ramp_start=0", "driver.ramp_time=0.15", "start.state=drawn",
+    "run.step=0.001", 'run.allow=["penetration", "tooth_jump", "belly"]',
+)  # fmt: skip
+BENCHES = {  # scene, settings, begin of the window, its figures: None all others
+    "vehicle": (
+        "serpentine",
+        (*TURNS, "run.stop=0.42", ALL, "drive.steering={}", f"vehicle.suspension.bump_stop={STOP}", "ground.grade=0.05",
+         f"vehicle.suspension.rebound_stop={STOP}", "vehicle.tensioner.recoil={stiffness=5e5, preload=33e3}"),
+        0.042, None,
+    ),
+    "soil": ("serpentine", (*TURNS, "run.stop=0.21", "ground.soil={name='dry_sand'}", ALL), 0.0, ("rut_depth",)),
+    "rig": (
+        "rig",
+        ("run.stop=0.42", "drive.ramp_start=0", "drive.ramp_time=0.1", "drive.speed=4", WILD),
+        0.042, (*OF_SPANS, *OF_BOTH),
+    ),
+    "chain": ("folded_chain", ("run.stop=0.88",), 0.0, OF_FALLS),
+}  # fmt: skip
+
+
+@contextmanager
+def thinned(first, averaged=False):
+    """Every seventh record of outputs and links is read, from ``first`` on; ``averaged``: forces of links are means."""
+    stream, lengths = Log._stream, Log.lengths
+
+    def thin(log, wanted, chunks, window=EVER, keep=False):
+        pieces = [*stream(log, wanted, log._chunks.spans, EVER, keep)]
+        whole = {topic: join_series([piece[topic] for piece in pieces if topic in piece]) for topic in wanted}
+        yield {topic: kept(topic, series, window) for topic, series in whole.items()}
+
+    def kept(topic, series, window):
+        values, rows = series.values, np.arange(len(series.t))
+        if topic.endswith(("/out", "/links")):
+            rows = np.flatnonzero(np.rint(series.t / H).astype(int) % SEVENTH == first)
+            means = np.array([bool(MEANS.fullmatch(name)) for name in series.names], bool)
+            if averaged and topic.endswith("/links") and means.any():
+                values = values.copy()
+                for row in rows[1:]:
+                    values[row, means] = series.values[row - SEVENTH + 1 : row + 1, means].mean(axis=0)
+        rows = rows[(series.t[rows] >= window[0] - 1e-9) & (series.t[rows] <= window[1] + 1e-9)]
+        return series._replace(t=series.t[rows], h=series.h[rows], values=values[rows])
+
+    def count(log):
+        fewer = {topic: len(range(first, n, SEVENTH)) for topic, n in lengths(log).items()}
+        return {topic: n if topic.endswith("/in") else fewer[topic] for topic, n in lengths(log).items()}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Log, "_stream", thin)
+        patch.setattr(Log, "lengths", count)
+        yield
+
+
+def figures(path, begin, wanted):
+    """Measures of each part that they can be of, and observables, of a log by name; the reason of what is absent."""
+    found = {}
+    with Log(path) as log:
+        run = RunData(log)
+        window = Window(begin, run.span[1])
+        for name, about in MEASURES.items():
+            for of in about.of or ("",) if name in wanted else ():
+                try:
+                    found[name, of] = summary._number_or_reason(partial(measures.value, run, name, of, window), name)
+                except Unrecorded as reason:
+                    found[name, of] = np.nan, str(reason)
+        for name, one in measures.OBSERVABLES.items():
+            if name in wanted and one.value is not None:
+                value = partial(one.value, run, EVER if one.whole else window)
+                found[name, "observable"] = summary._number_or_reason(value)
+    return found
+
+
+@pytest.fixture(scope="module")
+def readings(tmp_path_factory):
+    """Figures of each bench: of every step, of every seventh, and of the record of every step as it is thinned."""
+    folder, found = tmp_path_factory.mktemp("seventh"), {}
+    taken = {*OF_FALLS, *OF_SPANS, *OF_BOTH, "rut_depth"}
+    for bench, (scene, settings, begin, names) in BENCHES.items():
+        wanted = names or {*MEASURES, *measures.OBSERVABLES} - taken
+        logs = {}
+        for every in (1, SEVENTH):
+            logs[every] = folder / f"{bench}{every}.mcap"
+            often = (*settings, "expect={}", f"run.outputs={every}", f"run.links={every}")
+            assert simulate(load(scene, "rigid", often), logs[every])["status"] == "ok"
+        own = [figures(logs[every], begin, wanted) for every in (1, SEVENTH)]
+        with thinned(0, averaged=True):
+            own.append(figures(logs[1], begin, wanted))
+        phases = []
+        for first in range(SEVENTH):
+            with thinned(first):
+                phases.append(figures(logs[1], begin, wanted))
+        found[bench] = *own, phases, SEVENTH * H / (float(settings_stop(settings)) - begin)
+    return found
+
+
+def settings_stop(settings):
+    return next(text.removeprefix("run.stop=") for text in settings if text.startswith("run.stop="))
+
+
+@pytest.mark.long
+def test_every_figure_of_every_seventh_step_is_explained_or_absent(readings):
+    """Two conditions: it is that of the record of every step when thinned; and that of every step lies among those of
+    the seven ways to thin it, as far off as these differ among each other, and an interval at the window's ends.
+    """
+    known, wrong = set(), []
+    for bench, (every, seventh, thin, phases, share) in readings.items():
+        for key, (value, reason) in every.items():
+            other, absent = seventh[key]
+            if not np.isfinite(value):
+                assert absent == reason or not np.isfinite(other), key
+                continue
+            known.add(key[0])
+            if not np.isfinite(other):
+                assert "every step: run.outputs = 1, not 7" in absent, (key, absent)
+                continue
+            ways = [phase[key][0] for phase in phases]
+            room = max(ways) - min(ways) + share * max(map(abs, ways))
+            if other != pytest.approx(thin[key][0], rel=1e-9, abs=1e-12) or not (
+                min(ways) - room <= value <= max(ways) + room
+            ):
+                wrong.append((bench, key, value, other, thin[key][0], ways))
+    assert not wrong, chr(10).join(map(repr, wrong))
+    assert known == {*MEASURES, *measures.OBSERVABLES} - {"weight"}, "a figure without a bench that has it"
+
+
+@pytest.mark.long
+def test_what_needs_every_step_would_be_found(readings):
+    """The twin: without its declaration ``third_law`` of every seventh step is far from that of every step."""
+    every, seventh, thin, phases, _ = readings["vehicle"]
+    key = "third_law", ""
+    assert every[key][0] < 1e-12 < 0.1 < min(phase[key][0] for phase in phases)
+    assert thin[key][0] > 0.1
+    assert seventh[key] == (
+        pytest.approx(np.nan, nan_ok=True),
+        "third_law needs the outputs of every step: run.outputs = 1, not 7",
+    )

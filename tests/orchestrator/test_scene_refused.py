@@ -4,7 +4,7 @@ import pytest
 from scene_files import BARE, scene_file
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import changed_scene, from_table, load
 
 REFUSED = {  # by scene: a setting, and words of its sentence
     "hanging_chain": [
@@ -114,6 +114,21 @@ def test_unknown_scene_names_the_nearest(tmp_path):
     [
         ("x = { expected = 1, tolerance = 1 }", "needs either signal or measure"),
         ('x = { signal = "a.b", measure = "sag", expected = 1, tolerance = 1 }', "needs either"),
+        *(
+            (f"x = {{ {given}, expected = 1, tolerance = 1 }}", f"expect.x.{said}")
+            for given, said in (
+                (
+                    'signal = "chain.speed", from = 0.04, to = 0.01',
+                    "from = 0.04 s: is after to = 0.01 s, so the window",
+                ),
+                ('measure = "sag", from = "40 ms", to = "10 ms"', "from = 0.04 s: is after to = 0.01 s, so the window"),
+                ('measure = "yaw_rate", of = "left"', "of = 'left': yaw_rate is of no side or part"),
+                ('measure = "slip", of = "upper"', "of = 'upper': slip is of 'left' or 'right'"),
+                ('measure = "propulsion"', "of = '': propulsion must be of 'left' or 'right'"),
+                ('signal = "chain.speed", of = "left"', "of = 'left': is for a measure; a signal names its component"),
+                ('measure = "energy_residual", from = 1', "from = 1 s: energy_residual is of the whole run"),
+            )
+        ),
         ('x = { signal = "a.b", expected = 1, tolerance = -1 }', "greater than or equal to 0"),
         ('x = { signal = "a.b", reduce = "median", expected = 1, tolerance = 1 }', "reduce"),
         ('x = { signal = "a.b", expect = 1, tolerance = 1 }', "expect"),
@@ -127,6 +142,14 @@ def test_bad_checks(tmp_path, check, said):
     with pytest.raises(BadInput) as error:
         load(scene_file(tmp_path, more=f"[expect]\n{check}\n"))
     assert said in str(error.value)
+
+
+def test_a_check_that_is_refused_today_is_read_in_a_log_of_an_earlier_version():
+    check = {"measure": "yaw_rate", "of": "left", "from": 0.04, "to": 0.01, "expected": 1.0, "tolerance": 1.0}
+    old = load("settle", "rigid", ["expect={}"]).resolved() | {"expect": {"x": check}}
+    assert from_table(old, "a.mcap: scene.json").expect["x"].fault.startswith("from = 0.04 s: is after to = 0.01 s")
+    with pytest.raises(BadInput, match=r"^a\.toml: expect\.x\.from = 0\.04 s: is after"):
+        changed_scene(old, ["run.stop=1"], "a.toml")
 
 
 HUGE, HUGER = "9" * 400, "0x" + "f" * 5000  # too large for a double, and too large for Python to print

@@ -74,11 +74,56 @@ def test_checks_after_the_end_are_counted(cotrack, window, said):
     assert ("3 of 3 checks met." if covered else "2 of 3 checks met; 1 beyond its end.") in page
 
 
+@pytest.mark.parametrize(
+    ("window", "said", "means"),
+    [
+        ("from=1", "run.window.from = 1 s is after the end of the run, 0.02 s: there are no means", False),
+        ("from=0.01, to=1", "run.window.to = 1 s is after the end of the run, 0.02 s: means end there", True),
+        ("from=0.01, to=0.02", "", True),  # the twin
+    ],
+)
+def test_a_window_of_means_that_the_run_does_not_reach_is_told(cotrack, window, said, means):
+    out = cotrack.done(*SHORT, "--no-estimate", "--set", f"run.window={{{window}}}")
+    told = summary_of(last(out)["log"])  # --json has null for a mean that is none
+    assert last(out)["passed_over"] == [said] * bool(said) == told["passed_over"]
+    assert any(said in line for line in lines(told))
+    assert any("mean of 0.01 to 0.02 s: mean link tension" in line for line in lines(told)) == means
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        (("run.outputs=2",), "needs the outputs of every step: run.outputs = 1, not 2"),
+        (("run.inputs=false",), "needs the inputs of every step: run.inputs = true"),
+        ((), ""),  # the twin
+    ],
+)
+def test_a_check_that_needs_every_step_is_left_out_of_a_sparse_log(cotrack, settings, reason):
+    """The run is right, its log holds too little for ``third_law``, which is neither met nor missed."""
+    law = 'expect={third_law={measure="third_law", expected=0, tolerance=1e-10}}'
+    settings = (law, "symmetric=true", *settings)
+    out = cotrack.done(
+        "run", "settle", "--track", "rigid", "--stop", "0.02", "--no-estimate", "--json",
+        *(part for each in settings for part in ("--set", each)),
+    )  # fmt: skip
+    result = last(out)
+    assert result["checks_left_out"] == ({"third_law": f"third_law {reason}"} if reason else {})
+    assert [*result["checks"]] == ([] if reason else ["third_law"])
+    read = summary_of(result["log"])
+    assert result["checks_left_out"] == read["checks_left_out"]
+    told, met = lines(read), "0 of 1 checks are met; 1 left out" if reason else "1 of 1 checks are met"
+    assert told[0] == f"settle, rigid links: ok; {met}"
+    assert any(f"check third_law is left out: third_law {reason}" in line for line in told) == bool(reason)
+    assert any("whole run, 0 to 0.02 s, one step in 2: " in line for line in told) == ("run.outputs=2" in settings)
+    assert cotrack("report", result["log"], "-o", "page.html")[0] == 0
+    assert ("Not made, third law: third_law needs" in Path("page.html").read_text(encoding="utf-8")) == bool(reason)
+
+
 def test_checks_that_cannot_be_made_say_why(cotrack):
     status, out, err = cotrack(
         *SHORT,
         *("--set", "run.outputs=1000", "--set", "run.links=1000"),
-        *("--set", 'expect.span={measure="span_tension", expected=1, tolerance=1}'),
+        *("--set", 'expect.span={measure="span_tension", of="upper", expected=1, tolerance=1}'),
         *("--set", 'expect.top={measure="tension_top", expected=1, tolerance=1}'),
         *("--set", 'expect.late={signal="chain.speed", expected=1, tolerance=1, from=0.01}'),
     )

@@ -27,6 +27,7 @@ class RunSummary(NamedTuple):
     observables: Mapping[str, float]
     windows: Mapping[str, Mapping[str, float]] = MappingProxyType({})  # averaging window by observable, s
     after_end: Mapping[str, Mapping[str, float]] = MappingProxyType({})  # windows, s, of checks that it does not cover
+    left_out: Mapping[str, str] = MappingProxyType({})  # reasons by check that the record has too little for
     note: str = ""  # reason if there are none
     command: str | None = None  # command that makes the run again
 

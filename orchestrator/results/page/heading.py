@@ -130,10 +130,11 @@ def verdict(evaluation: Evaluation) -> Assessment:
     """Assessment of the run by its closing record, checks, limits of validity and energy ledger."""
     log, checks = evaluation.run.log, evaluation.summary.checks
     missed_checks = [name for name, check in checks.items() if not check["ok"]]
-    skipped_count = len(evaluation.summary.after_end)
-    check_count = len(checks) + skipped_count
+    skipped_count, left_out_count = len(evaluation.summary.after_end), len(evaluation.summary.left_out)
+    check_count = len(checks) + skipped_count + left_out_count
     check_counts = f"{len(checks) - len(missed_checks)} of {check_count} checks met" if checks else "no check was made"
     check_counts += f"; {skipped_count} beyond its end" if skipped_count else ""
+    check_counts += f"; {left_out_count} left out" if left_out_count else ""
     open_share = abs(evaluation.ledger.residual_relative) if evaluation.ledger else 0.0
     if log.closing is None:
         return Assessment("bad", "Cut off", f"{text(log.cut_off or 'The run is still going on')}; {check_counts}.")
@@ -154,7 +155,7 @@ def verdict(evaluation: Evaluation) -> Assessment:
         return Assessment(
             "fair", "Finished, record damaged", f"{text(' '.join(log.faults))} {check_counts.capitalize()}."
         )
-    grade, word = ("good", "As expected") if checks and not skipped_count else ("fair", "Finished")
+    grade, word = ("good", "As expected") if checks and check_count == len(checks) else ("fair", "Finished")
     return Assessment(grade, word, f"The run finished; {check_counts}.")
 
 

@@ -41,12 +41,14 @@ def checks(pair: Pair) -> PageSection:
         html = ""
     if evaluation.summary.note:
         html += f"<p>Checks were not made: {text(evaluation.summary.note)}.</p>"
-    elif not rows:
+    elif not (rows or left_out or evaluation.summary.left_out):
         html += "<p>This record names no check to make. The page shows what happened, not whether it is right.</p>"
     if left_out and not evaluation.summary.note:
         html += (
             f"<p>Not made, because the record does not reach the end of what they look at: {and_list(left_out)}.</p>"
         )
+    for name, why in evaluation.summary.left_out.items():
+        html += f"<p>Not made, {text(plain(name))}: {text(why)}.</p>"
     return PageSection("checks", "Checks", "Did the checks hold?", html, {})
 
 
