@@ -15,6 +15,7 @@ from fmus.interface.model import StepFailed
 from fmus.interface.ports import motion_ports
 from fmus.physics.wheels import read_states
 from fmus.rest import equilibrium, standing
+from fmus.track import start
 from fmus.track.choices import TRACKS
 from fmus.track.model import TrackModel
 from fmus.vehicles.tables import BadInput
@@ -457,4 +458,21 @@ def test_a_run_s_track_has_the_tension_of_the_equilibrium(monkeypatch, leans):
     factor = 1.002
     with pytest.raises(BadInput, match="a track that came there carries"):
         found()
+    placing._solved_equilibrium.cache_clear()
+
+
+@pytest.mark.long
+def test_a_chain_that_finds_no_rest_in_soil_is_lowered_in_shorter_stages(monkeypatch):
+    """A vehicle that sinks by 167 mm; in stages of 50 mm its chain is lost (twin)."""
+    scene = load(
+        "straight",
+        "flexible",
+        {"vehicle": random_vehicle(104), "ground.soil.name": "clayey_soil_38", "run.allow": ["belly"]},
+    )
+    assert placed(scene).start.equilibrium.height == pytest.approx(-0.1673, abs=1e-4)
+    monkeypatch.setattr(start, "FINER", 0)
+    monkeypatch.setattr(equilibrium, "cached_result", lambda kind, name, request, compute: compute())
+    placing._solved_equilibrium.cache_clear()
+    with pytest.raises(BadInput, match="static equilibrium of the track was not found"):
+        placed(scene)
     placing._solved_equilibrium.cache_clear()

@@ -60,6 +60,7 @@ def _from_table(vehicle: Mapping[str, Any], name: str) -> dict[str, Any]:
 # place is an equilibrium on an edge, and a search in which links may turn at once tips them over.
 SINKING = 1e6
 LOWERED = 0.05  # m, by which wheels go into soil at a time as a chain comes to rest
+FINER = 3  # times that the stages are halved where a chain finds no rest
 
 
 def not_at_rest(link: int, residual: float) -> StepFailed:
@@ -177,18 +178,23 @@ class LaidChain:
     def _sink(self, pins: Floats) -> None:
         """Bring the chain that was laid round the wheels as drawn to rest in soil, in stages, see ``settle``.
 
-        Soil would hold up a chain over wheels that are far below, and they would come to rest past its links.
+        Soil would hold up a chain over wheels that are far below, and they would come to rest past its links. Where a
+        stage finds no rest, the way is done again in shorter ones.
         """
         wheels, drawn = self.start_rows.copy(), self.start_rows.copy()
         drawn[:, [0, 2]] = [self.pose.pitch_point(*wheel["position"]) for wheel in self.wheel_list]
         stages = max(ceil(abs(wheels - drawn).max() / LOWERED), 1)
-        way = [drawn + k / stages * (wheels - drawn) for k in range(1, stages)]
-        for k, rows in enumerate([*way, wheels]):
-            self.start_rows[:] = rows
-            if k == 0:
+        for finer in range(FINER + 1):
+            count = stages * 2**finer
+            try:
+                self.start_rows[:] = drawn + 1 / count * (wheels - drawn) if count > 1 else wheels
                 self.settle(pins, rest=True)
-            else:
-                self.find_equilibrium(self.start_rows)
+                for k in range(2, count + 1):
+                    self.find_equilibrium(drawn + k / count * (wheels - drawn) if k < count else wheels)
+                return
+            except StepFailed:
+                if finer == FINER:
+                    raise
 
     def _released(self, layout: str) -> Floats:
         """Pins (nodes, 2), m, of a chain that is released and held at its first pin."""

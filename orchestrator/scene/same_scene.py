@@ -60,9 +60,7 @@ def _with_current_keys(table: Mapping[str, Any]) -> Mapping[str, Any]:
         return table
 
 
-def _of_one_search(
-    first: Mapping[str, Any], second: Mapping[str, Any]
-) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+def _of_one_search(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
     """Both scenes, the first with the idlers of the second if other links have standing vehicles of their own."""
     one, other = ((table["track"]["model"], table.get("standing")) for table in (first, second))
     if one[0] == other[0] or None in (one[1], other[1]) or one[1] == other[1]:
