@@ -5,6 +5,8 @@ import json
 import made_logs
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
@@ -206,6 +208,9 @@ def test_both_at_once(tmp_path):
     called = ["rest", "acceleration", "acceleration, turning left", "turn left"]
     assert [phases.phase_name(one) for one in of] == called
     np.testing.assert_allclose(bounds(of), [1.0, 2.0, 3.5, 6.0], atol=1.01 * STEP)
+    short = np.interp(t, [2.0, 2.1, 2.4, 2.5], [0.0, 0.4, 0.4, 0.0])
+    of = phases_of(made(tmp_path / "s.mcap", t, np.interp(t, [1.0, 3.5], [0.0, 5.0]), short))
+    assert [phases.phase_name(one) for one in of] == [*called[:3], "acceleration", "steady"], "1 m/s in 0.5 s of it"
 
 
 @pytest.mark.parametrize("even", [True, False])
@@ -220,7 +225,7 @@ def test_figures_are_those_of_the_records(tmp_path, even):
         length, own = t[b] - t[a], np.diff(t[a : b + 1])
         assert one.way == pytest.approx(np.sum(0.5 * (v[a + 1 : b + 1] + v[a:b]) * own), abs=1e-9)
         assert one.speed == pytest.approx(one.way / length, abs=1e-9)
-        assert (one.speed_start, one.speed_end) == (v[a], v[b])
+        assert (one.speed_start, one.speed_end) == pytest.approx((v[a], v[b]), abs=3.0 * TOP * STEP)
         assert one.power == pytest.approx((work[b] - work[a]) / length, rel=1e-9)
         assert one.slip_left == pytest.approx(np.sum(slip[a + 1 : b + 1] * own) / length, rel=2e-3, abs=1e-5)
         assert one.slip_right == pytest.approx(2.0 * one.slip_left)
@@ -234,6 +239,64 @@ def test_figures_are_those_of_the_records(tmp_path, even):
     inner = phases_of(path, Window(3.5, 5.5))
     assert [one.kind for one in inner] == ["steady"]
     assert inner[0].end - inner[0].start == pytest.approx(2.0, abs=2.0 * STEP)
+
+
+SPEEDS = st.lists(st.tuples(st.floats(0.05, 1.5), st.floats(-1.0, 1.0) | st.sampled_from([0.0, 1.0])), min_size=2)
+
+
+def contradicts(kind, first, last, top):
+    """Whether a state contradicts speeds, as printed, at both ends of a phase of a vehicle with tracks of TRACK."""
+    change, least = round(abs(float(phases.rounded(last))) - abs(float(phases.rounded(first))), 2), max(motion_states.LARGE * top, 0.1)
+    if kind in ("acceleration", "braking"):
+        return change <= 0.0 if kind == "acceleration" else change >= 0.0
+    return abs(change) > least + 0.01 or (kind == "rest" and max(abs(first), abs(last)) > least)
+
+
+@given(SPEEDS, st.lists(st.sampled_from([-0.3, 0.0, 0.0, 0.3]), min_size=5, max_size=5),
+       st.floats(0.2, 5.0), st.floats(0.0, 0.6), st.floats(0.2, 5.0))  # fmt: skip
+def test_no_state_contradicts_the_speeds_at_its_ends(corners, yaw_rates, top, ringing, frequency):
+    """Of any motion: ramps, jumps and stops of any length, ringing, turns that begin and end anywhere."""
+    at = np.cumsum([length for length, _ in corners])
+    t = np.arange(0.0, at[-1] + 0.3, 5.0 * STEP)
+    v = top * (np.interp(t, at, [speed for _, speed in corners]) + ringing * np.sin(2 * np.pi * frequency * t))
+    yaw_rate = np.interp(t, np.linspace(0.0, t[-1], 5), yaw_rates)
+    yaw = np.cumsum(yaw_rate) * 5.0 * STEP
+    parts = motion_states.parts_of(t, v, yaw_rate, yaw, 1.0)
+    assert [part[0] for part, _ in parts[1:]] == [part[1] for part, _ in parts[:-1]]
+    for (_, _, (kind, _)), ends in parts:
+        assert not contradicts(kind, *ends, np.abs(v).max()), (kind, ends)
+
+
+CROSSING = (  # cm/s every 0.1 s: a tractor of 8.6 m of track that crosses a log
+    0, 0, 0, 0, 4, 17, 42, 69, 87, 92, 90, 91, 88, 72, 39, 59, 83, 99, 102, 99, 89, 68, 61, 77, 106, 125, 95, 83, 63, 81,
+    97, 91, 84, 69, 83, 107, 115, 107, 94, 120, 173, 192, 156, 120, 126, 83, 75, 96, 95, 96, 76, 53, 42, 67, 115, 117, 104,
+    73, 64, 73, 98,
+)  # fmt: skip
+
+
+def test_crossing_a_log_is_told_by_its_figures(tmp_path):
+    """Short phases join: the speeds at both ends of the joined phase decide what it is, not those of one of them."""
+    t = times(6.0)
+    v = np.interp(t, 0.1 * np.arange(61), 0.01 * np.array(CROSSING))
+    of = phases_of(made(tmp_path / "l.mcap", t, v, scene={"vehicle": {"track": {"pitch": 0.216, "links": 40}}}))
+    assert not [one for one in of if contradicts(one.kind, one.speed_start, one.speed_end, v.max())]
+    text = "; ".join(phases.sentence(one._asdict()) for one in of[-3:])
+    assert "acceleration from 0.94 to 1.92 m/s over" in text
+    assert "braking from 1.91 to 0.75 m/s over" in text
+    assert (of[-1].kind, of[-1].end) == ("steady", 6.0)
+    assert contradicts("braking", of[-1].speed_start, of[-1].speed_end, v.max()), "the twin: that of a short one"
+
+
+def test_a_slow_ramp_is_no_steady_motion(tmp_path):
+    """From 0 to 4 m/s in a minute, slower than RATE, or by short steps; the twins change too little for it."""
+    t = np.arange(0.0, 60.0, 0.01)
+    steps = np.arange(0.0, 6.0, 0.5)
+    stairs = np.interp(t[:600], steps, np.repeat(np.linspace(0.0, 1.0, 6), 2))
+    for shape, high in ((t / 60.0, 3.2), (stairs, 3.7)):
+        for start, kind in ((0.0, "acceleration"), (high, "steady")):
+            v = start + (4.0 - start) * shape
+            of = phases_of(made(tmp_path / f"{start}.mcap", t[: len(v)], v))
+            assert {one.kind for one in of} - {"rest"} == {kind}
 
 
 def test_what_a_log_does_not_hold_is_left_out(tmp_path):

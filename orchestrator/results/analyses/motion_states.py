@@ -3,12 +3,15 @@
 Both are approximated by straight pieces (``results/approximations.py``), which follow a ramp and leave out ringing.
 Each piece has a state:
 
-    speed      grows or falls: its size changes by more than RATE; else the vehicle rests or moves on
+    speed      grows or falls: its size at the end is another than at the begin; else the vehicle rests or moves on
     yaw rate   left, right: the mean is beyond TURNS and the heading changes by more than TURNED; else straight
 
-A growth or fall needs a change of CHANGE of the largest speed, or of LARGE if it is shorter than QUICK: less is pitch
-oscillation of the hull, which decays within a few half seconds. A piece through zero is split in two. A part is an
-interval in which both states are constant; one shorter than SHORTEST joins its neighbour.
+A growth or fall needs a change of CHANGE of the largest speed, or of LARGE if it is shorter than QUICK or slower than
+RATE: less is drift, or pitch oscillation of the hull, which decays within a few half seconds. A piece through zero is
+split in two. A part is an interval in which both states are constant; one shorter than SHORTEST joins its neighbour.
+
+The speeds at the ends of a part are those of its pieces. They decide its state, of joined parts anew, and are what is
+printed: no state contradicts them.
 
 Parts of constant speed that follow each other and move the same way rest or move on as one, before and after they
 are joined. Thresholds of length and speed are those of a vehicle with tracks of TRACK; others scale with the length
@@ -29,8 +32,8 @@ from orchestrator.results.run_data import record_durations
 
 PRECISION = 0.02  # of the largest speed or yaw rate: tolerance of the pieces, RMS
 LEAST_SPEED, LEAST_YAW_RATE = 0.05, 0.01  # m/s, rad/s: lower bounds of the tolerance
-RATE = 0.1  # m/s2: a smaller rate of change counts as constant speed
-CHANGE, LARGE = 0.1, 0.25  # of the largest speed: least change of an acceleration, and of a quick one
+RATE = 0.1  # m/s2: a piece with a smaller rate of change has no trend
+CHANGE, LARGE = 0.1, 0.25  # of the largest speed: least change of an acceleration, and of a quick or slow one
 QUICK = 1.0  # s
 SWING = 0.5  # ratio of the end values: pieces through zero with a larger one are ringing
 STANDS, STAYS = 0.02, 0.1  # m/s, m: rest is slower, or covers less distance
@@ -38,19 +41,23 @@ TRACK = 64 * 0.1524  # m, length of a track of the M113
 TURNS, TURNED = 0.02, 0.05  # rad/s, rad
 SHORTEST = 0.25  # s
 
-Part = tuple[int, int, tuple[str, int]]  # first and last record, and states of speed and turn
+Part = tuple[int, int, tuple[str, int]]  # first record, first one after it, and states of speed and turn
 
 
-def parts_of(t: Floats, v: Floats, yaw_rate: Floats, yaw: Floats, length: float) -> list[Part]:
-    """Parts in order, without gaps; states "rest", "steady", "acceleration", "braking", and 1 left, -1 right, 0.
+def parts_of(
+    t: Floats, v: Floats, yaw_rate: Floats, yaw: Floats, length: float
+) -> list[tuple[Part, tuple[float, float]]]:
+    """Parts in order, without gaps, and the speeds at both ends of each, m/s.
 
-    Times t, s, speed, m/s, yaw rate, rad/s, and yaw without jumps, rad, (m,) each; ``length``: of the track over TRACK.
+    States are "rest", "steady", "acceleration", "braking", and 1 left, -1 right, 0. Times t, s, speed, m/s, yaw rate,
+    rad/s, and yaw without jumps, rad, (m,) each; ``length``: of the track over TRACK.
     """
-    speeds, turns = _speed_states(t, v, length), _yaw_states(t, yaw_rate)
+    speed = _Speed(t, v, length)
+    speeds, turns = speed.states(), _yaw_states(t, yaw_rate)
     edges = sorted({*speeds, *turns, len(t)})
     parts = [(a, b, (_latest(speeds, a), _latest(turns, a))) for a, b in pairwise(edges)]
-    parts = _judged(t, v, _without_slivers(t, _judged(t, v, parts, length)), length)
-    return _really_turning(t, yaw, parts)
+    parts = speed.judged(_really_turning(t, yaw, speed.judged(_without_slivers(t, speed.judged(parts)))))
+    return [(part, speed.ends(*part[:2])) for part in parts]
 
 
 class _Piece(NamedTuple):
@@ -65,6 +72,10 @@ class _Piece(NamedTuple):
     @property
     def middle(self) -> float:
         return 0.5 * (self.first + self.last)
+
+    def at(self, record: int) -> float:
+        """Value at the begin of a record of the piece, or at its end."""
+        return self.first + (self.last - self.first) * (record - self.start) / (self.end - self.start)
 
 
 def _pieces(t: Floats, y: Floats, least: float, crossing: float) -> Iterator[_Piece]:
@@ -88,44 +99,69 @@ def _piece(lines: LineFitter, a: int, b: int) -> _Piece:
     return _Piece(a, b, time, float(line.middle) - half, float(line.middle) + half)
 
 
-def _speed_states(t: Floats, v: Floats, size: float) -> dict[int, str]:
-    """States by their first record: "acceleration", "braking" or, at constant speed, ""."""
-    top, least = float(np.abs(v).max()), LEAST_SPEED * size**0.5
-    parts = [(p, _trend(p)) for p in _pieces(t, v, least, CHANGE * top)]
-    states: dict[int, str] = {}
-    for group in _grouped(parts):
-        first, last, trend = group[0][0], group[-1][0], group[0][1]
-        time, change = sum(p.time for p, _ in group), abs(abs(last.last) - abs(first.first))
-        if trend and change >= max((LARGE if time < QUICK else CHANGE) * top, 2.0 * least):
-            states[first.start] = "acceleration" if trend > 0 else "braking"
-        else:
-            states[first.start] = ""
-    return states
+class _Speed:
+    """Straight pieces of the speed of a vehicle, and the states that follow from their ends."""
 
+    def __init__(self, t: Floats, v: Floats, size: float) -> None:
+        durations, self._v, self._size = record_durations(t), v, size
+        self._times, self._places = (np.concatenate([[0.0], np.cumsum(each)]) for each in (durations, durations * v))
+        self._top, least = float(np.abs(v).max()), LEAST_SPEED * size**0.5
+        self._least_change = 2.0 * least
+        self._pieces = [*_pieces(t, v, least, CHANGE * self._top)]
+        groups = _grouped([(piece, _trend(piece)) for piece in self._pieces])
+        self._spans = {group[0][0].start: group[-1][0].end for group in groups}  # of pieces of one trend
 
-def _judged(t: Floats, v: Floats, parts: list[Part], size: float) -> list[Part]:
-    """Parts at constant speed as "rest" or "steady": neighbours that move the same way count as one."""
-    durations, top = record_durations(t), float(np.abs(v).max())
-    times, places = (np.concatenate([[0.0], np.cumsum(each)]) for each in (durations, durations * v))
+    def states(self) -> dict[int, str]:
+        """States of pieces of one trend by their first record: "acceleration", "braking" or, at constant speed, ""."""
+        return {a: self._state(a, b) for a, b in self._spans.items()}
 
-    def direction(part: Part) -> int | str:
-        """Direction of motion, 0 of a part that stands, or the state of one at another than constant speed."""
-        a, b, (state, _) = part
-        time, way = times[b] - times[a], places[b] - places[a]
-        slow = abs(way) < STANDS * size**0.5 * time
-        return state if state in ("acceleration", "braking") else 0 if slow else int(np.sign(way))
+    def ends(self, a: int, b: int) -> tuple[float, float]:
+        """Speeds of the pieces at both ends of records a to b - 1, within the recorded ones, m/s."""
+        first = next(piece for piece in reversed(self._pieces) if piece.start <= a).at(a)
+        last = next(piece for piece in reversed(self._pieces) if piece.start < b).at(b)
+        low, high = float(self._v[a : b + 1].min()), float(self._v[a : b + 1].max())
+        return min(max(first, low), high), min(max(last, low), high)
 
-    judged: list[Part] = []
-    groups = [(state, list(group)) for state, group in groupby(parts, key=direction)]
-    states = ["", *(state for state, _ in groups), ""]
-    for (state, members), before, after in zip(groups, states[:-2], states[2:], strict=True):
-        a, b = members[0][0], members[-1][1]
-        time, way = times[b] - times[a], abs(places[b] - places[a])
-        little = way < STAYS * size or (time < QUICK and way < CHANGE * top * time)
-        moves = before == "acceleration" or after == "braking"  # it has gained the speed, or has it to lose
-        kind = state if isinstance(state, str) else "rest" if not state or (little and not moves) else "steady"
-        judged += [(*part[:2], (kind, part[2][1])) for part in members]
-    return _merged(judged)
+    def _state(self, a: int, b: int) -> str:
+        """State of records a to b - 1; a part of an acceleration or braking needs less to be one."""
+        first, last = self.ends(a, b)
+        change, time = abs(last) - abs(first), self._times[b] - self._times[a]
+        kind = "acceleration" if change > 0.0 else "braking"
+        least = (CHANGE if time >= QUICK and abs(change) >= RATE * time else LARGE) * self._top
+        begin = max(start for start in self._spans if start <= a)
+        end = self._spans[begin]
+        is_part = b - a < end - begin and b <= end and self._state(begin, end) == kind
+        return kind if abs(change) >= max(0.0 if is_part else least, self._least_change) else ""
+
+    def judged(self, parts: list[Part]) -> list[Part]:
+        """Parts with states of their own ends, merged as long as neighbours are equal."""
+        judged = self._rests([(a, b, (self._state(a, b), turn)) for a, b, (_, turn) in parts])
+        return judged if len(judged) == len(parts) else self.judged(judged)
+
+    def _rests(self, parts: list[Part]) -> list[Part]:
+        """Parts at constant speed as "rest" or "steady": neighbours that move the same way count as one."""
+        times, places, top = self._times, self._places, self._top
+
+        def direction(part: Part) -> int | str:
+            """Direction of motion, 0 of a part that stands, or the state of one at another than constant speed."""
+            a, b, (state, _) = part
+            time, way = times[b] - times[a], places[b] - places[a]
+            slow = abs(way) < STANDS * self._size**0.5 * time
+            return state or (0 if slow else int(np.sign(way)))
+
+        judged: list[Part] = []
+        groups = [(state, list(group)) for state, group in groupby(parts, key=direction)]
+        states = ["", *(state for state, _ in groups), ""]
+        for (state, members), before, after in zip(groups, states[:-2], states[2:], strict=True):
+            a, b = members[0][0], members[-1][1]
+            time, way = times[b] - times[a], abs(places[b] - places[a])
+            little = way < STAYS * self._size or (time < QUICK and way < CHANGE * top * time)
+            moves = before == "acceleration" or after == "braking"  # it has gained the speed, or has it to lose
+            fastest = max(abs(end) for part in members for end in self.ends(*part[:2]))
+            rests = fastest < max(LARGE * top, self._least_change) and (not state or (little and not moves))
+            kind = state if isinstance(state, str) else "rest" if rests else "steady"
+            judged += [(*part[:2], (kind, part[2][1])) for part in members]
+        return _merged(judged)
 
 
 def _trend(piece: _Piece) -> int:

@@ -38,7 +38,7 @@ class Phase(NamedTuple):
     end: float  # s
     way: float  # m, of the hull's centre of mass, along the ground
     speed: float  # m/s, forward, mean
-    speed_start: float  # m/s
+    speed_start: float  # m/s, of the straight piece that follows the speed
     speed_end: float  # m/s
     yaw_rate: float  # rad/s, change of heading over time
     yaw_rate_most: float  # rad/s, largest mean over HELD, with its sign
@@ -140,7 +140,8 @@ def _found(run: RunData, window: Window) -> Phases:
     motion = _read(run, window)
     speed, yaw, yaw_rate = (motion.columns[f"chassis.{name}"] for name in MOTION[:3])
     parts = parts_of(motion.t, speed, yaw_rate, np.unwrap(yaw), _size(run))
-    return Phases(tuple(_figures(run, motion, a, min(b, len(motion.t) - 1), *state) for a, b, state in parts))
+    last = len(motion.t) - 1
+    return Phases(tuple(_figures(run, motion, a, min(b, last), *state, *ends) for (a, b, state), ends in parts))
 
 
 def _size(run: RunData) -> float:
@@ -182,7 +183,9 @@ def _read(run: RunData, window: Window) -> _Motion:
     return _Motion(t[:steps], {name: column[:steps] for name, column in values.items()})
 
 
-def _figures(run: RunData, motion: _Motion, a: int, b: int, speed: str, turn: int) -> Phase:
+def _figures(
+    run: RunData, motion: _Motion, a: int, b: int, speed: str, turn: int, speed_start: float, speed_end: float
+) -> Phase:
     """Figures of the phase from record a to record b."""
     t, columns = motion.t[a : b + 1], {name: values[a : b + 1] for name, values in motion.columns.items()}
     time, yaw, v = float(t[-1] - t[0]), np.unwrap(columns["chassis.yaw"]), columns["chassis.speed"]
@@ -199,8 +202,8 @@ def _figures(run: RunData, motion: _Motion, a: int, b: int, speed: str, turn: in
         end=float(t[-1]),
         way=way,
         speed=float(np.trapezoid(v, t)) / time,
-        speed_start=float(v[0]),
-        speed_end=float(v[-1]),
+        speed_start=speed_start,
+        speed_end=speed_end,
         yaw_rate=turned / time,
         yaw_rate_most=_largest_rate(t, yaw),
         radius=way / abs(turned) if turn else float("nan"),
