@@ -40,7 +40,7 @@ def plain(text: str) -> str:
 
 
 def summary(result: dict[str, Any], verbose: bool = False) -> None:
-    """Print the summary of a run, in MOST lines unless it is to be ``verbose`` or more is wrong."""
+    """Print the summary of a run, in MOST lines and those on what is wrong, or all if it is to be ``verbose``."""
     from orchestrator.execution.summary_text import lines
 
     print_lines(lines(result, None if verbose else MOST))

@@ -62,8 +62,8 @@ def _messages(summary: Any) -> Iterator[str]:
 
     closing = summary.log.closing or {"message": "", "warnings": []}
     yield from filter(None, (closing["message"], *summary.log.faults, *summary.seal_faults))
-    yield from map(summary_text.warning, closing["warnings"])
-    yield from map(summary_text.validity, recorded_entries(closing.get("results", {})))
+    yield from summary_text.warnings(closing["warnings"])
+    yield from summary_text.validity(recorded_entries(closing.get("results", {})))
 
 
 def _attached(attachments: Mapping[str, int]) -> Iterator[str]:

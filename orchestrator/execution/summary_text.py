@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from orchestrator.execution import summary
@@ -11,7 +11,7 @@ from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.run_data import SHOWN
 from orchestrator.results.table import without_rounding
 from orchestrator.results.units import figure, scaled, size
-from orchestrator.results.validity.exceedance import Exceedance
+from orchestrator.results.validity.exceedance import Exceedance, alike_as_one
 
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
 
@@ -126,16 +126,25 @@ def _track_of_largest_tension(phases: list[dict[str, Any]]) -> str:
     return f" in {largest['tension_track'].replace('_', ' ')} at {largest['tension_t']:.4g} s" if largest else ""
 
 
-def warning(entry: dict[str, Any]) -> str:
-    """Return the line about a component's warning."""
-    times = f", {entry['count']} times" if entry["count"] > 1 else ""
-    return f"warning: {entry['component']} at {entry['time']:.6g} s{times}: {entry['text']}"
+def warnings(entries: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return the lines about warnings of components, one for a text: its components, first time and count."""
+    alike: dict[str, list[Mapping[str, Any]]] = {}
+    for entry in entries:
+        alike.setdefault(entry["text"], []).append(entry)
+    lines = []
+    for text, same in alike.items():
+        who = " and ".join(dict.fromkeys(entry["component"] for entry in same))
+        time, count = min(entry["time"] for entry in same), sum(entry["count"] for entry in same)
+        lines.append(f"warning: {who} at {time:.6g} s{f', {count} times' if count > 1 else ''}: {text}")
+    return lines
 
 
-def validity(fields: dict[str, Any]) -> str:
-    """Return the line about an entry of the validity ledger."""
-    entry = Exceedance(**fields)
-    return f"validity, {entry.severity}: {entry.component} from {entry.time:.6g} s on: {entry.sentence}"
+def validity(entries: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return the lines about entries of the validity ledger, one for those that differ only in their place."""
+    return [
+        f"validity, {entry.severity}: {entry.component} from {entry.time:.6g} s on: {entry.sentence}"
+        for entry in alike_as_one(Exceedance(**fields) for fields in entries)
+    ]
 
 
 def _balance(energy: dict[str, Any]) -> str:
@@ -221,26 +230,23 @@ def _cost(name: str, cost: dict[str, Any]) -> str:
 
 
 def lines(r: dict[str, Any], most: int | None = None) -> list[str]:
-    """Return the lines of a summary: verdict, what is wrong, figures, energy, cost; the last one names the log.
+    """Return the lines of a summary: verdict, figures, energy, what is wrong, cost; the last one names the log.
 
-    ``most``: leave out met checks, details and, for so many lines, other figures, but nothing that is wrong; the last
-    line says how many are left out.
+    ``most``: leave out met checks, details and, for so many lines without those on what is wrong, phases, but nothing
+    that is wrong; the last line says how many are left out.
     """
     energy = r["energy"]
     wrong = [
-        *(warning(entry) for entry in r["warnings"]),
-        *(validity(entry) for entry in r["validity"]),
+        *warnings(r["warnings"]),
+        *validity(r["validity"]),
         *(f"warning: {sentence}" for sentence in r["passed_over"]),
         *(f"check {name} is left out: {why}" for name, why in r["checks_left_out"].items()),
         *(_check(*item) for item in r["checks"].items() if not item[1]["ok"]),
     ]
-    figures = [*filter(None, [track_tension(r["track_tension"])]), *_observables(r), *_phases(r["phases"])]
-    balances = [
-        _error(r["error"]) if r["error"] else "",
-        _balance(energy) if energy else "",
-        _pace(r),
-        _fmus(r["fmus"]) if r["fmus"] else "",
-    ]
+    observables, phases = _observables(r), _phases(r["phases"])
+    observables = [*filter(None, [track_tension(r["track_tension"])]), *observables]
+    balances = [_error(r["error"]) if r["error"] else "", _balance(energy) if energy else ""]
+    cost = [_pace(r), _fmus(r["fmus"]) if r["fmus"] else ""]
     details = [
         f"{r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back"
         if r["rejected_steps"]
@@ -252,12 +258,12 @@ def lines(r: dict[str, Any], most: int | None = None) -> list[str]:
         f"checksum (seal) of the log {r['seal']}" if r["seal"] else "",
     ]
     log = f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else ""
-    balances, details = ([line for line in part if line] for part in (balances, details))
+    balances, cost, details = ([line for line in part if line] for part in (balances, cost, details))
     left = 0
-    if most is not None:  # phases give way to balances
-        room = max(0, most - 2 - len(wrong))
-        left = len(figures) + len(balances) + len(details)
-        figures, balances, details = figures[: max(0, room - len(balances))], balances[:room], []
-        left -= len(figures) + len(balances)
+    if most is not None:  # the result stays, phases give way
+        room = max(0, most - 2 - len(observables) - len(balances) - len(cost))
+        left = len(phases[room:]) + len(details)
+        phases, details = phases[:room], []
     last = "; ".join(filter(None, (log, f"{left} lines more with --verbose" if left else "")))
-    return [_headline(r), *(f"  {line}" for line in (*wrong, *figures, *balances, *details, last) if line)]
+    result = *observables, *phases, *balances
+    return [_headline(r), *(f"  {line}" for line in (*result, *wrong, *cost, *details, last) if line)]

@@ -28,7 +28,7 @@ KINDS = {
     "fast": LimitKind("it goes ten times as fast as a vehicle of this length goes at a walk", "m/s"),
     "creep": LimitKind("the standing vehicle creeps where it should stick", "mm/s"),
     "brake": LimitKind("the brake of the standing vehicle turns, a smaller brake_speed lets it hold: chain", "mm/s"),
-    "lift": LimitKind("is off what bears it", "s"),
+    "lift": LimitKind("without load", "s"),
     "belly": LimitKind("the hull is in the soil, which bears tracks only", "mm", fails=True),
     "hull": LimitKind("the hull is in hard ground, held by springs of a link, or by none without ground.hull", "mm"),
     "crossed_rut": LimitKind("the track is in the rut of the other one, which counts as untouched", "mm"),

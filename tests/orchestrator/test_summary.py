@@ -227,12 +227,50 @@ def test_a_balance_without_flows_says_so(work, shown):
     assert ("put in by the drives = " in text) is shown
 
 
-def test_ten_lines_hide_nothing_that_is_wrong():
-    """Met checks, cost and ledger are left out and counted; warnings, missed checks and validity never are."""
+def entry(component, place, time=2.0, value=1.0, what="lift", severity="warning"):
+    """Entry of the validity ledger."""
+    limit = 0.2 if what == "lift" else 0.0
+    return {"what": what, "component": component, "time": time, "place": place, "value": value, "limit": limit,
+            "severity": severity}  # fmt: skip
+
+
+SIDES = ("left_track", "right_track")
+WHEELS = [entry(side, f"road_wheel[{k}]", 2.0 - 0.1 * k, 0.3 + 0.1 * k) for side in SIDES for k in range(1, 7)]
+
+
+@pytest.mark.parametrize(("entries", "said"), [
+    (WHEELS, ["left_track and right_track from 1.4 s on: without load at road_wheel[1, 2, 3, 4, 5, 6]: 0.9 s,"]),
+    ([WHEELS[0], *WHEELS[2:4]], ["left_track from 1.6 s on: without load at road_wheel[1, 3, 4]: 0.7 s,"]),
+    ([WHEELS[0], WHEELS[7]], ["without load at road_wheel[1] of left_track and road_wheel[2] of right_track: 0.5 s,"]),
+    ([entry("left_track", "sprocket, pin 3"), entry("right_track", "idler", 1.0)],
+     ["from 1 s on: without load at sprocket, pin 3 of left_track and idler of right_track: 1 s,"]),
+    ([entry(SIDES[0], ""), entry(SIDES[1], "")], ["left_track and right_track from 2 s on: without load: 1 s,"]),
+    ([entry(SIDES[0], ""), WHEELS[0]], ["left_track from 2 s on: without load: 1 s", "at road_wheel[1]: 0.4 s"]),
+    ([WHEELS[0], entry(SIDES[0], "", what="belly", severity="failure")], ["at road_wheel[1]:", "failure: left_track"]),
+])  # fmt: skip
+def test_findings_that_differ_only_in_their_place_are_one_line(entries, said):
+    """All names, the first time, the worst value; another kind, or a whole track, is another line."""
+    whole = lines(summary.empty("a", None) | {"validity": entries}, common.MOST)
+    shown = [line for line in whole if "validity" in line]
+    assert len(shown) == len(said)
+    assert all(words in line for words, line in zip(said, shown, strict=True)), shown
+
+
+def test_warnings_of_one_text_are_one_line():
+    warned = [{"component": side, "text": text, "time": 1.0 + (side == "right_track"), "count": 2}
+              for text in ("slow", "hot") for side in SIDES]  # fmt: skip
+    shown = lines(summary.empty("a", None) | {"warnings": warned})
+    assert [line for line in shown if "warning" in line] == [
+        f"  warning: left_track and right_track at 1 s, 4 times: {text}" for text in ("slow", "hot")
+    ]
+
+
+def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
+    """Met checks, cost and ledger are left out and counted; the result, warnings and missed checks never are."""
     met = {"value": 10.0008, "expected": 10.0, "tolerance": 0.02, "ok": True, "note": "", "what": "pins of left"}
     missed = met | {"value": 9.0, "ok": False}
-    warned = {"component": "drive", "text": "slow", "time": 1.0, "count": 2}
-    exceeded = {"what": "belly", "component": "chassis", "time": 2.0, "place": "", "value": 1.0, "limit": 0.5}
+    warned = [{"component": "drive", "text": f"slow {k}", "time": 1.0, "count": 2} for k in range(12)]
+    figures = {"tension_max": 42e3, "distance": 3.0, "tension_mean": 9e3}
     phase = dict.fromkeys(Phase._fields, float("nan")) | {
         "kind": "steady", "turning": "", "start": 0.0, "end": 1.0, "speed": 1700.0, "way": 1.0, "tension_track": "",
     }  # fmt: skip
@@ -240,9 +278,12 @@ def test_ten_lines_hide_nothing_that_is_wrong():
     quiet = summary.empty("straight", "rigid") | {
         "status": "ok", "checks": {"pins_left": met, "pins_right": met}, "phases": [phase] * 9, "wall_time": 1.0,
         "energy": energy_of(3e5, 1e5, 0.0, 0.0, 0.0), "components": {"left_track": cost}, "log": "a.mcap", "seal": "ab",
-        "simulated_time": 1.0, "real_time_factor": 1.0, "log_bytes": 1,
+        "simulated_time": 1.0, "real_time_factor": 1.0, "log_bytes": 1, "observables": figures,
+        "windows": {name: {"from": 0.0, "to": 1.0} for name in figures},
     }  # fmt: skip
     short, whole = lines(quiet, common.MOST), lines(quiet)
+    result = [line for line in short if "log a.mcap" not in line and "real time" not in line][1:]
+    assert [any(words in line for line in result) for words in ("largest link", "distance", "steady at")] == [True] * 3
     assert len(short) == common.MOST == 10
     assert short[-1] == f"  log a.mcap (0.0 MB); {len(whole) - 10} lines more with --verbose"
     assert [line for line in short[:-1] if line not in whole] == []
@@ -257,12 +298,13 @@ def test_ten_lines_hide_nothing_that_is_wrong():
         assert any(words in line for line in whole), words
     for severity in ("warning", "failure"):
         loud = quiet | {
-            "checks": quiet["checks"] | {"speed": missed}, "warnings": [warned] * 12,
-            "validity": [exceeded | {"severity": severity}],
+            "checks": quiet["checks"] | {"speed": missed}, "warnings": warned,
+            "validity": [entry("chassis", "", what="belly", severity=severity)],
         }  # fmt: skip
-        short, whole = lines(loud, common.MOST), lines(loud)
-        assert short[1:15] == whole[1:15]
+        short = lines(loud, common.MOST)
+        assert short[1 : 1 + len(result)] == result, "first, and as much of it as without what is wrong"
         assert sum("warning: drive at 1 s, 2 times: slow" in line for line in short) == 12
+        assert len(short) == common.MOST + 12 + 2
         assert any("NOT speed = 9" in line for line in short)
         assert any(f"validity, {severity}: chassis" in line for line in short)
 

@@ -6,8 +6,8 @@ from ledger_logs import SPROCKET, entries_of, vehicle
 from made_logs import of_columns
 
 
-def standing(tmp_path, drive=(), **changes):
-    """Entries for a vehicle of one track at rest for 3 s; ``changes`` replace signals, ``drive``: its table."""
+def standing(tmp_path, drive=(), start=(), **changes):
+    """Entries for a vehicle of one track at rest for 3 s; ``changes`` replace signals, ``drive``, ``start``: tables."""
     t = 1e-2 * np.arange(301)
     still = np.zeros(len(t))
     columns = {
@@ -19,7 +19,7 @@ def standing(tmp_path, drive=(), **changes):
     }  # fmt: skip
     columns |= {name.replace("__", "."): values for name, values in changes.items()}
     scene = {"assembly": "vehicle", "vehicle": vehicle(), "run": {"step": 1e-2, "variable": {"tolerance": 1e-3}}}
-    scene["drive"] = dict(drive)
+    scene |= {"drive": dict(drive), "start": dict(start)}
     return entries_of(of_columns(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
 
 
@@ -133,6 +133,23 @@ def test_links_that_push_longer_than_a_peak(tmp_path, force, time, pushes):
     assert [e.what for e in entries] == ["compression"] * pushes
     if pushes:
         assert entries[0].limit == pytest.approx(18.02 * 9.81 / 0.1524 * 0.667**2 / 0.08, rel=1e-6)
+
+
+@pytest.mark.parametrize(("state", "raised", "in_air", "found"), [
+    ("equilibrium", 0.0, 0.0, [1]), ("drawn", 0.0, 0.0, [1]),
+    ("equilibrium", 0.05, 0.0, [1, 2]),  # the twin: with 5 % of a mean load at rest
+    ("drawn", 0.0, 0.5, [0, 1, 2, 3]),  # falls to the ground, and no wheel is at rest before; 0 is the track
+])  # fmt: skip
+def test_a_wheel_that_carries_nothing_at_rest_is_no_news(tmp_path, state, raised, in_air, found):
+    """A raised end wheel that touches for a while, and a wheel that loses its load for 0.3 s."""
+    t = 1e-2 * np.arange(301)
+    down = (t >= in_air) * 1e4
+    loads = np.where((t > 0.999) & (t < 1.299), 0.0, down), np.where(t < 0.05, raised, (t > 1.995) & (t < 2.5)) * down
+    changed = {f"left_track.road_wheel[{k}].force.{axis}": 0.0 * t for k in (1, 2, 3) for axis in "xyz"}
+    changed |= {f"left_track.road_wheel[{k}].force.z": load for k, load in enumerate((*loads, down), 1)}
+    changed["left_track.ground.force.z"] = 2.0 * down
+    entries = standing(tmp_path, **changed, start={"state": state})
+    assert sorted({int((e.place or "[0]").partition("[")[2][:-1]) for e in entries if e.what == "lift"}) == found
 
 
 @pytest.mark.parametrize(("time", "off"), [(0.3, True), (0.15, False)])

@@ -8,6 +8,7 @@ from made_logs import of_columns
 from fmus.start import ground_level
 from orchestrator.log.reader import Log
 from orchestrator.results import vehicle_measures
+from orchestrator.results.analyses import validity
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.scene.scene import load
 
@@ -43,6 +44,27 @@ def test_a_hull_that_soil_does_not_bear(tmp_path, ground, allow, severity):
     assert entry.time == pytest.approx(0.8, abs=0.011)
     assert entry.value == pytest.approx(0.22, rel=1e-9)
     assert "bears tracks only: 220 mm, limit 0 mm" in entry.sentence
+
+
+@pytest.mark.parametrize(("ground", "says"), [
+    ({"soil": {"n": 1.0}}, True), ({"incline_start": 1e3, "grade": 0.1}, True), ({}, False),  # level and hard
+])  # fmt: skip
+@pytest.mark.parametrize("points", [[], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
+def test_a_belly_that_nothing_checks_is_told(tmp_path, ground, says, points):
+    """The belly of a vehicle without hull points; the twin has some."""
+    table = load("straight").vehicle.model_dump()
+    table["chassis"]["hull"] = points
+    scene = {"assembly": "vehicle", "vehicle": table, "run": {"step": 0.1}, "ground": ground}
+    still = np.zeros(11)
+    columns = {f"chassis.chassis.orientation.{part}": still + (part == "w") for part in "wxyz"}
+    columns |= {f"chassis.chassis.position.{axis}": still + 9.0 for axis in "xyz"}
+    scene["start"] = {"position": [0.0, 0.0, 0.0], "heading": 0.0}
+    with Log(of_columns(tmp_path / "log.mcap", columns, 0.1 * np.arange(11), scene)) as log:
+        found = validity.of(RunData(log))
+    told = "belly: the vehicle has no hull points (chassis.hull)"
+    lacks = says and not points
+    assert found.passed_over == [f"1 of {len(validity.CHECKS)} kinds of validity not looked at: {told}"] * lacks
+    assert (f"not looked at, {told}" in found.table().notes) is lacks
 
 
 @pytest.mark.parametrize("more", [{}, {"incline_start": 1e3, "grade": 0.1}])

@@ -44,16 +44,17 @@ SHORTEST = 0.25  # s
 Part = tuple[int, int, tuple[str, int]]  # first record, first one after it, and states of speed and turn
 
 
-def parts_of(
-    t: Floats, v: Floats, yaw_rate: Floats, yaw: Floats, length: float
-) -> list[tuple[Part, tuple[float, float]]]:
-    """Parts in order, without gaps, and the speeds at both ends of each, m/s.
+Ends = tuple[float, float]  # m/s, speeds at both ends
+
+
+def parts_of(t: Floats, v: Floats, yaw_rate: Floats, yaw: Floats, length: float) -> list[tuple[Part, Ends]]:
+    """Parts in order, without gaps, and their ends.
 
     States are "rest", "steady", "acceleration", "braking", and 1 left, -1 right, 0. Times t, s, speed, m/s, yaw rate,
     rad/s, and yaw without jumps, rad, (m,) each; ``length``: of the track over TRACK.
     """
     speed = _Speed(t, v, length)
-    speeds, turns = speed.states(), _yaw_states(t, yaw_rate)
+    speeds, turns = {a: speed.state(a, b) for a, b in speed.spans.items()}, _yaw_states(t, yaw_rate)
     edges = sorted({*speeds, *turns, len(t)})
     parts = [(a, b, (_latest(speeds, a), _latest(turns, a))) for a, b in pairwise(edges)]
     parts = speed.judged(_really_turning(t, yaw, speed.judged(_without_slivers(t, speed.judged(parts)))))
@@ -109,37 +110,31 @@ class _Speed:
         self._least_change = 2.0 * least
         self._pieces = [*_pieces(t, v, least, CHANGE * self._top)]
         groups = _grouped([(piece, _trend(piece)) for piece in self._pieces])
-        self._spans = {group[0][0].start: group[-1][0].end for group in groups}  # of pieces of one trend
+        self.spans = {group[0][0].start: group[-1][0].end for group in groups}  # of pieces of one trend
 
-    def states(self) -> dict[int, str]:
-        """States of pieces of one trend by their first record: "acceleration", "braking" or, at constant speed, ""."""
-        return {a: self._state(a, b) for a, b in self._spans.items()}
-
-    def ends(self, a: int, b: int) -> tuple[float, float]:
+    def ends(self, a: int, b: int) -> Ends:
         """Speeds of the pieces at both ends of records a to b - 1, within the recorded ones, m/s."""
         first = next(piece for piece in reversed(self._pieces) if piece.start <= a).at(a)
         last = next(piece for piece in reversed(self._pieces) if piece.start < b).at(b)
         low, high = float(self._v[a : b + 1].min()), float(self._v[a : b + 1].max())
         return min(max(first, low), high), min(max(last, low), high)
 
-    def _state(self, a: int, b: int) -> str:
-        """State of records a to b - 1; a part of an acceleration or braking needs less to be one."""
+    def state(self, a: int, b: int) -> str:
+        """State of records a to b - 1, "" at constant speed; a part of an acceleration or braking needs less change."""
         first, last = self.ends(a, b)
         change, time = abs(last) - abs(first), self._times[b] - self._times[a]
         kind = "acceleration" if change > 0.0 else "braking"
         least = (CHANGE if time >= QUICK and abs(change) >= RATE * time else LARGE) * self._top
-        begin = max(start for start in self._spans if start <= a)
-        end = self._spans[begin]
-        is_part = b - a < end - begin and b <= end and self._state(begin, end) == kind
+        begin, end = max(span for span in self.spans.items() if span[0] <= a)
+        is_part = b - a < end - begin and b <= end and self.state(begin, end) == kind
         return kind if abs(change) >= max(0.0 if is_part else least, self._least_change) else ""
 
     def judged(self, parts: list[Part]) -> list[Part]:
-        """Parts with states of their own ends, merged as long as neighbours are equal."""
-        judged = self._rests([(a, b, (self._state(a, b), turn)) for a, b, (_, turn) in parts])
-        return judged if len(judged) == len(parts) else self.judged(judged)
+        """Parts with states of their own ends, merged as long as neighbours are equal.
 
-    def _rests(self, parts: list[Part]) -> list[Part]:
-        """Parts at constant speed as "rest" or "steady": neighbours that move the same way count as one."""
+        At constant speed they are "rest" or "steady": neighbours that move the same way count as one.
+        """
+        parts = [(a, b, (self.state(a, b), turn)) for a, b, (_, turn) in parts]
         times, places, top = self._times, self._places, self._top
 
         def direction(part: Part) -> int | str:
@@ -161,7 +156,8 @@ class _Speed:
             rests = fastest < max(LARGE * top, self._least_change) and (not state or (little and not moves))
             kind = state if isinstance(state, str) else "rest" if rests else "steady"
             judged += [(*part[:2], (kind, part[2][1])) for part in members]
-        return _merged(judged)
+        merged = _merged(judged)
+        return merged if len(merged) == len(parts) else self.judged(merged)
 
 
 def _trend(piece: _Piece) -> int:

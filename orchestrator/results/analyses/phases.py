@@ -14,7 +14,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, slip
-from orchestrator.results.analyses.motion_states import TRACK, parts_of
+from orchestrator.results.analyses.motion_states import TRACK, Ends, parts_of
 from orchestrator.results.energy import without_energies
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.ground_under_vehicle import pose_signals, split
@@ -140,8 +140,7 @@ def _found(run: RunData, window: Window) -> Phases:
     motion = _read(run, window)
     speed, yaw, yaw_rate = (motion.columns[f"chassis.{name}"] for name in MOTION[:3])
     parts = parts_of(motion.t, speed, yaw_rate, np.unwrap(yaw), _size(run))
-    last = len(motion.t) - 1
-    return Phases(tuple(_figures(run, motion, a, min(b, last), *state, *ends) for (a, b, state), ends in parts))
+    return Phases(tuple(_figures(run, motion, *part, ends) for part, ends in parts))
 
 
 def _size(run: RunData) -> float:
@@ -183,10 +182,9 @@ def _read(run: RunData, window: Window) -> _Motion:
     return _Motion(t[:steps], {name: column[:steps] for name, column in values.items()})
 
 
-def _figures(
-    run: RunData, motion: _Motion, a: int, b: int, speed: str, turn: int, speed_start: float, speed_end: float
-) -> Phase:
-    """Figures of the phase from record a to record b."""
+def _figures(run: RunData, motion: _Motion, a: int, b: int, state: tuple[str, int], ends: Ends) -> Phase:
+    """Figures of the phase from record a to record b, or to the last one."""
+    b, (speed, turn) = min(b, len(motion.t) - 1), state
     t, columns = motion.t[a : b + 1], {name: values[a : b + 1] for name, values in motion.columns.items()}
     time, yaw, v = float(t[-1] - t[0]), np.unwrap(columns["chassis.yaw"]), columns["chassis.speed"]
     velocity = np.stack([columns.get(f"chassis.chassis.velocity.{axis}", np.zeros(len(t))) for axis in "xyz"], axis=1)
@@ -202,8 +200,8 @@ def _figures(
         end=float(t[-1]),
         way=way,
         speed=float(np.trapezoid(v, t)) / time,
-        speed_start=speed_start,
-        speed_end=speed_end,
+        speed_start=ends[0],
+        speed_end=ends[1],
         yaw_rate=turned / time,
         yaw_rate_most=_largest_rate(t, yaw),
         radius=way / abs(turned) if turn else float("nan"),

@@ -49,9 +49,10 @@ class Validity(NamedTuple):
 
     @property
     def passed_over(self) -> list[str]:
-        """Sentence on the kinds with a fault."""
-        faults = "; ".join(f"{name.replace('_', ' ')}: {error}" for name, error in self.broken.items())
-        return [f"{len(self.broken)} of {len(CHECKS)} kinds of validity not looked at: {faults}"] if faults else []
+        """Sentence on the kinds with a fault, or for which the vehicle lacks what no log can have."""
+        errors = self.broken | {name: why for name, why in self.unchecked.items() if why == hull_checks.NO_POINTS}
+        faults = "; ".join(f"{name.replace('_', ' ')}: {error}" for name, error in errors.items())
+        return [f"{len(errors)} of {len(CHECKS)} kinds of validity not looked at: {faults}"] if faults else []
 
     def table(self) -> Table:
         """Table with a row for each entry."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +33,34 @@ class Exceedance(NamedTuple):
         value, limit = (figure(number / size(kind.unit), 3) for number in (self.value, self.limit))
         where = f" at {self.place}" if self.place else ""
         return f"{kind.text}{where}: {value} {kind.unit}, limit {limit} {kind.unit}"
+
+
+def alike_as_one(entries: Iterable[Exceedance]) -> list[Exceedance]:
+    """Entries, those that differ only in component and place as one: all their names, first time, worst value."""
+    alike: dict[tuple[str, float, str, bool], list[Exceedance]] = {}
+    for entry in entries:
+        alike.setdefault((entry.what, entry.limit, entry.severity, bool(entry.place)), []).append(entry)
+    return [_as_one(same) for same in alike.values()]
+
+
+def _as_one(alike: list[Exceedance]) -> Exceedance:
+    places = {entry.component: [each.place for each in alike if each.component == entry.component] for entry in alike}
+    words = {component: in_words(each) for component, each in places.items()}
+    if len({*words.values()}) > 1:
+        words = {component: f"{place} of {component}" for component, place in words.items()}
+    return alike[0]._replace(
+        component=" and ".join(words), place=" and ".join(dict.fromkeys(words.values())),
+        time=min(each.time for each in alike), value=max(each.value for each in alike),
+    )  # fmt: skip
+
+
+def in_words(places: Iterable[str]) -> str:
+    """Names of places, those that differ only in their number as one: "idler, road_wheel[1, 2, 5]"."""
+    numbers: dict[str, list[str]] = {}
+    for place in places:
+        stem, bracket, number = place.partition("[")
+        numbers.setdefault(stem + bracket, []).append(number.removesuffix("]"))
+    return ", ".join(f"{stem}{', '.join(found)}]" if "[" in stem else stem for stem, found in numbers.items())
 
 
 def recorded_entries(results: Mapping[str, str]) -> list[dict[str, Any]]:

@@ -29,12 +29,17 @@ def belly_signals(run: RunData) -> Iterator[str]:
         yield from (f"{name}.{axis}" for name in (PLACE, FORCE) for axis in "xyz")
 
 
+NO_POINTS = "the vehicle has no hull points (chassis.hull)"
+
+
 def belly(piece: Piece) -> Iterator[Exceedance]:
     """Entry for the deepest corner of the hull below the undeformed ground; raises Missing."""
     scene = piece.run.scene
     soft, chassis = gives_way(scene), (scene.get("vehicle") or {}).get("chassis") or {}
-    if scene.get("assembly") != "vehicle" or not (soft or chassis.get("hull")):
+    if scene.get("assembly") != "vehicle" or not (soft or on_terrain(scene) or chassis.get("hull")):
         return
+    if not chassis.get("hull"):
+        raise Missing(NO_POINTS)
     t, places = piece.vector(PLACE)
     depth = depths(piece.run, places, piece.vector(HULL, "wxyz")[1]).max(axis=1)
     if soft:
@@ -52,8 +57,8 @@ def belly(piece: Piece) -> Iterator[Exceedance]:
 def depths(run: RunData, places: Floats, orientation: Floats) -> Floats:
     """Depths (m, corners), m, of the corners of a hull at ``places`` (m, 3) with these quaternions (m, 4)."""
     chassis, surface = run.scene["vehicle"]["chassis"], run.compute_once("ground", lambda _: ground(run.scene))
-    if surface is None or not chassis["hull"]:
-        raise Missing("the vehicle's hull has no corners")
+    if surface is None:
+        raise Missing("the scene has no ground")
     arms = np.array(chassis["hull"]) - chassis["centre"]
     corners = places[:, None] + np.einsum("mij,kj->mki", matrices(orientation), arms)
     return np.asarray(surface.height_under(corners) - corners[..., 2])

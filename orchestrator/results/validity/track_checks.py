@@ -14,7 +14,7 @@ from orchestrator.results.analyses.slip import towards
 from orchestrator.results.analyses.wheel_loads import is_settling, off_ground
 from orchestrator.results.ground_surface import gives_way
 from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
-from orchestrator.results.run_data import EVER, Missing, RunData, record_durations
+from orchestrator.results.run_data import Missing, RunData, record_durations
 from orchestrator.results.validity.exceedance import WARNING, Exceedance, excess
 from orchestrator.results.validity.piece import Piece
 from orchestrator.results.validity.sprocket_checks import shaft, tracks_on_sprockets
@@ -132,11 +132,13 @@ def _crossing(run: RunData) -> Exceedance | None:
 
 
 def lift(piece: Piece) -> Iterator[Exceedance]:
-    """Entries for members without load for longer than LIFT, within the piece."""
+    """Entries for members that lose their load at rest for longer than LIFT, within the piece."""
     run = piece.run
-    intervals_by_member = dict(off_ground(run, EVER).by_member)
+    intervals_by_member = dict(off_ground(run).by_member)
     with suppress(Missing):
-        intervals_by_member |= wheel_loads.lifted(run, EVER).by_member
+        hanging = wheel_loads.hang_at_rest(run)
+        loaded = {name: each for name, each in wheel_loads.lifted(run).by_member.items() if name not in hanging}
+        intervals_by_member |= loaded
     for name, intervals in intervals_by_member.items():
         component, _, place = name.partition(".")
         for interval in intervals:
