@@ -290,6 +290,15 @@ def view(
         _write(kind, log, output, times or [], above, side or "right", colour)
     if output:
         print(output)
+    if kind != "picture":
+        from orchestrator.log.reader import Log
+        from orchestrator.results.run_data import RunData
+        from orchestrator.results.validity.hull_checks import NO_POINTS
+
+        with Log(log) as opened:
+            run = RunData(opened)
+        if run.scene.get("assembly") == "vehicle" and not run.scene["vehicle"]["chassis"].get("hull"):
+            typer.echo(f"no hull is drawn: {NO_POINTS}", err=True)
 
 
 def _kind(output: Path | None, above: bool, in_rerun: bool, in_foxglove: bool, side: str | None) -> str:

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from orchestrator.results.measured_record import MeasuredFile
 
 
-MOST = 10  # lines of a summary
 LONGEST = 1000  # longest printed sentence, characters
 
 
@@ -40,8 +39,8 @@ def plain(text: str) -> str:
 
 
 def summary(result: dict[str, Any], verbose: bool = False) -> None:
-    """Print the summary of a run, in MOST lines and those on what is wrong, or all if it is to be ``verbose``."""
-    from orchestrator.execution.summary_text import lines
+    """Print the summary of a run, in ten lines and those on what is wrong, or all if it is to be ``verbose``."""
+    from orchestrator.execution.summary_text import MOST, lines
 
     print_lines(lines(result, None if verbose else MOST))
 

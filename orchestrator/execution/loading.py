@@ -91,11 +91,12 @@ def load_scene(
     native: bool = False,
     rooms: Rooms | None = None,
     announce: Callable[[str], object] = lambda line: None,
+    detail: Callable[[str], object] = lambda line: None,
 ) -> tuple[SystemScene, System, dict[str, Component]]:
     """Place an assembled scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed.
 
     ``rooms``: where FMUs of the user get their processes; they are closed with the stack. ``announce`` gets a line for
-    what takes long or is a risk.
+    what takes long or is a risk, ``detail`` what is being done of the start.
     """
     if given := [part.name for part in assembly.parts if part.fmu is not None]:
         announce(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
@@ -106,9 +107,12 @@ def load_scene(
     try:
         if isinstance(scene, Scene) and not scene.placed:
             processes = _compile_in_processes(assembly.parts)
+            detail("the places of idlers and hull are solved from static equilibrium")
             scene = placed(scene)
             assembly = assemble(scene)
+        detail(f"FMUs are built or found: {len(assembly.parts)}")
         graph = system(assembly, native)
+        detail("kernels are compiled in processes of their own")
         for process in processes:
             process.wait()
     except BaseException:  # bad input, or a signal, which the processes need not have received
@@ -117,6 +121,7 @@ def load_scene(
         for process in processes:
             process.wait()
         raise
+    detail("components are initialised")
     return scene, graph, load_components(graph, scene.run.times, stack, logger, rooms)
 
 

@@ -91,7 +91,8 @@ def _simulate(
     reached = ReachedPoint()
     with ExitStack() as stack:
         rooms = Rooms(interrupt.signals, announce)
-        loaded = load_scene(scene, assembly, stack, logger, native, rooms, announce)
+        detail = getattr(narration, "set_detail", announce)
+        loaded = load_scene(scene, assembly, stack, logger, native, rooms, announce, detail)
         run = PreparedRun.prepare(*loaded, continuation)
         for line in _shared_parameters(run, assembly):
             announce(f"{scene.name}: {line}")

@@ -115,7 +115,7 @@ AnyPath = str | os.PathLike[str]
 class Run:
     """A run that ``cotrack.run`` made, or the run in a log: ``cotrack.Run("logs/turn-flexible.mcap")``.
 
-    Printed, it is its summary. The log stays on disk and is opened when values are asked for. Raises LogUnreadable.
+    Printed, it is a short summary. Its log on disk is opened when values are asked for. Raises LogUnreadable.
 
     :ivar log: path of the log.
     """
@@ -236,12 +236,15 @@ class Run:
             return compare_measured(RunData(log), source, Window(start, end), by_phase)
 
     def __repr__(self) -> str:
-        head, *below = summary_text.lines(self.summary)
+        return f"{summary_text.lines(self.summary)[0]}; log {self.log}"
+
+    def __str__(self) -> str:
+        head, *below = summary_text.lines(self.summary, summary_text.MOST)
         message = self.summary["message"]
         return "\n".join([head, *([f"  {message}"] if message else []), *below])
 
     def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(repr(self))}</pre>"
+        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def run(

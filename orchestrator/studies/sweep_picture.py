@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -122,4 +122,11 @@ def _draw_map(
     cells = np.full((len(down), len(across)), np.nan)
     for i, j, value in zip(x, y, values, strict=True):
         cells[down.index(j), across.index(i)] = value
-    return pane.pcolormesh(across, down, cells, shading="nearest")
+    return pane.pcolormesh(tile_edges(across), tile_edges(down), cells)
+
+
+def tile_edges(values: Sequence[float]) -> list[float]:
+    """Edges of tiles of ordered values: halfway, at the ends as far; that of positive values above half the first."""
+    gaps = [0.5 * (b - a) for a, b in pairwise(values)] or [0.5 * abs(values[0]) or 0.5]
+    first = max(values[0] - gaps[0], 0.5 * values[0]) if values[0] > 0.0 else values[0] - gaps[0]
+    return [first, *(a + gap for a, gap in zip(values[:-1], gaps, strict=False)), values[-1] + gaps[-1]]

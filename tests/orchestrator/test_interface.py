@@ -36,12 +36,14 @@ def test_an_opened_log_has_the_summary_of_its_run(run):
     for key in ("status", "checks", "observables", "energy", "simulated_time", "communication_steps", "seal"):
         assert opened.summary[key] == run.summary[key], key
     assert opened.ok
-    assert repr(opened) == repr(run)
-    head, *below, cost, _, _ = repr(run).splitlines()
+    assert str(opened) == str(run)
+    head, *below, end = str(run).splitlines()
     assert head == "hanging_chain, flexible links: ok; 1 of 3 checks are met; 2 begin after the end"
     assert any("real time, after" in line for line in below)
-    assert cost.startswith("  chain ")
-    assert f"<pre>{repr(run)[:20]}" in run._repr_html_()
+    assert "lines more with --verbose" in end
+    assert len(below) < 10
+    assert repr(run) == f"{head}; log {run.log}"
+    assert f"<pre>{str(run)[:80]}" in run._repr_html_()
 
 
 def test_figures_are_means_over_the_window_of_the_scene(tmp_path):
@@ -53,7 +55,7 @@ def test_figures_are_means_over_the_window_of_the_scene(tmp_path):
         assert each.summary["observables"]["tension_mean"] == pytest.approx(values.mean(), rel=1e-12)
         assert each.summary["windows"]["tension_mean"] == {"from": 0.005, "to": 0.01}
         assert each.summary["windows"]["tension_max"] == {"from": 0.0, "to": 0.02}
-        assert "  mean of 0.005 to 0.01 s: mean link tension " in repr(each)
+        assert "  mean of 0.005 to 0.01 s: mean link tension " in str(each)
     with pytest.raises(BadInput, match=r"run\.window: from = 2 s must be before to = 1 s"):
         package.load("hanging_chain", settings={"run.window": {"from": 2, "to": 1}})
 
@@ -117,7 +119,7 @@ def test_a_run_with_a_missed_check_is_returned(tmp_path, capfd):
     missed = package.run("hanging_chain", settings, log=tmp_path / "a.mcap", estimate=False)
     assert not missed.ok
     assert missed.summary["status"] == "ok"
-    assert "  NOT slack = " in repr(missed)
+    assert "  NOT slack = " in str(missed)
     assert "... hanging_chain: components are built and initialised" in capfd.readouterr().err
 
 
@@ -126,7 +128,7 @@ def test_a_run_that_failed_says_why(run):
     left = run.log.with_name("chain.running.mcap")
     failed = package.Run(left, run.summary | {"status": "failed", "message": "the disk is full", "log": str(left)})
     assert not failed.ok
-    assert repr(failed).splitlines()[1] == "  the disk is full"
+    assert str(failed).splitlines()[1] == "  the disk is full"
 
 
 def test_the_log_of_a_run_is_the_one_that_it_left(tmp_path, monkeypatch):

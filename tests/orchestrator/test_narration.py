@@ -84,6 +84,24 @@ def test_the_start_says_why_other_kernels_are_needed(tmp_path, settings, reason)
     assert lines[:-1] == said
 
 
+def test_a_long_start_says_what_it_does(tmp_path, watched, monkeypatch):
+    """In its reminders: the part of the start that lasts, here each one."""
+    set_detail, reminders = watched.narration.set_detail, []
+
+    def lasts(detail):
+        set_detail(detail)
+        reminders.extend(watched.after(PATIENCE))
+
+    monkeypatch.setattr(watched.narration, "set_detail", lasts)
+    scene = load("hanging_chain", "rigid", {"run.stop": "5 ms", "expect": {}})
+    simulate(scene, tmp_path / "a.mcap", narration=watched.narration)
+    told = [line.partition(" so far, ")[2].partition(",")[0] for line in reminders]
+    assert told[:4] == [
+        "the places of idlers and hull are solved from static equilibrium", "FMUs are built or found: 1",
+        "kernels are compiled in processes of their own", "components are initialised",
+    ]  # fmt: skip
+
+
 def test_the_thread_of_a_narration_reminds():
     lines, spoken, times = [], threading.Event(), iter([0.0, 0.0])
     with Narration(lambda line: (lines.append(line), spoken.set()), lambda: next(times, 2.0 * PATIENCE)) as narration:

@@ -11,7 +11,7 @@ from short_run import SHORT, last
 from orchestrator.cli import common
 from orchestrator.execution import summary
 from orchestrator.execution.log_report import summary_of
-from orchestrator.execution.summary_text import lines
+from orchestrator.execution.summary_text import MOST, lines
 from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.units import figure, number
 from orchestrator.scene.scene import load
@@ -250,7 +250,7 @@ WHEELS = [entry(side, f"road_wheel[{k}]", 2.0 - 0.1 * k, 0.3 + 0.1 * k) for side
 ])  # fmt: skip
 def test_findings_that_differ_only_in_their_place_are_one_line(entries, said):
     """All names, the first time, the worst value; another kind, or a whole track, is another line."""
-    whole = lines(summary.empty("a", None) | {"validity": entries}, common.MOST)
+    whole = lines(summary.empty("a", None) | {"validity": entries}, MOST)
     shown = [line for line in whole if "validity" in line]
     assert len(shown) == len(said)
     assert all(words in line for words, line in zip(said, shown, strict=True)), shown
@@ -281,10 +281,10 @@ def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
         "simulated_time": 1.0, "real_time_factor": 1.0, "log_bytes": 1, "observables": figures,
         "windows": {name: {"from": 0.0, "to": 1.0} for name in figures},
     }  # fmt: skip
-    short, whole = lines(quiet, common.MOST), lines(quiet)
+    short, whole = lines(quiet, MOST), lines(quiet)
     result = [line for line in short if "log a.mcap" not in line and "real time" not in line][1:]
     assert [any(words in line for line in result) for words in ("largest link", "distance", "steady at")] == [True] * 3
-    assert len(short) == common.MOST == 10
+    assert len(short) == MOST == 10
     assert short[-1] == f"  log a.mcap (0.0 MB); {len(whole) - 10} lines more with --verbose"
     assert [line for line in short[:-1] if line not in whole] == []
     assert any("energy balance: " in line for line in short)
@@ -301,10 +301,10 @@ def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
             "checks": quiet["checks"] | {"speed": missed}, "warnings": warned,
             "validity": [entry("chassis", "", what="belly", severity=severity)],
         }  # fmt: skip
-        short = lines(loud, common.MOST)
+        short = lines(loud, MOST)
         assert short[1 : 1 + len(result)] == result, "first, and as much of it as without what is wrong"
         assert sum("warning: drive at 1 s, 2 times: slow" in line for line in short) == 12
-        assert len(short) == common.MOST + 12 + 2
+        assert len(short) == MOST + 12 + 2
         assert any("NOT speed = 9" in line for line in short)
         assert any(f"validity, {severity}: chassis" in line for line in short)
 

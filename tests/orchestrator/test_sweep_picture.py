@@ -36,6 +36,18 @@ def test_curves_and_a_map_of_a_grid():
     assert (over_a.get_xlabel(), over_a.get_ylabel(), cells.get_title()) == ("a", "y, N", "y, N")
 
 
+@pytest.mark.parametrize(("values", "edges"), [
+    ([6.0, 20.0], [3.0, 13.0, 27.0]), ([1.0, 10.0, 100.0], [0.5, 5.5, 55.0, 145.0]), ([4.0, 5.0], [3.5, 4.5, 5.5]),
+    ([-2.0, 4.0], [-5.0, 1.0, 7.0]), ([0.0, 1.0], [-0.5, 0.5, 1.5]), ([3.0], [1.5, 4.5]),
+])  # fmt: skip
+def test_tiles_of_a_map_end_between_its_values(values, edges):
+    """Halfway to the neighbour, at the ends as far; positive values have no tile that reaches zero."""
+    assert sweep_picture.tile_edges(values) == edges
+    figure, _ = picture([f"a={','.join(map(str, values))}", "b=5,4"])
+    if len(values) > 1:
+        np.testing.assert_array_equal(figure.axes[2].collections[0].get_coordinates()[0, :, 0], edges)
+
+
 def test_dots_and_a_map_of_a_sample_for_each_word():
     figure, rows = picture(["a=1:3", "b=4:5 m", "m=x,y"], 4)
     over_a, _, over_m, map_x, map_y = figure.axes[:5]

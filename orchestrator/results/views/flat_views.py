@@ -19,7 +19,7 @@ from orchestrator.results.views import colours
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.pose_columns import nearest
-from orchestrator.results.views.projected import Camera, make_camera, polygons, section, side_camera
+from orchestrator.results.views.projected import Camera, heading, make_camera, polygons, section, side_camera
 from orchestrator.results.views.ruts import ground_at, inside, ruts_of, untouched
 from orchestrator.results.views.shapes import RIGHT, boxes, in_world, rim
 from orchestrator.results.views.solids import scale_arrow
@@ -131,8 +131,10 @@ def _figure(bodies: Bodies) -> Figure:
     limits = extent(views)
     wide, high = (end - begin for begin, end in limits)
     upright = high > UPRIGHT * wide
-    across = max(9.0, 2.1 * len(views) + 2.0) if upright else 9.0
-    figure = new_figure(across, 5.5 if upright else 2.1 * len(views) + 0.4)
+    tall = min(max(1.65, 6.6 * high / wide), 3.0)  # of a stacked pane
+    across = max(9.0, 2.1 * len(views) + 2.0) if upright else min(max(7.4, tall * wide / high + 2.4), 9.0)
+    figure = new_figure(across, 5.5 if upright else (tall + 0.45) * len(views) + 0.4)
+    figure.set_layout_engine("compressed")  # of panes of one aspect
     shape = (1, len(views)) if upright else (len(views), 1)
     panes = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
     for pane, view in zip(panes, views, strict=True):
@@ -185,6 +187,7 @@ INSTANTS = 5
 ROOM = 5.0  # m: margin beside the path of the vehicle
 LONGEST, OF_LINKS = 0.1, 0.045  # share of the picture: arrow of the largest force on a track, on a link
 HEIGHTS = 300  # places along each side at which the height of a terrain is shown
+LABEL = 0.06, 0.03  # share of the picture: width and height of a time
 SHORTEST = 0.03  # of the longest arrow: shorter ones are not drawn
 CAMERA = make_camera("top", 0.0, np.zeros(3))  # the picture's axes are those of the world
 
@@ -194,6 +197,7 @@ class TopView(NamedTuple):
 
     t: float  # s
     hull: Floats  # (2,) m, centre of mass
+    ahead: Floats  # (2,) unit vector
     links: list[Floats]  # (k, 2) m, upper faces of the lower run
     feet: Floats  # (n, 2) m, points of attack of the forces
     force: Floats  # (n, 2) N
@@ -247,7 +251,9 @@ def top_view(bodies: Bodies, poses: Poses, k: int = 0) -> TopView:
             force.append(np.array([[np.interp(t, times, part) for part in whole.T]]))
     faces = polygons(CAMERA, bodies, poses, k, (0.0, 1.0), lower=True).outlines
     hull = poses.positions().mean(axis=0) if poses.hull is None else poses.hull.position[k]
-    return TopView(t, hull[:2], faces, np.concatenate(feet)[:, :2], np.concatenate(force)[:, :2], by_link)
+    angle = heading(poses, k, bodies.scene["start"]["heading"])
+    ahead = np.array([np.cos(angle), np.sin(angle)])
+    return TopView(t, hull[:2], ahead, faces, np.concatenate(feet)[:, :2], np.concatenate(force)[:, :2], by_link)
 
 
 def _draw_views(pane: Axes, views: Sequence[TopView], size: float) -> None:
@@ -266,11 +272,27 @@ def _draw_views(pane: Axes, views: Sequence[TopView], size: float) -> None:
             width=0.0015 if by_link else 0.003,
         )  # fmt: skip
         pane.plot(*view.hull, "o", color="0.3", markersize=3)
-        pane.annotate(f"{view.t:.3g} s", tuple(view.hull), textcoords="offset points", xytext=(4, 4), fontsize=8)
+    for place, text in _labels(views, size):
+        pane.annotate(text, tuple(place), textcoords="offset points", xytext=(4, 4), fontsize=8)
     scale = scale_arrow(longest, largest / longest)
     pane.quiverkey(drawn, 0.92, 0.04, scale.length, scale.label, color="C3", fontproperties={"size": 8})
     what = "link" if by_link else "track"
     pane.plot([], [], color="C3", label=f"force of the ground on a {what}, up to {largest / 1e3:.3g} kN")
+
+
+def _labels(views: Sequence[TopView], size: float) -> list[tuple[Floats, str]]:
+    """Places, m, and texts of the times: at the hull or, beside another label, at its front, if need be together."""
+    labels: list[tuple[Floats, list[str]]] = []
+    for view in views:
+        front = max(float(((corners - view.hull) @ view.ahead).max()) for corners in view.links)
+        for place in (view.hull, view.hull + front * view.ahead):
+            near = [texts for other, texts in labels if (np.abs(other - place) < np.multiply(LABEL, size)).all()]
+            if not near:
+                labels.append((place, []))
+                near = [labels[-1][1]]
+                break
+        near[0].append(f"{view.t:.3g}")
+    return [(place, f"{', '.join(texts)} s") for place, texts in labels]
 
 
 def _draw_heights(pane: Axes, ground: GroundSurface, low: Floats, high: Floats) -> None:
