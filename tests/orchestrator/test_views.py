@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_logs import of_columns
 from view_logs import bodies_of, driven_log, hanging_log, stretched
 
 from fmus.vehicles.tables import BadInput
@@ -18,6 +19,7 @@ from orchestrator.results.run_data import RunData, Window, within
 from orchestrator.results.views import film, flat_views, foxglove_scene, projected, rerun_scene, solids
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.plots import chain_profiles, curves, plots
+from orchestrator.scene.scene import load
 
 driven = pytest.fixture(scope="module")(driven_log)
 hanging = pytest.fixture(scope="module")(hanging_log)
@@ -384,3 +386,21 @@ def test_a_run_that_blew_up_is_shown_up_to_there(hanging, tmp_path):
         bodies.select_instants([0.4])
         with pytest.raises(BadInput, match="values of /chain/links are no finite numbers: there is nothing to show"):
             next(bodies.blocks())
+
+
+@pytest.mark.parametrize(("points", "option", "says"), [
+    ([], "--seen-from=corner", True), ([], "--above", False),  # which draws no hull of any vehicle
+    ([[0.0, 0.0, 0.0]], "--seen-from=corner", False),
+])  # fmt: skip
+def test_a_view_says_that_a_vehicle_without_hull_points_has_no_hull(
+    cotrack, tmp_path, monkeypatch, points, option, says
+):
+    table = load("straight").vehicle.model_dump(mode="json")
+    table["chassis"]["hull"] = points
+    t = 0.1 * np.arange(3)
+    path = of_columns(tmp_path / "a.mcap", {"chassis.yaw": t}, t, {"assembly": "vehicle", "vehicle": table})
+    monkeypatch.setattr(film, "still", lambda *of: None)
+    monkeypatch.setattr(flat_views, "draw_above", lambda *of: None)
+    status, out, err = cotrack("view", path, "-o", tmp_path / "x.png", option)
+    assert (status, out) == (0, f"{tmp_path / 'x.png'}\n"), err
+    assert ("no hull is drawn: the vehicle has no hull points (chassis.hull)" in err) is says

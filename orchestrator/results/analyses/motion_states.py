@@ -106,9 +106,8 @@ class _Speed:
     def __init__(self, t: Floats, v: Floats, size: float) -> None:
         durations, self._v, self._size = record_durations(t), v, size
         self._times, self._places = (np.concatenate([[0.0], np.cumsum(each)]) for each in (durations, durations * v))
-        self._top, least = float(np.abs(v).max()), LEAST_SPEED * size**0.5
-        self._least_change = 2.0 * least
-        self._pieces = [*_pieces(t, v, least, CHANGE * self._top)]
+        self._top, self._least_change = float(np.abs(v).max()), 2.0 * LEAST_SPEED * size**0.5
+        self._pieces = [*_pieces(t, v, 0.5 * self._least_change, CHANGE * self._top)]
         groups = _grouped([(piece, _trend(piece)) for piece in self._pieces])
         self.spans = {group[0][0].start: group[-1][0].end for group in groups}  # of pieces of one trend
 

@@ -9,7 +9,7 @@ counts once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -182,12 +182,12 @@ def lifted(run: RunData, window: Window = EVER) -> UnloadedIntervals:
 
 def hang_at_rest(run: RunData) -> set[str]:
     """Road wheels that carry nothing at rest, as raised end wheels, of tracks on the ground; raises Missing."""
-    tracks, wheels = off_ground(run).by_member, lifted(run).by_member
-
-    def begins(intervals: Iterable[UnloadedInterval]) -> bool:
-        return any(not each.begins and not is_settling(run, each.end) for each in intervals)
-
-    return {name for name in wheels if begins(wheels[name]) and not begins(tracks.get(name.partition(".")[0], ()))}
+    hang = {
+        name
+        for name, intervals in (off_ground(run).by_member | lifted(run).by_member).items()
+        if any(not each.begins and not is_settling(run, each.end) for each in intervals)
+    }
+    return {name for name in hang if "." in name and name.partition(".")[0] not in hang}
 
 
 def of(run: RunData, window: Window = EVER) -> WheelLoads:

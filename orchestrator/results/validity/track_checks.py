@@ -136,9 +136,8 @@ def lift(piece: Piece) -> Iterator[Exceedance]:
     run = piece.run
     intervals_by_member = dict(off_ground(run).by_member)
     with suppress(Missing):
-        hanging = wheel_loads.hang_at_rest(run)
-        loaded = {name: each for name, each in wheel_loads.lifted(run).by_member.items() if name not in hanging}
-        intervals_by_member |= loaded
+        wheels, hanging = wheel_loads.lifted(run).by_member, wheel_loads.hang_at_rest(run)
+        intervals_by_member |= {name: each for name, each in wheels.items() if name not in hanging}
     for name, intervals in intervals_by_member.items():
         component, _, place = name.partition(".")
         for interval in intervals:

@@ -289,9 +289,8 @@ def _labels(views: Sequence[TopView], size: float) -> list[tuple[Floats, str]]:
             near = [texts for other, texts in labels if (np.abs(other - place) < np.multiply(LABEL, size)).all()]
             if not near:
                 labels.append((place, []))
-                near = [labels[-1][1]]
                 break
-        near[0].append(f"{view.t:.3g}")
+        (near[0] if near else labels[-1][1]).append(f"{view.t:.3g}")
     return [(place, f"{', '.join(texts)} s") for place, texts in labels]
 
 
