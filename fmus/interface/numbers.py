@@ -10,7 +10,7 @@ named as in a vehicle file (``chassis.mass``, ``road_wheel.x[2]``), and those of
 | `rest.road_wheel[1].position.x` | place of a wheel of a track at the start, or of the mount of a drive |
 | `rest.height`, `rest.roll`, `rest.pitch`, `rest.lateral`, `rest.left[1]` | place of hull and leaves at the start |
 | `rest.wrench[1]` | wrench of a track on the sprocket of a drive at rest |
-| `rest.contact.wheel.friction` | contact with which a chain of rigid links comes to rest |
+| `rest.contact.wheel.friction` | without influence; older tools set it |
 | `tensioner.push` | part of `tensioner.preload` that balances a track |
 | `sprocket.spin_inertia` | of the spin of a drive |
 
@@ -120,7 +120,7 @@ def _port(name: str, value: float, meanings: Mapping[str, Meaning]) -> Port:
     key = "seat.position" if name.startswith("seat.") else key
     if key in meanings:
         unit, least, most, allowed, text = meanings[key]
-        text += ", with which the chain comes to rest" if name.startswith("rest.") else ""
+        text += ", without influence: contact.* counts" if name.startswith("rest.") else ""
         return Port(name, "parameter", unit, text, value, allowed=Range(_bound(least), _bound(most), allowed))
     for beginning, (unit, text) in OF_SCENES.items():
         if name.startswith(beginning):
