@@ -32,18 +32,18 @@ MEANINGS = "numbers.json"  # file of an FMU's resources: ``fmus.vehicles.vehicle
 STANCE = ("position.x", "position.y", "position.z", "orientation.w", "orientation.x", "orientation.y", "orientation.z")
 OF_CHAINS = ("gravity", "transverse_damping", "ends")
 OF_HULLS = ("height", "roll", "pitch", "lateral", "left", "right")
-OF_SCENES: dict[str, tuple[str, str]] = {  # unit and description, by the beginning of the name
+OF_SCENES: dict[str, tuple[str, str]] = {  # unit ("": see _unit) and description, by the beginning of the name
     "rest.height": ("m", "height of the hull's centre of mass over its drawn place at the start"),
     "rest.lateral": ("m", "way of the hull to the left at the start"),
     "rest.roll": ("rad", "roll of the hull at the start"),
     "rest.pitch": ("rad", "pitch of the hull at the start"),
-    "rest.left": ("1", "left arm from the front, rad, then slide of the idler, m, at the start"),
-    "rest.right": ("1", "right arm from the front, rad, then slide of the idler, m, at the start"),
-    "rest.wrench": ("1", "force, N, then torque, N m, of the left, then the right track on its sprocket at rest"),
-    "rest.": ("1", "place at the start in the vehicle, m, or quaternion"),
+    "rest.left": ("", "left arm from the front, rad, then slide of the idler, m, at the start"),
+    "rest.right": ("", "right arm from the front, rad, then slide of the idler, m, at the start"),
+    "rest.wrench": ("", "force, N, then torque, N m, of the left, then the right track on its sprocket at rest"),
+    "rest.": ("", "place at the start in the vehicle, m, or quaternion"),
     "gravity": ("m/s2", "acceleration of gravity, downwards"),
     "transverse_damping": ("1/s", "damping of motion across a held chain, over its mass"),
-    "ends.": ("1", "place of a held end, m, or pull on a free one, N"),
+    "ends.": ("", "place of a held end, m, or pull on a free one, N"),
     "tensioner.push": ("N", "part of tensioner.preload that balances a track"),
 }
 
@@ -111,10 +111,11 @@ def ports(config: Mapping[str, Any], meanings: Mapping[str, Meaning], known: Seq
     ``meanings``: of the keys of a vehicle file, without indices.
     """
     names = {port.name for port in known}
-    return tuple(_port(name, value, meanings) for name, value in values(config).items() if name not in names)
+    return tuple(_port(name, config, path, meanings) for name, path in places(config).items() if name not in names)
 
 
-def _port(name: str, value: float, meanings: Mapping[str, Meaning]) -> Port:
+def _port(name: str, config: Mapping[str, Any], path: Path, meanings: Mapping[str, Meaning]) -> Port:
+    value = _at(config, path)
     key = name.removeprefix("rest.contact.").partition("[")[0]
     key = f"contact.{key}" if name.startswith("rest.contact.") else key
     key = "seat.position" if name.startswith("seat.") else key
@@ -124,8 +125,22 @@ def _port(name: str, value: float, meanings: Mapping[str, Meaning]) -> Port:
         return Port(name, "parameter", unit, text, value, allowed=Range(_bound(least), _bound(most), allowed))
     for beginning, (unit, text) in OF_SCENES.items():
         if name.startswith(beginning):
-            return Port(name, "parameter", unit, text, value, allowed=ANY)
+            return Port(name, "parameter", unit or _unit(config, path), text, value, allowed=ANY)
     raise KeyError(f"the number {name} has no meaning")
+
+
+def _unit(config: Mapping[str, Any], path: Path) -> str:
+    """Unit of an entry of a list whose entries have several: arms and a slide, wrenches, a place and a quaternion."""
+    match path:
+        case ("chassis", "start", _, int(k)):
+            return "m" if k == len(_at(config, path[:-1])) - 1 else "rad"
+        case ("drive", "wrench", int(k)):
+            return "N" if k % 6 < 3 else "N.m"
+        case ("track", "ends", *_):
+            return "N" if config["track"]["ends"]["kind"] == "pulled" else "m"
+        case (*_, int(k)):
+            return "m" if k < 3 else "1"
+    raise KeyError(f"{path} is no entry of a list")
 
 
 def _bound(text: float | str) -> float:

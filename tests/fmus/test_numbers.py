@@ -20,8 +20,10 @@ from test_suspension import FAR, LAST
 from fmus.components import model_of
 from fmus.fmi.build import BuildFailed, build_shapes, packed_config, start_values
 from fmus.interface import numbers
-from fmus.interface.ports import UNITS
+from fmus.interface.ports import UNITS, variables
 from fmus.native import numbers_file
+from fmus.native.arrays import arrays
+from fmus.native.fmi3_description import document
 from fmus.native.pack import build_native, build_native_shape, with_constants
 from fmus.vehicles.ranges import contradictions
 from fmus.vehicles.vehicle import number_meanings
@@ -247,6 +249,46 @@ def test_the_description_states_unit_bounds_and_meaning():
     assert (mass[0].get("unit"), float(mass[0].get("min"))) == ("kg", 0.0)
     assert variables["chassis.inertia[2]"][0].get("unit") == "kg.m2"
     assert {unit.get("name") for unit in root.iter("Unit")} >= {"kg", "kg.m2"}
+
+
+OF_NAMES = {  # unit by the end of a name without indices and axis
+    r"energy\..*": "J", "position": "m", "distance": "m", "height": "m", r"(start|rest|track)\.lateral": "m",
+    "road_wheel.x": "m", "idler.x": "m", "velocity": "m/s", "friction_velocity": "m/s", "angular_velocity": "rad/s",
+    "roll": "rad", "heading": "rad", "force": "N", "tension": "N", "push": "N", "preload": "N", "torque": "N.m",
+    "mass": "kg", r"\w*inertia": "kg.m2", "work": "J", "orientation": "1", "friction": "1", "ratio": "1",
+    "grip": "1", "yaw.gain": "1", "spectral_radius": "1", r"adams\.[ar]tol": "1", "link_outputs.interval": "1",
+}  # fmt: skip
+
+
+def unit_of(name, config):
+    """Right unit of a Real by its name, None where the name leaves it open."""
+    if row := re.fullmatch(r"rest\.(left|right|wrench)\[(\d+)\]", name):
+        arms = len(config["chassis"]["start"]["left"]) - 1 if "chassis" in config else 0
+        return ("N", "N.m")[(int(row[2]) - 1) // 3 % 2] if row[1] == "wrench" else "rad" if int(row[2]) <= arms else "m"
+    if name.startswith("ends."):
+        return "N" if config["track"]["ends"]["kind"] == "pulled" else "m"
+    plain = re.sub(r"\[[^]]*\]|(?<=[a-z]{4})\.[wxyz]$", "", name) if "wheel.x" not in name else "road_wheel.x"
+    return next((unit for end, unit in OF_NAMES.items() if re.fullmatch(rf"(.*\.)?{end}", plain)), None)
+
+
+def reals_of(part):
+    """Names and units of the Reals of a part in FMI 2.0 and, read from its description, in FMI 3.0; its config."""
+    config = packed_config(part.kind, part.config)
+    known = model_of(part.kind)(config).ports
+    reals = variables((*known, *numbers.ports(config, number_meanings(), known))).reals
+    about = {"guid": "", "text": "", "tool": "", "others": (), "categories": {}, "experiment": {"stop": 1.0, "step": H}}
+    root = document("fmu", arrays=arrays(reals), **about)
+    types = {kind.get("name"): kind.get("unit") for kind in root.iter("Float64Type")}
+    later = [(one.get("name"), one.get("unit") or types[one.get("declaredType")]) for one in root.iter("Float64")]
+    return [*((port.name, port.unit) for port in reals), *later], config
+
+
+@pytest.mark.parametrize("scene", ["straight", "differential", "serpentine", "crawler", "hanging_chain", "shear_sled"])
+def test_every_real_has_the_unit_of_its_name(scene):
+    for part in parts(scene).values():
+        found, config = reals_of(part)
+        right = {name: unit_of(name, config) for name, _ in found}
+        assert [(name, unit) for name, unit in found if right[name] not in (unit, None if unit != "1" else unit)] == []
 
 
 # --- native FMUs -----------------------------------------------------------------------------------
