@@ -154,10 +154,12 @@ class _Track:
 def _search(config: Mapping[str, Any], name: str, tension: float, keys: str, links: Links) -> WheelPlace:
     chain, reach = _Track(config, name, CABLES), REACH * (config["vehicle"]["track"]["pitch"] / PITCH)
     where = f"{keys}.tension = {tension:.6g} N"
+    pitch = config["vehicle"]["track"]["pitch"]
+    loop = f"{keys}.links = {config['track']['links']}, vehicle.track.pitch = {pitch:g} m"
     try:
         chain.tension(chain.drawn)
     except InvalidParameter as error:
-        raise BadInput(f"{keys}.links = {config['track']['links']}: {error}{chain.advice(name, keys)}") from None
+        raise BadInput(f"{loop} and the wheels do not fit together: {error}{chain.advice(name, keys)}") from None
     except StepFailed as error:
         raise BadInput(f"the chain does not come to rest on its drawn wheels: {error}") from None
     try:
@@ -175,5 +177,5 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str, lin
     jumps = " and jumps as a pin changes its seat" * (low < tension < high)
     return place._replace(
         missed=f"not reached with the {name} within {reach * 1e3:.3g} mm of x = {chain.drawn:.4g} m, where the track"
-        f" carries {low:.6g} to {high:.6g} N{jumps}"
+        f" carries {low:.6g} to {high:.6g} N{jumps}: {loop} and the places of the wheels decide it"
     )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import ast
 import inspect
+import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any, Self, get_args
@@ -25,6 +26,8 @@ from pydantic import (
     WithJsonSchema,
     model_validator,
 )
+
+Schema = Mapping[str, Any]  # JSON schema
 
 
 class BadInput(ValueError):
@@ -53,10 +56,11 @@ def _registry() -> Any:
 
 def to_si(unit: str) -> Callable[[object], float]:
     """Return a converter of ``12.3`` (SI) or ``"12.3 kN"`` to a float in ``unit``; it raises ValueError."""
+    malformed = f"must be a number or a {'ratio in %' if unit == '1' else f'quantity in {unit}'}"
 
     def convert(value: object) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise ValueError(f"must be a number or a string like '1 {unit}'")
+            raise ValueError(f"must be a number or a text like '{'50 %' if unit == '1' else f'1 {unit}'}'")
         if not isinstance(value, str):
             try:
                 return float(value)
@@ -64,7 +68,7 @@ def to_si(unit: str) -> Callable[[object], float]:
                 raise ValueError(f"must be a finite number in {unit}") from None
         quantity = _QUANTITY.fullmatch(value)
         if quantity is None:
-            raise ValueError(f"must be a number or a quantity in {unit}")
+            raise ValueError(malformed)
         number, given_unit = float(quantity[1]), quantity[2].strip()
         if given_unit in ("", unit):
             return number
@@ -77,7 +81,7 @@ def to_si(unit: str) -> Callable[[object], float]:
         except pint.errors.PintError as error:
             raise ValueError(f"must be a quantity in {unit}: {error}") from None
         except Exception:
-            raise ValueError(f"must be a number or a quantity in {unit}") from None
+            raise ValueError(malformed) from None
 
     return convert
 
@@ -153,7 +157,7 @@ class OrEach(GroupedMetadata):
 
     def _read(self, value: object) -> Any:
         inner = value[0] if isinstance(value, list | tuple) and value and self._is_list else value
-        if not isinstance(inner, list | tuple):
+        if not isinstance(inner, list | tuple) or not value:
             return self._checked(value, "")
         each = value if isinstance(value, list | tuple) else ()
         return tuple(self._checked(one, f"wheel {k}: ") for k, one in enumerate(each, 1))
@@ -162,8 +166,7 @@ class OrEach(GroupedMetadata):
         try:
             return self._one.validate_python(value)
         except ValidationError as error:
-            message = error.errors()[0]["msg"].removeprefix("Value error, ")
-            raise ValueError(f"{which}{message[0].lower()}{message[1:]}") from None
+            raise ValueError(f"{which}{_said(error.errors()[0], self._one.json_schema())}") from None
 
     def _schema(self) -> dict[str, Any]:
         one = self._one.json_schema()
@@ -269,7 +272,7 @@ def _short(text: str) -> str:
 def value_text(value: object) -> str:
     """Text of a value for a message, at most 80 characters for values of any size or depth."""
     try:
-        return _short(repr(value))
+        return str(value).lower() if isinstance(value, bool) else _short(repr(value))
     except (ValueError, RecursionError):  # an integer of more digits than Python writes, a list in a list in ...
         return f"a huge {type(value).__name__}"
 
@@ -285,15 +288,113 @@ def foremost(error: ValidationError) -> Any:
     return min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
 
 
-def first_error(error: ValidationError, where: str) -> str:
-    """Foremost error of a validation as one sentence."""
+def key_text(parts: Iterable[str | int]) -> str:
+    """Dotted key, entries of lists counted from 1 as in names of FMUs: ``road_wheel.x[1]``."""
+    return "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
+
+
+def first_error(error: ValidationError, where: str, schema: Schema) -> str:
+    """Foremost error of a validation as one sentence; ``schema``: JSON schema of the table, which says what may be."""
     first = foremost(error)
-    key = _short(".".join(str(part) for part in first["loc"]))
+    *above, last = first["loc"] or ("",)
+    if first["type"] == "missing" and isinstance(last, int):  # an entry of a list
+        first = {**first, "loc": tuple(above)}
+    key = _short(key_text(first["loc"]))
     if first["type"] == "extra_forbidden":
         return f"{where}: unknown key '{key}'"
-    if first["type"] == "missing":
+    if first["type"] == "missing" and not isinstance(last, int):
         return f"{where}: key '{key}' is missing"
-    message = first["msg"].removeprefix("Value error, ")
     value = "" if isinstance(first["input"], Mapping) else f" = {value_text(first['input'])}"
-    about = f"{key}{value}: " if key else ""
-    return f"{where}: {about}{message[0].lower()}{message[1:]}"
+    return f"{where}: {f'{key}{value}: ' if key else ''}{_said(first, schema)}"
+
+
+def _said(error: Any, schema: Schema) -> str:
+    """What is wrong with a value: what its key may be, by the schema of the table, or the reason of a validator."""
+    entry = _entry(schema, error["loc"])
+    text = allowed(entry, WORDS)
+    if error["type"] == "value_error":
+        message = str(error["msg"]).removeprefix("Value error, ")
+        bounded = message.startswith("must be a number or ") and text != "number" and len(entry.get("anyOf", ())) == 2
+        return f"{message[0].lower()}{message[1:]}{f', {text}' * bounded}"
+    article = "a " if text.startswith(("list", "number", "table", "text", "whole")) else ""
+    unit = " or ".join(dict.fromkeys(filter(lambda unit: unit != "1", units(entry))))
+    numbers = f" {unit}" if unit and text[-1:].isdigit() else f", in {unit}" if unit else ""
+    least = f", at least {error['ctx']['min_length']}" if error["type"] == "too_short" else ""
+    return f"must be {article}{'finite ' * (text == 'number')}{text}{least}{numbers}"
+
+
+def _entry(schema: Schema, loc: Iterable[str | int]) -> Schema:
+    """Schema of the value at a place of a table, an empty one where a validator alone knows it."""
+    found = [schema]
+    for part in loc:
+        ways = [way for each in found for way in _ways(each, schema)]
+        inner = [way.get("properties", {}).get(part, way.get("additionalProperties")) if isinstance(part, str) else
+                 dict(enumerate(way.get("prefixItems", ()))).get(part, way.get("items")) for way in ways]  # fmt: skip
+        found = [each for each in inner if each] or found  # the name of a kind of value, among several, is no key
+    table = next((way for way in _ways(found[0], schema) if "properties" in way), {})
+    return {**found[0], "keys": [*table["properties"]]} if table else found[0]
+
+
+def _ways(entry: Schema, schema: Schema) -> Iterator[Schema]:
+    """Alternatives of a value."""
+    if "$ref" in entry:
+        entry = schema["$defs"][entry["$ref"].rpartition("/")[2]]
+    yield entry
+    for part in entry.get("anyOf", ()):
+        yield from _ways(part, schema)
+
+
+WORDS = {  # of the bounds of a number
+    "exclusiveMinimum": "greater than {:g}", "minimum": "{:g} or more", "maximum": "{:g} at most",
+    "exclusiveMaximum": "less than {:g}",
+}  # fmt: skip
+MOST_NAMES = 15  # that are listed
+
+
+def units(entry: Schema) -> Iterator[str]:
+    """Units of a value, or of the entries of a list."""
+    if "unit" in entry:
+        yield entry["unit"]
+    for part in (*entry.get("anyOf", ()), *entry.get("prefixItems", ()), *filter(None, [entry.get("items")])):
+        yield from units(part)
+
+
+def allowed(entry: Schema, words: Mapping[str, str]) -> str:
+    """Allowed values of a key, by its JSON schema; ``words``: how bounds of a number are written."""
+
+    def within(part: Schema) -> str:
+        return allowed(part, words)
+
+    match entry:
+        case {"keys": [*known]} if len(known) < MOST_NAMES:
+            return f"table with the key{'s' * (len(known) > 1)} {', '.join(known)}"
+        case {"unit": _, "anyOf": [number, _]}:  # the other one is the same as a text
+            return within(number)
+        case {"enum": values} if len(values) > MOST_NAMES:
+            return f"one of {len(values)} names"
+        case {"enum": values}:
+            return " or ".join(map(json.dumps, values))
+        case {"const": value}:
+            return json.dumps(value)
+        case {"anyOf": parts}:
+            return " or ".join(dict.fromkeys(within(part) for part in parts if part.get("type") != "null"))
+        case {"prefixItems": parts}:
+            return f"[{', '.join(map(within, parts))}]"
+        case {"items": part}:
+            return f"list of {(each := within(part))}{'s' * (each in ('number', 'text', 'table'))}"
+        case {"type": "boolean"}:
+            return "true or false"
+        case {"type": "integer", **bounds}:
+            return ", ".join(filter(None, ("whole number", bounds_text(bounds, words))))
+        case {"type": "number", **bounds}:
+            return bounds_text(bounds, words) or "number"
+        case {"type": "string"}:
+            return "text"
+    return "table"
+
+
+def bounds_text(bounds: Schema, words: Mapping[str, str]) -> str:
+    """Bounds of a number in words; empty without any."""
+    if "minimum" in bounds and "maximum" in bounds:
+        return f"{bounds['minimum']:g} to {bounds['maximum']:g}"
+    return ", ".join(text.format(bounds[bound]) for bound, text in words.items() if bound in bounds)

@@ -403,7 +403,7 @@ def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:
     try:
         return _check_consistency(VehicleTable.model_validate(dict(data)), None)
     except ValidationError as error:
-        raise BadInput(first_error(error, where)) from None
+        raise BadInput(first_error(error, where, VehicleTable.model_json_schema())) from None
     except ValueError as error:
         raise BadInput(f"{where}: {error}") from None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import time
 from collections.abc import Mapping
@@ -152,13 +153,18 @@ def keys(
     """
     from orchestrator.cli.key_reference import key_text, measure_keys, page
     from orchestrator.scene.keys import scene_keys
+    from orchestrator.scene.settings import derived, near_keys
 
     chosen, measured = (
         [key for key in known if word.lower() in f"{key.key}\n{key.meaning}".lower()]
         for known in (scene_keys(), measure_keys())
     )
     if not chosen and not measured:
-        raise BadInput(f"no key and no measure has {value_text(word)} in its name or meaning")
+        parts, names = re.findall(r"\w+", word), [key.key for key in scene_keys()]
+        near = [name for name in names if parts and all(part in name for part in parts)] or near_keys(word, names)
+        hints = [derived(word), f"near it are {', '.join(near[:5])}" if near else ""]
+        said = f"no key and no measure has {value_text(word)} in its name or meaning"
+        raise BadInput("; ".join(filter(None, (said, *hints))))
     if as_json:
         print_json({"keys": [key._asdict() for key in chosen], "measures": [key._asdict() for key in measured]})
     elif markdown:

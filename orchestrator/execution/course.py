@@ -103,10 +103,10 @@ def life(path: str | os.PathLike[str]) -> CourseLife:
     try:
         runs = CourseTable.model_validate(read_file_table(file, "course")).run
     except ValidationError as error:
-        raise BadInput(first_error(error, path_text(file))) from None
-    for k, each in enumerate(runs):
+        raise BadInput(first_error(error, path_text(file), CourseTable.model_json_schema())) from None
+    for k, each in enumerate(runs, 1):
         if len({*each.log}) < len(each.log):
-            raise BadInput(f"{path_text(file)}: run.{k}.log = {each.log}: names a log twice")
+            raise BadInput(f"{path_text(file)}: run[{k}].log = {each.log}: names a log twice")
         logs: list[tuple[int, Floats]] = []
         scene: dict[str, Any] = {}
         for name in each.log:

@@ -185,7 +185,10 @@ def side_by_side(log: Log, chosen: dict[str, list[int]], window: tuple[float, fl
     for block in log.blocks(chosen, BLOCK, window=window):
         for topic in others:
             if not np.array_equal(block[topic].t, block[first].t):
-                raise NoSuchSignal(f"{first} and {topic} were recorded at different times: export to a folder")
+                raise NoSuchSignal(
+                    f"{first} and {topic} were recorded at different times: ask for signals of one of them; an export"
+                    " into a folder writes a table for each"
+                )
         yield np.concatenate([block[first].t[:, None], *(block[topic].values for topic in chosen)], axis=1)
 
 

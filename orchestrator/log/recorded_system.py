@@ -67,7 +67,7 @@ def system_of(log: Log) -> dict[str, Any]:
     try:
         _System.model_validate(table)
     except ValidationError as error:
-        raise LogUnreadable(first_error(error, f"{log.path}: system.json")) from None
+        raise LogUnreadable(first_error(error, f"{log.path}: system.json", _System.model_json_schema())) from None
     return table
 
 
@@ -77,7 +77,7 @@ def texts_of(log: Log) -> dict[str, list[str]]:
     try:
         return _TEXTS.validate_python(table)
     except ValidationError as error:
-        raise LogUnreadable(first_error(error, f"{log.path}: {TEXTS}")) from None
+        raise LogUnreadable(first_error(error, f"{log.path}: {TEXTS}", _TEXTS.json_schema())) from None
 
 
 def signal_description(log: Log, signal: str) -> str:

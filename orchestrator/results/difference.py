@@ -57,7 +57,7 @@ def alignment(text: str) -> Alignment:
     except ValueError:
         value = np.nan
     if not signal or not np.isfinite(value):
-        raise BadInput(f"--align {text}: must be {FORMS}")
+        raise BadInput(f"align = {text}: must be {FORMS}")
     return Alignment("s", lambda run: _event_clock(run, signal, value))
 
 

@@ -225,7 +225,7 @@ def find_shift(pairs: Sequence[Pair]) -> tuple[float, str]:
 def _doubt(shift: float, least: float, other: float, rms: float) -> str:
     return (
         f"a shift of {other:.6g} s is nearly as good as {shift:.6g} s: RMS {100.0 * rms:.3g} % of the measured"
-        f" variation instead of {100.0 * least:.3g} %; --shift S chooses"
+        f" variation instead of {100.0 * least:.3g} %; shift = S chooses"
     )
 
 

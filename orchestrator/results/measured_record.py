@@ -87,7 +87,7 @@ def read(
         if timed != {True}:
             asked[CLOCK] = _column(path, present, clock or _clock(path, present), "s")
         elif clock:
-            raise BadInput(f"{path}: its columns have times of their own, so that it takes no --clock")
+            raise BadInput(f"{path}: its columns have times of their own, so that it takes no clock")
         return [column.number for column in asked.values()]
 
     samples = read_samples(path, choose)
@@ -146,7 +146,7 @@ def _clock(path: Path, present: Sequence[FileColumn]) -> str:
             return column.name
     named = _names([column.whole for column in present]) or "nothing"
     where = "its first line names" if present and not any(column.timed for column in present) else "it names"
-    raise BadInput(f"{path} has no column 't' or 'time', {where} {named}: --clock names the time")
+    raise BadInput(f"{path} has no column 't' or 'time', {where} {named}: clock = COLUMN names the time")
 
 
 def _column(path: Path, present: Sequence[FileColumn], text: str, unit: str) -> _Column:

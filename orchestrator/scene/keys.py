@@ -14,6 +14,7 @@ from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 from fmus.ahead import component_ports
 from fmus.track.choices import TRACKS
 from fmus.vehicles.ranges import VEHICLE, PlausibleRange
+from fmus.vehicles.tables import allowed, units
 from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.data_files import UNITS
@@ -48,6 +49,7 @@ def vehicle_schema() -> Schema:
     return {"$schema": TomlSchema.schema_dialect, **schema, "title": "vehicle"}
 
 
+@cache
 def scene_schema() -> Schema:
     """JSON schema of a scene file: any of the kinds of scenes, each is a definition.
 
@@ -104,8 +106,7 @@ def numbers(entry: Schema) -> Iterator[Schema]:
 
 
 REQUIRED = "required"
-MOST_NAMES = 15  # that are listed
-SYMBOLS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
+SYMBOLS = {"minimum": ">= {:g}", "exclusiveMinimum": "> {:g}", "maximum": "<= {:g}", "exclusiveMaximum": "< {:g}"}
 # Parameters of drives and driver with other names than their keys, and those whose default depends on the scene.
 PARAMETERS = {
     "torque_limit": "torque.limit",
@@ -173,50 +174,14 @@ def _merged(kinds: dict[str, Key]) -> Key:
 def _key(key: str, entry: Schema, required: bool) -> Key:
     default = None if key.startswith(OVERRIDES) else entry.get("default", _fmu_default(key))
     text = REQUIRED if required else "" if default is None else toml_text(default)
-    units = ", ".join(dict.fromkeys(_units(entry)))
-    return Key(key, units, _allowed(entry), text, entry.get("description", ""), solved=entry.get("readOnly", False))
-
-
-def _units(entry: Schema) -> Iterator[str]:
-    """Units of a value, or of the entries of a list."""
-    if "unit" in entry:
-        yield entry["unit"]
-    for part in (*entry.get("anyOf", ()), *entry.get("prefixItems", ()), *filter(None, [entry.get("items")])):
-        yield from _units(part)
-
-
-def _allowed(entry: Schema) -> str:
-    """Allowed values in words."""
-    match entry:
-        case {"unit": _, "anyOf": [number, _]}:  # the other one is the same as a text
-            return _allowed(number)
-        case {"enum": values} if len(values) > MOST_NAMES:
-            return f"one of {len(values)} names"
-        case {"enum": values}:
-            return " or ".join(map(toml_text, values))
-        case {"const": value}:
-            return toml_text(value)
-        case {"anyOf": parts}:
-            return " or ".join(dict.fromkeys(map(_allowed, parts)))
-        case {"prefixItems": parts}:
-            return f"[{', '.join(map(_allowed, parts))}]"
-        case {"items": part}:
-            return f"list of {_allowed(part)}"
-        case {"type": "boolean"}:
-            return "true or false"
-        case {"type": "integer", **bounds}:
-            return ", ".join(filter(None, ("whole number", _range(bounds))))
-        case {"type": "number", **bounds}:
-            return _range(bounds) or "number"
-        case {"type": "string"}:
-            return "text"
-    return "table"
-
-
-def _range(bounds: Schema) -> str:
-    if "minimum" in bounds and "maximum" in bounds:
-        return f"{bounds['minimum']:g} to {bounds['maximum']:g}"
-    return ", ".join(f"{symbol} {bounds[bound]:g}" for bound, symbol in SYMBOLS.items() if bound in bounds)
+    return Key(
+        key,
+        ", ".join(dict.fromkeys(units(entry))),
+        allowed(entry, SYMBOLS),
+        text,
+        entry.get("description", ""),
+        solved=entry.get("readOnly", False),
+    )
 
 
 def _fmu_default(key: str) -> Any:

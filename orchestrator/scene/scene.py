@@ -93,14 +93,24 @@ def read_vehicle(name: str) -> dict[str, Any]:
 def read_file_table(path: Path, kind: str) -> dict[str, Any]:
     """Raw table of a TOML file, named ``kind`` in messages; raises BadInput."""
     try:
-        return read_toml(path)
+        table = read_toml(path)
     except FileNotFoundError:
         raise BadInput(f"no {kind} file {path_text(path)}") from None
     except (OSError, ValueError, RecursionError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise BadInput(f"{path_text(path)}: not a readable TOML file: {reason}") from None
+    course = isinstance(table.get("run"), list)
+    found = "course" if course else "vehicle" if "chassis" in table else "scene" if "assembly" in table else kind
+    if found != kind:
+        raise BadInput(f"{path_text(path)}: is the file of a {found}, not of a {kind}: {READERS[found]}")
+    return table
 
 
+READERS = {  # what takes a file of this kind
+    "scene": "'cotrack run' runs it",
+    "vehicle": "a scene names it, vehicle = 'FILE.toml', or the option --vehicle of 'cotrack run'",
+    "course": "'cotrack life' takes it",
+}
 NEAREST = 3  # most keys that a message suggests
 # keys that may stand for one of their own, unless their value is a table
 SHORT_KEYS = {"track": "track.model", "run.coupling": "run.coupling.scheme"}
@@ -284,7 +294,11 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
 
 def _validation_sentence(error: ValidationError, where: str, model: type[SystemScene]) -> str:
     """One sentence for a validation error, with the nearest known keys for an unknown one."""
-    text, first = first_error(error, where), foremost(error)
+    from orchestrator.scene.keys import scene_schema  # with the ranges; keys reads scenes
+
+    schema = scene_schema()
+    first = foremost(error)
+    text = first_error(error, where, {**schema, **schema["$defs"][model.__name__]})
     if first["type"] != "extra_forbidden":
         return text
     key = ".".join(map(str, first["loc"]))

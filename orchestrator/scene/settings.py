@@ -27,10 +27,10 @@ def setting(text: str) -> tuple[str, Any]:
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise BadInput(f"--set {text}: is not valid UTF-8") from None
+        raise BadInput(f"setting {text}: is not valid UTF-8") from None
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
-        raise BadInput(f"--set {text}: must be KEY=VALUE")
+        raise BadInput(f"setting {text}: must be KEY=VALUE")
     try:
         parsed = tomllib.loads(f"value = {value}")
     except (ValueError, RecursionError):
@@ -54,9 +54,14 @@ def file_part(settings: Mapping[str, Any]) -> str:
     return plain if plain == text else f"{plain}-{digest[:8]}"
 
 
+def parts_of(key: str) -> list[str]:
+    """Parts of a dotted key; entries of lists are counted from 1 in brackets, ``x[1]``, or from 0 without, ``x.0``."""
+    return re.sub(r"\[([1-9][0-9]{0,8})\]", lambda place: f".{int(place[1]) - 1}", key).split(".")
+
+
 def set_key(table: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key; integers index into arrays."""
-    *path, last = key.split(".")
+    """Set a dotted key, as of ``parts_of``."""
+    *path, last = parts_of(key)
     place: Any = table
     for part in path:
         place = place[_index(place, part, key)] if isinstance(place, list) else place.setdefault(part, {})
@@ -67,7 +72,7 @@ def set_key(table: dict[str, Any], key: str, value: Any) -> None:
 
 def _index(place: list[Any], part: str, key: str) -> int:
     if not part.isdecimal() or len(part) > 9 or int(part) >= len(place):
-        raise BadInput(f"unknown key '{key}': '{part}' must be an index below {len(place)}")
+        raise BadInput(f"unknown key '{key}': the list has entries [1] to [{len(place)}]")
     return int(part)
 
 
@@ -117,6 +122,24 @@ def near_keys(key: str, known: Iterable[str]) -> list[str]:
     if near := get_close_matches(name, siblings, 1):
         return [f"{table}.{near[0]}".lstrip(".")]
     return [one for one in named if one.rpartition(".")[2] == name] or get_close_matches(key, named, 1)
+
+
+# Quantities that are no keys, by the words of their names, and what decides them.
+DERIVED = {
+    "sprocket pitch radius diameter": "vehicle.sprocket.teeth and vehicle.track.pitch: pitch / (2 sin(pi / teeth))",
+    "track chain length": "vehicle.track.links x vehicle.track.pitch",
+    "vehicle total mass weight": "the keys mass of vehicle.chassis, vehicle.track and all other parts",
+    "vehicle tread gauge": "2 x vehicle.track.lateral",
+    "ground clearance": "vehicle.chassis.hull, road_wheel.z, road_wheel.radius and track.face",
+    "road wheel idler roller diameter": "twice the radius of the wheel",
+}
+
+
+def derived(name: str) -> str:
+    """What decides a quantity that is no key; empty where its name is not that of one."""
+    words = {*re.findall(r"[a-z]+", name.lower())}
+    found = [each for each in DERIVED if words and words <= {"vehicle", *each.split()}]
+    return f"it follows from {DERIVED[found[0]]}" if found else ""
 
 
 def toml_text(value: Any) -> str:

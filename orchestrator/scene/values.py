@@ -124,8 +124,29 @@ def implausible_numbers(scene: Mapping[str, Any], where: str) -> list[str]:
                 f" {1e3 * longest:.4g} ms: the energy balance may stay open"
             )
         sentences += impossible_sections(vehicle)
-        sentences += overlapping_wheels(vehicle) if scene.get("assembly") == "vehicle" else ()
+        sentences += (
+            (*overlapping_wheels(vehicle), *_light_spins(vehicle, step)) if scene.get("assembly") == "vehicle" else ()
+        )
     return [f"{where}: {sentence}" for sentence in sentences]
+
+
+def _light_spins(vehicle: Mapping[str, Any], step: float) -> Iterator[str]:
+    """Yield a sentence if the friction of a step turns the spin of a road wheel round, below its share of the hull.
+
+    Wrenches are held over a step H: a spin of mass J/r2 with the friction mu N (v / velocity) grows from H mu N r2 /
+    (J velocity) = 2 on.
+    """
+    wheel, law = vehicle["road_wheel"], vehicle["contact"]["wheel"]
+    radius, wheels = wheel["radius"], 2 * len(wheel["x"])
+    load = vehicle["chassis"]["mass"] * vehicle["gravity"] / wheels
+    needed = 0.5 * step * law["friction"] * load * radius**2 / law["friction_velocity"]
+    if wheel["spin_inertia"] < needed:
+        yield (
+            f"vehicle.road_wheel.radius = {radius:g} m with spin_inertia = {wheel['spin_inertia']:g} kg m^2: friction"
+            f" turns the wheel's spin round within run.step = {1e3 * step:g} ms, so the energy balance may stay open;"
+            f" plausible is at least {needed:.3g} kg m^2, or a shorter step. A full disc of this mass and radius has"
+            f" {0.5 * wheel['mass'] * radius**2:.3g} kg m^2"
+        )
 
 
 ROUNDING = 1e-9  # m
@@ -156,8 +177,8 @@ def _wheels(table: Mapping[str, Any], above: str) -> Iterator[_Wheel]:
     sprocket, idler = table["sprocket"], table["idler"]
     yield _Wheel("the sprocket's place", "vehicle.sprocket.outer_radius", 0.0, 0.0, sprocket["outer_radius"])
     for name in ("road_wheel", "return_roller"):
-        for k, x in enumerate((wheels := table.get(name) or {"x": ()})["x"]):
-            yield _Wheel(f"{above}{name}.x.{k}", f"vehicle.{name}.radius", x, wheels["z"], wheels["radius"])
+        for k, x in enumerate((wheels := table.get(name) or {"x": ()})["x"], 1):
+            yield _Wheel(f"{above}{name}.x[{k}]", f"vehicle.{name}.radius", x, wheels["z"], wheels["radius"])
     yield _Wheel(f"{above}idler.x", "vehicle.idler.radius", idler["x"], idler["z"], idler["radius"])
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from fmus.vehicles.tables import BadInput
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.scene import with_settings
-from orchestrator.scene.settings import hint
+from orchestrator.scene.settings import hint, parts_of
 
 SMALL = 1e-4  # change, in units of a number's size, that every free number must allow
 
@@ -73,7 +73,7 @@ def _free_number(scene: Scene, text: str) -> FreeNumber:
 def number_at(scene: Any, key: str, option: str = "--free") -> float:
     """Number of a dotted key of a scene, SI; raises BadInput where there is none."""
     place: Any = scene.resolved()
-    for part in key.split("."):
+    for part in parts_of(key):
         if isinstance(place, Mapping) and part in place:
             place = place[part]
         elif isinstance(place, list | tuple) and part.isdecimal() and int(part) < len(place):

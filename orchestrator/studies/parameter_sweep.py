@@ -95,7 +95,7 @@ def plan(
     fixed = {SHORT_KEYS.get(key, key) for key in common} | ({"track.model"} if track else set())
     for one in design.variations:
         if SHORT_KEYS.get(one.key, one.key) in fixed:
-            raise BadInput(f"--vary {one.text}: its key is set by another option")
+            raise BadInput(f"vary {one.text}: its key is set by another option")
     scenes = [load(scene, track, common | dict(pairs(design.settings(point)))) for point in design.points]
     identity = json.dumps([native, estimated, *figures, *(one.resolved() for one in scenes)])
     digest = hashlib.sha256(identity.encode()).hexdigest()
@@ -138,7 +138,7 @@ def _differences(held: Mapping[str, Any], definition: Mapping[str, Any]) -> str:
     pairs_of = [(name, held[name], definition[name]) for name in sorted(compared)]
     if isinstance(there := held.get("settings"), Mapping):
         here = definition["settings"]
-        pairs_of += [(f"--set {key}", there.get(key, "not set"), here.get(key, "not set"))
+        pairs_of += [(f"setting {key}", there.get(key, "not set"), here.get(key, "not set"))
                      for key in sorted({*there, *here})]  # fmt: skip
     found = [f"{name} is {value_text(a)} there and {value_text(b)} here" for name, a, b in pairs_of if a != b]
     return "; ".join(found) or "a setting, a file or cotrack itself has changed"

@@ -136,11 +136,11 @@ def _on_cluster(cases: Sequence[Case], remaining: Sequence[int], address: str) -
         from dask.distributed import Client
         from dask.distributed import as_completed as completed
     except ImportError:
-        raise BadInput(f"--scheduler {address}: Dask is not installed: {installation('dask')}") from None
+        raise BadInput(f"scheduler {address}: Dask is not installed: {installation('dask')}") from None
     try:
         client = Client(address, timeout=SCHEDULER_TIMEOUT)
     except (OSError, ValueError) as error:
-        raise BadInput(f"--scheduler {address}: no Dask scheduler answers there ({error})") from None
+        raise BadInput(f"scheduler {address}: no Dask scheduler answers there ({error})") from None
     with client:
         waiting = {
             client.submit(attempt, cases[k], key=f"{cases[k].name}-{os.getpid()}-{k}", pure=False): k for k in remaining

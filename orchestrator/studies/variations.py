@@ -84,33 +84,33 @@ class Design(NamedTuple):
 def _check(variations: Sequence[Variation], sampled: Sequence[Variation], sample: int | None, seed: int) -> None:
     keys = [variation.key for variation in variations]
     if not keys:
-        raise BadInput("--vary KEY=a:b:n: a sweep needs a key to vary")
+        raise BadInput("vary KEY=a:b:n: a sweep needs a key to vary")
     if twice := [key for key in keys if keys.count(key) > 1]:
-        raise BadInput(f"--vary {twice[0]}: is given twice")
+        raise BadInput(f"vary {twice[0]}: is given twice")
     if sampled and sample is None:
-        raise BadInput(f"--vary {sampled[0].key}: a range a:b needs a number of points, a:b:n, or --sample N")
+        raise BadInput(f"vary {sampled[0].key}: a range a:b needs a number of points, a:b:n, or sample = N")
     if sample is not None and not sampled:
-        raise BadInput(f"--sample {sample}: needs a range --vary KEY=a:b")
+        raise BadInput(f"sample {sample}: needs a range, vary KEY=a:b")
     if sample is not None and sample < 1:
-        raise BadInput(f"--sample {sample}: must be at least 1")
+        raise BadInput(f"sample {sample}: must be at least 1")
     if seed < 0:
-        raise BadInput(f"--seed {seed}: must be at least 0")
+        raise BadInput(f"seed {seed}: must be at least 0")
     count = math.prod(len(variation.values) for variation in variations if not variation.ends) * (sample or 1)
     if count > MOST:
-        raise BadInput(f"--vary: these are {count} cases, and {MOST} are allowed")
+        raise BadInput(f"vary: these are {count} cases, and {MOST} are allowed")
 
 
 def _variation(text: str) -> Variation:
     key, _, values = (part.strip() for part in text.partition("="))
     if not key or not values:
-        raise BadInput(f"--vary {text}: must be KEY=a:b:n or KEY=x,y,z")
+        raise BadInput(f"vary {text}: must be KEY=a:b:n or KEY=x,y,z")
     return _range(text, key, values.split(":")) if ":" in values else _list(text, key, values.split(","))
 
 
 def _list(text: str, key: str, parts: Sequence[str]) -> Variation:
     texts = [part.strip() for part in parts]
     if "" in texts or len(set(texts)) < len(texts):
-        raise BadInput(f"--vary {text}: {'a value is empty' if '' in texts else 'a value is given twice'}")
+        raise BadInput(f"vary {text}: {'a value is empty' if '' in texts else 'a value is given twice'}")
     quantities = [_QUANTITY.fullmatch(part) for part in texts]
     if None in quantities:
         return Variation(text, key, "", tuple(Value(part, part) for part in texts))
@@ -126,17 +126,17 @@ def _range(text: str, key: str, parts: Sequence[str]) -> Variation:
     """Range with both ends; its points are the nearest doubles to the decimal numbers."""
     quantities = [found for part in parts if (found := _QUANTITY.fullmatch(part))]
     if len(quantities) < len(parts) or len(parts) > 3:
-        raise BadInput(f"--vary {text}: must be a:b:n, two numbers and a number of points, for example 20:40:3 kN")
+        raise BadInput(f"vary {text}: must be a:b:n, two numbers and a number of points, for example 20:40:3 kN")
     unit = _unit(text, [found[2] for found in quantities if found[2]])
     low, high, *count = (Decimal(found[1]) for found in quantities)
     if not math.isfinite(float(low)) or not math.isfinite(float(high)):
-        raise BadInput(f"--vary {text}: must have finite ends")
+        raise BadInput(f"vary {text}: must have finite ends")
     if low == high and count != [1]:
-        raise BadInput(f"--vary {text}: the range is empty")
+        raise BadInput(f"vary {text}: the range is empty")
     if not count:
         return Variation(text, key, unit, (), (float(low), float(high)))
     if not (1 <= count[0] <= MOST and count[0] == int(count[0])):
-        raise BadInput(f"--vary {text}: the number of points must be a whole number from 1 to {MOST}")
+        raise BadInput(f"vary {text}: the number of points must be a whole number from 1 to {MOST}")
     steps = int(count[0]) - 1
     numbers = [float(low + (high - low) * k / steps) for k in range(1, steps + 1)]
     return Variation(text, key, unit, tuple(_value(number, unit) for number in [float(low), *numbers]))
@@ -144,7 +144,7 @@ def _range(text: str, key: str, parts: Sequence[str]) -> Variation:
 
 def _unit(text: str, units: Sequence[str]) -> str:
     if len(set(units)) > 1:
-        raise BadInput(f"--vary {text}: all numbers must have one unit")
+        raise BadInput(f"vary {text}: all numbers must have one unit")
     return units[0] if units else ""
 
 

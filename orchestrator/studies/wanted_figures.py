@@ -39,14 +39,14 @@ def wanted_figures(texts: Sequence[str]) -> tuple[WantedFigure, ...]:
     for one in found:
         known = [*measures.NAMES, *measures.REDUCTIONS, *ANALYSES]
         if one.name not in known:
-            raise BadInput(f"--for {one.text}: {hint(one.name, known, 'there are')}")
+            raise BadInput(f"for {one.text}: {hint(one.name, known, 'there are')}")
         if one.name in measures.REDUCTIONS and not one.of:
-            raise BadInput(f"--for {one.text}: needs a signal, as {one.name}:left_track.tension.max")
+            raise BadInput(f"for {one.text}: needs a signal, as {one.name}:left_track.tension.max")
         if one.name in measures.NAMES and (fault := wrong_part(one.name, one.of)):
-            raise BadInput(f"--for {one.text}: {fault}")
+            raise BadInput(f"for {one.text}: {fault}")
         if one.name in ANALYSES:
             if one.of:
-                raise BadInput(f"--for {one.text}: an analysis is given by its name alone")
+                raise BadInput(f"for {one.text}: an analysis is given by its name alone")
             catalogue.require_library(one.name)
     return found
 

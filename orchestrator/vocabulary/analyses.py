@@ -47,7 +47,7 @@ class Analysis(NamedTuple):
         return tuple(option.flag for option in (*self.options, *self.picture_options))
 
 
-UNSTRESSED = "fatigue needs flexible links, or a force (cotrack analyse LOG fatigue --signal tension)"
+UNSTRESSED = "fatigue needs flexible links, or a force (option signal, tension)"
 SN_HELP = "S-N line of fatigue: stress range, cycles, slope; default 100e6,2e6,3, units as in '90 MPa,1e6,5'"
 
 TRACK = Option("track", str, "--track", "NAME", "left_track or left; by default the first, of fatigue and joints all")

@@ -334,7 +334,7 @@ def with_tables(**tables):
     ("tables", "words"),
     [
         ({"suspension": {"stiffness": [1e6, 2e6]}}, "suspension.stiffness: has 2 values, must have one for all"),
-        ({"suspension": {"damping": [1.0, 2.0, 3.0, 4.0, -5.0]}}, "wheel 5: input should be greater than or equal"),
+        ({"suspension": {"damping": [1.0, 2.0, 3.0, 4.0, -5.0]}}, "wheel 5: must be 0 or more, in N s/m"),
         ({"road_arm": None}, "suspension: needs the table road_arm"),
         ({"suspension": None}, "road_arm: needs the table suspension, or pairs = true"),
         ({"road_arm": {"pairs": True}}, "road_arm.pairs: 5 wheels of a side must be an even number"),

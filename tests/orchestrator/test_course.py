@@ -188,15 +188,15 @@ def test_no_damage_is_a_life_without_end(tmp_path):
 
 
 REFUSED = {
-    "km of nothing": ('[[run]]\nlog = "a.mcap"\nkm = 0', r"course.toml.: run.0.km = 0: input should be greater than 0"),
-    "no km": ('[[run]]\nlog = "a.mcap"', "course.toml.: key 'run.0.km' is missing"),
+    "km of nothing": ('[[run]]\nlog = "a.mcap"\nkm = 0', r"course.toml.: run.1..km = 0: must be greater than 0 km"),
+    "no km": ('[[run]]\nlog = "a.mcap"', "course.toml.: key 'run.1..km' is missing"),
     "no run": ("", "course.toml.: key 'run' is missing"),
-    "no log": ("[[run]]\nlog = []\nkm = 1", "run.0.log = .*should have at least 1 item"),
-    "unknown key": ('[[run]]\nlog = "a.mcap"\nkm = 1\nshare = 2', "unknown key 'run.0.share'"),
-    "another unit": ('[[run]]\nlog = "a.mcap"\nkm = "1 kg"', "run.0.km = '1 kg': must be a quantity in km"),
-    "number as log": ("[[run]]\nlog = 3\nkm = 1", "run.0.log = 3: input should be a valid list"),
+    "no log": ("[[run]]\nlog = []\nkm = 1", "run.1..log = .*must be a list of texts, at least 1"),
+    "unknown key": ('[[run]]\nlog = "a.mcap"\nkm = 1\nshare = 2', "unknown key 'run.1..share'"),
+    "another unit": ('[[run]]\nlog = "a.mcap"\nkm = "1 kg"', "run.1..km = '1 kg': must be a quantity in km"),
+    "number as log": ("[[run]]\nlog = 3\nkm = 1", "run.1..log = 3: must be a list of texts"),
     "no TOML": ("[[run]", "not a readable TOML file"),
-    "twice": ('[[run]]\nlog = ["a.mcap", "a.mcap"]\nkm = 1', r"run.0.log = .*: names a log twice"),
+    "twice": ('[[run]]\nlog = ["a.mcap", "a.mcap"]\nkm = 1', r"run.1..log = .*: names a log twice"),
     "no such log": ('[[run]]\nlog = "none.mcap"\nkm = 1', "none.mcap"),
     "window": (
         '[[run]]\nlog = "a.mcap"\nkm = 1\nfrom = 3\nto = 2',

@@ -142,7 +142,7 @@ def test_a_line_is_read_with_units(text):
 
 @pytest.mark.parametrize("text", ["90 mm,1e6,5", "90e6,1e6", "90e6,1e6,0", "nan,1e6,5"])
 def test_a_line_that_is_none_is_one_sentence(text):
-    with pytest.raises(BadInput, match=f"--sn {text}: "):
+    with pytest.raises(BadInput, match=f"sn = {text}: "):
         fatigue.StressLifeLine.read(text)
 
 

@@ -146,7 +146,7 @@ def test_damage_is_booked_where_and_when_the_force_is_largest(tmp_path):
     assert table.records()[0]["part"] == "", "a chain without wheels has no parts"
     with Log(path) as log, pytest.raises(Missing, match="no phases without the motion of a hull"):
         life.of(RunData(log), by="phase")
-    with Log(path) as log, pytest.raises(BadInput, match="--by tooth: must be one of place, phase"):
+    with Log(path) as log, pytest.raises(BadInput, match="by = tooth: must be one of place, phase"):
         life.of(RunData(log), by="tooth")
 
 

@@ -288,7 +288,7 @@ def test_a_report_takes_an_own_line(tmp_path, cotrack):
     assert "S-N line: 1e+06 cycles at a stress range of 90 MPa, slope 5." in html
     status, _, err = cotrack("report", log, "--sn", "90 mm,1e6,5", "-o", tmp_path / "b.html")
     assert (status, (tmp_path / "b.html").exists()) == (2, False)
-    assert "--sn 90 mm,1e6,5: must be stress range, cycles and slope" in err
+    assert "sn = 90 mm,1e6,5: must be stress range, cycles and slope" in err
 
 
 def test_rigid_links_have_no_fatigue_and_the_page_says_why(tmp_path):

@@ -159,10 +159,10 @@ def test_what_a_log_lacks_is_said(tmp_path):
             ride.of(RunData(log), **options)
         return str(caught.value)
 
-    assert "holds no motion of a seat: 'cotrack run SCENE --for ride'" in said(
+    assert "holds no motion of a seat: the scene's key seats = ['NAME'], or" in said(
         t, sines(t), [(f"other{k}", "m") for k in range(7)]
     )
-    assert said(t, sines(t), seat="gunner") == "--seat gunner: there is driver"
+    assert said(t, sines(t), seat="gunner") == "seat = gunner: there is driver"
     assert "fewer than 16 records in the window" in said(t, sines(t), window=Window(5.0, 6.0))
     assert "is recorded every 10 ms: vibration up to 80 Hz needs 6.25 ms or less" in said(t[::10], sines(t[::10]))
     assert "is not finite" in said(t, np.where(t[:, None] > 1.0, np.nan, sines(t)))

@@ -265,7 +265,7 @@ def test_runs_of_one_scene():
         ("drive.speed=19", "drive.speed = 19.0 and 20.0"),
         ("start.heading=1", "start.heading = 1.0 and 0.0"),
         ("track.start=polygon", "track.start = 'polygon' and not given"),
-        ("ground.hull=true", "ground.hull = True and False"),
+        ("ground.hull=true", "ground.hull = true and false"),
         ("vehicle.hitch.x=-4", "vehicle.hitch.x = -4.0 and -4.41"),
         ("hitch.force=1", "hitch = {"),
     ):

@@ -13,17 +13,17 @@ REFUSED = {  # by scene: a setting, and words of its sentence
         ("run.step=2 kg", "run.step = '2 kg': must be a quantity in s"),
         ("run.step=soon", "run.step = 'soon'"),
         ("run.step=3 ms", "must be a multiple of step"),
-        ("run.stop=-1", "greater than 0"),
-        ("vehicle.chassis.mass=-3 kg", "vehicle.chassis.mass = '-3 kg': input should be greater than 0"),
+        ("run.stop=-1", "run.stop = -1: must be 1e-09 to 1e+09 s"),
+        ("vehicle.chassis.mass=-3 kg", "vehicle.chassis.mass = '-3 kg': must be 0.001 to 1e+08 kg"),
         ("vehicle.chassis.mass=nan", "vehicle.chassis.mass = nan"),
-        ("vehicle.gravity=inf", "finite"),
+        ("vehicle.gravity=inf", "vehicle.gravity = inf: must be 0 to 1000 m/s^2"),
         ("vehicle=leopard", "no vehicle 'leopard'"),
-        ("track=soft", "'flexible' or 'rigid'"),
+        ("track=soft", 'must be "flexible" or "rigid"'),
         ("track.rtol=1e-8", "rtol = 1e-08 needs integrator = 'adams' or 'dormand_prince'"),
-        ("track.atol=1", "less than or equal to 0.1"),
-        ("track.elasticity=large", "track.elasticity = 'large': input should be 'small_deformation', 'general' or"),
+        ("track.atol=1", "track.atol = 1: must be 1e-13 to 0.1 m"),
+        ("track.elasticity=large", 'track.elasticity = \'large\': must be "small_deformation" or "general" or'),
         ("vehicle.sprocket.outer_radius=0.2", "must exceed the pitch radius"),
-        ("vehicle.section.torsion=0 m^4", "vehicle.section.torsion = '0 m^4': input should be greater than 0"),
+        ("vehicle.section.torsion=0 m^4", "vehicle.section.torsion = '0 m^4': must be greater than 0 m^4"),
         (
             "vehicle.section.torsion=2e-4",
             "section.torsion = 0.0002 m^4 must not exceed the polar moment bending + lateral_bending = 0.000182 m^4",
@@ -31,7 +31,7 @@ REFUSED = {  # by scene: a setting, and words of its sentence
         ("vehicle.seat.A.position=[0, 0, 0]", "seat.A: a name has small letters, digits and _ alone"),
         ("expect.sag.measure=sagg", "no measure 'sagg'"),
         ("chain.links.first=1", "'links' is a value, not a table"),
-        ("vehicle.road_wheel.x.9=0", "must be an index below 5"),
+        ("vehicle.road_wheel.x.9=0", "the list has entries [1] to [5]"),
         ("nonsense", "must be KEY=VALUE"),
         ("assembly=boat", "must be one of chain, bench, rig, vehicle"),
         ("assembly=[1]", "must be one of chain, bench, rig, vehicle"),
@@ -41,9 +41,9 @@ REFUSED = {  # by scene: a setting, and words of its sentence
         ("run.links=1" + "0" * 5000, "run.links = '10000"),
         ("vehicle=.toml/x.toml", "no vehicle file '.toml/x.toml'"),
         ('vehicle="\\u0000.toml"', "not a readable TOML file: "),
-        ("vehicle.road_wheel.x.\N{SUPERSCRIPT ONE}=0", "must be an index below 5"),
-        ("expect.rest.expected=nan", "expect.rest.expected = nan: input should be a finite number"),
-        ("start.position=[1e9, 0, 0]", "start.position.0 = 1000000000.0: input should be less than"),
+        ("vehicle.road_wheel.x.\N{SUPERSCRIPT ONE}=0", "the list has entries [1] to [5]"),
+        ("expect.rest.expected=nan", "expect.rest.expected = nan: must be a finite number"),
+        ("start.position=[1e9, 0, 0]", "start.position[1] = 1000000000.0: must be -1e+06 to 1e+06 m"),
         ("name=../../up", "name = '../../up'"),
         ("chain={links=8, ends='held', span=0.5}", "chain: span = 0.5 needs ends = 'pinned', not 'held'"),
         ("chain.spin=1", "spin = 1.0 needs ends = 'loop', not 'pinned'"),
@@ -51,7 +51,7 @@ REFUSED = {  # by scene: a setting, and words of its sentence
     ],
     "released_chain": [
         ("chain.ends=pinned", "ends = 'pinned' needs span"),
-        ("chain.ends=hung", "'pinned', 'held', 'lying' or 'loop'"),
+        ("chain.ends=hung", 'must be "pinned" or "held" or "lying" or "loop"'),
         ("track.start=crooked", "track.start = 'crooked'"),
     ],
     "spinning_loop": [
@@ -59,6 +59,8 @@ REFUSED = {  # by scene: a setting, and words of its sentence
         ("chain.spinn=5", "unknown key 'chain.spinn': did you mean 'chain.spin'?"),
     ],
     "straight": [
+        ("vehicle.hitch=false", "vehicle.hitch = false: must be a table with the keys x, z"),
+        ("vehicle.road_arm.pivot=[]", "vehicle.road_arm.pivot = []: "),
         ("hitch.force=1 m", "hitch.force = '1 m': must be a quantity in N"),
         ("hitch.drag_points=[[1, 2], [1, 3]]", "drag_points: needs at least one point, and speeds that rise"),
         ("hitch.drag_points=none.csv", "hitch.drag_points = 'none.csv': cannot be read"),
@@ -87,6 +89,7 @@ def test_bad_settings_are_one_sentence(scene, setting, said):
         load(scene, None, [setting])
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+    assert "input" not in str(error.value)
     assert len(str(error.value)) < 400
 
 
@@ -129,7 +132,7 @@ def test_unknown_scene_names_the_nearest(tmp_path):
                 ('measure = "energy_residual", from = 1', "from = 1 s: energy_residual is of the whole run"),
             )
         ),
-        ('x = { signal = "a.b", expected = 1, tolerance = -1 }', "greater than or equal to 0"),
+        ('x = { signal = "a.b", expected = 1, tolerance = -1 }', "must be 0 or more, in"),
         ('x = { signal = "a.b", reduce = "median", expected = 1, tolerance = 1 }', "reduce"),
         ('x = { signal = "a.b", expect = 1, tolerance = 1 }', "expect"),
         (

@@ -192,7 +192,7 @@ def test_a_folder_holds_one_sweep(cotrack, monkeypatch, tmp_path):
     kept = {file: file.read_bytes() for file in (tmp_path / "found").iterdir() if file.is_file()}
     vary = "['track.model=rigid,flexible', 'chain.span=0.7:0.8:2']"
     for other, differs in (
-        (("--no-estimate",), "estimated is True there and False here"),
+        (("--no-estimate",), "estimated is true there and false here"),
         (("--native",), "native is False there and True here"),
         (("--set", "run.step=2 ms"), "--set run.step is 'not set' there and '2 ms' here"),
         (("--vary", "run.links=1,2"), f"vary is {vary} there and {vary[:-1]}, 'run.links=1,2'] here"),

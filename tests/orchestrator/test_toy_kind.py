@@ -127,7 +127,7 @@ def test_a_toy_kind_of_track_is_known_everywhere(house):
     needs = "formulation = 'recursive' needs model = 'rigid' or 'toy': flexible links have none"
     assert answers["flexible, recursive"].endswith(needs)
     assert answers["element=beam"].endswith("element = 'beam' needs model = 'flexible': toy links have none")
-    assert answers["model=jelly"].endswith("input should be 'flexible', 'rigid' or 'toy'")
+    assert answers["model=jelly"].endswith('must be "flexible" or "rigid" or "toy"')
 
 
 @pytest.mark.long

@@ -242,7 +242,7 @@ def test_deformation_as_a_picture_and_as_numbers(cotrack, driven, tmp_path):
     assert cotrack("analyse", driven, "deformation", "-o", "d.csv")[0] == 0
     assert len((tmp_path / "d.csv").read_text().splitlines()) == 1 + 64 * deformation.POINTS
     status, _, err = cotrack("analyse", driven, "deformation", "--link", "65", "-o", "e.png")
-    assert (status, err) == (2, "cotrack: --link 65: left_track has the links 1 to 64\n")
+    assert (status, err) == (2, "cotrack: link = 65: left_track has the links 1 to 64\n")
 
 
 # wheels and ground

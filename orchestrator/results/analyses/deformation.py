@@ -117,7 +117,7 @@ def picture(deformation: Deformation, output: Path, link: int) -> None:
     from orchestrator.results.output_files import new_figure, save_figure
 
     if not 1 <= link <= deformation.displacement.shape[1]:
-        raise BadInput(f"--link {link}: {deformation.track} has the links 1 to {deformation.displacement.shape[1]}")
+        raise BadInput(f"link = {link}: {deformation.track} has the links 1 to {deformation.displacement.shape[1]}")
     figure = new_figure(10.0, 4.2)
     panes = figure.subplots(1, 2)
     deformation.draw(panes, link)

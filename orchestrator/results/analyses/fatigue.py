@@ -47,9 +47,9 @@ class StressLifeLine(NamedTuple):
             line = cls(to_si("Pa")(stress.strip()), float(cycles), float(slope))
         except ValueError:
             raise BadInput(
-                f"--sn {text}: must be stress range, cycles and slope, as 100e6,2e6,3 or '100 MPa,2e6,3'"
+                f"sn = {text}: must be stress range, cycles and slope, as 100e6,2e6,3 or '100 MPa,2e6,3'"
             ) from None
-        return line.checked(f"--sn {text}")
+        return line.checked(f"sn = {text}")
 
     def checked(self, where: str) -> StressLifeLine:
         """The line itself; raises BadInput, which begins with ``where``, unless its numbers are positive."""

@@ -162,7 +162,7 @@ class Life(NamedTuple):
             if abs(each.circuits - round(each.circuits)) > 0.1 or each.circuits < 0.9:
                 found.append(
                     f"{each.track} went round {each.circuits:.2f} times: links have not all had the same cycles, the"
-                    " worst had more or less than its share; take a window (--from, --to) of whole circuits"
+                    " worst had more or less than its share; take a window of whole circuits"
                 )
         first = max(self.tracks, key=lambda each: float(each.damage.max(initial=0.0)))
         return (
@@ -177,7 +177,7 @@ class Life(NamedTuple):
 def of(run: RunData, track: str = "", window: Window = EVER, by: str = "") -> Life:
     """Life of each pin of a track, by default of all; ``by``: key of BY. Raises Missing, NotInstalled, BadInput."""
     if by and by not in BY:
-        raise BadInput(f"--by {by}: must be one of {', '.join(BY)}")
+        raise BadInput(f"by = {by}: must be one of {', '.join(BY)}")
     life = table_of(run)
     tracks = tuple(_of_track(run, name, window, life, by) for name in hull.tracks(run, track))
     return Life(tracks, by, run.log.unsound)

@@ -127,9 +127,12 @@ def of(run: RunData, seat: str = "", window: Window = EVER) -> Ride:
     """
     places = _seats(run)
     if not places:
-        raise Missing(f"{run.log.path} holds no motion of a seat: 'cotrack run SCENE --for ride' records all of them")
+        raise Missing(
+            f"{run.log.path} holds no motion of a seat: the scene's key seats = ['NAME'], or cotrack run --for ride,"
+            " records it"
+        )
     if seat and seat not in places:
-        raise BadInput(f"--seat {seat}: there is {', '.join(places)}")
+        raise BadInput(f"seat = {seat}: there is {', '.join(places)}")
     rides, resampled = [], False
     for name in [seat] if seat else places:
         ride, interpolated = _ride(run, name, *places[name], window)

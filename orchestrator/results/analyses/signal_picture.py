@@ -68,7 +68,7 @@ def figure_of(
     if place and frequency:
         raise BadInput("places on the circuit are drawn over time, not over frequency or tooth order")
     if at and not place:
-        raise BadInput("--at takes an instant of --place, values by place on the circuit")
+        raise BadInput("at: needs place, a map of values by place on the circuit, of which it is an instant")
     if measured and (frequency or waterfall or place):
         raise BadInput("measured signals are drawn as curves over time only")
     figure = Figure(layout="constrained")

@@ -86,9 +86,11 @@ def of(
     one. Raises BadInput, Missing, NoSuchSignal.
     """
     if not signals:
-        raise BadInput("a spectrum needs --signal NAME: 'cotrack log info --signals LOG' says which there are")
+        raise BadInput(
+            "a spectrum needs a signal: Run.signals, or cotrack log info --signals LOG, says which there are"
+        )
     if shape not in SHAPES:
-        raise BadInput(f"--shape {shape}: must be {' or '.join(SHAPES)}")
+        raise BadInput(f"shape = {shape}: must be {' or '.join(SHAPES)}")
     chosen = record_blocks.named_columns(run, [signals] if isinstance(signals, str) else signals)
     if len(chosen) != 1:
         raise Missing(f"the signals are on {len(chosen)} topics: a spectrum needs signals of one, with common times")

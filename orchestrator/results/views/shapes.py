@@ -67,7 +67,7 @@ def drawn_scene(run: RunData) -> dict[str, Any]:
     try:
         return _SCENE.model_validate(run.scene).model_dump()
     except ValidationError as error:
-        raise BadInput(first_error(error, f"{run.log.path}: scene.json")) from None
+        raise BadInput(first_error(error, f"{run.log.path}: scene.json", _SCENE.model_json_schema())) from None
 
 
 DRAWN = 0.94  # length of a drawn link over the pitch: gaps show where links end
