@@ -309,7 +309,7 @@ def first_error(error: ValidationError, where: str, schema: Schema) -> str:
 
 
 def _said(error: Any, schema: Schema) -> str:
-    """What is wrong with a value: what its key may be, by the schema of the table, or the reason of a validator."""
+    """Reason of an error: allowed values of the key, by the schema of the table, or the words of a validator."""
     entry = _entry(schema, error["loc"])
     text = allowed(entry, WORDS)
     if error["type"] == "value_error":

@@ -136,7 +136,7 @@ DERIVED = {
 
 
 def derived(name: str) -> str:
-    """What decides a quantity that is no key; empty where its name is not that of one."""
+    """Keys that decide a quantity that is no key; empty where its name is not that of one."""
     words = {*re.findall(r"[a-z]+", name.lower())}
     found = [each for each in DERIVED if words and words <= {"vehicle", *each.split()}]
     return f"it follows from {DERIVED[found[0]]}" if found else ""
