@@ -5,7 +5,7 @@ They are read from the JSON schemas of the files, with which editors complete an
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -83,7 +83,7 @@ def scene_schema() -> Schema:
     }
 
 
-SCHEMAS = {"scene": scene_schema, "vehicle": vehicle_schema}
+SCHEMAS: dict[str, Callable[[], Schema]] = {"scene": scene_schema, "vehicle": vehicle_schema}
 
 
 def _add_ranges(table: Schema, tables: Schema, ranges: Iterable[PlausibleRange]) -> None:
