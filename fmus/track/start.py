@@ -185,7 +185,7 @@ class LaidChain:
         drawn[:, [0, 2]] = [self.pose.pitch_point(*wheel["position"]) for wheel in self.wheel_list]
         stages = max(ceil(abs(wheels - drawn).max() / LOWERED), 1)
         for finer in range(FINER + 1):
-            count = stages * 2**finer
+            count = stages << finer
             try:
                 self.start_rows[:] = drawn + 1 / count * (wheels - drawn) if count > 1 else wheels
                 self.settle(pins, rest=True)

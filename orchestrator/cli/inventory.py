@@ -117,7 +117,7 @@ def _track_tension(scene: Scene) -> Iterator[str]:
     """Yield a line about the tracks of a vehicle at rest, or why it cannot start."""
     if isinstance(scene, VehicleScene) and scene.tracks:
         try:
-            yield f"  {summary_text.track_tension(track_tension(placed(scene)))}"
+            yield f"  {summary_text.track_tension(track_tension(placed(scene).resolved()))}"
         except BadInput as error:
             yield f"  track tension: {error}"
 

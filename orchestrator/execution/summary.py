@@ -74,7 +74,7 @@ def evaluate(run: RunData, scene: SystemScene, simulated: float) -> dict[str, An
         "windows": windows(found, scene, simulated),
         "places": places(found, run),
         "phases": phase_entries(run),
-        "track_tension": track_tension(scene) if isinstance(scene, VehicleScene) else {},
+        "track_tension": track_tension(run.scene),
     }
 
 
@@ -91,8 +91,10 @@ def balance(run: RunData) -> dict[str, Any]:
 
 def _unreached_window(run: RunData) -> list[str]:
     """Return a sentence if the run does not reach the begin or the end of ``run.window``."""
-    table, last = run.scene.get("run", {}), run.span[1]
-    start, end = ((table.get("window") or {}).get(key) or 0.0 for key in ("from", "to"))
+    table = run.scene.get("run", {})
+    if not (window := table.get("window")):
+        return []
+    last, start, end = run.span[1], *(window.get(key) or 0.0 for key in ("from", "to"))
     if start > last + 1e-9:
         return [f"run.window.from = {start:g} s is after the end of the run, {last:.6g} s: there are no means"]
     if end > last + table.get("outputs", 1) * table.get("step", 0.0):

@@ -15,7 +15,7 @@ from orchestrator.results.validity.exceedance import Exceedance, alike_as_one
 
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
 
-MOST = 10  # lines of a short summary
+MOST = 11  # lines of a short summary
 INSTEAD = {"pad_velocity": "pad_slip"}  # printed where the other one is not known
 
 

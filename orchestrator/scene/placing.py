@@ -67,26 +67,26 @@ def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
     return _with_idlers(scene, [each.x for each in laid], [each.push for each in laid], standing)
 
 
-def track_tension(scene: VehicleScene) -> dict[str, Any]:
-    """Tension asked of a placed vehicle, and what its tracks carry; empty without tracks, and for an older log.
+def track_tension(scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Tension asked of a placed vehicle, as resolved, and what its tracks carry; empty without tracks or in older logs.
 
     ``standing``: on level, hard ground; ``start``: at the start on its ground; both N, of each track. ``sag`` of the
     longest free span, m, ``loads`` on the road wheels of each side, N, and ``settlement`` of the hull, m, are those of
     the start, and of a vehicle that starts as ``drawn`` those of the standing one.
     """
-    standing, rest = scene.standing, scene.start.equilibrium
-    if standing is None:
+    if not (standing := scene.get("standing")):
         return {}
-    at = rest or standing
+    rest = scene["start"].get("equilibrium")
+    tracks, drawn = (rest or standing)["tracks"], not rest
     return {
-        "asked": scene.vehicle.track.tension,
-        "standing": [track.tension for track in standing.tracks],
-        "start": [track.tension for track in rest.tracks] if rest else list(standing.drawn),
-        "drawn": rest is None,
-        "why": standing.why,
-        "sag": max((track.sag for track in at.tracks), default=None),
-        "loads": [list(track.loads) for track in at.tracks],
-        "settlement": 0.0 - at.height if at.tracks else None,
+        "asked": scene["vehicle"]["track"]["tension"],
+        "standing": [track["tension"] for track in standing["tracks"]],
+        "start": [track["tension"] for track in tracks] if rest else list(standing["drawn"]),
+        "drawn": drawn,
+        "why": standing["why"],
+        "sag": max((track["sag"] for track in tracks), default=None),
+        "loads": [list(track["loads"]) for track in tracks],
+        "settlement": 0.0 - (rest or standing)["height"] if tracks else None,
     }
 
 

@@ -152,7 +152,7 @@ def test_rigid_links_as_drawn_have_the_tension_asked():
 def test_a_tension_out_of_reach_is_told_with_the_nearest_which_can_be_had():
     config = track_of(scene_of(6))
     place = tensioning._search(config, "idler", 1845.3, "vehicle.track", tensioning.CABLES)
-    assert re.fullmatch(r"not reached with the idler .* where the track carries [\d.]+ to [\d.]+ N", place.missed)
+    assert re.fullmatch(r"not reached with the idler .* where the track carries [\d.]+ to [\d.]+ N: .*", place.missed)
     assert laid(config, place.x).report[T_MEAN] == pytest.approx(place.tension, rel=1e-9)
     again = tensioning._search(config, "idler", place.tension, "vehicle.track", tensioning.CABLES)
     assert (again.x, again.missed) == (pytest.approx(place.x, abs=1e-8), "")
@@ -175,7 +175,7 @@ def test_a_tension_that_is_jumped_over_is_refused_with_both_sides(monkeypatch):
     for asked, nearest in ((2.0e3, 1.7e3), (3.0e3, 3.7e3)):
         place = tensioning._search(config, "idler", asked, "vehicle.track", tensioning.CABLES)
         assert place.tension == pytest.approx(nearest)
-        assert place.missed.endswith("N and jumps as a pin changes its seat")
+        assert "N and jumps as a pin changes its seat: vehicle.track.links = 10" in place.missed
     assert tensioning._search(config, "idler", 3.8e3, "vehicle.track", tensioning.CABLES).x == pytest.approx(0.008)
 
 

@@ -72,5 +72,5 @@ def test_what_cannot_be_laid_side_by_side(runs):
     with pytest.raises(Missing, match=r"no signal 'chassis\.way'"):
         apart(runs["reference"], runs["later"], "chassis.way=1")
     for text in ("way", "=1", "chassis.speed=", "chassis.speed=nan"):
-        with pytest.raises(BadInput, match=f"--align {text}: must be time, travel or SIGNAL=VALUE"):
+        with pytest.raises(BadInput, match=f"align = {text}: must be time, travel or SIGNAL=VALUE"):
             alignment(text)

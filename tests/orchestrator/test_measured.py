@@ -205,7 +205,7 @@ def test_another_shift_that_is_nearly_as_good_is_named(write, tmp_path, wave, ot
     assert found.shift == pytest.approx(numbers[1], rel=1e-5)
     assert (numbers[0] - numbers[1] + 0.2) % 0.4 == pytest.approx(0.2, abs=2e-3)
     assert re.search(
-        r"s: RMS (0\.29|0\.28\d|1\.68) % of the measured variation instead of 0\.2(9|8\d) %; --shift S chooses$", note
+        r"s: RMS (0\.29|0\.28\d|1\.68) % of the measured variation instead of 0\.2(9|8\d) %; shift = S chooses$", note
     )
     assert note in str(found.table())
 
@@ -214,7 +214,11 @@ def test_another_shift_that_is_nearly_as_good_is_named(write, tmp_path, wave, ot
     ("text", "column", "sentence"),
     [
         ("t,v\n0,1\n", "w", "m.csv has no column 'w': it has t, v"),
-        ("v,F\n0,1\n", "v", "m.csv has no column 't' or 'time', its first line names v, F: --clock names the time"),
+        (
+            "v,F\n0,1\n",
+            "v",
+            "m.csv has no column 't' or 'time', its first line names v, F: clock = COLUMN names the time",
+        ),
         (
             "t,v [km/h],v [m/s]\n0,1,1\n",
             "v",

@@ -130,7 +130,7 @@ def test_a_wrong_dimension_and_a_missing_column_are_refused(tmp_path, kind):
     with pytest.raises(BadInput, match=rf"m\.{kind} has no column 'w': it has "):
         read(file, {"chassis.speed": "w"}, UNITS.get)
     if kind != "parquet":
-        with pytest.raises(BadInput, match="its columns have times of their own, so that it takes no --clock"):
+        with pytest.raises(BadInput, match="its columns have times of their own, so that it takes no clock"):
             read(file, column(kind), UNITS.get, "t")
 
 

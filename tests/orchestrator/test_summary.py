@@ -284,8 +284,8 @@ def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
     short, whole = lines(quiet, MOST), lines(quiet)
     result = [line for line in short if "log a.mcap" not in line and "real time" not in line][1:]
     assert [any(words in line for line in result) for words in ("largest link", "distance", "steady at")] == [True] * 3
-    assert len(short) == MOST == 10
-    assert short[-1] == f"  log a.mcap (0.0 MB); {len(whole) - 10} lines more with --verbose"
+    assert len(short) == MOST == 11
+    assert short[-1] == f"  log a.mcap (0.0 MB); {len(whole) - MOST} lines more with --verbose"
     assert [line for line in short[:-1] if line not in whole] == []
     assert any("energy balance: " in line for line in short)
     assert not any("pins_left" in line or "checksum" in line for line in short)

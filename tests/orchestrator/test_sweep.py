@@ -193,8 +193,8 @@ def test_a_folder_holds_one_sweep(cotrack, monkeypatch, tmp_path):
     vary = "['track.model=rigid,flexible', 'chain.span=0.7:0.8:2']"
     for other, differs in (
         (("--no-estimate",), "estimated is true there and false here"),
-        (("--native",), "native is False there and True here"),
-        (("--set", "run.step=2 ms"), "--set run.step is 'not set' there and '2 ms' here"),
+        (("--native",), "native is false there and true here"),
+        (("--set", "run.step=2 ms"), "setting run.step is 'not set' there and '2 ms' here"),
         (("--vary", "run.links=1,2"), f"vary is {vary} there and {vary[:-1]}, 'run.links=1,2'] here"),
     ):
         status, out, err = cotrack(*MODELS, *SPANS, *other, "-o", "found")

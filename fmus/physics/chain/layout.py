@@ -61,15 +61,20 @@ def sag_of_longest_span(centres: Floats, radii: Floats, borne: NDArray[np.bool_]
     """
     belt = _belt(centres, radii, None, SAMPLES)
     chord = np.roll(belt, -1, axis=0) - belt
-    away = abs(np.linalg.norm(belt[:, None] - centres[None], axis=2) - radii)
-    on_road = borne[away.argmin(axis=1)]
-    length = np.where(on_road & np.roll(on_road, -1), 0.0, np.linalg.norm(chord, axis=1))
+    on_road = borne[abs(_distances(belt, centres) - radii).argmin(axis=1)]
+    length = np.where(on_road & np.roll(on_road, -1), 0.0, of_each(hypot, *chord.T))
     k = int(length.argmax())
     ends = belt[[k, (k + 1) % len(belt)]]
-    first, last = np.linalg.norm(pins[:, None] - ends, axis=2).argmin(axis=0)
+    first, last = _distances(pins, ends).argmin(axis=0)
     x, z = (np.roll(pins, -first, axis=0)[: (last - first) % len(pins) + 1] - ends[0]).T
     along = chord[k] / length[k]
     return float(np.max(x * along[1] - z * along[0], initial=0.0))
+
+
+def _distances(points: Floats, centres: Floats) -> Floats:
+    """Distances (n, m), m, of ``points`` (n, 2) from ``centres`` (m, 2)."""
+    away = points[:, None] - centres
+    return np.sqrt((away * away).sum(axis=2))
 
 
 def _seat(centres: Floats, toothed: int, radius: float, teeth: int) -> Floats:
