@@ -66,6 +66,14 @@ MIRRORED = 1.0, -1.0, 1.0, -1.0, 1.0, -1.0  # signs of a wrench on the other sid
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 
 
+class TrackAtRest(NamedTuple):
+    """Track on its wheels at rest."""
+
+    tension: float  # mean over its links, N
+    sag: float  # of its longest free span, m
+    loads: Sequence[float]  # on the road wheels from the front, N
+
+
 class VehicleEquilibrium(NamedTuple):
     """Coordinates of hull and leaves at rest, from the drawn position."""
 
@@ -77,15 +85,7 @@ class VehicleEquilibrium(NamedTuple):
     lateral: float = 0.0  # of the hull, m: on a side slope it has slid until guides touch
     # force, N, and torque, N m, of each track on its sprocket, left and right, in the vehicle; 0 without a track
     sprockets: Sequence[Sequence[float]] = ()
-    tracks: Sequence[Sequence[float]] = ()  # ``TrackAtRest`` of each track, left and right
-
-
-class TrackAtRest(NamedTuple):
-    """Track on its wheels at rest."""
-
-    tension: float  # mean over its links, N
-    sag: float  # of its longest free span, m
-    loads: Sequence[float]  # on the road wheels from the front, N
+    tracks: Sequence[TrackAtRest] = ()  # left and right
 
 
 class FlexibleTrack(NamedTuple):

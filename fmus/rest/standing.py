@@ -71,8 +71,8 @@ def standing_vehicle(
     def found(links: str) -> StandingVehicle:
         """On rigid links what it is on cables, unless these stretch."""
         search = _Search(chassis, tracks, tension, found("cables") if links == "rigid" else None)
-        *numbers, rest = cached_result("places", "standing", [*request, links], search.run)
-        return StandingVehicle(*numbers, read_equilibrium(rest))
+        places, pushes, drawn, rest = cached_result("places", "standing", [*request, links], search.run)
+        return StandingVehicle(places, pushes, drawn, read_equilibrium(rest))
 
     try:
         return found("rigid" if rigid else "cables")

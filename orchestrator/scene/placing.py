@@ -58,7 +58,7 @@ def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
             why = str(error)
         else:
             rest = _numbers(found.rest)
-            standing = StandingTable(drawn=found.drawn, height=rest["height"], tracks=rest["tracks"])
+            standing = StandingTable(drawn=tuple(found.drawn), height=rest["height"], tracks=rest["tracks"])
             return _with_idlers(scene, found.places, found.pushes, standing)
     laid = [_laid_idler(scene, tension, "vehicle.track")]
     if scene.vehicle.right is not None:

@@ -264,3 +264,19 @@ def test_of_100_random_vehicles_none_is_wrong(capsys):
     with capsys.disabled():
         print("", "  k links  number teeth pitch, mm asked, N  reached or refused, N  seconds", *rows, sep="\n")
     assert refused < 0.2 * len(rows)
+
+
+@pytest.mark.parametrize("sag", [0.0, 0.02, 0.1])
+def test_the_sag_of_the_longest_span_is_that_of_a_straightedge(sag):
+    """Over two rims 3 m apart, as a parabola; the span along the ground is longer, but borne."""
+    centres, radii = np.array([[0.0, 0.0], [-3.0, 0.1], [0.2, -0.4], [-3.4, -0.4]]), np.array([0.3, 0.2, 0.3, 0.3])
+    ends = np.array([[-3.0, 0.3], [0.0, 0.3]])
+    along = np.linspace(0.0, 1.0, 25)
+    upper = (
+        ends[0] + along[:, None] * (ends[1] - ends[0]) + [[0.0, 1.0]] * (-4.0 * sag * along * (1.0 - along))[:, None]
+    )
+    round_ = [[0.5, -0.2], [0.2, -0.7], [-1.5, -0.7], [-3.4, -0.7], [-3.65, -0.3]]
+    pins = np.vstack([round_, upper])
+    borne = np.array([False, False, True, True])
+    assert layout.sag_of_longest_span(centres, radii, borne, pins) == pytest.approx(sag, abs=1e-3)
+    assert layout.sag_of_longest_span(centres, radii, borne & False, pins) == pytest.approx(0.0, abs=1e-9)

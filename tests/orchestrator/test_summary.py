@@ -9,7 +9,7 @@ import pytest
 from short_run import SHORT, last
 
 from orchestrator.cli import common
-from orchestrator.execution import summary
+from orchestrator.execution import summary, summary_text
 from orchestrator.execution.log_report import summary_of
 from orchestrator.execution.summary_text import MOST, lines
 from orchestrator.results.analyses.phases import Phase
@@ -329,3 +329,34 @@ def test_a_check_without_its_signals_is_not_ok(cotrack):
     assert checks["rest"]["ok"]
     assert not checks["tension"]["ok"]
     assert checks["tension"]["value"] is None
+
+
+TENSION = {
+    "asked": 14380.0, "standing": [14380.0, 14380.2], "start": [17.96e3, 17.5e3], "drawn": False, "why": "",
+    "sag": 0.0828, "loads": [[20e3, 16.2e3], [20e3, 16e3]], "settlement": 0.0974,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (
+            {},
+            "track tension: 14.38 kN asked, 14.38 kN standing on level, hard ground, 17.96 and 17.5 kN at the start;"
+            " its longest free span sags by 82.8 mm, road wheels carry 20, 16.2 and 20, 16 kN, and it has settled by"
+            " 97.4 mm",
+        ),
+        (
+            {"drawn": True, "start": [16.3e3], "loads": [[69.6, 71.0], [69.6, 71.0]]},
+            "track tension: 14.38 kN asked, 14.38 kN standing on level, hard ground, 16.3 kN at the start as drawn;"
+            " standing, its longest free span sags by 82.8 mm, road wheels carry 69.6, 71 N, and it has settled by 97.4 mm",
+        ),
+        (
+            {"standing": [], "why": "it tips over", "start": [14380.0], "drawn": True},
+            "track tension: 14.38 kN asked, 14.38 kN at the start as drawn: it does not stand (it tips over)",
+        ),
+    ],
+)
+def test_the_tension_asked_and_had_is_told(change, text):
+    assert summary_text.track_tension(TENSION | change) == text
+    assert summary_text.track_tension({}) == ""
