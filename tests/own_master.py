@@ -1,9 +1,12 @@
-"""Example of a user's own master: the vehicle drives off, with fmpy and the four standard FMUs alone.
+"""Example of a user's own master: a vehicle drives off, with fmpy and its FMUs alone.
 
-``cotrack build -o FOLDER``, then ``python tests/own_master.py FOLDER [TrackFlexible|TrackRigid] [STOP]``.
+``cotrack build --vehicle NAME -o FOLDER`` or ``cotrack ssp SCENE -o FILE.ssp``, of two tracks, two drives and a
+chassis; then ``python tests/own_master.py FOLDER|FILE.ssp [TrackFlexible|TrackRigid] [STOP]``. It reads wheels, lateral
+places and communication step from the model descriptions.
 """
 
 import sys
+from pathlib import Path
 from shutil import rmtree
 
 from fmpy import extract, read_model_description
@@ -12,25 +15,41 @@ from fmpy.fmi2 import FMU2Slave
 MOTION = [f"{group}.{axis}" for group in ("position", "orientation", "velocity", "angular_velocity")
           for axis in ("wxyz" if group == "orientation" else "xyz")]  # fmt: skip
 WRENCH = [f"{group}.{axis}" for group in ("force", "torque") for axis in "xyz"]
-H = 1.25e-3  # s
 
 
-def load(folder, kind, name):
-    """Return an instance, unpacked into its own folder, and the value references of its variables by name."""
-    unpacked = extract(f"{folder}/{kind}.fmu")
+def file_of(folder, kind, name):
+    """Return the FMU of a part: its own, in an archive or where the sides differ, else that of its kind."""
+    own = (folder / "resources" / f"{name}.fmu", folder / f"{kind}-straight-{name}.fmu")
+    return next((file for file in own if file.exists()), folder / f"{kind}.fmu")
+
+
+def load(file, name):
+    """Return an instance, unpacked into its own folder, its variables by name, and the experiment it is made for."""
+    unpacked = extract(str(file))
     said = read_model_description(unpacked)
+    kind = said.coSimulation.modelIdentifier
     fmu = FMU2Slave(guid=said.guid, unzipDirectory=unpacked, modelIdentifier=kind, instanceName=name)
     fmu.instantiate(loggingOn=True)
-    return fmu, {variable.name: variable.valueReference for variable in said.modelVariables}
+    return fmu, {variable.name: variable for variable in said.modelVariables}, said.defaultExperiment
 
 
-def main(folder, track="TrackFlexible", stop=0.1, speed=None, ramp=None, lateral=1.0795):
+def wheels_of(chassis, side):
+    """Names of the wheels that the chassis moves on a side; the sprocket is the drive's, which has its mount there."""
+    motions = (name.split(".") for name in chassis if name.startswith(f"{side}.") and name.endswith(".position.x"))
+    return [wheel for _, wheel, *_ in motions if wheel != "sprocket"]
+
+
+def main(vehicle, track="TrackFlexible", stop=0.1, speed=None, ramp=None):
     """Position and speed of the chassis after ``stop`` s; unset drives keep their scene's profile."""
+    packed = str(vehicle).endswith(".ssp")
+    folder = Path(extract(str(vehicle)) if packed else vehicle)
     order = {f"{side}_{part}": kind for part, kind in (("track", track), ("drive", "SprocketDrive"))
              for side in ("left", "right")} | {"chassis": "Chassis"}  # fmt: skip
-    fmus, where = {}, {}
+    fmus, said = {}, {}
     for name, kind in order.items():
-        fmus[name], where[name] = load(folder, kind, name)
+        fmus[name], said[name], experiment = load(file_of(folder, kind, name), name)
+    where = {name: {each: v.valueReference for each, v in variables.items()} for name, variables in said.items()}
+    h = float(experiment.stepSize)  # s
     feeds = []  # source, its references, target, its references
 
     def connect(giver, connector, taker, port, names):
@@ -39,14 +58,13 @@ def main(folder, track="TrackFlexible", stop=0.1, speed=None, ramp=None, lateral
 
     for side in ("left", "right"):
         chain, drive = f"{side}_track", f"{side}_drive"
-        for name in (chain, drive) if side == "right" else ():  # the left side's place is the default
-            fmus[name].setReal([where[name]["start.lateral"]], [-lateral])
+        for name in (chain, drive) if side == "right" else ():  # one FMU serves both sides: its place is the left one's
+            fmus[name].setReal([where[name]["start.lateral"]], [-abs(float(said[name]["start.lateral"].start))])
         profile = {} if speed is None else {"speed.end": speed}
         profile |= {} if ramp is None else {"ramp.start": ramp[0], "ramp.end": ramp[1]}
         fmus[drive].setReal([where[drive][name] for name in profile], list(profile.values()))
         pairs = [(drive, "sprocket", chain, "sprocket"), ("chassis", f"{side}.sprocket", drive, "mount")]
-        wheels = [f"road_wheel[{i}]" for i in range(1, 6)] + ["idler"]
-        pairs += [("chassis", f"{side}.{wheel}", chain, wheel) for wheel in wheels]
+        pairs += [("chassis", f"{side}.{wheel}", chain, wheel) for wheel in wheels_of(said["chassis"], side)]
         for mover, connector, pusher, port in pairs:
             connect(mover, connector, pusher, port, MOTION)
             connect(pusher, port, mover, connector, WRENCH)
@@ -54,18 +72,20 @@ def main(folder, track="TrackFlexible", stop=0.1, speed=None, ramp=None, lateral
         fmu.setupExperiment(startTime=0.0)
         fmu.enterInitializationMode()
         fmu.exitInitializationMode()
-    for k in range(round(stop / H)):
+    for k in range(round(stop / h)):
         for name, fmu in fmus.items():  # order of the steps: tracks, drives, chassis
             for giver, given, taker, taken in feeds:
                 if taker == name:
                     fmu.setReal(taken, fmus[giver].getReal(given))
-            fmu.doStep(k * H, H)
+            fmu.doStep(k * h, h)
     shown = ("chassis.position.x", "chassis.position.z", "speed")
     values = fmus["chassis"].getReal([where["chassis"][name] for name in shown])
     for fmu in fmus.values():
         fmu.terminate()
         fmu.freeInstance()
         rmtree(fmu.unzipDirectory)
+    if packed:
+        rmtree(folder)
     return dict(zip(shown, values, strict=True))
 
 
