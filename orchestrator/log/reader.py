@@ -161,7 +161,7 @@ class Log(AbstractContextManager["Log"]):
 
     def require_window(self, start: float, end: float, timed: bool = True) -> None:
         """Raise NoSuchTime for a window that ends before it begins or, of ``timed``, s, has no instant of the run."""
-        given, spans = f"--from {start:g} --to {end:g}", np.array([*self._chunks.spans.values()]).reshape(-1, 2)
+        given, spans = f"from {start:g} to {end:g}", np.array([*self._chunks.spans.values()]).reshape(-1, 2)
         if not start <= end:
             raise NoSuchTime(f"{given}: the first instant must not be after the last")
         first, last = spans.min(initial=np.inf), spans.max(initial=-np.inf)

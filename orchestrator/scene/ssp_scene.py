@@ -41,7 +41,7 @@ def load_ssp(file: Path, track: str | None, settings: Sequence[str] | Mapping[st
     """
     where = path_text(file)
     if track is not None:
-        raise BadInput(f"{where}: --track {track}: the FMUs of an archive are as they are")
+        raise BadInput(f"{where}: track = '{track}': the FMUs of an archive are as they are")
     for key, _ in pairs(settings):
         if key.partition(".")[0] not in OPEN:
             raise BadInput(f"{where}: {key}: the FMUs of an archive are as they are: set {', '.join(OPEN[:3])} alone")
@@ -49,7 +49,7 @@ def load_ssp(file: Path, track: str | None, settings: Sequence[str] | Mapping[st
     for sentence in structure.ignored:
         logging.getLogger("cotrack").warning("%s", sentence)
     if structure.stop is None and "run.stop" not in dict(pairs(settings)):
-        raise BadInput(f"{where}: its DefaultExperiment has no stopTime: give --stop")
+        raise BadInput(f"{where}: its DefaultExperiment has no stopTime: run.stop gives one")
     scene = _own_scene(structure, where)
     table = _free_table(structure) if scene is None else _with_times(scene.resolved(), structure)
     changed = changed_scene(table, settings, where)

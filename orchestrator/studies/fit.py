@@ -102,13 +102,13 @@ def fit(  # noqa: PLR0913, the options of the command
         if sources is None:
             wanted.append((one, sources := []))
         if any(Path(known.path).resolve() == Path(path).resolve() for known in sources):
-            raise BadInput(f"--data {path}: is given twice, which would make errors too small")
+            raise BadInput(f"data {path}: is given twice, which would make errors too small")
         sources.append(MeasuredFile(path, columns, clock, shift))
     if part and native:
-        raise BadInput("--native: a part is stepped as its log tells")
+        raise BadInput("native: a part is stepped as its log tells")
     for signal in noise or {}:
         if signal not in columns:
-            raise BadInput(f"--noise {signal}: no --map gives this signal a column")
+            raise BadInput(f"noise {signal}: this signal is given no column")
     numbers = free_numbers([one.scene for one, _ in wanted], free)
     measured = [_measured(*pair, Window(start, end)) for pair in wanted]
     folder = Path(output)
@@ -127,10 +127,10 @@ def fit(  # noqa: PLR0913, the options of the command
 def _of_part(file: str, name: str, track: str | None, settings: Sequence[str] | Mapping[str, Any]) -> Experiment:
     """Component of the log of a run; raises BadInput for settings, LogUnreadable."""
     if settings:
-        raise BadInput("--set: a part has the scene of its log, and --free KEY alone changes it")
+        raise BadInput("settings: a part has the scene of its log, and only free numbers change it")
     with Log(file) as log:
         if "scene.json" not in log.attachments:
-            raise BadInput(f"--part {name}: {file} does not say of which scene it is")
+            raise BadInput(f"part {name}: {file} does not say of which scene it is")
         scene = with_track(any_from_table(log.table("scene.json"), f"{file}: scene.json", logged=True))
         if track is not None:
             scene = scene.model_copy(update={"planar": False, "track": scene.track.of_model(track)}).with_axes()
@@ -188,8 +188,8 @@ def _check_found(run: RunData, signals: Sequence[MeasuredSignal], data: Measured
               for one in signals if np.std(one.values) > 0.0]  # fmt: skip
     if ratios and (ratio := rms(np.array(ratios))) > 1.0:
         raise BadInput(
-            f"--shift find: the run of the start differs from {data.path} by {100.0 * ratio:.3g} % of what the signals"
-            " vary, so its clock cannot be told: give --shift S, or map signals that are alike from the start"
+            f"shift find: the run of the start differs from {data.path} by {100.0 * ratio:.3g} % of what the signals"
+            " vary, so its clock cannot be told: give the shift in s, or map signals that are alike from the start"
         )
 
 

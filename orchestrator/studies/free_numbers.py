@@ -31,10 +31,10 @@ def free_numbers(scenes: Sequence[Scene], texts: Sequence[str]) -> tuple[FreeNum
     Raises BadInput, also where another scene has no such number or refuses it.
     """
     if not texts:
-        raise BadInput("--free KEY: a fit needs a number to fit")
+        raise BadInput("free KEY: a fit needs a number to fit")
     numbers = tuple(_free_number(scenes[0], text) for text in texts)
     if len({one.key for one in numbers}) < len(numbers):
-        raise BadInput(f"--free {numbers[-1].key}: is given twice")
+        raise BadInput(f"free {numbers[-1].key}: is given twice")
     for scene in scenes[1:]:
         for one in numbers:
             number_at(scene, one.key)
@@ -48,29 +48,29 @@ def _free_number(scene: Scene, text: str) -> FreeNumber:
     if ends:
         parts = [part.strip() for part in ends.split(":")]
         if len(parts) != 2 or not all(parts):
-            raise BadInput(f"--free {text}: must be KEY or KEY=FROM:TO, for example vehicle.track.tension=10:20 kN")
+            raise BadInput(f"free {text}: must be KEY or KEY=FROM:TO, for example vehicle.track.tension=10:20 kN")
         unit = parts[1].lstrip("+-.0123456789eE").strip()
         if unit and parts[0][-1:] in "0123456789.":
             parts[0] = f"{parts[0]} {unit}"
         low, high = (number_at(with_settings(scene, [f"{key}={part}"]), key) for part in parts)
         if not low < high:
-            raise BadInput(f"--free {text}: FROM must be below TO")
+            raise BadInput(f"free {text}: FROM must be below TO")
         if not low <= start <= high:
             raise BadInput(
-                f"--free {text}: the scene has {start:g}, outside of the range {low:g} to {high:g} (SI):"
-                f" --set {key}=... moves the start"
+                f"free {text}: the scene has {start:g}, outside of the range {low:g} to {high:g} (SI):"
+                f" the setting {key}=... moves the start"
             )
     size = abs(start) or high - low
     if not 0.0 < size < math.inf:
-        raise BadInput(f"--free {text}: the scene has 0, so a range KEY=FROM:TO must say how large it may be")
+        raise BadInput(f"free {text}: the scene has 0, so a range KEY=FROM:TO must say how large it may be")
     try:
         with_settings(scene, {key: start + SMALL * size * (1.0 if start + SMALL * size <= high else -1.0)})
     except BadInput as error:  # a stop, for example, is a multiple of the step
-        raise BadInput(f"--free {text}: cannot be changed a little: {error}") from None
+        raise BadInput(f"free {text}: cannot be changed a little: {error}") from None
     return FreeNumber(key, start, low, high, size)
 
 
-def number_at(scene: Any, key: str, option: str = "--free") -> float:
+def number_at(scene: Any, key: str, option: str = "free") -> float:
     """Number of a dotted key of a scene, SI; raises BadInput where there is none."""
     place: Any = scene.resolved()
     for part in parts_of(key):

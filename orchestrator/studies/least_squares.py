@@ -258,7 +258,7 @@ def _best_start(task: Objective, scanned: int, noise: Sequence[float]) -> Floats
         low, high = task.bounds()
         for one, a, b in zip(task.free, low, high, strict=True):
             if not b - a < math.inf:
-                raise BadInput(f"--scan {scanned}: {one.key} has no range: --free {one.key}=FROM:TO")
+                raise BadInput(f"scan {scanned}: {one.key} has no range: free {one.key}=FROM:TO has one")
         points += [*qmc.scale(qmc.LatinHypercube(len(low), seed=np.random.default_rng(0)).random(scanned), low, high)]
     sums = task.sums(points, noise)
     best = int(np.nanargmin(sums))

@@ -129,7 +129,7 @@ def _claim(folder: Path, definition: dict[str, Any]) -> None:
     except (OSError, ValueError, LookupError, TypeError):
         raise BadInput(f"{path_text(file)} is not that of a sweep: choose another folder") from None
     if digest != definition["digest"]:
-        raise BadInput(f"-o {path_text(folder)}: holds another sweep, {about}: {other}: choose another folder")
+        raise BadInput(f"output {path_text(folder)}: holds another sweep, {about}: {other}: choose another folder")
 
 
 def _differences(held: Mapping[str, Any], definition: Mapping[str, Any]) -> str:

@@ -309,7 +309,7 @@ def test_an_experiment_may_begin_at_any_time(tmp_path, monkeypatch, in_process, 
 
 
 @pytest.mark.parametrize(("experiment", "said"), [
-    ('startTime="1"', "its DefaultExperiment has no stopTime: give --stop"),
+    ('startTime="1"', "its DefaultExperiment has no stopTime: run.stop gives one"),
     ('startTime="2" stopTime="1"', "its DefaultExperiment ends at 1 s, not after its start at 2 s"),
     ('stopTime="INF"', "its DefaultExperiment must have finite numbers"),
 ])  # fmt: skip

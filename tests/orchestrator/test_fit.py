@@ -221,7 +221,7 @@ def test_a_smooth_rest_above_the_digits_is_no_exact_fit(data, measured, tmp_path
 def test_a_shift_that_cannot_be_found_is_refused(data, noise, tmp_path):
     """Started far off, the run is unlike the record wherever that is laid."""
     options = {"noise": noise, "more": ["chain.span=0.55"]}
-    with pytest.raises(fitting.BadInput, match=r"^--shift find: the run of the start differs from .* its clock cannot"):
+    with pytest.raises(fitting.BadInput, match=r"^shift find: the run of the start differs from .* its clock cannot"):
         fitted(data(3), tmp_path / "fit", [MASS], shift="find", **options)
 
 
@@ -294,15 +294,15 @@ def test_the_command_writes_a_scene_that_runs(cotrack, data, noise, tmp_path):
 @pytest.mark.parametrize(
     ("free", "said"),
     [
-        ("chain.spann", "--free chain.spann: hanging_chain.toml has no such number ('spann'): did you mean 'span'?"),
-        ("chain.span.x", "--free chain.span.x: hanging_chain.toml has no such number ('x'): it has no parts"),
-        ("track.start", "--free track.start: is \"displaced\" in hanging_chain.toml, and a real number is needed"),
-        ("chain.links", "--free chain.links: is 8 in hanging_chain.toml, and a real number is needed"),
-        ("run.stop", "--free run.stop: cannot be changed a little: hanging_chain.toml: run: stop = 0.050005 s must be"),
-        ("chain.span=1", "--free chain.span=1: must be KEY or KEY=FROM:TO"),
-        ("chain.span=0.5:0.6", "--free chain.span=0.5:0.6: the scene has "),
-        ("chain.span=0.9:0.5", "--free chain.span=0.9:0.5: FROM must be below TO"),
-        ("start.heading", "--free start.heading: the scene has 0, so a range KEY=FROM:TO must say"),
+        ("chain.spann", "free chain.spann: hanging_chain.toml has no such number ('spann'): did you mean 'span'?"),
+        ("chain.span.x", "free chain.span.x: hanging_chain.toml has no such number ('x'): it has no parts"),
+        ("track.start", "free track.start: is \"displaced\" in hanging_chain.toml, and a real number is needed"),
+        ("chain.links", "free chain.links: is 8 in hanging_chain.toml, and a real number is needed"),
+        ("run.stop", "free run.stop: cannot be changed a little: hanging_chain.toml: run: stop = 0.050005 s must be"),
+        ("chain.span=1", "free chain.span=1: must be KEY or KEY=FROM:TO"),
+        ("chain.span=0.5:0.6", "free chain.span=0.5:0.6: the scene has "),
+        ("chain.span=0.9:0.5", "free chain.span=0.9:0.5: FROM must be below TO"),
+        ("start.heading", "free start.heading: the scene has 0, so a range KEY=FROM:TO must say"),
     ],
 )  # fmt: skip
 def test_a_number_that_cannot_be_fitted_is_refused(data, tmp_path, free, said):
@@ -314,7 +314,7 @@ def test_a_number_that_cannot_be_fitted_is_refused(data, tmp_path, free, said):
 
 def test_every_scene_needs_the_numbers(data, tmp_path):
     file = data()
-    with pytest.raises(fitting.BadInput, match=r"^--free chain\.span: rig\.toml has no such number \('chain'\)"):
+    with pytest.raises(fitting.BadInput, match=r"^free chain\.span: rig\.toml has no such number \('chain'\)"):
         fitting.fit("hanging_chain", [file, f"rig={file}"], SIGNALS, [SPAN], tmp_path / "fit")
     assert not (tmp_path / "fit").exists()
 
@@ -330,4 +330,4 @@ def test_a_noise_of_no_signal_is_refused(cotrack, data):
         "fit", "hanging_chain", "--track", "rigid", "--data", data(), "--map", "chain.tension.max=chain.tension.max",
         "--free", "chain.span", "--noise", "chain.sag=1", "-o", "f",
     )  # fmt: skip
-    assert err == "cotrack: --noise chain.sag: no --map gives this signal a column\n"
+    assert err == "cotrack: noise chain.sag: this signal is given no column\n"

@@ -113,6 +113,87 @@ def test_settings_are_a_table_or_texts(tmp_path):
     assert not [*tmp_path.iterdir()]
 
 
+TEST, COLUMNS = "test.csv", {"chain.tension.max": "pull"}
+
+
+def fitted(free=("vehicle.track.mass",), data=TEST, columns=COLUMNS, scene="hanging_chain", **options):
+    return package.fit(scene, data, columns, free, "fitted", **options)
+
+
+REFUSED = {  # calls with a bad argument, of a run and its log
+    "scene": lambda run: package.run("hanging_chian"),
+    "setting": lambda run: package.run("hanging_chain", {"run.stopp": 1}),
+    "text": lambda run: package.run("hanging_chain", ["run.stop"]),
+    "track": lambda run: package.run("hanging_chain", track="stiff"),
+    "track of a loaded scene": lambda run: package.run(package.load("hanging_chain"), track="rigid"),
+    "stop": lambda run: package.run("hanging_chain", stop=-1),
+    "step": lambda run: package.run("hanging_chain", step="1 m"),
+    "vehicle": lambda run: package.load("straight", settings={"vehicle": "m1133"}),
+    "no log": lambda run: package.Run("none.mcap"),
+    "a log that is none": lambda run: package.Log(TEST),
+    "signal": lambda run: run["chain.tension.maxx"],
+    "family": lambda run: run["chain.link[*].*"],
+    "frame": lambda run: run.frame("chain.tension.maxx"),
+    "backward frame": lambda run: run.frame("chain.tension.max", start=1, end=0),
+    "plot": lambda run: run.plot("chain.tension.max", waterfall=True),
+    "two forms": lambda run: run.plot("chain.link[*].tension", place=True, frequency=True),
+    "at": lambda run: run.plot("chain.link[*].tension", at=[0.01]),
+    "beyond": lambda run: run.plot("chain.tension.max", start=3),
+    "picture": lambda run: run.plot("chain.tension.max").save("a.txt"),
+    "analysis": lambda run: package.analyse(run.log, "powr"),
+    "option": lambda run: run.analyse("joints", links=3),
+    "late": lambda run: run.analyse("joints", start=3, end=4),
+    "backward": lambda run: run.analyse("joints", start=0.02, end=0.01),
+    "which track": lambda run: run.analyse("joints", track="right_track"),
+    "no seat": lambda run: run.analyse("ride"),
+    "no road wheel": lambda run: run.analyse("wheel-loads"),
+    "no drive": lambda run: run.analyse("spectrum", signals=["chain.tension.max"], orders=True),
+    "no signal": lambda run: run.analyse("spectrum"),
+    "window of a spectrum": lambda run: run.analyse("spectrum", signals=["chain.tension.max"], shape="round"),
+    "place": lambda run: run.analyse("life", by="time"),
+    "line": lambda run: run.analyse("fatigue", sn="90 MPa"),
+    "instant": lambda run: run.analyse("deformation", at=[3.0]),
+    "report": lambda run: run.report("page.html", columns=COLUMNS),
+    "reference": lambda run: run.compare("none.mcap"),
+    "compared": lambda run: package.compare(run.log, "none.mcap"),
+    "column": lambda run: run.compare_measured(TEST, {"chain.tension.max": "force"}),
+    "no column": lambda run: run.compare_measured(TEST, {}),
+    "unit": lambda run: run.compare_measured(TEST, {"chain.tension.max": "pull:m"}),
+    "clock": lambda run: run.compare_measured(TEST, COLUMNS, clock="hour"),
+    "shift": lambda run: run.compare_measured(TEST, COLUMNS, shift="later"),
+    "time in common": lambda run: run.compare_measured(TEST, COLUMNS, shift=9.0),
+    "export": lambda run: package.export(run.log, "out.csv", signals=["chain.tension.maxx"]),
+    "nothing to fit": lambda run: fitted(free=()),
+    "free": lambda run: fitted(free=("vehicle.track.masss",)),
+    "free twice": lambda run: fitted(free=("vehicle.track.mass", "vehicle.track.mass")),
+    "range": lambda run: fitted(free=("vehicle.track.mass=10:",)),
+    "backward range": lambda run: fitted(free=("vehicle.track.mass=20:10",)),
+    "outside": lambda run: fitted(free=("vehicle.track.mass=30:40",)),
+    "zero": lambda run: fitted(free=("start.heading",), scene="straight"),
+    "no number": lambda run: fitted(free=("track.start",)),
+    "data twice": lambda run: fitted(data=[TEST, TEST]),
+    "noise": lambda run: fitted(noise={"chain.sag": 1.0}),
+    "part, native": lambda run: fitted(scene=run.log, part="chain", native=True),
+    "part, settings": lambda run: fitted(scene=run.log, part="chain", settings={"run.stop": 1}),
+    "vary": lambda run: package.sweep("hanging_chain", ["chain.span"], "swept"),
+    "another sweep": lambda run: [package.sweep("hanging_chain", {"chain.span": [value], "run.stop": [0.01]}, "swept",
+                                                estimate=False) for value in (0.7, 0.8)],
+    "sample": lambda run: package.sweep("hanging_chain", {"chain.span": [0.7]}, "swept", sample=3),
+    "course": lambda run: package.life("none.toml"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("refused", REFUSED)
+def test_refusals_name_arguments_and_no_option_of_the_command_line(run, refused, tmp_path, monkeypatch):
+    """A whole command, "cotrack run --for ride", may be advised: it makes what the call lacks."""
+    monkeypatch.chdir(tmp_path)
+    Path(TEST).write_text("t,pull\n" + "".join(f"{0.001 * k},{k}\n" for k in range(20)))
+    with pytest.raises((ValueError, RuntimeError, LookupError, OSError)) as told:
+        REFUSED[refused](run)
+    assert not re.search(r"(?<![\w-])--?[a-z]", re.sub(r"cotrack [a-z]+ [^;,]*", "", str(told.value))), told.value
+    assert {file.name for file in tmp_path.iterdir()} <= {TEST, "fitted", "swept"}
+
+
 def test_a_run_with_a_missed_check_is_returned(tmp_path, capfd):
     check = {"signal": "chain.tension.max", "expected": 0.0, "tolerance": 1.0}
     settings = {"run.stop": 0.02, "expect.slack": check}

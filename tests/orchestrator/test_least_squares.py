@@ -131,7 +131,7 @@ def test_a_scan_finds_the_valley():
 
 
 def test_a_scan_needs_ranges():
-    with pytest.raises(BadInput, match=r"^--scan 5: p0 has no range: --free p0=FROM:TO$"):
+    with pytest.raises(BadInput, match=r"^scan 5: p0 has no range: free p0=FROM:TO has one$"):
         search(formula(*LINE), 5)
 
 

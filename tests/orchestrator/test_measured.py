@@ -280,7 +280,7 @@ def test_other_refusals(run, write, cotrack, tmp_path):
             ("--map", "v=chassis.speed"),
             "'v' is no signal of the run, but 'chassis.speed' is: the map is chassis.speed=v",
         ),
-        ((*mapped, "--from", "2", "--to", "1"), "--from 2 --to 1: the first instant must not be after the last"),
+        ((*mapped, "--from", "2", "--to", "1"), "from 2 to 1: the first instant must not be after the last"),
         ((*mapped, "--bits"), "--different, --align, --bits and -o are for two logs"),
         (("--map", "v"), "--map v: must be SIGNAL=COLUMN or SIGNAL=COLUMN:UNIT"),
         ((*mapped, "--map", "chassis.speed=w"), "--map chassis.speed=w: 'chassis.speed' has a column already, 'v'"),

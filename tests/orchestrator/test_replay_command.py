@@ -77,8 +77,8 @@ def test_an_answer_is_replayed_in_turn(cotrack, tmp_path):
 @pytest.mark.parametrize(
     ("window", "said"),
     [
-        (("--from", "0.02", "--to", "0.01"), "--from 0.02 --to 0.01: the first instant must not be after the last"),
-        (("--from", "3", "--to", "4"), "--from 3 --to 4: the run is recorded from 0 to 0.02 s"),
+        (("--from", "0.02", "--to", "0.01"), "from 0.02 to 0.01: the first instant must not be after the last"),
+        (("--from", "3", "--to", "4"), "from 3 to 4: the run is recorded from 0 to 0.02 s"),
     ],
 )
 def test_a_window_outside_of_the_run_is_refused_by_every_command(cotrack, tmp_path, window, said):

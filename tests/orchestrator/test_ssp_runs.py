@@ -243,7 +243,7 @@ level = {{ signal = "a.x", reduce = "last", expected = 1.3856, tolerance = 0.001
         (f'value="{T1}"', 'value="soon"', "parameter 'T' = 'soon' (Real): must be one finite Real, an Integer"),
         ('name="b" source', 'name="b/c" source', "an element is called 'b/c': its name must have no dot and no slash"),
         ('name="b" source', 'name="a" source', "two elements of 'the system' are called 'a'"),
-        (' stopTime="1"', "", "its DefaultExperiment has no stopTime: give --stop"),
+        (' stopTime="1"', "", "its DefaultExperiment has no stopTime: run.stop gives one"),
         ("<ssd:Connections>", "<ssd:Connections", "SystemStructure.ssd cannot be read"),
         ("x-fmu-sharedlibrary", "x-ssp-package", "is not an SSP archive: it has no SystemStructure.ssd"),
     ],
@@ -264,7 +264,7 @@ def test_files_of_an_archive_stay_in_it(lag, chain, tmp_path):
         load_ssp(tmp_path / "none.ssp", None, ())
     with pytest.raises(BadInput, match=r"it has no SystemStructure\.ssd"):
         load_ssp(lag, None, ())
-    with pytest.raises(BadInput, match="--track rigid: the FMUs of an archive are as they are"):
+    with pytest.raises(BadInput, match="track = 'rigid': the FMUs of an archive are as they are"):
         load_ssp(chain, "rigid", ())
     with pytest.raises(BadInput, match=r"vehicle\.track\.mass: the FMUs of an archive are as they are"):
         load_ssp(chain, None, ["vehicle.track.mass=3"])

@@ -200,7 +200,7 @@ def test_a_folder_holds_one_sweep(cotrack, monkeypatch, tmp_path):
         status, out, err = cotrack(*MODELS, *SPANS, *other, "-o", "found")
         assert (status, out) == (2, "")
         assert err == (
-            f"cotrack: -o 'found': holds another sweep, of hanging_chain over {vary}: {differs}:"
+            f"cotrack: output 'found': holds another sweep, of hanging_chain over {vary}: {differs}:"
             " choose another folder\n"
         )
     assert kept == {file: file.read_bytes() for file in kept}
