@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from native_cases import CHASSIS, DRIVE, FEW, MANY, H, begun, native, ran
 
 from fmus.chassis.tree import BODY, WHOLE
-from fmus.components import KINDS
+from fmus.components import KINDS, model_of
+from fmus.fmi.build import packed_config
 from fmus.interface import numbers
+from fmus.interface.defaults import configured_ports, parameter_values
 from fmus.interface.model import InvalidParameter
+from fmus.native.entries import free_names
 from fmus.native.pack import build_native, with_constants
 from fmus.start import part_at_rest
 from fmus.track.choices import TRACKS
 from fmus.track.ports import start_stance
+from fmus.vehicles.vehicle import number_meanings
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
+from orchestrator.scene.products import scene_products
 from orchestrator.scene.scene import load
 
+FMUS = Path(__file__).parents[2] / "fmus"
 PLACE = {
     "start.position.x": 3.0, "start.position.y": -2.0, "start.position.z": 0.25, "start.heading": 0.7,
     "start.height": 0.01, "start.pitch": 0.02,
@@ -66,6 +73,29 @@ def test_every_kind_of_component_is_among_the_cases():
     assert set(OTHERS) == set(KINDS)
     parts = ((case, part) for case in (*FEW, *MANY) for part in assemble(load(*case[:2], case.settings)).parts)
     assert {part.kind for case, part in parts if part.name == case.part} == set(KINDS)
+
+
+def told(page, pattern):
+    """Text of a page of ``fmus/``, unwrapped."""
+    (found,) = re.findall(pattern, " ".join((FMUS / page).read_text(encoding="utf-8").split()))
+    return found
+
+
+def test_pages_say_how_many_parameters_there_are_and_which_are_free_natively():
+    counts, free = {}, set()
+    for kind, config, _ in scene_products([load("straight", model) for model in ("flexible", "rigid")]):
+        packed = packed_config(kind, config)
+        model = model_of(kind)(packed)
+        own = numbers.ports(packed, number_meanings(), model.ports)
+        ports = configured_ports((*model.ports, *own), packed)
+        counts[kind] = sum(port.causality == "parameter" for port in ports)
+        names = free_names(model.free_parameters(parameter_values(ports, {})))
+        free |= {port.name.partition("[")[0] for port in own if port.name in names}
+    assert [*map(int, told("README.md", r"has (\d+) parameters \(flexible links\) or (\d+) \(rigid\)"))] == [
+        counts["TrackFlexible"], counts["TrackRigid"]]  # fmt: skip
+    assert int(told("README.md", r"a chassis has (\d+) in")) == counts["Chassis"]
+    named = re.findall(r"`([\w.]+)`", told("coupling.md", r"native FMUs let you set (.*?), no more"))
+    assert sorted(named) == sorted(free)
 
 
 def others(case):
