@@ -349,7 +349,8 @@ TENSION = {
         (
             {"drawn": True, "start": [16.3e3], "loads": [[69.6, 71.0], [69.6, 71.0]]},
             "track tension: 14.38 kN asked, 14.38 kN standing on level, hard ground, 16.3 kN at the start as drawn;"
-            " standing, its longest free span sags by 82.8 mm, road wheels carry 69.6, 71 N, and it has settled by 97.4 mm",
+            " standing, its longest free span sags by 82.8 mm, road wheels carry 69.6, 71 N, and it has settled"
+            " by 97.4 mm",
         ),
         (
             {"standing": [], "why": "it tips over", "start": [14380.0], "drawn": True},
