@@ -8,11 +8,11 @@ from functools import cache
 from typing import Any
 
 from fmus.rest.equilibrium import FlexibleTrack, VehicleEquilibrium, equilibrium
-from fmus.rest.standing import DoesNotStand, StandingVehicle, standing_vehicle
+from fmus.rest.standing import DoesNotStand, StandingVehicle, standing_vehicle, with_idlers
 from fmus.rest.tensioning import Links, WheelPlace, tension_wheel
 from fmus.start import hull_clearance
 from fmus.vehicles.tables import BadInput
-from fmus.vehicles.vehicle import RightIdlerTable, RightTensionerTable, VehicleTable
+from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.scene.ground_tables import Footing, GroundTable
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import Parameters, Part, closed_track_config, own_parts
@@ -94,15 +94,8 @@ def _with_idlers(
     scene: VehicleScene, places: Sequence[float], pushes: Sequence[float], standing: StandingTable
 ) -> VehicleScene:
     """The scene with idlers at ``places``, m, and ``pushes`` of the tensioners, N, that balance the tracks as drawn."""
-    vehicle, push = scene.vehicle, pushes[0]
-    idler = vehicle.idler.model_copy(update={"x": places[0]})
-    tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
-    update: dict[str, Any] = {"idler": idler, "tensioner": tensioner}
-    if vehicle.right is not None:
-        preload = vehicle.of_side("right").tensioner.preload + pushes[1]
-        moved = {"idler": RightIdlerTable(x=places[1]), "tensioner": RightTensionerTable(preload=preload)}
-        update["right"] = vehicle.right.model_copy(update=moved)
-    return scene.model_copy(update={"push": push, "standing": standing, "vehicle": vehicle.model_copy(update=update)})
+    vehicle = VehicleTable.model_validate(with_idlers(scene.vehicle.model_dump(), places, pushes))
+    return scene.model_copy(update={"push": pushes[0], "standing": standing, "vehicle": vehicle})
 
 
 def _standing_vehicle(scene: VehicleScene) -> StandingVehicle:
