@@ -131,22 +131,26 @@ def implausible_numbers(scene: Mapping[str, Any], where: str) -> list[str]:
 
 
 def _light_spins(vehicle: Mapping[str, Any], step: float) -> Iterator[str]:
-    """Yield a sentence if the friction of a step turns the spin of a road wheel round, below its share of the hull.
+    """Yield a sentence for each kind of wheel whose spin the friction of a step turns round.
 
     Wrenches are held over a step H: a spin of mass J/r2 with the friction mu N (v / velocity) grows from H mu N r2 /
-    (J velocity) = 2 on.
+    (J velocity) = 2 on. A road wheel has N of its share of the hull, an idler, half wrapped, of pi times the tension.
     """
-    wheel, law = vehicle["road_wheel"], vehicle["contact"]["wheel"]
-    radius, wheels = wheel["radius"], 2 * len(wheel["x"])
-    load = vehicle["chassis"]["mass"] * vehicle["gravity"] / wheels
-    needed = 0.5 * step * law["friction"] * load * radius**2 / law["friction_velocity"]
-    if wheel["spin_inertia"] < needed:
-        yield (
-            f"vehicle.road_wheel.radius = {radius:g} m with spin_inertia = {wheel['spin_inertia']:g} kg m^2: friction"
-            f" turns the wheel's spin round within run.step = {1e3 * step:g} ms, so the energy balance may stay open;"
-            f" plausible is at least {needed:.3g} kg m^2, or a shorter step. A full disc of this mass and radius has"
-            f" {0.5 * wheel['mass'] * radius**2:.3g} kg m^2"
-        )
+    law, wheels = vehicle["contact"]["wheel"], 2 * len(vehicle["road_wheel"]["x"])
+    loads = {
+        "road_wheel": vehicle["chassis"]["mass"] * vehicle["gravity"] / wheels,
+        "idler": math.pi * max(vehicle["track"]["tension"], 0.0),
+    }
+    for name, load in loads.items():
+        radius, spin = vehicle[name]["radius"], vehicle[name]["spin_inertia"]
+        needed = 0.5 * step * law["friction"] * load * radius**2 / law["friction_velocity"]
+        if spin < needed:
+            yield (
+                f"vehicle.{name}.radius = {radius:g} m with spin_inertia = {spin:g} kg m^2: friction turns the wheel's"
+                f" spin round within run.step = {1e3 * step:g} ms, so tension and energy may be wrong; plausible"
+                f" is at least {needed:.3g} kg m^2, or a shorter step. A full disc of this mass and radius has"
+                f" {0.5 * vehicle[name]['mass'] * radius**2:.3g} kg m^2"
+            )
 
 
 ROUNDING = 1e-9  # m
