@@ -15,6 +15,8 @@ from fmus.fmi.build import packed_config
 from fmus.interface import numbers
 from fmus.interface.defaults import configured_ports, parameter_values
 from fmus.interface.model import InvalidParameter
+from fmus.interface.ports import variables
+from fmus.native.arrays import arrays
 from fmus.native.entries import free_names
 from fmus.native.pack import build_native, with_constants
 from fmus.start import part_at_rest
@@ -82,18 +84,25 @@ def told(page, pattern):
 
 
 def test_pages_say_how_many_parameters_there_are_and_which_are_free_natively():
-    counts, free = {}, set()
+    counts, arrayed, free = {}, {}, set()
     for kind, config, _ in scene_products([load("straight", model) for model in ("flexible", "rigid")]):
         packed = packed_config(kind, config)
         model = model_of(kind)(packed)
         own = numbers.ports(packed, number_meanings(), model.ports)
         ports = configured_ports((*model.ports, *own), packed)
+        rows = [each.elements[0] for each in arrays(variables(model.ports).reals)]
+        arrayed[kind] = sum(port.causality == "output" for port in rows)
         counts[kind] = sum(port.causality == "parameter" for port in ports)
         names = free_names(model.free_parameters(parameter_values(ports, {})))
         free |= {port.name.partition("[")[0] for port in own if port.name in names}
     assert [*map(int, told("README.md", r"has (\d+) parameters \(flexible links\) or (\d+) \(rigid\)"))] == [
         counts["TrackFlexible"], counts["TrackRigid"]]  # fmt: skip
     assert int(told("README.md", r"a chassis has (\d+) in")) == counts["Chassis"]
+    assert (
+        int(told("native/README.md", r"A track has (\d+) Real outputs"))
+        == arrayed["TrackFlexible"]
+        == arrayed["TrackRigid"]
+    )
     named = re.findall(r"`([\w.]+)`", told("coupling.md", r"native FMUs let you set (.*?), no more"))
     assert sorted(named) == sorted(free)
 
