@@ -172,9 +172,8 @@ def _stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
 def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
     """Whether the two sides carry different loads, so that the hull rolls."""
     ground = chassis["chassis"].get("ground") or {}
-    one_sided = len(tracks) == 1 or bool(
-        chassis["vehicle"].get("right")
-    )  # a table right is solved, also of equal sides
+    # a table right is solved whole, also of equal sides
+    one_sided = len(tracks) == 1 or bool(chassis["vehicle"].get("right"))
     return one_sided or bool(lopsided(chassis["vehicle"], bool(ground.get("hull"))))
 
 
