@@ -79,7 +79,8 @@ def test_without_feed_forward_of_slip_and_lag_it_overshoots():
 def test_an_s_curve_at_the_limit_of_friction(radius, friction):
     error, used = s_curve(radius, friction)
     assert error < 0.11
-    assert 0.5 < used < 0.97
+    # 0.499 at 1.2 since the driver knows the tension of the standing vehicle (2026-11): with that as drawn 0.505
+    assert 0.49 < used < 0.97
 
 
 def test_an_s_curve_needs_the_friction_as_it_is():
