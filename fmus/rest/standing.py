@@ -121,7 +121,7 @@ class _Search:
         nearest = " and ".join(f"{tension:.6g} N" for tension in best.tensions())
         raise BadInput(
             f"vehicle.track.tension = {self.tension:.6g} N: the vehicle standing on level, hard ground lacks it: the"
-            f" nearest tension is {nearest}{self.missed and f'; as drawn {self.missed}'}"
+            f" nearest tension is {nearest}{f'; as drawn {self.missed}' if self.missed else ', where the search ended'}"
         )
 
     def _lack(self, standing: StandingVehicle) -> float:

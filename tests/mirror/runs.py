@@ -17,7 +17,8 @@ from fmus.track.link_outputs import GROUPS
 from mirror.record import Record
 from orchestrator.scene.scene import load
 
-# the tension puts the idler where it was when tolerances of what one step samples were set (touch-down, pins that pass)
+# The tension puts the idler where it was when tolerances of what one step samples were set (touch-down, pins that
+# pass). With 14.38 kN a horn force is at 1.3 of what is allowed at 1 ms, and all are below 0.21 at 0.5 ms.
 PLACE = ("vehicle.track.tension=14377.4266 N", "start.heading=37 deg", "start.position=[12.0, -7.0, 0.4]")
 DRIVE = (
     "drive.ramp_start=0 s", "drive.ramp_time=0.3 s", "drive.speed=12 rad/s", "drive.stop=0.5 s",

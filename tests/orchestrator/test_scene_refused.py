@@ -1,10 +1,16 @@
 """Scenes, settings and checks that are not allowed: one sentence for any value."""
 
+import random
+import re
+
 import pytest
+from pydantic import ValidationError
 from scene_files import BARE, scene_file
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.scene.kinds import VehicleScene
 from orchestrator.scene.scene import changed_scene, from_table, load
+from orchestrator.scene.settings import keys
 
 REFUSED = {  # by scene: a setting, and words of its sentence
     "hanging_chain": [
@@ -214,3 +220,24 @@ def test_scene_and_vehicle_files_of_any_content_are_one_sentence(tmp_path, repla
         vehicle.write_bytes(content)
         with pytest.raises(BadInput, match=r"vehicle\.toml.*: not a readable TOML file|own\.toml.*: vehicle"):
             load(scene_file(tmp_path, f'vehicle = "{vehicle}"'))
+
+
+LIBRARY = re.compile(r"Input|instance|valid |Table|Error|dict|tuple|None|pydantic|type=")  # words of its sentences
+WRONG = (True, "x", "3 kg", "", [], {}, {"q": 1}, -1e99, [1, "a"], [[1, 2], [3]])
+
+
+def test_any_key_with_a_wrong_value_is_told_in_an_engineers_words():
+    named = [key for key in keys(VehicleScene) if not {"*", "NAME"} & set(key.split("."))]
+    sample = random.Random(1).sample([(key, value) for key in named for value in WRONG], 250)
+    refused = 0
+    for key, value in sample:
+        try:
+            load("straight", "flexible", {key: value})
+        except BadInput as error:
+            text, refused = str(error), refused + 1
+            assert not LIBRARY.search(text), text
+            assert key.split(".")[-1] in text or "is missing" in text or "drive.speed" in text, (key, value, text)
+    assert refused > 200
+    with pytest.raises(ValidationError) as twin:
+        VehicleScene.model_validate({"name": 1})
+    assert LIBRARY.search(str(twin.value))
