@@ -76,7 +76,7 @@ def replay(
             opened.log.require_window(start, end)
             if changes and not (opened.model.as_recorded and output is None):
                 path = output or log.with_name(_answer_name(log, name, other, settings or ()))
-                _write_answer(log, opened, path, picture, (start, end))
+                _write_answer(log, opened, path, picture, (start, end), as_json)
                 return
             verdicts[name] = opened.verify((start, end))
     if as_json:
@@ -102,8 +102,10 @@ def _answer_name(log: Path, component: str, other: str | None, settings: Sequenc
     return f"{log.stem}-{file_name(component)}{model}{file_part(dict(pairs(settings)))}.mcap"
 
 
-def _write_answer(log: Path, opened: Any, path: Path, picture: Path | None, window: tuple[float, float]) -> None:
-    """Log another model's outputs, print a table of the differences and draw both models."""
+def _write_answer(
+    log: Path, opened: Any, path: Path, picture: Path | None, window: tuple[float, float], as_json: bool
+) -> None:
+    """Log another model's outputs, print a table of the differences, or one JSON object, and draw both models."""
     from orchestrator.log.reader import Log
     from orchestrator.results import answer_comparison
 
@@ -114,11 +116,13 @@ def _write_answer(log: Path, opened: Any, path: Path, picture: Path | None, wind
         answers = answer_comparison.answers(recorded, answer, name, window)
     if not answers:
         exit_with(f"log {path}: nothing of '{name}' is there to be compared from {window[0]:g} to {window[1]:g} s", 1)
-    print_lines(answer_comparison.lines(answers))
-    print(f"log {path}")
     if picture is not None:
         answer_comparison.draw(answers, picture, f"{name} of {log.name}, and {path.name} under the same inputs")
-        print(picture)
+    if as_json:
+        signals = {answer.signal: {"unit": answer.unit, **answer.figures()} for answer in answers}
+        print_json({"log": str(path), "picture": picture and str(picture), "signals": signals})
+    else:
+        print_lines([*answer_comparison.lines(answers), f"log {path}", *filter(None, [picture and str(picture)])])
 
 
 def compare(

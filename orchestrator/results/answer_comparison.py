@@ -48,6 +48,12 @@ class Answer(NamedTuple):
         beyond = np.flatnonzero(abs(self.difference) > PARTED * self.largest)
         return float(self.t[beyond[0]]) if len(beyond) else np.nan
 
+    def figures(self) -> dict[str, float]:
+        """RMS of recorded values, of answers and of their difference, the largest difference, its time and parting."""
+        rms = [mean(self.t, values**2) ** 0.5 for values in (self.recorded, self.answered, self.difference)]
+        names = "rms, log", "rms, now", "rms apart", "most apart", "at, s", "parted, s"
+        return dict(zip(names, (*rms, *self.peak, self.parting_time), strict=True))
+
 
 def answers(log: Log, answer: Log, component: str, window: tuple[float, float] = EVER) -> list[Answer]:
     """Outputs of a component that both logs hold, without those that are zero or rounding in both.
@@ -75,20 +81,16 @@ def answers(log: Log, answer: Log, component: str, window: tuple[float, float] =
 
 def lines(answers: list[Answer]) -> list[str]:
     """Lines of a table of the outputs."""
-    rows = [
-        f"{'signal':28} {'unit':5} {'rms, log':>12} {'rms, now':>12} {'rms apart':>12} {'most apart':>12}"
-        f" {'at, s':>8} {'parted, s':>10}"
-    ]
+    rows = []
     for answer in answers:
-        largest_difference, time = answer.peak
-        figures = (
-            *(mean(answer.t, values**2) ** 0.5 for values in (answer.recorded, answer.answered, answer.difference)),
-            largest_difference,
-        )
-        parting_time = f"{answer.parting_time:10.4f}" if np.isfinite(answer.parting_time) else f"{'never':>10}"
-        rows.append(
-            f"{answer.signal:28} {answer.unit:5} {' '.join(f'{x:12.5g}' for x in figures)} {time:8.4f} {parting_time}"
-        )
+        *values, at, parted = answer.figures().items()
+        if not rows:
+            rows.append(
+                f"{'signal':28} {'unit':5} {' '.join(f'{name:>12}' for name, _ in values)} {at[0]:>8} {parted[0]:>10}"
+            )
+        parting_time = f"{parted[1]:10.4f}" if np.isfinite(parted[1]) else f"{'never':>10}"
+        texts = " ".join(f"{value:12.5g}" for _, value in values)
+        rows.append(f"{answer.signal:28} {answer.unit:5} {texts} {at[1]:8.4f} {parting_time}")
     return rows
 
 

@@ -1,13 +1,94 @@
-"""A log of a scene without an FMU (version 0.2.0).
+"""Logs of earlier versions are read, analysed, compared and replayed as they were.
 
-Readers read it; commands that need FMUs say why they cannot.
+The answers of 0.4.0 came with its logs, see ``old_answers``. A log of a scene without an FMU (version 0.2.0) is read,
+and commands that need FMUs say why they cannot.
 """
 
+import json
+import tarfile
 from pathlib import Path
 
+import numpy as np
+import old_answers
 import pytest
 
-OLD = Path(__file__).with_name("logs") / "without_fmu.mcap"  # `sliding_mass`, 0.05 s, made on 2026-11-23
+LOGS = Path(__file__).with_name("logs")
+OLD = LOGS / "without_fmu.mcap"  # `sliding_mass`, 0.05 s, made on 2026-11-23
+NAMES = (
+    "chain", "cut", "energy_corrected", "gauss_seidel", "iterative", "jacobi", "recovered", "resumed", "tracks_first",
+    "variable", "vehicle", "vehicle_flexible",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def old(tmp_path_factory):
+    """The folder of the old logs, and the answers of their version by log."""
+    folder = tmp_path_factory.mktemp("old")
+    with tarfile.open(LOGS / "old_logs.tar.xz") as archive:
+        archive.extractall(folder, filter="data")
+    return folder, json.loads((folder / "answers.json").read_text())
+
+
+@pytest.fixture
+def ask(cotrack):
+    return lambda *command: cotrack(*command)[:2]
+
+
+def leaves(answer, place=""):
+    """Flat values of an answer by their place."""
+    if isinstance(answer, dict | list):
+        entries = answer.items() if isinstance(answer, dict) else enumerate(answer)
+        return {where: leaf for key, one in entries for where, leaf in leaves(one, f"{place}/{key}").items()}
+    return {place: answer}
+
+
+def assert_same(answer, expected):
+    """Equal texts, numbers within 1e-9; not so if one number is off by a few per cent."""
+    found, wanted = leaves(answer), leaves(expected)
+    assert found.keys() == wanted.keys()
+    for where, value in wanted.items():
+        if isinstance(value, float):
+            assert found[where] == pytest.approx(value, rel=1e-9, abs=1e-300), where
+        elif not where.endswith("/log"):
+            assert found[where] == value, where
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_old_log_answers_as_it_did(old, ask, name):
+    folder, expected = old
+    answer = old_answers.answers(folder / f"{name}.mcap", ask)
+    assert_same(answer, expected[name])
+    answer["joints"]["rows"][0]["largest"] *= 1.03
+    with pytest.raises(AssertionError, match="largest"):
+        assert_same(answer, expected[name])
+
+
+def test_old_logs_compare_as_they_did(old, ask):
+    folder, expected = old
+    assert_same(old_answers.compared(folder, ask), expected["compared"])
+
+
+@pytest.mark.parametrize(
+    ("name", "component", "links", "apart"),
+    [("chain", "chain", "flexible", 1e-12), ("iterative", "track", "flexible", 1e-6),
+     ("jacobi", "track", "rigid", 1e-6), ("variable", "track", "rigid", 1e-6),
+     ("vehicle", "left_track", "rigid", 1e-4)],
+)  # fmt: skip
+def test_old_inputs_give_the_old_outputs(old, cotrack, name, component, links, apart):
+    """Rigid links come to rest otherwise than in 0.4.0 (fixed losses), by 2e-5 of a force."""
+    log = old[0] / f"{name}.mcap"
+    status, _, err = cotrack("replay", log, "--component", component)
+    assert status == 2
+    assert "made by another build" in err
+    replay = "replay", log, "--component", component, "--with", links, "-o", "answer.mcap", "--json"
+    status, out, _ = cotrack(*replay)
+    signals = json.loads(out)["signals"]
+    forces = {name: one for name, one in signals.items() if one["unit"] == "N"}
+    assert status == 0
+    assert forces
+    most = max(one["rms, log"] for one in forces.values())
+    assert max(one["rms apart"] for one in forces.values()) < apart * most
+    assert np.isclose(signals[next(iter(forces))]["rms, now"], signals[next(iter(forces))]["rms, log"], rtol=1e-3)
 
 
 @pytest.mark.parametrize(
