@@ -27,10 +27,10 @@ PIECE = 1 << 20  # bytes unpacked at once
 _BYTECODE = "__pycache__"
 
 
-def unpack(file: Path, description: str = DESCRIPTION, kind: str = "FMU") -> Path:
+def unpack(file: Path, description: str = DESCRIPTION, kind: str = "FMU", budget: UnpackedBudget | None = None) -> Path:
     """Unpack an FMU into a cache folder named by its content; return the folder. Raises ComponentFailed.
 
-    ``description``: file that an archive of this ``kind`` must have.
+    ``description``: file that an archive of this ``kind`` must have. ``budget``: that of an archive which holds it.
 
     A file that differs from the packed one is replaced; a process that has the old one open keeps it. If the cache
     cannot be used, a temporary folder lasts until the end of the process.
@@ -47,7 +47,8 @@ def unpack(file: Path, description: str = DESCRIPTION, kind: str = "FMU") -> Pat
         with stream, zipfile.ZipFile(stream) as archive:
             if description not in archive.namelist():
                 raise ComponentFailed(f"'{file}' is not an {kind}: it has no {description}")
-            _check_size(archive, os.fstat(stream.fileno()).st_size, description)
+            size = os.fstat(stream.fileno()).st_size
+            _check_size(archive, size, description, budget or UnpackedBudget(size))
             try:
                 return _unpack_missing(archive, private_folder(cache_folder() / place))
             except OSError:
@@ -62,9 +63,8 @@ def unpack(file: Path, description: str = DESCRIPTION, kind: str = "FMU") -> Pat
         raise ComponentFailed(f"'{file}' is not an {kind}: it is not a zip archive that can be read: {error}") from None
 
 
-def _check_size(archive: zipfile.ZipFile, size: int, description: str) -> None:
+def _check_size(archive: zipfile.ZipFile, size: int, description: str, budget: UnpackedBudget) -> None:
     """Raise OverBudget if an archive of ``size`` bytes declares too many files or bytes; zipfile unpacks no more."""
-    budget = UnpackedBudget(size)
     for entry in archive.infolist():
         check_name(entry.filename)
         budget.take(entry.file_size, FMU)

@@ -34,12 +34,13 @@ FMU = 1 << 30  # bytes of an FMU
 DESCRIBED, DESCRIBED_RATIO = 2 << 20, 32  # bytes of the description in an FMU; more per packed byte; ours have 22
 PATH_PARTS, PATH_LENGTH = 64, 1024  # folders and characters of a name in a zip archive
 DIRECTORY = 1 << 20  # bytes of the directory of an FMU, of which a file takes 100
-NESTING = 64  # levels of tables and arrays in a TOML file
+NESTING = 64  # levels of tables and arrays in a TOML file, of systems in an SSP archive
 UNPACKED, RATIO = 32 << 20, 80  # bytes that any file may unpack to; more per byte of its size
 PARTS, PART = 2000, 128  # chunks or packed files that any file may have; bytes of the file for each further one
 RECORDS, RECORD = 64, 8  # records that any chunk may have; packed bytes for each further one
 OTHERS, OTHER = 2000, 256  # records outside chunks that any log may have; bytes of the log for each further one
 CHANNELS = 16 << 20  # bytes of all channel records of a log, the summary's included
+ELEMENTS = 1 << 19  # XML elements of an SSP archive, each time that it names their document, and steps between them
 HOLES = 16  # size of a large file over its bytes on the disk; file systems that compress reach less
 
 _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFSOCK: "a socket"}
@@ -55,13 +56,13 @@ class OverBudget(ValueError):
 
 
 class UnpackedBudget:
-    """Unpacked bytes, parts (chunks, packed files) and other records that a file of ``size`` bytes may still hold."""
+    """Unpacked bytes, parts (chunks, packed files), records and elements that ``size`` bytes of a file may have."""
 
     def __init__(self, size: int) -> None:
         self._bytes = self._most_bytes = UNPACKED + RATIO * size
         self._parts = self._most_parts = PARTS + size // PART
         self._others = self._most_others = most_others(size)
-        self._channels = CHANNELS
+        self._channels, self._elements = CHANNELS, ELEMENTS
 
     def take(self, unpacked: int, most: int = AT_ONCE) -> None:
         """Count a part of ``unpacked`` bytes, of which ``most`` are allowed; raises OverBudget."""
@@ -82,6 +83,12 @@ class UnpackedBudget:
             raise OverBudget(f"it has more than {self._most_others} records, which are allowed for its size")
         if self._channels < 0:
             raise OverBudget(f"its channel records have more than {CHANNELS} bytes")
+
+    def take_elements(self, count: int) -> None:
+        """Count elements of an archive's documents; raises OverBudget."""
+        self._elements -= count
+        if self._elements < 0:
+            raise OverBudget(f"its documents have more than {ELEMENTS} elements")
 
 
 def check_name(name: str) -> None:

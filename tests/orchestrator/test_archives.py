@@ -5,11 +5,12 @@ import itertools
 import foreign_fmus
 import pytest
 from foreign_fmus import Variable
-from ssd_texts import MILLIMETRES, bound, component, connection, connectors, document, packed, system, values
+from ssd_texts import MILLIMETRES, SPACES, bound, component, connection, connectors, document, packed, system, values
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
+from orchestrator.files import budget
 from orchestrator.log.reader import Log
 from orchestrator.scene.ssp_scene import load_ssp
 
@@ -351,3 +352,55 @@ def circle():
 ])  # fmt: skip
 def test_what_cannot_be_run_is_one_sentence(gain, tmp_path, top, said):
     assert said in refused(tmp_path, document(top), gain)
+
+
+# --- budget of an archive ----------------------------------------------------------------------------
+
+
+def named_twice(gain, tmp_path, kind):
+    """Archive of a system that names the next one twice, which does so too: four components, six uses."""
+    ending = {"definition": "ssd", "package": "ssp"}[kind]
+    text, files = document(system(component("g"))), {"resources/gain.fmu": gain}
+    for k in range(2):
+        name = f"{k}.{ending}"
+        files |= {name: packed(tmp_path / name, text, **files) if kind == "package" else text}
+        one = f'<ssd:Component name="{{}}" type="application/x-ssp-{kind}" source="{name}"/>'
+        text = document(system(one.format("a") + one.format("b")))
+    return packed(tmp_path / "t.ssp", text, **files)
+
+
+@pytest.mark.parametrize("kind", ["definition", "package"])
+def test_systems_that_name_the_next_one_twice_have_a_budget(gain, tmp_path, monkeypatch, kind):
+    archive = named_twice(gain, tmp_path, kind)
+    monkeypatch.setattr(budget, "PART", 1 << 30)
+    monkeypatch.setattr(budget, "PARTS", 20)
+    assert load_ssp(archive, None, ()).fmu.keys() == {"a_a_g", "a_b_g", "b_a_g", "b_b_g"}
+    monkeypatch.setattr(budget, "PARTS", 9)
+    with pytest.raises(BadInput, match=r"t\.ssp'.* it has more than 9 parts, which are allowed for its size"):
+        load_ssp(archive, None, ())
+
+
+def test_a_set_that_is_bound_many_times_has_a_budget(gain, tmp_path, monkeypatch):
+    parameters = '<ssv:Parameter name="k"><ssv:Real value="3"/></ssv:Parameter>' * 10
+    given = f"<ssv:ParameterSet {SPACES}><ssv:Parameters>{parameters}</ssv:Parameters></ssv:ParameterSet>"
+    archive = []
+    for count in (1, 20):
+        inner = bound('<ssd:ParameterBinding source="k.ssv"/>' * count)
+        files = {"resources/gain.fmu": gain, "k.ssv": given}
+        archive.append(packed(tmp_path / f"{count}.ssp", document(system(component("g", inner))), **files))
+    monkeypatch.setattr(budget, "ELEMENTS", 100)
+    assert load_ssp(archive[0], None, ()).fmu["g"].parameters == {"k": 3.0}
+    with pytest.raises(BadInput, match=r"20\.ssp' is not read, .* its documents have more than 100 elements"):
+        load_ssp(archive[1], None, ())
+
+
+def test_a_value_goes_through_as_many_connections_as_there_are(gain, tmp_path):
+    passing = system("", connection("in", "out"), connectors("in input", "out output"), name="{}")
+    ways = ["x", *(f"p{k}.{end}" for k in range(600) for end in ("in", "out")), "g.u"]
+    wires = "".join(connection(*pair) for pair in zip(ways[::2], ways[1::2], strict=True))
+    before = connectors("x input") + bound(values(x=("Real", 3.0)))
+    elements = "".join(passing.format(f"p{k}") for k in range(600)) + component("g")
+    scene = load_ssp(
+        packed(tmp_path / "t.ssp", document(system(elements, wires, before)), **{"resources/gain.fmu": gain}), None, ()
+    )
+    assert scene.fmu["g"].parameters == {"u": 3.0}

@@ -20,7 +20,7 @@ from orchestrator.cosim.base_units import QUANTITIES, UNCHANGED, BaseUnit, Conve
 from orchestrator.cosim.component import description_of
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
+from orchestrator.files.budget import DOCUMENT, NESTING, OverBudget, UnpackedBudget, read_file
 
 VERSIONS = "1.0", "2.0"
 REAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
@@ -36,14 +36,26 @@ OTHER_TRANSFORMATIONS = (
 
 
 class Place(NamedTuple):
-    """Where a document is."""
+    """Where a document is, and what may still be read of the whole archive."""
 
     folder: Path  # against which its sources are resolved
     where: str  # beginning of messages
+    archive: str  # that of messages on the whole archive
+    budget: UnpackedBudget
+    packages: dict[Path, Path]  # folders of packages that are unpacked already
 
     def at(self, name: str) -> Place:
         """The same folder, for messages about a part."""
         return self._replace(where=f"{self.where}: {name}")
+
+    def take(self, elements: int, text: bytes | None = None) -> None:
+        """Count elements or the text of a document, each time that it is used; raises BadInput."""
+        try:
+            self.budget.take_elements(elements)
+            if text is not None:
+                self.budget.take(len(text), DOCUMENT)
+        except OverBudget as excess:
+            raise BadInput(f"{self.archive} is not read, each use of a document counts: {excess}") from None
 
 
 def local(element: Node) -> str:
@@ -68,12 +80,15 @@ def child(element: Node | None, *path: str) -> Node | None:
     return next(children(element, *path), None)
 
 
-def xml_root(file: Path, where: str) -> Node:
-    """Root of an XML document; raises BadInput."""
+def xml_root(file: Path, place: Place) -> Node:
+    """Root of an XML document, which counts; raises BadInput."""
     try:
-        return fromstring(read_file(file, DOCUMENT))
+        text = read_file(file, DOCUMENT)
+        root = fromstring(text)
     except (OSError, OverBudget, ParseError, LookupError, ValueError) as error:  # LookupError: an unknown encoding
-        raise BadInput(f"{where} cannot be read: {error}") from None
+        raise BadInput(f"{place.where} cannot be read: {error}") from None
+    place.take(sum(1 for _ in root.iter()), text)
+    return root
 
 
 def archive_file(source: str, place: Place) -> Path:
@@ -99,7 +114,7 @@ def content(element: Node, kind: str, place: Place, component: Place | None = No
         if component is None:
             raise BadInput(f"{place.where}: source = {value_text(source)}: only FMUs have files of their own")
         base = component
-    root = xml_root(archive_file(source, base), f"{place.where}: {source}")
+    root = xml_root(archive_file(source, base), place.at(source))
     if local(root) != kind:
         raise BadInput(f"{place.where}: {source} holds {local(root)}, not {kind}")
     return root
@@ -160,7 +175,6 @@ def units_of(root: Node | None) -> dict[str, BaseUnit]:
 
 DOCUMENT_NAME = "SystemStructure.ssd"
 FMU, DEFINITION, PACKAGE = (f"application/x-{kind}" for kind in ("fmu-sharedlibrary", "ssp-definition", "ssp-package"))
-DEEPEST = 32  # levels of systems
 SOURCES, SINKS = ("output", "calculatedParameter"), ("input", "parameter", "structuralParameter")
 
 
@@ -212,8 +226,8 @@ class Element:
 
 def read_system(node: Node, path: str, place: Place, units: Mapping[str, BaseUnit], depth: int = 0) -> Element:
     """Read a system with all that is in it; raises BadInput."""
-    if depth > DEEPEST:
-        raise BadInput(f"{place.where}: systems are nested more than {DEEPEST} deep")
+    if depth > NESTING:
+        raise BadInput(f"{place.where}: systems are nested more than {NESTING} deep")
     system = Element(path, place, node, units, _connectors(node))
     system.bindings = [*children(node, "ParameterBindings", "ParameterBinding")]
     for one in children(node, "SignalDictionaries", "SignalDictionary"):
@@ -226,6 +240,7 @@ def read_system(node: Node, path: str, place: Place, units: Mapping[str, BaseUni
         if name in system.elements:
             raise BadInput(f"{place.where}: two elements of '{path or 'the system'}' are called {value_text(name)}")
         inner_path = f"{path}.{name}" if path else name
+        place.take((len(place.where) + len(inner_path)) // NESTING)  # texts that are kept
         if kind == "System":
             system.elements[name] = read_system(one, inner_path, place, units, depth + 1)
         elif kind == "Component":
@@ -265,14 +280,14 @@ def _dictionary(node: Node, system: Element) -> Element:
 
 def _component(node: Node, path: str, place: Place, units: Mapping[str, BaseUnit], depth: int) -> Element:
     """An FMU, or the system of another document in its place."""
-    here = place.at(path)
+    here = place._replace(where=f"{place.archive}: {path}")
     kind, use = node.get("type") or FMU, node.get("implementation", "any")
     bindings = [*children(node, "ParameterBindings", "ParameterBinding")]
     if kind in (DEFINITION, PACKAGE):
         file = archive_file(node.get("source", ""), here)
-        root, inner = unpacked_archive(file, here.where) if kind == PACKAGE else (xml_root(file, here.where), place)
-        system = system_node(root, here.where)
-        made = read_system(system, path, inner._replace(where=here.where), units_of(root) | dict(units), depth + 1)
+        root, inner = unpacked_archive(file, here) if kind == PACKAGE else (xml_root(file, here), here)
+        here.take(len(units))
+        made = read_system(system_node(root, here.where), path, inner, units_of(root) | dict(units), depth + 1)
         made.bindings += bindings
         return made
     if kind != FMU or use not in ("any", "CoSimulation"):
@@ -289,13 +304,14 @@ def _component(node: Node, path: str, place: Place, units: Mapping[str, BaseUnit
     return made
 
 
-def unpacked_archive(file: Path, where: str) -> tuple[Node, Place]:
-    """Unpack an archive; return the root of its document, and its place. Raises BadInput."""
+def unpacked_archive(file: Path, place: Place) -> tuple[Node, Place]:
+    """Unpack an archive that is named at a place; return the root of its document, and its place. Raises BadInput."""
     try:
-        folder = unpack(file, DOCUMENT_NAME, "SSP archive")
+        folder = place.packages.get(file) or unpack(file, DOCUMENT_NAME, "SSP archive", place.budget)
     except ComponentFailed as failure:
-        raise BadInput(f"{where}: {failure}" if f"'{file}'" not in where else str(failure)) from None
-    return xml_root(folder / DOCUMENT_NAME, f"{where}: {DOCUMENT_NAME}"), Place(folder, where)
+        raise BadInput(f"{place.where}: {failure}" if f"'{file}'" not in place.where else str(failure)) from None
+    place.packages[file] = folder
+    return xml_root(folder / DOCUMENT_NAME, place.at(DOCUMENT_NAME)), place._replace(folder=folder)
 
 
 def system_node(root: Node, where: str) -> Node:

@@ -134,7 +134,7 @@ def links(system: Element, outer: Sequence[Element] = ()) -> Iterator[Link]:
     for node in children(system.node, "Connections", "Connection"):
         yield _link(node, system)
     for element in system.elements.values():
-        yield from links(element, systems) if element.fmu is None else ()
+        yield from links(element, systems) if local(element.node) == "System" else ()
 
 
 def _link(node: Node, system: Element) -> Link:
@@ -210,11 +210,12 @@ def _apply(element: Element, onward: Mapping[ConnectorEnd, list[Link]], values: 
         _apply(inner, onward, values, unknown)
     for binding in element.bindings:
         place = element.place if element.fmu is not None or not element.path else element.place.at(element.path)
-        inside = Place(unpack(element.fmu), place.where) if element.fmu is not None else None
+        inside = place._replace(folder=unpack(element.fmu)) if element.fmu is not None else None
         mapping = child(binding, "ParameterMapping")
         targets = None if mapping is None else _targets(content(mapping, "ParameterMapping", place, inside), place)
         for given in _given(content(binding, "ParameterSet", place, inside), binding.get("prefix", ""), place):
             for target in [Target(given.name)] if targets is None else targets.get(given.name, ()):
+                place.take(1)
                 reached = [*_reached(element, target.name, onward)]
                 if not reached:
                     unknown.append(f"{given.where} is ignored: there is no '{target.name}' to take it")
@@ -270,22 +271,18 @@ def _reached(element: Element, name: str, onward: Mapping[ConnectorEnd, list[Lin
     if dot and head in element.elements:
         yield from _reached(element.elements[head], rest, onward)
     elif name in element.connectors:
-        yield from _onward(FlowingValue.begun_at(ConnectorEnd(element, name)), onward, set())
-
-
-def _onward(
-    flowing: FlowingValue, onward: Mapping[ConnectorEnd, list[Link]], seen: set[ConnectorEnd]
-) -> Iterator[FlowingValue]:
-    for link in onward.get(flowing.end, ()):
-        if link.target in seen:
-            continue
-        seen.add(link.target)
-        after = flowing.through(link)
-        if link.target.element.fmu is not None:
-            if _has_start(link.target.element.variables[link.target.name]):
-                yield after
-        else:
-            yield from _onward(after, onward, seen)
+        ways, seen = [FlowingValue.begun_at(ConnectorEnd(element, name))], set()
+        for way in ways:
+            for link in onward.get(way.end, ()):
+                element.place.take(1)
+                if link.target in seen:
+                    continue
+                seen.add(link.target)
+                after = way.through(link)
+                if link.target.element.fmu is None:
+                    ways.append(after)
+                elif _has_start(link.target.element.variables[link.target.name]):
+                    yield after
 
 
 def _has_start(variable: object) -> bool:

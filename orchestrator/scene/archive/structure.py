@@ -9,9 +9,11 @@ from xml.etree.ElementTree import Element as Node
 
 from fmus.vehicles.tables import BadInput, path_text
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, conversion
+from orchestrator.files.budget import UnpackedBudget
 from orchestrator.scene.archive.elements import (
     VERSIONS,
     Element,
+    Place,
     child,
     double,
     fmu_elements,
@@ -22,8 +24,6 @@ from orchestrator.scene.archive.elements import (
 )
 from orchestrator.scene.archive.flow import ConnectorEnd, FlowingValue, Link, Scalar, links, start_values
 from orchestrator.scene.fmu_table import Pair
-
-LONGEST_WAY = 100  # connections from an output to an input
 
 
 class Structure(NamedTuple):
@@ -43,7 +43,8 @@ class Structure(NamedTuple):
 def read_structure(file: Path) -> Structure:
     """Unpack an SSP archive into the cache and read its structure; raises BadInput with one sentence."""
     where = path_text(file)
-    root, place = unpacked_archive(file, where)
+    budget = UnpackedBudget(file.stat().st_size if file.is_file() else 0)
+    root, place = unpacked_archive(file, Place(file.parent, where, where, budget, {}))
     if root.get("version") not in VERSIONS:
         raise BadInput(f"{where}: SSP {root.get('version')}: only SSP {' and '.join(VERSIONS)} are run")
     node = system_node(root, where)
@@ -71,11 +72,13 @@ def read_structure(file: Path) -> Structure:
 def _names(members: Sequence[Element]) -> dict[str, str]:
     """Names of components in the flat system by their paths: a.b.c is a_b_c, unless that is taken."""
     names: dict[str, str] = {one.path: one.path for one in members if "." not in one.path}
+    taken = set(names)
     for one in members:
         name = one.path.replace(".", "_")
-        while one.path not in names and name in names.values():
+        while one.path not in names and name in taken:
+            one.place.take(1)
             name += "_"
-        names.setdefault(one.path, name)
+        taken.add(names.setdefault(one.path, name))
     return names
 
 
@@ -91,17 +94,18 @@ def _pairs(all_links: Sequence[Link], names: Mapping[str, str]) -> Iterator[Pair
         if target.element.fmu is None:
             continue
         way = [last]
-        while way[0].source.element.fmu is None and (before := giving.get(way[0].source)) is not None:
-            way.insert(0, before)
-            if len(way) > LONGEST_WAY:
+        while way[-1].source.element.fmu is None and (before := giving.get(way[-1].source)) is not None:
+            way.append(before)
+            target.element.place.take(1)
+            if len(way) > len(giving):
                 raise BadInput(f"{target.element.place.where}: the connection to '{target}' goes round in a circle")
-        source = way[0].source
+        source = way[-1].source
         if source.element.fmu is None or target.connector.kind == "parameter":
             if source.element.fmu is not None:
                 raise BadInput(f"{target.element.place.where}: '{target}' is a parameter: '{source}' cannot change it")
             continue  # nothing gives: the start value stays
         flowing = FlowingValue(source)
-        for link in way:
+        for link in reversed(way):
             flowing = flowing.through(link)
         transformation = _beyond_units(flowing, source, target)
         yield Pair(names[source.element.path], source.name, names[target.element.path], target.name, transformation)
