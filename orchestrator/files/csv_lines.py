@@ -27,15 +27,24 @@ def csv_lines(path: Path, most: int, most_lines: int, delimiters: str = ",") -> 
         byte = f"byte {error.object[error.start]:#x} at {error.start}"
         raise ValueError(f"it is no text in UTF-8 ({byte}): save it as CSV in UTF-8") from None
     with io.StringIO(text, newline=None) as lines:
-        for number, line in enumerate(lines, 1):
-            if number > most_lines:
+        for place, line in enumerate(lines, 1):
+            if place > most_lines:
                 raise OverBudget(f"it has more than {most_lines} lines")
             if len(line) > CSV_LINE:
-                raise OverBudget(f"line {number} has more than {CSV_LINE} characters")
+                raise OverBudget(f"line {place} has more than {CSV_LINE} characters")
             delimiter = delimiter or next((mark for mark in delimiters if mark in line), delimiters[-1])
-            for cells in csv.reader([line], delimiter=delimiter, skipinitialspace=True):
-                if cells:
-                    yield number, cells
+            try:
+                rows = [*csv.reader([line], delimiter=delimiter, skipinitialspace=True, strict=True)]
+            except csv.Error:
+                raise ValueError(f"line {place}: a quote does not end with its cell") from None
+            yield from ((place, cells) for cells in rows if cells)
+
+
+def number(cell: str) -> float:
+    """Number in a cell; raises ValueError, also for digits of other scripts and "1_000", which Python takes."""
+    if not cell.strip().isascii() or "_" in cell:
+        raise ValueError(cell)
+    return float(cell)
 
 
 def safe_cell(cell: Any) -> Any:

@@ -1,17 +1,18 @@
 """Files of measured signals: chosen columns with names, units and samples as they stand in the file, by format.
 
 CSV: the first line holds names with units, "v [km/h]", "v (km/h)" or "v, km/h"; a cell may be empty. Parquet: names as
-in CSV, or the unit in the metadata of a column, as ``log export`` writes it; dates count in s from the first. MCAP: the
-log of another run. Whatever a library raises at a file of others is a file that cannot be read.
+in CSV, or the unit in the metadata of a column, as ``log export`` writes it; dates count in s from the first, durations
+from zero. MCAP: the log of another run. Whatever a library raises at a file of others is a file that cannot be read.
 
 MDF 4, by asammdf 8.8.28: ``to_dataframe`` fills the time before a group begins with its first value, and exports begin
 each group at zero; it drops invalid samples, over which a line would be drawn; a group without a clock has times by
 number. So each channel is read with its own master, whose times count from the start of the file, invalid samples are
-gaps, and other masters than time are refused.
+gaps, and other masters than time are refused. It looks up ranges of integers by their upper borders alone: done here.
 
 TDMS, by npTDMS 1.13.0: properties of the last segment count for all samples, so that a record that was armed again gets
-the start of its last part; it is refused if they change. An index file beside a file is used even if it is older; a
-stream has none. Times count from the first start of all channels.
+the start of its last part, and all of it that one's scale and unit; it is refused if they change. A scale that npTDMS
+does not know is none to it: refused. An index file beside a file is used even if it is older; a stream has none. Times
+count from the first start of all channels.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ import numpy as np
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import MEASURED, MEASURED_BINARY, MEASURED_ROWS, MEASURED_SAMPLES, OverBudget, open_file
 from orchestrator.files.columns import head
-from orchestrator.files.csv_lines import csv_lines
+from orchestrator.files.csv_lines import csv_lines, number
 from orchestrator.log.extra import NotInstalled, library
 from orchestrator.log.notices import notice
 from orchestrator.log.reader import Log, LogUnreadable
@@ -46,11 +47,10 @@ MARKS = ";\t,"  # between cells: the first of these that the first line has
 UNITS_UNTIL = 3  # last line that may be one of units
 SHOWN = 100  # characters of a line in a message
 TIMING = ("wf_start_time", "wf_start_offset", "wf_increment")  # properties of a TDMS channel
-LEAD_IN = 28  # bytes
-_TIMED = re.compile(  # path of an object or time property of it, with a date (type 68) or a double (10)
-    rb"(?s)(?P<path>/'(?:[^']|'')*'(?:/'(?:[^']|'')*')?)"
-    rb"|(?P<key>wf_start_time|wf_start_offset|wf_increment)(?P<value>(?:D\0\0\0|\0\0\0D).{16}|(?:\n\0\0\0|\0\0\0\n).{8})"
-)
+LEAD_IN, LONGEST = 28, 1 << 16  # bytes; of a path or a value
+SIZES = {1: 1, 2: 2, 3: 4, 4: 8, 5: 1, 6: 2, 7: 4, 8: 8, 9: 4, 10: 8, 25: 4, 26: 8, 33: 1, 68: 16}  # bytes by type
+SCALES = r"Linear|Polynomial|Table|Add|Subtract|RTD|Strain|Thermistor|Thermocouple|AdvancedAPI"  # that npTDMS knows
+_TOLD = re.compile(rb"/'|wf_start_time|wf_start_offset|wf_increment|unit_string|NI_Scal[]\w[]+|NI_Number_Of_Scales")
 _TIME = re.compile(r"(?:.*[T ])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?")
 
 
@@ -73,6 +73,7 @@ class Samples(NamedTuple):
 
 Choose = Callable[[Sequence[FileColumn]], Sequence[int]]
 Read = dict[int, Samples]
+Told = Mapping[tuple[str, str], set[bytes]]  # values of TDMS properties in all segments, by path and key
 
 
 def read_samples(path: Path, choose: Choose) -> Read:
@@ -141,7 +142,7 @@ def _later_header(path: Path, choose: Choose) -> str:
 def _number(path: Path, line: int, cells: Sequence[str], header: Sequence[str], k: int) -> float:
     name = head(header[k])[0]
     try:
-        return float(cells[k].strip() or "nan")
+        return number(cells[k].strip() or "nan")
     except IndexError:
         raise BadInput(f"{path}, line {line}: there are {len(cells)} cells, and none for '{name}'") from None
     except ValueError:
@@ -174,11 +175,12 @@ def _check_samples(count: int) -> None:
 
 
 def _values(path: Path, name: str, values: Any) -> Floats:
-    """Values as doubles, dates in s from the first one; raises BadInput for others, as texts and arrays."""
+    """Values as doubles, dates in s from the first one, durations in s; raises BadInput for texts and arrays."""
     found = np.asarray(values)
     if found.ndim != 1 or found.dtype.kind not in "iufMm":
         raise BadInput(f"{path}: column '{name}' holds no numbers, but {found.dtype} of {found.ndim} dimensions")
-    return np.asarray((found - found[:1]) / np.timedelta64(1, "s") if found.dtype.kind in "Mm" else found, np.float64)
+    found = found - found[:1] if found.dtype.kind == "M" else found
+    return np.asarray(found / np.timedelta64(1, "s") if found.dtype.kind == "m" else found, np.float64)
 
 
 def _parquet(path: Path, choose: Choose) -> Read:
@@ -193,8 +195,11 @@ def _parquet(path: Path, choose: Choose) -> Read:
         found = {}
         for k in choose(present):
             name = present[k].whole
+            kind, is_decimal = file.schema_arrow.field(k).type, arrow.types.is_decimal(file.schema_arrow.field(k).type)
+            if not is_decimal and not arrow.types.is_primitive(kind):
+                raise BadInput(f"{path}: column '{name}' holds no numbers, but {kind}")
             column = file.read([name]).column(name)  # pyarrow reads "a.b" along with "a": picked once more
-            found[k] = Samples(_values(path, name, column.to_numpy()))
+            found[k] = Samples(_values(path, name, (column.cast("float64") if is_decimal else column).to_numpy()))
     return found
 
 
@@ -220,18 +225,30 @@ def _mdf(path: Path, choose: Choose) -> Read:
             master = file.masters_db.get(i)
             if master is None or file.groups[i].channels[master].sync_type != 1:  # time; others: angle, number
                 raise BadInput(f"{path}: the group '{labels[i]}' of '{channels[k].name}' has no clock")
-            signal = file.get(group=i, index=j, ignore_invalidation_bits=True)
-            values, invalid = _values(path, present[k].whole, signal.samples), signal.invalidation_bits
+            conversion = channels[k].conversion
+            ranges = bool(conversion) and conversion.conversion_type == 6  # value range to value
+            signal = file.get(group=i, index=j, ignore_invalidation_bits=True, raw=ranges)
+            samples = _by_range(conversion, signal.samples) if ranges else signal.samples
+            values, invalid = _values(path, present[k].whole, samples), signal.invalidation_bits
             kept = values if invalid is None else np.where(np.asarray(invalid, bool), np.nan, values)
             found[k] = Samples(kept, np.asarray(signal.timestamps, float))
     return found
+
+
+def _by_range(ranges: Any, raw: Any) -> Floats:
+    """Values by ranges of raw ones; the upper border belongs to a range of integers alone (ASAM MDF 4.1, CCBLOCK)."""
+    count = (ranges.val_param_nr - 1) // 3
+    lower, upper, values = (np.array([ranges[f"{k}_{n}"] for n in range(count)]) for k in ("lower", "upper", "phys"))
+    n = np.searchsorted(lower, raw, side="right") - 1
+    inside = (raw <= upper[n]) if raw.dtype.kind in "iu" else (raw < upper[n])
+    return np.where((n >= 0) & inside, values[n], ranges["default"])
 
 
 def _tdms(path: Path, choose: Choose) -> Read:
     nptdms = library("nptdms", EXTRA)
     nptdms.log.log_manager.set_level(logging.ERROR)  # for what is cut off there is a notice
     with open_file(path, MEASURED_BINARY) as stream:
-        told = _time_properties(stream)
+        told = _told(stream)
         stream.seek(0)
         with nptdms.TdmsFile.open(stream) as file:
             if file.file_status.incomplete_final_segment or file.file_status.channel_statuses:
@@ -245,20 +262,30 @@ def _tdms(path: Path, choose: Choose) -> Read:
             found = {}
             for k in choose(present):
                 _check_samples(len(channels[k]))
+                _check_scale(path, file, channels[k], told)
                 t = _track(path, channels[k], told, min(begins, default=None)) if present[k].timed else None
                 found[k] = Samples(_values(path, present[k].whole, channels[k][:]), t)
     return found
 
 
-def _track(path: Path, channel: Any, told: Mapping[tuple[str, str], set[bytes]], first: Any) -> Floats:
+def _check_scale(path: Path, file: Any, channel: Any, told: Told) -> None:
+    """Raise BadInput if properties of a channel, its group or its file change, or npTDMS does not know a scale."""
+    name = f"{channel.group_name}/{channel.name}"
+    for (where, key), values in told.items():
+        if len(values) > 1 and channel.path.startswith(where):
+            raise BadInput(f"{path}: '{name}' was armed again, {key} changes: save each record as a file of its own")
+    about = {**file.properties, **file[channel.group_name].properties, **channel.properties}
+    for key, kind in about.items() if about.get("NI_Scaling_Status") != "scaled" else ():
+        if key.endswith("]_Scale_Type") and not re.fullmatch(SCALES, str(kind)):
+            raise BadInput(f"{path}: '{name}' has a scale of type '{kind}', which is not known: save it scaled")
+
+
+def _track(path: Path, channel: Any, told: Told, first: Any) -> Floats:
     """Times of a TDMS channel, s, from the first start among all; raises BadInput if they are not known."""
     about, name = channel.properties, f"{channel.group_name}/{channel.name}"
     for key in TIMING:
-        values = told.get((channel.path, key), ())
-        if key in about and not values:
+        if key in about and (channel.path, key) not in told:
             raise BadInput(f"{path}: '{name}' is not read, because {key} of its segments cannot be known")
-        if len(values) > 1:
-            raise BadInput(f"{path}: '{name}' was armed again, {key} changes: save each record as a file of its own")
     if str(about.get("wf_xunit_string") or "s") != "s":
         raise BadInput(f"{path}: '{name}' is over {about['wf_xunit_string']}, not over time in s")
     if first is not None and "wf_start_time" not in about:
@@ -268,23 +295,29 @@ def _track(path: Path, channel: Any, told: Mapping[tuple[str, str], set[bytes]],
     return np.asarray(start + float(about["wf_increment"]) * np.arange(len(channel)), float)
 
 
-def _time_properties(stream: BufferedReader) -> dict[tuple[str, str], set[bytes]]:
-    """Values of each time property, as bytes, by path and key, in the metadata of all segments of a TDMS file.
+def _told(stream: BufferedReader) -> Told:
+    """Values of each property of times, scales and units, as bytes, in the metadata of all segments of a TDMS file.
 
     A segment begins with a tag, flags (64: big-endian), a version, its length and that of its metadata (National
-    Instruments, TDMS File Format Internal Structure); a property is its name, its type and its value.
+    Instruments, TDMS File Format Internal Structure); a property is its name, its type and its value. Paths, names and
+    texts begin with their length.
     """
     found: dict[tuple[str, str], set[bytes]] = {}
     at = 0
     while (lead := stream.read(LEAD_IN)).startswith(b"TDSm"):
         order: Literal["big", "little"] = "big" if lead[4] & 64 else "little"
         whole, described = (int.from_bytes(lead[k : k + 8], order) for k in (12, 20))
-        path = ""
-        for each in _TIMED.finditer(stream.read(described)):
-            if each["path"]:
-                path = each["path"].decode()
-            else:
-                found.setdefault((path, each["key"].decode()), set()).add(each["value"])
+        text, path, end = stream.read(described), "", 0
+        while each := _TOLD.search(text, end):
+            begin, end = each.span()
+            length = int.from_bytes(text[max(begin - 4, 0) : begin], order)
+            if each[0] == b"/'" and 2 < length < LONGEST:
+                end = begin + length
+                path = text[begin:end].decode(errors="replace")
+            elif length == end - begin:
+                kind, more = (int.from_bytes(text[k : k + 4], order) for k in (end, end + 4))
+                value = text[end : end + 4 + min(SIZES.get(kind, 4 + more), LONGEST)]
+                found.setdefault((path, each[0].decode()), set()).add(value)
         at += LEAD_IN + whole
         stream.seek(min(at, MEASURED_BINARY))  # a segment that was not finished has no end
     return found
@@ -292,6 +325,8 @@ def _time_properties(stream: BufferedReader) -> dict[tuple[str, str], set[bytes]
 
 def _mcap(path: Path, choose: Choose) -> Read:
     with Log(path) as log:
+        if log.closing:
+            log.notice_seal()
         names = log.signals
         chosen = choose([FileColumn(name, name, log.unit(name), timed=True) for name in names])
         return {k: Samples(values, t) for k in chosen for t, values in [log.signal(names[k])]}

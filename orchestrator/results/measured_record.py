@@ -95,6 +95,11 @@ def read(
     if CLOCK in asked:
         times = _in_unit(path, asked[CLOCK], samples, CLOCK)
         _check_clock(path, f"'{asked[CLOCK].name}'", times, samples[asked[CLOCK].number].lines)
+        if not asked[CLOCK].given_unit and len(times) > 1 and (times == np.rint(times)).all():
+            name = asked[CLOCK].name
+            raise BadInput(
+                f"{path}: the clock '{name}' counts whole numbers, of s or ms: clock = {name}:s says of what"
+            )
     return [_signal(path, signal, asked[signal], samples, times) for signal in columns]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import CSV, ROWS
 from orchestrator.files.columns import head, no_data, unit_size
-from orchestrator.files.csv_lines import csv_lines
+from orchestrator.files.csv_lines import csv_lines, number
 from orchestrator.log.measured_formats import SUFFIXES, FileColumn, read_samples
 
 Tables = dict[str, Any]  # raw scene
@@ -62,17 +62,17 @@ def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float
         reason = error.strerror if isinstance(error, OSError) else error
         raise BadInput(f"{key}: cannot be read: {reason}") from None
     pairs, sizes = [], [1.0, 1.0]
-    for number, row in rows:
+    for line, row in rows:
         try:
-            first, second = (float(cell) for cell in row)
+            first, second = (number(cell) for cell in row)
         except ValueError:
-            if number > 1 or any(_is_number(cell) for cell in row):
-                raise BadInput(f"{key}, line {number}: must be two numbers") from None
+            if line > 1 or any(_is_number(cell) for cell in row):
+                raise BadInput(f"{key}, line {line}: must be two numbers") from None
             sizes = [*_sizes(key, row, units), 1.0, 1.0]  # a first line of fewer cells is a title
             continue
         for value in (first, second):
             if no_data(np.array(value)):
-                raise BadInput(f"{key}, line {number}: {value:.7g} is a mark of no data: leave the line out")
+                raise BadInput(f"{key}, line {line}: {value:.7g} is a mark of no data: leave the line out")
         pairs.append([first * sizes[0], second * sizes[1]])
     return pairs
 

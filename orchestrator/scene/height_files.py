@@ -13,7 +13,7 @@ import numpy as np
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import MEASURED, read_file
 from orchestrator.files.columns import check_gaps, no_data
-from orchestrator.files.csv_lines import csv_lines
+from orchestrator.files.csv_lines import csv_lines, number
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.ground_tables import MOST_HEIGHTS, check_points
 from orchestrator.scene.survey_files import read_raster, read_road
@@ -69,13 +69,13 @@ def _of_file(table: dict[str, Any]) -> dict[str, Any]:
 
 def _read_csv(path: Path) -> Floats:
     rows = []
-    for number, row in csv_lines(path, MEASURED, MOST_HEIGHTS):
+    for line, row in csv_lines(path, MEASURED, MOST_HEIGHTS):
         try:
-            rows.append([float(cell) for cell in row])
+            rows.append([number(cell) for cell in row])
         except ValueError:
-            raise ValueError(f"line {number}: must be numbers") from None
+            raise ValueError(f"line {line}: must be numbers") from None
         if len(row) != len(rows[0]):
-            raise ValueError(f"line {number}: has {len(row)} numbers, the first line {len(rows[0])}")
+            raise ValueError(f"line {line}: has {len(row)} numbers, the first line {len(rows[0])}")
     return np.array(rows)
 
 

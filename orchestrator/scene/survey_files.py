@@ -2,7 +2,8 @@
 
 Rasters: GDAL gets the bytes of a file and one driver, so that no file names another one. It makes corners of cells
 out of pixel-is-point and xllcenter; a height lies in the middle of its cell. It reads words of an ASCII grid as 0 and
-blocks that a sparse GeoTIFF leaves out as 0 too, so both are looked for here.
+blocks that a sparse GeoTIFF leaves out as 0 too, passes over heights and keys of a grid that are too many, and mirrors
+one of negative cells: all are looked for here.
 
 Roads: PyOpenCRG 0.2.2 is pure Python with numpy alone, in double precision. It agrees with pycrg 2.2.0, ASAM's C
 library in single precision, to 1e-8 m on straight, curved, sloped and banked roads with each kind of modifier; crgutils
@@ -16,7 +17,8 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -51,7 +53,8 @@ def read_raster(path: Path, heightmap: dict[str, Any]) -> Floats:
     rasterio = library("rasterio", EXTRA)
     content, text = read_file(path, MEASURED), path.suffix.lower() == ".asc"
     options = {"driver": "AAIGrid", "datatype": "Float64"} if text else {"driver": "GTiff"}
-    for word in content.split() if text else ():
+    words = content.lower().split() if text else []
+    for word in words:
         if not _WORD.fullmatch(word):
             raise ValueError(f"has {word[:20].decode('latin-1')!r} where a number must be")
     with warnings.catch_warnings(), ExitStack() as stack:
@@ -66,6 +69,8 @@ def read_raster(path: Path, heightmap: dict[str, Any]) -> Floats:
             raise ValueError("must have one band of numbers: take the heights alone, as gdal_translate -b 1 does")
         if np.prod(source.block_shapes[0], dtype=float) * 16.0 > AT_ONCE:
             raise OverBudget(f"its blocks have more than {AT_ONCE} bytes")
+        if text:
+            _check_grid(words, source)
         raw, missing = _sound(lambda: (source.read(1), source.read_masks(1) == 0))
         for (i, j), window in () if text else source.block_windows(1):
             if source.get_tag_item(f"BLOCK_OFFSET_{j}_{i}", "TIFF", bidx=1) is None:  # left out
@@ -83,6 +88,18 @@ def read_raster(path: Path, heightmap: dict[str, Any]) -> Floats:
     else:
         _set_places(heightmap, (float(x.min()), float(y.min())), (abs(grid.a), abs(grid.e)))
     return heights.T[np.argsort(x)][:, np.argsort(y)]
+
+
+def _check_grid(words: Sequence[bytes], source: Any) -> None:
+    """Raise ValueError for an ESRI grid, open as ``source``, whose words GDAL would rearrange, mirror or pass over."""
+    keys = Counter(word.replace(b"center", b"corner") for word in words if word[:1].isalpha() and word != b"nan")
+    count = len(words) - 2 * keys.total()
+    for key in (key.decode() for key in keys if keys[key] > 1):
+        raise ValueError(f"gives {key} twice")
+    if count != source.width * source.height:
+        raise ValueError(f"has {count} heights, and its header says {source.width} columns x {source.height} rows")
+    if source.transform.a <= 0.0 or source.transform.e >= 0.0 or {b"cellsize", b"dx"} <= keys.keys():
+        raise ValueError("must have one cellsize, or dx and dy, above 0")
 
 
 def _sound(read: Callable[[], Any]) -> Any:

@@ -239,7 +239,7 @@ def test_another_shift_that_is_nearly_as_good_is_named(write, tmp_path, wave, ot
             " without a line of their own: t [s],v [km/h]",
         ),
         ("t [kg],v\n0,1\n", "v", "m.csv: column 't' is in kg, which does not convert to s"),
-        ("t,v\n0,\n1,nan\n", "v", "m.csv: column 'v' holds no number"),
+        ("t,v\n0,\n0.5,nan\n", "v", "m.csv: column 'v' holds no number"),
         ("t,v\n0,1\n\n1\n", "v", "m.csv, line 4: there are 1 cells, and none for 'v'"),
         ("t,v\n0,1\n2,1\n\n1.5,1\n", "v", "m.csv, line 5: the clock 't' must increase: 1.5 s after 2 s"),
         ("t,v\n0,1\n0,1\n", "v", "m.csv, line 3: the clock 't' must increase: 0 s after 0 s"),

@@ -1,11 +1,14 @@
 """Measured records in Parquet, MDF 4, TDMS and logs: the figures of CSV, units and clocks of the files, refusals."""
 
 import importlib
+import io
 import re
+import tracemalloc
 
 import numpy as np
 import pytest
 from made_logs import made
+from mutated import Content
 
 import orchestrator as package
 from fmus.vehicles.tables import BadInput
@@ -181,6 +184,19 @@ def test_a_log_of_another_run_serves_as_measurement(run, cotrack, tmp_path):
     assert "run minus b.mcap, 0 s added to its times" in out
 
 
+def test_a_log_that_was_changed_is_told(run, cotrack, tmp_path):
+    file = write(tmp_path / "m.mcap", T_TEST, V_TEST)
+    content = Content(Content(file).write(file))
+    command = "compare", run.log, "m.mcap", "--map", "chassis.speed=v.v"
+    content.write(file)
+    assert "sealed" not in cotrack(*command)[2]
+    content.metadata["run"] = {"scene": "another"}
+    content.write(file, old_seal=True)
+    status, _, err = cotrack(*command)
+    assert (status, err.count("\n")) == (0, 1)
+    assert "m.mcap is not as it was sealed" in err
+
+
 def test_types_of_parquet(tmp_path):
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     ns = 1_700_000_000_000_000_000 + np.array([0, 1_000_001, 2_000_000])
@@ -193,10 +209,42 @@ def test_types_of_parquet(tmp_path):
     (found,) = read(file, {"chassis.speed": "a"}, UNITS.get)
     assert found.t == pytest.approx([0.0, 1.000001e-3, 2e-3], abs=1e-15)  # dates count from the first
     assert np.array_equal(found.values, [1.0, np.nan, 3.0], equal_nan=True)
-    with pytest.raises(BadInput, match="column 's' holds no numbers, but object of 1 dimensions"):
+    with pytest.raises(BadInput, match="column 's' holds no numbers, but string"):
         read(file, {"chassis.speed": "s"}, UNITS.get)
     with pytest.raises(BadInput, match=r"row 2: the clock 'late' must increase: -0\.000999999 s after 0 s"):
         read(file, {"chassis.speed": "a"}, UNITS.get, "late")
+
+
+def test_durations_decimals_and_lists_of_parquet(tmp_path):
+    """A duration counts from zero, a date from the first; a list is known by its type, and no value of it is read."""
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    ms = np.array([200, 300, 450])
+    columns = {
+        "t": arrow.array(ms, arrow.duration("ms")), "date": arrow.array(ms, arrow.timestamp("ms")),
+        "v": arrow.array([25, -10, None]).cast(arrow.decimal128(21, 2)), "w": [[1.0], [2.0, 3.0], []],
+    }  # fmt: skip
+    file = tmp_path / "m.parquet"
+    parquet.write_table(arrow.table(columns), file)
+    (found,) = read(file, SPEED_V, UNITS.get)
+    assert found.t.tolist() == [0.2, 0.3, 0.45]
+    assert np.array_equal(found.values, [25.0, -10.0, np.nan], equal_nan=True)
+    assert read(file, SPEED_V, UNITS.get, "date")[0].t == pytest.approx([0.0, 0.1, 0.25], abs=1e-15)
+    with pytest.raises(BadInput, match=r"column 'w' holds no numbers, but list<element: double>"):
+        read(file, {"chassis.speed": "w"}, UNITS.get)
+
+
+@pytest.mark.parametrize("form", ["u1", "i4", "f8"])
+def test_ranges_of_mdf_hold_their_borders(tmp_path, form):
+    """The upper border belongs to a range of integers, and not to one of floats."""
+    conversion = pytest.importorskip("asammdf.blocks.conversion_utils").from_dict(
+        {"lower_0": 0, "upper_0": 9, "phys_0": 1.0, "lower_1": 10, "upper_1": 19, "phys_1": 2.0, "default": -1.0}
+    )
+    raw = np.array([0, 5, 9, 10, 15, 19, 40]).astype(form)
+    v = signal("v", np.arange(7.0), raw, "m/s", conversion=conversion)
+    write_mf4(tmp_path / "m.mf4", [("test", [v, signal("w", np.arange(7.0), raw, "m/s")])])
+    found = read(tmp_path / "m.mf4", {"chassis.speed": "v", "a.b": "w"}, lambda name: "m/s")
+    assert found[0].values.tolist() == ([1, 1, -1, 2, 2, -1, -1] if form == "f8" else [1, 1, 1, 2, 2, 2, -1])
+    assert found[1].values.tolist() == raw.tolist()
 
 
 def test_groups_of_mdf_have_their_own_clocks(run, tmp_path):
@@ -287,7 +335,7 @@ def test_tdms_whose_segments_cannot_be_told_is_refused(tmp_path, monkeypatch):
     t = 0.01 * np.arange(50)
     file = tmp_path / "m.tdms"
     write_tdms(file, [[("g", "v", t, waveform(t, "m/s"))]])
-    monkeypatch.setattr(measured_formats, "_time_properties", lambda _: {})
+    monkeypatch.setattr(measured_formats, "_told", lambda _: {})
     with pytest.raises(BadInput, match="is not read, because wf_start_offset of its segments cannot be known"):
         read(file, SPEED_V, UNITS.get)
     monkeypatch.undo()
@@ -298,6 +346,47 @@ def test_tdms_whose_segments_cannot_be_told_is_refused(tmp_path, monkeypatch):
     write_tdms(file, [[("g", "v", t, waveform(t, "m/s", wf_xunit_string="Hz"))]])
     with pytest.raises(BadInput, match="'g/v' is over Hz, not over time in s"):
         read(file, SPEED_V, UNITS.get)
+
+
+def scaled(kind="Linear", slope=0.5, **more):
+    return {
+        "NI_Scaling_Status": "unscaled", "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": kind,
+        "NI_Scale[0]_Linear_Slope": slope, "NI_Scale[0]_Linear_Y_Intercept": 0.0, **more,
+    }  # fmt: skip
+
+
+def test_a_scale_of_tdms_is_one_and_known(tmp_path):
+    file, t, counts = tmp_path / "m.tdms", 0.01 * np.arange(3), np.array([0, 10, 20], np.int16)
+    about = waveform(t, "m/s")
+    write_tdms(file, [[("g", "v", counts, about | scaled())], [("g", "v", counts, about | scaled())]])
+    assert read(file, SPEED_V, UNITS.get)[0].values.tolist() == [0.0, 5.0, 10.0] * 2
+    for again, key in ((scaled(slope=2.0), "NI_Scale[0]_Linear_Slope"), ({"unit_string": "km/h"}, "unit_string")):
+        write_tdms(file, [[("g", "v", counts, about | scaled())], [("g", "v", counts, about | again)]])
+        with pytest.raises(BadInput, match=re.escape(f"'g/v' was armed again, {key} changes")):
+            read(file, SPEED_V, UNITS.get)
+    for kind, status in (("Reciprocal", "unscaled"), ("Reciprocal", "scaled"), ("Add", "scaled")):
+        write_tdms(file, [[("g", "v", counts, about | scaled(kind, NI_Scaling_Status=status))]])
+        if status == "scaled":
+            assert read(file, SPEED_V, UNITS.get)[0].values.tolist() == [0.0, 10.0, 20.0]
+        else:
+            with pytest.raises(BadInput, match="'g/v' has a scale of type 'Reciprocal', which is not known"):
+                read(file, SPEED_V, UNITS.get)
+
+
+def test_paths_of_tdms_without_an_end_need_no_more_memory_than_they_have(tmp_path):
+    """A path without an end is none: a channel's own properties are found behind it."""
+    t = 0.01 * np.arange(3)
+    write_tdms(tmp_path / "m.tdms", [[("g", "v", t, waveform(t, "m/s"))]])
+    content = (tmp_path / "m.tdms").read_bytes()
+    described = content[28 : 28 + int.from_bytes(content[20:28], "little")]
+    wanted = {("/'g'/'v'", "wf_increment"), ("/'g'/'v'", "wf_start_offset"), ("/'g'/'v'", "unit_string")}
+    tracemalloc.start()
+    text = b"/'" + b"a" * (1 << 22) + described
+    found = measured_formats._told(io.BytesIO(b"TDSm" + bytes(16) + len(text).to_bytes(8, "little") + text))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found.keys() == wanted
+    assert peak < 5 * len(text)
 
 
 @pytest.mark.parametrize("kind", ["parquet", "mf4", "tdms"])
@@ -337,12 +426,12 @@ def test_files_have_limits(tmp_path, monkeypatch, kind):
         (
             "t;v [km/h]\n0,0;3,6\n1,0;7,2\n",
             "line 2: 't' must be a number or empty, not '0,0'; decimals have a point: 0.0;3.6",
-            "t;v [km/h]\n0.0;3.6\n1.0;7.2\n",
+            "t [s];v [km/h]\n0.0;3.6\n1.0;7.2\n",
         ),
         (
             "t,v [km/h]\n0,0,3,6\n1,0,7,2\n",
             "line 2: there are 4 cells, and 2 columns; decimals have a point: 0.0,3.6",
-            "t,v [km/h]\n0.0,3.6,\n1.0,7.2,\n",  # an empty cell at the end is none
+            "t [s],v [km/h]\n0.0,3.6,\n1.0,7.2,\n",  # an empty cell at the end is none
         ),
         (
             "t,v [km/h]\n0,3,6\n1,7,2\n",
@@ -350,10 +439,10 @@ def test_files_have_limits(tmp_path, monkeypatch, kind):
             '"t, s","v, km/h"\n0,3.6\n1,7.2\n',
         ),
         (
-            "Logger 7, of the bench\nrate;100\n\nt;v [km/h]\n0;3.6\n1;7.2\n",
+            "Logger 7, of the bench\nrate;100\n\nt [s];v [km/h]\n0;3.6\n1;7.2\n",
             "has no column 'v': it has Logger 7, of the bench; line 4 names all that is asked for: delete the"
             " lines above it",
-            "t;v [km/h]\n0;3.6\n1;7.2\n",
+            "t [s];v [km/h]\n0;3.6\n1;7.2\n",
         ),
         (
             "t,v,n\n[s],[km/h],1/min\n0,3.6,0\n1,7.2,0\n",
@@ -365,9 +454,9 @@ def test_files_have_limits(tmp_path, monkeypatch, kind):
             "t,v [km/h]\n2026-11-28T00:00:00.000Z,3.6\n2026-11-28T00:00:01Z,7.2\n",
             "line 2: 't' must be a number or empty, not '2026-11-28T00:00:00.000Z'; a clock counts seconds, for"
             " example of the day: 0,3.6",
-            "t,v [km/h]\n0,3.6\n1,7.2\n",
+            "t [s],v [km/h]\n0,3.6\n1,7.2\n",
         ),
-        ("t,v [km/h],\xb0\n0,3.6,1\n", "cannot be read: it is no text in UTF-8 (byte 0xb0 at 11): save", None),
+        ("t [s],v [km/h],\xb0\n0,3.6,1\n", "cannot be read: it is no text in UTF-8 (byte 0xb0 at 15): save", None),
     ],
 )  # fmt: skip
 def test_csv_files_of_loggers_are_refused_with_what_mends_them(tmp_path, text, sentence, mended):
@@ -390,3 +479,38 @@ def test_an_hour_of_a_german_date_counts_in_the_seconds_of_the_day(tmp_path):
     (tmp_path / "m.csv").write_text("t;v\n28.11.2026 10:01:02,5;1\n")
     with pytest.raises(BadInput, match=r"of the day: 36062\.5;1$"):
         read(tmp_path / "m.csv", SPEED_V, UNITS.get)
+
+
+@pytest.mark.parametrize(("cell", "sentence"), [
+    ("1_000", "'v' must be a number or empty, not '1_000'"),
+    ("\u0661\u0662", "'v' must be a number or empty, not '\u0661\u0662'"),
+    ('"1.5', "a quote does not end with its cell"),
+    ('"1"5', "a quote does not end with its cell"),
+])  # fmt: skip
+def test_what_looks_like_a_number_is_none(tmp_path, cell, sentence):
+    (tmp_path / "m.csv").write_text(f"t [s],v\n0,{cell}\n1,2\n")
+    with pytest.raises(BadInput, match=rf"line 2: {sentence}"):
+        read(tmp_path / "m.csv", SPEED_V, UNITS.get)
+    (tmp_path / "m.csv").write_text('t [s],v\n0," 1.5 "\n1, 1e3\n')
+    assert read(tmp_path / "m.csv", SPEED_V, UNITS.get)[0].values.tolist() == [1.5, 1e3]
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_a_clock_of_whole_numbers_says_of_what(tmp_path, kind):
+    """Steps of 1 may be of s or ms, and both look alike; one step of half a second tells."""
+    file = tmp_path / f"m.{kind}"
+
+    def save(head, t):
+        if kind == "csv":
+            file.write_text("\n".join([f"{head},v", *(f"{each},1" for each in t)]))
+        else:
+            arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+            parquet.write_table(arrow.table({head: t, "v": [1.0] * len(t)}), file)
+
+    save("t", [0, 10, 20])
+    with pytest.raises(BadInput, match="the clock 't' counts whole numbers, of s or ms: clock = t:s says of what"):
+        read(file, SPEED_V, UNITS.get)
+    assert read(file, SPEED_V, UNITS.get, "t:ms")[0].t.tolist() == [0.0, 0.01, 0.02]
+    for head, t, right in (("t [s]", [0, 10], [0, 10]), ("t [ms]", [0, 10], [0.0, 0.01]), ("t", [0, 0.5], [0, 0.5])):
+        save(head, t)
+        assert read(file, SPEED_V, UNITS.get)[0].t.tolist() == right

@@ -28,7 +28,15 @@ def test_two_columns_with_or_without_a_heading(tmp_path, heading):
 
 @pytest.mark.parametrize(
     ("text", "line"),
-    [("0,0\n2,-8.5\nend,of\n", 3), ("x,y\n0,0\n1\n", 3), ("x,3\n0,0\n", 1), ("1\n2\n", 1), ("x,y\nx,y\n", 2)],
+    [
+        ("0,0\n2,-8.5\nend,of\n", 3),
+        ("x,y\n0,0\n1\n", 3),
+        ("x,3\n0,0\n", 1),
+        ("1\n2\n", 1),
+        ("x,y\nx,y\n", 2),
+        ("1_0,2_0\n3,4\n", 1),
+        ("0,0\n\u0661,2\n", 2),
+    ],
 )
 def test_a_line_that_is_no_pair_is_named(tmp_path, text, line):
     with pytest.raises(

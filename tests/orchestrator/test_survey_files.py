@@ -201,7 +201,12 @@ def written(path, content):
     (lambda p: asc(p / "a.asc").rename(p / "b.tif"), "is damaged, or no file of its suffix"),
     (lambda p: tif(p / "a.tif").rename(p / "b.asc"), "where a number must be"),
     (lambda p: written(p / "a.tif", tif(p / "b.tif").read_bytes()[:-20]), "is damaged"),
-    (lambda p: replaced(asc(p / "a.asc"), b"nrows 4", b"nrows 5"), "is damaged"),
+    (lambda p: replaced(asc(p / "a.asc"), b"nrows 4", b"nrows 5"), "has 20 heights, and its header says 5 columns x 5"),
+    (lambda p: replaced(asc(p / "a.asc"), b"ncols 5", b"ncols 4"), "has 20 heights, and its header says 4 columns x 4"),
+    (lambda p: asc(p / "a.asc", size="cellsize -2"), "must have one cellsize, or dx and dy, above 0"),
+    (lambda p: asc(p / "a.asc", size="cellsize 2\ndx 2\ndy 3"), "must have one cellsize, or dx and dy, above 0"),
+    (lambda p: asc(p / "a.asc", size="cellsize 2\nCELLSIZE 3"), "gives cellsize twice"),
+    (lambda p: asc(p / "a.asc", "xllcorner 699\nxllcenter 700\nyllcorner 2"), "gives xllcorner twice"),
     (lambda p: replaced(asc(p / "a.asc"), b"2.5", b"two"), "has 'two.*' where a number must be"),
     (lambda p: p / "none.tif", "cannot be read: No such file"),
 ])  # fmt: skip
