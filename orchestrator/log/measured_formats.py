@@ -7,12 +7,12 @@ from zero. MCAP: the log of another run. Whatever a library raises at a file of 
 MDF 4, by asammdf 8.8.28: ``to_dataframe`` fills the time before a group begins with its first value, and exports begin
 each group at zero; it drops invalid samples, over which a line would be drawn; a group without a clock has times by
 number. So each channel is read with its own master, whose times count from the start of the file, invalid samples are
-gaps, and other masters than time are refused. It looks up ranges of integers by their upper borders alone: done here.
+gaps, and other masters than time are refused. Ranges of integers lack their upper borders, and squares of integers
+overflow: formulas get doubles, and ranges are looked up here.
 
 TDMS, by npTDMS 1.13.0: properties of the last segment count for all samples, so that a record that was armed again gets
-the start of its last part, and all of it that one's scale and unit; it is refused if they change. A scale that npTDMS
-does not know is none to it: refused. An index file beside a file is used even if it is older; a stream has none. Times
-count from the first start of all channels.
+the start, scale and unit of its last part; it is refused if they change, as is an unknown scale, which gives counts.
+An index file beside a file is used even if it is older; a stream has none. Times count from the first start of all.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ TIMING = ("wf_start_time", "wf_start_offset", "wf_increment")  # properties of a
 LEAD_IN, LONGEST = 28, 1 << 16  # bytes; of a path or a value
 SIZES = {1: 1, 2: 2, 3: 4, 4: 8, 5: 1, 6: 2, 7: 4, 8: 8, 9: 4, 10: 8, 25: 4, 26: 8, 33: 1, 68: 16}  # bytes by type
 SCALES = r"Linear|Polynomial|Table|Add|Subtract|RTD|Strain|Thermistor|Thermocouple|AdvancedAPI"  # that npTDMS knows
+RATIONAL, ALGEBRAIC, RANGES = 2, 3, 6  # types of MDF conversions
 _TOLD = re.compile(rb"/'|wf_start_time|wf_start_offset|wf_increment|unit_string|NI_Scal[]\w[]+|NI_Number_Of_Scales")
 _TIME = re.compile(r"(?:.*[T ])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?")
 
@@ -226,22 +227,24 @@ def _mdf(path: Path, choose: Choose) -> Read:
             if master is None or file.groups[i].channels[master].sync_type != 1:  # time; others: angle, number
                 raise BadInput(f"{path}: the group '{labels[i]}' of '{channels[k].name}' has no clock")
             conversion = channels[k].conversion
-            ranges = bool(conversion) and conversion.conversion_type == 6  # value range to value
-            signal = file.get(group=i, index=j, ignore_invalidation_bits=True, raw=ranges)
-            samples = _by_range(conversion, signal.samples) if ranges else signal.samples
+            raw = bool(conversion) and conversion.conversion_type in (RATIONAL, ALGEBRAIC, RANGES)
+            signal = file.get(group=i, index=j, ignore_invalidation_bits=True, raw=raw)
+            samples = _converted(conversion, signal.samples) if raw else signal.samples
             values, invalid = _values(path, present[k].whole, samples), signal.invalidation_bits
             kept = values if invalid is None else np.where(np.asarray(invalid, bool), np.nan, values)
             found[k] = Samples(kept, np.asarray(signal.timestamps, float))
     return found
 
 
-def _by_range(ranges: Any, raw: Any) -> Floats:
-    """Values by ranges of raw ones; the upper border belongs to a range of integers alone (ASAM MDF 4.1, CCBLOCK)."""
-    count = (ranges.val_param_nr - 1) // 3
-    lower, upper, values = (np.array([ranges[f"{k}_{n}"] for n in range(count)]) for k in ("lower", "upper", "phys"))
+def _converted(by: Any, raw: Any) -> Any:
+    """Values of raw ones; the upper border belongs to a range of integers alone (ASAM MDF 4.1, CCBLOCK)."""
+    if by.conversion_type != RANGES:
+        return by.convert(raw.astype(float))
+    count = (by.val_param_nr - 1) // 3
+    lower, upper, values = (np.array([by[f"{k}_{n}"] for n in range(count)]) for k in ("lower", "upper", "phys"))
     n = np.searchsorted(lower, raw, side="right") - 1
     inside = (raw <= upper[n]) if raw.dtype.kind in "iu" else (raw < upper[n])
-    return np.where((n >= 0) & inside, values[n], ranges["default"])
+    return np.where((n >= 0) & inside, values[n], by["default"])
 
 
 def _tdms(path: Path, choose: Choose) -> Read:
@@ -256,7 +259,8 @@ def _tdms(path: Path, choose: Choose) -> Read:
             channels = [channel for group in file.groups() for channel in group.channels()]
             present = []
             for c in channels:
-                unit, timed = str(c.properties.get("unit_string", "")), "wf_increment" in c.properties
+                unit = str(c.properties.get("unit_string", "s" if c.dtype.kind == "M" else ""))
+                timed = "wf_increment" in c.properties
                 present.append(FileColumn(f"{c.group_name}/{c.name}", c.name, unit, timed))
             begins = [c.properties["wf_start_time"] for c in channels if "wf_start_time" in c.properties]
             found = {}
@@ -299,8 +303,7 @@ def _told(stream: BufferedReader) -> Told:
     """Values of each property of times, scales and units, as bytes, in the metadata of all segments of a TDMS file.
 
     A segment begins with a tag, flags (64: big-endian), a version, its length and that of its metadata (National
-    Instruments, TDMS File Format Internal Structure); a property is its name, its type and its value. Paths, names and
-    texts begin with their length.
+    Instruments, TDMS File Format Internal Structure); a property is name, type and value; texts follow their lengths.
     """
     found: dict[tuple[str, str], set[bytes]] = {}
     at = 0

@@ -96,10 +96,8 @@ def read(
         times = _in_unit(path, asked[CLOCK], samples, CLOCK)
         _check_clock(path, f"'{asked[CLOCK].name}'", times, samples[asked[CLOCK].number].lines)
         if not asked[CLOCK].given_unit and len(times) > 1 and (times == np.rint(times)).all():
-            name = asked[CLOCK].name
-            raise BadInput(
-                f"{path}: the clock '{name}' counts whole numbers, of s or ms: clock = {name}:s says of what"
-            )
+            unclear = f"the clock '{asked[CLOCK].name}' counts whole numbers, of s or ms"
+            raise BadInput(f"{path}: {unclear}: clock = COLUMN:s or COLUMN:ms says which")
     return [_signal(path, signal, asked[signal], samples, times) for signal in columns]
 
 

@@ -2,8 +2,7 @@
 
 Rasters: GDAL gets the bytes of a file and one driver, so that no file names another one. It makes corners of cells
 out of pixel-is-point and xllcenter; a height lies in the middle of its cell. It reads words of an ASCII grid as 0 and
-blocks that a sparse GeoTIFF leaves out as 0 too, passes over heights and keys of a grid that are too many, and mirrors
-one of negative cells: all are looked for here.
+blocks that a sparse GeoTIFF leaves out as 0 too, so both are looked for here.
 
 Roads: PyOpenCRG 0.2.2 is pure Python with numpy alone, in double precision. It agrees with pycrg 2.2.0, ASAM's C
 library in single precision, to 1e-8 m on straight, curved, sloped and banked roads with each kind of modifier; crgutils

@@ -247,6 +247,17 @@ def test_ranges_of_mdf_hold_their_borders(tmp_path, form):
     assert found[1].values.tolist() == raw.tolist()
 
 
+@pytest.mark.parametrize(
+    "formula", [{"formula": "X*X"}, dict.fromkeys(["P2", "P3", "P4", "P5"], 0.0) | {"P1": 1.0, "P6": 1.0}]
+)
+def test_formulas_of_mdf_square_integers(tmp_path, formula):
+    """60001 squared is no number of 32 bits."""
+    conversion = pytest.importorskip("asammdf.blocks.conversion_utils").from_dict(formula)
+    v = signal("v", np.arange(2.0), np.array([3, 60001], "u2"), "m/s", conversion=conversion)
+    write_mf4(tmp_path / "m.mf4", [("test", [v])])
+    assert read(tmp_path / "m.mf4", SPEED_V, UNITS.get)[0].values.tolist() == [9.0, 60001.0**2]
+
+
 def test_groups_of_mdf_have_their_own_clocks(run, tmp_path):
     """One group begins 0.3 s into the file, one with other steps at 1.2 s: neither begins at zero, none is filled."""
     fast, slow = T[T >= 0.3], T[T >= 1.2][::7]
@@ -300,6 +311,7 @@ def test_channels_of_tdms_begin_when_they_began(tmp_path):
         ("b", "F", t, waveform(t, "N", wf_start_time=date + np.timedelta64(1250, "ms"))),
         ("c", "time", t[:9] + 3.0, {"unit_string": "s"}), ("c", "w", t[:9], {}), ("c", "x", t[:8], {}),
         ("c", "date", date + (1000 * np.arange(9)).astype("m8[us]"), {}), ("c", "s", ["p", "q"], {}),
+        ("c", "second", date + np.arange(9).astype("m8[s]"), {}),
     ]  # fmt: skip
     file = tmp_path / "m.tdms"
     write_tdms(file, [channels])
@@ -309,6 +321,7 @@ def test_channels_of_tdms_begin_when_they_began(tmp_path):
     assert (w.t[0], w.assumed) == (3.0, True)
     (w,) = read(file, {"chassis.speed": "w"}, UNITS.get, "date")
     assert w.t == pytest.approx(1e-3 * np.arange(9), abs=1e-12)
+    assert read(file, {"chassis.speed": "w"}, UNITS.get, "second")[0].t == pytest.approx(np.arange(9.0), abs=1e-12)
     with pytest.raises(BadInput, match="columns with times of their own and others do not share a clock"):
         read(file, {"chassis.speed": "v", "chassis.force": "w"}, UNITS.get)
     for name, sentence in (("x", "column 'x' has 8 samples, and its clock 9"), ("s", "column 'c/s' holds no numbers")):
@@ -508,7 +521,7 @@ def test_a_clock_of_whole_numbers_says_of_what(tmp_path, kind):
             parquet.write_table(arrow.table({head: t, "v": [1.0] * len(t)}), file)
 
     save("t", [0, 10, 20])
-    with pytest.raises(BadInput, match="the clock 't' counts whole numbers, of s or ms: clock = t:s says of what"):
+    with pytest.raises(BadInput, match="the clock 't' counts whole numbers, of s or ms: clock = COLUMN:s or COLUMN:ms"):
         read(file, SPEED_V, UNITS.get)
     assert read(file, SPEED_V, UNITS.get, "t:ms")[0].t.tolist() == [0.0, 0.01, 0.02]
     for head, t, right in (("t [s]", [0, 10], [0, 10]), ("t [ms]", [0, 10], [0.0, 0.01]), ("t", [0, 0.5], [0, 0.5])):
