@@ -142,7 +142,7 @@ def test_a_run_without_a_hull_has_no_phases(tmp_path):
     ],
 )
 def test_bad_options_give_a_sentence_and_no_page(run, cotrack, tmp_path, options, sentence):
-    (tmp_path / "m.csv").write_text("t,v\n0,1\n1,2\n")
+    (tmp_path / "m.csv").write_text("t,v\n0,1\n0.5,2\n")
     (tmp_path / "x.html").write_text("before")
     status, out, err = cotrack("report", run, "-o", "x.html", *options)
     assert (status, out, err.count("\n")) == (2, "", 1)
