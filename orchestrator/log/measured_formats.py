@@ -259,7 +259,7 @@ def _tdms(path: Path, choose: Choose) -> Read:
             channels = [channel for group in file.groups() for channel in group.channels()]
             present = []
             for c in channels:
-                unit = str(c.properties.get("unit_string", "s" if c.dtype.kind == "M" else ""))
+                unit = str(c.properties.get("unit_string", "s" if c.data_type is nptdms.types.TimeStamp else ""))
                 timed = "wf_increment" in c.properties
                 present.append(FileColumn(f"{c.group_name}/{c.name}", c.name, unit, timed))
             begins = [c.properties["wf_start_time"] for c in channels if "wf_start_time" in c.properties]
