@@ -42,8 +42,8 @@ GENERIC = [
         file.relative_to(ORCHESTRATOR).as_posix()
         for place in ("files", "kernels", "cosim/coupling", "cosim/guests", "log", "fmu_check")
         for file in sorted((ORCHESTRATOR / place).glob("*.py"))
-        # a log's system.json as the project writes it; units of columns, with those of vehicles; files of tests
-        if file.name not in ("recorded_system.py", "tools.py", "columns.py", "measured_formats.py")
+        # a log's system.json as the project writes it; files of tests
+        if file.name not in ("recorded_system.py", "tools.py", "measured_formats.py")
     ),
     *(
         f"cosim/{name}.py"
@@ -68,8 +68,8 @@ GENERIC = [
 DOORS = {
     "fmus.ahead", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.fmi.build",
     "fmus.fmi.saved", "fmus.ground.keys", "fmus.ground.soils", "fmus.ground.terrain", "fmus.interface.defaults",
-    "fmus.interface.ports", "fmus.monolith.model", "fmus.native.pack", "fmus.rest.equilibrium", "fmus.rest.standing",
-    "fmus.rest.tensioning",
+    "fmus.interface.ports", "fmus.interface.units", "fmus.monolith.model", "fmus.native.pack",
+    "fmus.rest.equilibrium", "fmus.rest.standing", "fmus.rest.tensioning",
     "fmus.start", "fmus.track.choices", "fmus.track.link_outputs", "fmus.vehicles.ranges",
     "fmus.vehicles.sides", "fmus.vehicles.tables", "fmus.vehicles.vehicle",
 }  # fmt: skip

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from math import inf, pi
 from typing import NamedTuple
 
+from fmus.interface.units import BASES, read
+
 
 class Range(NamedTuple):
     """Allowed values of a Real parameter."""
@@ -91,32 +93,11 @@ def variables(ports: Sequence[Port]) -> Variables:
 
 # unit -> exponents of SI base units, for modelDescription.xml
 UNITS: dict[str, dict[str, int]] = {
-    "1": {},
-    "m": {"m": 1},
-    "1/m": {"m": -1},
-    "1/Pa": {"kg": -1, "m": 1, "s": 2},
-    "1/s": {"s": -1},
-    "m/s": {"m": 1, "s": -1},
-    "m/s2": {"m": 1, "s": -2},
-    "rad": {"rad": 1},
-    "rad/s": {"rad": 1, "s": -1},
-    "m2": {"m": 2},
-    "m3": {"m": 3},
-    "m4": {"m": 4},
-    "kg": {"kg": 1},
-    "kg.m2": {"kg": 1, "m": 2},
-    "kg/m3": {"kg": 1, "m": -3},
-    "s": {"s": 1},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "N.m": {"kg": 1, "m": 2, "s": -2},
-    "N/m": {"kg": 1, "s": -2},
-    "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
-    "N.s/m": {"kg": 1, "s": -1},
-    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
-    "W": {"kg": 1, "m": 2, "s": -3},
-    "J": {"kg": 1, "m": 2, "s": -2},
-    "Pa": {"kg": 1, "m": -1, "s": -2},
-    "Pa.s": {"kg": 1, "m": -1, "s": -1},
+    name: {base: power for base, power in zip(BASES, read(name).exponents, strict=True) if power}
+    for name in (
+        *("1", "m", "1/m", "1/Pa", "1/s", "m/s", "m/s2", "rad", "rad/s", "m2", "m3", "m4", "kg", "kg.m2", "kg/m3", "s"),
+        *("N", "N.m", "N/m", "N.m/rad", "N.s/m", "N.m.s/rad", "W", "J", "Pa", "Pa.s"),
+    )
 }
 
 # unit -> nominal value of inputs and outputs, for modelDescription.xml; 1 for the other units

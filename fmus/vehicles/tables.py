@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import inspect
 import json
-import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -27,6 +26,8 @@ from pydantic import (
     model_validator,
 )
 
+from fmus.interface.units import conversion
+
 Schema = Mapping[str, Any]  # JSON schema
 
 
@@ -34,29 +35,12 @@ class BadInput(ValueError):
     """Invalid input of the user; the message names file, key, value and what is allowed."""
 
 
-# A number, then a unit of words and one-digit powers: pint would evaluate any formula, also 9**9**9.
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_QUANTITY = re.compile(
-    rf"\s*([-+]?{_NUMBER})"
-    r"(\D*(?:(?:\^|\*\*)\s*-?\d(?!\d|\s*(?:\^|\*\*))\D*)*)",
-    re.ASCII,
-)
-
-
-# Factors of the units that scenes and vehicles use; pint, for all other units, takes 0.3 s to load.
-COMMON = {("ms", "s"): 1e-3, ("kN", "N"): 1e3, ("GPa", "Pa"): 1e9, ("deg", "rad"): math.pi / 180.0, ("%", "1"): 1e-2}
-
-
-@cache
-def _registry() -> Any:
-    import pint
-
-    return pint.UnitRegistry(cache_folder=None)
+_QUANTITY = re.compile(rf"\s*([-+]?{_NUMBER})(.*)", re.ASCII)
 
 
 def to_si(unit: str) -> Callable[[object], float]:
     """Return a converter of ``12.3`` (SI) or ``"12.3 kN"`` to a float in ``unit``; it raises ValueError."""
-    malformed = f"must be a number or a {'ratio in %' if unit == '1' else f'quantity in {unit}'}"
 
     def convert(value: object) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
@@ -66,22 +50,13 @@ def to_si(unit: str) -> Callable[[object], float]:
                 return float(value)
             except OverflowError:
                 raise ValueError(f"must be a finite number in {unit}") from None
-        quantity = _QUANTITY.fullmatch(value)
-        if quantity is None:
-            raise ValueError(malformed)
-        number, given_unit = float(quantity[1]), quantity[2].strip()
-        if given_unit in ("", unit):
-            return number
-        if (given_unit, unit) in COMMON:
-            return number * COMMON[given_unit, unit]
-        import pint
-
+        if (quantity := _QUANTITY.fullmatch(value)) is None:
+            raise ValueError(f"must be a number or a {'ratio in %' if unit == '1' else f'quantity in {unit}'}")
         try:
-            return float(_registry().Quantity(number, given_unit).to(unit).magnitude)
-        except pint.errors.PintError as error:
-            raise ValueError(f"must be a quantity in {unit}: {error}") from None
-        except Exception:
-            raise ValueError(malformed) from None
+            factor, offset = conversion(quantity[2].strip(), unit)
+        except ValueError as reason:
+            raise ValueError(f"must be a quantity in {unit}: {reason}") from None
+        return float(quantity[1]) * factor + offset
 
     return convert
 

@@ -1,15 +1,12 @@
-"""Columns of numbers in files of others: name and unit in a head, size of the unit, marks of no data."""
+"""Columns of numbers in files of others: name and unit in a head, marks of no data."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from fmus.vehicles.tables import to_si
 
 # Numbers that stand for a missing one: those of GDAL, ESRI and int16 and int32 rasters; beyond HUGE, fill values of
 # floats (1e20 of CF, 9.97e36 of netCDF, the largest of float32).
@@ -25,20 +22,6 @@ def head(cell: str) -> tuple[str, str]:
         if bracket and text.endswith(closing):
             return name.strip(), unit.strip()
     return text, ""
-
-
-def unit_size(given: str, unit: str) -> float:
-    """Size of the unit of a column in ``unit``, SI, which it has without one; raises ValueError with the reason."""
-    given = {"-": "1"}.get(given, given)
-    parsed = re.sub(r"^1/([a-z]+)$", r"\1^-1", given.replace("Nm", "N m"))
-    if given in ("", unit):
-        return 1.0
-    if unit == "rad/s" and not re.search("rad|deg|rev|turn|rpm", given):
-        raise ValueError(f"is in {given}, which is no angle over time: must be rad/s, deg/s or rpm")
-    try:
-        return to_si(unit)(f"1 {parsed}")
-    except ValueError:
-        raise ValueError(f"is in {given}, which does not convert to {unit}") from None
 
 
 def no_data(values: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmus.interface.units import conversion
 from fmus.vehicles.tables import BadInput
-from orchestrator.files.columns import no_data, unit_size
+from orchestrator.files.columns import no_data
 from orchestrator.log.measured_formats import FileColumn, Samples, read_samples
 from orchestrator.log.time_series import Floats
 
@@ -105,9 +106,10 @@ def _in_unit(path: Path, column: _Column, samples: Mapping[int, Samples], signal
     """Values of a column in the unit of a signal, NaN in gaps; raises BadInput for another dimension."""
     values = samples[column.number].values
     try:
-        return np.where(no_data(values), np.nan, values * unit_size(column.given_unit, column.unit))
+        factor, offset = conversion(column.given_unit, column.unit)
     except ValueError as error:
-        raise BadInput(f"{path}: column '{column.name}' {error}{f', the unit of {signal}' if signal else ''}") from None
+        raise BadInput(f"{path}: column '{column.name}'{f' of {signal}' if signal else ''}: {error}") from None
+    return np.where(no_data(values), np.nan, factor * values + offset)
 
 
 def _signal(
@@ -125,7 +127,7 @@ def _signal(
         raise BadInput(f"{path}: column '{column.name}' holds no number")
     gaps = raw.values[no_data(raw.values) & np.isfinite(raw.values)]
     marks = dict(zip(*np.unique(gaps, return_counts=True), strict=True))
-    rounded = rounding(raw.values[~np.isnan(values)]) * unit_size(column.given_unit, column.unit)
+    rounded = rounding(raw.values[~np.isnan(values)]) * conversion(column.given_unit, column.unit)[0]
     return MeasuredSignal(signal, column.name, column.unit, t, values, not column.given_unit, marks, rounded)
 
 

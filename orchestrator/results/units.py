@@ -6,17 +6,18 @@ from typing import Any
 
 import numpy as np
 
+from fmus.interface.units import conversion
+
 PREFIXES = {"G": 1e9, "M": 1e6, "k": 1e3, "m": 1e-3, "u": 1e-6}
-SCALED = {"N": "N", "J": "J", "W": "W", "Pa": "Pa", "N.m": "N m"}  # units that get a prefix for large values
+# Units that get a prefix for large values.
+SCALED = {"N": "N", "J": "J", "W": "W", "Pa": "Pa", "N.m": "N m", "N m": "N m"}
 NAMES = {"1": "", "m2": "m\N{SUPERSCRIPT TWO}"}
 PREFIXED = {*SCALED.values(), "m", "m/s", "s"}  # units that tables and pictures show with a prefix
 
 
 def size(unit: str) -> float:
     """Size of a unit in SI units: 1e3 for "kN", 1e-3 for "mm/s", 0.01 for "%"."""
-    if unit == "%":
-        return 1e-2
-    return PREFIXES.get(unit[:1], 1.0) if unit[1:] in PREFIXED else 1.0
+    return conversion(unit, in_si(unit) or "1")[0]
 
 
 def in_si(unit: str) -> str:

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from fmus.interface.units import conversion
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import CSV, ROWS
-from orchestrator.files.columns import head, no_data, unit_size
+from orchestrator.files.columns import head, no_data
 from orchestrator.files.csv_lines import csv_lines, number
 from orchestrator.log.measured_formats import SUFFIXES, FileColumn, read_samples
 
@@ -110,9 +111,9 @@ def _sizes(key: str, row: list[str], units: tuple[str, str]) -> Iterator[float]:
     """Sizes of the units in a head; raises BadInput for those of another quantity."""
     for cell, unit in zip(row, units, strict=False):
         try:
-            yield unit_size(head(cell)[1], unit)
+            yield conversion(head(cell)[1], unit)[0]
         except ValueError as error:
-            raise BadInput(f"{key}: column '{head(cell)[0]}' {error}") from None
+            raise BadInput(f"{key}: column '{head(cell)[0]}': {error}") from None
 
 
 def _is_number(cell: str) -> bool:

@@ -26,9 +26,10 @@ from uuid import uuid4
 
 import numpy as np
 
+from fmus.interface.units import conversion
 from fmus.vehicles.tables import to_si
 from orchestrator.files.budget import AT_ONCE, MEASURED, TOML, OverBudget, read_file
-from orchestrator.files.columns import check_gaps, no_data, unit_size
+from orchestrator.files.columns import check_gaps, no_data
 from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.ground_tables import check_points
@@ -111,11 +112,11 @@ def _sound(read: Callable[[], Any]) -> Any:
 
 def _in_metres(source: Any, raw: Floats) -> Floats:
     """Heights of a raster, m, from the numbers in it; raises ValueError for other units of places and unknown ones."""
-    crs, unit = source.crs, (source.units[0] or "").replace("US survey", "survey").replace(" ", "_")
+    crs = source.crs
     if crs and (not crs.is_projected or crs.linear_units != "metre" or crs.to_epsg() == WEB_MERCATOR):
         raise ValueError("has places in degrees, feet, Web Mercator or unknown: project it, as gdalwarp -t_srs does")
     try:
-        return (raw.astype(float) * source.scales[0] + source.offsets[0]) * unit_size(unit, "m")
+        return (raw.astype(float) * source.scales[0] + source.offsets[0]) * conversion(source.units[0] or "", "m")[0]
     except ValueError as error:
         raise ValueError(f"{error}: convert its heights to m") from None
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from orchestrator.results.output_files import Picture, new_figure
 from orchestrator.results.table import Column, Table, cell_text
+from orchestrator.results.units import scaled
 from orchestrator.studies.variations import Design, Variation
 
 MOST_CURVES = 8  # that a legend names
 MOST_MAPS = 4  # of a figure
-PREFIXED = ("N", "J", "W", "Pa", "N m", "N.m")  # units that are shown with a prefix
 COLOURS = ("viridis", "plasma", "cividis", "cool")  # of curves, by the key that they are curves over
 WIDE = 100.0  # largest over least of positive figures that are drawn on a logarithmic scale
 NUMBERS = " pin"  # ends the key of a column that numbers parts, which is no figure
@@ -71,11 +71,8 @@ def _varies(records: Sequence[Record], key: str) -> bool:
 def _scale(records: Sequence[Record], column: Column) -> tuple[float, str]:
     """Factor of the numbers of a column, and its heading with the prefix of the unit that they are shown in."""
     largest = max(abs(_number(record[column.key])) for record in records if isinstance(record[column.key], float))
-    if column.unit in PREFIXED:
-        for factor, prefix in ((1e-9, "G"), (1e-6, "M"), (1e-3, "k")):
-            if largest * factor >= 1.0:
-                return factor, column.head.removesuffix(column.unit) + prefix + column.unit
-    return 1.0, column.head
+    size, shown = scaled(largest, column.unit)
+    return 1.0 / size, column.head.removesuffix(column.unit) + shown
 
 
 def _number(value: float | None) -> float:

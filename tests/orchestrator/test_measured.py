@@ -81,6 +81,15 @@ def test_an_offset_in_any_unit(run, write, head, column, factor):
     assert (d.rms, d.relative, d.mean, d.largest, d.correlation) == pytest.approx(expected, abs=1e-12)
 
 
+def test_everyday_units_of_a_column(tmp_path):
+    """Also degrees Celsius, whose offset is no factor."""
+    (tmp_path / "m.csv").write_text("t [msec],v [kmph],T [degC]\n0,36,20\n1,72,21\n")
+    v, T = read(tmp_path / "m.csv", {"a.v": "v", "a.T": "T"}, {"a.v": "m/s", "a.T": "K"}.get)
+    assert v.t == pytest.approx([0.0, 1e-3])
+    assert v.values == pytest.approx([10.0, 20.0])
+    assert T.values == pytest.approx([293.15, 294.15])
+
+
 def test_a_column_without_unit_is_noted(run, write):
     file = write("t,v,F [kN]", T, SPEED, FORCE / 1e3)
     comparison = run.compare_measured(file, {"chassis.speed": "v", "chassis.force": "F"})
@@ -227,9 +236,9 @@ def test_another_shift_that_is_nearly_as_good_is_named(write, tmp_path, wave, ot
         (
             "t,v [kN]\n0,1\n",
             "v",
-            "m.csv: column 'v' is in kN, which does not convert to m/s, the unit of chassis.speed",
+            "m.csv: column 'v' of chassis.speed: 'kN' does not convert to m/s",
         ),
-        ("t,v\n0,1\n", "v:knts", "m.csv: column 'v' is in knts, which does not convert to m/s, the unit of ch"),
+        ("t,v\n0,1\n", "v:knts", "m.csv: column 'v' of chassis.speed: 'knts' is no known unit: did you mean 'knots'"),
         ("t,v\n0,1\n1,abc\n", "v", "m.csv, line 3: 'v' must be a number or empty, not 'abc'"),
         ("t;v\n0;1,5\n", "v", "m.csv, line 2: 'v' must be a number or empty, not '1,5'; decimals have a point: 0;1.5"),
         (
@@ -238,7 +247,7 @@ def test_another_shift_that_is_nearly_as_good_is_named(write, tmp_path, wave, ot
             "m.csv, line 2: 't' must be a number or empty, not 's'; units belong into the first line,"
             " without a line of their own: t [s],v [km/h]",
         ),
-        ("t [kg],v\n0,1\n", "v", "m.csv: column 't' is in kg, which does not convert to s"),
+        ("t [kg],v\n0,1\n", "v", "m.csv: column 't': 'kg' does not convert to s"),
         ("t,v\n0,\n0.5,nan\n", "v", "m.csv: column 'v' holds no number"),
         ("t,v\n0,1\n\n1\n", "v", "m.csv, line 4: there are 1 cells, and none for 'v'"),
         ("t,v\n0,1\n2,1\n\n1.5,1\n", "v", "m.csv, line 5: the clock 't' must increase: 1.5 s after 2 s"),

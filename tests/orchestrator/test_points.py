@@ -82,7 +82,7 @@ def test_points_of_measured_files(tmp_path, write):
     ):
         read_files({"driver": {"speed_points": f"b.{kind}"}}, tmp_path, "mine.toml")
     write(tmp_path / f"c.{kind}", [("t", "s", t), ("v", "kg", v)])
-    with pytest.raises(BadInput, match="column 'v' "):
+    with pytest.raises(BadInput, match="column 'v': "):
         read_files({"driver": {"speed_points": f"c.{kind}"}}, tmp_path, "mine.toml")
     write(tmp_path / f"d.{kind}", [("t", "s", t), ("v", "km/h", np.array([0.0, np.nan, 1.0]))])
     with pytest.raises(BadInput, match="row 2: nan is a mark of no data: leave the row out"):
@@ -139,11 +139,11 @@ def test_a_heading_names_the_units(tmp_path, place, key, heading, sizes):
         (
             "speed_points",
             "Time [s],n [Hz]",
-            "column 'n' is in Hz, which is no angle over time: must be rad/s, deg/s or",
+            "column 'n': 'Hz' does not convert to rad/s; an angle needs deg, rad or rev",
         ),
-        ("speed_points", "n [rpm],Time [s]", "column 'n' is in rpm, which does not convert to s"),
-        ("speed_points", "t,speed (left)", "column 'speed' is in left, which is no angle over time"),
-        ("torque_points", "t,M [kN]", "column 'M' is in kN, which does not convert to N m"),
+        ("speed_points", "n [rpm],Time [s]", "column 'n': 'rpm' does not convert to s"),
+        ("speed_points", "t,speed (left)", "column 'speed': 'left' is no known unit"),
+        ("torque_points", "t,M [kN]", "column 'M': 'kN' does not convert to N m"),
     ],
 )
 def test_a_heading_with_another_quantity_is_refused(tmp_path, key, heading, reason):

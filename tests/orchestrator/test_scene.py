@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fmus.start import KEYS, start_pose, vehicle_quaternion
 from fmus.track.choices import TRACKS
-from fmus.vehicles import tables, vehicle
+from fmus.vehicles import vehicle
 from fmus.vehicles.tables import BadInput
 from orchestrator.cli.inventory import describe
 from orchestrator.scene.assembly import assemble
@@ -175,15 +175,6 @@ def test_a_vehicle_is_found_from_the_folder_of_its_scene(named, tmp_path, monkey
 @pytest.mark.parametrize("quantity", ["600 ms", "0.6", "6e-1s", ".01 min", "0.6 N*s/N", "0.6 m^2*s/m**2"])
 def test_quantities(quantity):
     assert load("hanging_chain", None, [f"run.stop={quantity}"]).run.stop == pytest.approx(0.6)
-
-
-def test_common_units_are_those_of_pint():
-    """Common units give the same bits as pint."""
-    pint, values = tables._registry(), np.random.default_rng(3).uniform(0.0, 300.0, 50).tolist()
-    for (given, unit), factor in tables.COMMON.items():
-        read = tables.to_si(unit)
-        for value in values:
-            assert read(f"{value!r} {given}") == value * factor == pint.Quantity(value, given).to(unit).magnitude
 
 
 def test_a_measure_is_not_reduced():

@@ -42,7 +42,7 @@ REFUSED = {  # by scene: a setting, and words of its sentence
         ("assembly=boat", "must be one of chain, bench, rig, vehicle"),
         ("assembly=[1]", "must be one of chain, bench, rig, vehicle"),
         ("run.step=1e-300", "is more than 4294967295 steps of 1e-300 s"),
-        ("run.stop=9**9**9 s", "must be a number or a quantity in s"),
+        ("run.stop=9**9**9 s", "must be a quantity in s: '9' is no known unit"),
         ("run.step=1 ms\nstop=5", "must be a number or a quantity in s"),
         ("run.links=1" + "0" * 5000, "run.links = '10000"),
         ("vehicle=.toml/x.toml", "no vehicle file '.toml/x.toml'"),

@@ -191,7 +191,7 @@ def written(path, content):
     (lambda p: tif(p / "a.tif", crs="EPSG:4978"), "has places in degrees, feet"),
     (lambda p: tif(p / "a.tif", crs="EPSG:2225"), "has places in degrees, feet"),
     (lambda p: tif(p / "a.tif", more=lambda made: setattr(made, "units", ("fathoms of old",))),
-     "is in fathoms_of_old, which does not convert to m: convert its heights to m"),
+     "'fathoms' is no known unit: convert its heights to m"),
     (lambda p: tif(p / "a.tif", transform=Affine(2, 0.1, 0, 0.1, -3, 0)), "rows do not run from west to east: turn it"),
     (lambda p: tif(p / "a.tif", count=2), "must have one band of numbers: take the heights alone"),
     (lambda p: tif(p / "a.tif", ROWS.astype(complex)), "must have one band of numbers"),
