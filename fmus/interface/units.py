@@ -85,14 +85,17 @@ def conversion(given: str, unit: str) -> tuple[float, float]:
 def read(text: str) -> Unit:
     """Read a unit; raises ValueError with the reason."""
     plain = _plain(text)
-    if plain in NAMES or plain in ("1", "-"):
-        return NAMES.get(plain, ONE)
-    top, *below = (part.strip() for part in re.split(r"/(?![^(]*\))", plain))  # no quotients in brackets
-    found = ONE if below and top in ("", "1") else _product(top)
-    for part in below:
-        if " " in part and part[0] != "(":
+    if plain in NAMES:
+        return NAMES[plain]
+    found, power = ONE, 1
+    for part in re.sub(r"/ ?\(([^()/]*)\)", lambda inner: f"/{'/'.join(inner[1].split())}", plain).split("/"):
+        words = re.split(r" |-(?=[^\W\d])", part.strip())
+        if power < 0 and len(words) > 1:
             raise ValueError(f"'{text:.40}' has a product behind '/': put it in brackets")
-        found = found.times(_product(part), -1)
+        for word in words if words != ["1"] else ():
+            name = re.sub(r"(?<=.)-?[1-9]$", "", word)
+            found = found.times(_named(name), power * int(word[len(name) :] or 1))
+        power = -1
     return found
 
 
@@ -100,23 +103,13 @@ def _plain(text: str) -> str:
     return " ".join(re.sub(r"\*\*|\^", "", text).translate(SIGNS).split())
 
 
-def _product(text: str) -> Unit:
-    if inner := re.fullmatch(r"\(([^()]*)\)", text):
-        return read(inner[1])
-    found = ONE
-    for word in re.split(r" |-(?=[^\W\d])", text):
-        name = re.sub(r"(?<=.)-?[1-9]$", "", word)
-        found = found.times(_named(name), int(word[len(name) :] or 1))
-    return found
-
-
 def _named(name: str) -> Unit:
     if name in NAMES:
         return NAMES[name]
     if (meanings := TWO_MEANINGS.get(name.lower().rstrip("s"))) is not None:
         raise ValueError(f"'{name}' is {meanings}")
-    spelt = {each.lower(): each for each in NAMES if each[0] != "K"}
-    near = " or ".join(f"'{spelt[each]}'" for each in get_close_matches(name.lower(), spelt, 3))
+    spelt = {each.lower(): f"'{each}'" for each in NAMES if each[0] != "K"}
+    near = " or ".join(spelt[each] for each in get_close_matches(name.lower(), spelt, 3))
     raise ValueError(f"'{name:.40}' is no known unit{f': did you mean {near}?' if near else ''}")
 
 
@@ -124,4 +117,4 @@ for _name, _size, _of, _prefixes, _others in TABLE:
     for _prefix in ("", *_prefixes.split()):
         NAMES[_prefix + _name] = Unit(_size * PREFIXES.get(_prefix, 1.0), ONE.exponents).times(read(_of), 1)
     NAMES |= dict.fromkeys(_others.split(), NAMES[_name])
-NAMES |= dict.fromkeys(("degC", "\N{DEGREE SIGN}C"), NAMES["K"]._replace(offset=273.15))
+NAMES |= {"-": ONE} | dict.fromkeys(("degC", "\N{DEGREE SIGN}C"), NAMES["K"]._replace(offset=273.15))

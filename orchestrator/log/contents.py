@@ -40,7 +40,7 @@ class LogContents:
         self._file = file
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
-        self.others: dict[str, str] = {}  # topics of other tools -> message type
+        self.others: dict[str, str] = {}  # topics of other tools -> message type and encoding
         self.other_channels: dict[str, int] = {}  # their numbers
         self.closing: dict[str, Any] | None = None
         self.seal: sealing.Seal | None = None
@@ -157,7 +157,8 @@ class LogContents:
         self.contents[f"channel:{channel.topic}"] = digest
         if "places" not in channel.metadata:
             schema = self._schemas.get(channel.schema_id)
-            self.others[channel.topic] = schema.name if schema else channel.message_encoding
+            kind = schema.name if schema else "", channel.message_encoding
+            self.others[channel.topic] = ", ".join(filter(None, kind))
             self.other_channels[channel.topic] = channel.id
             return
         recorded = log_metadata.decode_channel(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from orchestrator import __version__
 
+TOPICS = 5  # that a notice names
+
 
 class LogNotice(UserWarning):
     """A sentence about a log that is read."""
@@ -21,6 +23,14 @@ def cut_off(path: Path, t: float) -> str:
 def failed(path: Path, message: str) -> str:
     """Return the notice for a log of a run that failed or left what its model holds for."""
     return f"{path}: its run failed: {message}"
+
+
+def foreign(path: Path, profile: str, library: str, topics: Mapping[str, str]) -> str:
+    """Return the sentence on an MCAP file that is no log of cotrack; ``topics``: with message type and encoding."""
+    named = [f"{topic} ({kind})" for topic, kind in topics.items()]
+    more = [f"{len(named) - TOPICS} more"] if len(named) > TOPICS else []
+    wrote = f"profile '{profile}', library '{library}', topics {', '.join(named[:TOPICS] + more) or 'none'}"
+    return f"{path} is an MCAP file of other software, no log of cotrack, and its numbers are not read: {wrote}"
 
 
 def stripped(path: Path) -> str:

@@ -66,9 +66,14 @@ class Log(AbstractContextManager["Log"]):
         self.faults = self._file.faults
         self.being_written = self._file.being_written  # by a run that has not ended
         self._contents = contents = LogContents(self._file, by_index)
+        unmarked = f"metadata:{log_metadata.FORMAT}" not in contents.contents
+        if unmarked and not contents.topics and not self._file.is_ours:
+            self._file.close()
+            header = self._file.header
+            raise LogUnreadable(notices.foreign(self.path, header.profile, header.library, contents.others))
         self.topics = contents.topics
         self.metadata = contents.metadata
-        self.others = contents.others  # topics of other tools, left out by this reader -> message type
+        self.others = contents.others  # topics of other tools, left out by this reader -> type, encoding
         self.closing = contents.closing
         self.seal = contents.seal.root if contents.seal else ""
         self._attachments = contents.attachments  # name -> offset
@@ -78,7 +83,6 @@ class Log(AbstractContextManager["Log"]):
         self.complete = self.closing is not None and self._file.ended and not self.faults
         is_cut_off = self.closing is None and bool(self.topics) and not self.being_written
         last = max((end for _, end in self._chunks.spans.values()), default=0.0)
-        unmarked = f"metadata:{log_metadata.FORMAT}" not in contents.contents
         self.stripped = is_cut_off and not self._file.is_ours and unmarked
         cut_off = notices.stripped(self.path) if self.stripped else notices.cut_off(self.path, last)
         self.cut_off = cut_off if is_cut_off else ""

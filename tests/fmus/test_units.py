@@ -46,7 +46,7 @@ DEFINED = {
     "V volt": (1, 0, "voltage"), "K degC \N{DEGREE SIGN}C": (1, 0, "temperature"),
 }  # fmt: skip
 PLAIN = {name: about for names, about in DEFINED.items() for name in names.split()}
-PLAIN["US survey foot"] = (Fraction(1200, 3937), 0, "length")
+PLAIN |= {"-": (1, 0, "ratio"), "US survey foot": (Fraction(1200, 3937), 0, "length")}
 POWERS = {"G": 9, "M": 6, "k": 3, "K": 3, "da": 1, "d": -1, "c": -2, "m": -3, "u": -6, "n": -9}  # of ten, by prefix
 
 

@@ -78,7 +78,7 @@ def test_a_log_ends_with_its_events_in_messages_of_foxglove(driven):
         run = RunData(log)
         happened, angle = events.of(run, teeth=True).events, run.signal("left_drive.angle")[1]
         teeth = run.scene["vehicle"]["sprocket"]["teeth"]
-        assert log.others == {"/events": "foxglove.Log"}
+        assert log.others == {"/events": "foxglove.Log, json"}
     assert {name for name, _, _ in messages} == {"foxglove.Log"}
     shown = [(said["name"], said["kind"], said["message"], said["level"] == 3) for _, _, said in messages]
     assert shown == [(e.component, e.kind, e.text, e.kind in WARNINGS) for e in happened]

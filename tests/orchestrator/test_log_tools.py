@@ -1,4 +1,5 @@
 import json
+import re
 import shutil
 import struct
 import tempfile
@@ -8,11 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from mcap.writer import Writer
 from mutated import Content
 from recorded import ATTACHMENTS, STEP, TOPICS, chunked_log, small_log
 
 from orchestrator.log import recorder as module
 from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.measured_formats import read_samples
 from orchestrator.log.message_records import PREFIX
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
@@ -142,6 +145,33 @@ def test_no_log_at_all(tmp_path):
         assert tool.code == BROKEN
     with pytest.raises(LogUnreadable):
         info(tmp_path / "b.mcap")
+
+
+@pytest.mark.parametrize("kept", [1.0, 0.6])
+def test_a_bag_of_other_software_is_told_as_what_it_is(kept, tmp_path):
+    """Whole and cut off, in all ways to a log; logs of cotrack that other software rewrote are none of these."""
+    file = tmp_path / "bag.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream, chunk_size=500)
+        writer.start(profile="ros2", library="libmcap 1.2")
+        for k in range(7):
+            schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+            channel = writer.register_channel(f"/wheel{k}/speed", "cdr", schema)
+            for t in range(0, 10**9, 10**7):
+                writer.add_message(channel, t, struct.pack("<Id", 256, 1.0), t)
+        writer.finish()
+    file.write_bytes(file.read_bytes()[: int(kept * file.stat().st_size)])
+    told = "is an MCAP file of other software, no log of cotrack, and its numbers are not read: profile 'ros2', library"
+    told += r" 'libmcap 1\.2', topics /wheel0/speed \(std_msgs/msg/Float64, cdr\), "
+    for read in (Log, info, lambda path: read_samples(path, list)):
+        with pytest.raises(LogUnreadable, match=told):
+            read(file)
+    for verdict in (verify(file), recover(file, tmp_path / "saved.mcap")):
+        assert verdict.code == BROKEN
+        assert re.search(told, verdict.sentences[0])
+    assert not (tmp_path / "saved.mcap").exists()
+    if kept == 1.0:
+        assert verdict.sentences[0].endswith("/wheel4/speed (std_msgs/msg/Float64, cdr), 2 more")
 
 
 def test_recovering_a_whole_log_copies_it(small, tmp_path):

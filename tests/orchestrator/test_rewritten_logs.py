@@ -177,7 +177,7 @@ def test_channels_of_others_cost_no_message_of_ours(source, tmp_path):
         file = rewritten(source, tmp_path / "other.mcap", more=more, **options)
         assert verify(file).code == WHOLE
         with Log(file) as log, Log(source) as first:
-            assert log.others["/notes"] == "note"
+            assert log.others["/notes"] == "note, json"
             assert log.digest() == first.digest()
 
 
