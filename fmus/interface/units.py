@@ -39,8 +39,8 @@ TWO_MEANINGS = {
     "grad": "a degree or 1/400 of a turn: say deg or gon",
     "ton": "1000 kg, 2240 lb or 2000 lb: say t or lb",
 }
-# Texts that mean another one where such a quantity is asked for.
-EVERYDAY = {"m/s2": {"g": "gn", "G": "gn"}, "rad/s": {"1/min": "rpm", "/min": "rpm", "min-1": "rpm"}}
+MINUTE = ("1/min", "/min", "min-1", "min^-1", "min\u207b\u00b9")
+EVERYDAY = {"m/s2": {"g": "gn", "G": "gn"}, "rad/s": dict.fromkeys(MINUTE, "rpm")}  # by the quantity asked for
 SIGNS = str.maketrans(  # micro, degree, products, minus, powers
     "\u00b5\u03bc\u00ba*.\u00b7\u22c5\u2212\u207b\u00b9\u00b2\u00b3\u2074", "uu\N{DEGREE SIGN}    --1234"
 )
@@ -73,7 +73,7 @@ def conversion(given: str, unit: str) -> tuple[float, float]:
         return 1.0, 0.0
     asked = read(unit)
     meant = next((names for key, names in EVERYDAY.items() if read(key).exponents == asked.exponents), {})
-    found = read(meant.get(_plain(given), given))
+    found = read(meant.get(given.replace(" ", ""), given))
     (*others, angle), (*asked_others, asked_angle) = found.exponents, asked.exponents
     if others != asked_others or (angle != asked_angle and (angle or not any(others[:2]))):
         lacks = "; an angle needs deg, rad or rev" * (others == asked_others and not angle)
@@ -84,7 +84,7 @@ def conversion(given: str, unit: str) -> tuple[float, float]:
 @cache
 def read(text: str) -> Unit:
     """Read a unit; raises ValueError with the reason."""
-    plain = _plain(text)
+    plain = " ".join(re.sub(r"\*\*|\^", "", text).translate(SIGNS).split())
     if plain in NAMES:
         return NAMES[plain]
     found, power = ONE, 1
@@ -97,10 +97,6 @@ def read(text: str) -> Unit:
             found = found.times(_named(name), power * int(word[len(name) :] or 1))
         power = -1
     return found
-
-
-def _plain(text: str) -> str:
-    return " ".join(re.sub(r"\*\*|\^", "", text).translate(SIGNS).split())
 
 
 def _named(name: str) -> Unit:

@@ -35,8 +35,9 @@ class BadInput(ValueError):
     """Invalid input of the user; the message names file, key, value and what is allowed."""
 
 
-_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_QUANTITY = re.compile(rf"\s*([-+]?{_NUMBER})(.*)", re.ASCII)
+NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+# A number and its unit, which begins with 1/ or no digit, sign or point.
+QUANTITY = re.compile(rf"\s*([-+]?{NUMBER})\s*(1\s*/.*?|[^\d\s.+-].*?)?\s*", re.ASCII)
 
 
 def to_si(unit: str) -> Callable[[object], float]:
@@ -50,10 +51,10 @@ def to_si(unit: str) -> Callable[[object], float]:
                 return float(value)
             except OverflowError:
                 raise ValueError(f"must be a finite number in {unit}") from None
-        if (quantity := _QUANTITY.fullmatch(value)) is None:
+        if (quantity := QUANTITY.fullmatch(value)) is None:
             raise ValueError(f"must be a number or a {'ratio in %' if unit == '1' else f'quantity in {unit}'}")
         try:
-            factor, offset = conversion(quantity[2].strip(), unit)
+            factor, offset = conversion(quantity[2] or "", unit)
         except ValueError as reason:
             raise ValueError(f"must be a quantity in {unit}: {reason}") from None
         return float(quantity[1]) * factor + offset
@@ -79,7 +80,7 @@ class In(GroupedMetadata):
         """Number within the bounds, or text of a number and a unit, whose sign alone can be checked."""
         number = {"type": "number", **{BOUNDS[bound]: value for bound, value in self.bounds.items()}}
         sign = "[-+]?" if max(self.bounds.get("ge", -1), self.bounds.get("gt", -1)) < 0 else "[+]?"
-        text = {"type": "string", "pattern": rf"^\s*{sign}{_NUMBER}\s*(\D|$)"}
+        text = {"type": "string", "pattern": rf"^\s*{sign}{NUMBER}\s*(\D|$)"}
         return {"anyOf": [number, text], "unit": self.unit}
 
 

@@ -25,6 +25,7 @@ from orchestrator.execution import log_report, summary, summary_text
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.export import columns_of, to_pandas
 from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.signal_names import Names, listed
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import catalogue
 from orchestrator.results.analyses.signal_picture import figure_of
@@ -157,7 +158,7 @@ class Run:
                 raise NoSuchSignal(f"{self.log}: '{name}' matches signals in {' and '.join(sorted(units))}: no family")
             return Signal(name, units.pop(), t, np.stack([values for _, values in columns.values()], axis=1))
 
-    def frame(self, *signals: str, start: float = -inf, end: float = inf) -> Any:
+    def frame(self, *signals: Names, start: float = -inf, end: float = inf) -> Any:
         """Return signals as a pandas table over ``t``, s; ``*`` stands for any text, units are in ``attrs["units"]``.
 
         Raises NoSuchSignal, also for signals that were recorded at different times, and NotInstalled.
@@ -165,13 +166,13 @@ class Run:
         with Log(self.log) as log:
             return to_pandas(log, *signals, window=(start, end))
 
-    def plot(self, *signals: str, start: float = -inf, end: float = inf, **form: Any) -> Picture:
+    def plot(self, *signals: Names, start: float = -inf, end: float = inf, **form: Any) -> Picture:
         """Draw signals over time; a notebook shows the result, ``.save("a.png")`` writes it.
 
         ``form``: ``frequency=True`` or ``order=True`` (tooth orders) draws amplitudes, ``waterfall=True`` a map of a
         family, ``place=True`` a map by place on the circuit. Raises BadInput, Missing, NoSuchSignal.
         """
-        return Picture(figure_of([self.log], signals, Window(start, end), **form))
+        return Picture(figure_of([self.log], listed(signals), Window(start, end), **form))
 
     def analyse(self, what: str, start: float = -inf, end: float = inf, **options: Any) -> Any:
         """Return an analysis of ``cotrack analyse``: its arrays, ``table()`` and ``table().frame()``; raises BadInput.

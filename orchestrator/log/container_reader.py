@@ -315,18 +315,13 @@ class ContainerReader:
             return True
         return bool(footer.summary_crc == self._crc(footer.summary_start, self.size - FOOTER + HEAD.size + 16))
 
-    @cached_property
-    def header(self) -> Header:
-        """Profile and library that wrote the file; those of the recorder if it is damaged."""
-        try:
-            return parse_record(Header, self.body(len(MCAP0_MAGIC)))
-        except DAMAGE:
-            return Header("", LIBRARY)
-
     @property
     def is_ours(self) -> bool:
         """Whether the file was written by the recorder, not by other software."""
-        return bool(self.header.library == LIBRARY)
+        try:
+            return bool(self.record(Header, len(MCAP0_MAGIC)).library == LIBRARY)
+        except DAMAGE:
+            return True
 
     def _crc(self, start: int, end: int) -> int:
         crc = 0

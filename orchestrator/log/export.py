@@ -21,6 +21,7 @@ from orchestrator.log.extra import library
 from orchestrator.log.log_file import LogFailed, error_text
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.schema import family
+from orchestrator.log.signal_names import Names
 from orchestrator.log.time_series import EVER, Floats, Series
 
 BLOCK = 4000  # rows in memory at once
@@ -239,7 +240,7 @@ def _files(folder: Path, topics: Sequence[str], suffix: str) -> list[Path]:
 Named = dict[str, tuple[str, Floats]]  # signal -> unit and values (m,)
 
 
-def columns_of(log: Log, signals: Sequence[str], window: tuple[float, float] = EVER) -> tuple[Floats, Named]:
+def columns_of(log: Log, signals: Sequence[Names], window: tuple[float, float] = EVER) -> tuple[Floats, Named]:
     """Return times (m,), s, and the signals; raises NoSuchSignal if signals have different times."""
     log.require_window(*window)
     chosen = log.choose(signals)
@@ -251,7 +252,7 @@ def columns_of(log: Log, signals: Sequence[str], window: tuple[float, float] = E
     }
 
 
-def to_pandas(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
+def to_pandas(log: Log, *signals: Names, window: tuple[float, float] = EVER) -> Any:
     """Return signals as a DataFrame indexed by ``t``, s, with units in ``attrs["units"]``.
 
     ``*`` in ``signals`` stands for any text; ``window``: closed time interval, s. Raises NoSuchSignal, also for signals
@@ -264,7 +265,7 @@ def to_pandas(log: Log, *signals: str, window: tuple[float, float] = EVER) -> An
     return frame
 
 
-def to_arrow(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
+def to_arrow(log: Log, *signals: Names, window: tuple[float, float] = EVER) -> Any:
     """Return a table of ``t`` and the signals, units in the metadata; raises like ``to_pandas``."""
     arrow = library("pyarrow")
     t, columns = columns_of(log, signals, window)
@@ -275,13 +276,13 @@ def to_arrow(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any
     return arrow.table([t, *(values for _, values in columns.values())], schema=arrow.schema(fields))
 
 
-def to_polars(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
+def to_polars(log: Log, *signals: Names, window: tuple[float, float] = EVER) -> Any:
     """Return a DataFrame with columns ``t`` and the signals; raises like ``to_pandas``."""
     t, columns = columns_of(log, signals, window)
     return library("polars").DataFrame({"t": t} | {name: values for name, (_, values) in columns.items()})
 
 
-def to_xarray(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
+def to_xarray(log: Log, *signals: Names, window: tuple[float, float] = EVER) -> Any:
     """Return a Dataset over ``t``, families of signals as 2-D arrays; raises like ``to_pandas``.
 
     ``left_track.link[3].tension`` is ``left_track.link.tension`` at ``link`` = 3.

@@ -91,8 +91,14 @@ def read_samples(path: Path, choose: Choose) -> Read:
             raise
         except Exception as error:
             reason = f"{getattr(error, 'strerror', None) or error}" or type(error).__name__
+            reason += other_suffix(path) if isinstance(error, ValueError) else ""
         gc.collect()  # drops what the failure still holds
     raise BadInput(f"{path} cannot be read: {' '.join(reason.split())}")
+
+
+def other_suffix(path: Path) -> str:
+    """Return the sentence part on a file whose suffix no format has; empty for another one."""
+    return "" if path.suffix.lower() in FORMATS else f"; of other files these are read, by suffix: {', '.join(FORMATS)}"
 
 
 @contextmanager

@@ -5,10 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
+from textwrap import shorten
+from typing import Any
 
 from orchestrator import __version__
 
-TOPICS = 5  # that a notice names
+TOPICS = 200  # characters of a notice
 
 
 class LogNotice(UserWarning):
@@ -25,11 +27,10 @@ def failed(path: Path, message: str) -> str:
     return f"{path}: its run failed: {message}"
 
 
-def foreign(path: Path, profile: str, library: str, topics: Mapping[str, str]) -> str:
+def foreign(path: Path, header: Any, topics: Mapping[str, str]) -> str:
     """Return the sentence on an MCAP file that is no log of cotrack; ``topics``: with message type and encoding."""
-    named = [f"{topic} ({kind})" for topic, kind in topics.items()]
-    more = [f"{len(named) - TOPICS} more"] if len(named) > TOPICS else []
-    wrote = f"profile '{profile}', library '{library}', topics {', '.join(named[:TOPICS] + more) or 'none'}"
+    named = shorten(", ".join(f"{topic} ({kind})" for topic, kind in topics.items()), TOPICS, placeholder=" ...")
+    wrote = f"profile '{header.profile}', library '{header.library}', topics {named or 'none'}"
     return f"{path} is an MCAP file of other software, no log of cotrack, and its numbers are not read: {wrote}"
 
 

@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 from isal.isal_zlib import crc32
 from mcap.opcode import Opcode
-from mcap.records import Attachment
+from mcap.records import Attachment, Header
+from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from orchestrator.files.budget import DOCUMENT, check_size
@@ -28,7 +29,7 @@ from orchestrator.log import log_metadata, notices, seal, seal_check, signal_nam
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.contents import LogContents
 from orchestrator.log.message_records import Messages
-from orchestrator.log.signal_names import recorded_texts
+from orchestrator.log.signal_names import Names, recorded_texts
 from orchestrator.log.stream import NotInOrder, Stream
 from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series
 
@@ -68,9 +69,9 @@ class Log(AbstractContextManager["Log"]):
         self._contents = contents = LogContents(self._file, by_index)
         unmarked = f"metadata:{log_metadata.FORMAT}" not in contents.contents
         if unmarked and not contents.topics and not self._file.is_ours:
+            header = self._file.record(Header, len(MCAP0_MAGIC))
             self._file.close()
-            header = self._file.header
-            raise LogUnreadable(notices.foreign(self.path, header.profile, header.library, contents.others))
+            raise LogUnreadable(notices.foreign(self.path, header, contents.others))
         self.topics = contents.topics
         self.metadata = contents.metadata
         self.others = contents.others  # topics of other tools, left out by this reader -> type, encoding
@@ -252,12 +253,12 @@ class Log(AbstractContextManager["Log"]):
                 waiting = {topic: [series.rows(slice(size, None))] for topic, series in whole.items()}
         yield {topic: join_series(parts) for topic, parts in waiting.items()}
 
-    def choose(self, signals: str | Sequence[str] = (), topics: Sequence[str] = ()) -> dict[str, list[int]]:
+    def choose(self, signals: Names | Sequence[Names] = (), topics: Sequence[str] = ()) -> dict[str, list[int]]:
         """Return topic -> columns for a signal ("instance.variable") or several, and whole topics, in the log's order.
 
         ``*`` stands for any text; without arguments everything is selected. Raises NoSuchSignal.
         """
-        signals = [signals] if isinstance(signals, str) else signals
+        signals = signal_names.listed(signals)
         if not topics and not signals:
             return {topic: [*range(len(about.names))] for topic, about in self.topics.items()}
         chosen: dict[str, set[int]] = {}

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from xml.etree import ElementTree
 
 from orchestrator.files.budget import DOCUMENT, check_size
 from orchestrator.log.container_reader import LogUnreadable
 
+Names = str | Sequence[str]  # one, or a list
 MOST = 3  # names that a message suggests
 NO_TEXTS: Mapping[str, str] = MappingProxyType({})
 
@@ -19,6 +20,11 @@ def owner(topic: str) -> str:
     """Return the instance of a topic; statistics have a prefix: "/stats/chassis" -> "stats.chassis"."""
     words = topic.strip("/").split("/")
     return f"stats.{words[1]}" if words[0] == "stats" and len(words) > 1 else words[0]
+
+
+def listed(names: Names | Iterable[Names]) -> list[str]:
+    """Return a name, or names of which some may be in lists, as one list."""
+    return [names] if isinstance(names, str) else [name for each in names for name in listed(each)]
 
 
 def matches(pattern: str, text: str) -> bool:

@@ -24,6 +24,7 @@ CLOCKS = ("t", "time")
 CLOCK = ""  # stands for the clock among signals
 FIND = "find"
 NAMED = 20  # columns in a message
+FRAMES = "; raw CAN frames are decoded first, for example by extract_bus_logging of asammdf with a DBC file"
 LATEST = 1e12  # s: a clock that counts ns without saying so is beyond
 LOOKED_AT = 1000  # samples by which the digits of a column are known
 
@@ -166,7 +167,9 @@ def _column(path: Path, present: Sequence[FileColumn], text: str, unit: str) -> 
             if places:
                 found = present[places[0]]
                 return _Column(places[0], found.name, wanted_unit.strip() or found.unit, unit)
-    raise BadInput(f"{path} has no column '{text}': it has {_names([column.name for column in present]) or 'none'}")
+    names = [column.name for column in present]
+    frames = FRAMES * any(name.startswith("CAN_DataFrame") for name in names)
+    raise BadInput(f"{path} has no column '{text}': it has {_names(names) or 'none'}{frames}")
 
 
 def _names(names: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import CSV, ROWS
 from orchestrator.files.columns import head, no_data
 from orchestrator.files.csv_lines import csv_lines, number
-from orchestrator.log.measured_formats import SUFFIXES, FileColumn, read_samples
+from orchestrator.log.measured_formats import SUFFIXES, FileColumn, other_suffix, read_samples
 
 Tables = dict[str, Any]  # raw scene
 UNITS = {  # of both columns of the keys that may name a file, where its head gives none
@@ -60,7 +60,7 @@ def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float
     try:
         rows = [*csv_lines(path, CSV, ROWS)]
     except (OSError, ValueError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
+        reason = error.strerror if isinstance(error, OSError) else f"{error}{other_suffix(path)}"
         raise BadInput(f"{key}: cannot be read: {reason}") from None
     pairs, sizes = [], [1.0, 1.0]
     for line, row in rows:

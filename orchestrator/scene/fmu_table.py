@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, Field
 
-from fmus.vehicles.tables import BadInput, FrozenTable, In
+from fmus.vehicles.tables import NUMBER, BadInput, FrozenTable, In
 from orchestrator.cosim.base_units import UNCHANGED, Conversion
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.settings import hint, toml_text
@@ -68,7 +68,6 @@ def replacing_fmu(text: str) -> str:
 
 
 ARROW = "->"
-NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 SCALED = re.compile(rf"(?:([-+]?{NUMBER})\s*\*\s*)?(.*?)(?:\s+([-+])\s+({NUMBER}))?")  # factor, output, sign, offset
 
 

@@ -216,7 +216,7 @@ class Sweep:
         keys = dict.fromkeys(["status", *(key for row in fullest_first for key in row.figures), "note"])
         only = ("status", "checks", "note", *self.asked) if self.asked and without else ""
         columns = [Column(one.key, one.head, unit=one.unit) for one in self.design.variations]
-        columns += [_column(key) for key in keys if key.startswith(only) and not key.startswith(without)]
+        columns += [figure_column(key) for key in keys if key.startswith(only) and not key.startswith(without)]
         records = [
             {one.key: value.shown for one, value in zip(self.design.variations, point, strict=True)}
             | {"status": "failed", **row.cells()}
@@ -240,7 +240,7 @@ class Sweep:
         return written
 
 
-def _column(key: str) -> Column:
+def figure_column(key: str, form: str = "") -> Column:
     """Column of a figure; the key of an absolute error ends with its unit, as headings do."""
-    unit, form = UNITS.get(key, ""), ".2g" if key in ("estimated error", "energy residual") else ".6g"
+    unit, form = UNITS.get(key, ""), form or (".2g" if key in ("estimated error", "energy residual") else ".6g")
     return Column(key, f"{key}, {unit}" if unit else key, form, unit=unit or key.partition(", ")[2])

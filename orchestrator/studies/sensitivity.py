@@ -22,14 +22,13 @@ from orchestrator.results import output_files
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.output_files import Picture, new_figure
 from orchestrator.results.table import Column, Table
-from orchestrator.results.units import in_si
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import load, with_settings
 from orchestrator.scene.settings import pairs
 from orchestrator.studies import Case, Row, pool
 from orchestrator.studies.free_numbers import number_at
-from orchestrator.studies.parameter_sweep import run_case
+from orchestrator.studies.parameter_sweep import figure_column, run_case
 from orchestrator.studies.wanted_figures import WantedFigure, recording_settings, wanted_figures
 
 STEPS = 1e-4, 1e-3, 1e-2  # h
@@ -52,22 +51,12 @@ class Sensitivity(NamedTuple):
     def table(self) -> Table:
         """Table of the change of each figure by one per cent of each number."""
         columns = [Column("key", "+ 1 % of"), Column("value", "value, SI", ".6g")]
-        columns += [Column(name, _head(name), ".3g", unit=_unit(name)) for name in self.figures]
+        columns += [figure_column(name, ".3g") for name in self.figures]
         records = [{"key": "as it is", **self.figures}]
         for (key, value), row in zip(self.numbers.items(), self.derivatives.tolist(), strict=True):
             told = (ROUGH if math.isnan(one) else 0.01 * one for one in row)
             records.append({"key": key, "value": value, **dict(zip(self.figures, told, strict=True))})
         return Table.of_records(f"Sensitivity of {self.scene}", columns, records, self.notes)
-
-
-def _unit(name: str) -> str:
-    if name in OBSERVABLES:
-        return in_si(OBSERVABLES[name].unit)
-    return name.partition(", ")[2]
-
-
-def _head(name: str) -> str:
-    return f"{name}, {_unit(name)}" if _unit(name) and ", " not in name else name
 
 
 def sensitivity(
@@ -96,7 +85,7 @@ def sensitivity(
     result = _derivatives(loaded, found, wanted, native, workers, store, told)
     exact = result.table()
     derivatives = Table.of_records(
-        "", [Column("key", "key"), *(Column(name, _head(name)) for name in result.figures)],
+        "", [Column("key", "key"), *map(figure_column, result.figures)],
         [{"key": key, **dict(zip(result.figures, row, strict=True))}
          for key, row in zip(result.numbers, result.derivatives.tolist(), strict=True)],
     )  # fmt: skip

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from decimal import Decimal
 from itertools import product
@@ -11,11 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.vehicles.tables import BadInput
+from fmus.vehicles.tables import QUANTITY, BadInput
 
 MOST = 10_000  # cases of a sweep
-# A number and its unit, which begins with no digit, sign or point.
-_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.+-].*?)?\s*", re.ASCII)
 
 
 class Value(NamedTuple):
@@ -111,20 +108,20 @@ def _list(text: str, key: str, parts: Sequence[str]) -> Variation:
     texts = [part.strip() for part in parts]
     if "" in texts or len(set(texts)) < len(texts):
         raise BadInput(f"vary {text}: {'a value is empty' if '' in texts else 'a value is given twice'}")
-    quantities = [_QUANTITY.fullmatch(part) for part in texts]
+    quantities = [QUANTITY.fullmatch(part) for part in texts]
     if None in quantities:
         return Variation(text, key, "", tuple(Value(part, part) for part in texts))
     units = [found[2] for found in quantities if found]
     if units[-1] and not any(units[:-1]):  # "10,20,30 kN"
         whole = [*(f"{part} {units[-1]}" for part in texts[:-1]), texts[-1]]
-        quantities = [_QUANTITY.fullmatch(part) for part in whole]
+        quantities = [QUANTITY.fullmatch(part) for part in whole]
     unit = _unit(text, [found[2] or "" for found in quantities if found])
     return Variation(text, key, unit, tuple(Value(found[0], float(found[1])) for found in quantities if found))
 
 
 def _range(text: str, key: str, parts: Sequence[str]) -> Variation:
     """Range with both ends; its points are the nearest doubles to the decimal numbers."""
-    quantities = [found for part in parts if (found := _QUANTITY.fullmatch(part))]
+    quantities = [found for part in parts if (found := QUANTITY.fullmatch(part))]
     if len(quantities) < len(parts) or len(parts) > 3:
         raise BadInput(f"vary {text}: must be a:b:n, two numbers and a number of points, for example 20:40:3 kN")
     unit = _unit(text, [found[2] for found in quantities if found[2]])

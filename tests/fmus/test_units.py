@@ -110,7 +110,8 @@ def test_everyday_spellings(given, unit, size):
         ("Hz", "rad/s", "an angle needs"), ("%", "rad", "an angle needs"), ("deg", "1", "'deg' does not convert to 1$"),
         ("N m/rad", "N m", "does not convert"), ("N/m s", "N", "put it in brackets"), ("m s", "m", "does not convert"),
         ("knts", "m/s", "'knts' is no known unit: did you mean 'knots' or"), ("m9 9", "m", "'9' is no known unit"),
-        ("x" * 9999, "m", "'x{40}' is no known unit$"), ("(" * 9999, "m", "no known unit"), ("1 m", "m", "'1' is no"),
+        ("x" * 9999, "m", "'x{40}' is no known unit$"), ("(" * 9999, "m", "no known unit"),
+        ("1 m", "m", "must be a number or a quantity in m"),
     ],
 )  # fmt: skip
 def test_what_is_ambiguous_or_unknown_is_refused_with_the_remedy(given, unit, words):

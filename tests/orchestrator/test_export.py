@@ -197,6 +197,8 @@ def test_frames(chunked):
         assert dict(data.sizes) == {"t": 301, "link": 64}
         assert data["left_track.link.stress"].attrs["units"] == "Pa"
         assert np.array_equal(data["left_track.link.tension"].sel(link=7), tensions.values[:, 6])
+        assert to_xarray(log, ["left_track.link[*]*"]).equals(data)
+        assert to_pandas(log, ["chassis.speed"], "chassis.left.road_arm[*].angle", window=(0.5, 1.0)).equals(frame)
         alone = to_xarray(log, "chassis.speed", "chassis.left.road_arm[3].angle")
         angle = log.signal("chassis.left.road_arm[3].angle")[1]
         assert np.array_equal(alone["chassis.left.road_arm.angle"].sel(road_arm=3), angle)

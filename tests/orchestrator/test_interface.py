@@ -85,6 +85,16 @@ def test_signals_have_units_and_families_a_column_for_each_member(run):
     assert frame.index[0] == pytest.approx(0.01)
 
 
+def test_signals_are_named_one_by_one_or_in_lists(run):
+    names = ["chain.tension.max", "chain.tension.mean"]
+    for given in ([names], [tuple(names)], [names[0], names[1:]]):
+        assert {*run.frame(*given)} == {*names}
+        assert len(run.plot(*given).figure.axes[0].lines) == 2
+    assert run.plot(["chain.link[*].tension"], waterfall=True).figure.axes
+    with pytest.raises(NoSuchSignal, match=r"did you mean 'chain\.tension\.max'"):
+        run.frame(["chain.tension.maxx"])
+
+
 def test_pictures_pages_and_analyses(run, tmp_path):
     picture = run.plot("chain.tension.max", end=0.01)
     (line,) = picture.figure.axes[0].lines

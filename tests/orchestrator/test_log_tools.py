@@ -171,7 +171,7 @@ def test_a_bag_of_other_software_is_told_as_what_it_is(kept, tmp_path):
         assert re.search(told, verdict.sentences[0])
     assert not (tmp_path / "saved.mcap").exists()
     if kept == 1.0:
-        assert verdict.sentences[0].endswith("/wheel4/speed (std_msgs/msg/Float64, cdr), 2 more")
+        assert verdict.sentences[0].endswith(" ...")
 
 
 def test_recovering_a_whole_log_copies_it(small, tmp_path):

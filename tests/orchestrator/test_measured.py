@@ -281,6 +281,13 @@ def test_other_refusals(run, write, cotrack, tmp_path):
     (tmp_path / "latin.csv").write_bytes("t,v [\xb0]\n".encode("latin-1"))
     with pytest.raises(BadInput, match=r"latin\.csv cannot be read: it is no text in UTF-8 \(byte 0xb0 at 5\): save"):
         read(tmp_path / "latin.csv", {}, UNITS.get)
+    (tmp_path / "bus.blf").write_bytes(b"LOGG\x90\xff")
+    with pytest.raises(
+        BadInput, match=r"bus\.blf cannot be read: .* these are read, by suffix: \.csv, \.parquet, \.mf4"
+    ):
+        read(tmp_path / "bus.blf", {}, UNITS.get)
+    (tmp_path / "logger.txt").write_text("t,v\n0,1\n")  # a text of any suffix is read as CSV
+    assert len(read(tmp_path / "logger.txt", {"chassis.speed": "v"}, UNITS.get)) == 1
     mapped = ("--map", "chassis.speed=v")
     for options, sentence in (
         ((), "a measured record needs --map SIGNAL=COLUMN, for example"),

@@ -283,6 +283,19 @@ def test_groups_of_mdf_have_their_own_clocks(run, tmp_path):
         read(tmp_path / "m.mf4", {"chassis.speed": "n"}, UNITS.get)
 
 
+def test_raw_frames_of_a_bus_are_decoded_first(tmp_path):
+    t = np.arange(3.0)
+    write_mf4(tmp_path / "m.mf4", [("CAN1", [signal("CAN_DataFrame.ID", t, t, "")]), ("", [signal("x", t, t, "m/s")])])
+    with pytest.raises(
+        BadInput, match=r"no column 'v': it has .*; raw CAN frames are decoded first, .* with a DBC file"
+    ):
+        read(tmp_path / "m.mf4", SPEED_V, UNITS.get)
+    assert len(read(tmp_path / "m.mf4", {"chassis.speed": "x"}, UNITS.get)) == 1
+    write_mf4(tmp_path / "x.mf4", [("", [signal("x", t, t, "m/s")])])
+    with pytest.raises(BadInput, match=r"no column 'v': it has [^;]*$"):
+        read(tmp_path / "x.mf4", SPEED_V, UNITS.get)
+
+
 def test_mdf_without_clock_numbers_or_version_4(tmp_path):
     asammdf = pytest.importorskip("asammdf")
     t, v = np.arange(3.0), np.arange(3.0)

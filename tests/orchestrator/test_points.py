@@ -89,6 +89,12 @@ def test_points_of_measured_files(tmp_path, write):
         read_files({"driver": {"speed_points": f"d.{kind}"}}, tmp_path, "mine.toml")
 
 
+def test_points_of_an_unknown_format_name_those_that_are_read(tmp_path):
+    (tmp_path / "a.mat").write_bytes(b"MATLAB\x80")
+    with pytest.raises(BadInput, match=r"'.*a\.mat': cannot be read: .* are read, by suffix: \.csv, \.parquet"):
+        read_files({"driver": {"speed_points": "a.mat"}}, tmp_path, "mine.toml")
+
+
 def test_channels_on_two_clocks_are_no_points(tmp_path):
     """Two channels of a test make a curve only sample by sample; a file without channels makes none."""
     nptdms = pytest.importorskip("nptdms")
