@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from fmus.cache.files import UntrustedFolder, cache_folder, check_trust, make_folder, report_error
 from fmus.cache.files import write as put
-from fmus.vehicles.tables import BadInput
+from fmus.vehicles.tables import BadInput, to_si
 from orchestrator.files.budget import DOCUMENT, read_file
 
 SHIPPED = Path(__file__).parents[1] / "gallery" / "precision.json"
@@ -103,7 +103,7 @@ def write(settings: Iterable[Setting], file: Path) -> None:
 def fraction(text: str) -> float:
     """Parse ``1%`` or ``0.01``; raises BadInput."""
     try:
-        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+        value = to_si("1")(text)
     except ValueError:
         value = 0.0
     if not 0.0 < value < 1.0:

@@ -7,7 +7,7 @@ from math import pi
 
 import pytest
 
-from fmus.interface.ports import UNITS
+from fmus.interface.ports import TYPES, UNITS
 from fmus.interface.units import NAMES, PREFIXES, conversion, read
 from fmus.vehicles.tables import to_si
 
@@ -129,3 +129,5 @@ def test_base_units_of_ports_follow_from_their_names():
     assert UNITS["N.m.s/rad"] == {"kg": 1, "m": 2, "s": -1, "rad": -1}
     assert UNITS["1"] == {}
     assert all(read(name).factor == 1.0 for name in UNITS)
+    for unit, shown, factor in TYPES.values():
+        assert conversion(unit, shown or unit)[0] == pytest.approx(factor, rel=1e-15)
