@@ -140,11 +140,12 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
             version, identifier = self.description.fmiVersion[:3], self.description.coSimulation.modelIdentifier
             opening = Opening(version, str(folder), identifier, self.name, guid, *places, elements)
             handle: int | None = int(self._remote.open(opening, self._u[0], self._y[0]))
-            self._free: Callable[[], None] = self._remote.free
+            self._free: Callable[[int], int] = self._remote.fmi2FreeInstance
         else:
             self._library = load_library(folder, self.description, fmu)
             given = self._library, folder, self.name, guid, self._receive, self._resources
-            handle, self._free = fmi2_library.instantiate(*given)
+            handle, free = fmi2_library.instantiate(*given)
+            self._free = lambda _: free() or OK
         if not handle:
             raise ComponentFailed(self._messages.refusal())
         self._mixed = self._mixed_exchange() if self._is_mixed else None
@@ -209,7 +210,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         self._messages.receive(status, message, category, float(self._clock[0]))
 
     def _call(self, function: Callable[..., int], *arguments: Any) -> None:
-        if self._handle is None:
+        if self._handle is None or self._phase == "lost":
             raise ComponentFailed(f"{self.name}: the component is closed")
         self._messages.clear()
         began = perf_counter()
@@ -219,6 +220,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
             raise self._failure(function.__name__, status)
 
     def _failure(self, function: str, status: int) -> ComponentFailed:
+        starts, ends = self._phase == "instantiated", self._phase == "ended"
         if not 0 <= status < FATAL:
             self._phase = "lost"
         if self._mixed is not None:
@@ -233,8 +235,8 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         if function == "fmi2DoStep" and status == DISCARD and not self._messages.has_error:
             return self._discarded_step(said_as)
         sentence = self._messages.first_error() or status_text(said_as, status)
-        if self._phase not in ("made", "instantiated") and "t = " not in sentence:
-            sentence += f" ({said_as}, t = {float(self._clock[0]):.6g} s)"
+        if (said_as if ends else "t = ") not in sentence and (self._guest is not None or not starts):
+            sentence += f" ({said_as}{'' if ends else f', t = {float(self._clock[0]):.6g} s'})"
         return ComponentFailed(f"{self.name}: {sentence}")
 
     def _discarded_step(self, function: str) -> ComponentFailed:
@@ -506,17 +508,20 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
     # -------------------------------------------------------------- end
 
     def close(self) -> None:
-        """Terminate and free the instance; after fmi2Fatal no function may be called."""
+        """Terminate and free the instance; a failure is a warning. After fmi2Fatal no function may be called."""
         if self._handle is None:
             return
-        if self._phase != "lost":
-            for state in list(self._states):
-                with suppress(ComponentFailed):
-                    self.free(state)
-            if self._phase == "running":
-                with suppress(ComponentFailed):
-                    self._call(self._library.fmi2Terminate)
-            self._free()
+        for state in [] if self._phase == "lost" else list(self._states):
+            with suppress(ComponentFailed):
+                self.free(state)
+        for function in [self._library.fmi2Terminate] * (self._phase == "running") + [self._free]:
+            if self._phase == "lost":
+                break
+            self._phase = "ended"
+            try:
+                self._call(function)
+            except ComponentFailed as failure:
+                self._receive(WARNING, str(failure).removeprefix(f"{self.name}: "), "")
         self._handle = None
 
     def __exit__(self, *ended: object) -> None:

@@ -115,6 +115,9 @@ def _simulate(
                 outcome = run.step_to_end(observers, interrupt, result)
                 attach_texts(recorder, run.components)
                 recorder.write_remaining()
+                for component in run.components.values():
+                    if component.is_remote:  # the end of another one could be that of this process
+                        component.close()
                 result["warnings"] = [*early_warnings, *run.warnings()]
                 if outcome.steps:
                     announce(f"{scene.name}: results are read from the log")
@@ -130,6 +133,7 @@ def _simulate(
             result |= outcome_entries(outcome, result["wall_time"])
             result["warnings"] = [*early_warnings, *run.warnings()]
         interrupt.deferring = False
+    result["warnings"] = [*early_warnings, *run.warnings()]
     if log_opened:
         result["log"] = str(file)
     return result | {"log_bytes": file.stat().st_size if log_opened and file.exists() else 0}

@@ -11,6 +11,7 @@
 #define EXPORT __attribute__((visibility("default")))
 
 typedef struct {
+    const fmi2CallbackFunctions *functions;
     double r[REALS], reached; /* the time that is told after a step that was not done */
     int i[INTEGERS], ended, initialising;
     char s[STRINGS][TEXT];
@@ -19,12 +20,22 @@ typedef struct {
 /* Do the step from t to t + h; outputs are set at t = h = 0 too, for inputs that may change then. */
 static fmi2Status advance(Model *m, double t, double h);
 
+#ifdef ENDINGS /* the model defines what these functions do besides */
+static fmi2Status terminated(Model *m);
+static void freed(Model *m);
+#else
+static fmi2Status terminated(Model *m) { (void)m; return fmi2OK; }
+static void freed(Model *m) { (void)m; }
+#endif
+
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
 EXPORT fmi2Status fmi2Reset(fmi2Component p) {
     Model *m = p;
+    const fmi2CallbackFunctions *functions = m->functions;
     memset(m, 0, sizeof *m);
+    m->functions = functions;
     memcpy(m->r, REAL_START, sizeof m->r);
     memcpy(m->i, INTEGER_START, sizeof m->i);
     for (int k = 0; k < STRINGS; k++) strncpy(m->s[k], STRING_START[k], TEXT - 1);
@@ -33,15 +44,16 @@ EXPORT fmi2Status fmi2Reset(fmi2Component p) {
 
 EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                                      const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logs) {
-    (void)name, (void)resources, (void)functions, (void)visible, (void)logs;
+    (void)name, (void)resources, (void)visible, (void)logs;
     if (type != fmi2CoSimulation || strcmp(guid, GUID) != 0) return NULL;
     Model *m = malloc(sizeof *m);
+    m->functions = functions;
     fmi2Reset(m);
     return m;
 }
 
-EXPORT void fmi2FreeInstance(fmi2Component p) { free(p); }
-EXPORT fmi2Status fmi2Terminate(fmi2Component p) { (void)p; return fmi2OK; }
+EXPORT void fmi2FreeInstance(fmi2Component p) { freed(p); free(p); }
+EXPORT fmi2Status fmi2Terminate(fmi2Component p) { return terminated(p); }
 
 EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
     if (((Model *)p)->initialising) return fmi2Error;

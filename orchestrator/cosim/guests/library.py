@@ -16,6 +16,7 @@ from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests.room import Room
 from orchestrator.cosim.messages import FATAL, Hear
 
+ENDINGS = ("fmi2Terminate", "fmi2FreeInstance")  # calls after the last step
 _BY_REFERENCE: Any = type(ctypes.byref(ctypes.c_int()))
 _POINTER: Any = type(ctypes.pointer(ctypes.c_int())).__mro__[1]
 
@@ -59,18 +60,20 @@ class GuestLibrary:
             raise ComponentFailed(f"cannot load the binary of '{opening.name}': {made}")
         return status <= 1 and bool(made)
 
-    def free(self) -> None:
+    def fmi2FreeInstance(self, _: int) -> int:
         """Free the instance; the process ends with its last one."""
         self._post("fmi2FreeInstance", "close")
-        self._take()
+        status, _ = self._take()
         self._room.leave()
+        return status
 
     def _post(self, function: str, call: str, *arguments: Any) -> None:
         written, self._written, self._fresh = self._written, False, False
-        self._room.post(self._number, (function, self._time), written, call, *arguments)
+        time = None if function in ENDINGS else self._time
+        self._room.post(self._number, (function, time), written, call, *arguments)
 
-    def _take(self) -> tuple[int, Any]:
-        status, self.failed, result, messages = self._room.take(self._number)
+    def _take(self, given: Sequence[Any] = ()) -> tuple[int, Any]:
+        status, self.failed, result, messages = self._room.take(self._number, given)
         for message in messages:
             self._hear(*message)
         return status, result
@@ -100,7 +103,7 @@ class GuestLibrary:
             else:
                 given.append(argument.value if isinstance(argument, ctypes._SimpleCData) else argument)
         self._post(name, name, *given)
-        status, found = self._take()
+        status, found = self._take([each for each in given if isinstance(each, bytes | list)])
         for target, content in zip(targets, found if isinstance(found, list) else (), strict=False):
             if isinstance(content, list):
                 target[:] = content
@@ -108,6 +111,10 @@ class GuestLibrary:
                 memmove(target if isinstance(target, _POINTER) else addressof(target), content, len(content))
         self._fresh = fresh and name.startswith("fmi2Get")
         return status
+
+    def fmi2SetupExperiment(self, _: int, *times: Any) -> int:
+        self._time = times[2]
+        return self._call("fmi2SetupExperiment", _, *times)
 
     def fmi2DoStep(self, _: int, t: float, h: float, no_rollback: int) -> int:
         self.begin_step(_, t, h, no_rollback)

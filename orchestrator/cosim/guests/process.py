@@ -2,25 +2,28 @@
 
 It makes the calls of FMI 2.0 that come over the connection, one after another, and replies with the status, the
 function that failed, its arguments as the FMU has left them, and the messages of the FMU. Inputs and outputs of a step
-are in the shared memory. It ends with the connection, also if the FMU never returns.
+are in the shared memory. It ends with the connection, also if the FMU never returns, and ends what it has started.
 
-Objects go over a socket that keeps the bounds of packets, which takes one system call each way.
+Objects go over a socket that keeps the bounds of packets, which takes one system call each way. They are JSON, which
+cannot hold code, with bytes in base64.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import signal
 import socket
 import sys
 import threading
+from base64 import b64decode, b64encode
 from collections.abc import Sequence
-from contextlib import suppress
 from ctypes import c_char, c_char_p, c_double, c_uint, cast
+from json import JSONDecoder, JSONEncoder
+from math import inf
 from mmap import mmap
 from pathlib import Path
-from pickle import dumps, loads
 from typing import Any
 
 from orchestrator.cosim import fmi2_library
@@ -28,6 +31,8 @@ from orchestrator.cosim.guests.fmi3 import Fmi3
 from orchestrator.cosim.messages import FATAL, WARNING
 
 PACKET = 1 << 16  # bytes
+MOST, LONGEST = 100, 2000  # messages of a call that are errors or not, and characters of each, that are passed on
+LOST = os.EX_IOERR  # exit status where the FMU has closed the descriptors of the connection
 _MORE, _LAST = b"+", b"."  # first byte of a packet
 
 
@@ -36,25 +41,59 @@ def pair() -> tuple[socket.socket, socket.socket]:
     return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
 
 
-def send(end: socket.socket, content: Any) -> None:
-    """Send an object; raises OSError if the other end is closed."""
-    data = dumps(content)
+def _decoded(table: dict[str, Any]) -> Any:
+    return b64decode(table["base64"]) if table.keys() == {"base64"} else table
+
+
+_encode = JSONEncoder(default=lambda content: {"base64": b64encode(content).decode()}).encode
+_decode = JSONDecoder(object_hook=_decoded).decode
+
+
+def send(end: socket.socket, content: Any) -> int:
+    """Send an object; returns its size in bytes; raises OSError if the other end is closed."""
+    data = _encode(content).encode()
+    size = len(data)
     while len(data) > PACKET:
         end.sendall(_MORE + data[:PACKET])
         data = data[PACKET:]
     end.sendall(_LAST + data)
+    return size
 
 
-def receive(end: socket.socket) -> Any:
-    """Receive an object; raises EOFError if the other end is closed, OSError."""
-    parts = []
+def receive(end: socket.socket, most: float = inf) -> Any:
+    """Receive an object of ``most`` bytes; raises EOFError if the other end is closed, OSError, ValueError."""
+    parts, size = [], 0
     while True:
         packet = end.recv(PACKET + 1)
         if not packet:
             raise EOFError
         parts.append(packet[1:])
+        size += len(packet)
+        if size > most:
+            raise ValueError("too large")
         if packet[:1] == _LAST:
-            return loads(b"".join(parts) if len(parts) > 1 else parts[0])
+            return _decode(b"".join(parts).decode())
+
+
+class Messages:
+    """Messages of an FMU since they were taken last: the first ones, and the number of those left out."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[int, str, str]] = []
+        self._counts = [0, 0]
+
+    def __call__(self, status: int, text: str, category: str) -> None:
+        """Keep a message if there is room for it."""
+        alike = status > WARNING
+        self._counts[alike] += 1
+        if self._counts[alike] <= MOST:
+            self._kept.append((status, text[:LONGEST], category))
+
+    def take(self) -> list[tuple[int, str, str]]:
+        """Return the messages, after them the number of those left out."""
+        kept, left_out = self._kept, sum(self._counts) - len(self._kept)
+        self._kept, self._counts = [], [0, 0]
+        return [*kept, (WARNING, f"{left_out} further messages left out", "")] if left_out else kept
 
 
 Failing = tuple[int, str]  # status, function that failed or ""
@@ -65,9 +104,9 @@ class Guest:
     """Instance with its exchange through the shared memory."""
 
     def __init__(self, memory: int, opening: dict[str, Any]) -> None:
-        self.messages: list[tuple[int, str, str]] = []
+        self.messages = Messages()
         folder, identifier = Path(opening["folder"]), opening["identifier"]
-        given = folder, opening["name"], opening["guid"], lambda *message: self.messages.append(message)
+        given = folder, opening["name"], opening["guid"], self.messages
         self.library: Any
         if opening["version"] == "2.0":
             self.library = fmi2_library.load(folder, identifier)
@@ -148,30 +187,33 @@ def serve(connection: socket.socket, memory: int) -> None:
                     result = [_content(buffer) for buffer in buffers]
         except Exception as error:
             failing, result = (FATAL, function), f"{type(error).__name__}: {error}"
-        messages = guest.messages if guest else []
-        send(connection, (number, *failing, result, messages))
-        messages.clear()
+        send(connection, (number, *failing, result, guest.messages.take() if guest else []))
 
 
 def _end_with(descriptor: int) -> None:
-    """End this process, whatever it does, when the other end of the connection is closed."""
+    """End this process, whatever it does, and its group when the other end of the connection is closed."""
     poll = select.poll()
     poll.register(descriptor, select.POLLRDHUP)
     poll.poll()
-    os._exit(0)
+    os.killpg(0, signal.SIGKILL)
 
 
 def main(descriptor: str, memory: str) -> None:
     """Serve until the connection ends."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the run decides when a guest ends
-        signal.signal(number, signal.SIG_IGN)
+        signal.signal(number, lambda *_: None)  # programs that it starts do not inherit a handler
+    for inherited in (descriptor, memory):
+        os.set_inheritable(int(inherited), False)
     for stream in (sys.stdout, sys.stderr):  # the process may end without a flush
         stream.reconfigure(line_buffering=True)  # type: ignore[union-attr]
     connection = socket.socket(fileno=int(descriptor))
     threading.Thread(target=_end_with, args=(int(descriptor),), daemon=True).start()
-    with suppress(EOFError, OSError):
+    try:
         serve(connection, int(memory))
-    os._exit(0)  # no clean-up of the interpreter: libraries of FMUs end badly in it
+    except (EOFError, OSError) as error:
+        if getattr(error, "errno", None) in (errno.EBADF, errno.ENOTSOCK):
+            os._exit(LOST)  # no clean-up of the interpreter: libraries of FMUs end badly in it
+    os.killpg(0, signal.SIGKILL)
 
 
 if __name__ == "__main__":

@@ -2,13 +2,17 @@
 
 A call goes over a socket; inputs and outputs of a step are in shared memory. A guest may end, hang, print, change its
 folder or its rounding mode: the run gets a status Fatal with a sentence, and its own process stays as it is. Instances
-of one FMU share a process only when there are more than ``MOST`` of them.
+of one FMU share a process only when there are more than ``MOST`` of them. What a guest has started ends with it,
+unless it has left the group of the process.
 """
 
 from __future__ import annotations
 
+import fcntl
 import os
+import resource
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -16,16 +20,16 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
+from functools import partial
 from mmap import ALLOCATIONGRANULARITY, mmap
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.guests.process import pair, receive, send
+from orchestrator.cosim.guests.process import LONGEST, LOST, pair, receive, send
 from orchestrator.cosim.messages import FATAL, PRINTED, Hear
 
 MOST = 64  # processes of one run
@@ -36,6 +40,9 @@ STARTING = 30.0  # s that a process may take to start, which is no call of the F
 CLOSING = 2.0  # s that a process may take to end
 SHOWN = 3  # printed lines of a process that are shown
 LAST_LINES = 5  # printed lines that a sentence about the end of a process may quote
+LARGEST = 1 << 23  # bytes of a reply beyond those of its request: messages and their form
+DESCRIPTORS = 5  # open files of a process and one instance in it
+SPARE = 32  # open files of the rest of a run
 ROOT = Path(__file__).resolve().parents[3]
 
 
@@ -72,7 +79,10 @@ class Room:
         self._instances = self._open = 0
         self._doing: dict[int, Doing] = {}  # by instance
         self._replies: dict[int, Reply] = {}  # that nobody has waited for yet
-        self._memory, self._size = TemporaryFile(), 0  # noqa: SIM115 (closed with the room)
+        self._sent = 0  # bytes of the largest request
+        descriptor = os.memfd_create("guest", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+        fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL)  # reading it never fails
+        self._memory, self._size = os.fdopen(descriptor, "r+b", 0), 0
         ours, theirs = pair()
         inherited = theirs.fileno(), self._memory.fileno()
         self._process = subprocess.Popen(
@@ -93,7 +103,7 @@ class Room:
         """Hear what the process prints."""
         assert self._process.stdout is not None
         heard = 0
-        for line in self._process.stdout:
+        for line in iter(partial(self._process.stdout.readline, LONGEST), b""):
             text = line.decode("utf-8", "replace").rstrip()
             if text:
                 self.printed.append(text)
@@ -117,24 +127,30 @@ class Room:
 
     def post(self, number: int, doing: Doing, *request: Any) -> None:
         """Send a call of an instance; ``doing``: for sentences."""
-        self._doing[number] = doing
-        if not self.ended:
-            try:
-                send(self._connection, (number, *request))
-            except OSError:
-                self._end(doing)
+        self._doing[number] = self.doing = doing
+        self.began = time.monotonic()
+        try:
+            if not self.ended:
+                self._sent = max(self._sent, send(self._connection, (number, *request)))
+        except OSError:
+            self._end(doing)
+        finally:
+            self.began = 0.0
 
-    def take(self, number: int) -> Reply:
-        """Wait for the reply to an instance."""
+    def take(self, number: int, given: Sequence[Any] = ()) -> Reply:
+        """Wait for the reply to an instance; its value is like the buffers ``given``, if it is a list."""
         self.doing = self._doing[number]
         self.began = time.monotonic()
         try:
             while number not in self._replies and not self.ended:
-                whose, *reply = receive(self._connection)
-                self.is_ready = True
-                self._replies[whose] = tuple(reply)
+                self._hear_reply()
+            if number in self._replies and not _fits(self._replies[number][2], given):
+                raise ValueError
         except (OSError, EOFError):
             self._end(self.doing)
+        except (ValueError, RecursionError):
+            self.stop("was answered with what is no reply")
+            self._replies.clear()
         except BaseException:  # the reply of this call would be taken for that of the next one
             self.stop("was interrupted")
             raise
@@ -142,22 +158,56 @@ class Room:
             self.began = 0.0
         return self._replies.pop(number, None) or (FATAL, self.doing[0], None, [(FATAL, self.ended, "")])
 
+    def _hear_reply(self) -> None:
+        """Receive one reply; raises ValueError if it is none."""
+        match receive(self._connection, LARGEST + 2 * self._sent):
+            case [int(number), int(status), str(failed), result, [*messages]] if (
+                number in self._doing.keys() - self._replies.keys()
+                and abs(status) < 1 << 31
+                and all(isinstance(each, list) and [*map(type, each)] == [int, str, str] for each in messages)
+            ):
+                self._replies[number] = status, failed, result, messages
+                self.is_ready = True
+            case _:
+                raise ValueError
+
+    def has_ended(self) -> bool:
+        """Whether the process has ended; until it is waited for, its number is that of no other."""
+        with suppress(ChildProcessError):
+            return os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+        return True
+
+    def kill(self) -> None:
+        """End the process and its group, and hang up, because others may hold the other end of the connection."""
+        with suppress(OSError):
+            if self._process.returncode is None:
+                os.killpg(self._process.pid, signal.SIGKILL)
+            self._connection.shutdown(socket.SHUT_RDWR)
+
+    def _wait(self) -> int | None:
+        """Wait for the end of the process, end its group; return the exit status, None if it did not end by itself."""
+        latest = time.monotonic() + CLOSING
+        while not (ended := self.has_ended()) and time.monotonic() < latest:
+            time.sleep(0.001)
+        self.kill()
+        code = self._process.wait()
+        self._listener.join(CLOSING)
+        return code if ended and code != LOST else None
+
     def _end(self, doing: Doing) -> None:
         """Say how the process has ended, in the call ``doing``."""
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(CLOSING)
-        self._listener.join(CLOSING)
-        code = self._process.poll()
+        code = self._wait()
         if not self.ended:
-            how = f"by {signal.Signals(-code).name}" if code and code < 0 else f"with exit status {code}"
+            how = "has closed its connection to the run" if code is None else f"has ended with exit status {code}"
+            how = f"has ended by {signal.Signals(-code).name}" if code and code < 0 else how
             said = f": {self.printed[-1]}" if self.printed else ""
-            self.ended = f"its process has ended {how} in {words(doing)}{said}"
+            self.ended = f"its process {how} in {words(doing)}{said}"
 
     def stop(self, why: str) -> None:
         """End the process in the middle of a call; ``why``: words behind the name of the call."""
         if not self.ended:
             self.ended = f"{words(self.doing)} {why}"
-        self._process.kill()
+        self.kill()
 
     def leave(self) -> None:
         """Note that an instance is freed; the process ends with its last one."""
@@ -167,14 +217,22 @@ class Room:
 
     def close(self) -> None:
         """End the process."""
-        self._connection.close()
-        try:
-            self._process.wait(CLOSING)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._listener.join(CLOSING)
-        self._memory.close()
+        if not self._memory.closed:
+            self._connection.close()
+            self._wait()
+            self._memory.close()
+
+
+def _fits(value: Any, given: Sequence[Any]) -> bool:
+    """Whether the value of a reply is simple, or buffers like the ``given`` ones."""
+    if not isinstance(value, list):
+        return value is None or isinstance(value, bool | str)
+    return len(value) == len(given) and all(map(_is_like, value, given))
+
+
+def _is_like(found: Any, given: Any) -> bool:
+    texts = found if isinstance(found, list) else [found]
+    return type(found) is type(given) and len(found) == len(given) and all(isinstance(text, bytes) for text in texts)
 
 
 class Rooms(AbstractContextManager["Rooms"]):
@@ -198,6 +256,10 @@ class Rooms(AbstractContextManager["Rooms"]):
             raise ComponentFailed(
                 f"{needed} FMUs need processes of their own, and a run has at most {MOST}: set in_process = true"
             )
+        files = len(os.listdir("/dev/fd")) + DESCRIPTORS * len(wanted) + SPARE
+        if wanted and files > (allowed := resource.getrlimit(resource.RLIMIT_NOFILE)[0]) >= 0:
+            many = f"{len(wanted)} FMUs in processes of their own need {files} open files"
+            raise ComponentFailed(f"{many}, and {allowed} are allowed: raise the limit with ulimit -n {files}")
         free = MOST - needed
         rooms: dict[str, Room] = {}
         by_fmu: dict[Path, list[Room]] = {}
@@ -237,6 +299,8 @@ class Rooms(AbstractContextManager["Rooms"]):
                 if not began:
                     told.pop(room, None)
                     continue
+                if room.has_ended():
+                    room.kill()
                 waited = now - began
                 if since and (now - since > GRACE or count > signals + 1):
                     room.stop("was interrupted")
