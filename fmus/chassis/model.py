@@ -143,8 +143,11 @@ class Model(ComponentModel):
     warning_sentences: tuple[Sentence, ...] = (
         Sentence(
             "the vehicle does not start in equilibrium: in the first step the hull rises or falls with {0:.2g} m/s2 and"
-            " an idler's push and its track differ by {1:.2g} %, because a number is another than that with which"
-            " rest.* was found, or other tracks carry it"
+            " an idler's push and its track differ by {1:.2g} %, because {2:name}",
+            (
+                "a number is another than that with which rest.* was found, or other tracks or drives act on it",
+                "rest.* does not count the pull at its hitch",
+            ),
         ),
     )  # then that of wrenches that swing
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.chassis.dynamics import FINE, NOT_FINITE, OUT_OF_REACH, ROOT, Parts, advance, energies
-from fmus.chassis.fittings import keep_velocities, put_accelerations, set_time
+from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time
 from fmus.chassis.tree import BODY, WHOLE, VehicleTree, with_leaves, with_sprockets
 from fmus.interface import wrenches
 from fmus.interface.model import too_many_steps
@@ -16,11 +16,13 @@ from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Matrix
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.rotation import put_matrix
+from fmus.physics.vector import dot
 from fmus.start import AFTER_POSE, FRAME, lay_frame, part_at_rest
 
 TURNED_TOO_FAR, MOVED_TOO_FAR, TOO_LONG = 3, 4, 5  # further failures of a step, after the first faults
 LEAST_UNREST = 0.2  # m/s2, vertical, of the hull in the first step from an equilibrium; 2 % of the weight
 LEAST_LACK = 0.01  # of an idler's push, by which its track is too tight or too slack for it in that step
+LEAST_PULL = 1e-3  # of the weight, at the hitch
 NUMBERS = (  # numbers of the vehicle table that follow the start pose in ``p``, before those of the springs
     "gravity",
     "chassis.mass",
@@ -87,7 +89,7 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
         return TOO_LONG
     tree, x, steps = c.tree, c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
     if c.rests == 1 and c.counters[0] == steps and c.start[11] == 1.0:  # after the first step on level ground
-        warn_of_unrest(messages[1], tree, x, h)
+        warn_of_unrest(messages[1], c, u, h)
     wrenches.warn_of_swing(c.received, u, t, tree.masses[WHOLE] * tree.gravity[0], messages[2])
     w = u
     if c.extrapolate == 1:
@@ -107,18 +109,24 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
 
 
 @kernel
-def warn_of_unrest(message: Floats, tree: VehicleTree, x: Floats, h: float) -> None:
+def warn_of_unrest(message: Floats, c: Parts, u: Floats, h: float) -> None:
     """Write a warning where hull or idlers, at rest h s ago, move: the start is no equilibrium of these numbers.
 
     It is looked for when the second step begins, because masters try a first one. Only on level ground: on a slope
     regularised friction, which is 0 at rest, has to set in first.
     """
+    tree, x = c.tree, c.state
     acceleration, lack, n = abs(x[9]) / h, 0.0, tree.is_arm.size
     for k in (tree.suspension.wheels, n // 2 + tree.suspension.wheels):  # idlers
         if tree.preload[k] > 0.0:
             lack = max(lack, tree.leaf_mass[k] * abs(x[ROOT + 2 * n + k]) / h / tree.preload[k])
     if acceleration > LEAST_UNREST or lack > LEAST_LACK:
-        message[0], message[1], message[2] = 1.0, acceleration, 100.0 * lack
+        message[0], message[1], message[2], message[3] = 1.0, acceleration, 100.0 * lack, 0.0
+        if c.hitch is not None:
+            put_matrix(tree.rotation, x[3:7])
+            force = pull(c.hitch, x, tree.rotation, u, c.stages[0])[0]
+            if dot(force, force) > (LEAST_PULL * tree.masses[WHOLE] * tree.gravity[0]) ** 2:
+                message[3] = 1.0
 
 
 @kernel

@@ -21,6 +21,21 @@ def fitted(changes=None, **parameters):
 # --- hitch ---
 
 
+@pytest.mark.parametrize(("force", "reason"), [
+    (15e3, "because rest.* does not count the pull at its hitch"),
+    (0.0, "because a number is another than that with which rest.* was found, or other tracks or drives act on it"),
+])  # fmt: skip
+def test_a_start_without_equilibrium_names_the_pull_at_the_hitch_where_there_is_one(force, reason):
+    """Here the hull falls, for want of tracks."""
+    arms = [0.0] * 6
+    start = {"height": 0.0, "roll": 0.0, "pitch": 0.0, "left": arms, "right": arms}
+    probe = Probe(config={"hitch": True, "seats": ["driver"], "start": start})
+    probe["hitch.force.x"] = -force
+    probe.run(2e-3, 1e-3)
+    (warning,) = probe.model.warnings()
+    assert warning.endswith(reason)
+
+
 def test_a_force_on_the_hitch_changes_the_momenta_by_its_impulse_and_does_its_work():
     """A constant force accelerates the mass by F / M, turns it by its moment, and works F.d, whatever else moves."""
     probe = fitted()

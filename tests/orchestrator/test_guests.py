@@ -3,10 +3,12 @@
 import ctypes
 import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import foreign_fmus
 import numpy as np
@@ -15,7 +17,8 @@ from foreign_fmus import Variable
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.guests import room
+from orchestrator.cosim.guests import process, room
+from orchestrator.cosim.narration import Narration
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
@@ -34,6 +37,8 @@ H = 2.0**-10
 STOP = 64 * H
 WHEN = 32 * H  # the step to this time is the one that misbehaves
 ENDS, DIES, HANGS, NAN, NEGATIVE, LARGE, MOVES, ROUNDS, PRINTS = range(1, 10)
+LEAVES_CHILD, CHILD_AND_DIES, COPY_AND_DIES, COPY_AND_HANGS, CLOSES, FLOODS, REFUSES = range(10, 17)
+BAD_END, DIES_AT_END, HANGS_AT_END, DIES_WHEN_FREED = range(20, 24)
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +77,8 @@ def outputs(path, name="a"):
 
 @pytest.mark.parametrize(("manner", "said"), [
     (ENDS, "a: its process has ended with exit status 0 in fmi2DoStep at t = 0.0302734 s"),
+    (CLOSES, "a: its process has closed its connection to the run in fmi2DoStep at t = 0.0302734 s"),
+    (REFUSES, "a: no licence (fmi2DoStep, t = 0.0302734 s)"),
     (DIES, "a: its process has ended by SIGKILL in fmi2DoStep at t = 0.0302734 s"),
     (NAN, "a: output 'y' is nan (fmu.a.non_finite = \"warn\" lets the run go on) (fmi2GetReal, t = 0.0302734 s)"),
     (NEGATIVE, "a: fmi2DoStep returned the status -1, which FMI does not have (fmi2DoStep, t = 0.0302734 s)"),
@@ -175,7 +182,7 @@ def test_a_run_that_hangs_can_be_interrupted(guest, tmp_path, number, when):
         if "has not returned for" in line:  # the progress names what hangs
             break
     assert line.strip().startswith(
-        f"... a: fmi2{'DoStep at t = 0.0302734 s' if when else 'ExitInitializationMode'} has"
+        f"... a: fmi2{'DoStep at t = 0.0302734 s' if when else 'ExitInitializationMode at t = 0 s'} has"
     )
     process.send_signal(number)
     out, err = process.communicate(timeout=20.0)
@@ -187,6 +194,147 @@ def test_a_run_that_hangs_can_be_interrupted(guest, tmp_path, number, when):
     else:
         assert result["message"] == "interrupted"
         assert not (tmp_path / "hangs.mcap").exists()
+
+
+# --- processes of a guest ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("manner", "said"), [
+    (LEAVES_CHILD, ""),
+    (CHILD_AND_DIES, "a: its process has ended by SIGKILL in fmi2DoStep at t = 0.0302734 s: child "),
+    (COPY_AND_DIES, "a: its process has ended by SIGKILL in fmi2DoStep at t = 0.0302734 s: child "),
+    (COPY_AND_HANGS, "a: fmi2DoStep at t = 0.0302734 s has not returned within 0.3 s"),
+])  # fmt: skip
+def test_what_a_guest_has_started_ends_with_it(guest, tmp_path, manner, said):
+    """A child holds the guest's end of the connection and of stdout, also as a copy without a program of its own."""
+    began, lines = time.monotonic(), []
+    summary, _ = run(tmp_path, {"a": entry(guest, manner, call_limit=0.3)}, logger=lambda *line: lines.append(line[2]))
+    assert time.monotonic() - began < 5.0  # the child lasts 30 s or for ever
+    assert summary["message"].startswith(said)
+    assert summary["status"] == ("failed" if said else "ok")
+    child = next(int(text.split()[-1]) for text in lines if "child" in text)
+    for _ in range(50):
+        if not (lives := is_running(child)):
+            break
+        time.sleep(0.02)
+    if lives:
+        os.kill(child, signal.SIGKILL)
+    assert not lives
+
+
+def is_running(process):
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.parametrize(("manner", "in_process", "said"), [
+    (BAD_END, False, "no space for the results (fmi2Terminate)"),
+    (BAD_END, True, "no space for the results (fmi2Terminate)"),
+    (DIES_AT_END, False, "its process has ended by SIGKILL in fmi2Terminate"),
+    (DIES_WHEN_FREED, False, "its process has ended by SIGKILL in fmi2FreeInstance"),
+    (HANGS_AT_END, False, "fmi2Terminate has not returned within 0.3 s"),
+    (0, False, None),
+])  # fmt: skip
+def test_a_bad_end_is_a_warning_and_the_results_are_whole(guest, tmp_path, manner, in_process, said):
+    summary, path = run(tmp_path, {"a": entry(guest, manner, in_process=in_process, call_limit=0.3)})
+    assert (summary["status"], summary["message"]) == ("ok", "")
+    assert [(each["component"], each["text"]) for each in summary["warnings"]] == [("a", said)] * (said is not None)
+    assert outputs(path)[0][-1] == STOP
+    with Log(path) as log:  # the log of a guest in the run's process is closed before its end
+        assert [each["text"] for each in log.closing["warnings"]] == [said] * (said is not None and not in_process)
+
+
+def test_a_run_that_is_interrupted_at_the_end_of_a_guest_is_whole(guest, tmp_path, monkeypatch):
+    monkeypatch.setattr(room, "GRACE", 0.1)
+
+    def told(line):
+        if "has not returned" in line:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(room, "PATIENCE", 0.2)
+    scene = any_from_table(table({"a": entry(guest, HANGS_AT_END)}), "guests.toml")
+    summary = simulate(scene, tmp_path / "guests.mcap", narration=Narration(told))
+    assert (summary["status"], summary["message"], summary["simulated_time"]) == ("ok", "", STOP)
+    assert [each["text"] for each in summary["warnings"]] == ["fmi2Terminate was interrupted"]
+
+
+def test_an_error_of_the_initialisation_names_call_and_time(guest, tmp_path):
+    fmu = {"file": str(guest), "parameters": {"manner": REFUSES, "when": 0.0}}
+    with pytest.raises(ComponentFailed, match=r"^a: no licence \(fmi2ExitInitializationMode, t = 0 s\)$"):
+        run(tmp_path, {"a": fmu})
+
+
+def test_messages_of_a_call_are_bounded_and_counted(guest, tmp_path):
+    lines = []
+    summary, _ = run(tmp_path, {"a": entry(guest, FLOODS)}, logger=lambda *line: lines.append(line[2]))
+    said = [each for each in summary["warnings"] if "left out" in each["text"]]
+    assert [(each["text"], each["count"]) for each in said] == [
+        (f"{5000 - process.MOST} further messages left out", 33)
+    ]
+    assert sum("says nothing" in line for line in lines) == 33 * process.MOST
+
+
+sprung = []
+
+
+class Trap:
+    def __reduce__(self):
+        return spring, ()
+
+
+def spring():
+    sprung.append(1)
+
+
+def test_messages_hold_no_code():
+    """Pickled objects would run some."""
+    pickle.loads(pickle.dumps(Trap()))
+    assert len(sprung) == 1
+    ours, theirs = process.pair()
+    with ours, theirs:
+        theirs.sendall(b"." + pickle.dumps(Trap()))
+        with pytest.raises(ValueError, match="decode"):
+            process.receive(ours)
+        for content in (["a", 0.1, None, [b"\x00\xff", [b"", b"text"]], float("inf")], {"u": [[1, 2], 3]}, "\udcff"):
+            process.send(theirs, content)
+            assert process.receive(ours) == content
+        process.send(theirs, "x" * 2000)
+        with pytest.raises(ValueError, match="too large"):
+            process.receive(ours, 1000)
+    assert len(sprung) == 1
+
+
+@pytest.mark.parametrize("reply", [
+    5, [1, 0], [1, 0, "", [], [[0, "text"]]], [7, 0, "", [], []], [1, 1 << 40, "", [], []], [1, 0, "", [b"12"], []],
+    [1, 0, "", [[b"text"]], []], [1, 0, "", [5], []],
+])  # fmt: skip
+def test_an_answer_that_is_none_ends_the_guest(guest, tmp_path, monkeypatch, reply):
+    """Buffers of other sizes would be written over the memory of the run."""
+    replies = room.receive
+
+    def receive(connection, most):
+        given = replies(connection, most)
+        return reply if given[3] and isinstance(given[3], list) else given
+
+    monkeypatch.setattr(room, "receive", receive)
+    with pytest.raises(ComponentFailed, match="was answered with what is no reply"):
+        run(tmp_path, {"a": entry(guest)})
+
+
+def test_a_guest_cannot_shrink_the_memory_of_the_run(guest):
+    with room.Rooms() as rooms:
+        (one,) = rooms.open([room.RoomRequest("a", guest, False, 1.0)]).values()
+        one.memory(8)
+        with pytest.raises(PermissionError):
+            os.ftruncate(one._memory.fileno(), 0)
+
+
+def test_guests_that_need_more_open_files_than_allowed_are_refused(guest, tmp_path, monkeypatch):
+    monkeypatch.setattr(room.resource, "getrlimit", lambda which: (40, 4096))
+    with pytest.raises(ComponentFailed, match=r"2 FMUs .* need (\d+) open files, and 40 are allowed: .* ulimit -n \1$"):
+        run(tmp_path, {"a": entry(guest), "b": entry(guest)})
 
 
 # --- once per process -------------------------------------------------------------------------------

@@ -94,7 +94,7 @@ class GuestLibrary:
         for k, argument in enumerate(arguments):
             if isinstance(argument, ctypes.Array) and argument._type_ is c_char_p:
                 targets.append(argument)
-                given.append(list(argument))
+                given.append([text or b"" for text in argument])
             elif isinstance(argument, ctypes.Array | _POINTER | _BY_REFERENCE):
                 target = getattr(argument, "_obj", argument)
                 one = sizeof(target._type_) if isinstance(target, _POINTER) else 0

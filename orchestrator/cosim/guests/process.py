@@ -21,7 +21,6 @@ from base64 import b64decode, b64encode
 from collections.abc import Sequence
 from ctypes import c_char, c_char_p, c_double, c_uint, cast
 from json import JSONDecoder, JSONEncoder
-from math import inf
 from mmap import mmap
 from pathlib import Path
 from typing import Any
@@ -41,12 +40,8 @@ def pair() -> tuple[socket.socket, socket.socket]:
     return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
 
 
-def _decoded(table: dict[str, Any]) -> Any:
-    return b64decode(table["base64"]) if table.keys() == {"base64"} else table
-
-
 _encode = JSONEncoder(default=lambda content: {"base64": b64encode(content).decode()}).encode
-_decode = JSONDecoder(object_hook=_decoded).decode
+_decode = JSONDecoder(object_hook=lambda table: b64decode(table["base64"]) if "base64" in table else table).decode
 
 
 def send(end: socket.socket, content: Any) -> int:
@@ -60,7 +55,7 @@ def send(end: socket.socket, content: Any) -> int:
     return size
 
 
-def receive(end: socket.socket, most: float = inf) -> Any:
+def receive(end: socket.socket, most: int = sys.maxsize) -> Any:
     """Receive an object of ``most`` bytes; raises EOFError if the other end is closed, OSError, ValueError."""
     parts, size = [], 0
     while True:

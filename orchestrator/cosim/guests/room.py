@@ -143,12 +143,21 @@ class Room:
         self.began = time.monotonic()
         try:
             while number not in self._replies and not self.ended:
-                self._hear_reply()
-            if number in self._replies and not _fits(self._replies[number][2], given):
+                match receive(self._connection, LARGEST + 2 * self._sent):
+                    case [int(whose), int(status), str(failed), value, [*messages]] if (
+                        whose in self._doing.keys() - self._replies.keys()
+                        and abs(status) < 1 << 31
+                        and all(isinstance(each, list) and [*map(type, each)] == [int, str, str] for each in messages)
+                    ):
+                        self._replies[whose], self.is_ready = (status, failed, value, messages), True
+                    case _:
+                        raise ValueError
+            value = self._replies[number][2] if number in self._replies else None
+            if isinstance(value, list) and [*map(_form, value)] != [*map(_form, given)]:
                 raise ValueError
         except (OSError, EOFError):
             self._end(self.doing)
-        except (ValueError, RecursionError):
+        except (ValueError, TypeError, RecursionError):
             self.stop("was answered with what is no reply")
             self._replies.clear()
         except BaseException:  # the reply of this call would be taken for that of the next one
@@ -157,19 +166,6 @@ class Room:
         finally:
             self.began = 0.0
         return self._replies.pop(number, None) or (FATAL, self.doing[0], None, [(FATAL, self.ended, "")])
-
-    def _hear_reply(self) -> None:
-        """Receive one reply; raises ValueError if it is none."""
-        match receive(self._connection, LARGEST + 2 * self._sent):
-            case [int(number), int(status), str(failed), result, [*messages]] if (
-                number in self._doing.keys() - self._replies.keys()
-                and abs(status) < 1 << 31
-                and all(isinstance(each, list) and [*map(type, each)] == [int, str, str] for each in messages)
-            ):
-                self._replies[number] = status, failed, result, messages
-                self.is_ready = True
-            case _:
-                raise ValueError
 
     def has_ended(self) -> bool:
         """Whether the process has ended; until it is waited for, its number is that of no other."""
@@ -223,16 +219,9 @@ class Room:
             self._memory.close()
 
 
-def _fits(value: Any, given: Sequence[Any]) -> bool:
-    """Whether the value of a reply is simple, or buffers like the ``given`` ones."""
-    if not isinstance(value, list):
-        return value is None or isinstance(value, bool | str)
-    return len(value) == len(given) and all(map(_is_like, value, given))
-
-
-def _is_like(found: Any, given: Any) -> bool:
-    texts = found if isinstance(found, list) else [found]
-    return type(found) is type(given) and len(found) == len(given) and all(isinstance(text, bytes) for text in texts)
+def _form(content: Any) -> Any:
+    """Types of texts in a list, or number of bytes."""
+    return [*map(type, content)] if isinstance(content, list) else len(content) if isinstance(content, bytes) else -1
 
 
 class Rooms(AbstractContextManager["Rooms"]):
