@@ -89,7 +89,7 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
         return TOO_LONG
     tree, x, steps = c.tree, c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
     if c.rests == 1 and c.counters[0] == steps and c.start[11] == 1.0:  # after the first step on level ground
-        warn_of_unrest(messages[1], c, u, h)
+        warn_of_unrest(messages[1], c, c.hitch, u, h)
     wrenches.warn_of_swing(c.received, u, t, tree.masses[WHOLE] * tree.gravity[0], messages[2])
     w = u
     if c.extrapolate == 1:
@@ -109,7 +109,7 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
 
 
 @kernel
-def warn_of_unrest(message: Floats, c: Parts, u: Floats, h: float) -> None:
+def warn_of_unrest(message: Floats, c: Parts, hitch: Any, u: Floats, h: float) -> None:
     """Write a warning where hull or idlers, at rest h s ago, move: the start is no equilibrium of these numbers.
 
     It is looked for when the second step begins, because masters try a first one. Only on level ground: on a slope
@@ -122,9 +122,9 @@ def warn_of_unrest(message: Floats, c: Parts, u: Floats, h: float) -> None:
             lack = max(lack, tree.leaf_mass[k] * abs(x[ROOT + 2 * n + k]) / h / tree.preload[k])
     if acceleration > LEAST_UNREST or lack > LEAST_LACK:
         message[0], message[1], message[2], message[3] = 1.0, acceleration, 100.0 * lack, 0.0
-        if c.hitch is not None:
+        if hitch is not None:
             put_matrix(tree.rotation, x[3:7])
-            force = pull(c.hitch, x, tree.rotation, u, c.stages[0])[0]
+            force = pull(hitch, x, tree.rotation, u, c.stages[0])[0]
             if dot(force, force) > (LEAST_PULL * tree.masses[WHOLE] * tree.gravity[0]) ** 2:
                 message[3] = 1.0
 
