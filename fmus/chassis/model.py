@@ -145,8 +145,9 @@ class Model(ComponentModel):
             "the vehicle does not start in equilibrium: in the first step the hull rises or falls with {0:.2g} m/s2 and"
             " an idler's push and its track differ by {1:.2g} %, because {2:name}",
             (
-                "a number is another than that with which rest.* was found, or other tracks or drives act on it",
-                "rest.* does not count the pull at its hitch",
+                "a number is another than that with which rest.* was found, or other tracks act on it",
+                *(f"rest.* does not count the {load}" for load in ("pull at its hitch", "torque of its drives")),
+                "rest.* does not count the pull at its hitch and the torque of its drives",
             ),
         ),
     )  # then that of wrenches that swing

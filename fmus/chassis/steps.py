@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.chassis.dynamics import FINE, NOT_FINITE, OUT_OF_REACH, ROOT, Parts, advance, energies
+from fmus.chassis.dynamics import FINE, NOT_FINITE, OUT_OF_REACH, ROOT, Parts, advance, energies, unit_wrench
 from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time
 from fmus.chassis.tree import BODY, WHOLE, VehicleTree, with_leaves, with_sprockets
 from fmus.interface import wrenches
@@ -22,7 +22,7 @@ from fmus.start import AFTER_POSE, FRAME, lay_frame, part_at_rest
 TURNED_TOO_FAR, MOVED_TOO_FAR, TOO_LONG = 3, 4, 5  # further failures of a step, after the first faults
 LEAST_UNREST = 0.2  # m/s2, vertical, of the hull in the first step from an equilibrium; 2 % of the weight
 LEAST_LACK = 0.01  # of an idler's push, by which its track is too tight or too slack for it in that step
-LEAST_PULL = 1e-3  # of the weight, at the hitch
+LEAST_LOAD = 1e-3  # pull at the hitch, or torque of a drive on an arm of 1 m, over the weight
 NUMBERS = (  # numbers of the vehicle table that follow the start pose in ``p``, before those of the springs
     "gravity",
     "chassis.mass",
@@ -121,12 +121,14 @@ def warn_of_unrest(message: Floats, c: Parts, hitch: Any, u: Floats, h: float) -
         if tree.preload[k] > 0.0:
             lack = max(lack, tree.leaf_mass[k] * abs(x[ROOT + 2 * n + k]) / h / tree.preload[k])
     if acceleration > LEAST_UNREST or lack > LEAST_LACK:
-        message[0], message[1], message[2], message[3] = 1.0, acceleration, 100.0 * lack, 0.0
+        message[0], message[1], message[2], A = 1.0, acceleration, 100.0 * lack, tree.rotation
+        least = LEAST_LOAD * tree.masses[WHOLE] * tree.gravity[0]
+        put_matrix(A, x[3:7])
+        left, right = unit_wrench(tree, n, A, u)[1], unit_wrench(tree, n + 1, A, u)[1]  # of drives on the mounts
+        message[3] = 2.0 if max(abs(left[1]), abs(right[1])) > least else 0.0
         if hitch is not None:
-            put_matrix(tree.rotation, x[3:7])
-            force = pull(hitch, x, tree.rotation, u, c.stages[0])[0]
-            if dot(force, force) > (LEAST_PULL * tree.masses[WHOLE] * tree.gravity[0]) ** 2:
-                message[3] = 1.0
+            force = pull(hitch, x, A, u, c.stages[0])[0]
+            message[3] += 1.0 if dot(force, force) > least**2 else 0.0
 
 
 @kernel

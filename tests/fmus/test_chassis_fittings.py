@@ -21,16 +21,18 @@ def fitted(changes=None, **parameters):
 # --- hitch ---
 
 
-@pytest.mark.parametrize(("force", "reason"), [
-    (15e3, "because rest.* does not count the pull at its hitch"),
-    (0.0, "because a number is another than that with which rest.* was found, or other tracks or drives act on it"),
+@pytest.mark.parametrize(("force", "torque", "reason"), [
+    (15e3, 0.0, "because rest.* does not count the pull at its hitch"),
+    (0.0, 9e3, "because rest.* does not count the torque of its drives"),
+    (15e3, 9e3, "because rest.* does not count the pull at its hitch and the torque of its drives"),
+    (100.0, 100.0, "because a number is another than that with which rest.* was found, or other tracks act on it"),
 ])  # fmt: skip
-def test_a_start_without_equilibrium_names_the_pull_at_the_hitch_where_there_is_one(force, reason):
+def test_a_start_without_equilibrium_names_the_loads_that_there_are(force, torque, reason):
     """Here the hull falls, for want of tracks."""
     arms = [0.0] * 6
     start = {"height": 0.0, "roll": 0.0, "pitch": 0.0, "left": arms, "right": arms}
     probe = Probe(config={"hitch": True, "seats": ["driver"], "start": start})
-    probe["hitch.force.x"] = -force
+    probe["hitch.force.x"], probe["right.sprocket.torque.y"] = -force, -torque
     probe.run(2e-3, 1e-3)
     (warning,) = probe.model.warnings()
     assert warning.endswith(reason)
