@@ -99,7 +99,8 @@ class CallMessages:
 
     def refusal(self) -> str:
         """Return a sentence on an instance that the FMU has not made."""
-        return f"{self._component}: {self.first_error() or 'the FMU cannot be instantiated'}"
+        said = self.first_error() or "the FMU cannot be instantiated"
+        return f"{self._component}: {said}{'' if 'nstantiate' in said else ' (instantiation)'}"
 
 
 def status_text(function: str, status: int) -> str:

@@ -335,7 +335,7 @@ def test_a_guest_cannot_shrink_the_memory_of_the_run(guest):
 
 def test_guests_that_need_more_open_files_than_allowed_are_refused(guest, tmp_path, monkeypatch):
     monkeypatch.setattr(room.resource, "getrlimit", lambda which: (40, 4096))
-    with pytest.raises(ComponentFailed, match=r"2 FMUs .* need (\d+) open files, and 40 are allowed: .* ulimit -n \1$"):
+    with pytest.raises(ComponentFailed, match=r"2 FMUs need (\d+) open files, 40 are allowed: ulimit -n \1$"):
         run(tmp_path, {"a": entry(guest), "b": entry(guest)})
 
 

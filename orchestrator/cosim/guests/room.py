@@ -41,8 +41,7 @@ CLOSING = 2.0  # s that a process may take to end
 SHOWN = 3  # printed lines of a process that are shown
 LAST_LINES = 5  # printed lines that a sentence about the end of a process may quote
 LARGEST = 1 << 23  # bytes of a reply beyond those of its request: messages and their form
-DESCRIPTORS = 5  # open files of a process and one instance in it
-SPARE = 32  # open files of the rest of a run
+DESCRIPTORS, SPARE = 5, 32  # open files of an FMU, and of the rest of a run
 ROOT = Path(__file__).resolve().parents[3]
 
 
@@ -246,9 +245,8 @@ class Rooms(AbstractContextManager["Rooms"]):
                 f"{needed} FMUs need processes of their own, and a run has at most {MOST}: set in_process = true"
             )
         files = len(os.listdir("/dev/fd")) + DESCRIPTORS * len(wanted) + SPARE
-        if wanted and files > (allowed := resource.getrlimit(resource.RLIMIT_NOFILE)[0]) >= 0:
-            many = f"{len(wanted)} FMUs in processes of their own need {files} open files"
-            raise ComponentFailed(f"{many}, and {allowed} are allowed: raise the limit with ulimit -n {files}")
+        if wanted and files > (limit := resource.getrlimit(resource.RLIMIT_NOFILE)[0]) >= 0:
+            raise ComponentFailed(f"{len(wanted)} FMUs need {files} open files, {limit} are allowed: ulimit -n {files}")
         free = MOST - needed
         rooms: dict[str, Room] = {}
         by_fmu: dict[Path, list[Room]] = {}
