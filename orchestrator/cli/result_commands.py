@@ -122,7 +122,7 @@ def _write_answer(
         signals = {answer.signal: {"unit": answer.unit, **answer.figures()} for answer in answers}
         print_json({"log": str(path), "picture": picture and str(picture), "signals": signals})
     else:
-        print_lines([*answer_comparison.lines(answers), f"log {path}", *filter(None, [picture and str(picture)])])
+        print_lines([*answer_comparison.lines(answers), f"log {path}", *([str(picture)] if picture else [])])
 
 
 def compare(

@@ -98,7 +98,7 @@ def check_name(name: str) -> None:
 
 
 def most_others(size: int) -> int:
-    """Return how many records outside chunks, or leaves of a seal, a log of ``size`` bytes may hold."""
+    """Return how many records outside chunks a log of ``size`` bytes may hold."""
     return OTHERS + size // OTHER
 
 

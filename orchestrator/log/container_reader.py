@@ -28,7 +28,6 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from orchestrator.files.budget import AT_ONCE, OverBudget, UnpackedBudget, most_others, open_file
-from orchestrator.log import seal
 from orchestrator.log.container_writer import LIBRARY
 from orchestrator.log.log_file import being_written, error_text
 
@@ -281,10 +280,6 @@ class ContainerReader:
             return []
         self.data_end, self.ended = data_end, True
         return records
-
-    def leaf_hash(self, start: int, end: int) -> bytes:
-        """Return the hash of the bytes from ``start`` to ``end`` as a leaf of a seal."""
-        return seal.leaf_hash(self._pieces(start, end))
 
     def release_record(self, offset: int) -> None:
         """Release the mapped pages of the record at ``offset``, which count as memory of the process."""

@@ -44,7 +44,6 @@ ZSTD, COMPRESSION_LEVEL = b"zstd", -20  # a quarter of level 1's processor time,
 _CHUNK = struct.Struct("<BQQQQII4sQ")  # chunk without its records: opcode, length, times, size, checksum, kind
 _HEAD = 9  # bytes of opcode and length, which the length does not count
 CLOSING = 1 << 14  # bytes reserved for the closing record on a nearly full disk
-_LEAF = 90  # and for each leaf of the seal
 SUMMARY = (
     Opcode.SCHEMA,
     Opcode.CHANNEL,
@@ -66,7 +65,6 @@ class ContainerWriter:
     def __init__(self, path: Path) -> None:
         self.size = 0
         self._crc = 0  # of all bytes so far
-        self._leaves: list[tuple[int, bytes]] = []  # of the seal: offset and hash
         self._stream = path.open("xb", buffering=0)
         lock(self._stream)
         self._compressor = zstandard.ZstdCompressor(COMPRESSION_LEVEL)
@@ -143,9 +141,7 @@ class ContainerWriter:
             indexes += entries.tobytes()
         offset = self.size
         if reserve_end:
-            self._check_space(
-                len(head) + len(data) + len(indexes) + CLOSING + _LEAF * len(self._leaves) + len(self._end())
-            )
+            self._check_space(len(head) + len(data) + len(indexes) + CLOSING + len(self._end()))
         self._append(head, data, indexes)
         for number, rows, _ in parts:
             self._counts[number] += len(rows)
@@ -162,12 +158,6 @@ class ContainerWriter:
                 uncompressed_size=len(content),
             )
         )
-
-    def seal(self) -> str:
-        """Write the seal of all records so far, as the last one; return its root."""
-        entries = seal.encode(*zip(*self._leaves, strict=True))
-        self.metadata(seal.NAME, entries)
-        return entries["root"]
 
     def finish(self) -> None:
         """Write end of data, summary and footer in one write, so that a full disk leaves the data intact."""
@@ -223,7 +213,6 @@ class ContainerWriter:
         except OSError:
             self._cut_back()
             raise
-        self._leaves.append((self.size, seal.leaf_hash(parts)))
         for part in parts:
             self.size += len(part)
             self._crc = crc32(part, self._crc)

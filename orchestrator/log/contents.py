@@ -12,9 +12,7 @@ from typing import Any
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 
-from orchestrator.files.budget import most_others
-from orchestrator.log import log_metadata
-from orchestrator.log import seal as sealing
+from orchestrator.log import log_metadata, seal
 from orchestrator.log.container_reader import DAMAGE, INDEXES, ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.message_records import descriptions
 from orchestrator.log.stream import Chunks
@@ -30,7 +28,7 @@ COUNTED = {  # number in the statistics by opcode
 
 
 class LogContents:
-    """Topics, metadata, attachments, closing record and seal of a log; ``chunks`` gets the places of the messages.
+    """Topics, metadata, attachments and closing record of a log; ``chunks`` gets the places of the messages.
 
     :param by_index: use the summary if it is whole; otherwise, or else, every record is walked.
     :raises LogUnreadable: for a log of a newer format.
@@ -43,8 +41,6 @@ class LogContents:
         self.others: dict[str, str] = {}  # topics of other tools -> message type and encoding
         self.other_channels: dict[str, int] = {}  # their numbers
         self.closing: dict[str, Any] | None = None
-        self.seal: sealing.Seal | None = None
-        self.seal_at = self.closing_at = 0  # offsets of the seal record and of the closing record
         self.contents: dict[str, str] = {}  # digests of metadata and channels (``seal``)
         self.attachments: dict[str, int] = {}  # name -> offset
         self.recorded: dict[str, log_metadata.RecordedChannel] = {}
@@ -56,21 +52,12 @@ class LogContents:
             self._file.walk(self._register)
         self._check_wires()
 
-    def is_sealed(self, offset: int) -> bool:
-        """Whether the record at ``offset`` is as the seal has it; True without a seal."""
-        if self.seal is None:
-            return True
-        ends = dict(zip(self.seal.offsets, [*self.seal.offsets[1:], self.seal_at], strict=True))
-        leaf = dict(zip(self.seal.offsets, self.seal.leaves, strict=True)).get(offset)
-        if leaf is not None and self._file.leaf_hash(offset, ends[offset]) == leaf:
-            return True
-        return self._file.leaf_hash(offset, self._file.following(offset)) in self.seal.leaves  # at another place
-
     def _clear(self) -> None:
-        held: tuple[dict, ...] = self.topics, self.metadata, self.others, self.attachments, self.recorded, self.contents
+        named = self.topics, self.metadata, self.others, self.other_channels, self.attachments, self.recorded
+        held: tuple[dict, ...] = (*named, self.contents)
         for entries in (*held, self._schemas, self._channels, self.chunks.spans):
             entries.clear()
-        self.closing = self.seal = None
+        self.closing = None
 
     def _read_summary(self) -> bool:
         """Register what the summary lists; return whether it is whole."""
@@ -116,14 +103,13 @@ class LogContents:
             self.attachments[self._file.record(Attachment, offset).name] = offset
         elif opcode == Opcode.METADATA:
             record = self._file.record(Metadata, offset)
-            self.contents[f"metadata:{record.name}"] = sealing.metadata_digest(record.metadata)
+            if record.name not in (log_metadata.CLOSING, seal.SEAL):
+                self.contents[f"metadata:{record.name}"] = seal.metadata_digest(record.metadata)
             if record.name == log_metadata.FORMAT:
                 self._check_format(record.metadata)
             elif record.name == log_metadata.CLOSING:
-                self.closing, self.closing_at = log_metadata.decode_closing(record.metadata), offset
-            elif record.name == sealing.NAME:
-                self.seal, self.seal_at = sealing.decode(record.metadata, most_others(self._file.size)), offset
-            else:
+                self.closing = log_metadata.decode_closing(record.metadata)
+            elif record.name != seal.SEAL:  # of a log of 0.4.0
                 self.metadata[record.name] = record.metadata
         elif opcode == Opcode.SCHEMA:
             schema = self._file.record(Schema, offset)
@@ -151,9 +137,9 @@ class LogContents:
 
     def _register_channel(self, channel: Channel) -> None:
         """Register a channel; one that ``recorder`` did not write goes to ``others``."""
-        if channel.id in self._channels:
+        if channel.id in self._channels or channel.id in self.other_channels.values():
             return
-        digest = sealing.channel_digest(channel, self._schemas.get(channel.schema_id))
+        digest = seal.channel_digest(channel, self._schemas.get(channel.schema_id))
         self.contents[f"channel:{channel.topic}"] = digest
         if "places" not in channel.metadata:
             schema = self._schemas.get(channel.schema_id)

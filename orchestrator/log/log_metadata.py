@@ -144,7 +144,7 @@ def encode_closing(
     warnings: Sequence[Mapping[str, object]],
     contents: Mapping[str, str],
 ) -> dict[str, str]:
-    """Return the record as texts; ``topics``: topic -> (number of messages, sha256). A seal must follow it.
+    """Return the record as texts, with its seal; ``topics``: topic -> (number of messages, sha256).
 
     ``contents``: digests by name (``seal``).
     """
@@ -153,7 +153,7 @@ def encode_closing(
         record |= {f"messages:{topic}": str(messages), f"sha256:{topic}": sha256}
     record |= {f"result:{name}": text for name, text in results.items()}
     record |= {f"content:{name}": digest for name, digest in contents.items()}
-    return record | {"warnings": json.dumps(list(warnings)), "seal": seal.ALGORITHM}
+    return seal.sealed(record | {"warnings": json.dumps(list(warnings))})
 
 
 def decode_closing(record: Mapping[str, str]) -> dict[str, Any]:
@@ -174,7 +174,8 @@ def decode_closing(record: Mapping[str, str]) -> dict[str, Any]:
         "results": by_topic["result"],
         "contents": by_topic["content"],
         "warnings": _warnings(record.get("warnings", "[]")),
-        "seal": record.get("seal", ""),
+        "seal": record.get(seal.SEAL, "").replace(seal.TREE, ""),
+        "seal_holds": seal.holds(record),
     }
 
 

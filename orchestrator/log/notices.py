@@ -39,11 +39,6 @@ def stripped(path: Path) -> str:
     return f"{path} was rewritten by other software, which left out scene, status and results: it has signals alone"
 
 
-def rewritten(path: Path) -> str:
-    """Return the notice for a log whose file is not the recorder's, and whose contents are."""
-    return f"{path}: content intact, file rewritten by other software"
-
-
 def left_behind(path: Path) -> str:
     """Return the notice for a log that a killed run has left beside the one that it would have replaced."""
     return f"{path} was left by a run that was killed: 'cotrack resume' continues it, 'cotrack log recover' saves it"

@@ -25,13 +25,15 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from orchestrator.files.budget import DOCUMENT, check_size
-from orchestrator.log import log_metadata, notices, seal, seal_check, signal_names
+from orchestrator.log import log_metadata, notices, seal, signal_names
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.contents import LogContents
 from orchestrator.log.message_records import Messages
 from orchestrator.log.signal_names import Names, recorded_texts
 from orchestrator.log.stream import NotInOrder, Stream
 from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series
+
+MOST_CHANGES = 3  # that a message names
 
 
 class NoSuchSignal(LookupError):
@@ -51,8 +53,8 @@ class Log(AbstractContextManager["Log"]):
     ``topics``, ``metadata`` (name -> key -> value) and ``attachments`` (names) were written before step 0.
     ``closing`` is the closing record with ``status``, ``message``, ``steps``, ``results``, ``warnings`` (dicts with
     component, text, time in s and count), and ``messages`` and ``sha256`` by topic; None if the log was cut off.
-    ``complete``: closing record and indexes exist and opening found no fault. ``faults``: sentences. ``seal``: root of
-    the seal, "" without one; attachments are checked by it when they are read, all the rest by ``seal_faults``.
+    ``complete``: closing record and indexes exist and opening found no fault. ``faults``: sentences. ``seal``: digest
+    of the closing record, "" without one; attachments are checked by it when they are read, all by ``seal_faults``.
     ``unsound``: sentence about a run that failed or a log that was cut off, empty for another one.
 
     :param unfinished: the run may still be going on; otherwise opening a log that was cut off issues a LogNotice.
@@ -76,7 +78,7 @@ class Log(AbstractContextManager["Log"]):
         self.metadata = contents.metadata
         self.others = contents.others  # topics of other tools, left out by this reader -> type, encoding
         self.closing = contents.closing
-        self.seal = contents.seal.root if contents.seal else ""
+        self.seal = (contents.closing or {"seal": ""})["seal"]
         self._attachments = contents.attachments  # name -> offset
         self._recorded = contents.recorded
         self._chunks = contents.chunks
@@ -91,7 +93,6 @@ class Log(AbstractContextManager["Log"]):
         self.unsound = notices.failed(self.path, closing["message"]) if closing["status"] == "failed" else self.cut_off
         if not unfinished:
             notices.notice(self.unsound)
-        self.rewritten = False  # by other software, with the same contents, as far as ``seal_faults`` has looked
         self._places: dict[str, tuple[str, int]] = {}
         for topic, about in self.topics.items():
             for column in range(len(about.names)):
@@ -119,19 +120,22 @@ class Log(AbstractContextManager["Log"]):
         """Return the content of an attached file; raises NoSuchSignal, LogUnreadable."""
         if name not in self._attachments:
             raise NoSuchSignal(f"{self.path} has no attachment '{name}'{signal_names.near(name, self._attachments)}")
+        content, listed = self._content_of(name), (self.closing or {"contents": {}})["contents"]
+        if listed.get(f"attachment:{name}", digest := seal.attachment_digest(content)) != digest:
+            raise LogUnreadable(f"{self.path} is not as it was sealed: the attachment '{name}' is changed")
+        return content
+
+    def _content_of(self, name: str) -> bytes:
+        """Return the content of an attached file by its checksum alone; raises LogUnreadable."""
         offset = self._attachments[name]
         try:
             body = self._file.body(offset)
             given = int.from_bytes(body[-4:], "little")  # 0: none
             if self._file.opcode(offset) != Opcode.ATTACHMENT or given not in (0, crc32(body[:-4])):
                 raise ValueError("its checksum does not hold")
-            content = parse_record(Attachment, body).data
+            return bytes(parse_record(Attachment, body).data)
         except DAMAGE:
             raise LogUnreadable(f"{self.path}: the attachment '{name}' at byte {offset} is damaged") from None
-        listed = self.closing and self.closing["contents"].get(f"attachment:{name}")
-        if not self._contents.is_sealed(offset) and listed != seal.attachment_digest(content):
-            raise LogUnreadable(f"{self.path} is not as it was sealed: the attachment '{name}' is changed")
-        return content
 
     def table(self, name: str) -> dict[str, Any]:
         """Return the JSON object in an attached file; raises NoSuchSignal, LogUnreadable."""
@@ -370,30 +374,50 @@ class Log(AbstractContextManager["Log"]):
         """Whether the checksum over all data, without the indexes at the end, holds."""
         return self._file.data_sound()
 
-    def seal_faults(self) -> list[str]:
-        """Return sentences if the log is not as it was sealed or lost its seal; reads the whole file.
+    def seal_faults(self, hashes: Mapping[str, str] | None = None) -> list[str]:
+        """Return a sentence if the log is not as it was sealed; reads the whole file.
 
-        A file that other software has rewritten is as it was sealed if its contents are.
+        ``hashes``: result of ``hashes()`` if known.
         """
-        faults = seal_check.seal_faults(self._file, self._contents)
-        if not faults or self._file.is_ours:
-            return faults
-        faults = seal_check.content_faults(self._file, self._contents, self.attachment, self.hashes)
-        self.rewritten = not faults
-        return faults
+        if self.closing is None:
+            return []
+        try:
+            changed = (
+                [*self._changes(self.closing, hashes)]
+                if self.closing["seal_holds"]
+                else ["its closing record is changed"]
+            )
+        except LogUnreadable as damage:
+            return [str(damage)]
+        more = f", and {len(changed) - MOST_CHANGES} more" if len(changed) > MOST_CHANGES else ""
+        return [f"{self.path} is not as it was sealed: {', '.join(changed[:MOST_CHANGES])}{more}"] if changed else []
+
+    def _changes(self, closing: Mapping[str, Any], hashes: Mapping[str, str] | None) -> Iterator[str]:
+        """Yield in words what is not as the closing record has it; raises LogUnreadable."""
+        listed = {**closing["contents"], **{f"sha256:{topic}": one for topic, one in closing["sha256"].items()}}
+        found = {f"sha256:{topic}": one for topic, one in (hashes or self.hashes()).items()}
+        if closing["contents"]:  # since 0.3.0
+            found |= {f"attachment:{name}": seal.attachment_digest(self._content_of(name)) for name in self.attachments}
+            found |= self._contents.contents
+        for topic, number in self._contents.other_channels.items():
+            if f"messages:{topic}" in listed:
+                found[f"messages:{topic}"] = seal.messages_digest(self._chunks.rows_of(number))
+            if f"channel:{topic}" not in listed:  # of other software
+                found.pop(f"channel:{topic}", None)
+        empty = {
+            topic for topic in (*self.topics, *self.others, *closing["messages"]) if not closing["messages"].get(topic)
+        }
+        empty -= {name.removeprefix("messages:") for name in listed}
+        yield from seal.changes(listed, found, {f"{kind}:{topic}" for kind in ("channel", "sha256") for topic in empty})
 
     def check_seal(self) -> None:
         """Raise LogUnreadable if the log is not as it was sealed; reads the whole file."""
         if faults := self.seal_faults():
-            raise LogUnreadable(
-                f"{faults[0]}; 'cotrack log recover' writes a log of what it holds now, and seals it anew"
-            )
-        notices.notice(notices.rewritten(self.path) if self.rewritten else "")
+            raise LogUnreadable(f"{faults[0]}; 'cotrack log recover' writes a log of what it holds now, sealed anew")
 
     def notice_seal(self) -> None:
         """Issue a LogNotice if the log is not as it was sealed; reads the whole file."""
-        faults = self.seal_faults()
-        notices.notice(faults[0] if faults else notices.rewritten(self.path) if self.rewritten else "")
+        notices.notice("".join(self.seal_faults()))
 
     def check_repeatable(self) -> None:
         """Raise LogUnreadable if the run did not record its inputs, or the log is not as it was sealed.

@@ -68,7 +68,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         flush: float = 0.25,
     ) -> None:
         self.path = Path(path)
-        self.seal = ""  # root of the seal, once the log is closed
+        self.seal = ""  # once the log is closed
         strides, wired = every or {}, wires or {}
         self._channels = {}
         for number, (topic, variables) in enumerate(topics.items(), 1):
@@ -277,9 +277,8 @@ class Recorder(AbstractContextManager["Recorder"]):
             contents = self._file.contents
             record = log_metadata.encode_closing(status, message, steps, totals, results or {}, warnings, contents)
             self._file.metadata(log_metadata.CLOSING, record)
-            root = self._file.seal()
             self._file.finish()
-            self.seal = root
+            self.seal = record[seal.SEAL]
         except OSError as error:
             self._failure = self._failure or self._failed(error)
         finally:

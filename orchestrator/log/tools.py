@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.cache.files import replacing
-from orchestrator.log import notices
 from orchestrator.log.log_file import LogFailed, check_writable
 from orchestrator.log.log_metadata import checkpoint_step, path_text_of
 from orchestrator.log.message_records import Messages
@@ -97,7 +96,6 @@ def verify(path: str | os.PathLike[str]) -> LogVerdict:
                     sentence,
                     f"{ending}: {closing['message']}" if closing["message"] else ending,
                     f"seal {log.seal}" if log.seal else "no seal: an older cotrack made it",
-                    *[notices.rewritten(log.path)] * log.rewritten,
                 ],
             )
     except LogUnreadable as error:
@@ -113,7 +111,10 @@ def _faults(log: Log) -> list[str]:
         for fault in tallies[messages.topic].add(messages, _stride(log, messages.topic))
     ]
     faults = [*log.faults, *log.checksums(), *faults, *_unconnected_wires(log)]
-    faults += [fault for fault in log.seal_faults() if fault not in faults]
+    hashes = {topic: tally.hash.hexdigest() for topic, tally in tallies.items()}
+    with Log(log.path, unfinished=True) as indexed:  # as other commands read it
+        sealing = dict.fromkeys([*log.seal_faults(hashes), *indexed.seal_faults(hashes)])
+    faults += [fault for fault in sealing if fault not in faults]
     if log.stripped:
         return [*faults, log.cut_off]
     if log.closing is None:
@@ -285,10 +286,11 @@ def info(path: str | os.PathLike[str]) -> Info:
         for messages in log.intact():
             tallies[messages.topic].add(messages, None)
         is_intact = len(log.faults) == n_faults
-        digest = log.digest({topic: tally.hash.hexdigest() for topic, tally in tallies.items()}) if is_intact else ""
+        hashes = {topic: tally.hash.hexdigest() for topic, tally in tallies.items()}
+        digest = log.digest(hashes) if is_intact else ""
         attachments = {name: len(_attachment(log, name) or b"") for name in log.attachments}
         recorded = [tally for tally in tallies.values() if tally.messages]
         start = min((tally.first for tally in recorded), default=float("nan"))
         end = max((tally.last for tally in recorded), default=float("nan"))
-        sealing = [fault for fault in log.seal_faults() if fault not in log.faults]
+        sealing = [fault for fault in log.seal_faults(hashes) if fault not in log.faults]
         return Info(log, start, end, digest, sealing, tallies, attachments)

@@ -81,7 +81,7 @@ def answers(log: Log, answer: Log, component: str, window: tuple[float, float] =
 
 def lines(answers: list[Answer]) -> list[str]:
     """Lines of a table of the outputs."""
-    rows = []
+    rows: list[str] = []
     for answer in answers:
         *values, at, parted = answer.figures().items()
         if not rows:

@@ -118,14 +118,6 @@ def indexed_metadata(small: Path, path: Path) -> Path:
     return content.write(path)
 
 
-def many_leaves(small: Path, path: Path) -> Path:
-    """A seal of 400,000 leaves."""
-    content = Content(small)
-    leaves = "\n".join(f"{number} {'00' * 32}" for number in range(400_000))
-    content.metadata["seal"] = {"root": "00", "leaves": leaves}
-    return content.write(path, old_seal=True)
-
-
 def many_names(small: Path, path: Path) -> Path:
     """Channels of 300,000 variables each."""
     content, numbers = Content(small), range(300_000)
@@ -212,7 +204,7 @@ def large_json(small: Path, path: Path) -> Path:
 LOGS: tuple[Callable[[Path, Path], Path], ...] = (
     empty_records, lone_messages, large_chunk, many_large_chunks, lying_chunk, many_chunks, sparse_attachment,
     damaged_index, deep_json, large_json, many_metadata, many_attachments, many_schemas, many_channels,
-    indexed_metadata, many_leaves, many_names,
+    indexed_metadata, many_names,
 )  # fmt: skip
 
 

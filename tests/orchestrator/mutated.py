@@ -1,12 +1,13 @@
 """Damaged logs: bytes flipped, cut or inserted, and logs with valid checksums but altered content."""
 
+import hashlib
 import json
 import random
 import struct
 from collections.abc import Iterator
 from copy import deepcopy
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from mcap.reader import make_reader
@@ -15,7 +16,7 @@ from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.log_metadata import CLOSING as CLOSING
 from orchestrator.log.message_records import PREFIX
 from orchestrator.log.reader import Log
-from orchestrator.log.seal import NAME as SEAL
+from orchestrator.log.seal import SEAL, sealed
 
 DIGITS = int("9" * 400)
 VALUES = (
@@ -58,16 +59,30 @@ class Content:
                     bits[:] = (bits.copy().view("<i8") + 1).view(np.uint8)
                     piece[k] = number, rows, times
 
+    def hash_again(self) -> Self:
+        """Make count and sha256 of each topic in the closing record again."""
+        hashes = {topic: hashlib.sha256() for topic, _, _ in self.channels.values()}
+        counts = dict.fromkeys(hashes, 0)
+        for number, rows, _ in (item for piece in self.chunks for item in piece):
+            hashes[self.channels[number][0]].update(np.ascontiguousarray(rows[:, 11:]).data)
+            counts[self.channels[number][0]] += len(rows)
+        kept = {
+            key: value for key, value in self.metadata[CLOSING].items() if not key.startswith(("sha256:", "messages:"))
+        }
+        self.metadata[CLOSING] = kept | {f"sha256:{topic}": value.hexdigest() for topic, value in hashes.items()}
+        self.metadata[CLOSING] |= {f"messages:{topic}": str(count) for topic, count in counts.items()}
+        return self
+
     def write(self, path: Path, old_seal: bool = False, writer: type[ContainerWriter] = ContainerWriter) -> Path:
         """Write the content as a log; raises UnicodeEncodeError for text that no record can hold.
 
-        A seal is made anew, or stays as it was (``old_seal``).
+        The seal and the digests by name are made anew, or stay as they were (``old_seal``).
         """
         path.unlink(missing_ok=True)
         file = writer(path)
         try:
             for name, entries in self.metadata.items():
-                if name not in (CLOSING, SEAL):
+                if name != CLOSING:
                     file.metadata(name, entries)
             for name, content in self.attachments.items():
                 file.attachment(name, content)
@@ -76,11 +91,11 @@ class Content:
             for piece in self.chunks:
                 file.chunk(piece)
             if CLOSING in self.metadata:
-                file.metadata(CLOSING, self.metadata[CLOSING])
-            if SEAL in self.metadata and old_seal:
-                file.metadata(SEAL, self.metadata[SEAL])
-            elif SEAL in self.metadata:
-                file.seal()
+                closing = self.metadata[CLOSING]
+                if SEAL in closing and not old_seal:
+                    kept = {key: value for key, value in closing.items() if not key.startswith(("content:", SEAL))}
+                    closing = sealed(kept | {f"content:{name}": digest for name, digest in file.contents.items()})
+                file.metadata(CLOSING, closing)
             file.finish()
         finally:
             file.close()

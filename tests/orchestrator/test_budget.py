@@ -9,7 +9,6 @@ import pytest
 from fmus.cache.files import replacing
 from orchestrator.files import budget
 from orchestrator.files.csv_lines import safe_cell
-from orchestrator.log import seal
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.results.table import Table
 
@@ -69,16 +68,6 @@ def test_logs_that_unpack_to_too_much_are_refused(make, tmp_path):
 def test_logs_of_too_many_records_outside_chunks_are_refused(make, tmp_path):
     with pytest.raises(LogUnreadable, match=r"is not read: (it has more than \d+|its channel) records"):
         Log(make(LOG, tmp_path / "hostile.mcap"), unfinished=True, by_index=False)
-
-
-def test_seals_have_at_most_as_many_leaves_as_a_log_has_records(tmp_path):
-    with Log(hostile.many_leaves(LOG, tmp_path / "hostile.mcap"), unfinished=True) as log:
-        assert not log.seal
-        assert any("damaged" in fault for fault in log.faults)
-    leaves = [seal.leaf_hash([bytes([k])]) for k in range(3)]
-    assert seal.decode(seal.encode([0, 9, 18], leaves), 3).leaves == tuple(leaves)
-    with pytest.raises(ValueError, match="more than 2 leaves"):
-        seal.decode(seal.encode([0, 9, 18], leaves), 2)
 
 
 def test_chunks_of_too_many_records_are_refused(tmp_path):

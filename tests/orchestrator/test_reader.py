@@ -191,7 +191,7 @@ def test_who_knows_mcap_and_protobuf():
                 importers.add(path.name)
     mcap = {
         "container_writer.py", "container_reader.py", "contents.py", "log_file.py", "message_records.py",
-        "reader.py", "seal.py", "seal_check.py",
+        "reader.py", "seal.py",
     }  # fmt: skip
     assert users == {"mcap": mcap, "google.protobuf": {"schema.py"}}
 

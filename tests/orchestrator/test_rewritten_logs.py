@@ -12,10 +12,8 @@ from orchestrator.log import recorder as recorder_module
 from orchestrator.log.message_records import Event
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.seal import metadata_digest
 from orchestrator.log.tools import BROKEN, WHOLE, recover, verify
 
-INTACT = "content intact, file rewritten by other software"
 WAYS = {
     "zstd": {"compression": CompressionType.ZSTD},
     "lz4": {"compression": CompressionType.LZ4},
@@ -87,7 +85,7 @@ def rewritten(source, target, order=None, change=None, keep=True, more=None, **o
 def test_a_rewritten_log_is_whole_and_has_the_same_numbers(source, tmp_path, way):
     file = rewritten(source, tmp_path / "other.mcap", **WAYS[way])
     verdict = verify(file)
-    assert (verdict.code, verdict.sentences[-1]) == (WHOLE, f"{file}: {INTACT}")
+    assert (verdict.code, verdict.sentences[1:]) == (WHOLE, verify(source).sentences[1:])
     with Log(source) as first, Log(file) as second, Log(file, by_index=False) as walked:
         assert second.digest() == first.digest() == walked.digest()
         assert second.attachments == first.attachments
@@ -95,17 +93,7 @@ def test_a_rewritten_log_is_whole_and_has_the_same_numbers(source, tmp_path, way
         for topic in first.topics:
             assert np.array_equal(second.read(topic).values, first.read(topic).values, equal_nan=True)
         assert second.faults == []
-        with pytest.warns(match=INTACT):
-            second.check_seal()
-
-
-def test_commands_say_that_a_file_was_rewritten(source, tmp_path, cotrack):
-    file = rewritten(source, tmp_path / "other.mcap", **WAYS["lz4"])
-    with Log(file) as log:
-        signal = next(name for name in log.signals if not name.startswith("stats"))
-    for command in (("log", "export", file, "-o", "a.csv", "--signal", signal),):
-        status, _, err = cotrack(*command)
-        assert (status, INTACT in err) == (0, True), err
+        second.check_seal()
 
 
 def of(which, made):
@@ -124,8 +112,8 @@ def flipped(data):
      "the attachment 'chassis.modelDescription.xml' is missing"),
     (of(("metadata", "run"), lambda entries: entries | {"step": "1"}), "the record 'run' is changed"),
     (of(("metadata", "versions"), lambda entries: None), "the record 'versions' is missing"),
-    (of(("metadata", "closing"), lambda entries: entries | {"status": "perfect"}), "the closing record is changed"),
-    (of(("message", "/chassis/out"), flipped), "the messages of /chassis/out are changed or missing"),
+    (of(("metadata", "closing"), lambda entries: entries | {"status": "perfect"}), "its closing record is changed"),
+    (of(("message", "/chassis/out"), flipped), "the record of /chassis/out is changed"),
     (of(("message", "/events"), lambda data: data.replace(b"lifts", b"drops")),
      "the text of /events is changed"),
     (of(("channel", "/chassis/out"), lambda about: about | {"colour": "red"}),
@@ -138,22 +126,6 @@ def test_a_rewrite_that_changes_a_content_is_found(source, tmp_path, change, sai
     verdict = verify(file)
     assert verdict.code == BROKEN
     assert any(said in sentence for sentence in verdict.sentences)
-
-
-def test_a_closing_record_made_to_fit_a_change_is_found(source, tmp_path):
-    """The seal has the hash of the closing record."""
-
-    def change(kind, name, content):
-        if (kind, name) == ("metadata", "run"):
-            return content | {"step": "1"}
-        if (kind, name) == ("metadata", "closing"):
-            with Log(source) as log:
-                return content | {"content:metadata:run": metadata_digest(log.metadata["run"] | {"step": "1"})}
-        return content
-
-    with Log(rewritten(source, tmp_path / "other.mcap", change=change)) as log:
-        (fault,) = log.seal_faults()
-    assert fault.endswith("was rewritten by other software and is not as it was sealed: the closing record is changed")
 
 
 def test_without_metadata_it_has_signals_alone(source, tmp_path):
