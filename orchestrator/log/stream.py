@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ from orchestrator.log.schema import Bytes
 from orchestrator.log.time_series import (
     EVER,
     Floats,
-    Rule,
     Series,
     Wire,
     empty_series,
@@ -145,19 +144,19 @@ class Stream:
         wanted: Mapping[str, Sequence[int]],
         window: tuple[float, float] = EVER,
     ) -> None:
-        needed: dict[str, set[str]] = {}
-        for topic, columns in wanted.items():
-            for wire, wired in _wired(recorded[topic], [recorded[topic].about.names[column] for column in columns]):
-                needed.setdefault(wire.source, set()).update(wired)
-        self._window = window
-        self._outputs = {source: _Outputs(recorded[source], sorted(names)) for source, names in needed.items()}
-        self._topics = {topic: _Topic(recorded[topic], columns, self._outputs) for topic, columns in wanted.items()}
+        self._names = {topic: [recorded[topic].about.names[k] for k in columns] for topic, columns in wanted.items()}
+        self._wires = {topic: [*_wired(recorded[topic], names)] for topic, names in self._names.items()}
+        needed: dict[str, dict[str, None]] = {}  # outputs by their topic
+        for wire in chain.from_iterable(self._wires.values()):
+            needed.setdefault(wire.source, {}).update(dict.fromkeys(wire.outputs))
+        self._outputs = {source: _Rows(recorded[source], [*names]) for source, names in needed.items()}
+        self._topics = {topic: _Rows(recorded[topic], names, window) for topic, names in self._names.items()}
         self.topics = {*self._topics, *self._outputs}  # topics whose messages ``add`` needs
 
     @property
     def is_waiting(self) -> bool:
         """Whether some messages still lack outputs of a later chunk."""
-        return any(len(topic.steps) for topic in self._topics.values())
+        return any(len(rows.steps) for rows in self._topics.values())
 
     def add(self, piece: Iterable[Messages]) -> dict[str, Series]:
         """Add the messages of the next chunk; return the messages that are complete now, by topic.
@@ -165,142 +164,99 @@ class Stream:
         Raises NotInOrder.
         """
         for messages in piece:
-            if messages.topic in self._outputs:
-                self._outputs[messages.topic].add(messages)
-            if messages.topic in self._topics:
-                self._topics[messages.topic].add(messages, self._window)
-        whole = {name: topic.pop_complete() for name, topic in self._topics.items()}
+            for rows in (self._outputs.get(messages.topic), self._topics.get(messages.topic)):
+                if rows is not None:
+                    rows.add(messages)
+        whole = {topic: self._pop_complete(topic) for topic in self._topics}
         for source, outputs in self._outputs.items():
-            users = [topic for topic in self._topics.values() if any(part.source == source for part in topic.parts)]
-            outputs.drop_before(min(topic.next for topic in users))
+            users = [topic for topic, wires in self._wires.items() if any(wire.source == source for wire in wires)]
+            outputs.pop(int(np.searchsorted(outputs.steps, min(self._topics[topic].next for topic in users))))
         return {name: series for name, series in whole.items() if len(series.t)}
 
-
-class _Outputs:
-    """Output columns that wires need from one topic; holds the rows that inputs may still need."""
-
-    def __init__(self, recorded: RecordedChannel, names: Sequence[str]) -> None:
-        self.names = list(names)
-        self._held = [recorded.columns.index(recorded.about.names.index(name)) for name in names]
-        self.sequence = np.empty(0, np.int64)
-        self.values = np.empty((0, len(names)))
-
-    def add(self, messages: Messages) -> None:
-        """Append the rows of later messages; raises NotInOrder."""
-        self.sequence = np.concatenate([self.sequence, messages.sequence.astype(np.int64)])
-        _check_order(messages.topic, self.sequence)
-        self.values = np.concatenate([self.values, decode_columns(messages, self._held).values])
-
-    def drop_before(self, number: int) -> None:
-        """Drop the rows of steps before ``number``."""
-        first = int(np.searchsorted(self.sequence, number))
-        self.sequence, self.values = self.sequence[first:], self.values[first:]
-
-    def find(self, steps: Steps) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """Return row numbers (m,) of steps (m,), and a mask (m,) of the steps that are present."""
-        if not len(self.sequence):
-            return np.zeros(len(steps), np.intp), np.zeros(len(steps), bool)
-        rows = np.minimum(np.searchsorted(self.sequence, steps), len(self.sequence) - 1)
-        return rows, self.sequence[rows] == steps
-
-    def rows(self, which: NDArray[np.intp], columns: list[int]) -> Floats:
-        """Return values (m, columns) of rows and columns."""
-        consecutive = bool((np.diff(which) == 1).all())  # the usual case: a view instead of a copy
-        return (self.values[which[0] : which[-1] + 1] if consecutive else self.values[which])[:, columns]
-
-
-class _WiredColumns(NamedTuple):
-    """Selected inputs of a topic that one wire defines."""
-
-    source: str
-    rule: Rule
-    outputs: list[int]  # columns of ``_Outputs``
-    places: list[int]  # columns among the selected ones
-
-    @property
-    def delay(self) -> int:
-        """Number of steps from an input to the last output that it needs: 0 or 1."""
-        return int(self.rule != "start")
-
-
-class _Topic:
-    """Selected topic with the messages that wait for outputs."""
-
-    def __init__(self, recorded: RecordedChannel, columns: Sequence[int], outputs: Mapping[str, _Outputs]) -> None:
-        names = [recorded.about.names[column] for column in columns]
-        recorded_column = {column: k for k, column in enumerate(recorded.columns)}
-        self._recorded = [
-            k for k, column in enumerate(columns) if column in recorded_column
-        ]  # selected columns that are recorded
-        self._held = [recorded_column[columns[k]] for k in self._recorded]
-        self._outputs = outputs
-        self.parts = [
-            _WiredColumns(
-                wire.source,
-                wire.rule,
-                [outputs[wire.source].names.index(name) for name in wired],
-                [names.index(name) for name in wired.values()],
-            )
-            for wire, wired in _wired(recorded, names)
-        ]
-        self.next = 0  # step number of the first message that is not returned yet
-        self._newest = -np.inf  # time of the last message, s
-        self.steps = np.empty(0, np.int64)  # step numbers of the waiting messages
-        self._nothing = self._waiting = empty_series(names)
-
-    def add(self, messages: Messages, window: tuple[float, float]) -> None:
-        """Append later messages in the window; raises NotInOrder."""
-        series, steps = decode_columns(messages, self._held), messages.sequence.astype(np.int64)
-        _check_order(messages.topic, np.append(self.next - 1, steps))
-        _check_order(messages.topic, np.append(self._newest, series.t))
-        self.next, self._newest = int(steps[-1]) + 1, float(series.t[-1])
-        if self.parts:
-            values = np.empty((len(series.t), len(self._nothing.names)))
-            values[:, self._recorded] = series.values
-            series = series._replace(names=self._nothing.names, values=values)
-        if not (series.t[0] >= window[0] and series.t[-1] <= window[1]):
-            inside = within(series.t, window)
-            series, steps = series.rows(inside), steps[inside]
-        if len(self.steps):
-            series, steps = join_series([self._waiting, series]), np.concatenate([self.steps, steps])
-        self._waiting, self.steps = series, steps
-
-    def pop_complete(self) -> Series:
+    def _pop_complete(self, topic: str) -> Series:
         """Return the messages whose outputs have come, without those whose outputs are missing in the log."""
-        decided = len(self.steps)
-        for part in self.parts:
-            sequence = self._outputs[part.source].sequence
-            newest = int(sequence[-1]) - part.delay if len(sequence) else -1
-            decided = min(decided, int(np.searchsorted(self.steps, newest, "right")))
-        steps, series = self.steps[:decided], self._waiting.rows(slice(decided))
-        complete = np.ones(decided, bool)
-        for part in self.parts:
-            outputs = self._outputs[part.source]
-            first, present = outputs.find(steps)
-            complete &= present | (part.rule == "end")
-            last, present = outputs.find(steps + part.delay)
-            complete &= present
-            if decided and len(outputs.sequence):
-                end = outputs.rows(last, part.outputs)
-                start = outputs.rows(first, part.outputs) if part.rule == "middle" else end
-                series.values[:, part.places] = wired_inputs(part.rule, start, end)
-        self.steps, self._waiting = self.steps[decided:], self._waiting.rows(slice(decided, None))
-        if len(self.steps):
-            self.next = int(self.steps[0])
+        rows, names, wires = self._topics[topic], self._names[topic], self._wires[topic]
+        decided = len(rows.steps)
+        for wire in wires:
+            known = self._outputs[wire.source].come - _delay(wire)  # inputs of steps below are decided
+            decided = min(decided, int(np.searchsorted(rows.steps, known)))
+        steps, series = rows.pop(decided)
+        if not wires:
+            return series
+        values, complete = np.empty((decided, len(names))), np.ones(decided, bool)
+        values[:, [names.index(name) for name in series.names]] = series.values
+        for wire in wires:
+            outputs = self._outputs[wire.source]
+            (first, has_first), (last, has_last) = outputs.find(steps), outputs.find(steps + _delay(wire))
+            complete &= has_last & (has_first | (wire.rule == "end"))
+            if decided and len(outputs.steps):
+                columns = [outputs.series.names.index(name) for name in wire.outputs]
+                ends = (_taken(outputs.series.values, which)[:, columns] for which in (first, last))
+                values[:, [names.index(name) for name in wire.inputs]] = wired_inputs(wire.rule, *ends)
+        series = series._replace(names=tuple(names), values=values)
         return series if complete.all() else series.rows(complete)
 
 
-def _check_order(topic: str, numbers: Floats | Steps) -> None:
-    if not (numbers[1:] > numbers[:-1]).all():
-        raise NotInOrder(f"the messages of {topic} are not in order of time")
+class _Rows:
+    """Recorded ones of selected variables of a topic, in a window of time; holds the rows that are still needed."""
+
+    def __init__(self, recorded: RecordedChannel, names: Sequence[str], window: tuple[float, float] = EVER) -> None:
+        held = [name for name in names if name in recorded.names]
+        self._columns, self._window = [recorded.names.index(name) for name in held], window
+        self._last = -np.inf  # time of the last message, s
+        self.come = 0  # its step number and 1
+        self.steps, self.series = np.empty(0, np.int64), empty_series(held)
+
+    @property
+    def next(self) -> int:
+        """Step number of the first row that is held, or of the next message."""
+        return int(self.steps[0]) if len(self.steps) else self.come
+
+    def add(self, messages: Messages) -> None:
+        """Append the rows of later messages in the window; raises NotInOrder."""
+        series, steps = decode_columns(messages, self._columns), messages.sequence.astype(np.int64)
+        for before, numbers in ((self.come - 1, steps), (self._last, series.t)):
+            if not (np.diff(numbers, prepend=before) > 0).all():
+                raise NotInOrder(f"the messages of {messages.topic} are not in order of time")
+        self.come, self._last = int(steps[-1]) + 1, float(series.t[-1])
+        if not (series.t[0] >= self._window[0] and series.t[-1] <= self._window[1]):
+            inside = within(series.t, self._window)
+            series, steps = series.rows(inside), steps[inside]
+        waiting = len(self.steps)
+        self.series = join_series([self.series, series]) if waiting else series
+        self.steps = np.concatenate([self.steps, steps]) if waiting else steps
+
+    def pop(self, count: int) -> tuple[Steps, Series]:
+        """Return the first rows and drop them."""
+        popped = self.steps[:count], self.series.rows(slice(count))
+        self.steps, self.series = self.steps[count:], self.series.rows(slice(count, None))
+        return popped
+
+    def find(self, steps: Steps) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Return row numbers (m,) of steps (m,), and a mask (m,) of the steps that are present."""
+        if not len(self.steps):
+            return np.zeros(len(steps), np.intp), np.zeros(len(steps), bool)
+        rows = np.minimum(np.searchsorted(self.steps, steps), len(self.steps) - 1)
+        return rows, self.steps[rows] == steps
 
 
-def _wired(recorded: RecordedChannel, names: Sequence[str]) -> Iterator[tuple[Wire, dict[str, str]]]:
-    """Yield each wire of any inputs ``names`` with its pairs output -> input among them."""
+def _delay(wire: Wire) -> int:
+    """Number of steps from an input to the last output that it needs: 0 or 1."""
+    return int(wire.rule != "start")
+
+
+def _taken(values: Floats, rows: NDArray[np.intp]) -> Floats:
+    """Rows of values: consecutive ones, the usual case, are a view."""
+    return values[rows[0] : rows[-1] + 1] if (np.diff(rows) == 1).all() else values[rows]
+
+
+def _wired(recorded: RecordedChannel, names: Sequence[str]) -> Iterator[Wire]:
+    """Yield the part of each wire that ends at inputs among ``names``."""
     for wire in recorded.about.wires:
-        wired = {output: given for output, given in zip(wire.outputs, wire.inputs, strict=True) if given in names}
-        if wired:
-            yield wire, wired
+        pairs = [pair for pair in zip(wire.outputs, wire.inputs, strict=True) if pair[1] in names]
+        if pairs:
+            outputs, inputs = zip(*pairs, strict=True)
+            yield wire._replace(outputs=outputs, inputs=inputs)
 
 
 def decode_columns(messages: Messages, columns: Sequence[int]) -> Series:

@@ -68,7 +68,7 @@ KNOWN = (
     ("fmus/drives/motor.py", "torque != unlimited and unlimited * error > 0.0", "torque != unlimited"),
     ("orchestrator/log/page.py", "wired_inputs(check.rule, start, end).view(np.uint64) != recorded.view(np.uint64)",
      "wired_inputs(check.rule, start, end) != recorded"),
-    ("orchestrator/log/stream.py", 'complete &= present | (part.rule == "end")', "complete &= present"),
+    ("orchestrator/log/stream.py", 'has_last & (has_first | (wire.rule == "end"))', "has_last & has_first"),
     ("orchestrator/results/energy.py", 'stored = [f"energy.{kind}" for kind in STORED]',
      'stored = [f"energy.{kind}" for kind in STORED if kind != "kinetic"]'),
 )  # fmt: skip
