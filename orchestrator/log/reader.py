@@ -18,16 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from isal.isal_zlib import crc32
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Header
-from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from orchestrator.files.budget import DOCUMENT, check_size
 from orchestrator.log import log_metadata, notices, seal, signal_names
-from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable, parse_record
-from orchestrator.log.contents import LogContents
+from orchestrator.log.container import Container, LogUnreadable
 from orchestrator.log.message_records import Messages
 from orchestrator.log.signal_names import Names, recorded_texts
 from orchestrator.log.stream import NotInOrder, Stream
@@ -64,29 +59,23 @@ class Log(AbstractContextManager["Log"]):
 
     def __init__(self, path: str | os.PathLike[str], unfinished: bool = False, by_index: bool = True) -> None:
         self.path = Path(path)
-        self._file = ContainerReader(self.path)
-        self.size = self._file.size
-        self.faults = self._file.faults
-        self.being_written = self._file.being_written  # by a run that has not ended
-        self._contents = contents = LogContents(self._file, by_index)
-        unmarked = f"metadata:{log_metadata.FORMAT}" not in contents.contents
-        if unmarked and not contents.topics and not self._file.is_ours:
-            header = self._file.record(Header, len(MCAP0_MAGIC))
-            self._file.close()
-            raise LogUnreadable(notices.foreign(self.path, header, contents.others))
-        self.topics = contents.topics
-        self.metadata = contents.metadata
-        self.others = contents.others  # topics of other tools, left out by this reader -> type, encoding
-        self.closing = contents.closing
-        self.seal = (contents.closing or {"seal": ""})["seal"]
-        self._attachments = contents.attachments  # name -> offset
-        self._recorded = contents.recorded
-        self._chunks = contents.chunks
+        self._file = file = Container(self.path, by_index)
+        unmarked = f"metadata:{log_metadata.FORMAT}" not in file.contents
+        if unmarked and not file.topics and not file.is_ours:
+            header = file.header
+            file.close()
+            raise LogUnreadable(notices.foreign(self.path, header, file.others))
+        self.size, self.faults = file.size, file.faults
+        self.being_written = file.being_written  # by a run that has not ended
+        self.topics, self.metadata, self.closing = file.topics, file.metadata, file.closing
+        self.others = file.others  # topics of other tools, left out by this reader -> type, encoding
+        self.seal = (file.closing or {"seal": ""})["seal"]
+        self._recorded = file.recorded
         self._series: dict[str, Series] = {}
-        self.complete = self.closing is not None and self._file.ended and not self.faults
+        self.complete = self.closing is not None and file.ended and not self.faults
         is_cut_off = self.closing is None and bool(self.topics) and not self.being_written
-        last = max((end for _, end in self._chunks.spans.values()), default=0.0)
-        self.stripped = is_cut_off and not self._file.is_ours and unmarked
+        last = max((end for _, end in file.spans.values()), default=0.0)
+        self.stripped = is_cut_off and not file.is_ours and unmarked
         cut_off = notices.stripped(self.path) if self.stripped else notices.cut_off(self.path, last)
         self.cut_off = cut_off if is_cut_off else ""
         closing = self.closing or {"status": ""}
@@ -103,13 +92,13 @@ class Log(AbstractContextManager["Log"]):
 
     def close(self) -> None:
         """Close the file; arrays that were read remain valid."""
-        self._chunks.unpacked.clear()
+        self._file.unpacked.clear()
         self._file.close()
 
     @property
     def attachments(self) -> tuple[str, ...]:
         """Names of the attached files."""
-        return tuple(self._attachments)
+        return tuple(self._file.attachments)
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -118,24 +107,14 @@ class Log(AbstractContextManager["Log"]):
 
     def attachment(self, name: str) -> bytes:
         """Return the content of an attached file; raises NoSuchSignal, LogUnreadable."""
-        if name not in self._attachments:
-            raise NoSuchSignal(f"{self.path} has no attachment '{name}'{signal_names.near(name, self._attachments)}")
-        content, listed = self._content_of(name), (self.closing or {"contents": {}})["contents"]
+        if name not in self._file.attachments:
+            raise NoSuchSignal(
+                f"{self.path} has no attachment '{name}'{signal_names.near(name, self._file.attachments)}"
+            )
+        content, listed = self._file.attachment(name), (self.closing or {"contents": {}})["contents"]
         if listed.get(f"attachment:{name}", digest := seal.attachment_digest(content)) != digest:
             raise LogUnreadable(f"{self.path} is not as it was sealed: the attachment '{name}' is changed")
         return content
-
-    def _content_of(self, name: str) -> bytes:
-        """Return the content of an attached file by its checksum alone; raises LogUnreadable."""
-        offset = self._attachments[name]
-        try:
-            body = self._file.body(offset)
-            given = int.from_bytes(body[-4:], "little")  # 0: none
-            if self._file.opcode(offset) != Opcode.ATTACHMENT or given not in (0, crc32(body[:-4])):
-                raise ValueError("its checksum does not hold")
-            return bytes(parse_record(Attachment, body).data)
-        except DAMAGE:
-            raise LogUnreadable(f"{self.path}: the attachment '{name}' at byte {offset} is damaged") from None
 
     def table(self, name: str) -> dict[str, Any]:
         """Return the JSON object in an attached file; raises NoSuchSignal, LogUnreadable."""
@@ -164,13 +143,13 @@ class Log(AbstractContextManager["Log"]):
         """
         if topic not in self._series:
             every = range(len(self.topics[self.known_topic(topic)].names))
-            pieces = self._stream({topic: every}, self._chunks.spans, keep=True)
+            pieces = self._stream({topic: every}, self._file.spans, keep=True)
             self._series[topic] = join_series([self._empty_series(topic), *(piece[topic] for piece in pieces)])
         return self._series[topic]
 
     def require_window(self, start: float, end: float, timed: bool = True) -> None:
         """Raise NoSuchTime for a window that ends before it begins or, of ``timed``, s, has no instant of the run."""
-        given, spans = f"from {start:g} to {end:g}", np.array([*self._chunks.spans.values()]).reshape(-1, 2)
+        given, spans = f"from {start:g} to {end:g}", np.array([*self._file.spans.values()]).reshape(-1, 2)
         if not start <= end:
             raise NoSuchTime(f"{given}: the first instant must not be after the last")
         first, last = spans.min(initial=np.inf), spans.max(initial=-np.inf)
@@ -185,7 +164,7 @@ class Log(AbstractContextManager["Log"]):
         ``wanted``: topic -> columns. A piece holds some messages of some of the topics. Nothing is kept in memory.
         Raises NoSuchSignal, LogUnreadable.
         """
-        return self._stream(wanted, self._chunks.spans, window)
+        return self._stream(wanted, self._file.spans, window)
 
     def _stream(
         self,
@@ -198,10 +177,10 @@ class Log(AbstractContextManager["Log"]):
             self.known_topic(topic)
         stream = Stream(self._recorded, wanted, window)
         for offset in chunks:
-            first, last = self._chunks.spans[offset]
+            first, last = self._file.spans[offset]
             if last >= window[0] - 1e-6 and (first <= window[1] + 1e-6 or stream.is_waiting):
                 try:
-                    piece = stream.add(self._chunks.read(offset, stream.topics, keep))
+                    piece = stream.add(self._file.read(offset, stream.topics, keep))
                 except NotInOrder as damage:
                     raise LogUnreadable(f"{self.path}: {damage}") from None
                 if piece:
@@ -221,7 +200,7 @@ class Log(AbstractContextManager["Log"]):
         Raises NoSuchSignal, LogUnreadable.
         """
         wanted = {topic: range(len(self.topics[self.known_topic(topic)].names))}
-        offsets = list(self._chunks.spans)
+        offsets = list(self._file.spans)
         first = next(self._stream(wanted, offsets), None)
         if first is None:
             return self._empty_series(topic)
@@ -295,8 +274,8 @@ class Log(AbstractContextManager["Log"]):
     def lengths(self) -> dict[str, int]:
         """Count the messages of each topic; raises LogUnreadable."""
         counts = dict.fromkeys(self.topics, 0)
-        for offset in self._chunks.spans:
-            for messages in self._chunks.read(offset, counts):
+        for offset in self._file.spans:
+            for messages in self._file.read(offset, counts):
                 counts[messages.topic] += len(messages.rows)
         return counts
 
@@ -339,19 +318,23 @@ class Log(AbstractContextManager["Log"]):
 
     def chunks(self) -> Iterator[list[Messages]]:
         """Yield the messages of each chunk by topic, as recorded; raises LogUnreadable at a damaged chunk."""
-        for offset in self._chunks.spans:
-            yield self._chunks.read(offset)
+        for offset in self._file.spans:
+            yield self._file.read(offset)
 
     def intact(self) -> Iterator[Messages]:
         """Yield all messages, chunk by chunk and by topic; damaged chunks are left out and go to ``faults``."""
-        for offset in self._chunks.spans:
+        for offset in self._file.spans:
             try:
-                yield from self._chunks.read(offset)
+                yield from self._file.read(offset)
             except LogUnreadable as damage:
                 self._file.add_fault(str(damage))
 
     def hashes(self) -> dict[str, str]:
         """Return topic -> sha256 over sequence, times and data of its messages; raises LogUnreadable."""
+        return dict(self._hashes)
+
+    @cached_property
+    def _hashes(self) -> dict[str, str]:
         hashes = {topic: hashlib.sha256() for topic in self.topics}
         for messages in chain.from_iterable(self.chunks()):
             hashes[messages.topic].update(messages.hashed_bytes())
@@ -397,11 +380,13 @@ class Log(AbstractContextManager["Log"]):
         listed = {**closing["contents"], **{f"sha256:{topic}": one for topic, one in closing["sha256"].items()}}
         found = {f"sha256:{topic}": one for topic, one in (hashes or self.hashes()).items()}
         if closing["contents"]:  # since 0.3.0
-            found |= {f"attachment:{name}": seal.attachment_digest(self._content_of(name)) for name in self.attachments}
-            found |= self._contents.contents
-        for topic, number in self._contents.other_channels.items():
+            found |= {
+                f"attachment:{name}": seal.attachment_digest(self._file.attachment(name)) for name in self.attachments
+            }
+            found |= self._file.contents
+        for topic, number in self._file.other_channels.items():
             if f"messages:{topic}" in listed:
-                found[f"messages:{topic}"] = seal.messages_digest(self._chunks.rows_of(number))
+                found[f"messages:{topic}"] = seal.messages_digest(self._file.rows_of(number))
             if f"channel:{topic}" not in listed:  # of other software
                 found.pop(f"channel:{topic}", None)
         empty = {
@@ -434,7 +419,7 @@ class Log(AbstractContextManager["Log"]):
     def checksums(self) -> list[str]:
         """Check attachments and the checksums over all bytes; return faults as sentences (chunks: ``intact``)."""
         faults = []
-        for name in self._attachments:
+        for name in self._file.attachments:
             try:
                 self.attachment(name)
             except LogUnreadable as damage:

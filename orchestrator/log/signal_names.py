@@ -9,7 +9,7 @@ from types import MappingProxyType
 from xml.etree import ElementTree
 
 from orchestrator.files.budget import DOCUMENT, check_size
-from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.container import LogUnreadable
 
 Names = str | Sequence[str]  # one, or a list
 MOST = 3  # names that a message suggests

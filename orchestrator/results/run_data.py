@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.container import LogUnreadable
 from orchestrator.log.extra import NotInstalled
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.recorded_system import system_of

@@ -14,7 +14,7 @@ from mutated import Content
 from recorded import ATTACHMENTS, STEP, TOPICS, chunked_log, small_log
 
 from orchestrator.log import recorder as module
-from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.container import LogUnreadable
 from orchestrator.log.measured_formats import read_samples
 from orchestrator.log.message_records import PREFIX
 from orchestrator.log.reader import Log

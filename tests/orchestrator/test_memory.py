@@ -3,7 +3,7 @@
 import pytest
 
 from orchestrator.execution.simulate import simulate
-from orchestrator.log import stream
+from orchestrator.log import container
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences
 from orchestrator.results.run_data import RunData
@@ -23,11 +23,11 @@ def test_a_long_run_needs_no_more_memory_than_a_short_one():
 
 @pytest.mark.long
 def test_what_is_read_for_a_summary_or_a_difference_is_not_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(stream, "SMALL", 0)  # the log is none of those that are kept whole
+    monkeypatch.setattr(container, "SMALL", 0)  # the log is none of those that are kept whole
     path = tmp_path / "log.mcap"
     assert simulate(load("straight", "rigid", ["run.stop=0.1 s", "run.links=1", "expect={}"]), path)["status"] == "ok"
     with Log(path) as log, Log(path) as other:
         errors = differences(RunData(log), RunData(other))
         assert max(one.relative for one in errors.values()) == pytest.approx(0.0, abs=1e-12)
-        assert not log._chunks.unpacked
+        assert not log._file.unpacked
         assert not log._series

@@ -11,9 +11,9 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from recorded import ATTACHMENTS, METADATA, STEP, TOPICS, chunked_log, record, small_log, values
 
-from orchestrator.log import log_metadata, stream
+from orchestrator.log import container, log_metadata
 from orchestrator.log.bitwise import first_difference
-from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.container import LogUnreadable
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.time_series import Series
@@ -127,7 +127,7 @@ def test_a_cut_log_reads_as_far_as_it_goes(chunked, fraction):
                 m = len(series.t)
                 assert np.array_equal(series.t, whole[topic].t[:m])
                 assert np.array_equal(series.values, whole[topic].values[:m])
-            later = [chunk for chunk in log._chunks.spans if chunk >= end]
+            later = [chunk for chunk in log._file.spans if chunk >= end]
             assert not later
 
 
@@ -190,15 +190,14 @@ def test_who_knows_mcap_and_protobuf():
             if re.search(rf"^\s*(from|import) {re.escape(package)}\b", path.read_text(), re.MULTILINE):
                 importers.add(path.name)
     mcap = {
-        "container_writer.py", "container_reader.py", "contents.py", "log_file.py", "message_records.py",
-        "reader.py", "seal.py",
+        "container.py", "container_writer.py", "log_file.py", "message_records.py", "seal.py",
     }  # fmt: skip
     assert users == {"mcap": mcap, "google.protobuf": {"schema.py"}}
 
 
 @pytest.mark.parametrize("small", [0, 1 << 30])
 def test_what_is_selected_is_what_is_read_and_is_kept_of_a_small_log_alone(chunked, monkeypatch, small):
-    monkeypatch.setattr(stream, "SMALL", small)
+    monkeypatch.setattr(container, "SMALL", small)
     with Log(chunked) as log, Log(chunked) as whole:
         for topic, about in log.topics.items():
             series, columns = whole.read(topic), [len(about.names) - 1, 0]
@@ -212,7 +211,7 @@ def test_what_is_selected_is_what_is_read_and_is_kept_of_a_small_log_alone(chunk
             assert np.array_equal(ends.t, series.t[[0, -1]])
             assert np.array_equal(ends.values, series.values[[0, -1]])
             assert log.lengths()[topic] == len(series.t)
-        assert bool(log._chunks.unpacked) == bool(small)
+        assert bool(log._file.unpacked) == bool(small)
         with pytest.raises(NoSuchSignal, match="no topic '/left/out'"):
             log.select({"/left/out": [0]})
 
@@ -269,7 +268,7 @@ def test_a_window_needs_no_byte_of_other_chunks(chunked, tmp_path):
     with Log(chunked) as log:
         wanted, window = log.choose(["chassis.speed"]), (0.5, 0.6)
         expected = log.select(wanted, window)["/chassis/out"]
-        others = [offset for offset, (first, last) in log._chunks.spans.items() if last < 0.49 or first > 0.61]
+        others = [offset for offset, (first, last) in log._file.spans.items() if last < 0.49 or first > 0.61]
         ends = {offset: log._file.following(offset) for offset in others}
         topics, names = log.topics, log.attachments
     assert len(others) > 4
@@ -290,7 +289,7 @@ def test_a_window_needs_no_byte_of_other_chunks(chunked, tmp_path):
 def test_messages_of_a_chunk_are_in_order_of_time(chunked):
     prefix = struct.Struct("<BQHIQ")
     with Log(chunked) as log:
-        contents = [log._file.content(offset) for offset in log._chunks.spans]
+        contents = [log._file._content(offset) for offset in log._file.spans]
     for content in contents:
         offset, times = 0, []
         while offset < len(content):

@@ -229,7 +229,7 @@ def thinned(first, averaged=False):
     stream, lengths = Log._stream, Log.lengths
 
     def thin(log, wanted, chunks, window=EVER, keep=False):
-        pieces = [*stream(log, wanted, log._chunks.spans, EVER, keep)]
+        pieces = [*stream(log, wanted, log._file.spans, EVER, keep)]
         whole = {topic: join_series([piece[topic] for piece in pieces if topic in piece]) for topic in wanted}
         yield {topic: kept(topic, series, window) for topic, series in whole.items()}
 

@@ -13,7 +13,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.execution import replay_model, replays
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import tools
-from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.container import LogUnreadable
 from orchestrator.log.export import export
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
@@ -330,7 +330,7 @@ def test_one_bit_of_an_input_is_named_where_it_is(tmp_path):
             "/drive/out", int(layout.starts[log.topics["/drive/out"].names.index("sprocket.angular_velocity.y")]), 40
         )
     edited = content.write(tmp_path / "edited.mcap", old_seal=True)
-    with pytest.raises(LogUnreadable, match="not as it was sealed: .*the record of /drive/out is changed"):
+    with pytest.raises(LogUnreadable, match=r"not as it was sealed: .*the record of /drive/out is changed"):
         replay_model.open_replay(edited, "drive", None).__enter__()
     nudged = content.hash_again().write(tmp_path / "nudged.mcap")
     for component, step in (("drive", 40), ("track", 41)):

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.container import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.results import run_data
 from orchestrator.results.analyses import validity

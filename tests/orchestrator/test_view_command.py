@@ -39,7 +39,7 @@ def test_view_draws(cotrack, tmp_path):
     assert cotrack(*SHORT, "--log", "b.mcap", "--set", "track.link_outputs=false")[0] == 0
     cut = (tmp_path / "a.mcap").read_bytes()
     with Log("a.mcap") as log:
-        (tmp_path / "cut.mcap").write_bytes(cut[: next(iter(log._chunks.spans))])
+        (tmp_path / "cut.mcap").write_bytes(cut[: next(iter(log._file.spans))])
     assert "cut.mcap holds no links to draw" in cotrack.refused("view", "cut.mcap", "-o", "cut.png")
     assert "from 0 to 0.02 s" in cotrack.refused("view", "a.mcap", "--at", "0.03", "-o", "b.png")
     assert not (tmp_path / "b.png").exists()

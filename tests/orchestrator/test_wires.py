@@ -158,8 +158,8 @@ def test_a_cut_log_gives_what_it_has(wired, fraction):
 
 def test_a_lost_chunk_takes_its_inputs_along(wired, tmp_path):
     with Log(wired) as log:
-        lost = list(log._chunks.spans)[2]
-        first, last = (round(end / STEP) for end in log._chunks.spans[lost])
+        lost = list(log._file.spans)[2]
+        first, last = (round(end / STEP) for end in log._file.spans[lost])
     data = bytearray(wired.read_bytes())
     data[lost + 200] ^= 1
     (tmp_path / "bad.mcap").write_bytes(data)

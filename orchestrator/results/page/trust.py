@@ -9,7 +9,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from orchestrator.log.container_reader import LogUnreadable
+from orchestrator.log.container import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results import measures
