@@ -48,19 +48,13 @@ from orchestrator.cosim.messages import (
     WarningList,
     status_text,
 )
-from orchestrator.cosim.mixed_exchange import ConvertedReals, MixedExchange, MixedInputs, MixedOutputs, guarded
-from orchestrator.cosim.model_description import Elements, is_fmi3, load_library, loadable
+from orchestrator.cosim.mixed_exchange import ConvertedReals, MixedExchange, MixedInputs, MixedOutputs, guarded, misfit
+from orchestrator.cosim.model_description import is_fmi3, load_library, loadable
 from orchestrator.cosim.variable_arrays import VariableArrays
 from orchestrator.kernels.tables import Record, StepCall, record
 
 REALS = ("reals.base.lo", "reals.base.hi", "reals.size")  # address (two words) and bytes of an FMU's Reals in memory
-SETTERS: dict[str, tuple[str, Any, Any]] = {  # FMI type: setter, C type, allowed Python types
-    "Real": ("fmi2SetReal", c_double, int | float),
-    "Integer": ("fmi2SetInteger", c_int, int),
-    "Enumeration": ("fmi2SetInteger", c_int, int),
-    "Boolean": ("fmi2SetBoolean", c_int, bool),
-    "String": ("fmi2SetString", c_char_p, str),
-}
+C_TYPES: dict[str, Any] = {"Real": c_double, "String": c_char_p}  # those of other types depend on the version of FMI
 _LAST_SUCCESSFUL_TIME, _TERMINATED = 2, 3  # kinds of a status
 DO_STEP = CFUNCTYPE(c_int, c_void_p, c_double, c_double, c_int)
 WALL_TIME = "wall_time"  # recorded beside the Integer outputs of a component
@@ -118,20 +112,20 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         self._call_time = 0.0  # s inside the FMU, without steps by ``step_call``
         self._phase = "made"
         self._places: tuple[int, int, int] = 0, 0, 0  # addresses of inputs, outputs, link outputs; 0: unknown
-        folder, description, elements = loadable(fmu)
-        if room is None and is_fmi3(description):
+        self._loaded = loadable(fmu)
+        if room is None and is_fmi3(self._loaded.description):
             raise ComponentFailed(
                 f"'{fmu}' is an FMU of FMI 3.0: only a process of its own runs it (in_process = false); FMUs of cotrack"
                 " run in that of the run: build them of FMI 2.0"
             )
         memory = None if self._remote is None else self._remote.memory
-        super().__init__(name, description, discrete, conversions, units, memory, guest is not None)
+        super().__init__(name, self._loaded, discrete, conversions, units, memory, guest is not None)
         if len(starts):
             self.u[: self._u[1]] = starts[: self._u[1]]
-        self._load(folder, fmu, elements)
+        self._load(fmu)
 
-    def _load(self, folder: Path, fmu: Path, elements: Elements) -> None:
-        guid = self.description.guid or ""
+    def _load(self, fmu: Path) -> None:
+        folder, guid, elements = self._loaded.folder, self.description.guid or "", self._loaded.elements
         if self._remote is not None:
             self._library: Any = self._remote
             names = self.inputs[: self._u[1]], self.outputs[: self._y[1]]
@@ -155,11 +149,12 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
     def _mixed_exchange(self) -> MixedExchange:
         starts = {name: (self._variables[name].start or "").encode() for name in self._strings}
         converted = ConvertedReals(self.inputs, self.conversions)
-        inputs = MixedInputs(self.received, self.u, self._u, converted, self._input_groups, starts, self.input_texts)
+        groups, known = self._input_groups, (starts, self.input_texts, self.sources)
+        inputs = MixedInputs(self.received, self.u, self._u, converted, groups, *known)
         converted = ConvertedReals(self.outputs, self.conversions)
         outputs = MixedOutputs(self._raw, self.y, converted, self._output_groups, self.texts)
         check = None if self._guest is None else self._check_finite
-        return MixedExchange(self._library, inputs, outputs, check)
+        return MixedExchange(self._library, inputs, outputs, self._receive, check)
 
     def _check_finite(self, values: Floats) -> int:
         """Look at outputs that the FMU has just output; return an FMI status."""
@@ -325,14 +320,17 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
             hint = f" (did you mean '{near[0]}'?)" if near else ""
             raise ComponentFailed(f"{self.name}: there is no parameter '{name}'{hint}")
         variable = self._variables[name]
-        setter, c_type, allowed = SETTERS[variable.type]
-        if not isinstance(value, allowed) or isinstance(value, bool) != (variable.type == "Boolean"):
-            raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: must be of type {variable.type}")
+        try:
+            value = self._loaded.taken(variable, value)
+        except ValueError as error:
+            raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: {error}") from None
         if name in self.inputs and variable.type != "String":
             k, (factor, offset) = self.inputs.index(name), self.conversions.get(name, UNCHANGED)
             self.u[k], self.received[k] = value, (float(value) - offset) / factor
             return
+        c_type = C_TYPES.get(variable.type, self._loaded.whole)
         content = (c_type * 1)(value.encode() if isinstance(value, str) else value)
+        setter = f"fmi2Set{variable.type.replace('Enumeration', 'Integer')}"
         self._call(getattr(self._library, setter), (c_uint * 1)(variable.valueReference), 1, content)
 
     def _has_start(self, name: str) -> bool:
@@ -440,6 +438,8 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         """Read the Integer, Enumeration and Boolean outputs, in this order, into ``counters``."""
         self._exchange(self._library.fmi2GetInteger, self._counters)
         self._exchange(self._library.fmi2GetBoolean, self._truth_values)
+        if sentence := misfit(self._ranges, self.counters):
+            raise ComponentFailed(f"{self.name}: {sentence} (t = {float(self._clock[0]):.6g} s)")
 
     def _exchange(self, function: Callable[..., Any], group: tuple[Any, int, Any]) -> None:
         if group[1]:

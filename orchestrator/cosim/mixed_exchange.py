@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.base_units import Conversion
-from orchestrator.cosim.graph import ComponentFailed, Floats
-from orchestrator.cosim.messages import FATAL, WARNING
+from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentFailed, Floats
+from orchestrator.cosim.messages import ERROR, FATAL, WARNING, Hear
+from orchestrator.cosim.model_description import Loadable, Range
 
 START = -1.0  # number of the start value of a String
 KINDS = {"Integer": ("Integer", "Enumeration"), "Boolean": ("Boolean",), "String": ("String",)}
@@ -63,18 +64,28 @@ class DiscreteGroup(NamedTuple):
     place: slice
     references: Any
     values: Any  # array of the C type of the function
+    ranges: Sequence[Range]
 
 
-def discrete_groups(variables: Sequence[Any], first: int) -> tuple[DiscreteGroup, ...]:
+def misfit(ranges: Sequence[Range], numbers: NDArray[Any], sources: Mapping[str, str] = NO_CONVERSIONS) -> str:
+    """Words on the first number, whose ``sources`` may be known, that is out of its range; empty without one."""
+    for (name, least, most), number in zip(ranges, numbers.tolist(), strict=True):
+        if not least <= number <= most:
+            source = f" from {sources[name]}" if name in sources else ""
+            return f"'{name}'{source} is {int(number)}: it can be {least} to {most}"
+    return ""
+
+
+def discrete_groups(loaded: Loadable, variables: Sequence[Any], first: int) -> tuple[DiscreteGroup, ...]:
     """Return the variables that are no Reals, by the functions that exchange them, from place ``first`` on."""
     groups = []
     for kind, types in KINDS.items():
         members = [variable for variable in variables if variable.type in types]
         if members:
             references = (c_uint * len(members))(*(variable.valueReference for variable in members))
-            values = ((c_char_p if kind == "String" else c_int) * len(members))()
-            place = slice(first, first + len(members))
-            groups.append(DiscreteGroup(kind, tuple(v.name for v in members), place, references, values))
+            values = ((c_char_p if kind == "String" else loaded.whole) * len(members))()
+            place, ranges = slice(first, first + len(members)), loaded.exact_ranges(members)
+            groups.append(DiscreteGroup(kind, tuple(v.name for v in members), place, references, values, ranges))
             first += len(members)
     return tuple(groups)
 
@@ -105,6 +116,7 @@ class MixedInputs(NamedTuple):
     groups: tuple[DiscreteGroup, ...]
     starts: Mapping[str, bytes]  # of Strings
     texts: Mapping[str, Texts]  # of the sources of Strings
+    sources: Mapping[str, str]
 
 
 class MixedOutputs(NamedTuple):
@@ -121,7 +133,7 @@ class MixedExchange:
     """Exchange of all inputs and outputs of an instance; each call returns an FMI status.
 
     ``failed``: name of the FMI function that failed in the last call, empty if none did. ``check`` looks at Reals that
-    have been got, and returns an FMI status.
+    have been got, and returns an FMI status. ``say``: where messages go.
     """
 
     def __init__(
@@ -129,9 +141,10 @@ class MixedExchange:
         library: Any,
         inputs: MixedInputs,
         outputs: MixedOutputs,
+        say: Hear,
         check: Callable[[Floats], int] | None = None,
     ) -> None:
-        self._library, self._inputs, self._outputs, self._check = library, inputs, outputs, check
+        self._library, self._inputs, self._outputs, self._say, self._check = library, inputs, outputs, say, check
         self.failed = ""
         self.raised: BaseException | None = None  # in a call by kernels
         self._functions = FUNCTION(guarded(self.write, self)), FUNCTION(guarded(self.read, self))
@@ -150,10 +163,14 @@ class MixedExchange:
         """Set the inputs of ``u``."""
         self.failed = ""
         status = self._call("fmi2SetReal", instance, *self._inputs.reals)
-        for kind, names, place, references, values in self._inputs.groups:
+        for kind, names, place, references, values, ranges in self._inputs.groups:
             if not 0 <= status <= WARNING:
                 break
             numbers = self._inputs.u[place]
+            if kind == "Integer" and (sentence := misfit(ranges, numbers, self._inputs.sources)):
+                self.failed = "fmi2SetInteger"
+                self._say(ERROR, sentence, "")
+                return ERROR
             if kind == "String":
                 values[:] = [self._text(name, number) for name, number in zip(names, numbers, strict=True)]
             else:
@@ -174,7 +191,7 @@ class MixedExchange:
         if not 0 <= status <= WARNING:
             self.failed = "fmi2GetReal"
         conversions.convert(raw, y[: len(raw)])
-        for kind, names, place, numbers, found in groups:
+        for kind, names, place, numbers, found, _ in groups:
             if not 0 <= status <= WARNING:
                 break
             status = _worse(status, self._call(f"fmi2Get{kind}", instance, numbers, len(names), found))
@@ -211,5 +228,5 @@ def _worse(one: int, other: int) -> int:
     return min(one, other) if min(one, other) < 0 else max(one, other)
 
 
-def _integers(values: Any) -> NDArray[np.int32]:
+def _integers(values: Any) -> NDArray[np.signedinteger[Any]]:
     return np.ctypeslib.as_array(values)

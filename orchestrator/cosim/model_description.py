@@ -3,8 +3,7 @@
 | FMI 3.0 | FMI 2.0 |
 | --- | --- |
 | Float64, Float32 | Real |
-| Int8 to Int32, UInt8, UInt16 | Integer |
-| Int64, UInt32, UInt64 | Integer, for values of 32 bits |
+| Int8 to Int64, UInt8 to UInt64 | Integer, with the range of the type |
 | Boolean, String, Enumeration | the same |
 | Binary, Clock | left out |
 | an array | its elements, called x[1], x[2], or x[1,2], of an array of fixed size |
@@ -15,8 +14,9 @@ from __future__ import annotations
 import copy
 import math
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
+from ctypes import c_int, c_int64
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -30,12 +30,17 @@ from orchestrator.cosim import fmi2_library, fmi3_library
 from orchestrator.cosim.fmu_files import DESCRIPTION, unpack
 from orchestrator.cosim.graph import ComponentFailed
 
+Range = tuple[str, float, float]  # name of a variable, its least and largest number
 Elements = Sequence[tuple[int, str, int, int]]  # value reference, type, size and place in its array
 LIBRARIES: dict[str, ModuleType] = {"2.0": fmi2_library, "3.0": fmi3_library}  # by the version of FMI
-KINDS = {"Float64": "Real", "Float32": "Real"} | {
-    f"{sign}Int{bits}": "Integer" for sign in ("", "U") for bits in (8, 16, 32, 64)
-}
+BITS = 8, 16, 32, 64
+RANGES: dict[str, tuple[float, float]] = {f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in BITS}
+RANGES |= {f"UInt{n}": (0, 2**n - 1) for n in BITS} | {"Integer": RANGES["Int32"]}
+KINDS = {"Float64": "Real", "Float32": "Real"} | dict.fromkeys(RANGES, "Integer")
 KINDS |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
+ALLOWED: dict[str, Any] = {"Real": int | float, "Integer": int, "Enumeration": int, "Boolean": bool, "String": str}
+LARGEST = 2**53 - 1  # whole numbers up to it are exact in arrays and logs, which hold doubles
+ROUNDING = 1e-9  # of a declared bound, relative
 MOST_ELEMENTS = 100_000  # scalars of an FMU of FMI 3.0
 
 
@@ -58,6 +63,40 @@ class Loadable(NamedTuple):
     folder: Path
     description: Any  # with the variables of FMI 2.0
     elements: Elements = ()  # of FMI 3.0: what each value reference of the description stands for
+
+    @property
+    def whole(self) -> Any:
+        """C type in which Integers, Enumerations and Booleans are exchanged."""
+        return c_int64 if is_fmi3(self.description) else c_int
+
+    def own_type(self, variable: Any) -> str:
+        """Type of a variable in its version of FMI."""
+        return self.elements[variable.valueReference][1] if self.elements else str(variable.type)
+
+    def exact_ranges(self, variables: Iterable[Any]) -> list[Range]:
+        """Numbers of variables that are exchanged as ``whole``, as far as doubles hold them."""
+        ranges = ((v.name, *RANGES.get(self.own_type(v), RANGES["Int64"])) for v in variables)
+        return [(name, max(least, -LARGEST), min(most, LARGEST)) for name, least, most in ranges]
+
+    def taken(self, variable: Any, value: float | int | str) -> float | int | str:
+        """Start value as a variable takes it: of an item its number; raises ValueError, which says what it must be."""
+        kind, declared = variable.type, variable.declaredType
+        if kind == "Enumeration" and declared is not None and declared.items:
+            items = {item.name: int(item.value) for item in declared.items}
+            number = items.get(value, value) if isinstance(value, str) else value
+            if type(number) is not int or number not in items.values():
+                raise ValueError(f"must be one of {', '.join(f'{n} {name}' for name, n in items.items())}")
+            return number
+        if not isinstance(value, ALLOWED[kind]) or isinstance(value, bool) != (kind == "Boolean"):
+            raise ValueError(f"must be of type {self.own_type(variable)}")
+        if isinstance(value, int | float):
+            least, most = RANGES.get(self.own_type(variable), (-math.inf, math.inf))
+            low, high = (getattr(variable, end) or getattr(declared, end, None) for end in ("min", "max"))
+            least, most = max(least, float(low or -math.inf)), min(most, float(high or math.inf))
+            slack = ROUNDING * abs(value) if kind == "Real" else 0
+            if value < least - slack or value > most + slack:
+                raise ValueError(f"must be {least} to {most}")
+        return value
 
 
 def loadable(fmu: Path) -> Loadable:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from ctypes import POINTER, c_double, c_int, c_uint
+from ctypes import POINTER, c_double, c_uint
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, unit_of
 from orchestrator.cosim.graph import Floats
 from orchestrator.cosim.mixed_exchange import START, Texts, discrete_groups
+from orchestrator.cosim.model_description import Loadable
 
 LINK_FAMILIES = ("link[", "joint[")  # prefixes of per-link outputs, which are read and recorded at their own rate
 
@@ -29,19 +30,20 @@ class VariableArrays:
     def __init__(
         self,
         name: str,
-        description: Any,
+        loaded: Loadable,
         discrete: Collection[str],
         conversions: Mapping[str, Conversion],
         units: Mapping[str, str],
         memory: Callable[[int], tuple[Floats, int]] | None,
         is_watched: bool,
     ) -> None:
-        self.name, self.description = name, description
+        self.name, self.description = name, loaded.description
         self.conversions, self.converted_units = conversions, units
         self.texts = Texts()  # of its String outputs
         self.input_texts: dict[str, Texts] = {}  # of the sources of String inputs
+        self.sources: dict[str, str] = {}  # of discrete inputs
         memory = memory or (lambda n: (np.zeros(n), 0))
-        variables = description.modelVariables
+        variables = self.description.modelVariables
         self._variables = {v.name: v for v in variables}
 
         def names(causality: str, kind: str) -> tuple[str, ...]:
@@ -53,8 +55,8 @@ class VariableArrays:
             causality: [v for v in variables if v.causality == causality and v.name in discrete]
             for causality in ("input", "output")
         }
-        self._input_groups = discrete_groups(connected["input"], len(reals_in))
-        self._output_groups = discrete_groups(connected["output"], len(reals_out))
+        self._input_groups = discrete_groups(loaded, connected["input"], len(reals_in))
+        self._output_groups = discrete_groups(loaded, connected["output"], len(reals_out))
         self.inputs = (*reals_in, *(name for group in self._input_groups for name in group.names))
         self.outputs = (*reals_out, *(name for group in self._output_groups for name in group.names))
         self.links = tuple(n for n in outputs if n.startswith(LINK_FAMILIES))
@@ -70,14 +72,15 @@ class VariableArrays:
         raw, self._raw_place = memory(len(reals_out))
         raw = raw if self._is_mixed else self.y
         self.y_links = np.zeros(len(self.links))
-        self.counters = np.zeros(len(self.integers), dtype=np.int32)
+        self.counters = np.zeros(len(self.integers), dtype=loaded.whole)
+        self._ranges = loaded.exact_ranges(self._variables[name] for name in self.integers)
         self._arrays: tuple[NDArray[Any], ...] = (self.u, self.y, self.y_links, self.counters)
         self._u = self._group(reals_in, self.u, c_double)
         self._y = self._group(reals_out, raw, c_double)
         self._raw = raw
         self._y_links = self._group(self.links, self.y_links, c_double)
-        self._counters = self._group(whole, self.counters, c_int)
-        self._truth_values = self._group(truths, self.counters[len(whole) :], c_int)
+        self._counters = self._group(whole, self.counters, loaded.whole)
+        self._truth_values = self._group(truths, self.counters[len(whole) :], loaded.whole)
 
     def _group(self, names: tuple[str, ...], values: NDArray[Any], kind: type) -> tuple[Any, int, Any]:
         return self._references(names), len(names), values.ctypes.data_as(POINTER(kind))

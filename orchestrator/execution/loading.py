@@ -171,9 +171,10 @@ def load_components(
     }
     for connection in graph.connections:
         if connection.carries == "discrete":
-            components[connection.target].input_texts |= dict.fromkeys(
-                connection.inputs, components[connection.source].texts
-            )
+            target, source = components[connection.target], components[connection.source]
+            target.input_texts |= dict.fromkeys(connection.inputs, source.texts)
+            outputs = (f"{source.name}.{name}" for name in connection.outputs)
+            target.sources |= zip(connection.inputs, outputs, strict=True)
     own = [instance for instance in graph.instances if instance.guest is None]
     start, stop = times
     for instance in own:  # whose times are those of the scene

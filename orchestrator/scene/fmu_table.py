@@ -19,7 +19,7 @@ from orchestrator.cosim.base_units import UNCHANGED, Conversion
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.settings import hint, toml_text
 
-Integer = Annotated[int, Field(ge=-(2**31), le=2**31 - 1)]  # of FMI
+Integer = Annotated[int, Field(ge=-(2**63), le=2**64 - 1)]  # of FMI
 Value = Annotated[
     bool | Integer | Annotated[float, Field(allow_inf_nan=False)] | str,
     Field(json_schema_extra={"unit": "that of the parameter", "description": "value of the parameter NAME of the FMU"}),

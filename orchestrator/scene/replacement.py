@@ -33,8 +33,9 @@ from orchestrator.cosim.base_units import (
     difference,
     unit_of,
 )
-from orchestrator.cosim.component import SETTERS, description_of
+from orchestrator.cosim.component import description_of
 from orchestrator.cosim.graph import ComponentFailed, Connection, GuestTerms, Instance
+from orchestrator.cosim.model_description import ALLOWED
 from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.parts import Assembly, Parameters, Part
@@ -201,7 +202,7 @@ def shared_parameters(each: Replacement) -> Parameters:
         for name, value in each.part.parameters.items()
         if (variable := each.variables.get(name)) is not None
         and variable.settable
-        and isinstance(value, SETTERS[variable.type][2])
+        and isinstance(value, ALLOWED[variable.type])
         and (table is None or name not in table.parameters)
     }
 

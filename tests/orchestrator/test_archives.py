@@ -234,7 +234,7 @@ def test_values_of_all_types(gain, tmp_path, caplog):
 @pytest.mark.parametrize(("given", "said"), [
     (("Real", "INF"), "must be one finite Real"), (("Real", "1_000"), "must be one finite Real"),
     (("Real", "1 2"), "must be one finite Real"), (("Boolean", "yes"), "a Boolean"),
-    (("String", "3"), "'s.k' is of type Real"), (("Binary", "3"), "must be one finite Real"),
+    (("String", "3"), "'s.k' must be of type Real"), (("Binary", "3"), "must be one finite Real"),
 ])  # fmt: skip
 def test_a_bad_value_is_refused(gain, tmp_path, given, said):
     assert said in refused(tmp_path, document(system(component("s", bound(values(k=given))))), gain)

@@ -6,12 +6,14 @@ from types import SimpleNamespace
 import foreign_fmus
 import numpy as np
 import pytest
+import whole_fmu
 from foreign_fmus import Variable
 from mixed_loop import COLD, MIXED, PAIRS, STEPS, UNITS, H, changed, own_loop
 from numpy.testing import assert_array_equal
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.base_units import QUANTITIES, UNCHANGED, Conversion, base_unit, conversion, unit_of
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -346,3 +348,80 @@ def test_an_fmu_without_reals_is_recorded(files, tmp_path, cotrack, monkeypatch)
     with Log(tmp_path / "w.mcap") as log:
         assert "stats.a.y" in log.signals
     assert cotrack("log", "verify", tmp_path / "w.mcap")[0] == 0
+
+
+# --- whole numbers of FMI 3.0 ----------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """FMU of FMI 3.0 with all types of whole numbers."""
+    return whole_fmu.build(tmp_path_factory.mktemp("whole"))()
+
+
+def of_whole(folder, file, parameters, connections=(), names="ab"):
+    """Last values in the log by signal, and the summary; ``parameters`` are those of a."""
+    fmus = {name: {"file": str(file), "parameters": parameters if name == "a" else {}} for name in names}
+    run = {"step": H, "stop": 20 * H, "coupling": {"scheme": "jacobi", "hold": "constant"}}
+    table = {"name": "w", "title": "w", "assembly": "fmus", "run": run, "fmu": fmus, "connections": [*connections]}
+    summary = simulate(any_from_table(table, "w.toml"), folder / "w.mcap")
+    with Log(folder / "w.mcap") as log:
+        return {name: log.signal(name)[1][-1] for name in log.signals if not name.endswith("h")}, summary
+
+
+LARGEST = {
+    "Int8": 127,
+    "Int16": -(2**15),
+    "Int32": 0,
+    "UInt8": 255,
+    "UInt16": 2**16 - 1,
+    "UInt32": 3_000_000_000,
+}
+LARGEST |= {"Int64": 5_000_000_000, "UInt64": 2**53 - 1}
+
+
+def test_whole_numbers_keep_the_range_of_their_type(whole, tmp_path):
+    """Through start values, connections and the log; 32 bits would make 705,032,704 of 5,000,000,000."""
+    wires = [f"a.y.{kind} -> b.u.{kind}" for kind in LARGEST]
+    given = {f"p.{kind}": value for kind, value in LARGEST.items()}
+    found, summary = of_whole(tmp_path, whole, given, wires)
+    assert summary["status"] == "ok", summary["message"]
+    for kind, value in LARGEST.items():
+        assert [found[f"{name}.{kind}"] for name in ("stats.a.y", "a.y", "b.u", "stats.b.y")] == [value] * 4
+    assert np.int64(LARGEST["Int64"]).astype(np.int32) == 705_032_704
+
+
+@pytest.mark.parametrize(("given", "wires", "said"), [
+    ({"p.UInt8": 300}, [], "a: parameter 'p.UInt8' = 300: must be 0 to 255"),
+    ({"p.Int64": 2**63}, [], f"a: parameter 'p.Int64' = {2**63}: must be {-2**63} to {2**63 - 1}"),
+    ({"p.UInt32": -1}, [], f"a: parameter 'p.UInt32' = -1: must be 0 to {2**32 - 1}"),
+    ({"p.UInt32": 1.5}, [], "a: parameter 'p.UInt32' = 1.5: must be of type UInt32"),
+    ({"p.Int64": 300}, ["a.y.Int64 -> b.u.Int8"], "b: 'u.Int8' from a.y.Int64 is 300: it can be -128 to 127"),
+    ({"p.Int64": 2**60}, [], f"a: 'y.Int64' is {2**60}: it can be {1 - 2**53} to {2**53 - 1} (t = 0 s)"),
+    ({"p.UInt64": 2**64 - 1}, [], f"a: 'y.UInt64' is {2**63 - 1}: it can be 0 to {2**53 - 1}"),
+    ({"p.e": 6}, [], "a: parameter 'p.e' = 6: must be one of 1 low, 5 middle, 9 high"),
+    ({"p.e": "highest"}, [], "a: parameter 'p.e' = 'highest': must be one of 1 low, 5 middle, 9 high"),
+    ({"p.e": True}, [], "a: parameter 'p.e' = True: must be one of 1 low, 5 middle, 9 high"),
+])  # fmt: skip
+def test_numbers_that_do_not_fit_are_refused_before_the_run(whole, tmp_path, given, wires, said):
+    with pytest.raises(ComponentFailed) as caught:
+        of_whole(tmp_path, whole, given, wires)
+    assert str(caught.value).startswith(said)
+    assert not (tmp_path / "w.mcap").exists()
+
+
+@pytest.mark.parametrize("way", ["kernels", "Python"])
+def test_a_number_that_does_not_fit_later_fails_the_run_with_link_and_time(whole, tmp_path, monkeypatch, way):
+    """Each step adds 30: after five of them it is beyond 127."""
+    monkeypatch.setattr("orchestrator.cosim.coupling.scheme.CAN_STEP", way != "Python")
+    found, summary = of_whole(tmp_path, whole, {"p.Int32": 30}, ["a.y.Int64 -> b.u.Int8"])
+    time = 0.05 if way == "kernels" else 0.04  # in Python that of the last step
+    allowed = f"it can be -128 to 127 (fmi3SetInteger, t = {time} s)"
+    assert summary["message"] == f"b: 'u.Int8' from a.y.Int64 is 150: {allowed}"
+    assert (summary["status"], found["b.u.Int8"]) == ("failed", 120)
+    assert verify(tmp_path / "w.mcap").code == 0
+
+
+@pytest.mark.parametrize(("given", "value"), [("high", 9), (5, 5)])
+def test_an_enumeration_takes_an_item_or_its_name(whole, tmp_path, given, value):
+    assert of_whole(tmp_path, whole, {"p.e": given}, names="a")[0]["stats.a.y.e"] == value

@@ -8,14 +8,14 @@ an element. Values are in buffers of bytes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_uint
+from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_int64, c_uint
 from pathlib import Path
 from typing import Any
 
 from orchestrator.cosim import fmi3_library
 from orchestrator.cosim.messages import DISCARD, WARNING
 
-_SCALARS: dict[str, Any] = {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p}
+_SCALARS: dict[str, Any] = {"Real": c_double, "Integer": c_int64, "Boolean": c_int64, "String": c_char_p}
 _ALIKE = {  # functions by their names in FMI 2.0, which has other capitals
     f"fmi2{name}".lower(): f"fmi3{name}"
     for name in (
@@ -24,6 +24,7 @@ _ALIKE = {  # functions by their names in FMI 2.0, which has other capitals
     )
 }
 _TERMINATED = 3  # kind of a status
+_MOST = 2**63 - 1  # more than the run can use
 
 
 class Array:
@@ -81,7 +82,7 @@ class Fmi3:
             return worst
         for k, (array, place) in enumerate(elements):
             if way == "Get":
-                values[k] = array.values[place]
+                values[k] = array.values[place] if kind != "Integer" else min(array.values[place], _MOST)
             else:
                 array.values[place] = values[k]
         for array in arrays if way == "Set" else ():

@@ -9,14 +9,18 @@ it, later ones earlier ones (SSP 1.0, ParameterBinding).
 
 from __future__ import annotations
 
+import logging
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element as Node
 
 from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, conversion
 from orchestrator.cosim.fmu_files import unpack
+from orchestrator.cosim.model_description import loadable
 from orchestrator.scene.archive.elements import (
     FLOATS,
     INTEGER,
@@ -235,10 +239,13 @@ def _targets(root: Node | None, place: Place) -> dict[str, list[Target]]:
 
 
 def _given(root: Node | None, prefix: str, place: Place) -> Iterator[Given]:
-    units = units_of(root)
+    units, names = units_of(root), set[str]()
     for parameter in children(root, "Parameters", "Parameter"):
         name = prefix + parameter.get("name", "")
         where = f"{place.where}: parameter {value_text(name)}"
+        if name in names:
+            raise BadInput(f"{where}: it is given twice")
+        names.add(name)
         node = next((one for one in parameter if local(one) != "Annotations"), None)
         kind, text = ("", "") if node is None else (local(node), node.get("value", ""))
         unit = "" if node is None else node.get("unit", "")
@@ -296,39 +303,31 @@ def _has_start(variable: object) -> bool:
 def _coerced(given: Given, target: Target, flowing: FlowingValue) -> Scalar:
     """Value of a variable, in its unit and of its type."""
     component, name = flowing.end
-    variable = component.variables[name]
-    what = f"{given.where} = {value_text(given.value)} ({given.kind})"
-    match variable.type, given.kind:
-        case "Real", "Real" | "Integer":
-            value = _in_unit(given, target, flowing, what)
-            return flowing.total.factor * value + flowing.total.offset
-        case "Integer" | "Enumeration", "Integer":
-            return given.value
-        case "Integer" | "Enumeration", "Real" if float(given.value).is_integer():
-            return int(given.value)
-        case "Boolean", "Boolean":
-            return given.value
-        case "String", "String":
-            return given.value
-        case "Enumeration", "Enumeration" | "String":
-            items = variable.declaredType.items if variable.declaredType else ()
-            for item in items:
-                if item.name == given.value:
-                    return int(item.value)
-            names = ", ".join(item.name for item in items)
-            raise BadInput(f"{what}: '{component.path}.{name}' has the items {names}")
-    raise BadInput(f"{what}: '{component.path}.{name}' is of type {variable.type}")
+    variable, value = component.variables[name], given.value
+    what = f"{given.where} = {value_text(value)} ({given.kind})"
+    if variable.type == "Real" and given.kind in ("Real", "Integer"):
+        value = flowing.total.factor * _in_unit(given, target, flowing, what) + flowing.total.offset
+    elif given.kind == "Real" and float(value).is_integer():
+        value = int(value)
+    try:
+        return loadable(component.fmu or Path()).taken(variable, value)
+    except ValueError as error:
+        raise BadInput(f"{what}: '{component.path}.{name}' {error}") from None
 
 
 def _in_unit(given: Given, target: Target, flowing: FlowingValue, what: str) -> float:
     """Value in the unit in which its way begins."""
     value = float(given.value)
     first = flowing.begin or flowing.end
-    wanted = first.connector.unit
-    if given.unit and wanted and given.unit != wanted and target.converts:
-        bases = given.base or first.element.units.get(given.unit), first.base(wanted)
+    wanted, unit, base = first.connector.unit, given.unit, given.base or first.element.units.get(given.unit)
+    if base is None and re.fullmatch(r"\[.+\]", unit):
+        unit = unit[1:-1]
+        base = first.element.units.get(unit)
+        logging.getLogger("cotrack").warning("%s: the unit '%s' is not defined: '%s' is taken", what, given.unit, unit)
+    if unit and unit != wanted and (base is None or (wanted and target.converts)):
+        bases = base, first.base(wanted)
         if bases[0] is None or bases[1] is None or bases[0].exponents != bases[1].exponents:
-            undefined = next((unit for unit, base in zip((given.unit, wanted), bases, strict=True) if base is None), "")
+            undefined = next((unit for unit, base in zip((unit, wanted), bases, strict=True) if base is None), "")
             why = f"the unit '{undefined}' is not defined" if undefined else f"'{first}' has the unit '{wanted}'"
             raise BadInput(f"{what}, in '{given.unit}': {why}")
         factor, offset = conversion(*bases)
