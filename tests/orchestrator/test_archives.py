@@ -1,6 +1,7 @@
 """SSP archives as the standard has them: systems in systems, mappings, units, start values, dictionaries."""
 
 import itertools
+import zipfile
 
 import foreign_fmus
 import pytest
@@ -283,6 +284,60 @@ def test_a_value_in_another_unit_is_converted(gain, tmp_path):
 def test_units_that_do_not_fit_are_refused(gain, tmp_path, one, other, said):
     elements = component("s", connectors(f"y output {one}")) + component("g", connectors(f"u input {other}"))
     assert said in refused(tmp_path, document(system(elements, connection("s.y", "g.u")), MILLIMETRES), gain)
+
+
+def with_maximum(gain, file):
+    """The gain with the declared range 1 to 5 of k."""
+    with zipfile.ZipFile(gain) as source, zipfile.ZipFile(file, "w") as copy:
+        for name in source.namelist():
+            old, new = b'<Real start="2.0"', b'<Real min="1" max="5" start="2.0"'
+            assert name != "modelDescription.xml" or old in source.read(name)
+            copy.writestr(name, source.read(name).replace(old, new))
+    return file
+
+
+def in_unit(unit, defined=""):
+    """Start value 3 of u in a unit, of a set that defines another one."""
+    units = f'<ssv:Units><ssc:Unit name="{defined}"><ssc:BaseUnit m="1"/></ssc:Unit></ssv:Units>' if defined else ""
+    binding = START.replace('value="3.0"', f'value="3.0" unit="{unit}"')
+    return bound(binding.replace("</ssv:Parameters>", f"</ssv:Parameters>{units}"))
+
+
+K = '<ssv:Parameter name="k"><ssv:Real value="3.0"/></ssv:Parameter>'
+ITEMS = "must be one of 1 low, 2 high, 3 road"
+
+
+@pytest.mark.parametrize(("binding", "said"), [
+    (bound(values(k=("Real", 5.5))), "= 5.5 (Real): 's.k' must be 1.0 to 5.0"),
+    (bound(values(k=("Integer", 0))), "= 0 (Integer): 's.k' must be 1.0 to 5.0"),
+    (bound(values(whole=("Integer", 3_000_000_000))), f"'s.whole' must be {-2**31} to {2**31 - 1}"),
+    (bound(values(k=("Real", 2.0)).replace("</ssv:Parameters>", f"{K}</ssv:Parameters>")),
+     "parameter 'k': it is given twice"),
+    (bound(values(gear_start=("Integer", 6))), f"= 6 (Integer): 's.gear_start' {ITEMS}"),
+    (bound(values(gear_start=("Enumeration", "reverse"))), f"= 'reverse' (Enumeration): 's.gear_start' {ITEMS}"),
+    (in_unit("furlong"), "in 'furlong': the unit 'furlong' is not defined"),
+    (in_unit("m", "mm"), "in 'm': the unit 'm' is not defined"),
+    (in_unit("m", "m"), None), (in_unit("mm"), None),
+    (bound(values(k=("Real", 5.0))), None), (bound(values(k=("Real", 2.0)), values(k=("Real", 3.0))), None),
+])  # fmt: skip
+def test_values_are_refused_by_bounds_items_and_units_and_if_given_twice(gain, tmp_path, binding, said):
+    fmu = with_maximum(gain, tmp_path / "bounded.fmu")
+    ssd = document(system(component("s", binding, "resources/b.fmu")), MILLIMETRES if said is None else "")
+    if said is None:
+        load_ssp(packed(tmp_path / "t.ssp", ssd, **{"resources/b.fmu": fmu}), None, ())
+    else:
+        assert said in refused(tmp_path, ssd, gain, **{"resources/b.fmu": fmu})
+
+
+def test_a_unit_in_square_brackets_is_its_plain_name(gain, tmp_path, caplog):
+    metres = with_units(gain, tmp_path / "m.fmu", "m", "")
+    ssd = document(system(component("s", in_unit("[m]"), "resources/m.fmu")))
+    assert run(tmp_path, ssd, gain, **{"resources/m.fmu": metres})[0]["s.y"] == 6.0
+    assert "parameter 'u' = 3.0 (Real): the unit '[m]' is not defined: 'm' is taken" in caplog.text
+    millimetres = with_units(gain, tmp_path / "mm.fmu", "mm", "")
+    files = {"resources/m.fmu": millimetres}
+    assert run(tmp_path, ssd.replace("<ssd:Default", f"{MILLIMETRES}<ssd:Default"), gain, **files)[0]["s.y"] == 6000.0
+    assert "in '[m]': the unit 'm' is not defined" in refused(tmp_path, ssd, gain, **files)
 
 
 # --- experiment, sources, versions -------------------------------------------------------------------
