@@ -64,10 +64,11 @@ def not_allowed(call: str, phase: InstancePhase) -> str:
 # Communication points
 
 RESOLUTION = 1e-9  # s, shortest communication step, and tolerance of its beginning; after 1 s times the time run
+LENGTHS = RESOLUTION, 1e6  # s, shortest and longest communication step
 ROUNDING = 1e-15  # of a time, whose rounding adds to that
 SHORT = Sentence(
-    f"a step needs a finite time and a length of at least {RESOLUTION:g} s (after 1 s: of the time run), "
-    "not t = {0:.9g}, h = {1:.9g}"
+    f"a step needs a finite time and a length of at least {RESOLUTION:g} s (after 1 s: of the time run) "
+    f"and at most {LENGTHS[1]:g} s, " + "not t = {0:.9g}, h = {1:.9g}"
 )
 JUMP = Sentence("the step begins at t = {0:.9g}, but the last one ended at {1:.9g}: restore a saved state to go back")
 LATE = Sentence("the step ends at t = {0:.9g}, after the stop time {1:.9g}")
@@ -81,7 +82,7 @@ def refused_step(t: float, h: float, now: float, stop: float, start: float) -> s
     """
     shortest = RESOLUTION * max(1.0, abs(t - start))  # max takes 1.0 beside NaN
     slack = shortest + ROUNDING * abs(t)
-    if not (math.isfinite(t) and math.isfinite(h) and h >= shortest):
+    if not (math.isfinite(t) and shortest <= h <= LENGTHS[1]):
         return format_sentence(SHORT, (t, h))
     if abs(t - now) > slack:
         return format_sentence(JUMP, (t, now))

@@ -134,10 +134,10 @@ EXPORT fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference v[], s
 
 EXPORT fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2String from[]) {
     CHECK(fmi2SetString);
-    for (size_t i = 0; i < n; i++) {
+    for (size_t k = 0, i = 0; k < 2 * n; i = ++k % n) { /* all are checked before one is set */
         int64_t at = string_at(v[i]);
         if (at < 0 || at >= N_STRING) return refuse(p, "no String variable has the value reference %u", v[i]);
-        if (choose_text(p, v[i], at, from[i])) return fmi2Error;
+        if (choose_text(p, v[i], at, from[i], k >= n)) return fmi2Error;
     }
     return fmi2OK;
 }

@@ -180,12 +180,12 @@ EXPORT fmi3Status fmi3SetInt64(fmi3Instance p, const fmi3ValueReference v[], siz
     char text[32];
     CHECK(fmi3SetInt64);
     if (wrong_count(p, m, n)) return fmi3Error;
-    for (size_t i = 0; i < n; i++) {
-        unsigned place = v[i] - FIRST_INTEGER + N_REAL;
+    for (size_t k = 0, i = 0; k < 2 * n; i = ++k % n) { /* all are checked before one is set */
+        unsigned place = v[i] - FIRST_INTEGER + N_REAL, at = v[i] - FIRST_STRING;
         if (is_integer(v[i])) return refuse(p, "output '%s' cannot be set", NAME[place]);
         if (!is_text(v[i], 1)) return unknown(p, "Int64", v[i]);
         snprintf(text, sizeof text, "%lld", (long long)from[i]);
-        if (choose(p, place, v[i] - FIRST_STRING, from[i] - CHOICE[v[i] - FIRST_STRING].first, text)) return fmi3Error;
+        if (choose(p, place, at, from[i] - CHOICE[at].first, text, k >= n)) return fmi3Error;
     }
     return fmi3OK;
 }
@@ -204,9 +204,9 @@ EXPORT fmi3Status fmi3SetString(fmi3Instance p, const fmi3ValueReference v[], si
                                 size_t m) {
     CHECK(fmi3SetString);
     if (wrong_count(p, m, n)) return fmi3Error;
-    for (size_t i = 0; i < n; i++) {
+    for (size_t k = 0, i = 0; k < 2 * n; i = ++k % n) {
         if (!is_text(v[i], 0)) return unknown(p, "String", v[i]);
-        if (choose_text(p, v[i] - FIRST_INTEGER + N_REAL, v[i] - FIRST_STRING, from[i])) return fmi3Error;
+        if (choose_text(p, v[i] - FIRST_INTEGER + N_REAL, v[i] - FIRST_STRING, from[i], k >= n)) return fmi3Error;
     }
     return fmi3OK;
 }

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from fmus.fmi.phases import ALLOWED, ALLOWED_FMI3, JUMP, LATE, RESOLUTION, ROUNDING, SHORT, InstancePhase, not_allowed
+from fmus.fmi.phases import ALLOWED, ALLOWED_FMI3, JUMP, LATE, LENGTHS, ROUNDING, SHORT, InstancePhase, not_allowed
 from fmus.interface.ports import Port, enumeration_value
 from fmus.interface.sentences import GAPS, Sentence
 from fmus.native.arrays import ArrayVariable
@@ -95,7 +95,7 @@ def _phases(allowed: Mapping[str, Sequence[InstancePhase]]) -> list[str]:
         f"enum {{ {', '.join(phase.name for phase in InstancePhase)} }};",
         f"enum {{ {', '.join(f'CALL_{call}' for call in allowed)} }};",
         f"static const char *const NOT_ALLOWED[][{len(InstancePhase)}] = {{ {', '.join(refusals)} }};",
-        f"static const double RESOLUTION = {RESOLUTION.hex()}, ROUNDING = {ROUNDING.hex()};",
+        f"static const double LENGTHS[] = {{ {LENGTHS[0].hex()}, {LENGTHS[1].hex()} }}, ROUNDING = {ROUNDING.hex()};",
         *_sentences("STEP_REFUSED", (SHORT, JUMP, LATE)),
     ]
 

@@ -291,9 +291,9 @@ static Status step(Instance *c, double t, double h) {
 }
 
 static Status advance(Instance *c, double t, double h) {
-    double run = fabs(t - c->start), shortest = RESOLUTION * (run > 1.0 ? run : 1.0); /* fmax would need libm */
+    double run = fabs(t - c->start), shortest = LENGTHS[0] * (run > 1.0 ? run : 1.0); /* fmax would need libm */
     double slack = shortest + ROUNDING * fabs(t);
-    if (!(isfinite(t) && isfinite(h) && h >= shortest)) return refuse_with(c, STEP_REFUSED[0], t, h);
+    if (!(isfinite(t) && h >= shortest && h <= LENGTHS[1])) return refuse_with(c, STEP_REFUSED[0], t, h);
     if (fabs(t - c->d.now) > slack) return refuse_with(c, STEP_REFUSED[1], t, c->d.now);
     if (t + h - c->stop > slack) return refuse_with(c, STEP_REFUSED[2], t + h, c->stop);
     c->discards = 1;
@@ -437,12 +437,12 @@ static const char *string_value(Instance *c, int64_t i) {
     return CHOICE[i].count ? CHOICE[i].names[c->d.choice[i]] : c->numbers.text[i];
 }
 
-static Status choose(Instance *c, unsigned v, int64_t at, int64_t k, const char *text) { /* text: of k, if it is out of range */
+static Status choose(Instance *c, unsigned v, int64_t at, int64_t k, const char *text, int keeps) { /* text: of a wrong k */
     Choice of = CHOICE[at];
     char known[LONGEST] = "";
     if (k >= 0 && k < of.count) {
         if (settable(c, v, of.free, 1)) return STATUS_ERROR;
-        c->d.choice[at] = k;
+        if (keeps) c->d.choice[at] = k;
         return STATUS_OK;
     }
     if (settable(c, v, of.free, 0)) return STATUS_ERROR;
@@ -451,11 +451,11 @@ static Status choose(Instance *c, unsigned v, int64_t at, int64_t k, const char 
     return refuse(c, "%s = '%s': must be one of %s", NAME[v], text, known);
 }
 
-static Status choose_text(Instance *c, unsigned v, int64_t at, const char *text) {
+static Status choose_text(Instance *c, unsigned v, int64_t at, const char *text, int keeps) {
     int k = 0;
     if (!CHOICE[at].count) return settable(c, v, 0, text && !strcmp(text, c->numbers.text[at]));
     while (k < CHOICE[at].count && (!text || strcmp(text, CHOICE[at].names[k]))) k++;
-    return choose(c, v, at, k, text ? text : "");
+    return choose(c, v, at, k, text ? text : "", keeps);
 }
 
 /* ---- FMU states: their bytes begin with a checksum of all that follows, and the guid */

@@ -130,6 +130,11 @@ def test_choices_are_enumerations():
             said = f"mode = '{value}': must be one of speed, torque, controller"
             assert three.messages[-1] == (ERROR, said)
         assert get([mode.valueReference]) == [3]
+        both = [mode.valueReference, extrapolation.valueReference]
+        assert three.status("fmi3SetInt64", both, [2, 9], c_int64) == ERROR
+        assert get(both) == [3, 1]  # a refused call leaves the instance as it was
+        assert three.status("fmi3SetInt64", both, [2, 2], c_int64) == 0
+        assert get(both) == [2, 2]
         with pytest.raises(fmpy.fmi1.FMICallException):
             three.slave.getString([mode.valueReference])
         assert "no String variable has the value reference" in three.messages[-1][1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from ctypes import c_char_p, c_uint
 from pathlib import Path
 
 import numpy as np
@@ -236,6 +237,38 @@ def test_choices_are_refused_by_what_there_is():
     said = r"mode = 'fast': must be one of speed, torque, controller"
     with Component(native(DRIVE), "part") as component, pytest.raises(ComponentFailed, match=said):
         component.initialise({"mode": "fast"})
+
+
+def test_a_refused_call_sets_none_of_its_texts():
+    with Component(native(DRIVE), "part") as component:
+        places = [component._variables[name].valueReference for name in ("mode", "extrapolation")]
+
+        def call(way, *texts):
+            values = (c_char_p * 2)(*texts)
+            function = getattr(component._library, f"fmi2{way}String")
+            return function(component._handle, (c_uint * 2)(*places), 2, values), [*values]
+
+        component.enter({})
+        _, before = call("Get")
+        other = [b"torque", b"velocity"]
+        assert before != other
+        assert call("Set", other[0], b"none such")[0] == 3
+        assert call("Get") == (0, before)
+        assert call("Set", *other)[0] == 0
+        assert call("Get") == (0, other)
+
+
+@pytest.mark.parametrize("h", [1.001e6, 1e300])
+def test_a_step_that_is_too_long_is_refused(h):
+    said = f"a step needs .* and at most 1e\\+06 s, not t = 0, h = {h:.9g}".replace("e+", r"e\+")
+    with Component(native(DRIVE), "part") as component:
+        component.initialise({})
+        before = component.y.copy()
+        with pytest.raises(ComponentFailed, match=said):
+            component.step(0.0, h)
+        component.read()
+        assert np.array_equal(component.y, before)
+        component.step(0.0, 1e6)
 
 
 @pytest.mark.parametrize("links", TRACKS)

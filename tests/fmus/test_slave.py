@@ -235,7 +235,7 @@ def test_a_step_with_good_input_follows_one_with_bad_input(component):
     assert np.array_equal(advance(component, 1, 3), expected)
 
 
-@pytest.mark.parametrize("h", [0.0, -H, np.nan, np.inf, 4.94e-324, 1e-310, 0.9e-9])
+@pytest.mark.parametrize("h", [0.0, -H, np.nan, np.inf, 1e300, 4.94e-324, 1e-310, 0.9e-9])
 def test_step_needs_a_length(component, h):
     component.initialise({})
     with pytest.raises(ComponentFailed, match="a step needs a finite time and a length of at least 1e-09 s"):
