@@ -32,7 +32,7 @@ from fmpy.fmi2 import fmi2FMUstate
 from numpy.typing import NDArray
 
 from orchestrator.cosim import fmi2_library
-from orchestrator.cosim.base_units import UNCHANGED, Conversion
+from orchestrator.cosim.base_units import UNCHANGED, Conversion, inverse_factors
 from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, ComponentFailed, Floats, GuestTerms
 from orchestrator.cosim.guests.library import GuestLibrary, Opening
 from orchestrator.cosim.guests.room import Room
@@ -122,6 +122,8 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         super().__init__(name, self._loaded, discrete, conversions, units, memory, guest is not None)
         if len(starts):
             self.u[: self._u[1]] = starts[: self._u[1]]
+        for sentence in inverse_factors(self.description) if guest is not None else ():
+            self._receive(WARNING, sentence, "")
         self._load(fmu)
 
     def _load(self, fmu: Path) -> None:
@@ -149,7 +151,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
     def _mixed_exchange(self) -> MixedExchange:
         starts = {name: (self._variables[name].start or "").encode() for name in self._strings}
         converted = ConvertedReals(self.inputs, self.conversions)
-        groups, known = self._input_groups, (starts, self.input_texts, self.sources)
+        groups, known = self._input_groups, (starts, self.input_texts, self.links_in)
         inputs = MixedInputs(self.received, self.u, self._u, converted, groups, *known)
         converted = ConvertedReals(self.outputs, self.conversions)
         outputs = MixedOutputs(self._raw, self.y, converted, self._output_groups, self.texts)

@@ -67,12 +67,11 @@ class DiscreteGroup(NamedTuple):
     ranges: Sequence[Range]
 
 
-def misfit(ranges: Sequence[Range], numbers: NDArray[Any], sources: Mapping[str, str] = NO_CONVERSIONS) -> str:
-    """Words on the first number, whose ``sources`` may be known, that is out of its range; empty without one."""
+def misfit(ranges: Sequence[Range], numbers: NDArray[Any], links: Mapping[str, str] = NO_CONVERSIONS) -> str:
+    """Words on the first number that is out of its range, by its link if there is one; empty if all are in it."""
     for (name, least, most), number in zip(ranges, numbers.tolist(), strict=True):
         if not least <= number <= most:
-            source = f" from {sources[name]}" if name in sources else ""
-            return f"'{name}'{source} is {int(number)}: it can be {least} to {most}"
+            return f"{links.get(name, name)} is {int(number)}: it can be {least} to {most}"
     return ""
 
 
@@ -116,7 +115,7 @@ class MixedInputs(NamedTuple):
     groups: tuple[DiscreteGroup, ...]
     starts: Mapping[str, bytes]  # of Strings
     texts: Mapping[str, Texts]  # of the sources of Strings
-    sources: Mapping[str, str]
+    links: Mapping[str, str]  # by input, in words
 
 
 class MixedOutputs(NamedTuple):
@@ -167,7 +166,7 @@ class MixedExchange:
             if not 0 <= status <= WARNING:
                 break
             numbers = self._inputs.u[place]
-            if kind == "Integer" and (sentence := misfit(ranges, numbers, self._inputs.sources)):
+            if kind == "Integer" and (sentence := misfit(ranges, numbers, self._inputs.links)):
                 self.failed = "fmi2SetInteger"
                 self._say(ERROR, sentence, "")
                 return ERROR

@@ -33,14 +33,12 @@ from orchestrator.cosim.graph import ComponentFailed
 Range = tuple[str, float, float]  # name of a variable, its least and largest number
 Elements = Sequence[tuple[int, str, int, int]]  # value reference, type, size and place in its array
 LIBRARIES: dict[str, ModuleType] = {"2.0": fmi2_library, "3.0": fmi3_library}  # by the version of FMI
-BITS = 8, 16, 32, 64
-RANGES: dict[str, tuple[float, float]] = {f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in BITS}
-RANGES |= {f"UInt{n}": (0, 2**n - 1) for n in BITS} | {"Integer": RANGES["Int32"]}
+RANGES: dict[str, tuple[float, float]] = {f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)}
+RANGES |= {f"U{kind}": (0, 2 * most + 1) for kind, (_, most) in RANGES.items()} | {"Integer": RANGES["Int32"]}
 KINDS = {"Float64": "Real", "Float32": "Real"} | dict.fromkeys(RANGES, "Integer")
 KINDS |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
 ALLOWED: dict[str, Any] = {"Real": int | float, "Integer": int, "Enumeration": int, "Boolean": bool, "String": str}
 LARGEST = 2**53 - 1  # whole numbers up to it are exact in arrays and logs, which hold doubles
-ROUNDING = 1e-9  # of a declared bound, relative
 MOST_ELEMENTS = 100_000  # scalars of an FMU of FMI 3.0
 
 
@@ -63,11 +61,7 @@ class Loadable(NamedTuple):
     folder: Path
     description: Any  # with the variables of FMI 2.0
     elements: Elements = ()  # of FMI 3.0: what each value reference of the description stands for
-
-    @property
-    def whole(self) -> Any:
-        """C type in which Integers, Enumerations and Booleans are exchanged."""
-        return c_int64 if is_fmi3(self.description) else c_int
+    whole: Any = c_int  # C type in which Integers, Enumerations and Booleans are exchanged
 
     def own_type(self, variable: Any) -> str:
         """Type of a variable in its version of FMI."""
@@ -93,7 +87,7 @@ class Loadable(NamedTuple):
             least, most = RANGES.get(self.own_type(variable), (-math.inf, math.inf))
             low, high = (getattr(variable, end) or getattr(declared, end, None) for end in ("min", "max"))
             least, most = max(least, float(low or -math.inf)), min(most, float(high or math.inf))
-            slack = ROUNDING * abs(value) if kind == "Real" else 0
+            slack = 1e-9 * abs(value) if kind == "Real" else 0  # bounds are rounded
             if value < least - slack or value > most + slack:
                 raise ValueError(f"must be {least} to {most}")
         return value
@@ -182,7 +176,7 @@ def _of_scalars(folder: Path, content: bytes) -> Loadable:
         if variable.type in KINDS and variable.causality != "independent"
         for scalar in _scalars(variable, elements)
     ]
-    return Loadable(folder, _changed(description, modelVariables=scalars), tuple(elements))
+    return Loadable(folder, _changed(description, modelVariables=scalars), tuple(elements), c_int64)
 
 
 def _scalars(variable: Any, elements: list[tuple[int, str, int, int]]) -> Iterator[ModelVariable]:

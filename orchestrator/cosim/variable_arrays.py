@@ -41,7 +41,7 @@ class VariableArrays:
         self.conversions, self.converted_units = conversions, units
         self.texts = Texts()  # of its String outputs
         self.input_texts: dict[str, Texts] = {}  # of the sources of String inputs
-        self.sources: dict[str, str] = {}  # of discrete inputs
+        self.links_in: dict[str, str] = {}  # connections of discrete inputs, in words
         memory = memory or (lambda n: (np.zeros(n), 0))
         variables = self.description.modelVariables
         self._variables = {v.name: v for v in variables}

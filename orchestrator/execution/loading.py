@@ -173,8 +173,8 @@ def load_components(
         if connection.carries == "discrete":
             target, source = components[connection.target], components[connection.source]
             target.input_texts |= dict.fromkeys(connection.inputs, source.texts)
-            outputs = (f"{source.name}.{name}" for name in connection.outputs)
-            target.sources |= zip(connection.inputs, outputs, strict=True)
+            pairs = zip(connection.inputs, connection.outputs, strict=True)
+            target.links_in |= {into: f"{source.name}.{output} -> {target.name}.{into}" for into, output in pairs}
     own = [instance for instance in graph.instances if instance.guest is None]
     start, stop = times
     for instance in own:  # whose times are those of the scene

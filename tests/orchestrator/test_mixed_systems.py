@@ -282,6 +282,22 @@ def test_units_of_declared_types_and_of_differences():
     assert conversion(None, kelvin) == conversion(kelvin, None) == UNCHANGED
 
 
+@pytest.mark.parametrize(("shown", "said"), [
+    ('name="kN" factor="1000"', ["'N' is shown in 'kN' by 1000, the inverse of 0.001"]),
+    ('name="kN" factor="0.001"', []),
+])  # fmt: skip
+def test_an_inverse_display_factor_is_a_warning(files, tmp_path, shown, said):
+    file = tmp_path / "shown.fmu"
+    with zipfile.ZipFile(files["a"]) as source, zipfile.ZipFile(file, "w") as copy:
+        for name in source.namelist():
+            old = b'<Unit name="N"><BaseUnit kg="1" m="1" s="-2" />'
+            content = source.read(name).replace(old, old + f"<DisplayUnit {shown}/>".encode())
+            assert name != "modelDescription.xml" or content != source.read(name)
+            copy.writestr(name, content)
+    summary = simulate(scene({"a": file, "b": files["b"]}), tmp_path / "mixed.mcap")
+    assert (summary["status"], [warning["text"] for warning in summary["warnings"]]) == ("ok", said)
+
+
 # --- steps that are not done -----------------------------------------------------------------------
 
 
@@ -396,9 +412,9 @@ def test_whole_numbers_keep_the_range_of_their_type(whole, tmp_path):
     ({"p.Int64": 2**63}, [], f"a: parameter 'p.Int64' = {2**63}: must be {-2**63} to {2**63 - 1}"),
     ({"p.UInt32": -1}, [], f"a: parameter 'p.UInt32' = -1: must be 0 to {2**32 - 1}"),
     ({"p.UInt32": 1.5}, [], "a: parameter 'p.UInt32' = 1.5: must be of type UInt32"),
-    ({"p.Int64": 300}, ["a.y.Int64 -> b.u.Int8"], "b: 'u.Int8' from a.y.Int64 is 300: it can be -128 to 127"),
-    ({"p.Int64": 2**60}, [], f"a: 'y.Int64' is {2**60}: it can be {1 - 2**53} to {2**53 - 1} (t = 0 s)"),
-    ({"p.UInt64": 2**64 - 1}, [], f"a: 'y.UInt64' is {2**63 - 1}: it can be 0 to {2**53 - 1}"),
+    ({"p.Int64": 300}, ["a.y.Int64 -> b.u.Int8"], "b: a.y.Int64 -> b.u.Int8 is 300: it can be -128 to 127"),
+    ({"p.Int64": 2**60}, [], f"a: y.Int64 is {2**60}: it can be {1 - 2**53} to {2**53 - 1} (t = 0 s)"),
+    ({"p.UInt64": 2**64 - 1}, [], f"a: y.UInt64 is {2**63 - 1}: it can be 0 to {2**53 - 1}"),
     ({"p.e": 6}, [], "a: parameter 'p.e' = 6: must be one of 1 low, 5 middle, 9 high"),
     ({"p.e": "highest"}, [], "a: parameter 'p.e' = 'highest': must be one of 1 low, 5 middle, 9 high"),
     ({"p.e": True}, [], "a: parameter 'p.e' = True: must be one of 1 low, 5 middle, 9 high"),
@@ -417,7 +433,7 @@ def test_a_number_that_does_not_fit_later_fails_the_run_with_link_and_time(whole
     found, summary = of_whole(tmp_path, whole, {"p.Int32": 30}, ["a.y.Int64 -> b.u.Int8"])
     time = 0.05 if way == "kernels" else 0.04  # in Python that of the last step
     allowed = f"it can be -128 to 127 (fmi3SetInteger, t = {time} s)"
-    assert summary["message"] == f"b: 'u.Int8' from a.y.Int64 is 150: {allowed}"
+    assert summary["message"] == f"b: a.y.Int64 -> b.u.Int8 is 150: {allowed}"
     assert (summary["status"], found["b.u.Int8"]) == ("failed", 120)
     assert verify(tmp_path / "w.mcap").code == 0
 

@@ -24,7 +24,6 @@ _ALIKE = {  # functions by their names in FMI 2.0, which has other capitals
     )
 }
 _TERMINATED = 3  # kind of a status
-_MOST = 2**63 - 1  # more than the run can use
 
 
 class Array:
@@ -82,7 +81,7 @@ class Fmi3:
             return worst
         for k, (array, place) in enumerate(elements):
             if way == "Get":
-                values[k] = array.values[place] if kind != "Integer" else min(array.values[place], _MOST)
+                values[k] = array.values[place] if kind != "Integer" else min(array.values[place], 2**63 - 1)
             else:
                 array.values[place] = values[k]
         for array in arrays if way == "Set" else ():
