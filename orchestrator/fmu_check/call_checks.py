@@ -81,17 +81,15 @@ MISUSES = (
 def check_phases(subject: Subject) -> Verdict:
     """Make each call outside its phase in an instance of its own, then calls that are allowed."""
     refused = 0
-    wrong: dict[str, list[str]] = {}  # calls by fault
-    for misuse in MISUSES:
-        subject.begin(f"in {misuse.name(subject)}")
+    wrong = {"accepted": [_with_another_token(subject)]} if _takes_foreign_token(subject) else {}  # calls by fault
+    for misuse in subject.each(MISUSES):
+        subject.doing = f"in {misuse.name(subject)}"
         with suppress(NotApplicable), Instance(subject) as instance:
             _enter(instance, misuse.phase)
             status = misuse.call(instance, subject)
             refused += status > WARNING
             for fault in instance.fatal(status) if status > WARNING else ["accepted"]:
                 wrong.setdefault(fault, []).append(misuse.name(subject))
-    if _takes_foreign_token(subject):
-        wrong.setdefault("accepted", []).append(_with_another_token(subject))
     faults = [f"{fault}: {', '.join(calls)}" for fault, calls in wrong.items()]
     for part in (_terminated, _reset):
         try:
@@ -118,7 +116,7 @@ def _with_another_token(subject: Subject) -> str:
 
 
 def _takes_foreign_token(subject: Subject) -> bool:
-    subject.begin(f"in {_with_another_token(subject)}")
+    subject.doing = f"in {_with_another_token(subject)}"
     try:
         with Instance(subject, GUID):
             return True
@@ -128,7 +126,7 @@ def _takes_foreign_token(subject: Subject) -> bool:
 
 def _terminated(subject: Subject) -> list[str]:
     """Outputs can be read after termination."""
-    subject.begin(f"when outputs were read after {subject.name('Terminate')}")
+    subject.doing = f"when outputs were read after {subject.name('Terminate')}"
     with Instance(subject) as instance:
         instance.initialise()
         instance.must("Terminate")
@@ -139,14 +137,13 @@ def _terminated(subject: Subject) -> list[str]:
 def _reset(subject: Subject) -> list[str]:
     """A run after a reset has the bits of a new instance, and an instance can be freed after one."""
     reset = subject.name("Reset")
-    subject.begin(f"in a second run after {reset}")
+    subject.doing = f"in a second run after {reset}"
     with Instance(subject) as instance:
         instance.initialise()
         first = instance.run()
         instance.must("Reset")
         instance.initialise()
         names = subject.differing(first, instance.run())
-        subject.begin(f"in {subject.name('FreeInstance')} after {reset}")
         instance.must("Reset")
     return [f"after {reset} a run differs from that of a new instance in {listed(names)}"] if names else []
 
@@ -168,8 +165,8 @@ def check_odd_steps(subject: Subject) -> Verdict:
     """Make unusual steps, each kind in an instance of its own."""
     kinds: dict[str, list[str]] = {"taken": [], "refused": []}
     faults = []
-    for name, steps in ODD_STEPS.items():
-        subject.begin(f"in a step of {name}")
+    for name, steps in subject.each([*ODD_STEPS.items()]):
+        subject.doing = f"in a step of {name}"
         with Instance(subject) as instance:
             instance.initialise()
             instance.run(0, 2)
@@ -194,9 +191,9 @@ def check_non_finite_inputs(subject: Subject) -> Verdict:
         raise NotApplicable(f"there are no {subject.fmi.REAL} inputs")
     refused, faults = 0, []
     names = names_of(subject.inputs)
-    for place, name in enumerate(names):
+    for place, name in subject.each([*enumerate(names)]):
         for value in VALUES:
-            subject.begin(f"with {name} = {value:g}")
+            subject.doing = f"with {name} = {value:g}"
             with Instance(subject) as instance:
                 instance.initialise()
                 instance.step(0)

@@ -10,6 +10,7 @@ import fmpy
 from fmpy.validation import validate_fmu
 from lxml import etree
 
+from orchestrator.cosim.base_units import inverse_factors
 from orchestrator.fmu_check import fmi3
 from orchestrator.fmu_check.instance import Floats, Instance, NotApplicable, Refused, Subject, Verdict, listed, names_of
 
@@ -57,7 +58,7 @@ def check_units(subject: Subject) -> Verdict:
         v for causality in ("input", "output", "parameter") for v in subject.variables(causality, subject.fmi.REAL)
     ]
     if not reals:
-        return Verdict(f"there are no {subject.fmi.REAL} inputs, outputs and parameters", applicable=False)
+        return Verdict(f"there are no {subject.fmi.REAL} inputs, outputs and parameters", outcome="not applicable")
     defined = {unit.name: unit for unit in subject.description.unitDefinitions}
     units = {v.name: v.unit or (v.declaredType.unit if v.declaredType is not None else None) for v in reals}
     bare = [name for name, unit in units.items() if unit is None]
@@ -69,6 +70,7 @@ def check_units(subject: Subject) -> Verdict:
         for unit in used
         if unit in defined and defined[unit].baseUnit is None
     ]
+    faults += inverse_factors(subject.description)
     without = f"; without a unit: {listed(bare)}" if bare else ""
     return Verdict(f"{len(reals)} {subject.fmi.REAL}s in {len(used)} units with base units{without}", tuple(faults))
 
@@ -124,7 +126,7 @@ def _dependent(subject: Subject, instance: Instance) -> Pairs:
         return instance.outputs()
 
     before = outputs(values)
-    for place, name in enumerate(names_of(subject.inputs)):
+    for place, name in subject.each([*enumerate(names_of(subject.inputs))]):
         changed = values.copy()
         changed[place] += CHANGE * max(1.0, abs(values[place]))
         pairs += [(name, output) for output in subject.differing(before, outputs(changed))]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
 from ctypes import c_double, c_uint
 from functools import cached_property, partial
@@ -35,12 +36,12 @@ class Verdict(NamedTuple):
 
     note: str  # one sentence: facts, or why the check is not applicable
     faults: tuple[str, ...] = ()  # one sentence each
-    applicable: bool = True
+    outcome: str = "ok"  # or not applicable, not finished
 
     @property
     def result(self) -> str:
-        """Return ok, wrong or not applicable."""
-        return "wrong" if self.faults else "ok" if self.applicable else "not applicable"
+        """Return ok, wrong, not finished or not applicable."""
+        return "wrong" if self.faults else self.outcome
 
     @property
     def detail(self) -> str:
@@ -75,12 +76,26 @@ class Subject:
 
     :param fmu: its file.
     :param step: communication step, s; None: that of its DefaultExperiment, else ``STEP``.
-    :param begin: called before a piece of work with words that tell where a crash happened.
+    :param note: called before each call of the FMU with words that tell where a crash happened.
     """
 
-    def __init__(self, fmu: Path, step: float | None = None, begin: Callable[[str], None] = lambda words: None) -> None:
-        self.fmu, self.begin, self._step = fmu, begin, step
-        self.instances = 0
+    def __init__(self, fmu: Path, step: float | None = None, note: Callable[[str], None] = lambda words: None) -> None:
+        self.fmu, self._note, self._step = fmu, note, step
+        self.instances, self.doing, self.unfinished = 0, "", ""  # doing: words for a piece of work
+        self.kept: Any = None  # library, instance and how to free it, of an FMU that is reset instead of a new one
+        self.deadline = math.inf  # s since the epoch
+
+    def enter(self, function: str) -> None:
+        """Note a call."""
+        self._note(f"{self.doing} ({self.name(function)})" if self.doing else f"in {self.name(function)}")
+
+    def each(self, pieces: Sequence[Any]) -> Iterator[Any]:
+        """Pieces of work while there is time; ``unfinished`` says how many of them if it does not suffice."""
+        for done, piece in enumerate(pieces):
+            if time.time() > self.deadline:
+                self.unfinished = f"not finished: {done:,} of {len(pieces):,}"
+                return
+            yield piece
 
     @cached_property
     def unpacked(self) -> tuple[Path, Any]:
@@ -144,6 +159,8 @@ class Subject:
     @cached_property
     def amplitude(self) -> float:
         """Relative amplitude of inputs that vary, the largest that the FMU takes; 0: start values only."""
+        if self.description.coSimulation.canBeInstantiatedOnlyOncePerProcess:
+            return AMPLITUDES[-1]  # the instance may be in use
         for amplitude in AMPLITUDES:
             with suppress(Refused), Instance(self) as trial:
                 trial.initialise()
@@ -187,19 +204,26 @@ def instantiate(subject: Subject, token: str | None, hear: Logger) -> tuple[Any,
 class Instance(AbstractContextManager["Instance"]):
     """Instance of an FMU; freed at the end of its ``with``, but never after the status Fatal.
 
-    Raises NotApplicable if the FMU cannot be instantiated at all or only once, Refused if it could before.
+    One that can be instantiated once per process is reset for the next instance. Raises NotApplicable if the FMU cannot
+    be instantiated at all or only once at a time, Refused if it could before.
     """
 
     def __init__(self, subject: Subject, token: str | None = None) -> None:
-        if subject.instances and subject.description.coSimulation.canBeInstantiatedOnlyOncePerProcess:
-            raise NotApplicable("the FMU can be instantiated only once per process")
         self._subject = subject
         self._messages: list[str] = []
         self._lost = self._running = False
+        self._once = bool(subject.description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
+        if subject.kept is not None and token is None:
+            (self._library, self._handle, self._close), subject.kept = subject.kept, None
+            self.must("Reset")
+            return
+        if subject.instances and self._once:
+            raise NotApplicable("the FMU can be instantiated only once per process")
+        subject.enter(subject.fmi.INSTANTIATE)
         try:
             self._library, self._handle, self._close = instantiate(subject, token, self._hear)
         except ComponentFailed as failure:
-            raise (Refused if subject.instances else NotApplicable)(str(failure)) from None
+            raise (Refused if subject.instances or token else NotApplicable)(str(failure)) from None
         subject.instances += 1
 
     def _hear(self, name: str, status: int, message: str) -> None:
@@ -209,6 +233,7 @@ class Instance(AbstractContextManager["Instance"]):
     def call(self, function: str, *arguments: Any) -> int:
         """Make a call, named without its prefix; return its status."""
         self._messages.clear()
+        self._subject.enter(function)
         status = int(getattr(self._library, self._subject.name(function))(self._handle, *arguments))
         self._lost |= status == FATAL
         if status <= WARNING and function in ("ExitInitializationMode", "Terminate", "Reset"):
@@ -298,7 +323,10 @@ class Instance(AbstractContextManager["Instance"]):
     def __exit__(self, *ended: object) -> None:
         if self._running and not self._lost:
             self.call("Terminate")
-        if not self._lost:
+        if self._once and not self._lost:
+            self._subject.kept = self._library, self._handle, self._close
+        elif not self._lost:
+            self._subject.enter("FreeInstance")
             self._close()
 
 

@@ -30,9 +30,11 @@ def check_repeatability(subject: Subject) -> Verdict:
         ("of two instances that step in turn", _in_turn),
         ("in another thread than that of the instantiation", _in_thread),
     ):
-        subject.begin(where)
+        subject.doing = where
         try:
             names = dict.fromkeys(name for run in runs(subject) for name in subject.differing(expected, run))
+        except NotApplicable:
+            continue  # it takes two instances at once
         except Refused as refusal:
             faults.append(f"{where}: {refusal}")
         else:
@@ -76,24 +78,21 @@ def check_states(subject: Subject) -> Verdict:
         first.must(f"Get{fmi.STATE}", byref(state))
         expected = first.run(BEFORE, AFTER)
         for time in ("first", "second"):
-            subject.begin(f"when a state was restored the {time} time")
+            subject.doing = f"when a state was restored the {time} time"
             first.must(f"Set{fmi.STATE}", state)
             if names := subject.differing(expected, first.run(BEFORE, AFTER)):
                 faults.append(f"steps after restoring a state the {time} time differ in {listed(names)}")
-        note = "restored twice, the same bits"
-        if can.canSerializeFMUstate:
-            subject.begin("when a state was carried into a second instance")
-            content = _serialised(first, state, fmi)
-            with Instance(subject) as second:
-                second.initialise()
-                _restore(second, content, fmi)
-                if names := subject.differing(expected, second.run(BEFORE, AFTER)):
-                    faults.append(f"steps of a second instance with the state's bytes differ in {listed(names)}")
-            note += f"; as {len(content)} bytes into a second instance too"
-        else:
-            note += "; canSerializeFMUstate is not declared"
-        subject.begin("when a state was freed")
+        content = _serialised(first, state, fmi) if can.canSerializeFMUstate else b""
         first.must(f"Free{fmi.STATE}", byref(state))
+    if not can.canSerializeFMUstate:
+        return Verdict("restored twice, the same bits; canSerializeFMUstate is not declared", tuple(faults))
+    subject.doing = "when a state was carried into a second instance"
+    with Instance(subject) as second:
+        second.initialise()
+        _restore(second, content, fmi)
+        if names := subject.differing(expected, second.run(BEFORE, AFTER)):
+            faults.append(f"steps of a second instance with the state's bytes differ in {listed(names)}")
+    note = f"restored twice, the same bits; as {len(content)} bytes into a second instance too"
     return Verdict(note, tuple(faults))
 
 
@@ -155,17 +154,13 @@ def check_surroundings(subject: Subject) -> Verdict:
 
 def _pieces(subject: Subject) -> Iterator[str]:
     """Yield the words for each piece of work that is done."""
-    subject.begin("at the instantiation")
     with Instance(subject) as instance:
         yield subject.name(subject.fmi.INSTANTIATE)
-        subject.begin("in the initialisation")
         instance.initialise()
         yield "the initialisation"
-        subject.begin("in a step")
         for k in range(STEPS):
             instance.step(k, 0.0)  # with start values: a trial of others would make a second instance
         yield subject.name("DoStep")
-        subject.begin("at the end")
     yield subject.name("FreeInstance")
 
 
@@ -202,17 +197,16 @@ PROCESS = Path("/proc/self/status")
 
 
 def check_memory(subject: Subject) -> Verdict:
-    """Instantiate, initialise, step and free; measure the growth of resident memory after a warm-up."""
+    """Instantiate or reset, initialise, step and free; measure the growth of resident memory after a warm-up."""
     if not PROCESS.exists():
         raise NotApplicable("this system has no /proc/self/status")
-    for _ in range(WARM_UP):
-        _cycle(subject)
-    before = _resident()
-    for cycle in range(CYCLES):
-        subject.begin(f"in cycle {WARM_UP + cycle} of instantiate, initialise, step and free")
+    before = float("inf")
+    for cycle in subject.each(range(WARM_UP + CYCLES)):
+        subject.doing = f"in cycle {cycle}"
+        before = _resident() if cycle == WARM_UP else before
         _cycle(subject)
     growth = _resident() - before
-    sentence = f"resident memory grows by {growth:.1f} MB in {CYCLES} cycles of instantiate, initialise, step and free"
+    sentence = f"resident memory grows by {growth:.1f} MB in {CYCLES} cycles of instantiate or reset, initialise, step"
     return Verdict(sentence, (sentence,) if growth > LIMIT else ())
 
 

@@ -33,7 +33,7 @@ CHECKS: dict[str, Callable[[Subject], Verdict]] = {
     "surroundings": run_checks.check_surroundings,
     "memory": run_checks.check_memory,
 }
-HANGING, LEAST = 1.2, 0.1  # parts of the time limit of a check
+HANGING, LEAST, WORK = 1.2, 0.1, 0.9  # parts of the time limit of a check
 STOPPED = "the process was stopped after"
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -59,7 +59,7 @@ def verdicts(fmu: Path, step: float | None, limit: float, begun: Callable[[str],
             continue
         began = time.monotonic()
         results[name] = in_child(name, fmu, step, min(limit, left))
-        if any(STOPPED in fault for fault in results[name].faults):
+        if results[name].outcome == "not finished" or any(STOPPED in fault for fault in results[name].faults):
             left -= time.monotonic() - began
     return results
 
@@ -71,6 +71,7 @@ def in_child(name: str, fmu: Path, step: float | None, limit: float) -> Verdict:
         journal, errors = Path(folder, "journal"), Path(folder, "errors")
         journal.write_text("{}", encoding="utf-8")
         arguments = [name, str(fmu.absolute()), "" if step is None else repr(step), str(journal)]
+        arguments.append(repr(time.time() + WORK * limit))
         with errors.open("wb") as stream:
             try:
                 child = subprocess.run(
@@ -85,13 +86,13 @@ def in_child(name: str, fmu: Path, step: float | None, limit: float) -> Verdict:
             except subprocess.TimeoutExpired:
                 end = f"{STOPPED} {limit:.3g} s"
         content = json.loads(journal.read_text(encoding="utf-8"))
-    note, faults, applicable = content.get("verdict", ("", (), True))
+    note, faults, outcome = content.get("verdict", ("", (), "ok"))
     if not end and "verdict" not in content:
         end = "the process ended with exit status 0"  # the FMU has ended it
     if end:
         where = "at its exit" if "verdict" in content else content.get("at", "at the start")
         faults = (*faults, f"{end} {where}")
-    return Verdict(note, tuple(faults), applicable)
+    return Verdict(note, tuple(faults), outcome)
 
 
 def _end(code: int, errors: Path) -> str:
@@ -107,20 +108,22 @@ def _end(code: int, errors: Path) -> str:
 def judged(name: str, subject: Subject) -> Verdict:
     """Make a check in this process; return its verdict."""
     try:
-        return CHECKS[name](subject)
+        verdict = CHECKS[name](subject)
+        return Verdict(subject.unfinished, verdict.faults, "not finished") if subject.unfinished else verdict
     except NotApplicable as reason:
-        return Verdict(str(reason), applicable=False)
+        return Verdict(str(reason), outcome="not applicable")
     except Refused as refusal:
         return Verdict("", (str(refusal),))
 
 
-def main(name: str, fmu: str, step: str, journal: str) -> None:
+def main(name: str, fmu: str, step: str, journal: str, deadline: str) -> None:
     """Make a check as a child process."""
 
     def write(**content: object) -> None:
         Path(journal).write_text(json.dumps(content), encoding="utf-8")
 
     subject = Subject(Path(fmu), float(step) if step else None, lambda words: write(at=words))
+    subject.deadline = float(deadline)
     write(verdict=judged(name, subject))
 
 

@@ -1,6 +1,7 @@
 """Checks of FMUs: a clean FMU passes all, each planted fault is found by its check."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -46,6 +47,7 @@ IN_CHILDREN = {  # these faults may end or fill the process of the tests
     "TERMINATE_ABORTS": ("phases", "the process was ended by SIGABRT in fmi2Terminate twice"),
     "HANGS": ("odd steps", "the process was stopped after 10 s in a step of negative length"),
     "TERMINATE_EXITS": ("phases", "the process ended with exit status 7 in fmi2Terminate twice"),
+    "TERMINATE_ENDS": ("states", "the process ended with exit status 7 in fmi2Terminate"),
     "EXIT_ABORTS": ("states", "the process was ended by SIGABRT at its exit"),
     "LEAK": ("memory", "resident memory grows by "),
 }
@@ -73,7 +75,7 @@ def oscillator(tmp_path_factory):
         subprocess.run([*map(str, command)], check=True)
         return packed(folder / f"oscillator-{fault or 'clean'}.fmu", library, XML)
 
-    faults = ["", "SMALL_INPUT", *PLANTED, *IN_CHILDREN]
+    faults = ["", "SMALL_INPUT", "ONCE", "SLOW", *PLANTED, *IN_CHILDREN]
     with ThreadPoolExecutor(2) as pool:
         files = dict(zip(faults, pool.map(compiled, faults), strict=True))
     return lambda fault="": files[fault]
@@ -135,12 +137,6 @@ def test_a_fault_of_the_description_is_found(oscillator, tmp_path, old, new, nam
     ("old", "new", "name", "words"),
     [
         ('canGetAndSetFMUstate="true"', "", "states", "canGetAndSetFMUstate is not declared"),
-        (
-            "<CoSimulation",
-            '<CoSimulation canBeInstantiatedOnlyOncePerProcess="true"',
-            "phases",
-            "only once per process",
-        ),
         ('modelIdentifier="oscillator"', 'modelIdentifier="other"', "memory", "has no binary for"),
         ('causality="input"', 'causality="parameter"', "units", "bad modelDescription.xml"),
     ],
@@ -159,6 +155,52 @@ def test_a_crash_a_hang_and_a_leak_are_faults(oscillator, fault):
     verdict = in_child(name, oscillator(fault), None, 10.0 if fault == "HANGS" else 60.0)
     assert verdict.result == "wrong"
     assert verdict.faults[-1].startswith(words), verdict
+
+
+ONE = "<CoSimulation", '<CoSimulation canBeInstantiatedOnlyOncePerProcess="true"'
+
+
+@pytest.mark.parametrize("name", [name for name in CHECKS if name != "memory"])
+def test_an_fmu_that_can_be_instantiated_once_is_checked(oscillator, tmp_path, name):
+    """It refuses a second instance in a process; it is reset instead."""
+    fmu = described(oscillator("ONCE"), tmp_path / "once.fmu", *ONE)
+    verdict = in_child(name, fmu, None, 60.0)
+    assert (verdict.result, verdict.faults) == ("ok", ())
+    if name in ("states", "repeatability", "odd steps", "non-finite inputs"):  # a fault without the declaration
+        assert in_child(name, oscillator("ONCE"), None, 60.0).result == "wrong"
+
+
+@pytest.mark.parametrize("fault", [name for name in PLANTED if name not in ("SHARED", "RESET_KEEPS_SPEED")])
+def test_a_planted_fault_is_found_in_an_fmu_that_can_be_instantiated_once(oscillator, tmp_path, fault):
+    name, words = PLANTED[fault]
+    verdict = judged(name, Subject(described(oscillator(fault), tmp_path / "once.fmu", *ONE)))
+    assert any(words in sentence for sentence in verdict.faults), verdict
+
+
+def test_a_check_without_time_enough_is_not_finished(oscillator, cotrack, monkeypatch):
+    """Instances that take 20 ms are no fault, though 250 do not fit into the limit."""
+    subject = Subject(oscillator("ANY_STEP"))
+    assert judged("odd steps", subject).result == "wrong"
+    subject.deadline = 0.0
+    assert judged("odd steps", subject) == ("not finished: 0 of 7", (), "not finished")
+    assert judged("dependencies", subject) == ("not finished: 0 of 1", (), "not finished")
+    monkeypatch.setattr(runner, "CHECKS", dict.fromkeys(("memory",)))
+    status, out, _ = cotrack("check", oscillator("SLOW"), "--limit", "2")
+    assert status == 0, out
+    assert re.search(r"^  memory  not finished    not finished: \d+ of 250$", out, re.MULTILINE), out
+
+
+@pytest.mark.parametrize(("unit", "shown", "factor", "right"), [
+    ("N", "kN", 1000.0, 1e-3), ("m", "mm", 0.001, 1e3), ("m", "mm", 1.0, None), ("N/m", "kN", 3.0, None),
+])  # fmt: skip
+def test_inverse_display_factors_are_told(oscillator, tmp_path, unit, shown, factor, right):
+    at = XML.index(f'<Unit name="{unit}">')
+    old = XML[at : XML.index("</Unit>", at)]
+    for given in (factor, 1.0 / factor):
+        new = f'{old}<DisplayUnit name="{shown}" factor="{given!r}"/>'
+        verdict = judged("units", Subject(described(oscillator(), tmp_path / "changed.fmu", old, new)))
+        said = f"'{unit}' is shown in '{shown}' by {given:g}, the inverse of {1.0 / given:g}"
+        assert verdict.faults == ((said,) if right and given == factor else ())
 
 
 SLAVE = """
@@ -253,7 +295,7 @@ def test_native_fmus_of_ours_have_no_fault_and_python_ones_the_known_ones():
     assert {name: verdict.faults for name, verdict in native.items() if verdict.faults} == {}
     python = build(kind, config)
     assert in_child("description", python, None, 300.0).result == in_child("states", python, None, 300.0).result == "ok"
-    fatal, accepted = in_child("phases", python, None, 300.0).faults
+    accepted, fatal = in_child("phases", python, None, 300.0).faults
     assert fatal.startswith(
         "fmi2Fatal, after which no instance may be used: fmi2ExitInitializationMode without entry, "
     )

@@ -10,7 +10,6 @@ it, later ones earlier ones (SSP 1.0, ParameterBinding).
 from __future__ import annotations
 
 import logging
-import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -320,7 +319,7 @@ def _in_unit(given: Given, target: Target, flowing: FlowingValue, what: str) -> 
     value = float(given.value)
     first = flowing.begin or flowing.end
     wanted, unit, base = first.connector.unit, given.unit, given.base or first.element.units.get(given.unit)
-    if base is None and re.fullmatch(r"\[.+\]", unit):
+    if base is None and unit[:1] == "[":
         unit = unit[1:-1]
         base = first.element.units.get(unit)
         logging.getLogger("cotrack").warning("%s: the unit '%s' is not defined: '%s' is taken", what, given.unit, unit)

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "fmi2.h"
 
@@ -55,6 +56,13 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     if (strcmp(guid, "{oscillator}")) return 0;
 #endif
     if (type != fmi2CoSimulation) return 0;
+#ifdef ONCE
+    static int made;
+    if (made++) return 0;
+#endif
+#ifdef SLOW
+    usleep(20000);
+#endif
     Instance *c = calloc(1, sizeof *c);
 #ifdef LEAK
     void *volatile lost = malloc(100000);
@@ -104,6 +112,9 @@ EXPORT fmi2Status fmi2Terminate(fmi2Component p) {
     Instance *c = p;
 #ifdef TERMINATE_ABORTS
     if (c->phase == TERMINATED) abort();
+#endif
+#ifdef TERMINATE_ENDS
+    _Exit(7);
 #endif
 #ifdef TERMINATE_EXITS
     if (c->phase == TERMINATED) _Exit(7);
