@@ -197,7 +197,7 @@ PROCESS = Path("/proc/self/status")
 
 
 def check_memory(subject: Subject) -> Verdict:
-    """Instantiate or reset, initialise, step and free; measure the growth of resident memory after a warm-up."""
+    """Instantiate, initialise, step and free; measure the growth of resident memory after a warm-up."""
     if not PROCESS.exists():
         raise NotApplicable("this system has no /proc/self/status")
     before = float("inf")
@@ -206,7 +206,7 @@ def check_memory(subject: Subject) -> Verdict:
         before = _resident() if cycle == WARM_UP else before
         _cycle(subject)
     growth = _resident() - before
-    sentence = f"resident memory grows by {growth:.1f} MB in {CYCLES} cycles of instantiate or reset, initialise, step"
+    sentence = f"resident memory grows by {growth:.1f} MB in {CYCLES} cycles of instantiate, initialise, step and free"
     return Verdict(sentence, (sentence,) if growth > LIMIT else ())
 
 
