@@ -323,7 +323,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
             raise ComponentFailed(f"{self.name}: there is no parameter '{name}'{hint}")
         variable = self._variables[name]
         try:
-            value = self._loaded.taken(variable, value)
+            value = self._loaded.taken(variable, value, self._guest is not None)
         except ValueError as error:
             raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: {error}") from None
         if name in self.inputs and variable.type != "String":

@@ -72,8 +72,8 @@ class Loadable(NamedTuple):
         ranges = ((v.name, *RANGES.get(self.own_type(v), RANGES["Int64"])) for v in variables)
         return [(name, max(least, -LARGEST), min(most, LARGEST)) for name, least, most in ranges]
 
-    def taken(self, variable: Any, value: float | int | str) -> float | int | str:
-        """Start value as a variable takes it: of an item its number; raises ValueError, which says what it must be."""
+    def taken(self, variable: Any, value: float | int | str, bounded: bool = True) -> float | int | str:
+        """Start value as a variable takes it; raises ValueError, if it is ``bounded`` by min and max too."""
         kind, declared = variable.type, variable.declaredType
         if kind == "Enumeration" and declared is not None and declared.items:
             items = {item.name: int(item.value) for item in declared.items}
@@ -85,11 +85,11 @@ class Loadable(NamedTuple):
             raise ValueError(f"must be of type {self.own_type(variable)}")
         if isinstance(value, int | float):
             least, most = RANGES.get(self.own_type(variable), (-math.inf, math.inf))
-            low, high = (getattr(variable, end) or getattr(declared, end, None) for end in ("min", "max"))
+            low, high = (bounded and (getattr(variable, end) or getattr(declared, end, 0)) for end in ("min", "max"))
             least, most = max(least, float(low or -math.inf)), min(most, float(high or math.inf))
             slack = 1e-9 * abs(value) if kind == "Real" else 0  # bounds are rounded
             if value < least - slack or value > most + slack:
-                raise ValueError(f"must be {least} to {most}")
+                raise ValueError(f"must be {least} to {most}".replace("-inf ", "up ").replace("to inf", "or more"))
         return value
 
 

@@ -287,10 +287,10 @@ def test_units_that_do_not_fit_are_refused(gain, tmp_path, one, other, said):
 
 
 def with_maximum(gain, file):
-    """The gain with the declared range 1 to 5 of k."""
+    """The gain with a declared maximum of k."""
     with zipfile.ZipFile(gain) as source, zipfile.ZipFile(file, "w") as copy:
         for name in source.namelist():
-            old, new = b'<Real start="2.0"', b'<Real min="1" max="5" start="2.0"'
+            old, new = b'<Real start="2.0"', b'<Real max="5" start="2.0"'
             assert name != "modelDescription.xml" or old in source.read(name)
             copy.writestr(name, source.read(name).replace(old, new))
     return file
@@ -308,8 +308,8 @@ ITEMS = "must be one of 1 low, 2 high, 3 road"
 
 
 @pytest.mark.parametrize(("binding", "said"), [
-    (bound(values(k=("Real", 5.5))), "= 5.5 (Real): 's.k' must be 1.0 to 5.0"),
-    (bound(values(k=("Integer", 0))), "= 0 (Integer): 's.k' must be 1.0 to 5.0"),
+    (bound(values(k=("Real", 5.5))), "= 5.5 (Real): 's.k' must be up to 5.0"),
+    (bound(values(k=("Integer", 6))), "= 6 (Integer): 's.k' must be up to 5.0"),
     (bound(values(whole=("Integer", 3_000_000_000))), f"'s.whole' must be {-2**31} to {2**31 - 1}"),
     (bound(values(k=("Real", 2.0)).replace("</ssv:Parameters>", f"{K}</ssv:Parameters>")),
      "parameter 'k': it is given twice"),
