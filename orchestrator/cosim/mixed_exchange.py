@@ -167,7 +167,7 @@ class MixedExchange:
                 break
             numbers = self._inputs.u[place]
             if kind == "Integer" and (sentence := misfit(ranges, numbers, self._inputs.links)):
-                self.failed = "fmi2SetInteger"
+                self.failed = "fmi2DoStep"
                 self._say(ERROR, sentence, "")
                 return ERROR
             if kind == "String":

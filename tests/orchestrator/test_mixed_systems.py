@@ -432,7 +432,7 @@ def test_a_number_that_does_not_fit_later_fails_the_run_with_link_and_time(whole
     monkeypatch.setattr("orchestrator.cosim.coupling.scheme.CAN_STEP", way != "Python")
     found, summary = of_whole(tmp_path, whole, {"p.Int32": 30}, ["a.y.Int64 -> b.u.Int8"])
     time = 0.05 if way == "kernels" else 0.04  # in Python that of the last step
-    allowed = f"it can be -128 to 127 (fmi3SetInteger, t = {time} s)"
+    allowed = f"it can be -128 to 127 (fmi3DoStep, t = {time} s)"
     assert summary["message"] == f"b: a.y.Int64 -> b.u.Int8 is 150: {allowed}"
     assert (summary["status"], found["b.u.Int8"]) == ("failed", 120)
     assert verify(tmp_path / "w.mcap").code == 0
