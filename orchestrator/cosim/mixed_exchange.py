@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentFailed, Floats
 from orchestrator.cosim.messages import ERROR, FATAL, WARNING, Hear
-from orchestrator.cosim.model_description import Loadable, Range
+from orchestrator.cosim.model_description import Loadable
 
 START = -1.0  # number of the start value of a String
 KINDS = {"Integer": ("Integer", "Enumeration"), "Boolean": ("Boolean",), "String": ("String",)}
@@ -64,10 +64,10 @@ class DiscreteGroup(NamedTuple):
     place: slice
     references: Any
     values: Any  # array of the C type of the function
-    ranges: Sequence[Range]
+    ranges: Sequence[Any]  # of Loadable.exact_ranges
 
 
-def misfit(ranges: Sequence[Range], numbers: NDArray[Any], links: Mapping[str, str] = NO_CONVERSIONS) -> str:
+def misfit(ranges: Sequence[Any], numbers: NDArray[Any], links: Mapping[str, str] = NO_CONVERSIONS) -> str:
     """Words on the first number that is out of its range, by its link if there is one; empty if all are in it."""
     for (name, least, most), number in zip(ranges, numbers.tolist(), strict=True):
         if not least <= number <= most:

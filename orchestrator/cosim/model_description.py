@@ -30,7 +30,6 @@ from orchestrator.cosim import fmi2_library, fmi3_library
 from orchestrator.cosim.fmu_files import DESCRIPTION, unpack
 from orchestrator.cosim.graph import ComponentFailed
 
-Range = tuple[str, float, float]  # name of a variable, its least and largest number
 Elements = Sequence[tuple[int, str, int, int]]  # value reference, type, size and place in its array
 LIBRARIES: dict[str, ModuleType] = {"2.0": fmi2_library, "3.0": fmi3_library}  # by the version of FMI
 RANGES: dict[str, tuple[float, float]] = {f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)}
@@ -67,8 +66,8 @@ class Loadable(NamedTuple):
         """Type of a variable in its version of FMI."""
         return self.elements[variable.valueReference][1] if self.elements else str(variable.type)
 
-    def exact_ranges(self, variables: Iterable[Any]) -> list[Range]:
-        """Numbers of variables that are exchanged as ``whole``, as far as doubles hold them."""
+    def exact_ranges(self, variables: Iterable[Any]) -> list[tuple[str, float, float]]:
+        """Name, least and largest number of variables that are exchanged as ``whole``, as far as doubles hold them."""
         ranges = ((v.name, *RANGES.get(self.own_type(v), RANGES["Int64"])) for v in variables)
         return [(name, max(least, -LARGEST), min(most, LARGEST)) for name, least, most in ranges]
 

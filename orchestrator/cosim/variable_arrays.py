@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, unit_of
 from orchestrator.cosim.graph import Floats
 from orchestrator.cosim.mixed_exchange import START, Texts, discrete_groups
-from orchestrator.cosim.model_description import Loadable
 
 LINK_FAMILIES = ("link[", "joint[")  # prefixes of per-link outputs, which are read and recorded at their own rate
 
@@ -21,8 +20,8 @@ LINK_FAMILIES = ("link[", "joint[")  # prefixes of per-link outputs, which are r
 class VariableArrays:
     """Arrays of an instance: inputs ``u``, outputs ``y``, link outputs ``y_links``, other outputs ``counters``.
 
-    ``discrete``: connected variables that are no Reals, which follow them in ``u`` and ``y``. ``conversions`` and
-    ``units``: as of ``graph.Instance``. ``memory``: gives an array of n zeros that the FMU's process shares, and its
+    ``loaded``: its FMU. ``discrete``: connected variables that are no Reals, which follow them in ``u`` and ``y``.
+    ``conversions`` and ``units``: as of ``graph.Instance``. ``memory``: gives an array of n zeros that the FMU's process shares, and its
     place there; None: it has none. ``is_watched``: what the FMU outputs is looked at, as where it exchanges more than
     Reals in its units.
     """
@@ -30,7 +29,7 @@ class VariableArrays:
     def __init__(
         self,
         name: str,
-        loaded: Loadable,
+        loaded: Any,
         discrete: Collection[str],
         conversions: Mapping[str, Conversion],
         units: Mapping[str, str],

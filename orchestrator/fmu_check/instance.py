@@ -47,7 +47,8 @@ class Verdict(NamedTuple):
     def detail(self) -> str:
         """Return the first faults, or the note."""
         more = len(self.faults) - SHOWN
-        return "; ".join(self.faults[:SHOWN]) + (f"; and {more} more" if more > 0 else "") or self.note
+        told = *self.faults[:SHOWN], *[f"and {more} more"] * (more > 0), *[self.note] * (self.outcome == "not finished")
+        return "; ".join(told) or self.note
 
 
 class NotApplicable(Exception):
@@ -81,7 +82,8 @@ class Subject:
 
     def __init__(self, fmu: Path, step: float | None = None, note: Callable[[str], None] = lambda words: None) -> None:
         self.fmu, self._note, self._step = fmu, note, step
-        self.instances, self.doing, self.unfinished = 0, "", ""  # doing: words for a piece of work
+        self.instances, self.doing = 0, ""  # words for a piece of work
+        self.unfinished: dict[str, Any] = {}  # note and outcome of a check without time enough
         self.kept: Any = None  # library, instance and how to free it, of an FMU that is reset instead of a new one
         self.deadline = math.inf  # s since the epoch
 
@@ -93,7 +95,7 @@ class Subject:
         """Pieces of work while there is time; ``unfinished`` says how many of them if it does not suffice."""
         for done, piece in enumerate(pieces):
             if time.time() > self.deadline:
-                self.unfinished = f"not finished: {done:,} of {len(pieces):,}"
+                self.unfinished = {"note": f"not finished: {done:,} of {len(pieces):,}", "outcome": "not finished"}
                 return
             yield piece
 

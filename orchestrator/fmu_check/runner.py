@@ -55,11 +55,11 @@ def verdicts(fmu: Path, step: float | None, limit: float, begun: Callable[[str],
     for name in CHECKS:
         begun(name)
         if left < LEAST * limit:
-            results[name] = Verdict("", ("it was not made, because other checks did not come to an end",))
+            results[name] = Verdict("not made, because other checks did not come to an end", outcome="not finished")
             continue
         began = time.monotonic()
         results[name] = in_child(name, fmu, step, min(limit, left))
-        if results[name].outcome == "not finished" or any(STOPPED in fault for fault in results[name].faults):
+        if any(STOPPED in fault for fault in results[name].faults):
             left -= time.monotonic() - began
     return results
 
@@ -70,8 +70,7 @@ def in_child(name: str, fmu: Path, step: float | None, limit: float) -> Verdict:
     with TemporaryDirectory() as folder:
         journal, errors = Path(folder, "journal"), Path(folder, "errors")
         journal.write_text("{}", encoding="utf-8")
-        arguments = [name, str(fmu.absolute()), "" if step is None else repr(step), str(journal)]
-        arguments.append(repr(time.time() + WORK * limit))
+        arguments = [name, str(fmu.absolute()), repr(step or 0.0), str(journal), repr(time.time() + WORK * limit)]
         with errors.open("wb") as stream:
             try:
                 child = subprocess.run(
@@ -108,8 +107,7 @@ def _end(code: int, errors: Path) -> str:
 def judged(name: str, subject: Subject) -> Verdict:
     """Make a check in this process; return its verdict."""
     try:
-        verdict = CHECKS[name](subject)
-        return Verdict(subject.unfinished, verdict.faults, "not finished") if subject.unfinished else verdict
+        return CHECKS[name](subject)._replace(**subject.unfinished)
     except NotApplicable as reason:
         return Verdict(str(reason), outcome="not applicable")
     except Refused as refusal:
@@ -118,13 +116,15 @@ def judged(name: str, subject: Subject) -> Verdict:
 
 def main(name: str, fmu: str, step: str, journal: str, deadline: str) -> None:
     """Make a check as a child process."""
+    with Path(journal).open("r+b", buffering=0) as stream:  # a new file for each call of the FMU would take long
 
-    def write(**content: object) -> None:
-        Path(journal).write_text(json.dumps(content), encoding="utf-8")
+        def write(**content: object) -> None:
+            stream.seek(0)
+            stream.write(json.dumps(content).ljust(4096).encode())
 
-    subject = Subject(Path(fmu), float(step) if step else None, lambda words: write(at=words))
-    subject.deadline = float(deadline)
-    write(verdict=judged(name, subject))
+        subject = Subject(Path(fmu), float(step), lambda words: write(at=words[:500]))
+        subject.deadline = float(deadline)
+        write(verdict=judged(name, subject))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from fmus.fmi.build import build
 from fmus.native import link
 from fmus.native.pack import build_native
 from orchestrator.fmu_check import runner
-from orchestrator.fmu_check.instance import Instance, Subject
+from orchestrator.fmu_check.instance import Instance, Subject, Verdict
 from orchestrator.fmu_check.runner import CHECKS, in_child, judged, verdicts
 from orchestrator.scene.products import scene_products
 from orchestrator.scene.scene import load
@@ -184,6 +184,10 @@ def test_a_check_without_time_enough_is_not_finished(oscillator, cotrack, monkey
     subject.deadline = 0.0
     assert judged("odd steps", subject) == ("not finished: 0 of 7", (), "not finished")
     assert judged("dependencies", subject) == ("not finished: 0 of 1", (), "not finished")
+    assert (
+        Verdict("not finished: 1 of 7", (*"abcd",), "not finished").detail
+        == "a; b; c; and 1 more; not finished: 1 of 7"
+    )
     monkeypatch.setattr(runner, "CHECKS", dict.fromkeys(("memory",)))
     status, out, _ = cotrack("check", oscillator("SLOW"), "--limit", "2")
     assert status == 0, out
@@ -348,4 +352,5 @@ def test_an_fmu_that_hangs_takes_little_more_than_one_limit(guest):
     found = verdicts(guest(HANGS), 1e-3, 5.0, lambda name: None)
     assert time.monotonic() - began < 30.0
     assert "the process was stopped after 5 s" in found["dependencies"].faults[0]
-    assert found["memory"].faults == ("it was not made, because other checks did not come to an end",)
+    assert (found["memory"].result, found["memory"].faults) == ("not finished", ())
+    assert found["memory"].note == "not made, because other checks did not come to an end"
