@@ -21,9 +21,9 @@ class VariableArrays:
     """Arrays of an instance: inputs ``u``, outputs ``y``, link outputs ``y_links``, other outputs ``counters``.
 
     ``loaded``: its FMU. ``discrete``: connected variables that are no Reals, which follow them in ``u`` and ``y``.
-    ``conversions`` and ``units``: as of ``graph.Instance``. ``memory``: gives an array of n zeros that the FMU's process shares, and its
-    place there; None: it has none. ``is_watched``: what the FMU outputs is looked at, as where it exchanges more than
-    Reals in its units.
+    ``conversions`` and ``units``: as of ``graph.Instance``. ``memory``: gives an array of n zeros that the FMU's
+    process shares, and its place there; None: it has none. ``is_watched``: what the FMU outputs is looked at, as
+    where it exchanges more than Reals in its units.
     """
 
     def __init__(
