@@ -57,7 +57,8 @@ class Unit(NamedTuple):
     def times(self, other: Unit, power: int) -> Unit:
         """Product with a power of another unit."""
         exponents = (a + power * b for a, b in zip(self.exponents, other.exponents, strict=True))
-        return Unit(self.factor * other.factor**power, tuple(exponents))
+        size = math.prod([other.factor] * abs(power))  # products: powers of C depend on the processor
+        return Unit(self.factor * size if power > 0 else self.factor / size, tuple(exponents))
 
 
 ONE = Unit(1.0, (0,) * len(BASES))

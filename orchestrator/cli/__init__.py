@@ -29,6 +29,7 @@ from orchestrator.cli.result_commands import compare, replay, report
 from orchestrator.cli.run_commands import resume, run, truth
 from orchestrator.cli.scene_commands import build, cache, check, keys, new, scenes, schema, show, ssp, vehicles, warm
 from orchestrator.cli.study_commands import fit, sensitivity, study, sweep
+from orchestrator.files.command import command_scope
 
 app = typer.Typer(
     name="cotrack",
@@ -92,7 +93,7 @@ def main(command: Callable[..., Any] = app) -> None:
         signal.signal(number, _stop)
     status: Any = 0
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), command_scope():
             print_notices()
             status = command(standalone_mode=False)
     except KeyboardInterrupt:

@@ -16,6 +16,8 @@ class Interrupt:
 
     def __init__(self) -> None:
         self.requested = self.deferring = False
+        self.terminated = False  # by another signal than that of Ctrl-C: nothing more is waited for
+        self.failure = ""  # sentence on a log that could not be written
         self._count = 0
         self._woken, self._wakes = socket.socketpair()
         for end in (self._woken, self._wakes):
@@ -24,6 +26,7 @@ class Interrupt:
     def __call__(self, number: int, frame: object) -> None:
         """Handle a signal; raises KeyboardInterrupt."""
         repeated, self.requested = self.requested, True
+        self.terminated |= number != signal.SIGINT
         if repeated or not self.deferring:
             raise KeyboardInterrupt
 
@@ -40,9 +43,9 @@ class Interrupt:
 
 
 @contextmanager
-def interruptible(interrupt: Interrupt | None = None) -> Iterator[Interrupt]:
+def interruptible() -> Iterator[Interrupt]:
     """Install the handler; while it is deferring, the first signal lets the step end and the log be closed."""
-    interrupt = interrupt or Interrupt()
+    interrupt = Interrupt()
     if threading.current_thread() is not threading.main_thread():
         yield interrupt
         return

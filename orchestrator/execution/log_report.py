@@ -20,7 +20,7 @@ from orchestrator.log.reader import Log
 from orchestrator.results.analyses.fatigue import StressLifeLine
 from orchestrator.results.measured_difference import compare_measured
 from orchestrator.results.measured_record import MeasuredFile
-from orchestrator.results.output_files import check_output
+from orchestrator.results.output_files import check_output, check_unread
 from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.evaluation import RunSummary
 from orchestrator.results.run_data import RunData
@@ -48,12 +48,10 @@ def report(
     check_output(page, SUFFIXES)
     line = StressLifeLine.read(sn) if sn else None
     logs = [Path(log) for log in (path, reference) if log is not None]
-    for each in [*logs, *([Path(measured.path)] if measured else [])]:
-        if page.exists() and each.exists() and page.samefile(each):
-            raise BadInput(f"-o {page}: is a file that is read")
     plotting()
     with ExitStack() as stack:
         runs = [RunData(stack.enter_context(Log(log))) for log in logs]
+        check_unread(page)
         for run in runs:
             run.log.notice_seal()
         if len(runs) > 1 and not different:

@@ -181,10 +181,8 @@ def _commit() -> str:
         return ""
 
     def git(*words: str) -> str:
-        completed = subprocess.run(
-            ["git", "-C", str(root), *words], capture_output=True, text=True, timeout=10, check=True
-        )
-        return completed.stdout.strip()
+        command = ["git", "--no-optional-locks", "-C", str(root), *words]  # no file is written there
+        return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
 
     with suppress(OSError, subprocess.SubprocessError):
         changed = git("status", "--porcelain", "--untracked-files=no", "--", "fmus", "orchestrator")

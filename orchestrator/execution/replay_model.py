@@ -68,8 +68,6 @@ class Replay(NamedTuple):
         known, so it can be replayed itself. Raises BadInput, UnfitLog.
         """
         log, name, model = self.log, self.component.name, self.model
-        if path.exists() and path.samefile(log.path):
-            raise BadInput(f"{path} is the log itself: give another name")
         own = self.component.conversions, self.component.converted_units
         instance = Instance(
             name,

@@ -53,8 +53,6 @@ def resume(
     """
     with Log(source) as log:
         log.check_repeatable()
-        if path.exists() and path.samefile(source):
-            raise BadInput(f"{path} is the log itself: give another name")
         scene = _scene(log, stop)
         scene.require_own_parts("a file that a log names is not run, so resume needs")
         number, reached = _last_checkpoint(log, at, scene.run)

@@ -24,6 +24,7 @@ from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene, require_signals
 from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
+from orchestrator.files.command import command_scope
 from orchestrator.log.log_file import LogFailed, check_writable
 from orchestrator.log.message_records import Event
 from orchestrator.log.reader import Log, LogUnreadable
@@ -42,6 +43,7 @@ NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be rep
 MOST_NARRATED = 300  # characters of a line about parameters
 
 
+@command_scope()
 def simulate(
     scene: SystemScene,
     path: Path,
@@ -50,26 +52,31 @@ def simulate(
     estimated: bool = False,
     native: bool = False,
     continuation: Continuation | None = None,
-    interrupt: Interrupt | None = None,
+    answer: bool = False,
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; return the summary (``summary.empty``).
 
     ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take twice
     the run's own time. ``native``: use native FMUs, which give the same numbers; the coarser runs use
     Python FMUs. ``continuation``: checkpoint of an earlier run (``resume``).
-    ``interrupt``: tells afterwards whether a signal came, also one after the last step or during a coarser run.
+    ``answer``: raise what is no answer of the model: KeyboardInterrupt, and OSError for a log that cannot be written.
 
     Before the first step raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt
     and writes no log. Later failures are reported in the summary's status and message.
     """
     check_writable(path)
-    with interruptible(interrupt) as handler:
+    with interruptible() as handler:
         try:
-            return _simulate(scene, path, logger, narration, estimated, handler, native, continuation)
+            result = _simulate(scene, path, logger, narration, estimated, handler, native, continuation)
         except (BuildFailed, ComponentFailed):
             if handler.requested:  # an interruption makes a component report a failure
                 raise KeyboardInterrupt from None
             raise
+    if answer and handler.requested:
+        raise KeyboardInterrupt
+    if answer and handler.failure:
+        raise OSError(handler.failure)
+    return result
 
 
 def _simulate(
@@ -119,16 +126,27 @@ def _simulate(
                     if component.is_remote:  # the end of another one could be that of this process
                         component.close()
                 result["warnings"] = [*early_warnings, *run.warnings()]
+                run_events: list[Event] = []
+                interrupt.deferring = False
+                try:
+                    if outcome.steps and not interrupt.terminated:
+                        announce(f"{scene.name}: results are read from the log")
+                        entries, run_events = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
+                        result |= entries
+                        if estimated:
+                            _estimate_error(run.scene, recorder.file, result, interrupt, announce)
+                    if interrupt.requested and outcome.status == "ok":  # in a coarser run
+                        raise KeyboardInterrupt
+                except KeyboardInterrupt:
+                    outcome = outcome._replace(status="interrupted", message="interrupted while it was evaluated")
+                    result |= {"status": "failed", "message": outcome.message}
+                interrupt.deferring = True
                 if outcome.steps:
-                    announce(f"{scene.name}: results are read from the log")
-                    entries, run_events = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
-                    result |= entries
                     recorder.write_events(run_events)
-                    if estimated:
-                        _estimate_error(run.scene, recorder.file, result, interrupt, announce)
                 _close(recorder, outcome, result)
                 file = recorder.file if recorder.replaces else path
         except LogFailed as failure:
+            interrupt.failure = str(failure)
             outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
             result |= outcome_entries(outcome, result["wall_time"])
             result["warnings"] = [*early_warnings, *run.warnings()]
@@ -211,7 +229,6 @@ def record_companion(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str
     An outcome has status and message, times, components, energy and the path of the log, named as in a summary. A
     signal ends the run. No failure is raised: it is a status.
     """
-    interrupt.deferring = True  # the main run still has to close its log
     try:
         with ExitStack() as stack:
             rooms = Rooms(interrupt.signals)
@@ -219,14 +236,17 @@ def record_companion(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str
                 PreparedRun.prepare(*load_scene(scene, assemble(scene), stack, None, rooms=rooms)), path, interrupt
             )
     except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable, BadInput) as failure:
+        interrupt.failure = str(failure) if isinstance(failure, LogFailed) else interrupt.failure
         return {"status": "failed", "message": str(failure)}
 
 
 def _recorded(run: PreparedRun, path: Path, interrupt: Interrupt) -> dict[str, Any]:
     result: dict[str, Any] = {"log": str(path)}
     with open_log(path, run.scene, run.graph, run.components, run.scheme) as recorder:
+        interrupt.deferring = True
         outcome = run.step_to_end(run.observers(recorder, ReachedPoint()), interrupt, result)
         recorder.close(outcome.status, outcome.message, outcome.steps)
+    interrupt.deferring = False
     with Log(path) as log:
         result |= summary.balance(RunData(log))
     return result | summary.judgement(outcome.message, result)

@@ -263,12 +263,10 @@ def _number_or_reason(evaluate: Callable[[], float], measure: str | None = None)
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", RuntimeWarning)  # the mean of an empty set is NaN, which is reported
             value = float(evaluate())
-    except (KeyError, ValueError, ZeroDivisionError):  # the scene has nothing to measure
-        return float("nan"), f"'{measure}' finds nothing to measure in this scene and window"
     except Exception as error:
         if isinstance(error, Unrecorded) and measure is not None:
             raise
-        return float("nan"), run_data.reason(error)
+        return float("nan"), run_data.reason(error, of_figure=True)
     return value, "" if np.isfinite(value) else "no finite number comes out of what was recorded"
 
 

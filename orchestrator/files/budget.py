@@ -22,6 +22,8 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+from orchestrator.files.command import note_input
+
 TOML = 1 << 18  # bytes of a TOML file, which takes up to 2 s per MB to parse; long tables of points are CSV files
 CSV = 4 << 20  # bytes of a table of points
 ROWS = 50_000  # of a table of points
@@ -123,6 +125,7 @@ def open_file(path: Path, most: float = inf) -> BufferedReader:
     except (OSError, OverBudget):
         os.close(descriptor)
         raise
+    note_input(path)
     return os.fdopen(descriptor, "rb")
 
 

@@ -11,6 +11,7 @@ from typing import IO
 from mcap.writer import MCAP0_MAGIC
 
 from orchestrator.files.budget import open_file
+from orchestrator.files.command import is_input
 from orchestrator.log import notices
 
 try:
@@ -54,6 +55,8 @@ def check_writable(path: Path) -> None:
         problem = "it is a link that leads to itself"
     elif path.exists() and not path.is_file():
         problem = "it is a device or a pipe, which cannot be read again"
+    elif is_input(path):
+        problem = "it is a file that is read"
     elif any(_held(file) for file in _running_files(path)):
         problem = "another run is writing it"
     elif path.is_file():
@@ -137,12 +140,12 @@ def being_written(stream: IO[bytes]) -> bool:
     return False
 
 
-def log_failed(path: Path, error: Exception) -> LogFailed:
+def log_failed(path: Path, error: BaseException) -> LogFailed:
     """Return the LogFailed for a log that cannot be written."""
     return LogFailed(f"the log {path} cannot be written: {error_text(error)}")
 
 
-def error_text(error: Exception) -> str:
+def error_text(error: BaseException) -> str:
     """Return the reason of a file error as the end of a sentence."""
     text = (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     return text[:1].lower() + text[1:]

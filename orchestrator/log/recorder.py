@@ -82,7 +82,6 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._bytes = 0  # message bytes in the blocks
         self._last = 0  # number of the last step written
         self._reserved = self._overdue = False  # kernels are writing into the pages; the pages are due to be written
-        self._writing = False
         self._closing = self._closed = False
         self._failure: LogFailed | None = None
         self._flush = flush
@@ -226,7 +225,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         with self._condition:
             self._raise_failure()
             self._hand_over()
-            self._condition.wait_for(lambda: not (self._backlog or self._writing) or self._failure)
+            self._condition.wait_for(lambda: not self._backlog or self._failure)
             self._raise_failure()
 
     def write_remaining(self) -> None:
@@ -332,45 +331,47 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._condition.notify_all()
 
     def _write_queue(self) -> None:
-        """Thread: write queued chunks; if none is queued for ``flush`` s, write what the blocks hold."""
-        while True:
+        """Thread: write chunks until the log closes; any error fails the run, first steps go to a full disk."""
+        try:
+            while self._write_next():
+                pass
+        except BaseException as error:
             with self._condition:
-                self._condition.wait_for(lambda: self._backlog or self._closing, timeout=self._flush)
-                if not self._backlog:
-                    if self._reserved and not self._closing:
-                        self._overdue = True
-                    else:
-                        self._hand_over()
-                if not self._backlog:
-                    if self._closing:
-                        return
-                    continue
-                filled, self._writing = self._backlog.popleft(), True
-            try:
-                if isinstance(filled, tuple):
-                    self._file.attachment(*filled)
-                else:
-                    self._write_chunk(filled)
-            except Exception as error:  # any error must be reported to the run
-                with self._condition:
-                    violated = isinstance(error, WireViolated)
-                    self._failure = LogFailed(f"{self.path}: {error}") if violated else self._failed(error)
-                    self._condition.notify_all()
-                    self._condition.wait_for(lambda: self._closing or not self._reserved)  # rows may be being written
-                    self._hand_over()
-                    queued = [filled, *self._backlog]
-                    self._backlog.clear()
-                    self._condition.notify_all()
-                if isinstance(error, OSError):
-                    self._write_first_steps(chunk for chunk in queued if not isinstance(chunk, tuple))
-                return
-            with self._condition:
-                self._writing = False
-                for page, block in () if isinstance(filled, tuple) else filled:
-                    page.spare_blocks.append(block)
+                violated = isinstance(error, WireViolated)
+                self._failure = LogFailed(f"{self.path}: {error}") if violated else self._failed(error)
                 self._condition.notify_all()
+                if not isinstance(error, OSError):
+                    return
+                self._condition.wait_for(lambda: self._closing or not self._reserved)  # rows may be being written
+                self._hand_over()
+                queued = [*self._backlog]
+                self._condition.notify_all()
+            self._write_first_steps(chunk for chunk in queued if not isinstance(chunk, tuple))
 
-    def _failed(self, error: Exception) -> LogFailed:
+    def _write_next(self) -> bool:
+        """Write a queued chunk; if none is queued for ``flush`` s, what the blocks hold. False: the log is whole."""
+        with self._condition:
+            self._condition.wait_for(lambda: self._backlog or self._closing, timeout=self._flush)
+            if not self._backlog:
+                if self._reserved and not self._closing:
+                    self._overdue = True
+                else:
+                    self._hand_over()
+            if not self._backlog:
+                return not self._closing
+            filled = self._backlog[0]  # it stays there until it is written
+        if isinstance(filled, tuple):
+            self._file.attachment(*filled)
+        else:
+            self._write_chunk(filled)
+        with self._condition:
+            self._backlog.popleft()
+            for page, block in () if isinstance(filled, tuple) else filled:
+                page.spare_blocks.append(block)
+            self._condition.notify_all()
+        return True
+
+    def _failed(self, error: BaseException) -> LogFailed:
         failure = log_failed(self.path, error)
         return LogFailed(f"{failure}; {self.file.name} holds what was written") if self.replaces else failure
 

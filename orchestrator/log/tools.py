@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.cache.files import replacing
+from orchestrator.files.command import command_scope
 from orchestrator.log.log_file import LogFailed, check_writable
 from orchestrator.log.log_metadata import checkpoint_step, path_text_of
 from orchestrator.log.message_records import Messages
@@ -167,6 +168,7 @@ def _stride(log: Log, topic: str) -> int | None:
     return None if topic.startswith("/stats/") else log.topics[topic].every
 
 
+@command_scope()
 def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> LogVerdict:
     """Write a new log with all complete steps of a broken one.
 
@@ -175,8 +177,6 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> LogVer
     end with the same step. Results of the closing record are kept.
     """
     source, target = Path(path), Path(out)
-    if target.exists() and source.exists() and target.samefile(source):
-        return LogVerdict(BROKEN, [f"{target} is the log itself: give another name"])
     try:
         with Log(source, unfinished=True, by_index=False) as log:
             if not log.topics:

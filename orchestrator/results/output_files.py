@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from fmus.cache.files import replacing
 from fmus.vehicles.tables import BadInput, path_text
+from orchestrator.files.command import is_input
 from orchestrator.results.table import Table
 
 
@@ -39,9 +40,16 @@ def check_output(path: Path, suffixes: Sequence[str], hint: str = "") -> None:
     raise BadInput(f"{path} cannot be written: {why}")
 
 
+def check_unread(*outputs: Path) -> None:
+    """Raise BadInput for a file to be written that the command reads."""
+    for path in filter(is_input, outputs):
+        raise BadInput(f"{path_text(path)} cannot be written: it is a file that is read")
+
+
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """Temporary file that replaces ``path`` at the end; raises BadInput if that fails."""
+    """Temporary file that replaces ``path`` at the end; raises BadInput if that fails, or the file is read."""
+    check_unread(path)
     try:
         with replacing(path) as temporary:
             yield temporary

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.files.command import pass_over
 from orchestrator.log.container import LogUnreadable
 from orchestrator.log.extra import NotInstalled
 from orchestrator.log.reader import Log, NoSuchSignal
@@ -76,6 +78,13 @@ class Links(NamedTuple):
         return forward, up
 
 
+NOTHING = "there is nothing to measure in this scene and window"
+
+
+def _no_table() -> Any:
+    raise Missing(NOTHING)
+
+
 class RunData:
     """Log with its scene. Raises LogUnreadable and NoSuchSignal.
 
@@ -89,7 +98,7 @@ class RunData:
     def __init__(self, log: Log) -> None:
         self.log = log
         scene: dict[str, Any] = log.table("scene.json") if "scene.json" in log.attachments else {}
-        self.scene = {} if scene.get("assembly") == "fmus" else scene
+        self.scene = defaultdict(_no_table, {} if scene.get("assembly") == "fmus" else scene)
         fmus = scene.get("fmu")
         self.given = frozenset(fmus if isinstance(fmus, dict) else ())
         self.system: dict[str, Any] = system_of(log)
@@ -340,15 +349,20 @@ def _columns(names: Sequence[str], instance: str, prefix: str, parts: str) -> li
 
 
 UNANSWERED = (Missing, NoSuchSignal, NotInstalled, BadInput)  # each is a sentence on what is not there
-FAULTS_RAISE = False  # the tests set it
 
 
-def reason(error: Exception) -> str:
-    """Sentence on an error that ends one of many evaluations; raises LogUnreadable, and in the tests faults of ours."""
+def reason(error: Exception, *, of_figure: bool = False) -> str:
+    """Sentence on an error that ends one of many evaluations, as one ``of_figure``, which too few records do not give.
+
+    Raises LogUnreadable, and as ``pass_over`` a fault of ours.
+    """
     if isinstance(error, UNANSWERED):
         return str(error)
-    if FAULTS_RAISE or isinstance(error, LogUnreadable):
+    if of_figure and isinstance(error, ValueError | IndexError | ZeroDivisionError):  # of an empty set
+        return NOTHING
+    if isinstance(error, LogUnreadable):
         raise error
+    pass_over(error)
     return f"{type(error).__name__}: {error}"
 
 

@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.files.command import command_scope
+from orchestrator.log.notices import notice
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import within
 from orchestrator.results import output_files
@@ -45,6 +47,8 @@ RESIDUALS = (
     Column("last", "RMS of the fitted run", ".4g"), Column("chi2", "chi2/n", ".3g"),
 )  # fmt: skip
 
+FILES = "fit.csv", "fit.md", "fit.png", "fit.svg", "fit.json", "fitted.toml", "fitted_vehicle.toml", "residuals.csv"
+
 
 class Fitted(NamedTuple):
     """Result of ``fit``."""
@@ -59,6 +63,7 @@ class Fitted(NamedTuple):
     runs: int
 
 
+@command_scope()
 def fit(  # noqa: PLR0913, the options of the command
     scene: str,
     data: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
@@ -112,6 +117,10 @@ def fit(  # noqa: PLR0913, the options of the command
     numbers = free_numbers([one.scene for one, _ in wanted], free)
     measured = [_measured(*pair, Window(start, end)) for pair in wanted]
     folder = Path(output)
+    results = [folder / name for name in FILES]
+    output_files.check_unread(*results)
+    if earlier := [path.name for path in results if path.exists()]:
+        notice(f"in {folder} are replaced: {', '.join(earlier)}")
     make_folder(folder)
     experiments = tuple(one for one, _, _ in measured)
     task = Objective(experiments, numbers, dict(noise or {}), workers, pool.Store(folder / "cases"), told)

@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -70,11 +69,8 @@ class Experiment(NamedTuple):
                 if not replay.answer(path):
                     raise BadInput(f"{self.part.log} holds no step of '{self.part.component}'")
             return
-        interrupt = Interrupt()
         scene = with_settings(self.scene, numbers) if numbers else self.scene
-        result = simulate(scene, path, estimated=False, native=self.native, interrupt=interrupt)
-        if interrupt.requested:
-            raise KeyboardInterrupt
+        result = simulate(scene, path, estimated=False, native=self.native, answer=True)
         if result["status"] != "ok":
             raise RuntimeError(result["message"])
 

@@ -200,7 +200,7 @@ def _run_task(task: dict[str, Any]) -> Any:
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     if process.returncode:
-        raise RuntimeError((process.stderr.strip() or "no message").splitlines()[-1])
+        raise ChildProcessError((process.stderr.strip() or "no message").splitlines()[-1])
     return json.loads(process.stdout.splitlines()[-1])
 
 

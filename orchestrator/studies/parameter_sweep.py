@@ -18,7 +18,6 @@ from typing import Any, ClassVar
 
 from fmus.vehicles.tables import BadInput, path_text, value_text
 from orchestrator.execution import summary
-from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.simulate import simulate
 from orchestrator.files.budget import DOCUMENT, read_file
 from orchestrator.log.extra import NotInstalled, library
@@ -147,14 +146,11 @@ def _differences(held: Mapping[str, Any], definition: Mapping[str, Any]) -> str:
 def run_case(
     scene: Scene, native: bool, estimated: bool, log: Path | None, wanted: Sequence[WantedFigure] = ()
 ) -> list[Row]:
-    """Row of a run, whose log is deleted unless it has a path. Raises KeyboardInterrupt and as ``simulate`` does."""
-    interrupt = Interrupt()
+    """Row of a run, whose log is deleted unless it has a path. Raises as ``simulate`` does."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = log or Path(folder) / "run.mcap"
-        result = simulate(scene, path, estimated=estimated, native=native, interrupt=interrupt)
+        result = simulate(scene, path, estimated=estimated, native=native, answer=True)
         further, missing = figures_of_log(result["log"], wanted) if wanted and "log" in result else ({}, [])
-    if interrupt.requested:  # a case that a signal has cut short is not finished
-        raise KeyboardInterrupt
     energy, error = result["energy"], result["error"] or {"message": ""}
     unknown = f"estimated error: not known, {error['message']}" if error["message"] else ""
     note = "; ".join(filter(None, (result["message"], unknown, *missing)))

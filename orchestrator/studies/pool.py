@@ -2,7 +2,8 @@
 
 A case that raises, exceeds its limit or loses its process becomes a row with the reason; the others continue. Worker
 processes end with their parent, however it ends. Finished cases are JSON files, so an interrupted study continues where
-it was. A file is named after the case and the sources that computed it: changed sources make another file.
+it was. A file is named after the case and the sources that computed it: changed sources make another file. A failure of
+the machine is no answer of the model: its case is done again.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, as_completed
 from concurrent.futures import TimeoutError as TookTooLong
 from contextlib import contextmanager
+from contextvars import Context
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
@@ -29,28 +31,35 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from fmus.cache.files import write
+from fmus.fmi.build import BuildFailed
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.program import processors
 from orchestrator.log.extra import installation
+from orchestrator.log.log_file import LogFailed
+from orchestrator.log.notices import notice
 from orchestrator.studies import Case, Row
 
 ROOT = str(Path(__file__).resolve().parents[2])  # folder of our packages
 LONG = 5.0  # s, after which the time left is told
 SCHEDULER_TIMEOUT = "10 s"  # timeout of a Dask scheduler
 Rows = list[Row]
-CaseResult = Rows | str  # of a case, or the reason of a failure
-FinishedCases = Iterator[tuple[int, CaseResult, bool]]  # number of the case, its answer, True if it is stored
+CaseResult = tuple[Rows | str, bool]  # rows of a case, or the reason of a failure; True: the model's answer
+FinishedCases = Iterator[tuple[int, Rows | str, bool]]  # with the number of the case
+MACHINE = OSError, MemoryError, BuildFailed, LogFailed  # also as the cause of another error
 
 
 def attempt(case: Case) -> CaseResult:
-    """Rows of a case, or the reason of its failure."""
+    """Rows of a case, or the reason of its failure: the model's answer, unless machine or program failed."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # of overflow; the rows have what became of it
-            rows = case.function(*case.arguments)
-        return [replace(row, item=row.item or case.item, case=row.case or case.name) for row in rows]
+            rows = Context().run(case.function, *case.arguments)  # its faults are its own, not the command's
+        return [replace(row, item=row.item or case.item, case=row.case or case.name) for row in rows], True
     except Exception as error:
-        return f"{type(error).__name__}: {error}"
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, MACHINE):
+            cause = cause.__cause__ or cause.__context__
+        return f"{type(error).__name__}: {error}", cause is None and isinstance(error, BadInput | RuntimeError)
 
 
 def run(
@@ -62,9 +71,7 @@ def run(
 ) -> Rows:
     """Run all cases; return their rows in order. One worker is this process, more than there are processors none.
 
-    Raises BadInput.
-
-    BadInput: the scheduler cannot be reached.
+    Raises BadInput if the scheduler cannot be reached.
     """
     rows_of: dict[int, Rows] = {}
     for k, case in enumerate(cases):
@@ -72,6 +79,9 @@ def run(
         if stored is not None:
             rows_of[k] = stored
             done(case, stored)
+    if store and store.unanswered:
+        notice(f"runs that the machine failed are done again: {store.unanswered}")
+        store.unanswered = 0
     remaining = sorted(set(range(len(cases))) - set(rows_of), key=lambda k: -cases[k].seconds)
     if scheduler is not None:
         finished = _on_cluster(cases, remaining, scheduler)
@@ -79,12 +89,12 @@ def run(
         # More workers than processors would take turns, with the memory of all.
         finished = _in_processes(cases, remaining, min(workers, processors()))
     else:
-        finished = ((k, attempt(cases[k]), True) for k in sorted(remaining))
-    for k, answer, is_final in finished:
+        finished = ((k, *attempt(cases[k])) for k in sorted(remaining))
+    for k, answer, answered in finished:
         case = cases[k]
         rows_of[k] = [Row(case.item, case.name, ok=False, note=answer)] if isinstance(answer, str) else answer
-        if store and is_final:
-            store.put(case, rows_of[k])
+        if store:
+            store.put(case, rows_of[k] if answered else None)
         done(case, rows_of[k])
     return [row for k in range(len(cases)) for row in rows_of[k]]
 
@@ -100,7 +110,7 @@ def _in_processes(cases: Sequence[Case], remaining: Sequence[int], workers: int)
             for future in as_completed(waiting):
                 k = waiting[future]
                 try:
-                    yield k, future.result(), True
+                    yield k, *future.result()
                 except TookTooLong:
                     yield k, f"took longer than {cases[k].limit:g} s", True
                 except ProcessExpired as error:
@@ -148,7 +158,7 @@ def _on_cluster(cases: Sequence[Case], remaining: Sequence[int], address: str) -
         for future in completed(list(waiting)):
             k = waiting[future]
             try:
-                yield k, future.result(), True
+                yield k, *future.result()
             except Exception as error:  # the worker has ended repeatedly
                 yield k, f"{type(error).__name__}: {error}", False
 
@@ -215,6 +225,7 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self.unanswered = 0  # cases that ``get`` has found without an answer of the model
 
     def _file(self, case: Case) -> Path:
         """File of a case. Limits of time do not count: a case that took too long is not repeated."""
@@ -228,14 +239,16 @@ class Store:
         return self._folder / f"{hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:24]}.json"
 
     def get(self, case: Case) -> list[Row] | None:
-        """Rows of a case; None if it is not finished or its file is unreadable."""
+        """Rows of a case; None if it is not finished, has no answer of the model, or its file is unreadable."""
         try:
-            return [Row(**row) for row in json.loads(self._file(case).read_text())["rows"]]
+            rows = json.loads(self._file(case).read_text())["rows"]
+            self.unanswered += rows is None
+            return rows and [Row(**row) for row in rows]
         except (OSError, ValueError, TypeError, KeyError):
             return None
 
-    def put(self, case: Case, rows: list[Row]) -> None:
-        """Store the rows of a case, whole or not at all."""
+    def put(self, case: Case, rows: list[Row] | None) -> None:
+        """Store the rows of a case, None without an answer of the model, whole or not at all."""
         self._folder.mkdir(parents=True, exist_ok=True)
-        content = {"case": case.name, "rows": [asdict(row) for row in rows]}
+        content = {"case": case.name, "rows": None if rows is None else [asdict(row) for row in rows]}
         write(self._file(case), json.dumps(content, indent=1).encode())

@@ -71,7 +71,7 @@ def figures_of_log(path: str, wanted: Sequence[WantedFigure]) -> tuple[dict[str,
             try:
                 found |= dict(_of(run, one))
             except Exception as error:
-                missing.append(f"{one.text}: {reason(error)}")
+                missing.append(f"{one.text}: {reason(error, of_figure=True)}")
     return found, missing
 
 

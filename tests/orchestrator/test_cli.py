@@ -11,9 +11,14 @@ import pytest
 from short_run import SHORT, last
 
 from fmus.vehicles import vehicle as vehicles
+from fmus.vehicles.tables import BadInput
+from orchestrator.files.budget import read_file
+from orchestrator.files.command import command_scope
+from orchestrator.log.log_file import LogFailed, check_writable
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
+from orchestrator.results.output_files import atomic_write, check_unread
 from orchestrator.scene.scene import scene_names
 
 KEYS = {
@@ -140,11 +145,29 @@ def test_a_log_never_replaces_what_is_no_log(cotrack, tmp_path):
         assert len(err.splitlines()) == 1
     assert cotrack("log", "recover", "note.txt", "-o", "note.txt")[0] == 1
     assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
-    for target, said in (("note.txt", "is no log"), ("a.mcap", "a.mcap is the log itself")):
+    for target, said in (("note.txt", "is no log"), ("a.mcap", "a.mcap cannot be written: it is a file that is read")):
         assert said in cotrack.refused("replay", "a.mcap", "--component", "chain", "--with", "rigid", "-o", target)
     assert verify("a.mcap").code == WHOLE
     assert note.read_text() == "mine"
     assert "the folder note.txt cannot be made" in cotrack.refused("build", "hanging_chain", "-o", "note.txt")
+
+
+@pytest.mark.parametrize("write", [
+    lambda path: atomic_write(path).__enter__(),
+    check_writable,
+])  # fmt: skip
+def test_a_file_that_is_read_is_not_replaced(tmp_path, write):
+    """Tables, pictures and pages; logs. What was read before is no input of the next command."""
+    (tmp_path / "a.csv").write_text("t,y")
+    (tmp_path / "link.csv").symlink_to("a.csv")
+    with command_scope():
+        read_file(tmp_path / "a.csv", 10)
+        for name in ("a.csv", "link.csv"):
+            with pytest.raises((BadInput, LogFailed), match=f"{name}.* cannot be written: it is a file that is read"):
+                write(tmp_path / name)
+        check_unread(tmp_path / "b.csv")
+    with command_scope():
+        check_unread(tmp_path / "a.csv")
 
 
 def test_errors_in_the_command_line_are_short(cotrack):

@@ -273,9 +273,9 @@ def test_the_command_writes_a_scene_that_runs(cotrack, data, noise, tmp_path):
     mapped = [part for name in SIGNALS for part in ("--map", f"{name}={name}", "--noise", f"{name}={noise[name]!r}")]
     settings = [part for text in SETTINGS for part in ("--set", text)]
     free = "--free", SPAN, "--free", MASS
-    out = cotrack.done(
-        "fit", "hanging_chain", "--track", "rigid", "--data", data(3), *mapped, *settings, *free, "-o", "f"
-    )
+    asked = "fit", "hanging_chain", "--track", "rigid", "--data", data(3), *mapped, *settings, *free, "-o", "f"
+    status, out, err = cotrack(*asked)
+    assert (status, err) == (0, "")
     assert out.startswith("fitted: 2 numbers by 102 samples of 2 signals, chi2/n ")
     result = json.loads(Path("f/fit.json").read_text())
     numbers = {record["key"]: record["fitted"] for record in result["numbers"]}
@@ -289,6 +289,21 @@ def test_the_command_writes_a_scene_that_runs(cotrack, data, noise, tmp_path):
     same = load("hanging_chain", "rigid", [*SETTINGS, *(f"{key}={value!r}" for key, value in numbers.items())])
     assert {**scene.resolved(), "name": ""} == {**same.resolved(), "name": ""}
     assert Path("f/fit.png").stat().st_size > 10_000
+    status, repeated, err = cotrack(*asked)
+    assert (status, repeated) == (0, out)
+    names = "fit.csv, fit.md, fit.png, fit.svg, fit.json, fitted.toml, fitted_vehicle.toml, residuals.csv"
+    assert err == f"cotrack: in f are replaced: {names}\n"
+    kept = {name: Path("f", name).read_bytes() for name in ("fitted.toml", "fitted_vehicle.toml")}
+    Path("f/residuals.csv").write_bytes(asked[5].read_bytes())
+    Path("scene.toml").write_text(kept["fitted.toml"].decode().replace("fitted_v", "f/fitted_v"))
+    of_own_scene, of_own_data = [*asked], [*asked]
+    of_own_scene[1], of_own_data[5] = "f/fitted.toml", "f/residuals.csv"
+    of_own_vehicle = ["fit", "scene.toml", *asked[2:]]
+    for words, name in (
+        (of_own_scene, "fitted.toml"), (of_own_data, "residuals.csv"), (of_own_vehicle, "fitted_vehicle.toml"),
+    ):  # fmt: skip
+        assert f"'f/{name}' cannot be written: it is a file that is read" in cotrack.refused(*words)
+    assert {name: Path("f", name).read_bytes() for name in kept} == kept
 
 
 @pytest.mark.parametrize(

@@ -103,6 +103,18 @@ def test_in_the_process_of_the_run_statuses_and_outputs_are_looked_at_too(guest,
     assert outputs(path)[0][-1] == WHEN - H
 
 
+@pytest.mark.parametrize(("owner", "thread"), [(room.Room, "_listen"), (room.Rooms, "_watch")])
+def test_a_thread_that_dies_fails_the_run(guest, tmp_path, monkeypatch, owner, thread):
+    """Who hears and who watches the guests."""
+
+    def dies(*_):
+        raise KeyError("a fault of ours")
+
+    monkeypatch.setattr(owner, thread, dies)
+    with pytest.raises(KeyError, match="a fault of ours"):
+        run(tmp_path, {"a": entry(guest)})
+
+
 def test_an_output_that_is_not_finite_can_be_a_warning(guest, tmp_path):
     summary, path = run(tmp_path, {"a": entry(guest, NAN, non_finite="warn")})
     assert summary["status"] == "ok"

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -13,9 +14,11 @@ from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.program import Program
-from orchestrator.execution import loading, replay_model, simulate
+from orchestrator.execution import estimate, loading, replay_model, simulate, summary
+from orchestrator.execution.prepared_run import PreparedRun
 from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.log_file import LogFailed
+from orchestrator.log.page import Page
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 from orchestrator.scene import scene
@@ -51,6 +54,31 @@ def test_ctrl_c_during_the_start_up(cotrack, monkeypatch, tmp_path, phase):
     assert last(out)["status"] == "failed"
 
 
+@pytest.mark.parametrize(("owner", "name"), [(summary, "evaluate"), (estimate, "differences"), (estimate, None)])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_evaluation_at_once(cotrack, monkeypatch, owner, name, number):
+    """Evaluation of the run, that of its error, or a coarser run, which ends with its step; the log is whole."""
+
+    def signalled(*_):
+        signal.raise_signal(number)
+        pytest.fail("the evaluation went on")
+
+    def step_to_end(run, observers, interrupt, result):
+        if run.scene.run.step > 0.001:
+            signal.raise_signal(number)
+        return original(run, observers, interrupt, result)
+
+    original = PreparedRun.step_to_end
+    monkeypatch.setattr(*(owner, name, signalled) if name else (PreparedRun, "step_to_end", step_to_end))
+    status, out, err = cotrack(*SHORT, "--track", "flexible")
+    assert (status, err.splitlines()[0]) == (1, "cotrack: interrupted while it was evaluated")
+    assert last(out)["communication_steps"] == 20
+    log = last(out)["log"]
+    assert verify(log).code == WHOLE
+    with Log(log) as reading:
+        assert (reading.closing["status"], reading.closing["steps"]) == ("interrupted", 20)
+
+
 def test_a_full_disk_fails_the_run(cotrack, monkeypatch):
     append = ContainerWriter._append
 
@@ -64,6 +92,48 @@ def test_a_full_disk_fails_the_run(cotrack, monkeypatch):
     assert status == 1
     assert "no space left on device, at t = 0 s" in err
     assert last(out)["status"] == "failed"
+
+
+@pytest.mark.parametrize(("place", "error", "status"), [
+    (None, None, 0),
+    ("exchange_block", MemoryError(), 1),
+    ("pack", KeyError("a fault of ours"), 1),
+    ("pack", SystemExit(), 1),
+])  # fmt: skip
+def test_a_recorder_that_dies_fails_the_run(cotrack, monkeypatch, place, error, status):
+    """Whatever ends the recorder's thread, wherever in it; the first case has no fault."""
+
+    def broken(*arguments):
+        if threading.current_thread().name == "recorder":
+            raise error
+        return original(*arguments)
+
+    if place:
+        original = getattr(Page, place)
+        monkeypatch.setattr(Page, place, broken)
+    found, out, err = cotrack(*SHORT, "--no-estimate")
+    assert (found, last(out)["status"]) == (status, "failed" if status else "ok")
+    assert ("cannot be written" in err) == bool(status)
+
+
+def test_a_run_of_a_study_raises_what_is_no_answer_of_the_model(monkeypatch, tmp_path):
+    """A full disk, and a signal; a refusal of a component is an answer. Without ``answer`` they are in the summary."""
+    short = scene.load("hanging_chain", "rigid", {"run.stop": 0.02, "expect": {}})
+
+    def outcome(error, **answer):
+        def broken(*_):
+            raise error
+
+        monkeypatch.setattr(Page, "pack", broken if isinstance(error, OSError) else pack)
+        monkeypatch.setattr(Program, "run", run if isinstance(error, OSError) else broken)
+        return simulate.simulate(short, tmp_path / "a.mcap", **answer)
+
+    pack, run = Page.pack, Program.run
+    monkeypatch.setattr(scheme, "LONGEST_BATCH", 0.0)  # calls one by one
+    assert outcome(OSError(28, "No space left on device"))["status"] == "failed"
+    with pytest.raises(OSError, match="no space left on device"):
+        outcome(OSError(28, "No space left on device"), answer=True)
+    assert outcome(ComponentFailed("lost"), answer=True)["message"].startswith("lost")
 
 
 def test_a_run_that_fails_before_it_writes_names_no_log(cotrack, monkeypatch, tmp_path):
@@ -214,6 +284,7 @@ def test_a_signal_closes_the_log(tmp_path, environment, number):
     assert "interrupted at t = " in err
     result = last(out)
     assert result["communication_steps"] > 0
+    assert bool(result["observables"]) == (number == signal.SIGINT), "SIGTERM does not wait for an evaluation"
     assert verify(log).code == WHOLE
     with Log(log) as reading:
         assert reading.closing["status"] == "interrupted"

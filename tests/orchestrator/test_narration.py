@@ -5,6 +5,7 @@ import logging
 import subprocess
 import sys
 import threading
+from contextlib import nullcontext
 
 import pytest
 
@@ -13,6 +14,7 @@ from orchestrator.cosim.narration import FIRST, KERNELS, PATIENCE, PERIOD, Narra
 from orchestrator.cosim.observers import ProgressBar
 from orchestrator.execution.loading import OTHER_KERNELS
 from orchestrator.execution.simulate import simulate
+from orchestrator.files.command import command_scope
 from orchestrator.scene.scene import load
 
 
@@ -160,3 +162,18 @@ def test_a_run_speaks_within_the_first_second(environment, tmp_path):
     first, *rest = done.stderr.splitlines()
     assert first == "... hanging_chain: the scene is read"
     assert any("simulated" in line for line in rest)
+
+
+@pytest.mark.parametrize("error", [None, KeyError("a fault of ours")])
+def test_a_thread_that_dies_ends_the_command(error):
+    told = threading.Event()
+
+    def write(line):
+        told.set()
+        if error:
+            raise error
+
+    times = iter([0.0, 0.0])
+    narration = Narration(write, lambda: next(times, 2.0 * PATIENCE))
+    with pytest.raises(KeyError) if error else nullcontext(), command_scope(), narration:
+        assert told.wait(60.0)

@@ -138,7 +138,6 @@ def test_a_run_without_a_hull_has_no_phases(tmp_path):
         (("--with", "m.csv", "--map", "chassis.speed=w"), "m.csv has no column 'w': it has t, v"),
         (("--with", "m.csv", "--map", "chassis.sped=v"), "no signal 'chassis.sped'; did you mean 'chassis.speed'"),
         (("--with", "m.csv", "--map", "chassis.speed=v", "--shift", "99"), "have no values in common"),
-        (("--with", "x.html", "--map", "chassis.speed=v"), "-o x.html: is a file that is read"),
     ],
 )
 def test_bad_options_give_a_sentence_and_no_page(run, cotrack, tmp_path, options, sentence):

@@ -253,7 +253,7 @@ def test_what_does_not_go_on_is_a_sentence(rig, cotrack, tmp_path):
     none = ran(tmp_path / "none.mcap", "rig", "rigid", *RIG, "run.checkpoints=false")
     assert "has no checkpoint to go on from" in refused(none)
     status, _, err = cotrack("resume", rig, "-o", rig)
-    assert (status, "is the log itself" in err) == (2, True)
+    assert (status, "cannot be written: it is a file that is read" in err) == (2, True)
 
     content = Content(rig)
     system = json.loads(content.attachments["system.json"])

@@ -105,7 +105,7 @@ def test_a_right_run_and_a_wrong_one(monkeypatch):
 
 
 def outcome(monkeypatch, **result):
-    def fake(scene, path):
+    def fake(scene, path, answer):
         for value in result.values():
             if isinstance(value, Exception):
                 raise value

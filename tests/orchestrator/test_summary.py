@@ -1,5 +1,6 @@
 """The summary of a run: its checks, figures and energy balance, as they are printed."""
 
+import json
 import re
 from importlib import resources
 from pathlib import Path
@@ -12,6 +13,8 @@ from orchestrator.cli import common
 from orchestrator.execution import summary, summary_text
 from orchestrator.execution.log_report import summary_of
 from orchestrator.execution.summary_text import MOST, lines
+from orchestrator.log.tools import WHOLE, verify
+from orchestrator.results import measures
 from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.units import figure, number
 from orchestrator.scene.scene import load
@@ -130,12 +133,35 @@ def test_checks_that_cannot_be_made_say_why(cotrack):
     assert status == 1, err
     notes = {name: check["note"] for name, check in last(out)["checks"].items() if name != "rest"}
     assert notes == {
-        "span": "'span_tension' finds nothing to measure in this scene and window",
-        "top": "'tension_top' finds nothing to measure in this scene and window",
+        "span": "there is nothing to measure in this scene and window",
+        "top": "there is nothing to measure in this scene and window",
         "late": "'chain.speed' was not recorded between 0.01 and 0.02 s",
     }
     assert [name for name, check in last(out)["checks"].items() if check["ok"]] == ["rest"]
     assert last(out)["observables"]["tension_max"] > 0
+
+
+@pytest.mark.parametrize("error", [None, KeyError("ours"), TypeError("ours")])
+def test_a_measure_that_breaks_is_a_crash_when_all_else_is_written(cotrack, monkeypatch, error):
+    """Log, other figures and page are whole; the status is 1, which a sweep does not keep as an answer."""
+
+    def sag(*_):
+        if error:
+            raise error
+        return 1.0
+
+    monkeypatch.setitem(measures.NAMES, "sag", sag)
+    check = "--no-estimate", "--set", "expect={}", "--set", 'expect.x={measure="sag", expected=1, tolerance=1}'
+    status, out, err = cotrack(*SHORT, *check)
+    said = f"cotrack: internal error: {type(error).__name__}: {error}; run 'cotrack --debug ...' to see where\n"
+    assert (status, err) == ((1, said) if error else (0, ""))
+    assert last(out)["observables"]["tension_max"] > 0
+    assert verify(last(out)["log"]).code == WHOLE
+    assert cotrack("report", last(out)["log"], "-o", "page.html")[::2] == (status, err)
+    assert Path("page.html").stat().st_size > 10_000
+    swept = "--vary", "run.stop=0.02", "--workers", "1", "-o", "s"
+    assert cotrack("sweep", "hanging_chain", *check, *swept)[0] == status
+    assert bool(json.loads(next(Path("s/cases").iterdir()).read_text())["rows"]) == (not error)
 
 
 def test_headline_figures_have_their_window(cotrack):

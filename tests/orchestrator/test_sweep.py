@@ -18,13 +18,15 @@ from short_run import last
 
 import orchestrator as offered
 from fmus.vehicles.tables import BadInput
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution import summary
+from orchestrator.log.log_file import LogFailed
 from orchestrator.log.reader import Log
 from orchestrator.results import chain_measures, output_files
 from orchestrator.results.analyses import joints
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.table import Column, Table
-from orchestrator.studies import parameter_sweep
+from orchestrator.studies import Case, parameter_sweep, pool
 from orchestrator.studies.variations import Design
 
 CHAIN = ("--set", "chain.links=8", "--set", "run.stop=0.02 s")
@@ -120,12 +122,10 @@ def fake(monkeypatch, *ends):
 
     def simulate(scene, path, **options):
         scenes.append(scene)
-        assert (options["native"], options["estimated"]) == (False, True)
+        assert (options["native"], options["estimated"], options["answer"]) == (False, True, True)
         end = queue.pop(0)
         if isinstance(end, BaseException):
             raise end
-        if end.pop("signal", False):
-            options["interrupt"].requested = True
         return summary.empty(scene.name, scene.variant) | {"status": "ok", "observables": {"sag": 1.0}} | end
 
     monkeypatch.setattr(parameter_sweep, "simulate", simulate)
@@ -165,10 +165,9 @@ def test_a_case_that_fails_is_a_row_with_its_sentence(cotrack, monkeypatch, tmp_
 # --- continuation ---
 
 
-@pytest.mark.parametrize("end", [KeyboardInterrupt(), {"signal": True}])
-def test_an_interrupted_sweep_continues_where_it_stopped(cotrack, monkeypatch, tmp_path, end):
+def test_an_interrupted_sweep_continues_where_it_stopped(cotrack, monkeypatch, tmp_path):
     """The second start runs what is missing; a number planted into the stored row shows that the first row is read."""
-    first = fake(monkeypatch, {"observables": {"sag": 0.5}}, end)
+    first = fake(monkeypatch, {"observables": {"sag": 0.5}}, KeyboardInterrupt())
     status, _, err = cotrack(*MODELS, *SPANS, "-o", "found")
     assert (status, len(first)) == (1, 2)
     assert err.endswith("cotrack: interrupted\n")
@@ -184,6 +183,36 @@ def test_an_interrupted_sweep_continues_where_it_stopped(cotrack, monkeypatch, t
         ("flexible", 0.8),
     ]
     assert [row["sag, m"] for row in rows_of(tmp_path / "found")] == ["0.25", "1.0", "1.0", "1.0"]
+
+
+@pytest.mark.parametrize(("end", "again"), [
+    (OSError(errno.EMFILE, "Too many open files"), True),
+    (MemoryError(), True),
+    (LogFailed("no space left on device"), True),
+    (KeyError("a fault of ours"), True),
+    (BadInput("no idler position"), False),
+    (ComponentFailed("chain: no convergence"), False),
+    ({"status": "failed", "message": "link 7 is lost", "energy": None}, False),
+])  # fmt: skip
+def test_only_answers_of_the_model_are_kept(cotrack, monkeypatch, end, again):
+    """A case that the machine failed runs again, and the command says so; a refusal is a row for ever."""
+    fake(monkeypatch, end, {})
+    one = ("sweep", "hanging_chain", *CHAIN, "--track", "rigid", *SPANS, "-o", "found")
+    assert cotrack(*one)[0] == 1
+    second = fake(monkeypatch, {})
+    status, _, err = cotrack(*one)
+    assert (len(second), status) == ((1, 0) if again else (0, 1))
+    assert ("runs that the machine failed are done again: 1" in err) == again
+
+
+def test_a_failure_of_the_machine_under_another_error_is_one():
+    def reads():
+        try:
+            raise OSError(errno.EMFILE, "Too many open files")
+        except OSError:
+            raise BadInput("the scene cannot be read") from None
+
+    assert pool.attempt(Case("0", "0", reads)) == ("BadInput: the scene cannot be read", False)
 
 
 def test_a_folder_holds_one_sweep(cotrack, monkeypatch, tmp_path):

@@ -3,6 +3,7 @@
 import html
 import inspect
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -10,11 +11,10 @@ from ledger_logs import running
 from mcap.reader import make_reader
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
+from orchestrator.files.command import command_scope
 from orchestrator.log.container import LogUnreadable
 from orchestrator.log.reader import Log
-from orchestrator.results import run_data
 from orchestrator.results.analyses import validity
 from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import heading
@@ -28,8 +28,8 @@ from orchestrator.vocabulary import limits
 
 
 @pytest.mark.parametrize("error", [NameError("n"), AttributeError("n"), KeyError("n"), TypeError("n"), IndexError("n")])
-def test_a_kind_that_breaks_is_counted_and_fails_a_test(tmp_path, monkeypatch, error):
-    """A fault of ours is counted, also in the summary of a run; what a log does not hold is no fault."""
+def test_a_kind_that_breaks_is_a_crash_when_all_else_is_done(tmp_path, monkeypatch, error):
+    """A fault of ours ends a command after the other kinds, and a call at once; what a log lacks is no fault."""
     path = running(tmp_path / "a.mcap", np.linspace(0.0, 1.0, 20), np.zeros(20))
     with Log(path) as log:
         whole = validity.of(RunData(log))
@@ -41,12 +41,9 @@ def test_a_kind_that_breaks_is_counted_and_fails_a_test(tmp_path, monkeypatch, e
     monkeypatch.setitem(validity.CHECKS, "creep", validity.CHECKS["creep"]._replace(find=broken))
     with Log(path) as log, pytest.raises(type(error)):
         validity.of(RunData(log))
-    monkeypatch.setattr(run_data, "FAULTS_RAISE", False)
-    said = f"1 of {len(validity.CHECKS)} kinds of validity not looked at: creep: {type(error).__name__}: {error}"
-    with Log(path) as log:
+    with pytest.raises(type(error)), command_scope(), Log(path) as log:
         found = validity.of(RunData(log))
-        assert summary.balance(RunData(log))["passed_over"] == [said]
-    assert (found.passed_over, found.entries) == ([said], whole.entries)
+    assert found.entries == whole.entries
     assert f"not looked at, creep: {type(error).__name__}: {error}" in found.table().notes
     error = Missing("the log has no 'speed'")
     with Log(path) as log:
@@ -54,16 +51,22 @@ def test_a_kind_that_breaks_is_counted_and_fails_a_test(tmp_path, monkeypatch, e
     assert (lacking.passed_over, lacking.unchecked["creep"]) == ([], "the log has no 'speed'")
 
 
-def test_a_section_that_breaks_fails_a_test(monkeypatch):
-    """The same of the report: a fault of ours is among what is missing, an error of the log's reader is none."""
+def test_a_section_that_breaks_is_a_crash_when_all_else_is_done():
+    """The same of the report; an error of the log's reader ends it at once."""
     missing = []
     with pytest.raises(ZeroDivisionError):
         attempt(lambda: 1 / 0, missing)
-    monkeypatch.setattr(run_data, "FAULTS_RAISE", False)
-    attempt(lambda: 1 / 0, missing)
-    attempt(lambda: [][0], missing)
+
+    @command_scope()
+    def command():
+        attempt(lambda: 1 / 0, missing)
+        attempt(lambda: [][0], missing)
+        sys.exit(0)
+
+    with pytest.raises(ZeroDivisionError):
+        command()
     assert missing == ["ZeroDivisionError: division by zero", "IndexError: list index out of range"]
-    with pytest.raises(LogUnreadable):
+    with pytest.raises(LogUnreadable), command_scope():
         attempt(lambda: (_ for _ in ()).throw(LogUnreadable("damaged")), missing)
 
 

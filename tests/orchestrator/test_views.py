@@ -11,6 +11,7 @@ from made_logs import of_columns
 from view_logs import bodies_of, driven_log, hanging_log, stretched
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.files.command import command_scope
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import events, link_loads, profile, wheel_loads
 from orchestrator.results.page import player
@@ -182,7 +183,7 @@ def test_foxglove_holds_scenes_frames_and_curves(driven, tmp_path):
     hidden = panels["configById"]["3D!space"]["transforms"]
     assert {"frame:world", "frame:hull"} < hidden.keys()
     assert not any(each["visible"] for each in hidden.values())
-    with pytest.raises(BadInput, match=r"run\.mcap is the log itself"):
+    with pytest.raises(BadInput, match=r"run\.mcap' cannot be written: it is a file that is read"), command_scope():
         foxglove_scene.write(driven, driven)
 
 

@@ -114,7 +114,7 @@ def stretches(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Stre
         end, near = sprocket_end(scene), min(NEAR, NEAR_SHORT * float(vehicle["track"]["pitch"]))
         wrap = pitch_radius(vehicle) + near
         radius = float(vehicle["idler"]["radius"]) + float(vehicle["track"]["face"])
-    except (KeyError, TypeError, ValueError):  # another scene, or a table of another version
+    except (LookupError, TypeError, ValueError):  # another scene, or a table of another version
         return []
     round_sprocket = np.linalg.norm(middle, axis=1) < wrap
     idler = middle[(end * middle[:, 0]).argmin()] + [end * radius, 0.0]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import NamedTuple
 
-from orchestrator.results.run_data import EVER, UNANSWERED, RunData, Window, reason
+from orchestrator.results.run_data import EVER, RunData, Window, reason
 from orchestrator.results.table import Table
 from orchestrator.results.validity import chain_checks, hull_checks, sprocket_checks, track_checks
 from orchestrator.results.validity.exceedance import FAILURE, WARNING, Exceedance
@@ -39,8 +39,7 @@ class Validity(NamedTuple):
     """Entries of a run."""
 
     entries: tuple[Exceedance, ...]  # in order of time
-    unchecked: dict[str, str]  # reason by check that could not look because of what the log lacks
-    broken: dict[str, str]  # error by check that has a fault
+    unchecked: dict[str, str]  # reason by check that could not look
 
     @property
     def failures(self) -> tuple[Exceedance, ...]:
@@ -49,8 +48,8 @@ class Validity(NamedTuple):
 
     @property
     def passed_over(self) -> list[str]:
-        """Sentence on the kinds with a fault, or for which the vehicle lacks what no log can have."""
-        errors = self.broken | {name: why for name, why in self.unchecked.items() if why == hull_checks.NO_POINTS}
+        """Sentence on the kinds for which the vehicle lacks what no log can have."""
+        errors = {name: why for name, why in self.unchecked.items() if why == hull_checks.NO_POINTS}
         faults = "; ".join(f"{name.replace('_', ' ')}: {error}" for name, error in errors.items())
         return [f"{len(errors)} of {len(CHECKS)} kinds of validity not looked at: {faults}"] if faults else []
 
@@ -58,8 +57,7 @@ class Validity(NamedTuple):
         """Table with a row for each entry."""
         columns = (("time", "s"), ("component", ""), ("kind", ""), ("severity", ""), ("what", ""))
         rows = [(entry.time, entry.component, entry.what, entry.severity, entry.sentence) for entry in self.entries]
-        reasons = {**self.unchecked, **self.broken}.items()
-        notes = tuple(f"not looked at, {name.replace('_', ' ')}: {reason}" for name, reason in reasons)
+        notes = tuple(f"not looked at, {name.replace('_', ' ')}: {reason}" for name, reason in self.unchecked.items())
         return Table.of(f"{len(rows)} limits passed", columns, rows, notes)
 
 
@@ -73,17 +71,14 @@ def _validity(run: RunData, window: Window) -> Validity:
     allowed = run_table.get("allow") if isinstance(run_table, dict) else None
     entries: list[Exceedance] = []
     unchecked: dict[str, str] = {}
-    broken: dict[str, str] = {}
     names = chain.from_iterable(check.signals(run) for check in CHECKS.values())
     for piece in pieces(run, names, window):
         for name, check in CHECKS.items():
             try:
                 entries += check.find(piece)
-            except UNANSWERED as problem:
-                unchecked[name] = str(problem)
-            except Exception as fault:
-                broken[name] = reason(fault)
-    return Validity(tuple(merge(soften(entries, allowed if isinstance(allowed, list) else ()))), unchecked, broken)
+            except Exception as problem:
+                unchecked[name] = reason(problem)
+    return Validity(tuple(merge(soften(entries, allowed if isinstance(allowed, list) else ()))), unchecked)
 
 
 def soften(entries: Iterable[Exceedance], allowed: Sequence[str]) -> list[Exceedance]:

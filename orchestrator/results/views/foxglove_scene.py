@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from fmus.vehicles.tables import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.message_records import EVENTS_TOPIC, WARNINGS, Event
 from orchestrator.log.reader import Log
@@ -47,8 +46,6 @@ def write(path: Path, output: Path, colour: str | None = None) -> Path:
     Raises BadInput if the log cannot be drawn or the file cannot be written, and NotInstalled.
     """
     check_name(output, (".mcap",))
-    if output.exists() and path.exists() and output.samefile(path):
-        raise BadInput(f"{output} is the log itself: give the view another name")
     library("foxglove", "view")
     layout = output.with_name(f"{output.stem}.layout.json")
     with Log(path) as log:
