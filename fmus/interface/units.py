@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from difflib import get_close_matches
 from functools import cache
-from math import pi
+from math import pi, prod
 from typing import NamedTuple
 
 PREFIXES = {"G": 1e9, "M": 1e6, "k": 1e3, "K": 1e3, "da": 1e1, "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
@@ -57,7 +57,7 @@ class Unit(NamedTuple):
     def times(self, other: Unit, power: int) -> Unit:
         """Product with a power of another unit."""
         exponents = (a + power * b for a, b in zip(self.exponents, other.exponents, strict=True))
-        size = math.prod([other.factor] * abs(power))  # products: powers of C depend on the processor
+        size = prod([other.factor] * abs(power))  # products: powers of C depend on the processor
         return Unit(self.factor * size if power > 0 else self.factor / size, tuple(exponents))
 
 

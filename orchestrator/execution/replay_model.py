@@ -22,6 +22,7 @@ from orchestrator.cosim.messages import Logger
 from orchestrator.execution import replays
 from orchestrator.execution.loading import open_rooms
 from orchestrator.execution.manifest import NATIVE, as_json, model_description, system_table
+from orchestrator.files.budget import FMU, OverBudget, open_file
 from orchestrator.log.log_metadata import BRANCHED, path_text_of
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of, texts_of
@@ -183,9 +184,10 @@ def _given_model(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
     if not fmu.is_file():
         raise BadInput(f"no FMU '{fmu}': give {', '.join(TRACKS)} or an .fmu file")
     try:
+        open_file(fmu, FMU).close()
         as_recorded = identity(fmu) == entry["sha256"]
-    except OSError as error:
-        raise BadInput(f"the FMU '{fmu}' cannot be read: {error.strerror}") from None
+    except (OSError, OverBudget) as error:
+        raise BadInput(f"the FMU '{fmu}' cannot be read: {getattr(error, 'strerror', None) or error}") from None
     known = as_recorded and "scene.json" in log.attachments
     scene = _scene(log) if known else None
     return ReplayModel(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, as_recorded)
