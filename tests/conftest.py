@@ -6,15 +6,18 @@ the modules makes this rare.
 """
 
 import os
+import signal
 import sys
 import zipfile
 from collections import Counter
+from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers fill two cores: threads would wait for each other
 
 import foreign_fmus
+import psutil
 import pytest
 import typer
 from hypothesis import HealthCheck, settings
@@ -30,6 +33,19 @@ settings.load_profile("untimed")
 HERE = Path(__file__).resolve().parent
 TOY = HERE / "toy"
 ROOT = HERE.parent
+
+
+def pytest_configure(config):
+    """At SIGTERM, end with all workers and what they have started: pytest leaves them to end by themselves."""
+
+    def end(number, _):
+        for one in psutil.Process().children(recursive=True):
+            with suppress(psutil.NoSuchProcess):
+                one.kill()
+        os._exit(128 + number)
+
+    if not hasattr(config, "workerinput"):
+        signal.signal(signal.SIGTERM, end)
 
 
 @pytest.hookimpl(trylast=True)  # after the deselection of tests, so that only selected tests are counted

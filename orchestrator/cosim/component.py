@@ -207,7 +207,7 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         self._messages.receive(status, message, category, float(self._clock[0]))
 
     def _call(self, function: Callable[..., int], *arguments: Any) -> None:
-        if self._handle is None or self._phase == "lost":
+        if self._handle is None or (self._phase == "lost" and self._guest is not None):
             raise ComponentFailed(f"{self.name}: the component is closed")
         self._messages.clear()
         began = perf_counter()

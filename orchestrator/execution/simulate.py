@@ -127,6 +127,7 @@ def _simulate(
                         component.close()
                 result["warnings"] = [*early_warnings, *run.warnings()]
                 run_events: list[Event] = []
+                before = interrupt.requested and not interrupt.terminated  # Ctrl-C ended a wait for an FMU
                 interrupt.deferring = False
                 try:
                     if outcome.steps and not interrupt.terminated:
@@ -135,7 +136,7 @@ def _simulate(
                         result |= entries
                         if estimated:
                             _estimate_error(run.scene, recorder.file, result, interrupt, announce)
-                    if interrupt.requested and outcome.status == "ok":  # in a coarser run
+                    if interrupt.requested and not before and outcome.status == "ok":  # in a coarser run
                         raise KeyboardInterrupt
                 except KeyboardInterrupt:
                     outcome = outcome._replace(status="interrupted", message="interrupted while it was evaluated")

@@ -21,7 +21,7 @@ CHOLESKY = "track.coordinates=cholesky", "track.integrator=runge_kutta"
 ROUND = "drive.ramp_start=0", "drive.ramp_time=0.05", "drive.left.speed=4", "drive.right.speed=12"
 
 WAVES = "ground.washboard={amplitude=0.02, wavelength=2, start=-20}", "ground.half_round={x=[-1], radius=0.02}"
-BELLY = "ground.hull=true", "vehicle.chassis.hull=[[-2.0, 0.0, -0.9]]"
+BELLY = "ground.hull=true", "vehicle.chassis.hull=[[-2.0, 0.0, -0.65]]"
 SLOPE = "ground.grade=0.1", "ground.bank=0.05", "start.heading=0.4"
 ELEMENTS = (  # of the suspension, one of each sort
     "vehicle.suspension.torsion_bar={stiffness=3e4}", "vehicle.suspension.rotary_damper={damping=500, wheels=[1, 5]}",

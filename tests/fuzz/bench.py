@@ -39,7 +39,7 @@ SWEEP = (
     "1",
 )
 FOUND = ("--map", "chain.tension.max=chain.tension.max [N]", "--shift", "find")
-WARM = (("show", "straight"), ("show", "rig", "--set", "rig.tension=1 ounce"), ("--help",))
+WARM = (("show", "straight"), ("show", "rig", "--set", "rig.tension=1 lbf"), ("--help",))
 LOG_KINDS = ("logs", "checkpoints")
 CALLING = {"calls", "states"}  # kinds that call an FMU
 READING = ("commands", "measured")  # kinds that read the base log as it is

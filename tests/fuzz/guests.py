@@ -1,4 +1,4 @@
-"""Things that users bring: archives, tables ``[fmu.NAME]``, files of heights, and FMUs, all somewhat wrong."""
+"""Things of users: archives, tables ``[fmu.NAME]``, heights, grids, FMUs, logs of others, all somewhat wrong."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mcap.writer import CompressionType, Writer
 from PIL import Image
 
-from tests import foreign_fmus
+from tests import foreign_fmus, whole_fmu
 from tests.foreign_fmus import Variable
 from tests.fuzz import values
 
@@ -70,11 +71,12 @@ def prepare(folder: Path) -> None:
     """Build the FMU of all cases."""
     (folder / "guest").mkdir(exist_ok=True)
     made["fmu"] = foreign_fmus.build(folder / "guest" / "a.fmu", "guest", GUEST).read_bytes()
+    made["whole"] = whole_fmu.build(folder / "guest")().read_bytes()
 
 
 def draw(chance: random.Random) -> dict[str, Any]:
     """A case."""
-    return chance.choice((_archive, _archive, _scene, _scene, _heights, _check))(chance)
+    return chance.choice((_archive, _archive, _scene, _scene, _heights, _grid, _whole, _bag, _check))(chance)
 
 
 def _archive(chance: random.Random) -> dict[str, Any]:
@@ -98,6 +100,60 @@ def _scene(chance: random.Random) -> dict[str, Any]:
     fmu = _damaged(chance, made["fmu"])
     command = chance.choice((["show", "t.toml"], ["run", "t.toml", "--json", "-o", "out.mcap"]))
     return {"files": {"t.toml": values.toml(table), "a.fmu": fmu}, "arguments": command}
+
+
+def _whole(chance: random.Random) -> dict[str, Any]:
+    """Start values at and beyond the ranges of whole numbers, and connections between their types."""
+    edges = [2**bits + more for bits in (7, 8, 15, 16, 31, 32, 53, 63, 64) for more in (-1, 0, 1)]
+    given = [0, 1, *edges, *(-edge for edge in edges), 5.5, "high", "low", "9", True, 1e300]
+    names = chance.sample([f"{slot}.{kind}" for slot in "pu" for kind in (*whole_fmu.TYPES, "e")], 2)
+    kinds = chance.sample(whole_fmu.TYPES, 2)
+    entries = {
+        "a": {"file": "a.fmu", "parameters": {name: chance.choice(given) for name in names}},
+        "b": {"file": "a.fmu"},
+    }
+    run, link = {"stop": 2e-3, "step": 1e-3}, f"a.y.{kinds[0]} -> b.u.{kinds[1]}"
+    table = {"title": "t", "assembly": "fmus", "run": run, "connections": [link], "fmu": entries}
+    files = {"t.toml": values.toml(table), "a.fmu": {"bytes": base64.b64encode(made["whole"]).decode()}}
+    return {"files": files, "arguments": ["run", "t.toml", "--json", "-o", "out.mcap"]}
+
+
+def _bag(chance: random.Random) -> dict[str, Any]:
+    """An MCAP file of other software, and a command that takes logs."""
+    stream = io.BytesIO()
+    kinds = chance.choice(list(CompressionType)), chance.random() < 0.8, chance.random() < 0.8
+    writer = Writer(stream, compression=kinds[0], use_chunking=kinds[1], enable_crcs=kinds[2])
+    writer.start(profile=chance.choice(("", "ros2", "ros1", "x" * 300)), library=chance.choice(("", "rosbag2", *ODD)))
+    encodings = ("cdr", "ros2msg"), ("json", "jsonschema"), ("protobuf", "protobuf"), ("", ""), ("flatbuffer", "x")
+    for k in range(chance.choice((0, 1, 3, 40))):
+        message, schema = chance.choice(encodings)
+        kind = writer.register_schema(f"std_msgs/msg/T{k}", schema, b"float64 data") if schema else 0
+        channel = writer.register_channel(chance.choice(("/chassis/speed", f"/t{k}", *ODD)), message, kind)
+        for t in range(chance.choice((0, 1, 50))):
+            writer.add_message(channel, t * 10**7, chance.randbytes(8), t * 10**7, t)
+    writer.finish()
+    commands = (
+        "log info b.mcap", "log verify b.mcap", "log recover b.mcap -o c.mcap", "report b.mcap -o out.html",
+        "compare b.mcap b.mcap", "replay b.mcap", "plot b.mcap -o out.png", "resume b.mcap", "analyse b.mcap power",
+    )  # fmt: skip
+    return {"files": {"b.mcap": _damaged(chance, stream.getvalue())}, "arguments": chance.choice(commands).split()}
+
+
+def _grid(chance: random.Random) -> dict[str, Any]:
+    """An ESRI grid with a somewhat wrong head."""
+    columns, rows = chance.choice(((2, 2), (3, 40), (60, 60)))
+    head = {"ncols": columns, "nrows": rows, "xllcorner": 0, "yllcorner": 0, "cellsize": 1, "NODATA_value": -9999}
+    for _ in range(chance.choice((0, 1, 1, 2))):
+        key = chance.choice([*head])
+        head[chance.choice((key, key, key.upper(), "dx", "xllcenter"))] = chance.choice((0, -1, 3, 1e9, 2.5, *ODD))
+    lines = [f"{key} {value}" for key, value in head.items()]
+    lines += [lines[chance.randrange(6)]] * (chance.random() < 0.1)
+    lines += [" ".join(f"{chance.uniform(0.0, 0.1):.3f}" for _ in range(columns)) for _ in range(rows)]
+    table = '{heights = "h.asc", corner = [0, 0]}'
+    text = f'title = "t"\nassembly = "vehicle"\nvehicle = "m113"\nground.heightmap = {table}\n'
+    text += 'track = {model = "rigid"}\nrun = {stop = "1 ms", step = "1 ms"}\ndrive.mode = "speed"\n'
+    grid = _damaged(chance, "\n".join(lines).encode("utf-8", "replace"))
+    return {"files": {"t.toml": text, "h.asc": grid}, "arguments": ["show", "t.toml"]}
 
 
 def _heights(chance: random.Random) -> dict[str, Any]:

@@ -25,6 +25,8 @@ UNITS = (
     "", "N", "kN", "J", "m", "mm", "m/s", "-", "1", "%", "\u00b0", "\u00b5m", "lbf", "kgf", "N*m", "N\u00b7m", "kN/m^2",
     "m/s\u00b2", "1/0", "0 N", "-N", "N N N", "degC", "degF", "dB", "nan", "inf N", "1e400 N", "10**10**10 m",
     "N**-1e9",
+    "kmph", "km/h", "Grad", "Grad/s", "mil", "m/s2", "mm/s2", "N/mm2", "g", "RPM", "1/min", "KN", "\u00b0/s", "kkN",
+    "ton", "daN", "kgm", "Nm/rad", "N/(m s)", "m^-9", "1/s/s", "U/min", "MPa/s", "rad/s^2", "t", "bar", "psi",
     "__import__('os')", "(", ")", "[[", "\x00", "'", "x" * 300, "m" * 20_000, "furlong/fortnight",
 )  # fmt: skip
 NUMBERS = (

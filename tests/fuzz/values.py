@@ -19,7 +19,8 @@ TEXTS = (
     "\x1b[2J", "a\nb", "9" * 400, "y" * 3000, "../../evil", ".", "/", "/dev/zero",
     "/dev/null", "/proc/self/mem", "none.csv", "none.toml", "1 kg", "1 s", "0 s", "-1 ms", "1e400 s", "nan s",
     "9**9**9 s",
-    "1 m/s^2", "1 parsec", "=1+1", "nan", "flexible", "rigid", "spring", "true", "%s%n", "{}", "[", "\u202e", "\ufffe",
+    "1 m/s^2", "1 parsec", "1 kmph", "3 Grad", "2 mil", "5 m/s2", "1 N/mm2", "1 g", "9 RPM", "1 1/min", "2 KN",
+    "1 \u00b0/s", "=1+1", "nan", "flexible", "rigid", "spring", "true", "%s%n", "{}", "[", "\u202e", "\ufffe",
 )  # fmt: skip
 OTHERS: tuple[Any, ...] = (
     [], [[]], {}, {"a": 1}, [math.nan], [[0, math.nan], [1, 1]], [[0.0, 1.0], [0.0, 2.0]], [1, "x"], [[[[[[]]]]]],

@@ -436,7 +436,8 @@ def test_systems_that_name_the_next_one_twice_have_a_budget(gain, tmp_path, monk
 
 
 def test_a_set_that_is_bound_many_times_has_a_budget(gain, tmp_path, monkeypatch):
-    parameters = '<ssv:Parameter name="k"><ssv:Real value="3"/></ssv:Parameter>' * 10
+    names = ("k", *(f"other{k}" for k in range(9)))
+    parameters = "".join(f'<ssv:Parameter name="{name}"><ssv:Real value="3"/></ssv:Parameter>' for name in names)
     given = f"<ssv:ParameterSet {SPACES}><ssv:Parameters>{parameters}</ssv:Parameters></ssv:ParameterSet>"
     archive = []
     for count in (1, 20):
