@@ -142,7 +142,14 @@ def _bag(chance: random.Random) -> dict[str, Any]:
 def _grid(chance: random.Random) -> dict[str, Any]:
     """An ESRI grid with a somewhat wrong head."""
     columns, rows = chance.choice(((2, 2), (3, 40), (60, 60)))
-    head = {"ncols": columns, "nrows": rows, "xllcorner": 0, "yllcorner": 0, "cellsize": 1, "NODATA_value": -9999}
+    head: dict[str, Any] = {
+        "ncols": columns,
+        "nrows": rows,
+        "xllcorner": 0,
+        "yllcorner": 0,
+        "cellsize": 1,
+        "NODATA_value": -9999,
+    }
     for _ in range(chance.choice((0, 1, 1, 2))):
         key = chance.choice([*head])
         head[chance.choice((key, key, key.upper(), "dx", "xllcenter"))] = chance.choice((0, -1, 3, 1e9, 2.5, *ODD))
