@@ -9,6 +9,7 @@ from urllib.parse import unquote, urlsplit
 
 import cotrack
 import pytest
+from browser import opened
 
 ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", *(f"{folder}/**/*.md" for folder in ("fmus", "orchestrator", "tests", "logs"))]
@@ -85,24 +86,27 @@ def test_faults_are_found(tmp_path):
     ]
 
 
-@pytest.mark.long
-def test_the_book(tmp_path, environment):
-    """It builds without a warning and has every page; the search reads its index as a script, so without a server."""
-    site = tmp_path / "book"
-    build = [
-        sys.executable,
-        "-m",
-        "sphinx",
-        "-q",
-        "-W",
-        "--keep-going",
-        "-c",
-        "orchestrator/book",
-        "-d",
-        str(tmp_path / "trees"),
-    ]
-    done = subprocess.run([*build, ".", str(site)], cwd=ROOT, env=environment, capture_output=True, text=True)
+@pytest.fixture(scope="module")
+def site(tmp_path_factory, environment):
+    """The book, built without a warning."""
+    folder = tmp_path_factory.mktemp("book")
+    build = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-c", "orchestrator/book"]
+    build += ["-d", str(folder / "trees"), ".", str(folder / "site")]
+    done = subprocess.run(build, cwd=ROOT, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+    return folder / "site"
+
+
+@pytest.mark.long
+def test_the_first_page_in_a_browser(site, tmp_path):
+    console, found = opened(site / "README.html", tmp_path)
+    assert console == []
+    assert [at["beyond"] for at in found] == [0, 0]
+
+
+@pytest.mark.long
+def test_the_book(site):
+    """It has every page; the search reads its index as a script, so without a server."""
     assert [*faults(site)] == []
     sources = {path.relative_to(ROOT).with_suffix(".html") for pattern in PAGES for path in ROOT.glob(pattern)}
     assert sources <= {path.relative_to(site) for path in site.rglob("*.html")}

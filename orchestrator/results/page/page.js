@@ -432,7 +432,8 @@
       show(nearest(moment));
       if (jump) document.getElementById("picture").scrollIntoView({ block: "center" });
     };
-    new ResizeObserver(() => { if (canvas.clientWidth !== width) { size(); paint(); } }).observe(canvas);
+    const fit = () => { if (canvas.clientWidth !== width) { size(); paint(); } };
+    new ResizeObserver(() => requestAnimationFrame(fit)).observe(canvas);
     dark.addEventListener("change", paint);
     size();
     show(nearest(data.figures.tension ? data.figures.tension.t : 0));
