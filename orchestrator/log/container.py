@@ -172,6 +172,8 @@ class Container:
 
     def record(self, kind: Any, offset: int) -> Any:
         """Parse the record at ``offset`` as a class of ``mcap.records``; raises one of DAMAGE."""
+        if self.following(offset) > self.size:
+            raise ValueError("it is cut off")
         return _parsed(kind, self.body(offset))
 
     def _take(self, take: Callable[[int], None], amount: int) -> None:

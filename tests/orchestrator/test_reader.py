@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
@@ -111,6 +111,8 @@ def test_a_missing_log_is_one_sentence(tmp_path):
 
 @settings(max_examples=60)
 @given(st.floats(0.0, 1.0))
+@example(0.0)
+@example(2.5e-05)  # in the header
 def test_a_cut_log_reads_as_far_as_it_goes(chunked, fraction):
     data = chunked.read_bytes()
     with Log(chunked) as log:
