@@ -3,6 +3,7 @@ import re
 import shutil
 import struct
 import tempfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -402,3 +403,53 @@ def test_info_of_a_cut_log(chunked, tmp_path):
     about = info(tmp_path / "cut.mcap")
     assert (about.log.complete, about.log.closing) == (False, None)
     assert about.log.faults
+
+
+def with_summary(data, summary):
+    """A file with another summary and its checksum; no offsets of groups."""
+    start = int.from_bytes(data[-28:-20], "little")
+    footer = bytes([0x02]) + (20).to_bytes(8, "little") + start.to_bytes(8, "little") + bytes(8)
+    crc = zlib.crc32(footer, zlib.crc32(summary))
+    return data[:start] + summary + footer + crc.to_bytes(4, "little") + data[-8:]
+
+
+def test_a_summary_that_is_damaged_or_lacks_a_record_is_not_used(small, tmp_path):
+    data, path = small.read_bytes(), tmp_path / "summary.mcap"
+    start = int.from_bytes(data[-28:-20], "little")
+    kept = [(opcode, data[begin:end]) for opcode, begin, end in records(data) if begin >= start and opcode < 0x0E]
+    whole = b"".join(record for _, record in kept)
+    with Log(small) as log:
+        topics, hashes = log.topics, log.hashes()
+    path.write_bytes(with_summary(data, whole))
+    with Log(path) as log:
+        assert (log.complete, log.topics) == (True, topics)
+    path.write_bytes(with_summary(data, whole.replace(b'"rad"', b'"deg"', 1))[:-12] + data[-12:])
+    with Log(path) as log:
+        assert log.topics == topics
+    for missing in {opcode for opcode, _ in kept} - {0x0B}:
+        first = next(k for k, (opcode, _) in enumerate(kept) if opcode == missing)
+        path.write_bytes(with_summary(data, b"".join(record for k, (_, record) in enumerate(kept) if k != first)))
+        with Log(path) as log:
+            assert (log.topics, log.hashes(), log.attachments) == (topics, hashes, tuple(ATTACHMENTS)), missing
+
+
+def test_an_attachment_is_checked_by_its_checksum_where_no_digest_is(small, tmp_path):
+    content = Content(small)
+    del content.metadata["closing"]
+    data = bytearray(content.write(tmp_path / "cut.mcap").read_bytes())
+    data[data.index(ATTACHMENTS["scene.json"]) + 3] ^= 1
+    (tmp_path / "cut.mcap").write_bytes(data)
+    with (
+        Log(tmp_path / "cut.mcap", unfinished=True) as log,
+        pytest.raises(LogUnreadable, match=r"at byte \d+ is damaged"),
+    ):
+        log.attachment("scene.json")
+
+
+def test_a_message_that_comes_twice_is_told(small, tmp_path):
+    content = Content(small)
+    number, rows, times = content.chunks[0][0]
+    content.chunks[0][0] = number, np.repeat(rows, 2, axis=0), np.repeat(times, 2)
+    twice = content.hash_again().write(tmp_path / "twice.mcap")
+    with Log(twice) as log, pytest.raises(LogUnreadable, match="are not in order of time"):
+        log.read(content.channels[number][0])
