@@ -209,6 +209,16 @@ def test_lost_outputs_take_along_the_inputs_that_need_them(tmp_path, rule, missi
     assert series.values.tobytes() == whole(topic)[there].tobytes()
 
 
+def test_a_lost_input_is_missing_alone(wired, tmp_path):
+    """Its outputs are there: the inputs before and behind it get theirs."""
+    topic = next(topic for topic, wires in WIRES.items() if wires)
+    with Log(write_again(wired, tmp_path / "lost.mcap", by_time=False, lost=(topic, 100))) as log:
+        series = log.read(topic)
+    there = np.setdiff1d(np.arange(STEPS), [100])
+    assert np.array_equal(np.rint(series.t / STEP), there)
+    assert series.values.tobytes() == whole(topic)[there].tobytes()
+
+
 def test_a_wire_that_leads_nowhere_is_a_fault(tmp_path):
     topics = {topic: about for topic, about in TOPICS.items() if topic != "/b/out"}
     with Recorder(tmp_path / "a", topics, {}, {}, wires=WIRES) as log:
