@@ -57,8 +57,8 @@ def simulate(
     """Build, run, record and evaluate a scene; return the summary (``summary.empty``).
 
     ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take twice
-    the run's own time. ``native``: use native FMUs, which give the same numbers; the coarser runs use
-    Python FMUs. ``continuation``: checkpoint of an earlier run (``resume``).
+    the run's own time. ``native``: use native FMUs, which give the same numbers. ``continuation``: checkpoint of an
+    earlier run (``resume``).
     ``answer``: raise what is no answer of the model: KeyboardInterrupt, and OSError for a log that cannot be written.
 
     Before the first step raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt
@@ -135,7 +135,8 @@ def _simulate(
                         entries, run_events = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
                         result |= entries
                         if estimated:
-                            _estimate_error(run.scene, recorder.file, result, interrupt, announce)
+                            companion = partial(record_companion, interrupt, native=native)
+                            _estimate_error(run.scene, recorder.file, result, companion, announce)
                     if interrupt.requested and not before and outcome.status == "ok":  # in a coarser run
                         raise KeyboardInterrupt
                 except KeyboardInterrupt:
@@ -159,12 +160,16 @@ def _simulate(
 
 
 def _estimate_error(
-    scene: SystemScene, file: Path, result: dict[str, Any], interrupt: Interrupt, announce: Callable[[str], object]
+    scene: SystemScene,
+    file: Path,
+    result: dict[str, Any],
+    companion: estimate.RecordRun,
+    announce: Callable[[str], object],
 ) -> None:
-    """Add the error of a run that ended well to its summary, by coarser runs."""
+    """Add the error of a run that ended well to its summary, by coarser runs (``companion``)."""
     if result["status"] == "ok" and isinstance(scene, Scene):
         announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
-        result["error"] = estimate.estimate(scene, file, result, partial(record_companion, interrupt))
+        result["error"] = estimate.estimate(scene, file, result, companion)
 
 
 def _shared_parameters(run: PreparedRun, assembly: Assembly) -> Iterator[str]:
@@ -224,18 +229,16 @@ def _evaluate_log(
     return entries | summary.judgement(outcome.message, entries), run_events
 
 
-def record_companion(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str, Any]:
-    """Record a scene; return its outcome.
+def record_companion(interrupt: Interrupt, scene: Scene, path: Path, native: bool = False) -> dict[str, Any]:
+    """Record a scene, by native FMUs if the run has them; return its outcome.
 
     An outcome has status and message, times, components, energy and the path of the log, named as in a summary. A
     signal ends the run. No failure is raised: it is a status.
     """
     try:
         with ExitStack() as stack:
-            rooms = Rooms(interrupt.signals)
-            return _recorded(
-                PreparedRun.prepare(*load_scene(scene, assemble(scene), stack, None, rooms=rooms)), path, interrupt
-            )
+            loaded = load_scene(scene, assemble(scene), stack, None, native, Rooms(interrupt.signals))
+            return _recorded(PreparedRun.prepare(*loaded), path, interrupt)
     except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable, BadInput) as failure:
         interrupt.failure = str(failure) if isinstance(failure, LogFailed) else interrupt.failure
         return {"status": "failed", "message": str(failure)}

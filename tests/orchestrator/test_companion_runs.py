@@ -1,5 +1,8 @@
 """Coarser runs of an estimate: the bits of single runs, failures as a status, signals."""
 
+import pytest
+
+from orchestrator.execution import simulate as simulation
 from orchestrator.execution import summary
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.simulate import record_companion, simulate
@@ -50,3 +53,22 @@ def test_a_signal_ends_a_run(tmp_path):
     outcome = record_companion(interrupt, *scenes(tmp_path, "run.step=1 ms")[0])
     assert (outcome["status"], outcome["message"]) == ("failed", "interrupted at t = 0 s")
     assert not interrupt.deferring, "a signal in what follows would not end it"
+
+
+@pytest.mark.long
+def test_the_estimate_of_a_native_run_is_native_and_the_same(tmp_path, monkeypatch):
+    scene, natives, errors = scenes(tmp_path, "run.step=1 ms")[0][0], [], []
+    load_scene = simulation.load_scene
+
+    def loaded(*given, **named):
+        natives.append(given[4])
+        return load_scene(*given, **named)
+
+    monkeypatch.setattr(simulation, "load_scene", loaded)
+    for native in (False, True):
+        summary = simulate(scene, tmp_path / "run.mcap", estimated=True, native=native)
+        errors.append({name: value for name, value in summary["error"].items() if name != "wall_time"})
+    assert errors[0] == errors[1]
+    assert errors[0]["total"] > 0.0
+    assert natives == [False] * (len(natives) // 2) + [True] * (len(natives) // 2)
+    assert len(natives) >= 4
