@@ -426,6 +426,11 @@ def test_a_summary_that_is_damaged_or_lacks_a_record_is_not_used(small, tmp_path
     path.write_bytes(with_summary(data, whole.replace(b'"rad"', b'"deg"', 1))[:-12] + data[-12:])
     with Log(path) as log:
         assert log.topics == topics
+    path.write_bytes(with_summary(data, whole.replace(b'"rad"', b'"deg"', 1)))
+    with Log(path) as log:
+        assert log.topics != topics, "a summary that is changed with its checksum is used"
+    said = r"summary\.mcap is not as it was sealed: the description of /\w+/\w+ is changed"
+    assert any(re.search(said, sentence) for sentence in verify(path).sentences)
     for missing in {opcode for opcode, _ in kept} - {0x0B}:
         first = next(k for k, (opcode, _) in enumerate(kept) if opcode == missing)
         path.write_bytes(with_summary(data, b"".join(record for k, (_, record) in enumerate(kept) if k != first)))
@@ -453,3 +458,24 @@ def test_a_message_that_comes_twice_is_told(small, tmp_path):
     twice = content.hash_again().write(tmp_path / "twice.mcap")
     with Log(twice) as log, pytest.raises(LogUnreadable, match="are not in order of time"):
         log.read(content.channels[number][0])
+
+
+def test_an_attachment_is_checked_by_its_digest_when_it_is_read(small, tmp_path):
+    content = Content(small)
+    content.attachments["scene.json"] = b'{"name": "smell"}'
+    said = r"is not as it was sealed: the attachment 'scene\.json' is changed"
+    edited = content.write(tmp_path / "edited.mcap", old_seal=True)
+    with Log(edited) as log, pytest.raises(LogUnreadable, match=said):
+        log.attachment("scene.json")
+
+
+def test_messages_of_another_size_are_damage(small, tmp_path):
+    content = Content(small)
+    number, rows, times = content.chunks[0][0]
+    shorter = rows[:, :-1].copy()
+    shorter[:, 1:9] = np.frombuffer((rows.shape[1] - 10).to_bytes(8, "little"), np.uint8)
+    content.chunks[0][0] = number, shorter, times
+    topic, shorter_log = content.channels[number][0], content.write(tmp_path / "shorter.mcap")
+    said = rf"a message of {topic} does not have {rows.shape[1]} bytes"
+    with Log(shorter_log) as log, pytest.raises(LogUnreadable, match=said):
+        log.read(topic)
