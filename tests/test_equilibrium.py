@@ -478,3 +478,14 @@ def test_a_chain_that_finds_no_rest_in_soil_is_lowered_in_shorter_stages(monkeyp
     with pytest.raises(BadInput, match="static equilibrium of the track was not found"):
         placed(scene)
     placing._solved_equilibrium.cache_clear()
+
+
+@pytest.mark.long
+def test_a_tension_that_jumps_ends_the_search(monkeypatch):
+    """As drawn with 6.993 kN more or less, this vehicle carries 4.09 or 6.14 kN, as it rests in two ways."""
+    found, one = [], standing._Search._standing
+    monkeypatch.setattr(standing, "cached_result", lambda kind, name, request, compute: compute())
+    monkeypatch.setattr(standing._Search, "_standing", lambda *given: found.append(one(*given)) or found[-1])
+    with pytest.raises(BadInput, match=r"nearest tension is \S+ N, and it jumps: the vehicle rests in two ways"):
+        placed(load("straight", "flexible", {"vehicle": random_vehicle(20)}))
+    assert len(found) < standing.MOST // 2

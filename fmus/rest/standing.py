@@ -35,7 +35,11 @@ from fmus.vehicles.tables import BadInput
 
 CLOSE = 1e-5  # relative difference of the tension from the wanted one at which the search ends
 MOST = 20  # further equilibria
+JUMP = 20.0  # slope of the tension over that as drawn beyond which the vehicle rests in another way
 FARTHEST = 2.0  # largest change of the tension as drawn from one to the next, as a factor
+
+
+JUMPS = ", and it jumps: the vehicle rests in two ways"
 
 
 class DoesNotStand(BadInput):
@@ -102,7 +106,8 @@ class _Search:
             if not stretched(self._vehicle(self.cables.places, self.cables.pushes), self.cables.rest):
                 return self.cables
             drawn = np.array(self.cables.drawn)
-        best = last = self._standing(drawn)
+        best, jumps = self._standing(drawn), False
+        last = best
         slope = np.ones_like(drawn)  # of the tension over that as drawn
         for _ in range(MOST):
             if self._lack(best) <= CLOSE:
@@ -114,14 +119,15 @@ class _Search:
             slope = np.divide(gained, moved, out=np.ones_like(moved), where=moved != 0.0)
             slope[slope <= 0.0] = 1.0
             last, best = standing, min(best, standing, key=self._lack)
-            if not moved.any():  # the idlers have no more way
+            jumps = bool((abs(gained) > JUMP * abs(moved)).any())
+            if jumps or not moved.any():  # the idlers have no more way
                 break
         if self._lack(best) <= ACCEPTED:
             return best
         nearest = " and ".join(f"{tension:.6g} N" for tension in best.tensions())
         raise BadInput(
             f"vehicle.track.tension = {self.tension:.6g} N: the vehicle standing on level, hard ground lacks it: the"
-            f" nearest tension is {nearest}{f'; as drawn {self.missed}' if self.missed else ', where the search ended'}"
+            f" nearest tension is {nearest}{f'; as drawn {self.missed}' if self.missed else JUMPS * jumps}"
         )
 
     def _lack(self, standing: StandingVehicle) -> float:
