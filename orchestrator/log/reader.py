@@ -379,7 +379,7 @@ class Log(AbstractContextManager["Log"]):
         """Yield in words what is not as the closing record has it; raises LogUnreadable."""
         listed = {**closing["contents"], **{f"sha256:{topic}": one for topic, one in closing["sha256"].items()}}
         found = {f"sha256:{topic}": one for topic, one in (hashes or self.hashes()).items()}
-        if closing["contents"]:  # since 0.3.0
+        if closing["contents"]:  # older logs have none
             found |= {
                 f"attachment:{name}": seal.attachment_digest(self._file.attachment(name)) for name in self.attachments
             }

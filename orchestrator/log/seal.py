@@ -2,8 +2,8 @@
 
 Names are "attachment:NAME", "metadata:NAME", "channel:TOPIC" and "messages:/events"; messages of all other topics have
 their sha256. Places in the file do not count: a log that other software has sorted, compressed anew or merged has the
-same contents. Damage is found by the checksums of MCAP. Logs of 0.4.0 and before have digests by name at most, not the
-seal; the hash tree over bytes that they have instead is not read.
+same contents. Damage is found by the checksums of MCAP. Logs made until 2026-11-29 have digests by name at
+most, not the seal; the hash tree over bytes that they have instead is not read.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Answers of commands about logs, asked of the version that made ``logs/old_logs.tar.xz`` and of this one.
 
-The logs, made on 2026-11-29 with 0.4.0 (d4ae4d72), have the prefix of their answers, ``answers.json``, beside them: a
+The logs were made on 2026-11-29 with 0.4.0 (d4ae4d72); its answers, ``answers.json``, lie beside them. They are of a
 bench with each coupling, with both links, native and not, of variable steps, cut off, recovered and resumed; a chain;
 vehicles with both links.
 """
