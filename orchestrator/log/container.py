@@ -133,6 +133,7 @@ class Container:
         self._loose: dict[int, int] = {}  # messages outside chunks: beginning and end of a part of the file
         self.data_end: int | None = None  # offset of the record that ends the data
         self.ended = False
+        self.is_sealed = False  # its closing record must have a seal
 
     def close(self) -> None:
         """Close the file."""
@@ -344,7 +345,7 @@ class Container:
             self.contents[f"metadata:{record.name}"] = seal.metadata_digest(record.metadata)
             self.metadata[record.name] = record.metadata
         if record.name == log_metadata.FORMAT:
-            del self.metadata[record.name]
+            self.is_sealed = seal.SEAL in self.metadata.pop(record.name)
             try:
                 log_metadata.check_version(record.metadata)
             except log_metadata.TooNew as newer:

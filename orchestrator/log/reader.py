@@ -364,6 +364,8 @@ class Log(AbstractContextManager["Log"]):
         """
         if self.closing is None:
             return []
+        if self._file.is_sealed and not self.seal:
+            return [f"{self.path} has lost its seal"]
         try:
             changed = (
                 [*self._changes(self.closing, hashes)]

@@ -305,7 +305,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         types: Mapping[str, str],
     ) -> None:
         """Write all records that precede step 0: format, metadata, attachments, channels; raises OSError."""
-        self._file.metadata(log_metadata.FORMAT, {"version": str(log_metadata.FORMAT_VERSION)})
+        about = {"version": str(log_metadata.FORMAT_VERSION), seal.SEAL: "true"}  # in the closing record
+        self._file.metadata(log_metadata.FORMAT, about)
         for name, entries in metadata.items():
             self._file.metadata(name, entries)
         for name, content in attachments.items():

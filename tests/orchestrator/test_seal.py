@@ -173,6 +173,13 @@ def test_other_edits_in_place_are_noticed(sealed, tmp_path):
         assert any("sealed" in sentence for sentence in verdict.sentences), verdict.sentences
 
 
+def test_a_seal_that_is_taken_away_is_missed(sealed, tmp_path):
+    content = Content(sealed)
+    del content.metadata["closing"]["seal"]
+    path = content.write(tmp_path / "edited.mcap", old_seal=True)
+    assert (verify(path).code, verify(path).sentences) == (BROKEN, [f"{path} has lost its seal"])
+
+
 def test_an_event_that_is_changed_is_noticed(sealed, tmp_path):
     """One chunk of the file is exchanged for that of another event."""
     other = tmp_path / "other.mcap"
