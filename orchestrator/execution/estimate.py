@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 from fmus.interface.ports import TOLERANCE
 from fmus.track.choices import BY_ERROR
 from orchestrator.execution.summary import energy_warning
+from orchestrator.log.container import BESIDE_A_RUN
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import ObservableDifference, differences, observables, worst
 from orchestrator.results.run_data import UNANSWERED, RunData
@@ -163,9 +164,9 @@ def _differences(
     """Differences by part, those of parts that a run does not have are empty; observables of this kind of run."""
     try:
         with (
-            Log(log, unfinished=True) as fine_log,
-            Log(logs["total"]) as coarsest_log,
-            Log(logs.get("coupling", log), unfinished=True) as coupling_log,
+            Log(log, unfinished=True, kept=BESIDE_A_RUN) as fine_log,
+            Log(logs["total"], kept=BESIDE_A_RUN) as coarsest_log,
+            Log(logs.get("coupling", log), unfinished=True, kept=BESIDE_A_RUN) as coupling_log,
         ):
             fine, coupling, coarsest = (RunData(opened) for opened in (fine_log, coupling_log, coarsest_log))
             total, names = differences(coarsest, fine), [name for name, _ in observables(fine)]

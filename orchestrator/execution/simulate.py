@@ -25,6 +25,7 @@ from orchestrator.execution.loading import load_scene, require_signals
 from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
 from orchestrator.files.command import command_scope
+from orchestrator.log.container import BESIDE_A_RUN
 from orchestrator.log.log_file import LogFailed, check_writable
 from orchestrator.log.message_records import Event
 from orchestrator.log.reader import Log, LogUnreadable
@@ -220,7 +221,7 @@ def _evaluate_log(
 ) -> tuple[dict[str, Any], list[Event]]:
     """Evaluate energy, checks, observables and events from the log; return summary entries and events."""
     try:
-        with Log(path, unfinished=True) as log:
+        with Log(path, unfinished=True, kept=BESIDE_A_RUN) as log:
             run = RunData(log)
             entries = summary.evaluate(run, scene, outcome.time)
             run_events = [*events.of(run, teeth=True, open_warnings=warnings).events]
@@ -251,6 +252,6 @@ def _recorded(run: PreparedRun, path: Path, interrupt: Interrupt) -> dict[str, A
         outcome = run.step_to_end(run.observers(recorder, ReachedPoint()), interrupt, result)
         recorder.close(outcome.status, outcome.message, outcome.steps)
     interrupt.deferring = False
-    with Log(path) as log:
+    with Log(path, kept=BESIDE_A_RUN) as log:
         result |= summary.balance(RunData(log))
     return result | summary.judgement(outcome.message, result)

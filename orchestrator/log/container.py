@@ -68,8 +68,8 @@ INDEXES: dict[int, tuple[Any, str]] = {  # index records of the summary and thei
 }
 OF_CHUNKS = (Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX)
 LOOSE = 1 << 20  # bytes of messages outside chunks that are read at once
-CACHED_BYTES = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
-SMALL = 32 << 20  # packed bytes of a log whose chunks are all kept: results pass over it a dozen times
+KEPT = 192 << 20  # bytes of unpacked chunks that an open log keeps in memory: a report passes over it eighty times
+BESIDE_A_RUN = 8 << 20  # the same in a process that holds components too
 MOST_FAULTS = 100
 DAMAGE = (
     McapError, zstandard.ZstdError, struct.error, ValueError, TypeError, LookupError, MemoryError, OverflowError,
@@ -88,10 +88,11 @@ class Container:
     memory. ``contents``: digests of metadata and channels (``seal``). ``faults``: sentences, MOST_FAULTS at most.
 
     :param by_index: use the summary if it is whole; otherwise, or else, every record is walked.
+    :param kept: bytes of unpacked chunks that stay in memory, the first ones that are read.
     :raises LogUnreadable: for a file that is missing, no MCAP file, or a log of a newer format.
     """
 
-    def __init__(self, path: Path, by_index: bool = True) -> None:
+    def __init__(self, path: Path, by_index: bool = True, kept: int = KEPT) -> None:
         self.path = path
         try:
             with open_file(path) as stream:
@@ -104,7 +105,7 @@ class Container:
         self.size = len(self._data)
         self.faults: list[str] = []
         self._decompressor = zstandard.ZstdDecompressor()
-        self._room = CACHED_BYTES
+        self._room = kept
         self.unpacked: dict[int, list[Messages]] = {}
         self._forget()
         try:
@@ -379,14 +380,13 @@ class Container:
 
     # --- messages
 
-    def read(self, offset: int, topics: Collection[str] | None = None, keep: bool = False) -> list[Messages]:
+    def read(self, offset: int, topics: Collection[str] | None = None) -> list[Messages]:
         """Return the message records of a chunk, one ``Messages`` per channel; raises LogUnreadable.
 
-        ``topics`` selects (None: all). ``keep``: keep the unpacked chunk in memory while there is room, as those
-        of a small log are in any case.
+        ``topics`` selects (None: all).
         """
         try:
-            found = self.unpacked.get(offset) or self._unpack(offset, topics, keep or self._is_small)
+            found = self.unpacked.get(offset) or self._unpack(offset, topics)
         except DAMAGE as damage:
             raise self._damaged(offset, damage) from None
         return found if topics is None else [messages for messages in found if messages.topic in topics]
@@ -395,10 +395,6 @@ class Container:
         return LogUnreadable(
             f"{self.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
         )
-
-    @cached_property
-    def _is_small(self) -> bool:
-        return sum(map(self._packed_size, self.spans)) <= SMALL
 
     def _packed_size(self, offset: int) -> int:
         """Return the bytes in the file of the content of the chunk, or of the messages, at ``offset``."""
@@ -420,10 +416,10 @@ class Container:
         most = most_records(self._packed_size(offset))
         return content, records_by_channel(content, self._message_offsets(offset), most, wanted)
 
-    def _unpack(self, offset: int, topics: Collection[str] | None, keep: bool) -> list[Messages]:
+    def _unpack(self, offset: int, topics: Collection[str] | None) -> list[Messages]:
         """Return the message records of topics of a chunk, or of all if they are kept; raises one of DAMAGE."""
         content, records = self._records(offset, self._channels)
-        keep = keep and len(content) <= self._room
+        keep = len(content) <= self._room
         messages = []
         for number, channel in self._channels.items():
             if number in records and (keep or topics is None or channel.topic in topics):
@@ -431,7 +427,7 @@ class Container:
                     raise ValueError(f"a message of {channel.topic} does not have {size} bytes")
                 rows = records[number].rows(content)
                 messages.append(Messages(channel.topic, channel.names, channel.layout, rows))
-        if keep:  # topics are read one after another, so a kept chunk is unpacked once
+        if keep:
             self._room -= len(content)
             self.unpacked[offset] = messages
         return messages

@@ -1,8 +1,8 @@
 """Reader of a log, whole or cut off: every complete message as arrays with the recorded bits.
 
-``complete`` and ``faults`` tell what is missing. Contents are checked against their CRCs when they are read. ``decode``
-keeps its result in memory; ``stream``, ``select``, ``ends`` and ``blocks`` keep the unpacked chunks of a small log
-alone, so that a long log needs no more memory.
+``complete`` and ``faults`` tell what is missing. Contents are checked against their CRCs when they are read. ``read``
+keeps its result in memory; ``stream``, ``select``, ``ends`` and ``blocks`` keep as many unpacked chunks as ``kept`` has
+room for, so that a long log needs no more memory.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from orchestrator.files.budget import DOCUMENT, check_size
 from orchestrator.log import log_metadata, notices, seal, signal_names
-from orchestrator.log.container import Container, LogUnreadable
+from orchestrator.log.container import KEPT, Container, LogUnreadable
 from orchestrator.log.message_records import Messages
 from orchestrator.log.signal_names import Names, recorded_texts
 from orchestrator.log.stream import NotInOrder, Stream
@@ -54,12 +54,15 @@ class Log(AbstractContextManager["Log"]):
 
     :param unfinished: the run may still be going on; otherwise opening a log that was cut off issues a LogNotice.
     :param by_index: open the log by the summary at its end if this is whole; False: look at every record.
+    :param kept: bytes of unpacked messages that stay in memory until the log is closed.
     :raises LogUnreadable: if the file is missing or no log.
     """
 
-    def __init__(self, path: str | os.PathLike[str], unfinished: bool = False, by_index: bool = True) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], unfinished: bool = False, by_index: bool = True, kept: int = KEPT
+    ) -> None:
         self.path = Path(path)
-        self._file = file = Container(self.path, by_index)
+        self._file = file = Container(self.path, by_index, kept)
         unmarked = f"metadata:{log_metadata.FORMAT}" not in file.contents
         if unmarked and not file.topics and not file.is_ours:
             header = file.header
@@ -143,7 +146,7 @@ class Log(AbstractContextManager["Log"]):
         """
         if topic not in self._series:
             every = range(len(self.topics[self.known_topic(topic)].names))
-            pieces = self._stream({topic: every}, self._file.spans, keep=True)
+            pieces = self._stream({topic: every}, self._file.spans)
             self._series[topic] = join_series([self._empty_series(topic), *(piece[topic] for piece in pieces)])
         return self._series[topic]
 
@@ -161,7 +164,7 @@ class Log(AbstractContextManager["Log"]):
     ) -> Iterator[dict[str, Series]]:
         """Yield columns of topics in a closed time interval, s, in one pass through the file.
 
-        ``wanted``: topic -> columns. A piece holds some messages of some of the topics. Nothing is kept in memory.
+        ``wanted``: topic -> columns. A piece holds some messages of some of the topics.
         Raises NoSuchSignal, LogUnreadable.
         """
         return self._stream(wanted, self._file.spans, window)
@@ -171,7 +174,6 @@ class Log(AbstractContextManager["Log"]):
         wanted: Mapping[str, Sequence[int]],
         chunks: Iterable[int],
         window: tuple[float, float] = EVER,
-        keep: bool = False,
     ) -> Iterator[dict[str, Series]]:
         for topic in wanted:
             self.known_topic(topic)
@@ -180,7 +182,7 @@ class Log(AbstractContextManager["Log"]):
             first, last = self._file.spans[offset]
             if last >= window[0] - 1e-6 and (first <= window[1] + 1e-6 or stream.is_waiting):
                 try:
-                    piece = stream.add(self._file.read(offset, stream.topics, keep))
+                    piece = stream.add(self._file.read(offset, stream.topics))
                 except NotInOrder as damage:
                     raise LogUnreadable(f"{self.path}: {damage}") from None
                 if piece:
