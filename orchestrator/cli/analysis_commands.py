@@ -26,8 +26,7 @@ from orchestrator.cli.common import (
     print_json,
     print_lines,
 )
-from orchestrator.results.analyses.catalogue import module_of
-from orchestrator.results.page.embedded import and_list
+from orchestrator.vocabulary import and_list
 from orchestrator.vocabulary.analyses import ANALYSES, TRACK, Option
 
 if TYPE_CHECKING:
@@ -74,6 +73,7 @@ def analyse(
 ) -> None:
     """Print the table of an analysis; write it, or all its numbers, into a file."""
     from orchestrator.log.reader import Log
+    from orchestrator.results.analyses.catalogue import module_of
     from orchestrator.results.output_files import PICTURES, atomic_write, check_output
     from orchestrator.results.run_data import RunData, Window
 

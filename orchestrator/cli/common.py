@@ -23,7 +23,6 @@ from orchestrator.cosim.messages import WARNING
 from orchestrator.cosim.narration import Narration
 from orchestrator.log.extra import lacking
 from orchestrator.log.notices import LogNotice
-from orchestrator.results.units import finite
 
 if TYPE_CHECKING:
     from orchestrator.results.measured_record import MeasuredFile
@@ -53,6 +52,8 @@ def print_lines(lines: Iterable[str]) -> None:
 
 def print_json(result: object) -> None:
     """Print a result as one JSON object on one line; numbers that JSON lacks are null."""
+    from orchestrator.results.units import finite
+
     print(json.dumps(finite(result)))
 
 

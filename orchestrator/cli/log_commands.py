@@ -12,7 +12,6 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from orchestrator.cli.common import From, JsonObject, LogPath, To, beside, print_json, print_lines
-from orchestrator.results.validity.exceedance import recorded_entries
 
 app = typer.Typer(help="Inspect, verify, recover or export a log.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -59,6 +58,7 @@ def _info_lines(summary: Any) -> Iterator[str]:
 def _messages(summary: Any) -> Iterator[str]:
     """Yield message, faults, warnings and exceeded limits of the run of an ``Info``."""
     from orchestrator.execution import summary_text
+    from orchestrator.results.validity.exceedance import recorded_entries
 
     closing = summary.log.closing or {"message": "", "warnings": []}
     yield from filter(None, (closing["message"], *summary.log.faults, *summary.seal_faults))

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 from orchestrator.log.recorded_system import signal_description
 from orchestrator.results.energy import CAUSE, KINDS, STORED, Ledger, changes, powers
-from orchestrator.results.page.embedded import and_list, instance, plain, quantity, text
+from orchestrator.results.page.embedded import instance, plain, quantity, text
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, lines, table, waterfall
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.units import number, percent
+from orchestrator.vocabulary import and_list
 
 SHARE, SMALL = 1e-4, 5e-3  # of the supplied energy: smaller parts are left out, or not named by kind
 NAMES = {"work": "put in", "stored": "stored", "lost": "lost"}

@@ -18,11 +18,12 @@ from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.analyses.spectrum import Spectrum
 from orchestrator.results.approximations import Curve, Peak
 from orchestrator.results.measures import OBSERVABLES
-from orchestrator.results.page.embedded import and_list, at_time, instance, plain, quantity, side, text
+from orchestrator.results.page.embedded import at_time, instance, plain, quantity, side, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, heat, lines, table
 from orchestrator.results.run_data import Window, mean
 from orchestrator.results.units import hours, number, percent
+from orchestrator.vocabulary import and_list
 
 INSTANTS = 4  # evenly spaced instants of profiles
 CHOICE = """<label class="choice">shown: <select data-chart="tension-map"><option value="run">the run</option>

@@ -81,8 +81,3 @@ def wheel(name: str) -> str:
     """Wheel and track in words for "left_track.road_wheel[2]", escaped for HTML."""
     track, _, wheel_variable = name.partition(".")
     return f"{text(wheel_name(wheel_variable))}, {instance(track)}"
-
-
-def and_list(parts: list[str]) -> str:
-    """Parts of a sentence, the last two joined by "and"."""
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""

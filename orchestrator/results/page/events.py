@@ -7,12 +7,13 @@ from typing import NamedTuple
 from orchestrator.results.analyses import events
 from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.analyses.wheel_loads import LIFTED, SETTLING, TOUCHES, UnloadedInterval, is_settling
-from orchestrator.results.page.embedded import and_list, instance, quantity, text, wheel, wheel_name
+from orchestrator.results.page.embedded import instance, quantity, text, wheel, wheel_name
 from orchestrator.results.page.heading import PEAKS
 from orchestrator.results.page.motion import AT_REST
 from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number, percent
+from orchestrator.vocabulary import and_list
 
 SHOWN = 40  # rows, and warnings
 

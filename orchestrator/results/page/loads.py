@@ -12,12 +12,13 @@ from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.analyses.wheel_loads import SETTLING, is_settling, starts_as_drawn
 from orchestrator.results.approximations import Curve
 from orchestrator.results.page.chain import profiles
-from orchestrator.results.page.embedded import and_list, instance, plain, quantity, text, wheel, wheel_name
+from orchestrator.results.page.embedded import instance, plain, quantity, text, wheel, wheel_name
 from orchestrator.results.page.evaluation import ALIKE, Evaluation, attempt
 from orchestrator.results.page.heading import COMING_TO_REST
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, heat, lines, table
 from orchestrator.results.run_data import Window
 from orchestrator.results.units import number
+from orchestrator.vocabulary import and_list
 
 TOUCHED = 1e-3  # of the largest pressure
 WHEELS = (

@@ -19,11 +19,12 @@ from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
 from orchestrator.results.measured_difference import WHOLE, SignalDifference
 from orchestrator.results.measured_record import MeasuredSignal
-from orchestrator.results.page.embedded import and_list, instance, plain, quantity, text
+from orchestrator.results.page.embedded import instance, plain, quantity, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, table
 from orchestrator.results.run_data import EVER, RunData, Window, given_parts, within
 from orchestrator.results.units import number, percent
+from orchestrator.vocabulary import and_list
 
 CHECKS_HEAD = ("Check", "Value", "Expected", "Tolerance", "Verdict")
 
