@@ -22,6 +22,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fmus.cache import pack
 from fmus.cache.files import cache_folder, cached_result, private_folder, read_checked, write_checked
 from fmus.cache.sources import ROOT, search_path, source_hash, sources
 from fmus.components import KINDS, model_of
@@ -137,7 +138,8 @@ def _mark(kind: str) -> Path:
 
 def _is_done(kind: str) -> bool:
     try:
-        return read_checked(_mark(kind)) is not None
+        mark = _mark(kind)
+        return read_checked(mark) is not None or pack.read("/".join(mark.parts[-3:])) is not None
     except OSError:  # the cache cannot be used: compiled kernels would not be kept
         return True
 

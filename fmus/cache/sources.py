@@ -133,8 +133,8 @@ def _locate(module: str, folder: Path) -> Path | None:
 
 
 @cache
-def reachable_hash(module: str, path: Path) -> str:
-    """Hash of the source at ``path`` and of all it reaches by imports within its own package and ``fmus``."""
+def reachable(module: str, path: Path) -> Mapping[str, bytes]:
+    """Digests by module of the source at ``path`` and of all it reaches by imports within its package and ``fmus``."""
     packages = {module.partition(".")[0], "fmus"}
     folder = path.parents[module.count(".") + (path.name == "__init__.py")]
     paths: dict[str, Path] = {module: path}
@@ -154,7 +154,13 @@ def reachable_hash(module: str, path: Path) -> str:
                 if parent not in paths and (source_path := _locate(parent, folder)) is not None:
                     paths[parent] = source_path
                     pending.append(parent)
+    return digests
+
+
+@cache
+def reachable_hash(module: str, path: Path) -> str:
+    """Hash of what is ``reachable``."""
     digest = hashlib.sha256()
-    for name in sorted(digests):
-        digest.update(name.encode() + b"\0" + digests[name])
+    for name, source in sorted(reachable(module, path).items()):
+        digest.update(name.encode() + b"\0" + source)
     return digest.hexdigest()

@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import fromstring, tostring
 
+from fmus.cache import pack
 from fmus.cache.files import (
     CHECKSUM,
     cache_folder,
@@ -38,7 +39,7 @@ from fmus.cache.files import (
     write,
     write_checked,
 )
-from fmus.cache.sources import ROOT, search_path, source_hash, sources
+from fmus.cache.sources import ROOT, reachable, search_path, source_hash, sources
 from fmus.components import KINDS, model_of
 from fmus.fmi.description import experiment_attributes
 from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
@@ -196,7 +197,14 @@ def _digest(shell: Shell, packages: Sequence[Path]) -> str:
     if not script.is_file():
         raise BuildFailed(f"no FMU shell at {script}")
     shape = json_text(shell.config if shell.shape is None else shell.shape, script.stem)
-    parts = [version("pythonfmu"), source_hash(), script.name, script.read_text(encoding="utf-8"), shape]
+    parts = [
+        version("pythonfmu"),
+        source_hash(),
+        pack.identity(),
+        script.name,
+        script.read_text(encoding="utf-8"),
+        shape,
+    ]
     parts += [f"{package.name} {source_hash(package)}" for package in packages]
     parts += [*key_parts(readme_beside(script), INCLUDED), icon_beside(script).hex()]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
@@ -314,6 +322,8 @@ def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Ite
     for shell, target in zip(shells, described, strict=True):
         with zipfile.ZipFile(target) as fmu:
             files = {name: fmu.read(name) for name in fmu.namelist()}
+        if kernels := pack.part(reachable(shell.script.stem, shell.script)):
+            files[f"resources/{ROOT.name}/{pack.NAME}"] = kernels
         files |= documentation(files[DESCRIPTION], readme_beside(shell.script), INCLUDED)
         yield archive(files | icon_files(shell.script, 2))
 

@@ -36,8 +36,9 @@ from pythonfmu import Fmi2Slave
 from pythonfmu import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 
+from fmus.cache import pack
 from fmus.cache.files import cache_folder, check_trust, reporting_errors, unlogged_warnings
-from fmus.cache.sources import source_hash
+from fmus.cache.sources import ROOT, source_hash
 from fmus.fmi.description import document
 from fmus.fmi.phases import ALLOWED, InstancePhase, not_allowed, refused_step
 from fmus.fmi.same_build import SameBuild
@@ -177,6 +178,7 @@ class Slave(Fmi2Slave):
         packed = (resources / "build.txt").read_text().strip()
         if packed != BUILD:
             raise _build_mismatch(packed, type(self).__name__)
+        pack.add(resources / ROOT.name)
         shape = (resources / "shape.txt").read_text()
         self.guid = str(uuid.UUID(bytes=hashlib.sha256(f"{BUILD} {type(self)} {shape}".encode()).digest()[:16]))
         model_config = json.loads((resources / "config.json").read_bytes())

@@ -5,7 +5,7 @@ that file alone, so that an edited callee in another module is missed and old ma
 by a hash of its module and of every module of this package that it reaches by imports. An overload is one file, named
 by signature, by the same hash of the classes in it, by processor and compiler, and written as a whole, so processes may
 compile at the same time. A file with a wrong checksum is compiled again, because damaged machine code would end the
-process.
+process. A kernel that the cache lacks is taken from a pack, if there is one (``fmus.cache.pack``).
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ import pickle
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from functools import wraps
+from functools import cache, wraps
 from importlib import import_module
 from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any, TypeVar
 
 import llvmlite
+import llvmlite.binding
 import numba
 import numpy
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
@@ -32,6 +33,7 @@ from numba.core.compiler import Compiler
 from numba.core.serialize import dumps
 from numba.extending import overload
 
+from fmus.cache import pack
 from fmus.cache.files import cache_folder, private_folder, read_checked, reporting_errors, write_checked
 from fmus.cache.sources import reachable_hash
 from fmus.kernels import by_reference, linking  # noqa: F401 - change how numba passes tuples, and how it links
@@ -82,17 +84,27 @@ class _Overloads:
 
     def _path(self, key: object) -> Path:
         settings = [getattr(numba.config, name, None) for name in SETTINGS]
-        made = (numba.__version__, llvmlite.__version__, numpy.__version__, settings, self._stamp, key)
+        # numba itself takes a kernel for any version of numpy
+        made = (numba.__version__, llvmlite.__version__, numpy.__version__[0], settings, self._stamp, key)
         name = hashlib.sha256(repr(made).encode()).hexdigest()
         return self._folder / f"{self._stem}.{name[:24]}.kernel"
 
-    def load(self, key: object) -> Any:
-        content = read_checked(self._path(key))
-        if content is not None:
+    def load(self, key: Any) -> Any:
+        content = None
+        with reporting_errors():
+            content = read_checked(self._path(key))
+        if content := content or self._packed(key):
             with suppress(Exception):  # of a class that is gone
                 return pickle.loads(content)
-        COMPILED.info("%s is compiled", self._stem)
+        COMPILED.info("%s is compiled%s", self._stem, ": no pack fits" * any(pack.names()))
         return None
+
+    def _packed(self, key: Any) -> bytes | None:
+        """Kernel in a pack, for the level instead of this processor."""
+        if not _has_level():
+            return None
+        signature, (triple, *_), *rest = key
+        return pack.read("/".join(self._path((signature, (triple, *pack.LEVEL), *rest)).parts[-3:]))
 
     def save(self, key: object, data: object) -> None:
         write_checked(self._path(key), dumps(data))
@@ -101,8 +113,20 @@ class _Overloads:
         for path in self.files():
             path.unlink(missing_ok=True)
 
+    def is_packed(self) -> bool:
+        """Whether a pack has an overload of the kernel."""
+        start = f"{pack.KERNELS}/{self._folder.name}/{self._stem}."
+        return _has_level() and any(name.startswith(start) for name in pack.names())
+
     def files(self) -> Iterator[Path]:
         return self._folder.glob(f"{self._stem}.*.kernel")
+
+
+@cache
+def _has_level() -> bool:
+    """Whether this processor has the level of packs."""
+    features = llvmlite.binding.get_host_cpu_features()
+    return all(features.get(name) for name in pack.FEATURES)
 
 
 def _classes(types: Iterable[Any]) -> Iterator[type]:
@@ -136,8 +160,8 @@ class _Cache(FunctionCache):
     _guard_against_spurious_io_errors = staticmethod(reporting_errors)
 
     def has_overloads(self) -> bool:
-        """Whether there is any overload."""
-        return any(self._cache_file.files())
+        """Whether there is any overload, in the cache or a pack."""
+        return any(self._cache_file.files()) or self._cache_file.is_packed()
 
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False, "no_cfunc_wrapper": True}

@@ -126,13 +126,16 @@ def ssp(
 
 def warm(
     scenes: Annotated[list[str] | None, typer.Argument(help="scenes; default the whole gallery")] = None,
+    pack: Annotated[
+        Path | None, typer.Option("--pack", metavar="FILE", help="write them for other machines into FILE.pack")
+    ] = None,
 ) -> None:
     """Compile the kernels of scenes before their first run, in one process per core."""
-    from orchestrator.execution.warm import variants
+    from orchestrator.execution.warm import packed, variants
     from orchestrator.execution.warm import warm as begun
 
     pairs, failed = variants(scenes or ()), 0
-    for done, (name, message, seconds) in enumerate(begun(pairs), 1):
+    for done, (name, message, seconds) in enumerate(packed(pairs, pack) if pack else begun(pairs), 1):
         failed += bool(message)
         print(f"{done}/{len(pairs)} {name}: " + (message or f"starts after {seconds:.1f} s"))
     sys.exit(min(failed, 1))

@@ -1,4 +1,7 @@
-"""Compilation of the kernels of scenes before their first run: each begins in a process of its own."""
+"""Compilation of the kernels of scenes before their first run: each begins in a process of its own.
+
+Kernels go into the cache of this machine, or into a pack for others (``fmus.cache.pack``).
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,11 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
+from fmus.cache import pack
 from fmus.track.choices import TRACKS
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution.simulate import simulate
+from orchestrator.results.output_files import atomic_write, check_output
 from orchestrator.scene.scene import load, scene_names
 
 SHORT_RUN = "run.stop=10 ms"
@@ -37,3 +43,21 @@ def _run_start(name: str, track: str) -> tuple[str, str, float]:
         "" if summary["status"] == "ok" else str(summary["message"]),
         float(summary["startup_time"]),
     )
+
+
+def packed(pairs: Sequence[tuple[str, str]], file: Path) -> Iterator[tuple[str, str, float]]:
+    """Like ``warm``, for all processors of the level of packs; write the pack. Raises BadInput if a scene fails."""
+    check_output(file, (".pack",))
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder, atomic_write(file) as fresh:
+        processor = dict(zip(("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"), pack.LEVEL, strict=True))
+        before = dict(os.environ)
+        os.environ.update(processor, COTRACK_CACHE=folder)  # of the processes that compile
+        try:
+            for name, message, seconds in warm(pairs):
+                yield name, message, seconds
+                if message:
+                    raise BadInput(f"{file}: no pack is written: {name} does not start")
+        finally:
+            os.environ.clear()
+            os.environ.update(before)
+        fresh.write_bytes(pack.of_cache(Path(folder)))

@@ -22,6 +22,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
+from fmus.cache import pack
 from fmus.cache.files import cache_folder, private_folder, read_checked, write_checked
 
 CAN_STEP = sys.platform == "linux" and platform.machine() == "x86_64"  # on which ``stepping`` is tested
@@ -83,10 +84,10 @@ def _key() -> str:
 
 
 def _cached(key: str, make: Callable[[], bytes]) -> bytes:
-    """Return the cached object file, or make and cache it; an unusable cache is ignored."""
+    """Return the object file of the cache or a pack, or make and cache it; an unusable cache is ignored."""
     file = cache_folder() / "kernels" / "orchestrator" / f"{key}.o"
     with suppress(OSError):
-        if content := read_checked(file):
+        if content := read_checked(file) or pack.read("/".join(file.parts[-3:])):
             return content
     COMPILED.info("the orchestrator's kernels are compiled")
     content = make()

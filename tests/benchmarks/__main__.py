@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -39,7 +38,7 @@ def measure(
         lambda table: print(table.markdown("###"), flush=True),
     )
     if as_json:
-        print(json.dumps(common.finite(result)))
+        common.print_json(result)
     sys.exit(0 if result["ok"] else 1)
 
 
