@@ -156,8 +156,7 @@ def refusals() -> tuple[type[Exception], ...]:
     from orchestrator.execution.replays import UnfitLog
     from orchestrator.log.extra import NotInstalled
     from orchestrator.log.log_file import LogFailed
-    from orchestrator.log.reader import LogUnreadable, NoSuchSignal
-    from orchestrator.results.run_data import Missing
+    from orchestrator.log.reader import LogUnreadable, Missing
 
     return (
         BadInput,
@@ -167,11 +166,10 @@ def refusals() -> tuple[type[Exception], ...]:
         Miswired,
         LogUnreadable,
         LogFailed,
-        NoSuchSignal,
+        Missing,
         NotInstalled,
         UnfitLog,
         UnusableCheckpoint,
-        Missing,
     )
 
 

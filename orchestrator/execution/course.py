@@ -18,11 +18,11 @@ from pydantic import BeforeValidator, Field, ValidationError
 from fmus.vehicles.tables import BadInput, FrozenTable, In, first_error, path_text
 from orchestrator.execution.log_report import changed_settings
 from orchestrator.execution.manifest import decode_results
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.life import DETAILS, PARTS, PinForces, cycle_damages, pin_forces, stresses, table_of
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Table
 from orchestrator.scene.scene import read_file_table
 

@@ -42,7 +42,7 @@ def report(
     ``measured``: a file of measured signals, compared over the run and in each of its phases. ``sn``: S-N line of
     the fatigue, "stress range,cycles,slope", as "90 MPa,1e6,5".
 
-    Raises BadInput, LogUnreadable, NotInstalled; with ``measured`` also NoSuchSignal and Missing.
+    Raises BadInput, LogUnreadable, NotInstalled; with ``measured`` also Missing.
     """
     page = Path(output)
     check_output(page, SUFFIXES)

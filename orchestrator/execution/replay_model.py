@@ -102,7 +102,7 @@ def open_replay(
     """Open the component ``name`` of a log, or ``other`` (a track model or an FMU file) in its place.
 
     ``settings``, KEY=VALUE, change the scene in the log; recording and idler position stay. Raises BadInput, UnfitLog,
-    BuildFailed, ComponentFailed, LogUnreadable, NoSuchSignal.
+    BuildFailed, ComponentFailed, LogUnreadable, Missing.
     """
     with Log(path) as log:
         log.check_repeatable()
@@ -164,7 +164,7 @@ def _names(log: Log, topic: str) -> tuple[str, ...]:
 
 
 def fmu_components(path: Path) -> list[str]:
-    """Names of the components that ran as FMUs; raises LogUnreadable, NoSuchSignal."""
+    """Names of the components that ran as FMUs; raises LogUnreadable, Missing."""
     with Log(path) as log:
         return [entry["name"] for entry in system_of(log)["instances"] if entry.get("sha256")]
 

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.log.reader import NoSuchSignal
+from orchestrator.log.reader import Missing
 from orchestrator.results import measures, run_data
 from orchestrator.results.analyses import phases
 from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.energy import ledger
 from orchestrator.results.largest_forces import FORCES, HIGH
 from orchestrator.results.measures import OBSERVABLES
-from orchestrator.results.run_data import EVER, Missing, RunData, Unrecorded, Window, given_parts
+from orchestrator.results.run_data import EVER, RunData, Unrecorded, Window, given_parts
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.kinds import ChainScene, VehicleScene
 from orchestrator.scene.placing import track_tension
@@ -117,7 +117,7 @@ def phase_entries(run: RunData) -> list[dict[str, Any]]:
     """Return the phases of a vehicle's run with their figures (``analyses/phases``); empty without a hull."""
     try:
         return [phase._asdict() for phase in phases.of(run).phases]
-    except (Missing, NoSuchSignal):
+    except Missing:
         return []
 
 

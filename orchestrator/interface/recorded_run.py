@@ -24,7 +24,7 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.execution import log_report, summary, summary_text
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.export import columns_of, to_pandas
-from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.reader import Log, Missing
 from orchestrator.log.signal_names import Names, listed
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import catalogue
@@ -145,9 +145,9 @@ class Run:
             return log.signals
 
     def __getitem__(self, name: str) -> Signal:
-        """Return a signal, "chassis.speed", or a family, "left_track.link[*].tension"; raises NoSuchSignal.
+        """Return a signal, "chassis.speed", or a family, "left_track.link[*].tension"; raises Missing.
 
-        Members of a family are recorded together and have one unit; raises NoSuchSignal for a pattern of others.
+        Members of a family are recorded together and have one unit; raises Missing for a pattern of others.
         """
         with Log(self.log) as log:
             if "*" not in name:
@@ -155,13 +155,13 @@ class Run:
             t, columns = columns_of(log, [name])
             units = {unit for unit, _ in columns.values()}
             if len(units) > 1:
-                raise NoSuchSignal(f"{self.log}: '{name}' matches signals in {' and '.join(sorted(units))}: no family")
+                raise Missing(f"{self.log}: '{name}' matches signals in {' and '.join(sorted(units))}: no family")
             return Signal(name, units.pop(), t, np.stack([values for _, values in columns.values()], axis=1))
 
     def frame(self, *signals: Names, start: float = -inf, end: float = inf) -> Any:
         """Return signals as a pandas table over ``t``, s; ``*`` stands for any text, units are in ``attrs["units"]``.
 
-        Raises NoSuchSignal, also for signals that were recorded at different times, and NotInstalled.
+        Raises Missing, also for signals that were recorded at different times, and NotInstalled.
         """
         with Log(self.log) as log:
             return to_pandas(log, *signals, window=(start, end))
@@ -170,7 +170,7 @@ class Run:
         """Draw signals over time; a notebook shows the result, ``.save("a.png")`` writes it.
 
         ``form``: ``frequency=True`` or ``order=True`` (tooth orders) draws amplitudes, ``waterfall=True`` a map of a
-        family, ``place=True`` a map by place on the circuit. Raises BadInput, Missing, NoSuchSignal.
+        family, ``place=True`` a map by place on the circuit. Raises BadInput, Missing.
         """
         return Picture(figure_of([self.log], listed(signals), Window(start, end), **form))
 
@@ -200,7 +200,7 @@ class Run:
         :param measured: a file of measured signals to compare with, with ``columns``, ``shift`` and ``clock`` as
             of ``compare_measured``.
         :param sn: S-N line of the fatigue, "stress range,cycles,slope", as "90 MPa,1e6,5".
-        :raises BadInput: for what cannot be compared. Raises NotInstalled, NoSuchSignal, Missing.
+        :raises BadInput: for what cannot be compared. Raises NotInstalled, Missing.
         """
         if measured is None and (columns or clock or shift):
             raise BadInput("columns, shift and clock belong to measured, a file, which is not given")
@@ -230,7 +230,7 @@ class Run:
         :param columns: "COLUMN" or "COLUMN:UNIT" by signal, ``{"chassis.speed": "v:km/h"}``.
         :param shift: s, added to the times of the file, or "find".
         :param clock: column of the time, by default "t" or "time".
-        :raises BadInput: for a file that cannot be used. Raises NoSuchSignal, and Missing without common time.
+        :raises BadInput: for a file that cannot be used. Raises Missing, also without common time.
         """
         source = MeasuredFile(file, columns, clock, shift)
         with Log(self.log) as log:

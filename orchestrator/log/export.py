@@ -19,7 +19,7 @@ from fmus.cache.files import replacing
 from orchestrator.files.csv_lines import safe_cell
 from orchestrator.log.extra import library
 from orchestrator.log.log_file import LogFailed, error_text
-from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.reader import Log, Missing
 from orchestrator.log.schema import family
 from orchestrator.log.signal_names import Names
 from orchestrator.log.time_series import EVER, Floats, Series
@@ -147,7 +147,7 @@ def export(
     file (``.csv``, ``.parquet`` or ``.mat``; its signals must have the same times) or a folder, which gets one file per
     topic (``left_track.out.csv``) of this ``kind``, csv by default.
 
-    :raises NoSuchSignal: if the log lacks a signal, or signals of one file have different times.
+    :raises Missing: if the log lacks a signal, or signals of one file have different times.
     :raises LogUnreadable: if the log, or a part of it, cannot be read.
     :raises LogFailed: if a file cannot be written; no incomplete file remains.
     :raises NotInstalled: if the library of the format is missing.
@@ -159,7 +159,7 @@ def export(
         log.require_window(*window)
         chosen = log.choose(signals, topics)
         if not chosen:
-            raise NoSuchSignal(f"{path} holds nothing to export")
+            raise Missing(f"{path} holds nothing to export")
         if suffix in KINDS:
             names = tuple(name for topic in chosen for name in _columns(log, topic, chosen[topic]).names)
             units = tuple(unit for topic in chosen for unit in _columns(log, topic, chosen[topic]).units)
@@ -181,12 +181,12 @@ def export(
 
 
 def side_by_side(log: Log, chosen: dict[str, list[int]], window: tuple[float, float]) -> Iterator[Floats]:
-    """Yield tables (m, 1 + columns) of topics with equal times; raises NoSuchSignal if they differ."""
+    """Yield tables (m, 1 + columns) of topics with equal times; raises Missing if they differ."""
     first, *others = chosen
     for block in log.blocks(chosen, BLOCK, window=window):
         for topic in others:
             if not np.array_equal(block[topic].t, block[first].t):
-                raise NoSuchSignal(
+                raise Missing(
                     f"{first} and {topic} were recorded at different times: ask for signals of one of them; an export"
                     " into a folder writes a table for each"
                 )
@@ -241,7 +241,7 @@ Named = dict[str, tuple[str, Floats]]  # signal -> unit and values (m,)
 
 
 def columns_of(log: Log, signals: Sequence[Names], window: tuple[float, float] = EVER) -> tuple[Floats, Named]:
-    """Return times (m,), s, and the signals; raises NoSuchSignal if signals have different times."""
+    """Return times (m,), s, and the signals; raises Missing if signals have different times."""
     log.require_window(*window)
     chosen = log.choose(signals)
     whole = np.concatenate([*side_by_side(log, chosen, window)])
@@ -255,7 +255,7 @@ def columns_of(log: Log, signals: Sequence[Names], window: tuple[float, float] =
 def to_pandas(log: Log, *signals: Names, window: tuple[float, float] = EVER) -> Any:
     """Return signals as a DataFrame indexed by ``t``, s, with units in ``attrs["units"]``.
 
-    ``*`` in ``signals`` stands for any text; ``window``: closed time interval, s. Raises NoSuchSignal, also for signals
+    ``*`` in ``signals`` stands for any text; ``window``: closed time interval, s. Raises Missing, also for signals
     with different times, LogUnreadable, NotInstalled.
     """
     pandas = library("pandas")

@@ -31,14 +31,11 @@ from orchestrator.log.time_series import EVER, Floats, Series, empty_series, joi
 MOST_CHANGES = 3  # that a message names
 
 
-class NoSuchSignal(LookupError):
-    """The log lacks the requested topic, variable or attachment; the message is one sentence."""
-
-    def __str__(self) -> str:
-        return str(self.args[0])
+class Missing(LookupError):
+    """The log lacks the topic, variable, attachment or figure that was asked for; the message is one sentence."""
 
 
-class NoSuchTime(NoSuchSignal):
+class NoSuchTime(Missing):
     """The log has no instant of a window of time."""
 
 
@@ -109,18 +106,16 @@ class Log(AbstractContextManager["Log"]):
         return tuple(self._places)
 
     def attachment(self, name: str) -> bytes:
-        """Return the content of an attached file; raises NoSuchSignal, LogUnreadable."""
+        """Return the content of an attached file; raises Missing, LogUnreadable."""
         if name not in self._file.attachments:
-            raise NoSuchSignal(
-                f"{self.path} has no attachment '{name}'{signal_names.near(name, self._file.attachments)}"
-            )
+            raise Missing(f"{self.path} has no attachment '{name}'{signal_names.near(name, self._file.attachments)}")
         content, listed = self._file.attachment(name), (self.closing or {"contents": {}})["contents"]
         if listed.get(f"attachment:{name}", digest := seal.attachment_digest(content)) != digest:
             raise LogUnreadable(f"{self.path} is not as it was sealed: the attachment '{name}' is changed")
         return content
 
     def table(self, name: str) -> dict[str, Any]:
-        """Return the JSON object in an attached file; raises NoSuchSignal, LogUnreadable."""
+        """Return the JSON object in an attached file; raises Missing, LogUnreadable."""
         content = self.attachment(name)
         try:
             check_size(content, DOCUMENT)
@@ -140,7 +135,7 @@ class Log(AbstractContextManager["Log"]):
         return {f"{one}.{variable}": text for one, own in texts.items() for variable, text in own.items()}
 
     def read(self, topic: str) -> Series:
-        """Return all messages of a topic; raises NoSuchSignal, LogUnreadable.
+        """Return all messages of a topic; raises Missing, LogUnreadable.
 
         The result is cached: do not write into the arrays.
         """
@@ -165,7 +160,7 @@ class Log(AbstractContextManager["Log"]):
         """Yield columns of topics in a closed time interval, s, in one pass through the file.
 
         ``wanted``: topic -> columns. A piece holds some messages of some of the topics.
-        Raises NoSuchSignal, LogUnreadable.
+        Raises Missing, LogUnreadable.
         """
         return self._stream(wanted, self._file.spans, window)
 
@@ -189,7 +184,7 @@ class Log(AbstractContextManager["Log"]):
                     yield piece
 
     def select(self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER) -> dict[str, Series]:
-        """Return columns of topics in a closed time interval, s; raises NoSuchSignal, LogUnreadable."""
+        """Return columns of topics in a closed time interval, s; raises Missing, LogUnreadable."""
         by_topic = {topic: [self._empty_series(topic).columns(columns)] for topic, columns in wanted.items()}
         for piece in self.stream(wanted, window):
             for topic, series in piece.items():
@@ -199,7 +194,7 @@ class Log(AbstractContextManager["Log"]):
     def ends(self, topic: str) -> Series:
         """Return the first and the last message of a topic, empty without messages.
 
-        Raises NoSuchSignal, LogUnreadable.
+        Raises Missing, LogUnreadable.
         """
         wanted = {topic: range(len(self.topics[self.known_topic(topic)].names))}
         offsets = list(self._file.spans)
@@ -224,7 +219,7 @@ class Log(AbstractContextManager["Log"]):
 
         A block has ``size`` + ``more`` messages of each topic; the last ``more`` begin the next block. The last block
         holds the rest, possibly with different numbers by topic. Blocks do not depend on the chunks of the file.
-        Raises NoSuchSignal, LogUnreadable.
+        Raises Missing, LogUnreadable.
         """
         whole_topics = {topic: range(len(self.topics[self.known_topic(topic)].names)) for topic in topics}
         wanted = topics if isinstance(topics, Mapping) else whole_topics
@@ -241,7 +236,7 @@ class Log(AbstractContextManager["Log"]):
     def choose(self, signals: Names | Sequence[Names] = (), topics: Sequence[str] = ()) -> dict[str, list[int]]:
         """Return topic -> columns for a signal ("instance.variable") or several, and whole topics, in the log's order.
 
-        ``*`` stands for any text; without arguments everything is selected. Raises NoSuchSignal.
+        ``*`` stands for any text; without arguments everything is selected. Raises Missing.
         """
         signals = signal_names.listed(signals)
         if not topics and not signals:
@@ -261,7 +256,7 @@ class Log(AbstractContextManager["Log"]):
         """Interpolate signals linearly at times ``t`` (m,), s; returns (m, signals).
 
         Values are held before the first and after the last record. Frequencies above half the sampling rate of ``t``
-        are aliased: average first where that matters. Raises NoSuchSignal, LogUnreadable.
+        are aliased: average first where that matters. Raises Missing, LogUnreadable.
         """
         places = [self.find(signal) for signal in signals]
         wanted: dict[str, list[int]] = {}
@@ -286,9 +281,9 @@ class Log(AbstractContextManager["Log"]):
         return np.concatenate([np.empty(0, np.uint32), *(messages.sequence for messages in self._messages_of(topic))])
 
     def known_topic(self, topic: str) -> str:
-        """Return the topic if the log has it, else raise NoSuchSignal."""
+        """Return the topic if the log has it, else raise Missing."""
         if topic not in self.topics:
-            raise NoSuchSignal(f"{self.path} has no topic '{topic}'{signal_names.near(topic, self.topics)}")
+            raise Missing(f"{self.path} has no topic '{topic}'{signal_names.near(topic, self.topics)}")
         return topic
 
     def name(self, topic: str, column: int) -> str:
@@ -300,21 +295,21 @@ class Log(AbstractContextManager["Log"]):
         return signal in self._places
 
     def find(self, signal: str) -> tuple[str, int]:
-        """Return topic and column of "instance.variable"; raises NoSuchSignal."""
+        """Return topic and column of "instance.variable"; raises Missing."""
         if signal not in self._places:
             near = signal_names.components(signal, self._places)
             near = near or signal_names.near(signal, self._places, self._texts)
-            raise NoSuchSignal(f"{self.path} has no signal '{signal}'{near}")
+            raise Missing(f"{self.path} has no signal '{signal}'{near}")
         return self._places[signal]
 
     def signal(self, name: str) -> tuple[Floats, Floats]:
-        """Return times (m,), s, and values (m,) of "instance.variable"; raises NoSuchSignal, LogUnreadable."""
+        """Return times (m,), s, and values (m,) of "instance.variable"; raises Missing, LogUnreadable."""
         topic, column = self.find(name)
         series = self.read(topic)
         return series.t, series.values[:, column]
 
     def unit(self, name: str) -> str:
-        """Return the unit of "instance.variable"; raises NoSuchSignal."""
+        """Return the unit of "instance.variable"; raises Missing."""
         topic, column = self.find(name)
         return self.topics[topic].units[column]
 
@@ -435,7 +430,7 @@ class Log(AbstractContextManager["Log"]):
         return faults
 
     def _empty_series(self, topic: str) -> Series:
-        """Return an empty series of a topic; raises NoSuchSignal."""
+        """Return an empty series of a topic; raises Missing."""
         return empty_series(self.topics[self.known_topic(topic)].names)
 
     def _messages_of(self, topic: str) -> Iterator[Messages]:

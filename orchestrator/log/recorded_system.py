@@ -61,7 +61,7 @@ class _System(_StrictModel):
 def system_of(log: Log) -> dict[str, Any]:
     """Return instances and connections as written by ``execution.manifest``, validated.
 
-    Raises LogUnreadable, NoSuchSignal.
+    Raises LogUnreadable, Missing.
     """
     table = log.table("system.json")
     try:

@@ -58,7 +58,7 @@ class Answer(NamedTuple):
 def answers(log: Log, answer: Log, component: str, window: tuple[float, float] = EVER) -> list[Answer]:
     """Outputs of a component that both logs hold, without those that are zero or rounding in both.
 
-    ``window``: closed interval of time, s. Raises NoSuchSignal, LogUnreadable.
+    ``window``: closed interval of time, s. Raises Missing, LogUnreadable.
     """
     topic = f"/{component}/out"
     topics = {item: item.topics[item.known_topic(topic)] for item in (log, answer)}

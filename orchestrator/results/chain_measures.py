@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.results.run_data import (
     EVER,
     Floats,
-    Missing,
     RunData,
     Unrecorded,
     Window,

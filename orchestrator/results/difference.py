@@ -18,18 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, Missing
 from orchestrator.log.time_series import within
-from orchestrator.results.run_data import (
-    EVER,
-    UNANSWERED,
-    Floats,
-    Missing,
-    RunData,
-    Window,
-    given_parts,
-    record_durations,
-)
+from orchestrator.results.run_data import EVER, UNANSWERED, Floats, RunData, Window, given_parts, record_durations
 
 FORMS = "time, travel or SIGNAL=VALUE"
 

@@ -24,8 +24,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Series
-from orchestrator.results.run_data import BLOCK, Floats, Missing, RunData, Unrecorded, Window, vectors
+from orchestrator.results.run_data import BLOCK, Floats, RunData, Unrecorded, Window, vectors
 
 Block = Mapping[str, Series]  # messages of the same steps, by topic
 LEAST = 1.0  # J: less counts as rest

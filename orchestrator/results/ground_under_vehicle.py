@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.ground_surface import GroundSurface, gives_way, ground, on_terrain
-from orchestrator.results.run_data import EVER, POSITION, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, POSITION, RunData, Window
 
 POSE = ("chassis.yaw", "chassis.chassis.position.x", "chassis.chassis.position.y")
 

@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import record_blocks
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, track_of
+from orchestrator.results.run_data import EVER, RunData, Window, track_of
 
 
 class Force(NamedTuple):

@@ -22,11 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats, within
 from orchestrator.results.analyses import phases
 from orchestrator.results.difference import ObservableSamples, aligned, instants, rms
 from orchestrator.results.measured_record import FIND, MeasuredFile, MeasuredSignal, read
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
+from orchestrator.results.run_data import EVER, RunData, Window, record_durations
 from orchestrator.results.table import Column, Table
 
 WHOLE = "whole"
@@ -106,7 +107,7 @@ class MeasuredComparison(NamedTuple):
 def read_shifted(run: RunData, source: MeasuredFile, window: Window = EVER) -> MeasuredRecord:
     """Measured signals on the clock of the run; a shift to be found is that of the least difference in the window.
 
-    Raises BadInput for what ``measured_record.read`` refuses, and another shift. Raises NoSuchSignal, Missing.
+    Raises BadInput for what ``measured_record.read`` refuses, and another shift. Raises Missing.
     """
     file = Path(source.path)
     if not source.columns:

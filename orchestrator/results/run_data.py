@@ -14,7 +14,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.files.command import pass_over
 from orchestrator.log.container import LogUnreadable
 from orchestrator.log.extra import NotInstalled
-from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.reader import Log, Missing
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.time_series import Floats, Series
 from orchestrator.log.time_series import within as within
@@ -42,10 +42,6 @@ SHOWN = 12  # digits of a hash in a line of text
 CACHED = 4  # cached link records: measures of a scene share windows
 MIRRORED = ("left_track", "left_drive")  # instances that stand for both sides of a symmetric vehicle
 LONGEST_STEP = 1.0  # s: longest step that may end in a window
-
-
-class Missing(LookupError):
-    """The log lacks a requested signal; the message is one sentence."""
 
 
 class Unrecorded(Missing):
@@ -86,7 +82,7 @@ def _no_table() -> Any:
 
 
 class RunData:
-    """Log with its scene. Raises LogUnreadable and NoSuchSignal.
+    """Log with its scene. Raises LogUnreadable and Missing.
 
     With a window, EVER included, each call reads what it needs and nothing is cached; without one, a topic is read
     once.
@@ -348,7 +344,7 @@ def _columns(names: Sequence[str], instance: str, prefix: str, parts: str) -> li
         raise Missing(f"the log has no '{instance}.{prefix}'") from None
 
 
-UNANSWERED = (Missing, NoSuchSignal, NotInstalled, BadInput)  # each is a sentence on what is not there
+UNANSWERED = (Missing, NotInstalled, BadInput)  # each is a sentence on what is not there
 
 
 def reason(error: Exception, *, of_figure: bool = False) -> str:
@@ -388,7 +384,7 @@ class GivenPart(NamedTuple):
 
 
 def given_parts(run: RunData) -> dict[str, GivenPart]:
-    """FMUs of the user by component; raises LogUnreadable, NoSuchSignal."""
+    """FMUs of the user by component; raises LogUnreadable, Missing."""
     return {
         instance["name"]: GivenPart(
             instance.get("fmu") or "", instance.get("sha256") or "", instance.get("parameters", {})

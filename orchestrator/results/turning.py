@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.results.analyses.slip import mean_lag
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals
-from orchestrator.results.run_data import Floats, Missing, RunData, Window, mean
+from orchestrator.results.run_data import Floats, RunData, Window, mean
 
 SIGN = {"left": -1.0, "right": 1.0}  # of the yaw moment of a forward force
 SLOWEST = 1e-4  # rad/s: a slower turn has no radius

@@ -8,11 +8,12 @@ import numpy as np
 
 from fmus.ground.keys import is_plane
 from fmus.vehicles.sides import SIDES, of_side
+from orchestrator.log.reader import Missing
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses import slip as slips
 from orchestrator.results.energy import ports
 from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
-from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, drive_of, mean, track_of, vectors
+from orchestrator.results.run_data import BLOCK, EVER, RunData, Window, drive_of, mean, track_of, vectors
 
 RUN_REACH = 0.2  # m: half length of the sample in the middle between two wheels, or two pitches of short links
 LOWER = -0.1  # m over the sprocket axle: the lower run is below it, or below half the height of small road wheels

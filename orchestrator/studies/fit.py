@@ -18,7 +18,7 @@ import numpy as np
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.command import command_scope
 from orchestrator.log.notices import notice
-from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.reader import Log, Missing
 from orchestrator.log.time_series import within
 from orchestrator.results import output_files
 from orchestrator.results.measured_difference import read_shifted
@@ -167,7 +167,7 @@ def _measured(
             for data in sources:
                 try:
                     record = read_shifted(run, data, window)
-                except NoSuchSignal as error:  # the path of the log says nothing to a user
+                except Missing as error:  # the path of the log says nothing to a user
                     raise BadInput(str(error).replace(str(path), about)) from None
                 spans = [Window(*run.signal(one.signal, EVER)[0][[0, -1]]) for one in record.signals]
                 told = [_inside(*pair, window, str(data.path)) for pair in zip(record.signals, spans, strict=True)]

@@ -21,9 +21,9 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, Missing
 from orchestrator.results import chain_measures, vehicle_measures
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene.kinds import ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.studies import Row
 from orchestrator.vocabulary.limits import ALLOWED

@@ -37,7 +37,7 @@ def analyse(path: str | os.PathLike[str], what: str, window: tuple[float, float]
     """Analyse a log in a window of time, s; the result has arrays, ``table()`` and its ``frame()``.
 
     ``options`` are those of the command line, below. Raises BadInput for an unknown analysis or option, Missing,
-    LogUnreadable, NoSuchSignal.
+    LogUnreadable, Missing.
     """
     analysis, arguments = module_of(what), _arguments(what, options)
     with Log(path) as log:

@@ -6,13 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, hull, record_blocks
 from orchestrator.results.analyses.envelope import PlaceBins
 from orchestrator.results.analyses.link_loads import LinkLoads, sliced
 from orchestrator.results.analyses.record_blocks import Extreme, larger
 from orchestrator.results.rotation import link_axes
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Table
 
 SIGNAL = "link[*].ground.force"

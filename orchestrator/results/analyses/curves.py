@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks, slip, wheel_loads
 from orchestrator.results.analyses.motion_states import TURNS
@@ -15,7 +16,7 @@ from orchestrator.results.analyses.record_blocks import common_values
 from orchestrator.results.approximations import PARTS, Curve, Integrals, MovingMean, Peak, TimeEnvelope
 from orchestrator.results.energy import STORED
 from orchestrator.results.ground_under_vehicle import pose_signals, split
-from orchestrator.results.run_data import EVER, Missing, RunData
+from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.turning import SIGN
 from orchestrator.results.units import number
 

@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.rotation import link_axes
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Table
 
 if TYPE_CHECKING:

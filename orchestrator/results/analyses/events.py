@@ -9,12 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.log.message_records import Event
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.analyses.wheel_loads import UnloadedInterval, is_settling, off_ground, switches
 from orchestrator.results.energy import WrenchPort, ports
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
+from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.table import Table
 
 STANDS = 0.1  # rad/s: a slower sprocket stands; default speed below which brakes fade

@@ -19,9 +19,10 @@ import numpy as np
 from fmus.track.choices import TRACKS
 from fmus.vehicles.tables import BadInput, to_si
 from orchestrator.log.extra import library
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Table
 from orchestrator.results.units import hours
 from orchestrator.vocabulary.analyses import UNSTRESSED

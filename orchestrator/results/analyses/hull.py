@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.energy import WrenchPort, ports
 from orchestrator.results.rotation import matrices
-from orchestrator.results.run_data import LONGEST_STEP, Missing, RunData, Window
+from orchestrator.results.run_data import LONGEST_STEP, RunData, Window
 
 
 class HullAxes(NamedTuple):

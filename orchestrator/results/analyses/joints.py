@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, hull, links, record_blocks
 from orchestrator.results.analyses.record_blocks import Extreme, larger, smaller
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Table
 
 

@@ -18,10 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, envelope, hull, phases, record_blocks
 from orchestrator.results.analyses.fatigue import closed_places, cycles_with_peaks
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Table
 
 FORCE = "joint[*].force"

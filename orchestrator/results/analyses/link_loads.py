@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import record_blocks
 from orchestrator.results.analyses.record_blocks import Extreme, larger, smaller
 from orchestrator.results.approximations import Curve, Peak, TimeEnvelope
-from orchestrator.results.run_data import EVER, POSITION, TENSION, Missing, RunData, Window, link_columns
+from orchestrator.results.run_data import EVER, POSITION, TENSION, RunData, Window, link_columns
 
 SLICES = 240  # most intervals of time of a map
 SIGNALS = {"tension": TENSION, "stress": "link[*].stress", "force": "joint[*].force"}

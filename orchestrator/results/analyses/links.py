@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.rotation import link_axes
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import ROUNDING, Table
 
 KINDS = {"joint": "joint[*].force", "ground": "link[*].ground.force", "wheels": "link[*].wheels.force"}

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, means
+from orchestrator.results.run_data import EVER, RunData, Window, means
 from orchestrator.results.table import Table
 from orchestrator.results.views.bodies import EVERY, Bodies
 

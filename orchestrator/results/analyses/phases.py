@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, slip
 from orchestrator.results.analyses.motion_states import TRACK, Ends, parts_of
 from orchestrator.results.energy import without_energies
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.ground_under_vehicle import pose_signals, split
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
+from orchestrator.results.run_data import EVER, RunData, Window, record_durations
 from orchestrator.results.table import Table, without_rounding
 from orchestrator.results.units import figure
 

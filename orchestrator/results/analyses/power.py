@@ -15,10 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.record_blocks import RECOVER, named_columns
 from orchestrator.results.energy import Block, WrenchPort, ports
-from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, vectors
+from orchestrator.results.run_data import BLOCK, EVER, RunData, Window, vectors
 from orchestrator.results.table import Table
 
 WRENCH = ("force", "torque")

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, contact, record_blocks
 from orchestrator.results.analyses.link_loads import LinkLoads
-from orchestrator.results.run_data import EVER, POSITION, TENSION, Missing, RunData, Window, link_columns
+from orchestrator.results.run_data import EVER, POSITION, TENSION, RunData, Window, link_columns
 
 
 class Profile(NamedTuple):

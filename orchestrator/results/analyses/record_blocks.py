@@ -9,18 +9,10 @@ import numpy as np
 
 from fmus.track.link_outputs import INTERVAL
 from fmus.vehicles.tables import BadInput
+from orchestrator.log.reader import Missing
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
-from orchestrator.results.run_data import (
-    BLOCK,
-    EVER,
-    POSITION,
-    Missing,
-    RunData,
-    Window,
-    link_columns,
-    record_durations,
-)
+from orchestrator.results.run_data import BLOCK, EVER, POSITION, RunData, Window, link_columns, record_durations
 from orchestrator.vocabulary.analyses import recorder_of
 
 SIZE = 200  # records in memory at once
@@ -185,7 +177,7 @@ RECOVER = "'cotrack log recover' leaves those of all"
 
 
 def named_columns(run: RunData, names: Sequence[str]) -> dict[str, list[int]]:
-    """Topics and columns of signals by name, "*" for anything; raises NoSuchSignal."""
+    """Topics and columns of signals by name, "*" for anything; raises Missing."""
     chosen = run.log.choose(patterns) if (patterns := [name for name in names if "*" in name]) else {}
     for name in names:
         if "*" not in name:  # a full name needs no pattern search
@@ -195,7 +187,7 @@ def named_columns(run: RunData, names: Sequence[str]) -> dict[str, list[int]]:
 
 
 def common_values(run: RunData, names: Sequence[str], window: Window) -> tuple[Floats, Floats]:
-    """Times (m,) and values (m, names) of signals with common steps; raises Missing, NoSuchSignal."""
+    """Times (m,) and values (m, names) of signals with common steps; raises Missing."""
     columns_by_topic = named_columns(run, names)
     series_by_topic = run.log.select(columns_by_topic, window)
     t = next(iter(series_by_topic.values())).t
@@ -210,7 +202,7 @@ def common_values(run: RunData, names: Sequence[str], window: Window) -> tuple[F
 
 
 def common_blocks(run: RunData, names: Sequence[str], window: Window = EVER) -> Iterator[tuple[Floats, Floats]]:
-    """Times (m,) and values (m, names) in blocks of steps, as far as all signals go; raises Missing, NoSuchSignal."""
+    """Times (m,) and values (m, names) in blocks of steps, as far as all signals go; raises Missing."""
     columns_by_topic = named_columns(run, names)
     places = [(topic, columns_by_topic[topic].index(column)) for topic, column in map(run.log.find, names)]
     for block in run.log.blocks(columns_by_topic, BLOCK, window=window) if columns_by_topic else ():

@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import vibration
 from orchestrator.results.analyses.spectrum import FEWEST, resample_evenly
 from orchestrator.results.analyses.vibration import HEALTH, WD, WK, TransferFunction
 from orchestrator.results.rotation import matrices
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
+from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.table import Table
 
 G = 9.80665  # m/s2, standard gravity

@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.log.reader import Missing
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, spectrum
 from orchestrator.results.approximations import TimeEnvelope
 from orchestrator.results.measured_record import MeasuredSignal
-from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, within
+from orchestrator.results.run_data import BLOCK, EVER, RunData, Window, within
 
 CURVE, MAP = 2000, 1500  # intervals of time of a curve, instants of a map
 PLACE = "along the chain from the sprocket, m"

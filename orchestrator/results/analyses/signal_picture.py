@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, Missing
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import signal_curves
 from orchestrator.results.analyses.signal_curves import PLACE, LabelledCurve, SignalMap, measured_curve, member
 from orchestrator.results.measured_record import MeasuredSignal
 from orchestrator.results.output_files import atomic_write, check_output
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.units import scaled
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def figure_of(
     :param place: a map by place on the circuit (``circuit.py``) and time; of a single record curves over the place.
     :param at: instants, s: curves over the place in the records nearest to them, instead of a map.
     :param measured: signals of a test, on the clock of the runs, drawn with the others over time.
-    :raises BadInput: for what cannot be drawn. Raises Missing, NoSuchSignal, LogUnreadable.
+    :raises BadInput: for what cannot be drawn. Raises Missing, LogUnreadable.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -10,11 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.record_blocks import common_values
 from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
+from orchestrator.results.run_data import EVER, RunData, Window, mean
 from orchestrator.results.table import Table
 
 SLOWEST = 0.05  # m/s: a slower chain stands, so that a lag is no share of its speed

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
+from orchestrator.results.run_data import EVER, RunData, Window, mean
 from orchestrator.results.table import Table
 
 SHAPES = {  # sums of cosines; importing scipy.signal takes a second
@@ -83,7 +84,7 @@ def of(
     """Spectra of signals ("*" stands for anything) of one topic over a window of time.
 
     ``orders`` adds the tooth passing frequency of the sprocket that belongs to the signals, or of the log's first
-    one. Raises BadInput, Missing, NoSuchSignal.
+    one. Raises BadInput, Missing.
     """
     if not signals:
         raise BadInput(

@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import record_blocks
 from orchestrator.results.rotation import body_axis
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, means, record_durations
+from orchestrator.results.run_data import EVER, RunData, Window, means, record_durations
 from orchestrator.results.table import Table
 
 LIFTED = 0.02  # threshold over the mean load of all members

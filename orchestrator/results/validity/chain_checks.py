@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.ground_surface import gives_way, ground
-from orchestrator.results.run_data import UNANSWERED, Missing, RunData, Window
+from orchestrator.results.run_data import UNANSWERED, RunData, Window
 from orchestrator.results.validity.exceedance import WARNING, Exceedance, exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
 from orchestrator.vocabulary import limits

@@ -7,12 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from fmus.vehicles.sides import of_side
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.ground_surface import gives_way, ground, on_terrain
 from orchestrator.results.ground_under_vehicle import POSE
 from orchestrator.results.rotation import body_axis, matrices
-from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.run_data import RunData
 from orchestrator.results.validity.exceedance import FAILURE, WARNING, Exceedance, exceedance
 from orchestrator.results.validity.piece import Piece
 from orchestrator.results.validity.sprocket_checks import HULL

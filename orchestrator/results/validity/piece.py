@@ -8,9 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats, Series
 from orchestrator.results.analyses import record_blocks
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import RunData, Window
 
 Made = TypeVar("Made")
 LENGTH = 10.0  # s

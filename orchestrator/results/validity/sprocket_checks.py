@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
 from orchestrator.results.energy import WrenchPort
 from orchestrator.results.rotation import matrices
-from orchestrator.results.run_data import Missing, RunData, pitch_radius
+from orchestrator.results.run_data import RunData, pitch_radius
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance, exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
 from orchestrator.vocabulary import limits

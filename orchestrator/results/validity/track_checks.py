@@ -8,13 +8,14 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.slip import towards
 from orchestrator.results.analyses.wheel_loads import is_settling, off_ground
 from orchestrator.results.ground_surface import gives_way
 from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
-from orchestrator.results.run_data import Missing, RunData, record_durations
+from orchestrator.results.run_data import RunData, record_durations
 from orchestrator.results.validity.exceedance import WARNING, Exceedance, excess
 from orchestrator.results.validity.piece import Piece
 from orchestrator.results.validity.sprocket_checks import shaft, tracks_on_sprockets

@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.analyses import profile, record_blocks, wheel_loads
-from orchestrator.results.run_data import POSITION, TENSION, Missing, RunData, Window
+from orchestrator.results.run_data import POSITION, TENSION, RunData, Window
 from orchestrator.results.units import size
 from orchestrator.results.views.pose_columns import LONGEST, matched_times
 
