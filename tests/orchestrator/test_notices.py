@@ -102,19 +102,6 @@ def test_log_commands_say_it_in_their_own_words_alone(cotrack, cut):
 # --- versions --------------------------------------------------------------------------------------
 
 
-READ_OLD = (
-    ("view", "-o", "a.png"), ("view", "--foxglove", "-o", "f.mcap"), ("plot", "chain.tension.max", "-o", "p.png"),
-    ("analyse", "joints"), ("analyse", "events"), ("report", "-o", "r.html"), ("log info",), ("log verify",),
-    ("log export", "-o", "folder"), ("log recover", "-o", "recovered.mcap"),
-)  # fmt: skip
-
-
-def test_an_old_log_is_read_by_every_reading_command(cotrack):
-    for name, *options in READ_OLD:
-        status, _, err = cotrack(*name.split(), OLD, *options)
-        assert (status, err) == (0, ""), name
-
-
 @pytest.mark.parametrize("command", ["replay", "resume"])
 def test_what_computes_anew_says_which_version_made_a_log(cotrack, tmp_path, command):
     shutil.copy(OLD, tmp_path / "old.mcap")

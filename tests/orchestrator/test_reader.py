@@ -17,7 +17,6 @@ from orchestrator.log.container import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.time_series import Series
-from orchestrator.log.tools import WHOLE, verify
 
 small = pytest.fixture(scope="module")(small_log)
 chunked = pytest.fixture(scope="module")(chunked_log)
@@ -117,18 +116,6 @@ def test_blocks_are_topics_side_by_side(chunked, size, more):
             assert 0 < len(parts[-1]) < size + max(more, 1)
             again = np.concatenate([*(part[:size] for part in parts[:-1]), parts[-1]])
             assert np.array_equal(again, log.read(topic).values)
-
-
-OLD = Path(__file__).with_name("logs") / "format_1.mcap"  # made on 2026-11-21, before formats had numbers
-
-
-def test_an_old_log_stays_readable():
-    """An old log stays readable, with the same digest."""
-    with Log(OLD) as log:
-        assert log.digest() == "aa9904c9ceb3be31b23ee579c6f99991302ec69b75dd956b3315d5acbb79fb3e"
-        assert len(log.read("/chain/in").t) == 20
-        assert log.read("/chain/links").values.shape == (5, 38)
-    assert verify(OLD).code == WHOLE
 
 
 def test_topics_of_one_kind_share_a_message_type_where_they_are_alike(tmp_path):
