@@ -1,4 +1,4 @@
-"""Links are recorded often enough to show tooth passings; if not, a warning says so."""
+"""Links are recorded often enough to show tooth passings, or a warning says so; what is between records; memory."""
 
 import math
 import re
@@ -13,14 +13,17 @@ from orchestrator.cosim.observers import MEANS
 from orchestrator.execution import replay_model
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import NO_INPUTS, simulate
+from orchestrator.log import container
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results import measures
+from orchestrator.results.difference import differences
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.scene.scene import load
 from orchestrator.scene.system_scene import LONGEST_INTERVAL, NYQUIST, SAMPLES, aliasing_warning, links_every
 from orchestrator.vocabulary.analyses import MEASURES
+from tests.benchmarks.process import isolated
 
 STEPS, RATES = st.floats(1e-5, 1e-2), st.floats(0.1, 1e3)
 
@@ -53,20 +56,12 @@ def test_the_frequency_that_shows_is_that_of_the_samples(step, teeth, every):
             assert np.abs(own - seen).max() < 0.1
 
 
-@pytest.mark.parametrize(
-    ("scene", "settings", "speed"),
-    [
-        ("straight", (), 20.0),
-        ("turn", (), 12.0),
-        ("pivot", (), 10.0),
-        ("brake_turn", (), 10.0),  # of the side without brake
-        ("differential", (), 10.0 + 0.5 * 4.0),
-        ("rig", (), 3.0),
-        ("rig", ("drive.mode=torque", "drive.torque=10", "drive.speed=0"), 20.0),
-        ("straight", ("drive.speed_points=[[0, 0], [1, -30], [2, 5]]", "drive.speed=0"), 30.0),
-        ("hanging_chain", (), 0.0),
-    ],
-)
+@pytest.mark.parametrize(("scene", "settings", "speed"), [
+    ("straight", (), 20.0), ("turn", (), 12.0), ("pivot", (), 10.0), ("rig", (), 3.0), ("hanging_chain", (), 0.0),
+    ("brake_turn", (), 10.0), ("differential", (), 10.0 + 0.5 * 4.0),  # of the side without brake; of both
+    ("rig", ("drive.mode=torque", "drive.torque=10", "drive.speed=0"), 20.0),
+    ("straight", ("drive.speed_points=[[0, 0], [1, -30], [2, 5]]", "drive.speed=0"), 30.0),
+])  # fmt: skip
 def test_top_speed_is_what_the_scene_asks_for(scene, settings, speed):
     variant = load(scene, None, settings)
     teeth = variant.vehicle.sprocket.teeth if speed else 0
@@ -303,3 +298,30 @@ def test_what_needs_every_step_would_be_found(readings):
         pytest.approx(np.nan, nan_ok=True),
         "third_law needs the outputs of every step: run.outputs = 1, not 7",
     )
+
+
+# --- memory -------------------------------------------------------------------------------------------
+
+HALF = ["symmetric=true", "planar=true", "run.step=2 ms"]  # the fast form of a vehicle
+
+
+@pytest.mark.long
+def test_a_long_run_needs_no_more_memory_than_a_short_one():
+    """A run of 24 s needs no more memory than one of 3 s; its whole log would take 100 MB more."""
+    options = {"scene": "straight", "track": "flexible", "settings": HALF}
+    short, long = (isolated("memory_run", stop=stop, **options) for stop in (3.0, 24.0))
+    assert long < short + 30.0
+
+
+@pytest.mark.long
+def test_what_is_read_for_a_summary_or_a_difference_is_not_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(container, "SMALL", 0)  # the log is none of those that are kept whole
+    path = tmp_path / "log.mcap"
+    assert simulate(load("straight", "rigid", ["run.stop=0.1 s", "run.links=1", "expect={}"]), path)["status"] == "ok"
+    with Log(path) as log, Log(path) as other:
+        errors = differences(RunData(log), RunData(other))
+        assert max(one.relative for one in errors.values()) == pytest.approx(0.0, abs=1e-12)
+        with path.open("r+b") as stream:
+            stream.write(bytes(path.stat().st_size))  # what is read again is not there
+        with pytest.raises(LogUnreadable):
+            log.read("/chassis/out")

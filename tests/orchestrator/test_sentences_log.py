@@ -218,9 +218,9 @@ def on_a_full_disk(g):
         Recorder(g.p / "a.mcap", {}, {}, {})
 
 
-def onto(g, name):
+def onto(g, name, ask=lambda path: Recorder(path, {}, {}, {})):
     (g.p / "file").write_text("no log")
-    Recorder(g.p / name, {}, {}, {})
+    ask(g.p / name)
 
 
 @cause
@@ -231,13 +231,13 @@ def missing(g, library, ask):
 
 
 PICTURE = ("chassis.speed", "left_track.link[1].tension")
-FAILED = "failed", "Newton did not converge at t = 0.3 s", 0
 
 
-def failed(g):
-    with Recorder(g.p / "a.mcap", {"/a/out": [("x", "m")]}, {}, {}) as recorder:
-        recorder.close(*FAILED)
-    return verify(g.p / "a.mcap")
+@cause
+def closed(g, ask, *status):
+    with Recorder(g.p / "a.mcap", {"/a/out": [("x", "m")]} if status else {}, {}, {}) as recorder:
+        recorder.close(*(status or ("ok", "", 0)))
+    return ask(g.p / "a.mcap")
 
 
 LOGS = (
@@ -250,17 +250,15 @@ LOGS = (
     (described("chassis.yaw_rate"), "did you mean 'chassis.yaw'?"),
     (described("tension"), "did you mean 'chassis.tension.min' or 'chassis.tension.max'"),
     (described("track.joint[4].force", **FORCE), "it has the components .x, .y, .z; 'track.joint[4].force.*'"),
-    (described("track.joint[4].forc", **FORCE), "did you mean"),
     (file_of(b""), "is not a log"), (file_of(b"t,x\n0,1\n"), "is not a log"),
     (file_of(b"\x89MCAP1\r\n" * 9), "is not a log"),
     (lambda g: opened(g.p / "none.mcap", str), "the log ... cannot be read: no such file or directory"),
     (edited(lambda content: content.metadata.update({FORMAT: {"version": "3"}}), lambda path: opened(path, str)),
      "edited.mcap has format 3 of a newer cotrack: this one reads formats 1 to 2"),
     (lambda g: verify(g.small), "is whole: 5 topics, 425 messages, 100 steps\nthe run ended with status ok\nseal "),
-    (failed, "the run ended with status failed: Newton did not converge at t = 0.3 s"),
+    (closed(verify, "failed", "Newton did not converge at t = 0.3 s", 0), "status failed: Newton did not"),
     (changed_bytes(lambda data: flipped(data, spans(data)[1][0] + 100)), "the chunk at byte ... is damaged ("),
     (changed_bytes(lambda data: flipped(data, data.index(b"<fmiModel"))), "attachment 'chassis.modelDescription.xml'"),
-    (changed_bytes(lambda data: data.replace(b"small", b"smell", 1)), "the checksum over all data does not hold"),
     (changed_bytes(lambda data: flipped(data, len(data) - 40)), "the checksum over the indexes does not hold"),
     (changed_bytes(lambda data: data[: len(data) // 2]), "was cut off at byte ...the run was cut off"),
     (changed_bytes(lambda data: data[:-9]), "the end of the file is missing or damaged"),
@@ -278,7 +276,6 @@ LOGS = (
      "/a/in is wired to /b/out, which lacks what it needs"),
     (bag(1.0, lambda path: opened(path, str)), BAG), (bag(0.6, lambda path: opened(path, str)), BAG),
     (bag(1.0, verify), BAG), (bag(0.6, lambda path: recover(path, path.with_name("b"))), BAG),
-    (bag(1.0, lambda path: measured_formats.read_samples(path, list)), BAG),
     (seal_of("attachment", "scene.json", bytes.upper), "is not as it was sealed: the attachment 'scene.json' is"),
     (seal_of("attachment", "scene.json", lambda _: None), "the attachment 'scene.json' is missing"),
     (seal_of("attachment", "note.txt", lambda _: b"x"), "the attachment 'note.txt' is added"),
@@ -294,7 +291,6 @@ LOGS = (
     (recording(0, 0.0, 0.1, np.zeros(1)), "has 2 variables, not 1"),
     (joined(np.zeros(1), np.zeros(1)), "/b/out has 2 variables, not 1"),
     (recording(0, -0.1, 0.1, np.zeros(2)), "begins at 0"),
-    (recording(0, float("nan"), 0.1, np.zeros(2)), "begins at 0"),
     (recording(), "is closed"),
     (lambda g: schema.layout([f"x{i}" for i in range(8001)]), "holds 8000 variables and families, not 8001"),
     (on_a_full_disk, "the log ...a.mcap cannot be written: file too large"),
@@ -305,22 +301,11 @@ LOGS = (
     (lambda g: export(g.small, g.p, topics=["/chassis/inn"]), "has no topic"),
     (lambda g: export(g.small, g.p / "a.csv", PICTURE), "recorded at different times"),
     (lambda g: opened(g.small, lambda log: to_pandas(log, *PICTURE)), "recorded at different times"),
-    (lambda g: (onto_file(g), export(g.small, g.p / "file" / "a.csv", ["chassis.speed"])), "cannot be written"),
-    (lambda g: export(empty_log(g), g.p / "csv"), "holds nothing to export"),
-    (lambda g: export(empty_log(g), g.p / "a.csv"), "holds nothing to export"),
+    (lambda g: onto(g, "file/a.csv", lambda path: export(g.small, path, ["chassis.speed"])), "cannot be written"),
+    (closed(lambda path: export(path, path.with_name("csv"))), "holds nothing to export"),
     (missing("pyarrow", lambda g: opened(g.small, lambda log: to_arrow(log, "chassis.speed"))),
      "pyarrow is not installed: pip install -c constraints.txt -e '.[analysis]' in the clone"),
 )  # fmt: skip
-
-
-def onto_file(g):
-    (g.p / "file").write_text("")
-
-
-def empty_log(g):
-    with Recorder(g.p / "none.mcap", {}, {}, {}) as recorder:
-        recorder.close("ok", "", 0)
-    return g.p / "none.mcap"
 
 
 # --- replays and resumptions -------------------------------------------------------------------------
@@ -380,7 +365,6 @@ REPLAYS_AND_RESUMPTIONS = (
     (first(sha256="0" * 64), "another build of 'TrackFlexible.fmu': name an FMU with --with"),
     (replayed(lambda system, scene: scene.update(vehicle="/etc/passwd")), "scene.json: vehicle = '/etc/passwd'"),
     (replayed(lambda system, scene: scene["run"].update(step=10**400)), f"run.step = {str(10**400)[:5]}"),
-    (replayed(lambda system, scene: scene.update(assembly="pendulum")), "scene.json"),
     (replayed(lambda system, scene: scene.update(assembly=["x"])), "assembly = ['x']"),
     (replayed(lambda system, scene: scene.clear()), "assembly = None"),
     (command("replay", "--component", "left_track"), "no component 'left_track'"),
@@ -400,7 +384,6 @@ REPLAYS_AND_RESUMPTIONS = (
     (resumed("--set", "run.links=1"), "run.links stays as it is"),
     (resumed("--set", "track.link_outputs=all"), "track.link_outputs stays as it is"),
     (resumed("--set", "idler_drive.mode=speed"), "idler_drive.mode stays as it is"),
-    (resumed("--set", "vehicle.gravitty=1"), "unknown key 'vehicle.gravitty'"),
     (branch("climb", "ground.grade=0.3"), "ground.grade stays as it is: the states of the parts count from the place"),
     (branch("soft_ground", "start.position=[1, 0, 0]"), "start.position stays as it is: the states of the parts count"),
 )  # fmt: skip
@@ -739,8 +722,7 @@ ITEMS, REAL = "must be one of 1 low, 2 high, 3 road", "must be one finite Real"
 
 
 ARCHIVES = (
-    (value(k=("Real", "INF")), REAL), (value(k=("Real", "1_000")), REAL), (value(k=("Real", "1 2")), REAL),
-    (value(k=("Binary", "3")), REAL), (value(k=("Boolean", "yes")), "a Boolean"),
+    (value(k=("Real", "1_000")), REAL), (value(k=("Binary", "3")), REAL), (value(k=("Boolean", "yes")), "a Boolean"),
     (value(k=("String", "3")), "'s.k' must be of type Real"),
     (value(k=("Real", 5.5)), "= 5.5 (Real): 's.k' must be up to 5.0"),
     (value(k=("Integer", 6)), "= 6 (Integer): 's.k' must be up to 5.0"),
@@ -753,18 +735,13 @@ ARCHIVES = (
     (brackets, "in '[m]': the unit 'm' is not defined"),
     (in_units("m", "s"), "'g.u' has the unit 's', and 's.y' the unit 'm'"),
     (in_units("m", "furlong"), "'g.u' has the unit 'furlong', which is not defined"),
-    (archive(system(ONE), experiment='startTime="1"'), "its DefaultExperiment has no stopTime: run.stop gives one"),
     (archive(system(ONE), experiment='startTime="2" stopTime="1"'), "ends at 1 s, not after its start at 2 s"),
     (archive(system(ONE), experiment='stopTime="INF"'), "its DefaultExperiment must have finite numbers"),
     (archive(system("")), "its system has no components"), (archive(""), "has no system"),
-    (archive(system(ONE + ONE)), "two elements of 'the system' are called 'a'"),
     (archive(system(TWO, connection("a.y", "b.y"))), "they are output and output: one must give"),
     (archive(system(ONE, connection("a.y", "c.u"))), "no component 'c', which a connection names"),
-    (archive(system(TWO, connection("a.none", "b.u"))), "there is no connector 'a.none'"),
     (archive(system(TWO, connection("a.gear", "b.gear_start"))), "'b.gear_start' is a parameter: 'a.gear' cannot"),
     (archive(system(ONE + '<ssd:SignalDictionaryReference name="b" dictionary="bus"/>')), "signal dictionary 'bus'"),
-    (archive(system(TWO, connection("a.y", "b.u", "<ssc:BooleanMappingTransformation/>"))),
-     "a BooleanMappingTransformation is not supported"),
     (archive(circle()), "goes round in a circle"),
 )  # fmt: skip
 
@@ -846,7 +823,6 @@ FMUS_OF_THE_USER = (
     (fmu(*((f"resources/{k}", bytes(1 << 24)) for k in range(4))), "is not unpacked: it unpacks to more"),
     (fixed_steps, "it takes equal communication steps only"),
     (run_with("--replace", "drve=a.fmu"), "fmu.drve: no such part, and no connection names it: did you mean 'drive'?"),
-    (run_with("--replace", "x=a.fmu"), "fmu.x: no such part, and no connection names it: the parts are track, drive"),
     (run_with("--replace", "drive"), "--replace drive: must be NAME=FMU, the name of a part and a file"),
     (run_with("--set", "fmu.drive.fil=a.fmu"), "rig.toml: unknown key 'fmu.drive.fil': did you mean 'fmu.drive.file'?"),
     (parameter("torqe=3"), "did you mean 'torque'?"), (parameter("torque=[1]"), "fmu.drive.parameters.torque"),
@@ -856,14 +832,10 @@ FMUS_OF_THE_USER = (
     (wired("drve.steps -> idler_drive.ticks"), "rig.toml: ...no component 'drve': did you mean 'drive'?"),
     (wired("track.slip -> drive.sprocket.force.x"), "the input has another connection"),
     (wired("track.link[1].tension -> idler_drive.pull"), "track: it has no output 'link[1].tension', which goes to"),
-    (wired("track.travel -> idler_drive.pull"), "track.travel has the unit 'm', and 'kN' is needed by 'pull'"),
-    (wired("track.solver.steps -> idler_drive.gate"), "is of type Boolean, and track.solver.steps of type Integer"),
     (wired("track.status, idler_drive.ticks"), "must be 'instance.output -> instance.input'"),
     (demanded(drive={"demand": True, "speed": 3.0}), "speed = 3.0 needs demand = false, not true"),
     (demanded(drive={"demand_lag": 0.1}), "demand_lag = 0.1 needs demand = true, not false"),
     (demanded(fmu__engine={"file": "e.fmu"}, connections=TO_ENGINE), "drive has this input only with drive.demand ="),
-    (demanded(drive={"mode": "torque", "demand": True}, connections=["track.travel -> drive.torque.demand"]),
-     "get a connection, and from an FMU of the user"),
 )  # fmt: skip
 
 ROWS = (*LOGS, *REPLAYS_AND_RESUMPTIONS, *MEASURED_RECORDS, *HEIGHTS, *ARCHIVES, *FMUS_OF_THE_USER)
