@@ -69,6 +69,12 @@ def shortened(log, topics, kept):
     return content
 
 
+def replayed(path, component="chain", given=None, *window):
+    """Verdict of a replay."""
+    with replay_model.open_replay(path, component, given) as again:
+        return again.verify(*window)
+
+
 def test_an_fmu_that_only_the_log_vouches_for_is_not_run(log, tmp_path):
     """An FMU that only the log vouches for is not run: the log of a stranger names it, with its hash."""
     mark, stranger = tmp_path / "ran", tmp_path / "stranger.fmu"
@@ -80,14 +86,13 @@ def test_an_fmu_that_only_the_log_vouches_for_is_not_run(log, tmp_path):
             theirs.writestr(name, content)
 
     def named(system, scene):
-        system["instances"][0] |= {
-            "path": str(stranger), "sha256": hashlib.sha256(stranger.read_bytes()).hexdigest()
-        }  # fmt: skip
+        digest = hashlib.sha256(stranger.read_bytes()).hexdigest()
+        system["instances"][0] |= {"path": str(stranger), "sha256": digest}
 
     strange = altered(log, tmp_path / "strange.mcap", named)
     assert verify(strange).code == WHOLE
-    with pytest.raises(BadInput, match="another build"), replay_model.open_replay(strange, "chain", None):
-        pass
+    with pytest.raises(BadInput, match="another build"):
+        replayed(strange)
     with replay_model.open_replay(strange, "chain", "rigid") as again:
         assert again.model.fmu.name == "TrackRigid.fmu"
     assert not mark.exists()
@@ -134,8 +139,8 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
     else:
         with pytest.raises(BadInput):
             draw_side(answer, tmp_path / "answer.png")
-        with pytest.raises(BadInput), replay_model.open_replay(answer, "chain", None):
-            pass
+        with pytest.raises(BadInput):
+            replayed(answer)
     with replay_model.open_replay(answer, "chain", None if other == "rigid" else str(given)) as again:
         assert again.model.as_recorded
         verdict = again.verify()
@@ -176,9 +181,7 @@ def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
         (tension,) = (one for one in answers(source, mine, "chain", (0.0, 0.01)) if one.signal == "tension.max")
     assert tension.t[-1] == pytest.approx(0.01)
     assert tension.answered == pytest.approx(tension.recorded * 10.0 / 9.81, rel=1e-4)
-    with replay_model.open_replay(answer, "chain", None) as again:
-        assert again.model.as_recorded
-        assert again.verify().equal
+    assert replayed(answer).equal
     with replay_model.open_replay(log, "chain", None, settings=["vehicle.gravity=9.81"]) as again:
         assert again.model.as_recorded, "nothing was changed, so the recorded model must run"
         assert again.answer(tmp_path / "half.mcap", 0.01) == 10
@@ -200,8 +203,8 @@ def test_a_replay_of_no_step_is_no_success(log, cotrack, tmp_path):
     assert not (tmp_path / "b.mcap").exists()
     content.chunks = []
     none = content.hash_again().write(tmp_path / "none.mcap")
-    with replay_model.open_replay(none, "chain", None) as again, pytest.raises(replays.UnfitLog):
-        again.verify()
+    with pytest.raises(replays.UnfitLog):
+        replayed(none)
     for command in (("compare", none, log), ("view", none, "-o", "v.png")):
         assert cotrack(*command)[0] == 2
 
@@ -210,11 +213,10 @@ def test_a_log_that_was_cut_off_or_has_a_gap_is_replayed_as_far_as_all_of_it_goe
     content = shortened(log, ("/chain/in",), 7)
     del content.metadata["closing"]
     ragged = content.write(tmp_path / "ragged.mcap")
-    with replay_model.open_replay(ragged, "chain", None) as again, pytest.raises(replays.UnfitLog, match="log recover"):
-        again.verify()
+    with pytest.raises(replays.UnfitLog, match="log recover"):
+        replayed(ragged)
     assert tools.recover(ragged, tmp_path / "saved.mcap").code == tools.RECOVERED
-    with replay_model.open_replay(tmp_path / "saved.mcap", "chain", None) as again:
-        verdict = again.verify()
+    verdict = replayed(tmp_path / "saved.mcap")
     assert (verdict.equal, verdict.steps) == (True, 7), verdict.sentence
     content = Content(log)
     content.chunks = [
@@ -223,11 +225,8 @@ def test_a_log_that_was_cut_off_or_has_a_gap_is_replayed_as_far_as_all_of_it_goe
         for piece in content.chunks
     ]  # fmt: skip
     gap = content.hash_again().write(tmp_path / "gap.mcap")
-    with (
-        pytest.raises(replays.UnfitLog, match=r"lacks its inputs from t = 0\.007 to 0\.009 s"),
-        replay_model.open_replay(gap, "chain", None) as again,
-    ):
-        again.verify()
+    with pytest.raises(replays.UnfitLog, match=r"lacks its inputs from t = 0\.007 to 0\.009 s"):
+        replayed(gap)
 
 
 def test_names_in_a_log_lead_nowhere(log, tmp_path):
@@ -236,12 +235,9 @@ def test_names_in_a_log_lead_nowhere(log, tmp_path):
     scene, system = (json.loads(content.attachments[name]) for name in ("scene.json", "system.json"))
     system["instances"][0]["name"] = "../../evil"
     system["instances"][0]["fmu"] = "../../../evil.fmu"
-    content.attachments = {
-        "scene.json": json.dumps(scene | {"title": "../../$\\frac$"}).encode(),
-        "system.json": json.dumps(system).encode(),
-        "../../evil": b"x",
-        "/tmp/evil": b"x",
-    }
+    tables = {"scene.json": scene | {"title": "../../$\\frac$"}, "system.json": system}
+    content.attachments = {name: json.dumps(table).encode() for name, table in tables.items()}
+    content.attachments |= {"../../evil": b"x", "/tmp/evil": b"x"}
     for number, (topic, described, about) in content.channels.items():
         content.channels[number] = (topic.replace("chain", "../../evil"), described, about)
     inner = tmp_path / "a" / "b" / "c"
@@ -252,8 +248,8 @@ def test_names_in_a_log_lead_nowhere(log, tmp_path):
     assert len(set(files)) == 4
     assert all(file.resolve().parent == (inner / "csv").resolve() for file in files)
     tools.recover(evil, inner / "saved.mcap")
-    with pytest.raises(REFUSED), replay_model.open_replay(evil, "../../evil", None):
-        pass
+    with pytest.raises(REFUSED):
+        replayed(evil, "../../evil")
     copy = tmp_path / "copy.fmu"
     copy.write_bytes(fmu_of().read_bytes())
     with replay_model.open_replay(evil, "../../evil", str(copy)) as again:  # the user trusts this one
@@ -294,11 +290,10 @@ def test_one_bit_of_an_input_is_named_where_it_is(tmp_path):
     content.nudge("/drive/out", int(place), 40)
     edited = content.write(tmp_path / "edited.mcap", old_seal=True)
     with pytest.raises(LogUnreadable):
-        replay_model.open_replay(edited, "drive", None).__enter__()
+        replayed(edited, "drive")
     nudged = content.hash_again().write(tmp_path / "nudged.mcap")
     for component, step in (("drive", 40), ("track", 41)):
-        with replay_model.open_replay(whole, component, None) as again:
-            assert again.verify((0.03, 0.06)).equal
+        assert replayed(whole, component, None, (0.03, 0.06)).equal
         with replay_model.open_replay(nudged, component, None) as again:
             verdict = again.verify()
             assert again.verify((0.0, 0.001 * (step - 1))).difference is None
