@@ -81,6 +81,20 @@ def cause(act):
     return lambda *more, **named: lambda g: act(g, *more, **named)
 
 
+@cause
+def refused(g, *words):
+    """What a command says of logs by kind, a measured record and an FMU."""
+    (g.p / "m.csv").write_text("t,v\n5,1\n5.5,2\n")
+    files = {"CHAIN": lambda: g.chain, "RIG": lambda: g.rigged, "RUN": lambda: g.run.log, "FMU": lambda: g.drive}
+    for key, file in files.items():
+        words = [word.replace(key, str(file())) if key in word else word for word in words]
+    return g.cotrack.refused(*words)
+
+
+def after(*begin):
+    return lambda *words: refused(*begin, *words)
+
+
 # --- logs: what they do not hold, damage, what cannot be recorded ------------------------------------
 
 
@@ -89,8 +103,12 @@ def opened(path, ask):
         ask(log)
 
 
-def asked(ask, kind="small"):
-    return lambda g: opened(getattr(g, kind), ask)
+def look(path):
+    opened(path, str)
+
+
+def asked(ask):
+    return lambda g: opened(g.small, ask)
 
 
 @cause
@@ -108,7 +126,7 @@ FORCE = {"track": (*(f"joint[4].force.{axis}" for axis in "xyz"), "joint[4].forc
 
 
 @cause
-def file_of(g, content, ask=lambda path: opened(path, str)):
+def file_of(g, content, ask=look):
     (g.p / "a.mcap").write_bytes(content)
     return ask(g.p / "a.mcap")
 
@@ -253,7 +271,7 @@ LOGS = (
     (file_of(b""), "is not a log"), (file_of(b"t,x\n0,1\n"), "is not a log"),
     (file_of(b"\x89MCAP1\r\n" * 9), "is not a log"),
     (lambda g: opened(g.p / "none.mcap", str), "the log ... cannot be read: no such file or directory"),
-    (edited(lambda content: content.metadata.update({FORMAT: {"version": "3"}}), lambda path: opened(path, str)),
+    (edited(lambda content: content.metadata.update({FORMAT: {"version": "3"}}), look),
      "edited.mcap has format 3 of a newer cotrack: this one reads formats 1 to 2"),
     (lambda g: verify(g.small), "is whole: 5 topics, 425 messages, 100 steps\nthe run ended with status ok\nseal "),
     (closed(verify, "failed", "Newton did not converge at t = 0.3 s", 0), "status failed: Newton did not"),
@@ -274,7 +292,7 @@ LOGS = (
     (unconnected, "takes 'y' from 'y' of /a/out, which system.json does not connect"),
     (lambda g: unconnected(g, {one: about for one, about in WIRED.items() if one != "/b/out"}),
      "/a/in is wired to /b/out, which lacks what it needs"),
-    (bag(1.0, lambda path: opened(path, str)), BAG), (bag(0.6, lambda path: opened(path, str)), BAG),
+    (bag(1.0, look), BAG), (bag(0.6, look), BAG),
     (bag(1.0, verify), BAG), (bag(0.6, lambda path: recover(path, path.with_name("b"))), BAG),
     (seal_of("attachment", "scene.json", bytes.upper), "is not as it was sealed: the attachment 'scene.json' is"),
     (seal_of("attachment", "scene.json", lambda _: None), "the attachment 'scene.json' is missing"),
@@ -317,20 +335,11 @@ def replayed(g, change, *options):
     replay_model.open_replay(altered(g.chain, g.p / "forged.mcap", change), "chain", None).__enter__()
 
 
-def command(*words, log="chain"):
-    return lambda g: g.cotrack.refused(words[0], getattr(g, log), *words[1:])
-
-
 def first(**change):
     return replayed(lambda system, scene: system["instances"][0].update(change))
 
 
-def replay(*words):
-    return command("replay", "--component", "chain", *words)
-
-
-def resumed(*words):
-    return command("resume", "-o", "new.mcap", *words, log="rigged")
+replay, resumed = after("replay", "CHAIN", "--component", "chain"), after("resume", "RIG", "-o", "new.mcap")
 
 
 def another_build(g):
@@ -367,7 +376,7 @@ REPLAYS_AND_RESUMPTIONS = (
     (replayed(lambda system, scene: scene["run"].update(step=10**400)), f"run.step = {str(10**400)[:5]}"),
     (replayed(lambda system, scene: scene.update(assembly=["x"])), "assembly = ['x']"),
     (replayed(lambda system, scene: scene.clear()), "assembly = None"),
-    (command("replay", "--component", "left_track"), "no component 'left_track'"),
+    (refused("replay", "CHAIN", "--component", "left_track"), "no component 'left_track'"),
     (replay("--with", "none.fmu"), "no FMU 'none.fmu'"),
     (replay("--set", "vehicle.gravitty=1"), "unknown key 'vehicle.gravitty'"),
     (replay("--set", "vehicle.gravity"), "must be KEY=VALUE"),
@@ -377,7 +386,7 @@ REPLAYS_AND_RESUMPTIONS = (
     (resumed("--at", "0.01"), "--at 0.01: the first checkpoint of ... is at 0.02 s"),
     (resumed("--stop", "0.02"), "stop = 0.02 s is before the checkpoint at 0.06 s"),
     (resumed("--stop", "0.0705"), "must be a multiple of step"),
-    (lambda g: g.cotrack.refused("resume", g.rigged, "-o", g.rigged), "cannot be written: it is a file that is read"),
+    (refused("resume", "RIG", "-o", "RIG"), "cannot be written: it is a file that is read"),
     (without_checkpoints, "has no checkpoint to go on from"), (another_build, "made by another build of 'TrackRigid"),
     (another_size, "with --set chain.links=9 the state of 'chain' has another size"),
     (resumed("--set", "run.step=0.5 ms"), "run.step stays as it is"),
@@ -408,17 +417,6 @@ def compared(g, columns, t=0.0, v=SPEED, **options):
     rows = "\n".join(f"{a!r},{b!r}" for a, b in columns_of)
     (g.p / "m.csv").write_text(f"t,v\n{rows}\n")
     g.run.compare_measured(g.p / "m.csv", columns, **options)
-
-
-@cause
-def options(g, *words, file="m.csv"):
-    (g.p / "m.csv").write_text("t,v\n5,1\n5.5,2\n")
-    given = g.run.log if file is None else file
-    return g.cotrack.refused("compare", g.run.log, given, *words)
-
-
-def plotted(g):
-    return g.cotrack.refused("plot", g.run.log, "chassis.speed", *MAP)
 
 
 @cause
@@ -468,7 +466,7 @@ def lines_of(g, most, lines, text="t\tv\n\n1\t2\n"):
     [*csv_lines(g.p / "a.csv", most, lines)]
 
 
-MAP = ("--map", "chassis.speed=v")
+MAP, options = ("--map", "chassis.speed=v"), after("compare", "RUN", "m.csv")
 EARLY = "m.csv, line 2: 't' must be a number or empty, not "
 NT = 0.01 * np.arange(4)
 DATE = np.datetime64("2026-11-28T10:00:00")
@@ -526,7 +524,8 @@ MEASURED_RECORDS = (
     (options("--map", "v"), "--map v: must be SIGNAL=COLUMN or SIGNAL=COLUMN:UNIT"),
     (options(*MAP, "--map", "chassis.speed=w"), "--map chassis.speed=w: 'chassis.speed' has a column already, 'v'"),
     (options(*MAP, "--shift", "-5", "--allow", "speed=1"), "--allow speed=1: no observable 'speed': one of"),
-    (options("--shift", "1", file=None), "which is not given"), (plotted, "which is not given"),
+    (refused("compare", "RUN", "RUN", "--shift", "1"), "which is not given"),
+    (refused("plot", "RUN", "chassis.speed", *MAP), "which is not given"),
     (lines_of(8, 3), "it has more than 8 bytes"), (lines_of(9, 2), "it has more than 2 lines"),
     (lines_of(1 << 20, 3, f"t{',v' * (budget.CSV_LINE // 2)}\n"), "line 1 has more than 65536 characters"),
     (parquet({"t": [0.0, 0.5], "s": ["x", "y"]}, "s"), "column 's' holds no numbers, but string"),
@@ -778,10 +777,7 @@ def text_as_fmu(g):
     simulate(rig(g.p / "text.fmu"), g.p / "rig.mcap")
 
 
-@cause
-def run_with(g, *words):
-    brief = "run", "rig", "--track", "rigid", "--stop", "2 ms", "--json", "--set", "expect={}"
-    return g.cotrack.refused(*brief, *(word.replace("FMU", str(g.drive)) for word in words))
+run_with = after("run", "rig", "--track", "rigid", "--stop", "2 ms", "--json", "--set", "expect={}")
 
 
 def parameter(text):
