@@ -93,6 +93,27 @@ def test_a_foreign_drive_turns_as_ours_with_the_same_torque(driven, tmp_path):
     assert np.abs(here).max() > 0.1
 
 
+@pytest.mark.study
+def test_foreign_drives_move_a_vehicle_as_ours_do(drive, tmp_path):
+    """Their mounts are where the vehicle is from the start on; the log holds the inputs of the start for replays."""
+    inertia, logs = load("straight").vehicle.sprocket.spin_inertia, {}
+    given = {"file": str(drive), "parameters": {"torque": TORQUE, "inertia": inertia}}
+    parts = {"fmu": {"left_drive": given, "right_drive": given}}
+    for name, settings in (("own", {"drive": OWN["drive"]}), ("foreign", parts)):
+        logs[name] = tmp_path / f"{name}.mcap"
+        summary = simulate(load("straight", "rigid", {**SHORT, "run.stop": 0.05, **settings}), logs[name])
+        assert [math.isnan(phase["power"]) for phase in summary["phases"]] == [name == "foreign"]
+    with Log(logs["own"]) as own, Log(logs["foreign"]) as foreign:
+        for signal in ("chassis.speed", "left_drive.angle", "right_track.tension.mean"):
+            (_, here), (_, there) = own.signal(signal), foreign.signal(signal)
+            assert np.abs(there - here).max() < 0.01 * np.abs(here).max(), signal
+        instances = {each["name"]: each for each in foreign.table("system.json")["instances"]}
+        assert instances["right_drive"]["inputs"]["mount.position.y"] == pytest.approx(-1.0795)
+        assert "inputs" not in instances["chassis"]
+    with open_replay(logs["foreign"], "left_drive", str(drive)) as replay:
+        assert replay.verify().equal
+
+
 def test_what_a_foreign_drive_lacks_is_said(driven):
     """Units, outputs and energies; its other outputs are recorded."""
     path, summary = driven
@@ -221,9 +242,6 @@ def test_further_connections_reach_fmus_of_the_user(drive, brake, tmp_path):
         fast, speed, tension = (log.signal(each)[1] for each in ("drive.fast", "drive.speed", "track.tension.mean"))
         assert given["ticks"].tolist() == [*range(100)]
         assert given["gate"].tolist() == fast[:-1].tolist() == (np.abs(speed[:-1]) > 1.0).tolist()
-        instances = {each["name"]: each for each in log.table("system.json")["instances"]}
-        place = instances["idler_drive"]["inputs"]["mount.position.x"]
-        assert place == pytest.approx(-placed(rig()).rig.axle_distance), "the inputs of the start are for replays"
         assert np.array_equal(given["pull"], 2e-3 * (0.5 * (tension[:-1] + tension[1:])) + 1.0)
         assert log.unit("idler_drive.pull") == "kN"
         assert "fast" not in log.topics["/idler_drive/out"].names

@@ -834,10 +834,10 @@ FMUS_OF_THE_USER = (
     (demanded(fmu__engine={"file": "e.fmu"}, connections=TO_ENGINE), "drive has this input only with drive.demand ="),
 )  # fmt: skip
 
-ROWS = (*LOGS, *REPLAYS_AND_RESUMPTIONS, *MEASURED_RECORDS, *HEIGHTS, *ARCHIVES, *FMUS_OF_THE_USER)
+SAID = (*LOGS, *REPLAYS_AND_RESUMPTIONS, *MEASURED_RECORDS, *HEIGHTS, *ARCHIVES, *FMUS_OF_THE_USER)
 
 
-@pytest.mark.parametrize(("cause", "said"), ROWS, ids=[said[-60:] for _, said in ROWS])
+@pytest.mark.parametrize(("cause", "said"), SAID, ids=[said[-60:] for _, said in SAID])
 def test_what_is_said(request, cause, said):
     text = told(Given(request), cause)
     assert re.search(".*".join(map(re.escape, said.split("..."))), text, re.DOTALL), text
