@@ -104,14 +104,17 @@ def test_a_flipped_bit_costs_no_chunk_but_its_own(base, fraction, bit):
     if not described:
         assert code != WHOLE, "nobody vouches for descriptions and metadata that may be damaged"
         return
-    hurt = [(round(first / STEP), round(last / STEP)) for begin, end, first, last in base.spans if begin <= at < end]
+    hurt = [one for one in base.spans if one[0] <= at < one[1]]
     if not hurt:
         assert rows == base.rows
         assert verify(target).code == WHOLE
         assert code == WHOLE or at < int.from_bytes(base.data[-28:-20], "little"), "only the indexes at the end"
-    for topic, own in base.rows.items() if hurt else ():
-        ((first, last),) = hurt
-        assert all(first - 7 <= k <= last + 7 for k in own.keys() - rows[topic].keys()), topic
+        return
+    begin, _, first, last = hurt[0]
+    length = int.from_bytes(base.data[begin + 1 : begin + 9], "little")  # a longer record would hide those behind it
+    for topic, own in base.rows.items() if begin + 9 <= at < begin + 9 + length else ():
+        lost = own.keys() - rows[topic].keys()
+        assert all(first / STEP - 7.5 < k < last / STEP + 7.5 for k in lost), topic
 
 
 @settings(max_examples=25)

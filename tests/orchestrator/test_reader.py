@@ -1,4 +1,4 @@
-"""What a log says, by name, window and block; differences to the bit; who reads the format."""
+"""A log is read by name, window and block; differences to the bit; who reads the format."""
 
 import re
 import shutil
