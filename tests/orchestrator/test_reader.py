@@ -155,6 +155,8 @@ def test_a_window_needs_no_byte_of_other_chunks(chunked, tmp_path):
 def test_messages_of_a_chunk_are_in_order_of_time(chunked):
     """Also by MCAP's own reader; those of a log in any other order read alike (``test_seal``)."""
     with chunked.open("rb") as stream:
+        about = make_reader(stream).get_summary().statistics
         times = [message.log_time for _, _, message in make_reader(stream).iter_messages(log_time_order=False)]
+    assert (about.message_start_time, about.message_end_time, about.message_count) == (0, max(times), len(times))
     falls = [k for k, (a, b) in enumerate(pairwise(times)) if b < a]
     assert len(falls) <= len(spans(chunked.read_bytes())) - 1, "one at most from a chunk to the next"
