@@ -172,6 +172,17 @@ def topic_rows(change):
     return made
 
 
+def later(rows):
+    """Records that say another time than their messages."""
+    rows = rows.copy()
+    rows[:, 15] ^= 1
+    return rows
+
+
+def nameless(content):
+    next(iter(content.channels.values()))[2]["names"] = "[]"
+
+
 def read_first(path):
     opened(path, lambda log: log.read(next(iter(log.topics))))
 
@@ -289,6 +300,9 @@ LOGS = (
     (edited(negative, lambda path: recover(path, path.with_name("saved.mcap"))), "cannot be recorded at t = -1"),
     (edited(lambda content: content.metadata["closing"].update(warnings="7")), "is cut off or damaged"),
     (edited(topic_rows(lambda rows, t: (np.repeat(rows, 2, axis=0), np.repeat(t, 2))), read_first), "are not in"),
+    (edited(topic_rows(lambda rows, t: (later(rows), t))), "times of records and messages differ near t = 0 s"),
+    (edited(nameless), "is cut off or damaged"),
+    (edited(lambda content: content.attachments.update({"system.json": b"7"})), "'system.json' is no JSON object"),
     (unconnected, "takes 'y' from 'y' of /a/out, which system.json does not connect"),
     (lambda g: unconnected(g, {one: about for one, about in WIRED.items() if one != "/b/out"}),
      "/a/in is wired to /b/out, which lacks what it needs"),
@@ -477,6 +491,12 @@ def again(**change):
     return tdms([("g", "v", NT, V)], [("g", "v", NT, V | change)])
 
 
+def untold(g):
+    """Properties that are not as National Instruments describes them are not guessed."""
+    g.monkeypatch.setattr(measured_formats, "segment_properties", lambda stream: {})
+    tdms([("g", "v", NT, W)])(g)
+
+
 MEASURED_RECORDS = (
     (csv("t,v\n0,1\n", "w"), "m.csv has no column 'w': it has t, v"), (csv(""), "m.csv has no column 'v': it has none"),
     (csv("v,F\n0,1\n"), "m.csv has no column 't' or 'time', its first line names v, F: clock = COLUMN names the time"),
@@ -549,6 +569,7 @@ MEASURED_RECORDS = (
     (again(wf_start_offset=0.5), "'g/v' was armed again, wf_start_offset changes"),
     (again(unit_string="km/h"), "'g/v' was armed again, unit_string changes"),
     (tdms([("g", "v", NT, W), ("g", "w", NT, V)]), "'g/v' has no wf_start_time, and other channels have one"),
+    (untold, "'g/v' is not read, because wf_start_offset of its segments cannot be known"),
     (tdms([("g", "v", NT, W | {"wf_xunit_string": "Hz"})]), "'g/v' is over Hz, not over time in s"),
     (tdms([("g", "v", NT, W | scaled("Reciprocal"))]), "'g/v' has a scale of type 'Reciprocal', which is not known"),
     *((limited(kind, "MEASURED_SAMPLES", 300), "cannot be read: a column has 301 samples, and 300 are allowed")
