@@ -68,7 +68,7 @@ class Given:
 
 
 def told(given, cause):
-    """What a cause returns, an error, or the sentences of a verdict, as text."""
+    """Answer of a cause, its error, or the sentences of a verdict, as text."""
     try:
         answer = cause(given)
     except (ValueError, LookupError, RuntimeError, OSError) as refusal:
@@ -83,7 +83,7 @@ def cause(act):
 
 @cause
 def refused(g, *words):
-    """What a command says of logs by kind, a measured record and an FMU."""
+    """Sentence of a command about logs by kind, a measured record and an FMU."""
     (g.p / "m.csv").write_text("t,v\n5,1\n5.5,2\n")
     files = {"CHAIN": lambda: g.chain, "RIG": lambda: g.rigged, "RUN": lambda: g.run.log, "FMU": lambda: g.drive}
     for key, file in files.items():
