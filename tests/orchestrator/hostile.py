@@ -158,7 +158,7 @@ LARGE = b'{"a":[' + b"[]," * 10_000_000 + b"[]]}"
 
 LOGS: tuple[Maker, ...] = (
     empty_records, lone_messages, listed(lambda: [chunk(bytes(ZEROS), 1000)]), many_large_chunks, listed(lie),
-    listed(lambda: [chunk(EMPTY, 1)] * 50_000), sparse_attachment, damaged_index,
+    listed(lambda: [chunk(EMPTY, 1) * 50_000]), sparse_attachment, damaged_index,
     edited(lambda content: content.attachments.update({"scene.json": DEEP})),
     edited(lambda content: content.attachments.update({"scene.json": LARGE})),
     many_metadata, many_attachments, many_schemas, many_channels, indexed_metadata, many_names,
