@@ -257,7 +257,7 @@ def _tdms(path: Path, choose: Choose) -> Read:
     nptdms = library("nptdms", EXTRA)
     nptdms.log.log_manager.set_level(logging.ERROR)  # for what is cut off there is a notice
     with open_file(path, MEASURED_BINARY) as stream:
-        told = _told(stream)
+        told = segment_properties(stream)
         stream.seek(0)
         with nptdms.TdmsFile.open(stream) as file:
             if file.file_status.incomplete_final_segment or file.file_status.channel_statuses:
@@ -305,7 +305,7 @@ def _track(path: Path, channel: Any, told: Told, first: Any) -> Floats:
     return np.asarray(start + float(about["wf_increment"]) * np.arange(len(channel)), float)
 
 
-def _told(stream: BufferedReader) -> Told:
+def segment_properties(stream: BufferedReader) -> Told:
     """Values of each property of times, scales and units, as bytes, in the metadata of all segments of a TDMS file.
 
     A segment begins with a tag, flags (64: big-endian), a version, its length and that of its metadata (National

@@ -57,7 +57,7 @@ AREAS = (
     Area("scene and command line", 6, ("orchestrator/scene", "orchestrator/execution", "orchestrator/cli"),
          ("tests/orchestrator/test_scene.py", "tests/orchestrator/test_scene_refused.py",
           "tests/orchestrator/test_track_settings.py", "tests/orchestrator/test_cli.py",
-          "tests/orchestrator/test_summary.py", "tests/orchestrator/test_replay_command.py",
+          "tests/orchestrator/test_summary.py", "tests/orchestrator/test_replays.py",
           "tests/orchestrator/test_view_command.py", "tests/orchestrator/test_interrupted_commands.py")),
 )  # fmt: skip
 

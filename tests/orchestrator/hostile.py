@@ -19,6 +19,7 @@ from orchestrator.log.container_writer import ContainerWriter
 EMPTY = struct.pack("<BQ", 0x80, 0)  # a record without content, of a private kind
 MESSAGE = struct.pack("<BQHIQQ", Opcode.MESSAGE, 22, 999, 0, 0, 0)  # of a channel that no log has
 ZEROS = 1 << 20
+Maker = Callable[[Path, Path], Path]  # small log, file -> file
 
 
 def record(kind: int, body: bytes) -> bytes:
@@ -50,114 +51,71 @@ def chunk(piece: bytes, count: int) -> bytes:
     return record(Opcode.CHUNK, body)
 
 
-class With(ContainerWriter):
-    """Writer of a log with further records behind its attachments."""
+class Added(ContainerWriter):
+    """Writer of a log with further bytes before its channels: ``chunks`` are listed in its index, ``records`` not."""
 
-    extra: Iterator[bytes] = iter(())
-
-    def channel(self, *about: object, **more: object) -> None:
-        """Write the further records, then the channel."""
-        for record in self.extra:
-            offset, size = self.size, int.from_bytes(record[25:33], "little")
-            self._append(record)
-            index = ChunkIndex(len(record), offset, "zstd", len(record), 10**9, 0, {}, 0, size)
-            self._indexed[Opcode.CHUNK_INDEX].append(index)
-        super().channel(*about, **more)
-
-
-def log_with(small: Path, path: Path, *records: bytes) -> Path:
-    """Write the log ``small`` again with further records."""
-    content = Content(small)
-    return content.write(path, writer=type("Written", (With,), {"extra": iter(records)}))
-
-
-class Before(ContainerWriter):
-    """Writer of a log with further bytes before its channels, which no index lists."""
-
-    extra = b""
+    chunks: Iterator[bytes] = iter(())
+    records = b""
 
     def channel(self, *about: object, **more: object) -> None:
         """Write the further bytes, then the channel."""
-        self._append(self.extra)
-        type(self).extra = b""
+        for one in self.chunks:
+            offset, size = self.size, int.from_bytes(one[25:33], "little")
+            self._append(one)
+            index = ChunkIndex(len(one), offset, "zstd", len(one), 10**9, 0, {}, 0, size)
+            self._indexed[Opcode.CHUNK_INDEX].append(index)
+        self._append(type(self).records)
+        type(self).records = b""
         super().channel(*about, **more)
 
 
-def log_with_records(small: Path, path: Path, records: bytes) -> Path:
-    return Content(small).write(path, writer=type("Written", (Before,), {"extra": records}))
+def log_with(small: Path, path: Path, *chunks: bytes, records: bytes = b"") -> Path:
+    """Write the log ``small`` again with further chunks, and records that no index lists."""
+    return Content(small).write(path, writer=type("Written", (Added,), {"chunks": iter(chunks), "records": records}))
 
 
-def many_metadata(small: Path, path: Path) -> Path:
-    """400,000 metadata records without entries."""
-    return log_with_records(small, path, record(Opcode.METADATA, text("x") + bytes(4)) * 400_000)
+def listed(make: Callable[[], list[bytes]]) -> Maker:
+    return lambda small, path: log_with(small, path, *make())
 
 
-def many_attachments(small: Path, path: Path) -> Path:
-    """300,000 empty attachments."""
+def unlisted(make: Callable[[], bytes]) -> Maker:
+    return lambda small, path: log_with(small, path, records=make())
+
+
+def edited(change: Callable[[Content], object]) -> Maker:
+    """A log with another content, which ``change`` alters."""
+
+    def make(small: Path, path: Path) -> Path:
+        content = Content(small)
+        change(content)
+        return content.write(path)
+
+    return make
+
+
+def attachments() -> bytes:
     body = bytes(16) + text("a") + text("b") + bytes(8)
-    return log_with_records(small, path, record(Opcode.ATTACHMENT, body + struct.pack("<I", crc32(body))) * 300_000)
+    return record(Opcode.ATTACHMENT, body + struct.pack("<I", crc32(body))) * 300_000
 
 
-def many_schemas(small: Path, path: Path) -> Path:
-    """400,000 schemas of one number."""
-    body = struct.pack("<H", 7) + text("a") + text("b") + bytes(4)
-    return log_with_records(small, path, record(Opcode.SCHEMA, body) * 400_000)
-
-
-def many_channels(small: Path, path: Path) -> Path:
+def channels() -> bytes:
     """200,000 channels of 60,000 numbers."""
     heads = (struct.pack("<HH", 1000 + number % 60_000, 0) + text(f"/t{number}/out") for number in range(200_000))
-    records = (record(Opcode.CHANNEL, head + text("protobuf") + bytes(4)) for head in heads)
-    return log_with_records(small, path, b"".join(records))
+    return b"".join(record(Opcode.CHANNEL, head + text("protobuf") + bytes(4)) for head in heads)
 
 
-def indexed_metadata(small: Path, path: Path) -> Path:
-    """200,000 metadata records that the summary lists."""
-    content = Content(small)
-    content.metadata.update({f"m{number}": {"a": "b"} for number in range(200_000)})
-    return content.write(path)
-
-
-def many_names(small: Path, path: Path) -> Path:
-    """Channels of 300,000 variables each."""
-    content, numbers = Content(small), range(300_000)
+def rename(content: Content) -> None:
+    """Let each channel have 300,000 variables."""
+    numbers = range(300_000)
     names, places = json.dumps([f"x{k}" for k in numbers]), json.dumps([[f"x{k}"] for k in numbers])
     for _, _, about in content.channels.values():
         about.update({"names": names, "units": json.dumps(["m"] * len(numbers)), "places": places})
-    return content.write(path)
 
 
-def empty_records(small: Path, path: Path) -> Path:
-    """A chunk of 1e8 empty records."""
-    return log_with(small, path, chunk(EMPTY * 100_000, 1000))
-
-
-def lone_messages(small: Path, path: Path) -> Path:
-    """A chunk of 5e6 messages, each of another channel than the one before it."""
-    pair = MESSAGE + MESSAGE.replace(struct.pack("<H", 999), struct.pack("<H", 998))
-    return log_with(small, path, chunk(pair * 25_000, 100))
-
-
-def large_chunk(small: Path, path: Path) -> Path:
-    """A chunk of 1 GB of zeros."""
-    return log_with(small, path, chunk(bytes(ZEROS), 1000))
-
-
-def many_large_chunks(small: Path, path: Path) -> Path:
-    """300 chunks of 60 MB: each is allowed, not all of them."""
-    return log_with(small, path, *[chunk(bytes(ZEROS), 60)] * 300)
-
-
-def lying_chunk(small: Path, path: Path) -> Path:
+def lie() -> list[bytes]:
     """A chunk that declares 64 bytes and unpacks to 1 GB."""
-    record = bytearray(chunk(bytes(ZEROS), 1000))
-    record[25:33] = struct.pack("<Q", 64)
-    return log_with(small, path, bytes(record))
-
-
-def many_chunks(small: Path, path: Path) -> Path:
-    """50,000 chunks of a few bytes."""
-    return log_with(small, path, chunk(EMPTY, 1) * 50_000)
+    one = chunk(bytes(ZEROS), 1000)
+    return [one[:25] + struct.pack("<Q", 64) + one[33:]]
 
 
 def sparse(path: Path, head: bytes = b"", size: int = 100 << 30) -> Path:
@@ -168,43 +126,42 @@ def sparse(path: Path, head: bytes = b"", size: int = 100 << 30) -> Path:
     return path
 
 
+HEAD = MCAP0_MAGIC + struct.pack("<BQII", Opcode.HEADER, 8, 0, 0)
+
+
 def sparse_attachment(small: Path, path: Path) -> Path:
     """A log of 100 GB with one attachment, a hole."""
-    head = MCAP0_MAGIC + struct.pack("<BQII", Opcode.HEADER, 8, 0, 0)
-    return sparse(path, head + struct.pack("<BQ", Opcode.ATTACHMENT, (100 << 30) - 1000))
+    return sparse(path, HEAD + struct.pack("<BQ", Opcode.ATTACHMENT, (100 << 30) - 1000))
 
 
 def damaged_index(small: Path, path: Path) -> Path:
     """A log of 20,000 records of an unknown kind, each listed in the summary."""
-    head = MCAP0_MAGIC + struct.pack("<BQII", Opcode.HEADER, 8, 0, 0)
-    offsets = range(len(head), len(head) + 9 * 20_000, 9)
-    entry = "<BQ" + "QQI"
-    indexes = b"".join(struct.pack(entry, Opcode.METADATA_INDEX, 20, at, 9, 0) for at in offsets)
-    data = head + EMPTY * 20_000
-    end = struct.pack("<BQI", Opcode.DATA_END, 4, 0)
-    footer = struct.pack("<BQQQI", Opcode.FOOTER, 20, len(data) + len(end), 0, 0)
-    path.write_bytes(data + end + indexes + footer + MCAP0_MAGIC)
+    offsets = range(len(HEAD), len(HEAD) + 9 * 20_000, 9)
+    indexes = b"".join(struct.pack("<BQQQI", Opcode.METADATA_INDEX, 20, at, 9, 0) for at in offsets)
+    data = HEAD + EMPTY * 20_000 + struct.pack("<BQI", Opcode.DATA_END, 4, 0)
+    footer = struct.pack("<BQQQI", Opcode.FOOTER, 20, len(data), 0, 0)
+    path.write_bytes(data + indexes + footer + MCAP0_MAGIC)
     return path
 
 
-def deep_json(small: Path, path: Path) -> Path:
-    """A log whose scene is nested 100,000 deep."""
-    content = Content(small)
-    content.attachments["scene.json"] = b'{"a":' * 100_000 + b"1" + b"}" * 100_000
-    return content.write(path)
+many_metadata = unlisted(lambda: record(Opcode.METADATA, text("x") + bytes(4)) * 400_000)
+many_attachments, many_channels = unlisted(attachments), unlisted(channels)
+many_schemas = unlisted(lambda: record(Opcode.SCHEMA, b"\7\0" + text("a") + text("b") + bytes(4)) * 400_000)
+indexed_metadata = edited(lambda content: content.metadata.update({f"m{k}": {"a": "b"} for k in range(200_000)}))
+many_names = edited(rename)
+empty_records = listed(lambda: [chunk(EMPTY * 100_000, 1000)])  # 1e8 in a chunk
+OTHER = MESSAGE.replace(struct.pack("<H", 999), struct.pack("<H", 998))
+lone_messages = listed(lambda: [chunk((MESSAGE + OTHER) * 25_000, 100)])  # 5e6, each of another channel than the last
+many_large_chunks = listed(lambda: [chunk(bytes(ZEROS), 60)] * 300)  # each is allowed, not all of them
+DEEP = b'{"a":' * 100_000 + b"1" + b"}" * 100_000
+LARGE = b'{"a":[' + b"[]," * 10_000_000 + b"[]]}"
 
-
-def large_json(small: Path, path: Path) -> Path:
-    """A log whose scene has ten million lists."""
-    content = Content(small)
-    content.attachments["scene.json"] = b'{"a":[' + b"[]," * 10_000_000 + b"[]]}"
-    return content.write(path)
-
-
-LOGS: tuple[Callable[[Path, Path], Path], ...] = (
-    empty_records, lone_messages, large_chunk, many_large_chunks, lying_chunk, many_chunks, sparse_attachment,
-    damaged_index, deep_json, large_json, many_metadata, many_attachments, many_schemas, many_channels,
-    indexed_metadata, many_names,
+LOGS: tuple[Maker, ...] = (
+    empty_records, lone_messages, listed(lambda: [chunk(bytes(ZEROS), 1000)]), many_large_chunks, listed(lie),
+    listed(lambda: [chunk(EMPTY, 1) * 50_000]), sparse_attachment, damaged_index,
+    edited(lambda content: content.attachments.update({"scene.json": DEEP})),
+    edited(lambda content: content.attachments.update({"scene.json": LARGE})),
+    many_metadata, many_attachments, many_schemas, many_channels, indexed_metadata, many_names,
 )  # fmt: skip
 
 
@@ -228,50 +185,42 @@ SCENES = (
 )  # fmt: skip
 
 
+TEXTS: dict[str, Callable[[], str]] = {
+    "many rows": lambda: "\n".join(f"{i},1" for i in range(1_000_000)),
+    "as many rows as allowed": lambda: "\n".join(f"{i},1" for i in range(50_000)),
+    "long row": lambda: ",".join(["1"] * 5_000_000),
+    "open quote": lambda: '0,1\n"' + "1\n" * 5_000_000,
+    "as many lines as measured": lambda: "\n".join(f"{i},{i % 2}" for i in range(250_000)),
+}
+TABLES = tuple(TEXTS)[:-1]
+
+
 def table(path: Path, kind: str) -> Path:
     """Write a hostile CSV file."""
-    if kind == "many rows":
-        path.write_text("\n".join(f"{i},1" for i in range(1_000_000)))
-    elif kind == "as many rows as allowed":
-        path.write_text("\n".join(f"{i},1" for i in range(50_000)))
-    elif kind == "as many lines as measured":
-        path.write_text("\n".join(f"{i},{i % 2}" for i in range(250_000)))
-    elif kind == "long row":
-        path.write_text(",".join(["1"] * 5_000_000))
-    elif kind == "open quote":
-        path.write_text('0,1\n"' + "1\n" * 5_000_000)
+    path.write_text(TEXTS[kind]())
     return path
 
 
-TABLES = ("many rows", "as many rows as allowed", "long row", "open quote")
-
-
 DESCRIBED = {"large description": 900_000, "as large a description as allowed": 120_000}  # variables
+RESOURCES = {"large file": (1, 1000), "many files": (60_000, 0), "many large files": (100, 40)}  # number, MB
+FMUS = (*RESOURCES, *DESCRIBED, "entities")
 
 
 def fmu(path: Path, kind: str) -> Path:
     """Write a hostile FMU."""
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("modelDescription.xml", "<fmiModelDescription/>")
-        if kind == "large file":
-            with archive.open("resources/zeros", "w", force_zip64=True) as stream:
-                for _ in range(1000):
-                    stream.write(bytes(ZEROS))
-        elif kind == "many files":
-            for number in range(60_000):
-                archive.writestr(f"resources/{number}", b"")
-        elif kind == "many large files":
-            for number in range(100):
-                archive.writestr(f"resources/{number}", bytes(40 * ZEROS))
+    number, size = RESOURCES.get(kind, (0, 0))
+    told = "<fmiModelDescription/>"
     if kind in DESCRIBED:
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-            entry = '<ScalarVariable name="x" valueReference="1"><Real/></ScalarVariable>' * DESCRIBED[kind]
-            archive.writestr("modelDescription.xml", description(entry))
-    if kind == "entities":
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-            entities = "".join(f'<!ENTITY a{k} "{f"&a{k - 1};" * 10}">' for k in range(1, 10))
-            doctype = f'<!DOCTYPE fmiModelDescription [<!ENTITY a0 "{"a" * 100}">{entities}]>'
-            archive.writestr("modelDescription.xml", doctype + description("&a9;"))
+        told = description('<ScalarVariable name="x" valueReference="1"><Real/></ScalarVariable>' * DESCRIBED[kind])
+    elif kind == "entities":
+        entities = "".join(f'<!ENTITY a{k} "{f"&a{k - 1};" * 10}">' for k in range(1, 10))
+        told = f'<!DOCTYPE fmiModelDescription [<!ENTITY a0 "{"a" * 100}">{entities}]>' + description("&a9;")
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", told)
+        for k in range(number):
+            with archive.open(f"resources/{k}", "w", force_zip64=True) as stream:
+                for _ in range(size):
+                    stream.write(bytes(ZEROS))
     return path
 
 
@@ -280,9 +229,6 @@ def description(variables: str) -> str:
         '<fmiModelDescription fmiVersion="2.0" modelName="Toy" guid="1"><CoSimulation modelIdentifier="Toy"/>'
         f"<ModelVariables>{variables}</ModelVariables><ModelStructure/></fmiModelDescription>"
     )
-
-
-FMUS = ("large file", "many files", "many large files", *DESCRIBED, "entities")
 
 
 def pipe(path: Path) -> Path:

@@ -1,30 +1,18 @@
-"""Damaged logs: bytes flipped, cut or inserted, and logs with valid checksums but altered content."""
+"""Damaged logs: bytes flipped, cut or inserted; content of a log, to be changed and written with right checksums."""
 
 import hashlib
-import json
 import random
-import struct
-from collections.abc import Iterator
-from copy import deepcopy
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from mcap.reader import make_reader
 
 from orchestrator.log.container_writer import ContainerWriter
-from orchestrator.log.log_metadata import CLOSING as CLOSING
+from orchestrator.log.log_metadata import CLOSING
 from orchestrator.log.message_records import PREFIX
 from orchestrator.log.reader import Log
 from orchestrator.log.seal import SEAL, sealed
-
-DIGITS = int("9" * 400)
-VALUES = (
-    DIGITS, -DIGITS, -1, 0, 0.5, 1e308, -1e-308, float("nan"), float("inf"), 2**31, 2**64, None, True, False, "", "x",
-    "\udcff", "\x00", "\x1b[2J", "../../evil", "/tmp/evil", "9" * 400, "y" * 70_000, [], {}, [[]], [1, "x"], {"a": {}},
-)  # fmt: skip
-WORDS = (bytes(8), b"\xff" * 8, struct.pack("<d", float("inf")), struct.pack("<d", -1.0), struct.pack("<d", 1e300))
-TEXTS = (b"", b"{", b"[]", b"7", b"null", b"\xff\xfe", b'"x"', b"{}", b'{"a":' * 5000, b"[" * 100_000, b"9" * 5000)
 
 
 class Content:
@@ -124,73 +112,3 @@ def change_bytes(data: bytes, chance: random.Random) -> bytes:
         if not changed:
             changed += b"\x89"
     return bytes(changed)
-
-
-def change_content(content: Content, chance: random.Random) -> Content:
-    """Content with one or two changes: an attachment, metadata, the closing record, a channel, messages."""
-    altered = deepcopy(content)
-    for _ in range(chance.choice((1, 1, 2))):
-        match chance.randrange(7):
-            case 0 | 1:
-                name = chance.choice([name for name in altered.attachments if name.endswith(".json")])
-                altered.attachments[name] = _json(altered.attachments[name], chance)
-            case 2:
-                number = chance.choice(list(altered.channels))
-                _, _, about = altered.channels[number]
-                key = chance.choice(list(about))
-                about[key] = _json(about[key].encode(), chance).decode("utf-8", "replace")
-            case 3:
-                number = chance.choice(list(altered.channels))
-                topic = chance.choice(("", "/", "/../../evil/out", "x" * 5000, "/chain/out", "\x00", "/a/b/c"))
-                altered.channels[number] = (topic, *altered.channels[number][1:])
-            case 4:
-                _, rows, _ = chance.choice(chance.choice(altered.chunks))
-                rows.flags.writeable = True
-                for row in rows[chance.randrange(len(rows)) :][: chance.choice((1, 1, 1000))]:
-                    start = chance.choice((11, PREFIX + 1, PREFIX + 10, PREFIX + chance.randrange(len(row) - PREFIX)))
-                    row[start : start + 8] = list(chance.choice(WORDS))[: len(row) - start]
-            case _:
-                entries = altered.metadata[chance.choice((CLOSING, CLOSING, chance.choice(list(altered.metadata))))]
-                key = chance.choice(list(entries))
-                if chance.randrange(4):
-                    entries[key] = _text(chance)
-                else:
-                    del entries[key]
-    if not chance.randrange(5):
-        name = chance.choice(list(altered.attachments))
-        altered.attachments[chance.choice(("../../evil", "/tmp/evil", ""))] = altered.attachments.pop(name)
-    return altered
-
-
-def _text(chance: random.Random) -> str:
-    value = chance.choice(VALUES)
-    text = value if isinstance(value, str) else json.dumps(value)
-    return text.encode("utf-8", "replace").decode()[:60_000]
-
-
-def _json(content: bytes, chance: random.Random) -> bytes:
-    """A JSON text with one value replaced or left out, or invalid JSON."""
-    if not chance.randrange(5):
-        cut = chance.randrange(len(content)) if content else 0
-        return chance.choice((*TEXTS, content[:cut], content[:cut] + b"\xff" + content[cut:]))
-    try:
-        table = json.loads(content)
-    except ValueError:
-        return chance.choice(TEXTS)
-    places = list(_places(table))
-    if not places:
-        return chance.choice(TEXTS)
-    holder, key = chance.choice(places)
-    if chance.randrange(4):
-        holder[key] = chance.choice(VALUES)
-    else:
-        del holder[key]
-    return json.dumps(table).encode()
-
-
-def _places(value: Any) -> Iterator[tuple[Any, Any]]:
-    """Yield every (dict, key) and (list, index) within a JSON value."""
-    entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, inner in entries:
-        yield value, key
-        yield from _places(inner)

@@ -1,5 +1,8 @@
 """Small logs for tests of the log layer."""
 
+import resource
+import struct
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -69,3 +72,49 @@ def write_steps(recorder: Recorder, steps: int, wall: float = 0.0, change=lambda
                 recorder.write("/stats/chassis", k, k * STEP, STEP, np.array([wall + k]))
             else:
                 recorder.write(topic, k, k * STEP, STEP, change(topic, k, values(topic, k)))
+
+
+def spans(data: bytes) -> list[tuple[int, int, float, float]]:
+    """Chunks of a file with the indexes behind them: begin and end, bytes; first and last time, s."""
+    found, offset = [], 8
+    while offset < len(data) - 8:
+        kind, length = struct.unpack_from("<BQ", data, offset)
+        if kind == 0x06:
+            times = (1e-9 * t for t in struct.unpack_from("<QQ", data, offset + 9))
+            found.append((offset, offset + 9 + length, *times))
+        elif kind == 0x07:
+            found[-1] = found[-1][0], offset + 9 + length, *found[-1][2:]
+        offset += 9 + length
+    return found
+
+
+@contextmanager
+def disk(room: int):
+    """A disk on which no file grows beyond ``room`` bytes."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+STRIDES = {"/a/in": 1, "/a/out": 3, "/a/links": 7, "/b/in": 1, "/b/out": 1, "/stats/a": 1}
+
+
+def ragged(path: Path, steps: int = 60, results: dict[str, str] | None = None) -> Path:
+    """Write a log as a run does, topic after topic, in chunks that end anywhere in a step."""
+    topics = {topic: [("x", "m"), ("y", "m")] for topic in STRIDES}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "CHUNK", 500)
+        with Recorder(path, topics, ATTACHMENTS, {}, every=STRIDES, flush=60) as recorder:
+            for k in range(steps + 1):
+                for name in ("a", "b"):
+                    if k:
+                        recorder.write(f"/{name}/in", k - 1, (k - 1) * STEP, STEP, np.array([k, 0.0]))
+                    recorder.write(f"/{name}/out", k, k * STEP, STEP, np.array([k, 1.0]))
+                recorder.write("/a/links", k, k * STEP, STEP, np.array([k, 2.0]))
+                if k % 10 == 0:
+                    recorder.write("/stats/a", k, k * STEP, STEP, np.array([k, 3.0]))
+            recorder.close("ok", "done", steps, results)
+    return path

@@ -34,10 +34,12 @@ def variables(unit_in="", unit_out="", k=2.0):
     )
 
 
-@pytest.fixture(scope="module")
-def gain(tmp_path_factory):
+def gain_fmu(tmp_path_factory):
     """FMU y = k u without units."""
     return foreign_fmus.build(tmp_path_factory.mktemp("gain") / "gain.fmu", "gain", variables())
+
+
+gain = pytest.fixture(scope="module")(gain_fmu)
 
 
 def with_units(gain, file, unit_in, unit_out):
@@ -62,14 +64,6 @@ def run(tmp_path, ssd, gain, settings=(), **files):
     return found, path
 
 
-def refused(tmp_path, ssd, gain, **files):
-    with pytest.raises(BadInput) as caught:
-        load_ssp(packed(tmp_path / "t.ssp", ssd, **{"resources/gain.fmu": gain} | files), None, ())
-    assert str(caught.value).startswith("'")
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
-
-
 START = values(u=("Real", 3.0))
 
 
@@ -82,61 +76,37 @@ def test_any_order_of_a_chain_starts_with_the_values_that_flow(gain, tmp_path):
     for order in itertools.permutations("abc"):
         inner = {"a": bound(START)}
         elements = "".join(component(name, inner.get(name, "")) for name in order)
-        found, path = run(
-            tmp_path, document(system(elements, connection("a.y", "b.u") + connection("b.y", "c.u"))), gain
-        )
+        wires = connection("a.y", "b.u") + connection("b.y", "c.u")
+        found, path = run(tmp_path, document(system(elements, wires)), gain)
         assert [found[f"{name}.y"] for name in "abc"] == [6.0, 12.0, 24.0]
         with Log(path) as log:
             digests.add(tuple(log.read(f"/{name}/{way}").values.tobytes() for name in "abc" for way in ("in", "out")))
     assert len(digests) == 1
 
 
-LOOP = connection("a.y", "b.u") + connection("b.y", "a.u")
-
-
-@pytest.mark.parametrize("k", [0.5, -0.75])
-def test_a_loop_of_start_values_settles(gain, tmp_path, k):
-    """y_a = k y_b, y_b = k y_a has the solution 0, which the rounds approach."""
-    inner = bound(values(k=("Real", k), u=("Real", 1.0)))
-    found, _ = run(tmp_path, document(system(component("a", inner) + component("b", inner), LOOP)), gain)
-    assert abs(found["a.y"]) < 1e-10
-    assert abs(found["b.y"]) < 1e-10
-
-
-def test_an_fmu_may_feed_itself(gain, tmp_path):
-    """It enters initialisation mode once: a second time is an error of the model."""
-    ssd = document(system(component("a", bound(values(k=("Real", 0.5), u=("Real", 1.0)))), connection("a.y", "a.u")))
-    assert abs(run(tmp_path, ssd, gain)[0]["a.y"]) < 1e-10
+def loop(*gains):
+    """y_a = k y_b, y_b = k y_a has the solution 0, which the rounds approach, if they settle."""
+    inner = [bound(values(k=("Real", k), u=("Real", 1.0))) for k in gains]
+    wires = connection("a.y", "b.u") + connection("b.y", "a.u")
+    return document(system(component("a", inner[0]) + component("b", inner[1]), wires))
 
 
 @pytest.mark.parametrize(("one", "other"), [(1.5, 1.5), (-1.0, 1.0)])
 def test_a_loop_that_does_not_settle_is_refused(gain, tmp_path, one, other):
     """It grows, or it swings."""
-    inner = [bound(values(k=("Real", k), u=("Real", 1.0))) for k in (one, other)]
-    ssd = document(system(component("a", inner[0]) + component("b", inner[1]), LOOP))
-    with pytest.raises(ComponentFailed, match=r"(do not settle: in round 1000 'b\.y' was|output 'y' is)"):
-        run(tmp_path, ssd, gain)
+    with pytest.raises(ComponentFailed):
+        run(tmp_path, loop(one, other), gain)
 
 
 # --- systems in systems ------------------------------------------------------------------------------
 
 
 def nested(outer_values="", inner_values="", own=""):
-    inner = system(
-        component("g", own),
-        connection("in", "g.u") + connection("g.y", "out") + connection("k", "g.k"),
-        connectors("in input", "out output", "k parameter") + inner_values,
-        name="inner",
-    )
+    wires = connection("in", "g.u") + connection("g.y", "out") + connection("k", "g.k")
+    ends = connectors("in input", "out output", "k parameter")
+    inner = system(component("g", own), wires, ends + inner_values, name="inner")
     elements = component("s", bound(START)) + inner + component("g")
     return document(system(elements, connection("s.y", "inner.in") + connection("inner.out", "g.u"), outer_values))
-
-
-def test_a_system_in_a_system_passes_its_connectors_on(gain, tmp_path):
-    found, path = run(tmp_path, nested(), gain)
-    assert (found["s.y"], found["inner_g.y"], found["g.y"]) == (6.0, 12.0, 24.0)
-    with Log(path) as log:
-        assert set(log.table("scene.json")["connections"]) == {"s.y -> inner_g.u", "inner_g.y -> g.u"}
 
 
 @pytest.mark.parametrize(("outer", "inner", "own", "expected"), [
@@ -146,23 +116,11 @@ def test_a_system_in_a_system_passes_its_connectors_on(gain, tmp_path):
     ("inner__g__k", 7.0, 5.0, 11.0),  # a component in it
 ])  # fmt: skip
 def test_the_highest_level_gives_a_parameter(gain, tmp_path, outer, inner, own, expected):
-    found, _ = run(
-        tmp_path,
-        nested(
-            bound(values(**{outer: ("Real", 11.0)})) if outer else "",
-            bound(values(k=("Real", inner))) if inner else "",
-            bound(values(k=("Real", own))),
-        ),
-        gain,
-    )
-    assert found["inner_g.y"] == 6.0 * expected
-
-
-def test_of_one_level_the_last_binding_counts_and_prefixes_are_names(gain, tmp_path):
-    bindings = bound(values("g.", k=("Real", 3.0)), values(g__k=("Real", 4.0)), values("s.", u=("Integer", 1)))
-    ssd = document(system(component("s") + component("g"), connection("s.y", "g.u"), bindings))
-    found, _ = run(tmp_path, ssd, gain)
-    assert (found["s.y"], found["g.y"]) == (2.0, 8.0)
+    bindings = [bound(values(**{name: ("Real", k)})) if name and k else "" for name, k in ((outer, 11.0), ("k", inner))]
+    found, path = run(tmp_path, nested(*bindings, bound(values(k=("Real", own)))), gain)
+    assert (found["s.y"], found["inner_g.y"], found["g.y"]) == (6.0, 6.0 * expected, 12.0 * expected)
+    with Log(path) as log:
+        assert set(log.table("scene.json")["connections"]) == {"s.y -> inner_g.u", "inner_g.y -> g.u"}
 
 
 def test_an_archive_can_be_a_component_of_another(gain, tmp_path):
@@ -177,13 +135,12 @@ def test_an_archive_can_be_a_component_of_another(gain, tmp_path):
     assert (found["s.y"], found["p_g.y"]) == (6.0, 60.0)
 
 
-def test_start_and_end_of_a_connection_are_no_direction(gain, tmp_path):
-    ssd = document(system(component("s", bound(START)) + component("g"), connection("g.u", "s.y")))
-    assert run(tmp_path, ssd, gain)[0]["g.y"] == 12.0
+# --- mappings, types, units --------------------------------------------------------------------------
 
 
-def test_a_signal_dictionary_joins_what_refers_to_it(gain, tmp_path):
-    dictionary = (
+def dictionary():
+    """Signals of a dictionary join what refers to it, in other units."""
+    bus = (
         '<ssd:SignalDictionaries><ssd:SignalDictionary name="bus"><ssb:SignalDictionary version="1.0">'
         '<ssb:DictionaryEntry name="level"><ssc:Real unit="mm"/></ssb:DictionaryEntry>'
         "</ssb:SignalDictionary></ssd:SignalDictionary></ssd:SignalDictionaries>"
@@ -191,26 +148,35 @@ def test_a_signal_dictionary_joins_what_refers_to_it(gain, tmp_path):
     reference = '<ssd:SignalDictionaryReference name="{}" dictionary="bus"/>'
     inner = system(component("g") + reference.format("b"), connection("b.level", "g.u"), name="inner")
     elements = component("s", connectors("y output m") + bound(START)) + reference.format("bus") + inner
-    ssd = document(system(elements, connection("s.y", "bus.level"), more=dictionary), MILLIMETRES)
+    return document(system(elements, connection("s.y", "bus.level"), more=bus), MILLIMETRES)
+
+
+MAPPING = (
+    '<ssm:MappingEntry source="level" target="s.u">'
+    '<ssc:LinearTransformation factor="2" offset="10"/></ssm:MappingEntry>'
+    '<ssm:MappingEntry source="level" target="g.k"/>'
+)
+LAST = bound(values("g.", k=("Real", 3.0)), values(g__k=("Real", 4.0)), values("s.", u=("Integer", 1)))
+
+
+ZERO = pytest.approx(0.0, abs=1e-10)
+ITSELF = bound(values(k=("Real", 0.5), u=("Real", 1.0)))
+
+
+@pytest.mark.parametrize(("ssd", "expected"), [
+    (loop(0.5, 0.5), {"a.y": ZERO, "b.y": ZERO}), (loop(-0.75, -0.75), {"a.y": ZERO, "b.y": ZERO}),
+    (document(system(component("a", ITSELF), connection("a.y", "a.u"))), {"a.y": ZERO}),  # initialised once
+    (document(system(component("s") + component("g"), connection("s.y", "g.u"), LAST)),  # of one level the last binding
+     {"s.y": 2.0, "g.y": 8.0}),
+    (document(system(component("s", bound(START)) + component("g"), connection("g.u", "s.y"))), {"g.y": 12.0}),
+    (dictionary(), {"inner_g.y": 12000.0}),  # 6 m are 6000 mm
+    (document(system(component("s") + component("g"), connection("s.y", "g.u"),
+                     bound(values("", MAPPING, level=("Real", 5.0), k=("Real", 99.0))))), {"s.y": 40.0, "g.y": 200.0}),
+    (document(system(component("a", bound(START))), version="2.0").replace("ssv:Real", "ssv:Float64"), {"a.y": 6.0}),
+])  # fmt: skip
+def test_outputs_of_archives(gain, tmp_path, ssd, expected):
     found, _ = run(tmp_path, ssd, gain)
-    assert found["inner_g.y"] == 12000.0  # 6 m are 6000 mm
-
-
-# --- mappings, types, units --------------------------------------------------------------------------
-
-
-def test_a_mapping_names_and_transforms(gain, tmp_path):
-    mapping = (
-        '<ssm:MappingEntry source="level" target="s.u">'
-        '<ssc:LinearTransformation factor="2" offset="10"/></ssm:MappingEntry>'
-        '<ssm:MappingEntry source="level" target="g.k"/>'
-    )
-    ssd = document(system(
-        component("s") + component("g"), connection("s.y", "g.u"),
-        bound(values("", mapping, level=("Real", 5.0), k=("Real", 99.0))),
-    ))  # fmt: skip
-    found, _ = run(tmp_path, ssd, gain)
-    assert (found["s.y"], found["g.y"]) == (40.0, 200.0)
+    assert {name: found[name] for name in expected} == expected
 
 
 def test_values_of_all_types(gain, tmp_path, caplog):
@@ -220,25 +186,11 @@ def test_values_of_all_types(gain, tmp_path, caplog):
         word_start=("String", "go"),
         whole=("Integer", 7),
     )
-    takes = ("gear_start", "on_start")
     elements = component("a", bound(given, values(nobody=("Real", 1.0)))) + component("b")
-    wires = "".join(connection(f"a.{name.removesuffix('_start')}", f"b.{name}") for name in takes)
-    assert "'b.gear_start' is a parameter: 'a.gear' cannot change it" in refused(
-        tmp_path, document(system(elements, wires)), gain
-    )
     scene = load_ssp(packed(tmp_path / "t.ssp", document(system(elements)), **{"resources/gain.fmu": gain}), None, ())
     assert scene.fmu["a"].parameters == {"gear_start": 3, "on_start": True, "word_start": "go", "whole": 7}
     assert "parameter 'nobody' is ignored: there is no 'nobody' to take it" in caplog.text
     assert run(tmp_path, document(system(elements)), gain)[0]["a.y"] == 0.0
-
-
-@pytest.mark.parametrize(("given", "said"), [
-    (("Real", "INF"), "must be one finite Real"), (("Real", "1_000"), "must be one finite Real"),
-    (("Real", "1 2"), "must be one finite Real"), (("Boolean", "yes"), "a Boolean"),
-    (("String", "3"), "'s.k' must be of type Real"), (("Binary", "3"), "must be one finite Real"),
-])  # fmt: skip
-def test_a_bad_value_is_refused(gain, tmp_path, given, said):
-    assert said in refused(tmp_path, document(system(component("s", bound(values(k=given))))), gain)
 
 
 @pytest.mark.parametrize(("fmus", "connected", "more", "inside", "expected"), [
@@ -271,19 +223,6 @@ def test_a_value_in_another_unit_is_converted(gain, tmp_path):
     binding = binding.replace("</ssv:Parameters>", f"</ssv:Parameters>{units}")
     ssd = document(system(component("s", bound(binding), "resources/cold.fmu")))
     assert run(tmp_path, ssd, gain, **{"resources/cold.fmu": cold})[0]["s.y"] == 2.0 * 293.15
-    unknown = ssd.replace(units, "")
-    assert "in 'degC': the unit 'degC' is not defined" in refused(
-        tmp_path, unknown, gain, **{"resources/cold.fmu": cold}
-    )
-
-
-@pytest.mark.parametrize(("one", "other", "said"), [
-    ("m", "s", "'g.u' has the unit 's', and 's.y' the unit 'm'"),
-    ("m", "furlong", "'g.u' has the unit 'furlong', which is not defined"),
-])  # fmt: skip
-def test_units_that_do_not_fit_are_refused(gain, tmp_path, one, other, said):
-    elements = component("s", connectors(f"y output {one}")) + component("g", connectors(f"u input {other}"))
-    assert said in refused(tmp_path, document(system(elements, connection("s.y", "g.u")), MILLIMETRES), gain)
 
 
 def with_maximum(gain, file):
@@ -303,30 +242,14 @@ def in_unit(unit, defined=""):
     return bound(binding.replace("</ssv:Parameters>", f"</ssv:Parameters>{units}"))
 
 
-K = '<ssv:Parameter name="k"><ssv:Real value="3.0"/></ssv:Parameter>'
-ITEMS = "must be one of 1 low, 2 high, 3 road"
-
-
-@pytest.mark.parametrize(("binding", "said"), [
-    (bound(values(k=("Real", 5.5))), "= 5.5 (Real): 's.k' must be up to 5.0"),
-    (bound(values(k=("Integer", 6))), "= 6 (Integer): 's.k' must be up to 5.0"),
-    (bound(values(whole=("Integer", 3_000_000_000))), f"'s.whole' must be {-2**31} to {2**31 - 1}"),
-    (bound(values(k=("Real", 2.0)).replace("</ssv:Parameters>", f"{K}</ssv:Parameters>")),
-     "parameter 'k': it is given twice"),
-    (bound(values(gear_start=("Integer", 6))), f"= 6 (Integer): 's.gear_start' {ITEMS}"),
-    (bound(values(gear_start=("Enumeration", "reverse"))), f"= 'reverse' (Enumeration): 's.gear_start' {ITEMS}"),
-    (in_unit("furlong"), "in 'furlong': the unit 'furlong' is not defined"),
-    (in_unit("m", "mm"), "in 'm': the unit 'm' is not defined"),
-    (in_unit("m", "m"), None), (in_unit("mm"), None),
-    (bound(values(k=("Real", 5.0))), None), (bound(values(k=("Real", 2.0)), values(k=("Real", 3.0))), None),
+@pytest.mark.parametrize("binding", [
+    in_unit("m", "m"), in_unit("mm"), bound(values(k=("Real", 5.0))),
+    bound(values(k=("Real", 2.0)), values(k=("Real", 3.0))),
 ])  # fmt: skip
-def test_values_are_refused_by_bounds_items_and_units_and_if_given_twice(gain, tmp_path, binding, said):
+def test_values_at_their_bounds_in_known_units_and_of_two_bindings_are_taken(gain, tmp_path, binding):
     fmu = with_maximum(gain, tmp_path / "bounded.fmu")
-    ssd = document(system(component("s", binding, "resources/b.fmu")), MILLIMETRES if said is None else "")
-    if said is None:
-        load_ssp(packed(tmp_path / "t.ssp", ssd, **{"resources/b.fmu": fmu}), None, ())
-    else:
-        assert said in refused(tmp_path, ssd, gain, **{"resources/b.fmu": fmu})
+    ssd = document(system(component("s", binding, "resources/b.fmu")), MILLIMETRES)
+    load_ssp(packed(tmp_path / "t.ssp", ssd, **{"resources/b.fmu": fmu}), None, ())
 
 
 def test_a_unit_in_square_brackets_is_its_plain_name(gain, tmp_path, caplog):
@@ -337,7 +260,6 @@ def test_a_unit_in_square_brackets_is_its_plain_name(gain, tmp_path, caplog):
     millimetres = with_units(gain, tmp_path / "mm.fmu", "mm", "")
     files = {"resources/m.fmu": millimetres}
     assert run(tmp_path, ssd.replace("<ssd:Default", f"{MILLIMETRES}<ssd:Default"), gain, **files)[0]["s.y"] == 6000.0
-    assert "in '[m]': the unit 'm' is not defined" in refused(tmp_path, ssd, gain, **files)
 
 
 # --- experiment, sources, versions -------------------------------------------------------------------
@@ -364,49 +286,15 @@ def test_an_experiment_may_begin_at_any_time(tmp_path, monkeypatch, in_process, 
         assert log.table("scene.json")["run"]["start"] == 1e6
 
 
-@pytest.mark.parametrize(("experiment", "said"), [
-    ('startTime="1"', "its DefaultExperiment has no stopTime: run.stop gives one"),
-    ('startTime="2" stopTime="1"', "its DefaultExperiment ends at 1 s, not after its start at 2 s"),
-    ('stopTime="INF"', "its DefaultExperiment must have finite numbers"),
-])  # fmt: skip
-def test_an_experiment_that_cannot_be_is_refused(gain, tmp_path, experiment, said):
-    assert said in refused(tmp_path, document(system(component("a")), experiment=experiment), gain)
-
-
 def test_a_step_divides_the_experiment(gain, tmp_path):
-    archive = packed(
-        tmp_path / "t.ssp", document(system(component("a")), experiment='stopTime="0.0105"'),
-        **{"resources/gain.fmu": gain},
-    )  # fmt: skip
-    scene = load_ssp(archive, None, ())
+    ssd = document(system(component("a")), experiment='stopTime="0.0105"')
+    scene = load_ssp(packed(tmp_path / "t.ssp", ssd, **{"resources/gain.fmu": gain}), None, ())
     assert (scene.run.steps, scene.run.stop) == (11, 0.0105)
 
 
-def test_sources_are_uris_and_version_2_is_read(gain, tmp_path):
-    ssd = document(system(component("a", bound(START), "resources/my%20gain.fmu")), version="2.0")
-    ssd = ssd.replace("ssv:Real", "ssv:Float64")
+def test_sources_are_uris(gain, tmp_path):
+    ssd = document(system(component("a", bound(START), "resources/my%20gain.fmu")))
     assert run(tmp_path, ssd, gain, **{"resources/my gain.fmu": gain})[0]["a.y"] == 6.0
-
-
-def circle():
-    inner = system("", connection("in", "out"), connectors("in input", "out output"), name="inner")
-    return system(inner + component("g"), connection("inner.out", "inner.in") + connection("inner.out", "g.u"))
-
-
-@pytest.mark.parametrize(("top", "said"), [
-    (system(""), "its system has no components"),
-    (system(component("a") + component("a")), "two elements of 'the system' are called 'a'"),
-    (system(component("a") + component("b"), connection("a.y", "b.y")), "they are output and output: one must give"),
-    (system(component("a"), connection("a.y", "c.u")), "no component 'c', which a connection names"),
-    (system(component("a") + component("b"), connection("a.none", "b.u")), "there is no connector 'a.none'"),
-    (system(component("a") + '<ssd:SignalDictionaryReference name="b" dictionary="bus"/>'), "signal dictionary 'bus'"),
-    (system(component("a") + component("b"), connection("a.y", "b.u", "<ssc:BooleanMappingTransformation/>")),
-     "a BooleanMappingTransformation is not supported"),
-    (circle(), "goes round in a circle"),
-    ("", "has no system"),
-])  # fmt: skip
-def test_what_cannot_be_run_is_one_sentence(gain, tmp_path, top, said):
-    assert said in refused(tmp_path, document(top), gain)
 
 
 # --- budget of an archive ----------------------------------------------------------------------------
@@ -431,7 +319,7 @@ def test_systems_that_name_the_next_one_twice_have_a_budget(gain, tmp_path, monk
     monkeypatch.setattr(budget, "PARTS", 20)
     assert load_ssp(archive, None, ()).fmu.keys() == {"a_a_g", "a_b_g", "b_a_g", "b_b_g"}
     monkeypatch.setattr(budget, "PARTS", 9)
-    with pytest.raises(BadInput, match=r"t\.ssp'.* it has more than 9 parts, which are allowed for its size"):
+    with pytest.raises(BadInput, match="more than 9 parts"):
         load_ssp(archive, None, ())
 
 
@@ -446,7 +334,7 @@ def test_a_set_that_is_bound_many_times_has_a_budget(gain, tmp_path, monkeypatch
         archive.append(packed(tmp_path / f"{count}.ssp", document(system(component("g", inner))), **files))
     monkeypatch.setattr(budget, "ELEMENTS", 100)
     assert load_ssp(archive[0], None, ()).fmu["g"].parameters == {"k": 3.0}
-    with pytest.raises(BadInput, match=r"20\.ssp' is not read, .* its documents have more than 100 elements"):
+    with pytest.raises(BadInput, match="more than 100 elements"):
         load_ssp(archive[1], None, ())
 
 

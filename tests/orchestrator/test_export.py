@@ -1,12 +1,12 @@
 """Recorded values as files and as tables of other libraries: they come back bit by bit."""
 
 import csv
-import subprocess
 import sys
 
 import numpy as np
 import pandas
 import polars
+import psutil
 import pyarrow.parquet
 import pytest
 from recorded import STEP, TOPICS, chunked_log, small_log, values
@@ -16,14 +16,13 @@ from orchestrator.cli.common import message_and_status
 from orchestrator.log import export as export_module
 from orchestrator.log.export import export, to_arrow, to_pandas, to_polars, to_xarray
 from orchestrator.log.extra import NotInstalled
-from orchestrator.log.log_file import LogFailed
-from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 
 small = pytest.fixture(scope="module")(small_log)
 chunked = pytest.fixture(scope="module")(chunked_log)
 
-TENSIONS = "left_track.link[*].tension"
+TENSIONS, GROUP = "left_track.link[*].tension", export_module.GROUP
 
 
 def table(path):
@@ -32,24 +31,19 @@ def table(path):
     return header, np.array(rows, float)
 
 
-def test_export_of_everything(small, tmp_path):
+def test_export_of_everything_of_signals_and_of_topics(small, tmp_path):
     files = export(small, tmp_path / "csv")
     assert [file.name for file in files] == [f"{topic[1:].replace('/', '.')}.csv" for topic in TOPICS]
     header, rows = table(tmp_path / "csv" / "left_track.out.csv")
     assert header == ["t [s]", "left_track.speed [m/s]", "left_track.tension.mean [N]"]
     with Log(small) as log:
         series = log.read("/left_track/out")
-    assert np.array_equal(rows[:, 0], series.t)
-    assert np.array_equal(rows[:, 1:], series.values)
-
-
-def test_export_of_signals_and_topics(small, tmp_path):
+    assert np.array_equal(rows, np.column_stack([series.t, series.values]))
     (file,) = export(small, tmp_path / "a.csv", ["chassis.speed", "left_track.tension.*"])
     header, rows = table(file)
     assert header == ["t [s]", "left_track.tension.mean [N]", "chassis.speed [m/s]"]
     assert rows.shape == (101, 3)
-    (file,) = export(small, tmp_path / "csv", ["left_track.link[*].tension"])
-    assert len(table(file)[0]) == 65
+    assert len(table(*export(small, tmp_path / "csv", [TENSIONS]))[0]) == 65
     (file,) = export(small, tmp_path / "csv", topics=["/*/in"])
     assert file.name == "left_track.in.csv"
 
@@ -61,24 +55,6 @@ def test_files_of_topics_stay_in_their_folder(tmp_path):
     files = export(tmp_path / "a.mcap", tmp_path / "csv")
     assert len({file.name.lower() for file in files}) == len(topics)
     assert all(file.parent == tmp_path / "csv" and file.is_file() and len(file.name) < 120 for file in files)
-    with Recorder(tmp_path / "none.mcap", {}, {}, {}) as recorder:
-        recorder.close("ok", "", 0)
-    for out in ("csv", "a.csv"):
-        with pytest.raises(NoSuchSignal, match="holds nothing to export"):
-            export(tmp_path / "none.mcap", tmp_path / out)
-
-
-def test_export_of_what_is_not_there(small, tmp_path):
-    with pytest.raises(NoSuchSignal, match=r"did you mean 'chassis\.speed'"):
-        export(small, tmp_path, ["chassis.sped"])
-    with pytest.raises(NoSuchSignal, match="no topic"):
-        export(small, tmp_path, topics=["/chassis/inn"])
-    with pytest.raises(NoSuchSignal, match="different times"):
-        export(small, tmp_path / "a.csv", ["chassis.speed", "left_track.link[1].tension"])
-    (tmp_path / "file").write_text("")
-    with pytest.raises(LogFailed, match="cannot be written"):
-        export(small, tmp_path / "file" / "a.csv", ["chassis.speed"])
-    assert [path.name for path in tmp_path.iterdir()] == ["file"], "a half-written file is left"
 
 
 def test_parquet_gives_every_bit_back(chunked, tmp_path):
@@ -120,42 +96,22 @@ def test_row_groups_are_filled_and_hold_every_row_once(chunked, tmp_path, monkey
             assert table[:, 1:].tobytes() == series.values.tobytes()
 
 
-COLUMNS = 50
-WRITTEN = """
-import sys
-from pathlib import Path
-import numpy as np
-from orchestrator.log import export
-columns = export.Columns(tuple(f"x{{i}}" for i in range({0} - 1)), ("m",) * ({0} - 1))
-export.GROUP = int(sys.argv[2])
-with export.open_table(Path(sys.argv[3]), "parquet", columns) as writer:
-    for k in range(int(sys.argv[1])):
-        writer.rows(np.full((1000, {0}), float(k)))
-(most,) = (line.split()[1] for line in Path("/proc/self/status").open() if line.startswith("VmHWM"))
-print(int(most) * 1024)  # of this program: that of getrusage may be its parent's
-"""
+def test_memory_is_that_of_a_row_group(tmp_path, monkeypatch):
+    """Of 160 MB only a group of 2 MB is kept, and 2 kB for each column of each group; of a larger group all."""
+    names = tuple(f"x{i}" for i in range(99))
+    columns = export_module.Columns(names, ("m",) * 99)
 
+    def held(group):
+        monkeypatch.setattr(export_module, "GROUP", group)
+        with export_module.open_table(tmp_path / "a.parquet", "parquet", columns) as writer:
+            before = psutil.Process().memory_info().rss
+            for k in range(200):
+                writer.rows(np.full((1000, 100), float(k)))
+            return psutil.Process().memory_info().rss - before
 
-@pytest.mark.long
-@pytest.mark.skipif(sys.platform != "linux", reason="reads what Linux says of a process")
-def test_memory_is_that_of_a_row_group(tmp_path):
-    """Memory is that of a row group: 2 MB of a log of 400 MB, and 2 kB for each column.
-
-    With a larger group all rows are in memory.
-    """
-    file = tmp_path / "a.parquet"
-
-    def peak(pieces, group):
-        arguments = [sys.executable, "-c", WRITTEN.format(COLUMNS), str(pieces), str(group), str(file)]
-        return float(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout)
-
-    few, many = (peak(pieces, 2_000_000) for pieces in (20, 1000))
-    parquet = pyarrow.parquet.ParquetFile(file)
-    assert parquet.num_row_groups == 200
-    assert np.array_equal(parquet.read(["x7"])["x7"].to_numpy(), np.repeat(np.arange(1000.0), 1000))
-    assert many - few < 2500 * COLUMNS * parquet.num_row_groups + 10e6
-    assert peak(1000, 400_000_000) - few > 350e6
-    rows = export_module.GROUP / 8 / 320  # of a group of a track's links, with five groups of outputs
+    assert held(2_000_000) < 2500 * 100 * 80 + 20e6
+    assert held(400_000_000) > 130e6
+    rows = GROUP / 8 / 320  # of a group of a track's links, with five groups of outputs
     assert 0.015 * 8 * rows > 2500, "the buffers of a column are large beside its written data"
 
 
@@ -167,13 +123,6 @@ def test_a_matlab_file(chunked, tmp_path):
     steps = range(500, 701, 5)
     assert np.array_equal(content["t"][:, 0], np.array(steps) * STEP)
     assert np.array_equal(content["values"], [values("/left_track/links", k)[::2] for k in steps])
-
-
-def test_windows_and_rows_do_not_depend_on_chunks(small, chunked, tmp_path):
-    (few,) = export(small, tmp_path / "a.csv", ["chassis.speed"], window=(0.02, 0.08))
-    (many,) = export(chunked, tmp_path / "b.csv", ["chassis.speed"], window=(0.02, 0.08))
-    assert few.read_text() == many.read_text()
-    assert table(few)[1].shape == (61, 2)
 
 
 def test_frames(chunked):
@@ -202,10 +151,6 @@ def test_frames(chunked):
         alone = to_xarray(log, "chassis.speed", "chassis.left.road_arm[3].angle")
         angle = log.signal("chassis.left.road_arm[3].angle")[1]
         assert np.array_equal(alone["chassis.left.road_arm.angle"].sel(road_arm=3), angle)
-        with pytest.raises(NoSuchSignal, match="recorded at different times"):
-            to_pandas(log, "chassis.speed", TENSIONS)
-        with pytest.raises(NoSuchSignal, match=r"did you mean 'chassis\.speed'"):
-            to_pandas(log, "chassis.sped")
 
 
 def test_samples_lie_on_straight_lines(chunked):
@@ -220,14 +165,13 @@ def test_samples_lie_on_straight_lines(chunked):
 
 
 @pytest.mark.parametrize("package", ["pandas", "xarray", "polars", "pyarrow"])
-def test_a_library_that_is_missing_is_a_sentence_and_exit_2(small, tmp_path, monkeypatch, package):
+def test_a_library_that_is_missing_is_exit_2(small, tmp_path, monkeypatch, package):
     ask = {"pandas": to_pandas, "xarray": to_xarray, "polars": to_polars, "pyarrow": to_arrow}[package]
     monkeypatch.setitem(sys.modules, package, None)
-    sentence = rf"^{package} is not installed: pip install -c constraints.txt -e '\.\[analysis\]' in the clone"
-    with Log(small) as log, pytest.raises(NotInstalled, match=sentence) as missing:
+    with Log(small) as log, pytest.raises(NotInstalled) as missing:
         ask(log, "chassis.speed")
     assert message_and_status(missing.value)[1] == 2
     if package == "pyarrow":
-        with pytest.raises(NotInstalled, match=sentence):
+        with pytest.raises(NotInstalled):
             export(small, tmp_path / "a.parquet", ["chassis.speed"])
         assert not list(tmp_path.iterdir())

@@ -44,19 +44,11 @@ def check(valid, command, result):
 def log_commands(log):
     """Every command that reads a log."""
     return [
-        ["log", "info", log],
-        ["log", "verify", log],
-        ["log", "recover", log, "-o", "recovered.mcap"],
-        ["log", "export", log, "-o", "exported"],
-        ["replay", log, "--to", "0"],
-        ["resume", log, "-o", "resumed.mcap"],
-        ["compare", log, SMALL],
-        ["compare", SMALL, log],
-        ["plot", log, "*.speed", "-o", "plot.png"],
-        ["view", log, "-o", "view.png"],
-        ["analyse", log, "joints"],
-        ["report", log, "-o", "report.html"],
-    ]
+        ["log", "info", log], ["log", "verify", log], ["log", "recover", log, "-o", "recovered.mcap"],
+        ["log", "export", log, "-o", "exported"], ["replay", log, "--to", "0"], ["resume", log, "-o", "resumed.mcap"],
+        ["compare", log, SMALL], ["compare", SMALL, log], ["plot", log, "*.speed", "-o", "plot.png"],
+        ["view", log, "-o", "view.png"], ["analyse", log, "joints"], ["report", log, "-o", "report.html"],
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("make", hostile.LOGS)
@@ -98,18 +90,15 @@ def check_all(commands, environment, folder):
     return results
 
 
-MEASURED = (*hostile.TABLES, "as many lines as measured")
 COMPARED = ("--clock", "0:s", "--map", "chain.speed=1", "--shift", "find")
 
 
 @pytest.mark.parametrize(
     ("kinds", "command"),
-    [
-        (hostile.TABLES, lambda file: ["show", "sprocket_bench", "--set", f"drive.speed_points={file}"]),
-        (MEASURED, lambda file: ["compare", SMALL, file, *COMPARED]),
-    ],
+    [(hostile.TABLES, lambda file: ["show", "sprocket_bench", "--set", f"drive.speed_points={file}"]),
+     (tuple(hostile.TEXTS), lambda file: ["compare", SMALL, file, *COMPARED])],
     ids=["points", "measured"],
-)
+)  # fmt: skip
 def test_tables(environment, tmp_path, kinds, command):
     small = tmp_path / "small.csv"
     small.write_text("0,1\n1,2\n2,3\n")
@@ -120,13 +109,11 @@ def test_tables(environment, tmp_path, kinds, command):
 def test_fmus(environment, tmp_path):
     files = ["no.fmu", *hostile_files(hostile.fmu, hostile.FMUS, tmp_path, "fmu")]
     commands = [["replay", SMALL, "--component", "chain", "--with", file] for file in files]
-    for command, result in zip(commands[1:], check_all(commands, environment, tmp_path), strict=True):
-        assert result["status"] == 2, (command, result)
+    assert {result["status"] for result in check_all(commands, environment, tmp_path)} == {2}
 
 
 def test_pipes_and_devices_as_logs(environment, tmp_path):
     pipe, sparse = hostile.pipe(tmp_path / "pipe.mcap"), hostile.sparse(tmp_path / "sparse.mcap")
     commands = [["log", "info", SMALL]]
     commands += [command for log in (pipe, sparse, "/dev/zero") for command in log_commands(log)]
-    for command, result in zip(commands[1:], check_all(commands, environment, tmp_path), strict=True):
-        assert result["status"] in (1, 2), (command, result)
+    assert {result["status"] for result in check_all(commands, environment, tmp_path)} <= {1, 2}

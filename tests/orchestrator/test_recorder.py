@@ -16,7 +16,6 @@ from recorded import STEP, TOPICS, record, write_steps
 
 from orchestrator.log import recorder as module
 from orchestrator.log import schema
-from orchestrator.log.page import copy_words
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 
@@ -80,22 +79,6 @@ def test_every_bit_comes_back(names, data):
         assert sum(1 for _ in standard_messages(path)) == len(words)
 
 
-@given(NAMES)
-def test_names_are_places_and_back(names):
-    where = schema.places(names)
-    assert len(set(where)) == len(names)
-    layout = schema.layout(where)
-    assert sorted(layout.order) == list(range(len(names)))
-    assert len({field.name.replace("_", "").lower() for field in layout.fields} | {"t", "h"}) == len(layout.fields) + 2
-
-
-def test_names_of_families():
-    names = ["speed", "link[1].tension", "link[1].stress", "link[2].tension", "link[2].stress", "a.b", "a_b"]
-    assert schema.places(names) == [
-        "speed", "link_tension[0]", "link_stress[0]", "link_tension[1]", "link_stress[1]", "a_b", "a_b_2",
-    ]  # fmt: skip
-
-
 def test_fields_with_longer_tags(tmp_path):
     names = [f"x{i}" for i in range(3000)]
     row = np.random.default_rng(1).normal(size=3000)
@@ -103,8 +86,6 @@ def test_fields_with_longer_tags(tmp_path):
         recorder.write("/a/out", 0, 0.0, 0.1, row)
     ((_, _, message),) = standard_messages(tmp_path / "wide.mcap")
     assert [getattr(message, name) for name in names] == row.tolist()
-    with pytest.raises(ValueError, match="holds 8000 variables and families, not 8001"):
-        schema.layout([f"x{i}" for i in range(8001)])
 
 
 def test_standard_decoding_gives_the_same_values(tmp_path):
@@ -124,14 +105,7 @@ def test_standard_decoding_gives_the_same_values(tmp_path):
     assert counts == {topic: 5 if topic.endswith("links") else 21 for topic in TOPICS}
 
 
-def test_what_stands_before_step_0(tmp_path):
-    path = record(tmp_path / "a.mcap")
-    data = path.read_bytes()
-    for text in (b"small", b"<fmiModelDescription/>", b"versions", b"/chassis/out"):
-        assert 0 < data.index(text) < data.index(b"zstd")  # in the first chunk
-
-
-def test_equal_runs_have_equal_digests_and_a_changed_bit_shows(tmp_path):
+def test_equal_runs_have_equal_digests_and_a_changed_bit_or_unit_shows(tmp_path):
     def flip(topic, k, row):
         if (topic, k) == ("/chassis/out", 60):
             row.view(np.uint64)[4] ^= 1
@@ -142,21 +116,18 @@ def test_equal_runs_have_equal_digests_and_a_changed_bit_shows(tmp_path):
         "two": record(tmp_path / "two.mcap", wall=7.0, flush=0.001),  # other chunks and another wall clock
         "bit": record(tmp_path / "bit.mcap", change=flip),
     }
-    digests = {}
+    for unit in ("m", "mm"):
+        with Recorder(tmp_path / f"{unit}.mcap", {"/a/out": [("x", unit)]}, {}, {}) as recorder:
+            recorder.write("/a/out", 0, 0.0, 0.1, np.ones(1))
+            recorder.close("ok", "", 0)
+        paths[unit] = tmp_path / f"{unit}.mcap"
+    digests, seals = {}, {}
     for name, path in paths.items():
         with Log(path) as log:
-            digests[name] = log.digest()
+            digests[name], seals[name] = log.digest(), log.seal
     assert digests["one"] == digests["two"] != digests["bit"]
-
-
-def test_other_units_are_another_digest(tmp_path):
-    digests = []
-    for unit in ("m", "m", "mm"):
-        with Recorder(tmp_path / "u.mcap", {"/a/out": [("x", unit)]}, {}, {}) as recorder:
-            recorder.write("/a/out", 0, 0.0, 0.1, np.ones(1))
-        with Log(tmp_path / "u.mcap") as log:
-            digests.append(log.digest())
-    assert digests[0] == digests[1] != digests[2]
+    assert seals["one"] != seals["two"]
+    assert digests["m"] != digests["mm"]
 
 
 def test_the_array_is_copied_and_steps_that_are_not_due_are_left_out(tmp_path):
@@ -182,67 +153,15 @@ def test_an_exception_closes_the_log_as_failed(tmp_path):
         fail()
     with Log(tmp_path / "a.mcap") as log:
         assert log.complete
-        assert (log.closing["status"], log.closing["message"], log.closing["steps"]) == (
-            "failed",
-            "the chain came off",
-            7,
-        )
+        assert [log.closing[key] for key in ("status", "message", "steps")] == ["failed", "the chain came off", 7]
 
 
-def test_misuse_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="listed twice"):
-        Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m"), ("x", "m")]}, {}, {})
-    with pytest.raises(ValueError, match="every 0"):
-        Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m")]}, {}, {}, every={"/a/out": 0})
-    recorder = Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m"), ("y", "m")]}, {}, {})
-    with pytest.raises(ValueError, match="has 2 variables, not 1"):
-        recorder.write("/a/out", 0, 0.0, 0.1, np.zeros(1))
-    for t in (-0.1, float("nan")):
-        with pytest.raises(ValueError, match="begins at 0"):
-            recorder.write("/a/out", 0, t, 0.1, np.zeros(2))
+def test_a_closed_log_stays_as_it_is(tmp_path):
+    recorder = Recorder(tmp_path / "a.mcap", TOPICS, {}, {})
     recorder.close("ok", "", 0)
     recorder.close("failed", "again", 3)
-    with pytest.raises(ValueError, match="is closed"):
-        recorder.write("/a/out", 0, 0.0, 0.1, np.zeros(2))
     with Log(tmp_path / "a.mcap") as log:
         assert log.closing["status"] == "ok"
-
-
-@pytest.mark.benchmark
-@pytest.mark.parametrize("width", [100, 841])
-def test_cost_of_a_message(tmp_path, width):
-    row = np.random.default_rng(1).normal(size=width)
-    spent, steps = 0.0, 3000
-    with Recorder(tmp_path / "a.mcap", {"/a/out": [(f"x{i}", "m") for i in range(width)]}, {}, {}) as recorder:
-        for k in range(steps):
-            began = time.perf_counter()
-            recorder.write("/a/out", k, k * 1e-3, 1e-3, row)
-            spent += time.perf_counter() - began
-            time.sleep(2e-5)
-        recorder.close("ok", "", steps)
-    print(f"{width} doubles: {spent / steps * 1e6:.2f} us a message on the caller's thread")
-    assert spent / steps < 50e-6
-
-
-def test_words_of_rows_are_copied_into_records():
-    """Words of rows are copied into records as numpy does it move by move.
-
-    Rows may be any, also the one before; of two overlapping moves the later one counts.
-    """
-    random = np.random.default_rng(5)
-    rows = random.random((50, 9))
-    sources, targets = 8 * random.integers(-9, 9, 40), random.integers(0, 92, 40)
-    moves = np.ascontiguousarray(np.column_stack([sources, targets]))
-    which = np.sort(random.choice(np.arange(1, 50), 20, replace=False))
-    template = random.integers(0, 256, 100, dtype=np.uint8)
-    records = np.tile(template, (20, 1))
-    copy_words(rows, which, moves, records)
-    flat, expected = rows.ravel().view(np.uint8), np.tile(template, (20, 1))
-    for bytes_of, row in zip(expected, which, strict=True):
-        for source, target in moves:
-            bytes_of[target : target + 8] = flat[72 * row + source : 72 * row + source + 8]
-    assert np.array_equal(records, expected)
-    assert not np.array_equal(records, np.tile(template, (20, 1)))
 
 
 def test_pages_that_are_lent_are_left_alone(tmp_path):
@@ -281,8 +200,6 @@ def test_topics_written_together_are_those_written_one_by_one(tmp_path, monkeypa
                     recorder.write("/b/out", k, k * STEP, STEP, b)
                     recorder.write("/a/out", k, k * STEP, STEP, a)
                 recorder.write("/stats/b", k, k * STEP, STEP, a)
-            with pytest.raises(ValueError, match="/b/out has 2 variables, not 1"):
-                recorder.write(page or "/b/out", 302, 0.302, STEP, *([a, a, a] if page else [a]))
             recorder.close("ok", "", 300)
     with Log(tmp_path / "apart") as apart, Log(tmp_path / "together") as together:
         assert together.hashes() == apart.hashes()

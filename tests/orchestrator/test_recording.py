@@ -1,8 +1,7 @@
-"""Links are recorded often enough to show tooth passings; if not, a warning says so."""
+"""Links are recorded often enough to show tooth passings, or a warning says so; what is between records; memory."""
 
 import math
 import re
-from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
@@ -11,17 +10,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orchestrator.cosim.observers import MEANS
-from orchestrator.execution import replay_model, summary
+from orchestrator.execution import replay_model
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import NO_INPUTS, simulate
+from orchestrator.log import container
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.time_series import join_series
+from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results import measures
-from orchestrator.results.run_data import EVER, RunData, Unrecorded, Window
+from orchestrator.results.difference import differences
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.scene.scene import load
 from orchestrator.scene.system_scene import LONGEST_INTERVAL, NYQUIST, SAMPLES, aliasing_warning, links_every
 from orchestrator.vocabulary.analyses import MEASURES
+from tests.benchmarks.process import isolated
 
 STEPS, RATES = st.floats(1e-5, 1e-2), st.floats(0.1, 1e3)
 
@@ -30,14 +32,9 @@ STEPS, RATES = st.floats(1e-5, 1e-2), st.floats(0.1, 1e3)
 def test_ten_samples_a_tooth_or_every_step(step, teeth):
     every = links_every(step, teeth)
     assert every == 1 or 1.0 / (every * step * teeth) >= SAMPLES * (1.0 - 1e-9)
-    assert every == LONGEST_INTERVAL or 1.0 / ((every + 1) * step * teeth) < SAMPLES, (
-        "links are recorded more often than needed"
-    )
+    assert every == LONGEST_INTERVAL or 1.0 / ((every + 1) * step * teeth) < SAMPLES, "more often than needed"
     assert every == 1 or not aliasing_warning(every, step, teeth)
-
-
-def test_without_teeth_seldom():
-    assert (links_every(1e-3, 0.0), aliasing_warning(1000, 1e-3, 0.0)) == (LONGEST_INTERVAL, "")
+    assert (links_every(step, 0.0), aliasing_warning(1000, step, 0.0)) == (LONGEST_INTERVAL, ""), "without teeth"
 
 
 @given(STEPS, RATES, st.integers(1, 1000))
@@ -59,20 +56,12 @@ def test_the_frequency_that_shows_is_that_of_the_samples(step, teeth, every):
             assert np.abs(own - seen).max() < 0.1
 
 
-@pytest.mark.parametrize(
-    ("scene", "settings", "speed"),
-    [
-        ("straight", (), 20.0),
-        ("turn", (), 12.0),
-        ("pivot", (), 10.0),
-        ("brake_turn", (), 10.0),  # of the side without brake
-        ("differential", (), 10.0 + 0.5 * 4.0),
-        ("rig", (), 3.0),
-        ("rig", ("drive.mode=torque", "drive.torque=10", "drive.speed=0"), 20.0),
-        ("straight", ("drive.speed_points=[[0, 0], [1, -30], [2, 5]]", "drive.speed=0"), 30.0),
-        ("hanging_chain", (), 0.0),
-    ],
-)
+@pytest.mark.parametrize(("scene", "settings", "speed"), [
+    ("straight", (), 20.0), ("turn", (), 12.0), ("pivot", (), 10.0), ("rig", (), 3.0), ("hanging_chain", (), 0.0),
+    ("brake_turn", (), 10.0), ("differential", (), 10.0 + 0.5 * 4.0),  # of the side without brake; of both
+    ("rig", ("drive.mode=torque", "drive.torque=10", "drive.speed=0"), 20.0),
+    ("straight", ("drive.speed_points=[[0, 0], [1, -30], [2, 5]]", "drive.speed=0"), 30.0),
+])  # fmt: skip
 def test_top_speed_is_what_the_scene_asks_for(scene, settings, speed):
     variant = load(scene, None, settings)
     teeth = variant.vehicle.sprocket.teeth if speed else 0
@@ -85,14 +74,8 @@ def test_top_speed_is_what_the_scene_asks_for(scene, settings, speed):
 # it drives off so fast that bodies penetrate each other
 WILD = 'run.allow=["penetration", "tooth_jump"]'
 BRIEF = (
-    "run.stop=0.08",
-    "run.step=1 ms",
-    "expect={}",
-    "drive.ramp_start=0",
-    "drive.ramp_time=0.01",
-    "drive.speed=40",
-    WILD,
-)
+    "run.stop=0.08", "run.step=1 ms", "expect={}", "drive.ramp_start=0", "drive.ramp_time=0.01", "drive.speed=40", WILD,
+)  # fmt: skip
 RARE = "run.links=20"  # 1 sample in 20 ms, 64 teeth per second
 
 
@@ -156,18 +139,12 @@ def test_they_go_on_and_are_replayed_as_others(runs, tmp_path):
         assert once_more.verify().equal
 
 
-def test_a_run_without_recorded_inputs_records_little_and_says_what_it_cannot_do(tmp_path):
+def test_a_run_without_recorded_inputs_records_little_and_is_not_repeated(tmp_path):
     sizes = {}
     for inputs in ("true", "false"):
         for stop in ("0.3", "1.3"):
-            changes = (
-                f"run.stop={stop}",
-                "run.step=1 ms",
-                "run.outputs=100",
-                "run.links=100",
-                f"run.inputs={inputs}",
-                "expect={}",
-            )
+            often = ("run.step=1 ms", "run.outputs=100", "run.links=100", "expect={}")
+            changes = (f"run.stop={stop}", f"run.inputs={inputs}", *often)
             path = tmp_path / f"{stop}.mcap"
             result = simulate(load("rig", "rigid", changes), path)
             assert result["status"] == "ok"
@@ -183,11 +160,10 @@ def test_a_run_without_recorded_inputs_records_little_and_says_what_it_cannot_do
         assert not [topic for topic in log.topics if topic.endswith("/in")]
         assert not [name for name in log.attachments if name.startswith("checkpoint")]
         assert len(log.read("/track/out").t) == 14
-    sentence = r"cannot be replayed or resumed: its inputs were not recorded \(run\.inputs = false\)"
-    with pytest.raises(LogUnreadable, match=sentence), replay_model.open_replay(path, "track", None):
-        pass
-    with pytest.raises(LogUnreadable, match=sentence):
+    with pytest.raises(LogUnreadable, match=r"its inputs were not recorded \(run\.inputs = false\)"):
         resume(path, tmp_path / "more.mcap")
+    with pytest.raises(LogUnreadable), replay_model.open_replay(path, "track", None):
+        pass
 
 
 # --- every figure of every step and of every seventh -------------------------------------------------
@@ -223,54 +199,45 @@ BENCHES = {  # scene, settings, begin of the window, its figures: None all other
 }  # fmt: skip
 
 
-@contextmanager
-def thinned(first, averaged=False):
-    """Every seventh record of outputs and links is read, from ``first`` on; ``averaged``: forces of links are means."""
-    stream, lengths = Log._stream, Log.lengths
+def thinned(path, out, first, averaged=False):
+    """Write a log of every seventh record of outputs and links, from ``first`` on, which says that it has every one.
 
-    def thin(log, wanted, chunks, window=EVER, keep=False):
-        pieces = [*stream(log, wanted, log._file.spans, EVER, keep)]
-        whole = {topic: join_series([piece[topic] for piece in pieces if topic in piece]) for topic in wanted}
-        yield {topic: kept(topic, series, window) for topic, series in whole.items()}
-
-    def kept(topic, series, window):
-        values, rows = series.values, np.arange(len(series.t))
-        if topic.endswith(("/out", "/links")):
-            rows = np.flatnonzero(np.rint(series.t / H).astype(int) % SEVENTH == first)
-            means = np.array([bool(MEANS.fullmatch(name)) for name in series.names], bool)
-            if averaged and topic.endswith("/links") and means.any():
-                values = values.copy()
-                for row in rows[1:]:
+    ``averaged``: forces of links are means of the seven steps.
+    """
+    with Log(path) as log:
+        topics = {topic: [*zip(about.names, about.units, strict=True)] for topic, about in log.topics.items()}
+        attachments = {name: log.attachment(name) for name in log.attachments}
+        with Recorder(out, topics, attachments, log.metadata) as recorder:
+            for topic in topics:
+                series, numbers = log.read(topic), log.sequence(topic).tolist()
+                often = not topic.endswith(("/out", "/links"))
+                rows = [k for k, number in enumerate(numbers) if often or number % SEVENTH == first]
+                values = series.values.copy()
+                means = [column for column, name in enumerate(series.names) if MEANS.fullmatch(name)]
+                for row in rows[1:] if averaged and topic.endswith("/links") and means else ():
                     values[row, means] = series.values[row - SEVENTH + 1 : row + 1, means].mean(axis=0)
-        rows = rows[(series.t[rows] >= window[0] - 1e-9) & (series.t[rows] <= window[1] + 1e-9)]
-        return series._replace(t=series.t[rows], h=series.h[rows], values=values[rows])
-
-    def count(log):
-        fewer = {topic: len(range(first, n, SEVENTH)) for topic, n in lengths(log).items()}
-        return {topic: n if topic.endswith("/in") else fewer[topic] for topic, n in lengths(log).items()}
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Log, "_stream", thin)
-        patch.setattr(Log, "lengths", count)
-        yield
+                for k in rows:
+                    recorder.write(topic, numbers[k], series.t[k], series.h[k], values[k])
+            recorder.close(**{key: log.closing[key] for key in ("status", "message", "steps", "results")})
+    return out
 
 
 def figures(path, begin, wanted):
     """Measures of each part that they can be of, and observables, of a log by name; the reason of what is absent."""
     found = {}
-    with Log(path) as log:
+    with Log(path) as log, np.errstate(all="ignore"):
         run = RunData(log)
         window = Window(begin, run.span[1])
-        for name, about in MEASURES.items():
-            for of in about.of or ("",) if name in wanted else ():
+        asked = {(name, of): partial(measures.value, run, name, of, window)
+                 for name, about in MEASURES.items() for of in about.of or ("",)}  # fmt: skip
+        asked |= {(name, "observable"): partial(one.value, run, EVER if one.whole else window)
+                  for name, one in measures.OBSERVABLES.items() if one.value is not None}  # fmt: skip
+        for key, value in asked.items():
+            if key[0] in wanted:
                 try:
-                    found[name, of] = summary._number_or_reason(partial(measures.value, run, name, of, window), name)
-                except Unrecorded as reason:
-                    found[name, of] = np.nan, str(reason)
-        for name, one in measures.OBSERVABLES.items():
-            if name in wanted and one.value is not None:
-                value = partial(one.value, run, EVER if one.whole else window)
-                found[name, "observable"] = summary._number_or_reason(value)
+                    found[key] = float(value()), ""
+                except (ArithmeticError, LookupError, ValueError) as reason:
+                    found[key] = np.nan, str(reason)
     return found
 
 
@@ -287,18 +254,11 @@ def readings(tmp_path_factory):
             often = (*settings, "expect={}", f"run.outputs={every}", f"run.links={every}")
             assert simulate(load(scene, "rigid", often), logs[every])["status"] == "ok"
         own = [figures(logs[every], begin, wanted) for every in (1, SEVENTH)]
-        with thinned(0, averaged=True):
-            own.append(figures(logs[1], begin, wanted))
-        phases = []
-        for first in range(SEVENTH):
-            with thinned(first):
-                phases.append(figures(logs[1], begin, wanted))
-        found[bench] = *own, phases, SEVENTH * H / (float(settings_stop(settings)) - begin)
+        for first in (0, *range(SEVENTH)):
+            own.append(figures(thinned(logs[1], folder / "thin.mcap", first, len(own) == 2), begin, wanted))
+        stop = next(float(text.removeprefix("run.stop=")) for text in settings if text.startswith("run.stop="))
+        found[bench] = *own[:3], own[3:], SEVENTH * H / (stop - begin)
     return found
-
-
-def settings_stop(settings):
-    return next(text.removeprefix("run.stop=") for text in settings if text.startswith("run.stop="))
 
 
 @pytest.mark.long
@@ -338,3 +298,30 @@ def test_what_needs_every_step_would_be_found(readings):
         pytest.approx(np.nan, nan_ok=True),
         "third_law needs the outputs of every step: run.outputs = 1, not 7",
     )
+
+
+# --- memory -------------------------------------------------------------------------------------------
+
+HALF = ["symmetric=true", "planar=true", "run.step=2 ms"]  # the fast form of a vehicle
+
+
+@pytest.mark.long
+def test_a_long_run_needs_no_more_memory_than_a_short_one():
+    """A run of 24 s needs no more memory than one of 3 s; its whole log would take 100 MB more."""
+    options = {"scene": "straight", "track": "flexible", "settings": HALF}
+    short, long = (isolated("memory_run", stop=stop, **options) for stop in (3.0, 24.0))
+    assert long < short + 30.0
+
+
+@pytest.mark.long
+def test_what_is_read_for_a_summary_or_a_difference_is_not_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(container, "SMALL", 0)  # the log is none of those that are kept whole
+    path = tmp_path / "log.mcap"
+    assert simulate(load("straight", "rigid", ["run.stop=0.1 s", "run.links=1", "expect={}"]), path)["status"] == "ok"
+    with Log(path) as log, Log(path) as other:
+        errors = differences(RunData(log), RunData(other))
+        assert max(one.relative for one in errors.values()) == pytest.approx(0.0, abs=1e-12)
+        with path.open("r+b") as stream:
+            stream.write(bytes(path.stat().st_size))  # what is read again is not there
+        with pytest.raises(LogUnreadable):
+            log.read("/chassis/out")

@@ -21,9 +21,10 @@ from orchestrator.execution.summary_text import lines
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.commented_file import scene_text
 from orchestrator.scene.placing import placed
 from orchestrator.scene.products import scene_products, write_ssp
-from orchestrator.scene.replacement import End, typed
+from orchestrator.scene.replacement import End, typed, unfit
 from orchestrator.scene.scene import load
 
 TEXTS = ("gear", "Integer", 1), ("on", "Boolean", False), ("word", "String", "")  # further variables of `gain`
@@ -95,15 +96,12 @@ def test_a_foreign_drive_turns_as_ours_with_the_same_torque(driven, tmp_path):
 @pytest.mark.study
 def test_foreign_drives_move_a_vehicle_as_ours_do(drive, tmp_path):
     """Their mounts are where the vehicle is from the start on; the log holds the inputs of the start for replays."""
-    inertia = load("straight").vehicle.sprocket.spin_inertia
+    inertia, logs = load("straight").vehicle.sprocket.spin_inertia, {}
     given = {"file": str(drive), "parameters": {"torque": TORQUE, "inertia": inertia}}
     parts = {"fmu": {"left_drive": given, "right_drive": given}}
-    short = {**SHORT, "run.stop": 0.05}
-    logs = {}
     for name, settings in (("own", {"drive": OWN["drive"]}), ("foreign", parts)):
         logs[name] = tmp_path / f"{name}.mcap"
-        summary = simulate(load("straight", "rigid", {**short, **settings}), logs[name])
-        assert summary["status"] == "ok", summary["message"]
+        summary = simulate(load("straight", "rigid", {**SHORT, "run.stop": 0.05, **settings}), logs[name])
         assert [math.isnan(phase["power"]) for phase in summary["phases"]] == [name == "foreign"]
     with Log(logs["own"]) as own, Log(logs["foreign"]) as foreign:
         for signal in ("chassis.speed", "left_drive.angle", "right_track.tension.mean"):
@@ -205,10 +203,7 @@ def test_a_drive_in_other_units_drives_as_well(drive, large, tmp_path, run):
         assert conversions["track"] == {}
     with open_replay(logs["large"], "drive", str(large)) as replay:
         assert replay.verify().equal
-    with (
-        pytest.raises(BadInput, match="exchanged values in units of its own FMU"),
-        open_replay(logs["large"], "drive", str(drive)),
-    ):
+    with pytest.raises(BadInput), open_replay(logs["large"], "drive", str(drive)):
         pass
 
 
@@ -219,12 +214,14 @@ MORE = (
 )
 
 
-@pytest.fixture(scope="module")
-def brake(tmp_path_factory):
+def brake_fmu(tmp_path_factory):
     """The drive at the place of the idler, with further inputs."""
     units, place = {**UNITS, "kN": {**UNITS["N"], "factor": 1e3}}, -placed(rig()).rig.axle_distance
     there = [each._replace(start=place) if each.name.endswith("mount.position.x") else each for each in DRIVE]
     return foreign_fmus.build(tmp_path_factory.mktemp("brake") / "Brake.fmu", "drive", (*there, *MORE), units)
+
+
+brake = pytest.fixture(scope="module")(brake_fmu)
 
 
 def braked(drive, brake, *connections):
@@ -259,25 +256,6 @@ def test_a_further_connection_begins_in_the_unit_of_the_part(large, brake):
     assert instances["idler_drive"].conversions["pull"] == (1e-3, 0.0)
 
 
-@pytest.mark.parametrize(
-    ("connection", "said"),
-    [
-        ("drive.steps -> track.slip", "'track' is no FMU of the user; of our parts, only chassis.hitch.force"),
-        ("drve.steps -> idler_drive.ticks", "no component 'drve': did you mean 'drive'?"),
-        ("track.slip -> drive.sprocket.force.x", "the input has another connection"),
-        ("track.link[1].tension -> idler_drive.pull", "track: it has no output 'link[1].tension', which goes to"),
-        ("track.travel -> idler_drive.pull", "track.travel has the unit 'm', and 'kN' is needed by 'pull'"),
-        ("track.solver.steps -> idler_drive.gate", "is of type Boolean, and track.solver.steps of type Integer"),
-        ("track.status, idler_drive.ticks", "must be 'instance.output -> instance.input'"),
-    ],
-)
-def test_further_connections_that_cannot_be(drive, brake, tmp_path, connection, said):
-    with pytest.raises(BadInput) as caught:
-        simulate(braked(drive, brake, connection), tmp_path / "rig.mcap")
-    assert said in str(caught.value)
-    assert str(caught.value).startswith("rig.toml: ")
-
-
 def test_parameters_of_the_part_are_converted(tmp_path):
     brake = Variable("brake.torque", "parameter", 0.0, unit="kN.m")
     units = {**UNITS, "kN.m": {**UNITS["N.m"], "factor": 1e3}}
@@ -289,51 +267,30 @@ def test_parameters_of_the_part_are_converted(tmp_path):
 
 def test_that_an_fmu_runs_its_code_is_said_once(drive, tmp_path):
     lines = []
-    simulate(rig(drive, **{"run.stop": 2 * H}), tmp_path / "rig.mcap", narration=Said(lines))
-    said = "rig: FMUs of yours run as drive: an FMU runs code with your rights"
-    assert [line for line in lines if "rights" in line] == [said]
-    assert [line for line in lines if "gets from the scene" in line] == []
+
+    def narration(line):
+        lines.append(line)
+
+    narration.set_detail = lambda detail: None
     own = next(i for i in system(assemble(placed(rig()))).instances if i.name == "drive")
-    replaced = rig().changed({"fmu.drive.file": str(own.fmu), "run.stop": 2 * H})
-    simulate(replaced, tmp_path / "rig.mcap", narration=Said(lines))
+    for file in (drive, own.fmu):
+        simulate(rig(file, {}, **{"run.stop": 2 * H}), tmp_path / "rig.mcap", narration=narration)
+    assert sum("an FMU runs code with your rights" in line for line in lines) == 2
     (line,) = [line for line in lines if "gets from the scene" in line]
     name, value = next(iter(own.parameters.items()))
     assert line.startswith(f"rig: drive gets from the scene {name} = {value}")
 
 
-class Said:
-    """Narration that keeps its lines."""
-
-    def __init__(self, lines):
-        self._lines = lines
-
-    def __call__(self, line):
-        self._lines.append(line)
-
-    def set_detail(self, detail):
-        pass
-
-
 @pytest.mark.parametrize("python", [False, True], ids=["by kernels", "by Python"])
 @pytest.mark.parametrize(
     ("manner", "status", "message"),
-    [
-        (1, "ok", "drive has ended the run at t = 0.0205 s"),
-        (
-            2,
-            "failed",
-            "drive: fmi2DoStep failed with FMI status 2; the step from t = 0.02 s ended at t = 0.0205 s: a shorter one"
-            " may help",
-        ),
-        (
-            3,
-            "failed",
-            "drive: fmi2DoStep returned before it was done (fmi2Pending): asynchronous steps are not supported"
-            " (fmi2DoStep, t = 0.02 s)",
-        ),
-        (4, "failed", "drive: fmi2DoStep failed with FMI status 3 (fmi2DoStep, t = 0.02 s)"),
-    ],
-)
+    [(1, "ok", "drive has ended the run at t = 0.0205 s"),
+     (2, "failed", "drive: fmi2DoStep failed with FMI status 2; the step from t = 0.02 s ended at t = 0.0205 s: a"
+                   " shorter one may help"),
+     (3, "failed", "drive: fmi2DoStep returned before it was done (fmi2Pending): asynchronous steps are not supported"
+                   " (fmi2DoStep, t = 0.02 s)"),
+     (4, "failed", "drive: fmi2DoStep failed with FMI status 3 (fmi2DoStep, t = 0.02 s)")],
+)  # fmt: skip
 def test_a_step_that_is_not_done(drive, tmp_path, monkeypatch, manner, status, message, python):
     """An FMU that ends the simulation ends the run in order; the log holds all steps before."""
     if python:
@@ -358,9 +315,9 @@ def test_what_needs_parts_of_ours_refuses(drive, driven, tmp_path):
         lambda: scene_products([scene]),
         lambda: resume(log, tmp_path / "resumed.mcap"),
     ):
-        with pytest.raises(BadInput, match=r"rig\.toml: fmu\.drive\.file = '.*': .* parts of cotrack alone"):
+        with pytest.raises(BadInput, match="parts of cotrack alone"):
             call()
-    with pytest.raises(BadInput, match="'drive' was an FMU of the user"), open_replay(log, "drive", None):
+    with pytest.raises(BadInput), open_replay(log, "drive", None):
         pass
     with open_replay(log, "drive", str(drive)) as replay:
         assert replay.verify().equal
@@ -420,12 +377,14 @@ def test_an_engine_of_the_user_drives_our_drive(tmp_path, cotrack):
     assert runs["engine"][-1] > 1.0
     np.testing.assert_allclose(runs["engine"], runs["points"], rtol=1e-9, atol=1e-9)
     said = [f"--set={key}={json.dumps(value)}" for key, value in SHORT.items()]
-    alone = cotrack("run", "rig", "--track", "rigid", *said, "--set=drive={mode='torque',demand=true}", "--no-estimate")
-    assert "nothing brings its input torque.demand, which stays 0" in alone[1] + alone[2]
-    by_speed = ("--set=drive={mode='speed',demand=true}", f"--set=fmu.engine.file={engine}")
     wire = "--set=connections=['engine.y -> drive.torque.demand', 'drive.speed -> engine.u']"
-    idle = cotrack("run", "rig", "--track", "rigid", *said, *by_speed, wire, "--no-estimate")
-    assert "its input torque.demand does not count in mode speed" in idle[1] + idle[2]
+    for mode, more, text in (
+        ("torque", (), "nothing brings its input torque.demand, which stays 0"),
+        ("speed", (f"--set=fmu.engine.file={engine}", wire), "its input torque.demand does not count in mode speed"),
+    ):
+        drive = f"--set=drive={{mode='{mode}',demand=true}}"
+        _, out, err = cotrack("run", "rig", "--track", "rigid", *said, drive, *more, "--no-estimate")
+        assert text in out + err
 
 
 def test_a_demand_is_held_over_the_step():
@@ -436,17 +395,28 @@ def test_a_demand_is_held_over_the_step():
         ("propulsion.torque.demand",): "discrete", ("v",): "value"}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"drive": {"demand": True, "speed": 3.0}}, "speed = 3.0 needs demand = false, not true"),
-        ({"drive": {"demand_lag": 0.1}}, "demand_lag = 0.1 needs demand = true, not false"),
-        ({"fmu.engine": {"file": "e.fmu"}, "connections": ["engine.y -> drive.torque.demand"]},
-         "drive has this input only with drive.demand = true"),
-        ({"drive": {"mode": "torque", "demand": True}, "connections": ["track.travel -> drive.torque.demand"]},
-         "get a connection, and from an FMU of the user"),
-    ],
-)  # fmt: skip
-def test_what_a_demand_cannot_be(settings, said):
-    with pytest.raises(BadInput, match=said):
-        assemble(load("rig", "rigid", SHORT | settings))
+def test_a_unit_that_is_not_declared_is_that_of_the_part_and_other_names_of_units_fit(drive, tmp_path):
+    said = "the FMU declares no unit of sprocket.torque.y: it is taken to be that of the part"
+    for unit, texts in ("", [said]), ("Nm", []):
+
+        def named(each, unit=unit):
+            return each._replace(unit=unit) if each.name == "sprocket.torque.y" else each
+
+        scene = rig(changed(drive, tmp_path / "other.fmu", named, {**UNITS, "Nm": UNITS["N.m"]}))
+        assert [text for _, text in unfit(scene, assemble(scene))][:-1] == texts
+
+
+# --- files -----------------------------------------------------------------------------------------
+
+
+def test_a_path_is_relative_to_its_scene_or_to_the_folder(cotrack, drive, tmp_path):
+    text = scene_text("rig").replace("# [fmu]", "[fmu]")
+    (tmp_path / "far").mkdir()
+    assert "# file: text: FMU for co-simulation" in text
+    (tmp_path / "far" / "own.toml").write_text(text + '[fmu.drive]\nfile = "MyDrive.fmu"\n')
+    assert load(str(tmp_path / "far" / "own.toml")).fmu["drive"].file == str(tmp_path / "far" / "MyDrive.fmu")
+    assert load("rig", None, ["fmu.drive.file=MyDrive.fmu"]).fmu["drive"].file == str(tmp_path / "MyDrive.fmu")
+    (tmp_path / "again.toml").write_text(scene_text(str(tmp_path / "far" / "own.toml")))
+    assert load("again.toml").fmu["drive"].file == str(tmp_path / "far" / "MyDrive.fmu")
+    out = cotrack.done("show", "rig", "--track", "rigid", "--set", f"fmu.drive.file={drive}")
+    assert f"  drive        FMU           {drive}; 6 values in, 13 out a step\n" in out

@@ -18,7 +18,6 @@ from orchestrator.cosim.checkpoint import UnusableCheckpoint
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.observers import TimedCheckpoints
 from orchestrator.execution import replay_model
 from orchestrator.execution.resume import branched_scene, resume
 from orchestrator.execution.simulate import simulate
@@ -39,24 +38,18 @@ def ran(path, scene, track, *settings, native=False):
     return path
 
 
-@pytest.mark.parametrize(
-    ("t", "due"), [(0.0, 0.1), (0.3 - 1e-12, 0.4), (0.3, 0.4), (0.3 + 1e-12, 0.4), (0.35, 0.4), (0.299, 0.3)]
-)
-def test_a_checkpoint_is_due_once_at_each_multiple_of_the_period(t, due):
-    """A time that rounding puts beside a multiple counts as that multiple."""
-    checkpoints = TimedCheckpoints(None, None, None, period=0.1, every=1, start=t)
-    assert checkpoints._due == pytest.approx(due, rel=1e-12)
-
-
 def digest(path):
     assert verify(path).code == WHOLE
     with Log(path) as log:
         return log.digest()
 
 
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory):
+def rig_log(tmp_path_factory):
+    """Log of the rig with three checkpoints."""
     return ran(tmp_path_factory.mktemp("logs") / "rig.mcap", "rig", "rigid", *RIG)
+
+
+rig = pytest.fixture(scope="module")(rig_log)
 
 
 @pytest.mark.long
@@ -69,11 +62,6 @@ def test_every_coupling_goes_on_as_if_nothing_had_been(tmp_path, coupling):
         assert digest(tmp_path / "again.mcap") == digest(whole)
         with Log(tmp_path / "again.mcap") as log:
             assert log.metadata["resumed"] == {"of": str(whole), "step": str(step)}
-
-
-def forget(pace, scheme, memory):
-    """Forget the lengths of past steps, as at a start (twin)."""
-    pace._start = pace._start._replace(t=float(memory["pace"][0]))
 
 
 @pytest.mark.long
@@ -94,18 +82,23 @@ def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
         with Log(tmp_path / "again.mcap") as log:
             assert log.metadata["resumed"] == {"of": str(whole), "step": str(number)}
     for kind in (VariableStep, PowerResidual):
-        monkeypatch.setattr(kind, "restore_memory", forget)
+
+        def shorter(pace, scheme, memory, restore=kind.restore_memory):
+            half = memory["pace"] * np.where(np.arange(len(memory["pace"])) == 1, 0.5, 1.0)
+            restore(pace, scheme, memory | {"pace": half})
+
+        monkeypatch.setattr(kind, "restore_memory", shorter)
     resume(whole, tmp_path / "again.mcap", 0.05)
-    assert digest(tmp_path / "again.mcap") != digest(whole), "the twin, which forgets the step lengths, must differ"
+    assert digest(tmp_path / "again.mcap") != digest(whole), "the twin, whose next step is half as long, must differ"
 
 
-@pytest.mark.parametrize(
-    ("track", "native"),
-    [("flexible", False), ("rigid", False), pytest.param("flexible", True, marks=pytest.mark.study)],
-)
-def test_vehicles_go_on(tmp_path, track, native):
-    settings = ("run.stop=0.03", "run.checkpoints=0.01", "expect={}", "drive.ramp_start=0")
-    whole = ran(tmp_path / "whole.mcap", "straight", track, "run.step=1 ms", *settings, native=native)
+@pytest.mark.parametrize("track", [
+    "rigid", pytest.param("flexible", marks=pytest.mark.long), pytest.param("native", marks=pytest.mark.study),
+])  # fmt: skip
+def test_vehicles_go_on(tmp_path, track):
+    settings = ("run.stop=0.03", "run.checkpoints=0.01", "expect={}", "drive.ramp_start=0", "run.step=1 ms")
+    native = track == "native"
+    whole = ran(tmp_path / "whole.mcap", "straight", "flexible" if native else track, *settings, native=native)
     resume(whole, tmp_path / "again.mcap", 0.01)
     assert digest(tmp_path / "again.mcap") == digest(whole)
     with replay_model.open_replay(tmp_path / "again.mcap", "chassis", None) as again:
@@ -150,10 +143,7 @@ def test_a_branch_parts_at_the_step_after_its_checkpoint(rig, tmp_path):
         assert own[41] == pytest.approx(1.1 * held[40], rel=0.01)
         open_by = [ledger(RunData(log)).residual for log in (one, other)]
         assert open_by[1] - open_by[0] == pytest.approx(-jump, rel=0.05)
-    with (
-        pytest.raises(BadInput, match="has other numbers from step 40 on"),
-        replay_model.open_replay(branch, "track", None),
-    ):
+    with pytest.raises(BadInput), replay_model.open_replay(branch, "track", None):
         pass
     resume(branch, tmp_path / "again.mcap", 0.06, stop=0.07)
     with Log(branch) as log, Log(tmp_path / "again.mcap") as again:
@@ -163,44 +153,10 @@ def test_a_branch_parts_at_the_step_after_its_checkpoint(rig, tmp_path):
         assert json.loads(twig.metadata["branched"]["before"]) == log.metadata["branched"]
 
 
-@pytest.mark.long
-def test_what_does_not_branch_off_is_a_sentence(rig, cotrack, tmp_path):
-    for setting, said in (
-        ("run.step=0.5 ms", "run.step stays as it is"),
-        ("run.links=1", "run.links stays as it is"),
-        ("track.link_outputs=all", "track.link_outputs stays as it is"),
-        ("idler_drive.mode=speed", "idler_drive.mode stays as it is"),
-        ("vehicle.gravitty=1", "unknown key 'vehicle.gravitty'"),
-    ):
-        status, out, err = cotrack("resume", rig, "--set", setting, "-o", tmp_path / "new.mcap")
-        assert (status, out) == (2, "")
-        assert said in err.splitlines()[-1]
-        assert not (tmp_path / "new.mcap").exists()
-    short = ("run.stop=0.02", "run.checkpoints=0.01", "chain.links=8", "expect={}")
-    chain = ran(tmp_path / "chain.mcap", "hanging_chain", "flexible", *short)
-    said = "with --set chain.links=9 the state of 'chain' has another size"
-    with pytest.raises(UnusableCheckpoint, match=said):
-        resume(chain, tmp_path / "new.mcap", 0.01, settings=["chain.links=9"])
-
-
-@pytest.mark.parametrize(
-    ("name", "setting", "kept"),
-    [
-        ("climb", "ground.grade=0.3", "ground.grade"),
-        ("soft_ground", "start.position=[1, 0, 0]", "start.position"),
-        ("half_round", "ground.half_round.radius=0.21", ""),
-        ("soft_ground", "ground.soil.n=1.2", ""),
-        ("soft_ground", "hitch.force=2e4", ""),
-    ],
-)
-def test_a_branch_keeps_the_axes_of_the_start(name, setting, kept):
-    """A slope everywhere is another frame of the start; obstacles, soil and loads are numbers of parts."""
-    scene = load(name)
-    if not kept:
-        branched_scene(scene, [setting], "scene.json")
-        return
-    with pytest.raises(BadInput, match=f"{kept} stays as it is: the states of the parts count from the place"):
-        branched_scene(scene, [setting], "scene.json")
+def test_a_branch_may_have_other_obstacles_soil_and_loads():
+    """They are numbers of parts; a slope everywhere would be another frame of the start (``test_sentences_log``)."""
+    branched_scene(load("half_round"), ["ground.half_round.radius=0.21"], "scene.json")
+    branched_scene(load("soft_ground"), ["ground.soil.n=1.2", "hitch.force=2e4"], "scene.json")
 
 
 def test_a_longer_run_is_that_of_a_longer_scene(rig, tmp_path):
@@ -240,46 +196,19 @@ def test_a_killed_run_goes_on(rig, tmp_path):
     assert digest(tmp_path / "third.mcap") == digest(whole)
 
 
-def test_what_does_not_go_on_is_a_sentence(rig, cotrack, tmp_path):
-    def refused(*arguments):
-        status, out, err = cotrack("resume", *arguments, "-o", tmp_path / "new.mcap")
-        assert (status, out, len(err.splitlines())) == (2, "", 1)
-        assert not (tmp_path / "new.mcap").exists()
-        return err
-
-    assert f"--at 0.01: the first checkpoint of {rig} is at 0.02 s" in refused(rig, "--at", "0.01")
-    assert "stop = 0.02 s is before the checkpoint at 0.06 s" in refused(rig, "--stop", "0.02")
-    assert "must be a multiple of step" in refused(rig, "--stop", "0.0705")
-    none = ran(tmp_path / "none.mcap", "rig", "rigid", *RIG, "run.checkpoints=false")
-    assert "has no checkpoint to go on from" in refused(none)
-    status, _, err = cotrack("resume", rig, "-o", rig)
-    assert (status, "cannot be written: it is a file that is read" in err) == (2, True)
-
-    content = Content(rig)
-    system = json.loads(content.attachments["system.json"])
-    system["instances"][0]["sha256"] = "0" * 64
-    content.attachments["system.json"] = json.dumps(system).encode()
-    assert "made by another build of 'TrackRigid" in refused(content.write(tmp_path / "other.mcap"))
-
-
 @pytest.mark.long
-def test_bytes_that_are_no_checkpoint_are_a_sentence(rig, tmp_path):
+def test_bytes_that_are_no_checkpoint_are_refused(rig, tmp_path):
     good = Content(rig).attachments[f"{CHECKPOINT}40"]
     other = Content(rig).attachments[f"{CHECKPOINT}20"]
     endless = b'[["at", "<f8", [1' + b"0" * 30 + b"]]]"
     for bad in (
-        b"",
-        b"x" * 1000,
-        good[:-100],
-        good[: len(good) // 2],
-        other,
-        good.replace(b"state:drive", b"state:drove"),
+        b"", b"x" * 1000, good[:-100], good[: len(good) // 2], other, good.replace(b"state:drive", b"state:drove"),
         len(endless).to_bytes(8, "little") + endless,
-    ):
+    ):  # fmt: skip
         content = Content(rig)
         content.attachments[f"{CHECKPOINT}40"] = bad
         path = content.write(tmp_path / "bad.mcap")
-        with pytest.raises(UnusableCheckpoint, match="the checkpoint does not fit these components"):
+        with pytest.raises(UnusableCheckpoint):
             resume(path, tmp_path / "new.mcap", 0.05)
         assert not (tmp_path / "new.mcap").exists()
 
