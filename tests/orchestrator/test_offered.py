@@ -1,8 +1,10 @@
-"""Names that ``import cotrack`` offers, whatever else of the package is imported."""
+"""Names that ``import cotrack`` offers, whatever else of the package is imported; packages that it needs."""
 
 import pkgutil
+import re
 import subprocess
 import sys
+import tomllib
 from importlib import import_module
 from importlib.util import find_spec
 from inspect import signature
@@ -12,6 +14,7 @@ import cotrack as installed
 import pytest
 
 import orchestrator as cotrack
+from orchestrator.log.extra import BROUGHT
 
 RESERVED = {*cotrack.OFFERED, "plot", "report"}  # the last two are planned
 PEERS = {"tests.benchmarks.peers.exudyn_loops": "exudyn", "tests.benchmarks.peers.mujoco_loops": "mujoco"}
@@ -49,8 +52,6 @@ def test_what_is_offered_can_be_called(submodules, tmp_path):
     with cotrack.Log(one) as log:
         assert len(log.signal("chain.tension.max")[0]) == 21
     assert cotrack.compare(one, one)["pins"].absolute == 0.0 < cotrack.compare(one, two)["pins"].absolute
-    with pytest.raises(AttributeError, match="has no attribute 'anything'"):
-        _ = cotrack.anything
 
 
 def test_the_installed_module_is_that_of_the_sources():
@@ -58,11 +59,36 @@ def test_the_installed_module_is_that_of_the_sources():
     source = Path(cotrack.__file__).parent / "cotrack" / "__init__.py"
     assert Path(installed.__file__).read_text() == source.read_text()
     assert {*installed.__all__} == {*cotrack.OFFERED, "__version__"} == {*dir(installed)}
-    with pytest.raises(AttributeError, match="module 'cotrack' has no attribute 'anything'"):
-        _ = installed.anything
+    for module in (cotrack, installed):
+        with pytest.raises(AttributeError, match="has no attribute 'anything'"):
+            _ = module.anything
 
 
 def test_the_package_alone_imports_nothing_else(environment):
     code = "import sys, cotrack; print({name.split('.')[0] for name in sys.modules} & {'fmus', 'numpy', 'fmpy'})"
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
+
+
+def test_a_missing_package_is_named_as_it_is_installed(environment, tmp_path):
+    """Also one that another package brings, when the command is loaded."""
+    code = "import sys; sys.modules['llvmlite'] = None; from orchestrator.__main__ import main; main()"
+    command = [sys.executable, "-c", code, "scenes"]
+    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 2
+    assert line.startswith("cotrack: numba (module llvmlite) is not installed: ")
+
+
+def test_every_package_of_the_core_has_a_name_to_install():
+    """The modules that the sources import are packages of pyproject.toml, by their own names or those they come in."""
+    table = tomllib.loads((Path(cotrack.__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    listed = {re.split(r"[<>=]", one)[0].lower() for one in table["dependencies"]}
+    listed |= {re.split(r"[<>=]", one)[0].lower() for extra in table["optional-dependencies"].values() for one in extra}
+    used = set()
+    for package in ("fmus", "orchestrator"):
+        for file in (Path(cotrack.__file__).parents[1] / package).rglob("*.py"):
+            used |= {*re.findall(r"(?m)^ *(?:from|import) (\w+)(?:[\w.]* import .*| as \w+|[.\w]*)$", file.read_text())}
+    others = used - sys.stdlib_module_names - {"fmus", "orchestrator", "cotrack", "dask", "these"}
+    assert {BROUGHT.get(name, name) for name in others} <= listed
+    assert not {name for name in BROUGHT if name in listed}

@@ -10,7 +10,6 @@ from page_logs import embedded
 from test_phases import made, phases_of, times, trapezoid
 
 import orchestrator as package
-from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.units import number, percent
 
@@ -80,8 +79,11 @@ def test_the_figures_are_those_of_the_raw_log_and_the_file(run, measured_csv, co
 
 def test_both_curves_are_drawn(run, measured_csv, tmp_path):
     columns = {"chassis.speed": "v", "left_track.tension.max": "F"}
+    plain = package.Run(run).report(tmp_path / "x.html").read_text(encoding="utf-8")
+    assert 'id="measured"' not in plain
     page = package.Run(run).report(tmp_path / "x.html", measured=measured_csv, columns=columns, shift=-EARLIER)
     charts = embedded(page.read_text(encoding="utf-8"))["charts"]
+    assert embedded(plain)["charts"].keys() == {key for key in charts if not key.startswith("measured")}
     speed, force = charts["measured-0"], charts["measured-1"]
     assert [trace["name"] for trace in speed["traces"]] == ["run", "measured"]
     assert (speed["y"], force["y"]) == ("speed", "tension.max, kN")
@@ -112,12 +114,6 @@ def test_moving_means_end_where_nothing_was_measured(tmp_path):
     assert moments[[0, -1]] == pytest.approx([0.5, 3.0], abs=0.01)
 
 
-def test_a_page_without_a_measured_record_has_no_section(run, tmp_path):
-    html = package.Run(run).report(tmp_path / "x.html").read_text(encoding="utf-8")
-    assert 'id="measured"' not in html
-    assert "measured" not in embedded(html)["charts"]
-
-
 def test_a_run_without_a_hull_has_no_phases(tmp_path):
     log = Path(__file__).with_name("logs") / "without_fmu.mcap"
     with Log(log) as opened:
@@ -127,30 +123,3 @@ def test_a_run_without_a_hull_has_no_phases(tmp_path):
     page = package.Run(log).report(tmp_path / "x.html", measured=tmp_path / "m.csv", columns={name: "x"})
     _, rows = section(page.read_text(encoding="utf-8"))
     assert [row[1][0] for row in rows] == ["whole"]
-
-
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (("--with", "none.csv", *MAPPED), "none.csv cannot be read: No such file or directory"),
-        (("--with", "m.csv"), "a measured record needs --map SIGNAL=COLUMN"),
-        (("--shift", "1"), "--map, --clock and --shift belong to the file of a test, which is not given"),
-        (("--with", "m.csv", "--map", "chassis.speed=w"), "m.csv has no column 'w': it has t, v"),
-        (("--with", "m.csv", "--map", "chassis.sped=v"), "no signal 'chassis.sped'; did you mean 'chassis.speed'"),
-        (("--with", "m.csv", "--map", "chassis.speed=v", "--shift", "99"), "have no values in common"),
-    ],
-)
-def test_bad_options_give_a_sentence_and_no_page(run, cotrack, tmp_path, options, sentence):
-    (tmp_path / "m.csv").write_text("t,v\n0,1\n0.5,2\n")
-    (tmp_path / "x.html").write_text("before")
-    status, out, err = cotrack("report", run, "-o", "x.html", *options)
-    assert (status, out, err.count("\n")) == (2, "", 1)
-    assert sentence in err
-    assert (tmp_path / "x.html").read_text() == "before"
-
-
-def test_columns_need_a_file(run, tmp_path):
-    with pytest.raises(BadInput, match="columns, shift and clock belong to measured, a file, which is not given"):
-        package.Run(run).report(tmp_path / "x.html", shift="find")
-    with pytest.raises(BadInput, match=r"m\.csv: no signal has a column"):
-        package.Run(run).report(tmp_path / "x.html", measured="m.csv")

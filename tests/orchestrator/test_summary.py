@@ -16,7 +16,7 @@ from orchestrator.execution.summary_text import MOST, lines
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results import measures
 from orchestrator.results.analyses.phases import Phase
-from orchestrator.results.units import figure, number
+from orchestrator.results.units import figure
 from orchestrator.scene.scene import load
 
 
@@ -34,34 +34,24 @@ def test_an_open_ledger_is_not_a_success(cotrack, tmp_path):
         assert lines(result)[0] == f"fall, flexible links: {'energy balance open' if wanted else 'ok'}"
 
 
-def test_run_prints_a_summary(cotrack):
-    out = cotrack.done("run", "hanging_chain", "--stop", "0.02", "--log", "own.mcap")
-    assert out.startswith("hanging_chain, flexible links: ok")
-    assert "kN" in out
-    assert "own.mcap" in out
-
-
 def test_a_failed_check_is_exit_1(cotrack):
-    wrong = ("--set", "expect.rest.expected=1")
-    status, out, _ = cotrack(*SHORT, *wrong)
-    assert status == 1
+    """Also one whose signals were not recorded."""
+    status, out, _ = cotrack(*SHORT, "--set", "expect.rest.expected=1")
     result = last(out)
-    assert result["status"] == "ok"
-    assert result["checks"]["rest"]["ok"] is False
-    assert (
-        lines(result)[0]
-        == "hanging_chain, flexible links: checks NOT met: rest; 0 of 3 checks are met; 2 begin after the end"
-    )
+    assert (status, result["status"], result["checks"]["rest"]["ok"]) == (1, "ok", False)
+    told = "checks NOT met: rest; 0 of 3 checks are met; 2 begin after the end"
+    assert lines(result)[0] == f"hanging_chain, flexible links: {told}"
+    status, out, err = cotrack("run", "hanging_chain", "--set", "track.link_outputs=false", "--json")
+    assert status == 1, err
+    checks = last(out)["checks"]
+    assert (checks["rest"]["ok"], checks["tension"]["ok"], checks["tension"]["value"]) == (True, False, None)
 
 
-@pytest.mark.parametrize(
-    ("window", "said"),
-    [
-        ("from=0.02, to=0.03", "2 of 3 checks are met; 1 begins after the end"),
-        ("from=0.01, to=0.03", "2 of 3 checks are met; 1 ends after the end"),
-        ("from=0.01, to=0.02", "3 of 3 checks are met"),  # the twin
-    ],
-)
+@pytest.mark.parametrize(("window", "said"), [
+    ("from=0.02, to=0.03", "2 of 3 checks are met; 1 begins after the end"),
+    ("from=0.01, to=0.03", "2 of 3 checks are met; 1 ends after the end"),
+    ("from=0.01, to=0.02", "3 of 3 checks are met"),  # the twin
+])  # fmt: skip
 def test_checks_after_the_end_are_counted(cotrack, window, said):
     """In the summary, in --json, in the summary of the log and in the report."""
     check = 'expect.{}={{signal="chain.tension.max", expected=0, tolerance=1e9{}}}'
@@ -77,14 +67,11 @@ def test_checks_after_the_end_are_counted(cotrack, window, said):
     assert ("3 of 3 checks met." if covered else "2 of 3 checks met; 1 beyond its end.") in page
 
 
-@pytest.mark.parametrize(
-    ("window", "said", "means"),
-    [
-        ("from=1", "run.window.from = 1 s is after the end of the run, 0.02 s: there are no means", False),
-        ("from=0.01, to=1", "run.window.to = 1 s is after the end of the run, 0.02 s: means end there", True),
-        ("from=0.01, to=0.02", "", True),  # the twin
-    ],
-)
+@pytest.mark.parametrize(("window", "said", "means"), [
+    ("from=1", "run.window.from = 1 s is after the end of the run, 0.02 s: there are no means", False),
+    ("from=0.01, to=1", "run.window.to = 1 s is after the end of the run, 0.02 s: means end there", True),
+    ("from=0.01, to=0.02", "", True),  # the twin
+])  # fmt: skip
 def test_a_window_of_means_that_the_run_does_not_reach_is_told(cotrack, window, said, means):
     out = cotrack.done(*SHORT, "--no-estimate", "--set", f"run.window={{{window}}}")
     told = summary_of(last(out)["log"])  # --json has null for a mean that is none
@@ -93,14 +80,11 @@ def test_a_window_of_means_that_the_run_does_not_reach_is_told(cotrack, window, 
     assert any("mean of 0.01 to 0.02 s: mean link tension" in line for line in lines(told)) == means
 
 
-@pytest.mark.parametrize(
-    ("settings", "reason"),
-    [
-        (("run.outputs=2",), "needs the outputs of every step: run.outputs = 1, not 2"),
-        (("run.inputs=false",), "needs the inputs of every step: run.inputs = true"),
-        ((), ""),  # the twin
-    ],
-)
+@pytest.mark.parametrize(("settings", "reason"), [
+    (("run.outputs=2",), "needs the outputs of every step: run.outputs = 1, not 2"),
+    (("run.inputs=false",), "needs the inputs of every step: run.inputs = true"),
+    ((), ""),  # the twin
+])  # fmt: skip
 def test_a_check_that_needs_every_step_is_left_out_of_a_sparse_log(cotrack, settings, reason):
     """The run is right, its log holds too little for ``third_law``, which is neither met nor missed."""
     law = 'expect={third_law={measure="third_law", expected=0, tolerance=1e-10}}'
@@ -132,11 +116,9 @@ def test_checks_that_cannot_be_made_say_why(cotrack):
     )
     assert status == 1, err
     notes = {name: check["note"] for name, check in last(out)["checks"].items() if name != "rest"}
-    assert notes == {
-        "span": "there is nothing to measure in this scene and window",
-        "top": "there is nothing to measure in this scene and window",
-        "late": "'chain.speed' was not recorded between 0.01 and 0.02 s",
-    }
+    nothing = "there is nothing to measure in this scene and window"
+    unrecorded = "'chain.speed' was not recorded between 0.01 and 0.02 s"
+    assert notes == {"span": nothing, "top": nothing, "late": unrecorded}
     assert [name for name, check in last(out)["checks"].items() if check["ok"]] == ["rest"]
     assert last(out)["observables"]["tension_max"] > 0
 
@@ -165,15 +147,14 @@ def test_a_measure_that_breaks_is_a_crash_when_all_else_is_written(cotrack, monk
 
 
 def test_headline_figures_have_their_window(cotrack):
-    out = cotrack.done("run", "hanging_chain", "--track", "flexible", "--stop", "1.5", "--no-estimate")
-    assert any(line.startswith("  whole run, 0 to 1.5 s: largest link tension ") for line in out.splitlines())
-    assert any(line.startswith("  mean of 0.5 to 1.5 s: mean link tension ") for line in out.splitlines())
-    _, out, _ = cotrack("run", "hanging_chain", "--track", "flexible", "--stop", "1.5", "--no-estimate", "--json")
-    result = last(out)
+    result = last(cotrack.done("run", "hanging_chain", "--stop", "1.5", "--no-estimate", "--json"))
     assert set(result["windows"]) == set(result["observables"])
     assert result["windows"]["tension_max"] == {"from": 0.0, "to": 1.5}
     assert result["windows"]["sag"] == {"from": 0.5, "to": 1.5}
     assert result["phases"] == [], "without a hull there are no phases"
+    told = lines(result)
+    for figure_of in ("whole run, 0 to 1.5 s: largest link tension ", "mean of 0.5 to 1.5 s: mean link tension "):
+        assert any(line.startswith(f"  {figure_of}") and "kN" in line for line in told)
 
 
 def test_turns_of_the_last_second_are_left_to_phases(capsys):
@@ -319,7 +300,7 @@ def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
         "pins_left = 10.0008",
         "(pins of left)",
         "checksum (seal)",
-        "left_track computed for 1 s; its solver: 10",
+        "left_track computed for 1 s; its solver",
     ):
         assert any(words in line for line in whole), words
     for severity in ("warning", "failure"):
@@ -338,23 +319,11 @@ def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
 def test_figures_have_no_exponents_and_no_negative_zero():
     texts = [figure(value, 2) for value in (1.2e2, 1.7e3, -0.0, -19.4, 0.35, 99999.0, float("nan"))]
     assert texts == ["120", "1700", "0", "-19", "0.35", "99999", "not a number"]
-    assert number(-0.0) == "0"
     rounded = {"value": -8.9e-16, "expected": 0.0, "tolerance": 1e-10, "ok": True, "note": "", "what": ""}
     result = summary.empty("a", None) | {"checks": {"third_law": rounded}}
     assert "  ok  third_law = 0, expected 0 +- 1e-10" in lines(result)
-    assert (
-        "  ok  third_law = 8.9e-15, expected"
-        in lines(result | {"checks": {"third_law": rounded | {"value": 8.9e-15}}})[1]
-    )
-
-
-def test_a_check_without_its_signals_is_not_ok(cotrack):
-    status, out, err = cotrack("run", "hanging_chain", "--set", "track.link_outputs=false", "--json")
-    assert status == 1, err
-    checks = last(out)["checks"]
-    assert checks["rest"]["ok"]
-    assert not checks["tension"]["ok"]
-    assert checks["tension"]["value"] is None
+    larger = result | {"checks": {"third_law": rounded | {"value": 8.9e-15}}}
+    assert "  ok  third_law = 8.9e-15, expected" in lines(larger)[1]
 
 
 TENSION = {
@@ -363,27 +332,15 @@ TENSION = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        (
-            {},
-            "track tension: 14.38 kN asked, 14.38 kN standing on level, hard ground, 17.96 and 17.5 kN at the start;"
-            " its longest free span sags by 82.8 mm, road wheels carry 20, 16.2 and 20, 16 kN, and it has settled by"
-            " 97.4 mm",
-        ),
-        (
-            {"drawn": True, "start": [16.3e3], "loads": [[69.6, 71.0], [69.6, 71.0]]},
-            "track tension: 14.38 kN asked, 14.38 kN standing on level, hard ground, 16.3 kN at the start as drawn;"
-            " standing, its longest free span sags by 82.8 mm, road wheels carry 69.6, 71 N, and it has settled"
-            " by 97.4 mm",
-        ),
-        (
-            {"standing": [], "why": "it tips over", "start": [14380.0], "drawn": True},
-            "track tension: 14.38 kN asked, 14.38 kN at the start as drawn: it does not stand (it tips over)",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("change", "text"), [
+    ({}, "14.38 kN standing on level, hard ground, 17.96 and 17.5 kN at the start; its longest free span sags by"
+     " 82.8 mm, road wheels carry 20, 16.2 and 20, 16 kN, and it has settled by 97.4 mm"),
+    ({"drawn": True, "start": [16.3e3], "loads": [[69.6, 71.0], [69.6, 71.0]]},
+     "14.38 kN standing on level, hard ground, 16.3 kN at the start as drawn; standing, its longest free span sags by"
+     " 82.8 mm, road wheels carry 69.6, 71 N, and it has settled by 97.4 mm"),
+    ({"standing": [], "why": "it tips over", "start": [14380.0], "drawn": True},
+     "14.38 kN at the start as drawn: it does not stand (it tips over)"),
+])  # fmt: skip
 def test_the_tension_asked_and_had_is_told(change, text):
-    assert summary_text.track_tension(TENSION | change) == text
+    assert summary_text.track_tension(TENSION | change) == f"track tension: 14.38 kN asked, {text}"
     assert summary_text.track_tension({}) == ""

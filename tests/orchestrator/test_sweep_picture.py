@@ -21,19 +21,15 @@ def picture(vary, sample=None):
 def test_curves_and_a_map_of_a_grid():
     figure, _ = picture(["a=1:3:3", "b=5,4"])
     over_a, over_b, cells = figure.axes[:3]
-    assert [[*line.get_xydata().ravel()] for line in over_a.lines][1] == [
-        1.0,
-        14.0,
-        2.0,
-        24.0,
-        3.0,
-        pytest.approx(np.nan, nan_ok=True),
-    ]
+    np.testing.assert_array_equal(over_a.lines[1].get_xydata(), [[1.0, 14.0], [2.0, 24.0], [3.0, np.nan]])
     assert [line.get_label() for line in over_a.lines] == ["b = 5", "b = 4"]
     assert [*over_b.lines[0].get_xydata().ravel()] == [4.0, 14.0, 5.0, 15.0]
     mesh = cells.collections[0]
     np.testing.assert_array_equal(np.ma.filled(mesh.get_array(), np.nan), [[14.0, 24.0, np.nan], [15.0, 25.0, 35.0]])
     assert (over_a.get_xlabel(), over_a.get_ylabel(), cells.get_title()) == ("a", "y, N", "y, N")
+    colours = [{line.get_color() for line in pane.lines} for pane in (over_a, over_b)]
+    assert [len(each) for each in colours] == [2, 3]
+    assert not colours[0] & colours[1], "a colour has two meanings"
 
 
 @pytest.mark.parametrize(("values", "edges"), [
@@ -75,23 +71,13 @@ def test_no_figure_of_a_constant_and_units_with_a_prefix():
     np.testing.assert_allclose(drawn[0].lines[0].get_ydata(), [50.0, 60.0])
 
 
-def test_a_colour_has_one_meaning():
-    over_a, over_b, _ = picture(["a=1:3:3", "b=5,4"])[0].axes[:3]
-    colours = [{line.get_color() for line in pane.lines} for pane in (over_a, over_b)]
-    assert [len(each) for each in colours] == [2, 3]
-    assert not colours[0] & colours[1]
-
-
 def wide(least):
     """Picture of a figure from ``least`` to 1 over a and b with the number of a pin beside it."""
     design = Design.of(["a=1:2:2", "b=3,4 m"])
     figures = ((7.0, 1.0), (8.0, 0.5), (9.0, least), (7.0, 0.2))
     rows = [(*point, *pair) for point, pair in zip(shown(design), figures, strict=True)]
-    columns = (
-        *(Column(one.key, one.head) for one in design.variations),
-        Column("life pin", "life pin"),
-        Column("y", "y"),
-    )
+    figures = Column("life pin", "life pin"), Column("y", "y")
+    columns = (*(Column(one.key, one.head) for one in design.variations), *figures)
     return sweep_picture.draw(design, Table("", columns, rows), "Sweep")
 
 

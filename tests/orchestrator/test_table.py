@@ -1,15 +1,12 @@
 """The one table: text, Markdown, CSV and records of the same rows; units; extremes of links."""
 
-import ast
 import csv
 import io
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import orchestrator
 from orchestrator.results.analyses.record_blocks import Extreme, larger, smaller
 from orchestrator.results.table import Column, Table
 from orchestrator.results.units import scaled, size
@@ -48,38 +45,17 @@ def test_a_study_gives_columns_by_key_and_format():
     assert table.csv().splitlines() == ['"cost, s",count,ok', "1.0,1000,NOT", ",,ok"]
 
 
-def test_tables_and_events_are_defined_once():
-    class_names = [
-        node.name
-        for file in Path(orchestrator.__file__).parent.rglob("*.py")
-        for node in ast.parse(file.read_text(encoding="utf-8")).body
-        if isinstance(node, ast.ClassDef)
-    ]
-    assert [class_names.count(name) for name in ("Table", "Column", "Event")] == [1, 1, 1]
+@pytest.mark.parametrize(("value", "unit", "factor", "shown"), [
+    (-27777.0, "N", 1e3, "kN"), (999.0, "N.m", 1.0, "N m"), (3e9, "Pa", 1e9, "GPa"), (3e9, "m/s", 1.0, "m/s"),
+    (math.inf, "N", 1.0, "N"),
+])  # fmt: skip
+def test_large_values_get_a_prefix(value, unit, factor, shown):
+    assert scaled(value, unit) == (factor, shown)
 
 
-def test_the_report_leaves_reading_to_the_analyses():
-    reads = {"select", "stream", "blocks", "read", "ends", "lengths"}
-    for file in (Path(orchestrator.__file__).parent / "results" / "page").glob("*.py"):
-        calls = [n for n in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(n, ast.Attribute)]
-        logs = [n for n in calls if n.attr in reads and isinstance(n.value, ast.Attribute) and n.value.attr == "log"]
-        assert not logs, file
-
-
-@pytest.mark.parametrize(
-    ("unit", "expected"),
-    [("kN", 1e3), ("kN m", 1e3), ("MPa", 1e6), ("mm/s", 1e-3), ("%", 1e-2), ("m", 1.0), ("m/s", 1.0), ("rad", 1.0)],
-)
-def test_units_have_a_size(unit, expected):
-    assert size(unit) == expected
-
-
-def test_large_values_get_a_prefix():
-    assert scaled(-27777.0, "N") == (1e3, "kN")
-    assert scaled(999.0, "N.m") == (1.0, "N m")
-    assert scaled(3e9, "Pa") == (1e9, "GPa")
-    assert scaled(3e9, "m/s") == (1.0, "m/s")
-    assert scaled(math.inf, "N") == (1.0, "N")
+def test_units_have_a_size():
+    sizes = {"kN": 1e3, "kN m": 1e3, "MPa": 1e6, "mm/s": 1e-3, "%": 1e-2, "m": 1.0, "m/s": 1.0, "rad": 1.0}
+    assert {unit: size(unit) for unit in sizes} == sizes
 
 
 def test_of_equal_extremes_the_first_counts():
