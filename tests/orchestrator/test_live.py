@@ -73,7 +73,7 @@ def test_a_run_that_will_replace_an_older_log_is_shown_as_far_as_it_came(rig, tm
             yield log, end
 
     monkeypatch.setattr(rerun_scene, "reopened", noted)
-    writer = threading.Thread(target=again, args=(rig, path, 0.04))
+    writer = threading.Thread(target=again, args=(rig, path, 0.1))
     writer.start()
     while rerun_scene.growing_log(path) == path:
         time.sleep(0.001)

@@ -1,19 +1,24 @@
-"""Names that ``import cotrack`` offers, whatever else of the package is imported; packages that it needs."""
+"""Names that ``import cotrack`` offers, and packages that it needs; odd settings run, stderr has no text of a library."""
 
 import pkgutil
 import re
 import subprocess
 import sys
 import tomllib
+import warnings
 from importlib import import_module
 from importlib.util import find_spec
 from inspect import signature
 from pathlib import Path
 
 import cotrack as installed
+import numpy as np
 import pytest
+from made_logs import of_columns
 
 import orchestrator as cotrack
+from fmus.physics.chain.layout import scale_of_angles
+from fmus.vehicles.tables import BadInput
 from orchestrator.log.extra import BROUGHT
 
 RESERVED = {*cotrack.OFFERED, "plot", "report"}  # the last two are planned
@@ -92,3 +97,47 @@ def test_every_package_of_the_core_has_a_name_to_install():
     others = used - sys.stdlib_module_names - {"fmus", "orchestrator", "cotrack", "dask", "these"}
     assert {BROUGHT.get(name, name) for name in others} <= listed
     assert not {name for name in BROUGHT if name in listed}
+
+
+SHORT = ("run", "hanging_chain", "--set", "chain.links=8", "--set", "expect={}", "--stop", "0.002", "--no-estimate")
+
+
+@pytest.mark.parametrize("setting", ["vehicle.material.youngs_modulus=1 Pa", "run.checkpoints=1e308"])
+def test_odd_settings_run(cotrack, setting):
+    assert "hanging_chain, flexible links: ok" in cotrack.done(*SHORT, "--set", setting)
+
+
+WHOLE = ("joint[{}].position", "joint[{}].force", "joint[{}].axis", "link[{}].ground.force")
+FIBRES = ("link[{}].fibre.outer", "link[{}].fibre.inner")
+
+
+@pytest.mark.parametrize("shorter", ["", *WHOLE, *FIBRES])
+def test_joints_of_families_of_other_lengths(cotrack, tmp_path, shorter):
+    """Records of four links, of one signal of two."""
+    names = [
+        f"{family.format(k + 1)}{axis}"
+        for family in (*WHOLE, *FIBRES)
+        for k in range(2 if family == shorter else 4)
+        for axis in ((".x", ".y", ".z") if family in WHOLE else ("",))
+    ]
+    scene = {"run": {"step": 1e-3}, "vehicle": {"section": {"area": 1.0, "bending": 1.0, "outer_fibre": 1.0}}}
+    values = np.random.default_rng(1).random((2, len(names)))
+    columns = {f"chain.{name}": column for name, column in zip(names, values.T, strict=True)}
+    path = of_columns(tmp_path / "a.mcap", columns | {"chain.travel": np.zeros(2)}, np.array([0.0, 1e-3]), scene)
+    status, _, err = cotrack("analyse", path, "joints")
+    assert (status, "holds other numbers" in err) == ((2, True) if shorter else (0, False)), err
+    assert "internal error" not in err
+
+
+def test_the_scale_of_the_angles_of_a_soft_chain_is_found():
+    assert scale_of_angles(lambda s: s - 0.5, 1e-3, 1.5) == pytest.approx(0.5, abs=1e-15)
+
+
+def test_warnings_of_numbers_do_not_reach_stderr(cotrack, monkeypatch):
+    def warn(*_):
+        warnings.warn("overflow encountered in multiply", RuntimeWarning, stacklevel=1)
+        raise BadInput("said")
+
+    monkeypatch.setattr("orchestrator.scene.ssp_scene.load_runnable", warn)
+    status, _, err = cotrack("show", "rig")
+    assert (status, err) == (2, "cotrack: said\n")

@@ -72,12 +72,17 @@ def test_the_figures_are_those_of_the_raw_log_and_the_file(run, measured_csv, co
     assert [row[0] for row in rows if row[0]] == [["speed", "chassis"], ["tension.max", "left_track"]]
 
 
+def charts_with(log, path, columns, **options):
+    """Charts of the page of a log with measured columns, and its HTML."""
+    html = package.Run(log).report(path, columns=columns, **options).read_text(encoding="utf-8")
+    return embedded(html)["charts"], html
+
+
 def test_both_curves_are_drawn(run, measured_csv, tmp_path):
-    columns = {"chassis.speed": "v", "left_track.tension.max": "F"}
     plain = package.Run(run).report(tmp_path / "x.html").read_text(encoding="utf-8")
     assert 'id="measured"' not in plain
-    page = package.Run(run).report(tmp_path / "x.html", measured=measured_csv, columns=columns, shift=-EARLIER)
-    charts = embedded(page.read_text(encoding="utf-8"))["charts"]
+    columns = {"chassis.speed": "v", "left_track.tension.max": "F"}
+    charts, _ = charts_with(run, tmp_path / "x.html", columns, measured=measured_csv, shift=-EARLIER)
     assert embedded(plain)["charts"].keys() == {key for key in charts if not key.startswith("measured")}
     speed, force = charts["measured-0"], charts["measured-1"]
     assert [trace["name"] for trace in speed["traces"]] == ["run", "measured"]
@@ -88,8 +93,8 @@ def test_both_curves_are_drawn(run, measured_csv, tmp_path):
     assert (gap.sum(), test[0][gap][0]) == (1, pytest.approx(3.0, abs=1e-6))
     assert test[1][~gap] == pytest.approx(10.0 + 0.99 * test[0][~gap], rel=1e-6)
     assert test[0][[0, -1]] == pytest.approx([0.0, 7.5], abs=1e-6)
-    v = unpacked(speed["traces"][1]["t"]), unpacked(speed["traces"][1]["y"])
-    assert v[1] == pytest.approx(trapezoid(v[0]) + 0.2 * np.sin(3.0 * v[0]), abs=1e-5)
+    t, v = (unpacked(speed["traces"][1][axis]) for axis in "ty")
+    assert v == pytest.approx(trapezoid(t) + 0.2 * np.sin(3.0 * t), abs=1e-5)
 
 
 def test_moving_means_end_where_nothing_was_measured(tmp_path):
@@ -99,8 +104,8 @@ def test_moving_means_end_where_nothing_was_measured(tmp_path):
     rows = [f"{0.01 * k!r},{'' if 100 < k < 200 else 9.9}" for k in range(50, 301)]
     (tmp_path / "m.csv").write_text("\n".join(["t,F [kN]", *rows]))
     columns = {"left_track.tension.max": "F"}
-    page = package.Run(log).report(tmp_path / "x.html", measured=tmp_path / "m.csv", columns=columns)
-    run, test = embedded(page.read_text(encoding="utf-8"))["charts"]["measured-0"]["traces"]
+    charts, _ = charts_with(log, tmp_path / "x.html", columns, measured=tmp_path / "m.csv")
+    run, test = charts["measured-0"]["traces"]
     assert run["mean"]
     moments, values = unpacked(test["t"]), unpacked(test["y"])
     known = ~np.isnan(values)
@@ -115,6 +120,5 @@ def test_a_run_without_a_hull_has_no_phases(tmp_path):
         name = opened.signals[0]
         t, values = opened.signal(name)
     np.savetxt(tmp_path / "m.csv", np.stack([t, values], axis=1), delimiter=",", header="t,x", comments="")
-    page = package.Run(log).report(tmp_path / "x.html", measured=tmp_path / "m.csv", columns={name: "x"})
-    _, rows = section(page.read_text(encoding="utf-8"))
+    _, rows = section(charts_with(log, tmp_path / "x.html", {name: "x"}, measured=tmp_path / "m.csv")[1])
     assert [row[1][0] for row in rows] == ["whole"]

@@ -28,15 +28,11 @@ OTHERS += ("climb", "side_slope", "hold", "half_round", "washboard", "rough", "s
 LONG = ("soft_ground", "treadmill", "plate_press", "shear_sled", "marder")  # on soil; the equilibrium of most wheels
 
 
-def takes_seconds(name, kind):
-    return name in LONG or kind == "beam" or (name in OTHERS and kind != "flexible")
-
-
 CASES = [
-    pytest.param(name, kind, marks=[pytest.mark.long] * takes_seconds(name, kind))
-    for name in SCENES
-    for kind in VARIANTS
-]
+    pytest.param(name, kind, marks=[pytest.mark.long] * (
+        name in LONG or kind == "beam" or (name in OTHERS and kind != "flexible")
+    )) for name in SCENES for kind in VARIANTS
+]  # fmt: skip
 
 
 def variant(name, kind):
@@ -59,10 +55,6 @@ def described(kind, config, folder):
     return {v.get("name"): v[0].get("start") for v in xml.iter("ScalarVariable") if v.get("causality") != "output"}
 
 
-def text(value):
-    return value if isinstance(value, str) else repr(float(value))
-
-
 OTHER = {"left": "right", "right": "left"}
 
 
@@ -79,7 +71,7 @@ def test_every_parameter_of_a_scene_is_a_start_value(name, kind, tmp_path):
     for part in parts.values():
         types = {type(port.start) for port in component_ports(part.kind, part.config)}
         assert types <= {float, int, str}, part.name  # exactly: they are the types of FMI
-        wanted = {key: text(value) for key, value in part.parameters.items()}
+        wanted = {key: v if isinstance(v, str) else repr(float(v)) for key, v in part.parameters.items()}
         lateral = float(wanted.pop("start.lateral", 0.0))
         over = wanted.pop(INTERVAL, "1.0")
         fitting = [

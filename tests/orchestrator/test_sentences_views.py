@@ -15,8 +15,7 @@ import pytest
 from made_logs import of_columns
 from matplotlib import image
 from PIL import Image
-from test_ground_tables import MAP, ROUGH, STEP, WAVES, read_file
-from test_points import write_parquet, write_tdms
+from test_scene_files import MAP, ROUGH, STEP, WAVES, read_file, write_parquet, write_tdms
 from view_logs import hanging_log, stretched
 
 from fmus.interface.model import InvalidParameter

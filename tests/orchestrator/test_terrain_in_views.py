@@ -43,20 +43,11 @@ GROUNDS = {
 
 def surface_of(name, **start):
     """Ground of a scene of that name, and the heights at places in world by its table alone."""
-    settings = [f"ground.{key}={written(value)}" for key, value in GROUNDS[name].items()]
-    scene = load(
-        "straight", "rigid", (*settings, *(f"start.{key}={value}" for key, value in start.items()))
-    ).model_dump()
-    vehicle = scene["vehicle"]
-    level = scene["start"]["position"][2] + vehicle["road_wheel"]["z"] - vehicle["road_wheel"]["radius"]
-    level -= 2.0 * vehicle["track"]["face"]
+    settings = {f"ground.{key}": value for key, value in GROUNDS[name].items()}
+    scene = load("straight", "rigid", settings | {f"start.{key}": value for key, value in start.items()}).model_dump()
+    wheel = scene["vehicle"]["road_wheel"]
+    level = scene["start"]["position"][2] + wheel["z"] - wheel["radius"] - 2.0 * scene["vehicle"]["track"]["face"]
     return ground(scene), lambda x, y: level + heights(scene["ground"], x, y)
-
-
-def written(value):
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {written(each)}" for key, each in value.items()) + "}"
-    return f'"{value}"' if isinstance(value, str) else str(value).replace("True", "true")
 
 
 def off(drawn, true, steep):
@@ -67,11 +58,10 @@ def off(drawn, true, steep):
 def interpolated(triangles, x, y):
     """Heights of a triangulated surface at places (n,), m."""
     a, b, c = np.moveaxis(triangles.corners[triangles.numbers], 1, 0)
-    found = np.full(len(x), np.nan)
+    u, v, found = (b - a)[:, :2].T, (c - a)[:, :2].T, np.full(len(x), np.nan)
     for k, place in enumerate(np.stack([x, y], axis=1)):
-        u, v, w = b[:, :2] - a[:, :2], c[:, :2] - a[:, :2], place - a[:, :2]
-        area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-        s, t = (w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]) / area, (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]) / area
+        w, area = (place - a[:, :2]).T, u[0] * v[1] - u[1] * v[0]
+        s, t = (w[0] * v[1] - w[1] * v[0]) / area, (u[0] * w[1] - u[1] * w[0]) / area
         inside = np.flatnonzero((s > -1e-9) & (t > -1e-9) & (s + t < 1.0 + 1e-9))[0]
         found[k] = a[inside, 2] + s[inside] * (b - a)[inside, 2] + t[inside] * (c - a)[inside, 2]
     return found
@@ -80,7 +70,7 @@ def interpolated(triangles, x, y):
 @pytest.mark.parametrize("name", GROUNDS)
 def test_mesh_and_sections_are_the_heights_of_the_ground(name):
     """Mesh and sections at random places; the direction of the start plays no part."""
-    surface, true = surface_of(name, heading=0.4, position="[1.0, -2.0, 0.3]")
+    surface, true = surface_of(name, heading=0.4, position=[1.0, -2.0, 0.3])
     draw = np.random.default_rng(1)
     x, y = draw.uniform(-4.0, 4.0, (2, 150))
     places = np.stack([x, y, np.zeros(150)], axis=1)
@@ -93,14 +83,12 @@ def test_mesh_and_sections_are_the_heights_of_the_ground(name):
     assert (np.cross(b - a, c - a)[:, 2] > 0.0).all()  # the outside is up
     assert off(interpolated(triangles, x, y), true(x, y), steep) < PRECISION
     ends = lines.reshape(-1, 3)
-    rising = surface.normals(ends)[:, 2] < 0.3
-    assert off(ends[:, 2] - 0.003, true(*ends[:, :2].T), rising) < PRECISION
+    assert off(ends[:, 2] - 0.003, true(*ends[:, :2].T), surface.normals(ends)[:, 2] < 0.3) < PRECISION
     camera = projected.make_camera("right", 0.7, np.array([0.5, 0.3, 1.0]))
     line, metres = projected.section(camera, surface, -5.0, 5.0)
     along = draw.uniform(-5.0, 5.0, 300)
     at = camera.centre + along[:, None] * camera.right
-    walls = surface.normals(at)[:, 2] < 0.3
-    assert off(np.interp(along, *line.T), true(*at.T[:2]) - 1.0, walls) < PRECISION
+    assert off(np.interp(along, *line.T), true(*at.T[:2]) - 1.0, surface.normals(at)[:, 2] < 0.3) < PRECISION
     marks = camera.centre + metres[:, :1] * camera.right
     np.testing.assert_allclose(metres[:, 1], true(*marks.T[:2]) - 1.0, atol=1e-9)
     np.testing.assert_allclose(surface.station(marks), metres[:, 2], atol=1e-9)

@@ -31,25 +31,20 @@ shown = pytest.fixture(bodies_of)
 EARTH = [176, 160, 136]
 
 
-class Expected:
-    """Curves, bars and events of the log of the vehicle, by the analyses that the report shows."""
-
-    def __init__(self, path, times):
-        with Log(path) as log:
-            run = RunData(log)
-            loads = link_loads.of(run, "left_track")
-            profiles = [profile.of(run, loads, t) for t in times]
-            self.places = [each.place for each in profiles]
-            self.tensions = [each.tension / 1e3 for each in profiles]  # kN
-            column = wheel_loads.names(run).index("left_track.road_wheel[2]")
-            self.loads = np.concatenate([values[:, column] for _, values in wheel_loads.blocks(run)]) / 1e3
-            self.events = events.of(run).events
-            self.speed = log.signal("chassis.speed")
-
-
 @pytest.fixture(scope="module")
 def expected(driven):
-    return Expected(driven, [0.0, 0.02, 0.04])  # at 50 instants a second
+    """Curves, bars at 50 instants a second and events of the vehicle, by the analyses that the report shows."""
+    with Log(driven) as log:
+        run = RunData(log)
+        loads, column = link_loads.of(run, "left_track"), wheel_loads.names(run).index("left_track.road_wheel[2]")
+        profiles = [profile.of(run, loads, t) for t in (0.0, 0.02, 0.04)]
+        return SimpleNamespace(
+            places=[each.place for each in profiles],
+            tensions=[each.tension / 1e3 for each in profiles],  # kN
+            loads=np.concatenate([values[:, column] for _, values in wheel_loads.blocks(run)]) / 1e3,
+            events=events.of(run).events,
+            speed=log.signal("chassis.speed"),
+        )
 
 
 # --- Rerun and Foxglove ----------------------------------------------------------------------------
