@@ -1,4 +1,4 @@
-"""Names that ``import cotrack`` offers, and packages that it needs; odd settings run, stderr has no text of a library."""
+"""Names that ``import cotrack`` offers, packages that it needs; odd settings run, stderr has no text of a library."""
 
 import pkgutil
 import re

@@ -205,7 +205,11 @@ def test_what_came_in_is_what_became_of_it_in_the_printed_digits():
         parts = (scale, *(-one for one in (*flows, energy["residual"], *energy["stored"].values())))
         missed += sum(round(part * factor) for part in parts) != 0
     assert missed > 30, "rounding alone would do"
-    assert "motion" in " ".join(balance_of(energy_of(258e3, 167e3, 0.0, 82e3, 0.0, gravity=-11.8e3))[0][1])
+    energy = energy_of(258e3, 167e3, 0.0, 82e3, 4e3, gravity=-11.8e3)
+    assert "motion" in " ".join(balance_of(energy)[0][1])
+    (told,) = (line for line in lines(summary.empty("a", None) | {"energy": energy}) if "energy ledger: " in line)
+    assert "258000 J put in = " in told
+    assert "82000 J done on the towed load + 4000 J delivered to winch" in told
 
 
 @pytest.mark.parametrize(("work", "shown"), [(0.0, False), (4e-4, False), (2e-3, True)])

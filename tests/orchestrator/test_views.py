@@ -1,4 +1,4 @@
-"""What views draw: pictures, films and stills, curves, and files of Rerun and Foxglove, against log and analyses."""
+"""Pictures, films and stills, curves, and files of Rerun and Foxglove of a run, against log and analyses."""
 
 import json
 import re
