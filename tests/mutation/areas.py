@@ -58,7 +58,7 @@ AREAS = (
          ("tests/orchestrator/test_scene.py", "tests/orchestrator/test_scene_refused.py",
           "tests/orchestrator/test_track_settings.py", "tests/orchestrator/test_cli.py",
           "tests/orchestrator/test_summary.py", "tests/orchestrator/test_replays.py",
-          "tests/orchestrator/test_view_command.py", "tests/orchestrator/test_interrupted_commands.py")),
+          "tests/orchestrator/test_views.py", "tests/orchestrator/test_interrupted_commands.py")),
 )  # fmt: skip
 
 # Faults like those that once survived their nearest tests: file, old text, new text.

@@ -2,19 +2,20 @@
 
 import json
 import re
+import warnings
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from unittest import mock
 
 from made_logs import of_columns
+from view_logs import ran
 
-from orchestrator.execution.log_report import _judge
-from orchestrator.execution.simulate import simulate
-from orchestrator.log.reader import Log
+from orchestrator.execution import log_report
+from orchestrator.log.notices import LogNotice
 from orchestrator.results.ground_surface import ground
-from orchestrator.results.page.document import document
-from orchestrator.results.page.evaluation import evaluate
+from orchestrator.results.page import document
 from orchestrator.results.run_data import RunData
-from orchestrator.scene.scene import load
 
-PLOTS = "/* plotly.js v0 */"  # replaces the library
 HOSTILE = "</script><b onload='x()'>&\"\u2028<img src=https://example.org/x.png>"
 # the vehicle falls onto its springs, so that there is motion
 BUMP = "ground.bump={start=0.5, rise=0.2, slope=0.35, length=0.6, radius=0.15}"
@@ -25,37 +26,42 @@ HANGING = ["run.stop=0.02 s", *(f"expect.{name}.{end}" for name in CHECKS for en
 
 def vehicle_log(tmp_path_factory):
     """Log of a vehicle of rigid links that falls onto its springs."""
-    path = tmp_path_factory.mktemp("page") / "vehicle.mcap"
-    assert simulate(load("straight", "rigid", SETTINGS), path)["status"] == "ok"
-    return path
+    return ran(tmp_path_factory, "straight", "rigid", SETTINGS)
 
 
-def hanging_log(tmp_path_factory):
+def hanging_log(tmp_path_factory, *settings):
     """Log of a short run of a hanging chain, with its checks."""
-    path = tmp_path_factory.mktemp("page") / "hanging.mcap"
-    assert simulate(load("hanging_chain", "flexible", HANGING), path)["status"] == "ok"
-    return path
+    return ran(tmp_path_factory, "hanging_chain", "flexible", [*HANGING, *settings])
 
 
 def page(path, reference=None):
-    with Log(path) as log:
-        run = RunData(log)
-        other = None
-        if reference:
-            with Log(reference) as second:
-                known = RunData(second)
-                return document(evaluate(run, _judge(run)), evaluate(known, _judge(known)), PLOTS)
-        return document(evaluate(run, _judge(run)), other, PLOTS)
+    """HTML of the page of a log, without the library that draws its curves."""
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogNotice)
+        written_page = Path(folder) / "x.html"
+        with mock.patch.multiple(document, plotting=str), mock.patch.multiple(log_report, plotting=str):
+            log_report.report(path, written_page, reference, different=True)
+        return written_page.read_text(encoding="utf-8")
 
 
 def embedded(html):
     return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)[1])
 
 
+def charts_of(path, reference=None):
+    return embedded(page(path, reference))["charts"]
+
+
 def signal(log, name):
     topic, column = log.find(name)
     series = log.read(topic)
     return series.t, series.values[:, column]
+
+
+def change(log, name):
+    """Last value of a signal less its first one."""
+    values = signal(log, name)[1]
+    return values[-1] - values[0]
 
 
 def written(path, columns, t, scene=None, closed="ok", links=None, **options):
@@ -73,3 +79,13 @@ def side_of_links(log):
     )
     axle = log.sample(["left_drive.sprocket.position.x"], series.t)[:, 0]  # also at the end, where no step begins
     return series.t, x - axle[:, None], z - ground(RunData(log).scene).level, axle
+
+
+PAGES = {}  # by log
+
+
+def vehicle_page(vehicle):
+    """HTML of the page of the log of the vehicle, which all modules of a process share."""
+    if vehicle not in PAGES:
+        PAGES[vehicle] = page(vehicle)
+    return PAGES[vehicle]

@@ -72,22 +72,20 @@ def missing(shown, printed):
     return None if not lines or lines[-1].strip() == "..." or pattern(lines).fullmatch(printed) else "the end"
 
 
-def test_what_is_shown_is_compared():
-    printed = "one\ntwo 2\nthree\n"
-    assert missing("one\n...\nthree\n", printed) is None
-    assert missing("one\ntwo ...\nthree\n", printed) is None
-    assert missing("one\nthree\n", printed) == "three"
-    assert missing("...\nfour\n", printed) == "four"
-    assert missing("one\ntwo 2\n", printed) == "the end"
-    assert missing("one\n...\n", printed) is None
-    assert missing("one\n  ...\n", printed) is None
-    assert missing("", printed) is None
-    fast = "  8 s simulated in 2.8 s, 2.84 times as fast as real time, after 0.963 s of start-up\n"
-    slow = "  8 s simulated in 9.8 s, 1.2 times slower than real time, after 12 s of start-up\n"
-    assert missing(fast, slow) is None
-    assert missing(fast, slow.replace("8 s", "7 s", 1)) is not None
-    assert missing("  log logs/a.mcap (55.3 MB)\n", "  log logs/a.mcap (900 kB)\n") is None
-    assert missing("  log logs/a.mcap (55.3 MB)\n", "  log logs/b.mcap (55.3 MB)\n") is not None
+FAST = "  8 s simulated in 2.8 s, 2.84 times as fast as real time, after 0.963 s of start-up\n"
+SLOW = "  8 s simulated in 9.8 s, 1.2 times slower than real time, after 12 s of start-up\n"
+THREE = "one\ntwo 2\nthree\n"
+
+
+@pytest.mark.parametrize(("shown", "printed", "lacks"), [
+    ("one\n...\nthree\n", THREE, None), ("one\ntwo ...\nthree\n", THREE, None), ("one\n...\n", THREE, None),
+    ("one\n  ...\n", THREE, None), ("", THREE, None), ("one\nthree\n", THREE, "three"), ("...\nfour\n", THREE, "four"),
+    ("one\ntwo 2\n", THREE, "the end"), (FAST, SLOW, None), (FAST, SLOW.replace("8 s", "7 s", 1), FAST[:-1]),
+    ("  log logs/a.mcap (55.3 MB)\n", "  log logs/a.mcap (900 kB)\n", None),
+    ("  log logs/a.mcap (55.3 MB)\n", "  log logs/b.mcap (55.3 MB)\n", "  log logs/a.mcap "),
+])  # fmt: skip
+def test_what_is_shown_is_compared(shown, printed, lacks):
+    assert missing(shown, printed) == (MEASURED.sub("", lacks) if lacks else None)
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -113,81 +111,60 @@ def test_named_modules_exist():
     assert [path for path in named if not (ROOT / path).is_file()] == []
 
 
-def command_lines(page):
-    """Commands of the blocks ``sh`` of a page, without their comments; lists "a|b" as their first entry."""
-    lines = [
-        line.partition(" #")[0] for block in blocks(page) if block.language == "sh" for line in block.text.splitlines()
-    ]
-    return [[word.partition("|")[0] for word in shlex.split(line)] for line in lines if line.startswith("cotrack ")]
-
-
 def test_listed_commands_are_known():
-    """Every command of the list exists, with its options."""
-    listed = command_lines("orchestrator/commands.md")
-    assert len(listed) == 52
-    for line in listed:
-        refusal(line[1:])
+    """Every command of the list, without comments and of "a|b" the first, exists with its options."""
+    text = "".join(block.text for block in blocks("orchestrator/commands.md") if block.language == "sh")
+    lines = [shlex.split(line.partition(" #")[0]) for line in text.splitlines() if line.startswith("cotrack ")]
+    assert len(lines) == 52
+    for _, *words in lines:
+        parse([word.partition("|")[0] for word in words])
     with pytest.raises(Exception, match="no-such-option"):
-        refusal(["run", "straight", "--no-such-option"])
+        parse(["run", "straight", "--no-such-option"])
 
 
-def refusal(arguments):
+def parse(arguments):
     """Parse arguments; raises click's error for an unknown command or option."""
     command = click_command(app)
     while hasattr(command, "commands"):
         name, *arguments = arguments
         assert name in command.commands, name
         command = command.commands[name]
-    parser = command.make_parser(command.context_class(command))
-    parser.parse_args(list(arguments))
+    command.make_parser(command.context_class(command)).parse_args(list(arguments))
 
 
-class Reader:
-    """Works through pages in a folder."""
-
-    def __init__(self, cotrack, capsys):
-        self.cotrack, self.capsys = cotrack, capsys
-        self.names = {}
-
-    def work_through(self, page):
-        """Do what a page says; raises AssertionError with the line that is not printed."""
-        for block in blocks(page):
-            if block.file:
-                Path(block.file).write_text(block.text, encoding="utf-8")
-            elif block.language == "console":
-                for line, shown in COMMAND.findall(block.text):
-                    printed = self.printed(line)
-                    lacks = missing(shown, printed)
-                    assert lacks is None, f"{page}, {line}: {lacks!r} is not printed\n{printed}"
-            elif block.language == "python":
-                exec(compile(block.text, page, "exec"), self.names)
-                printed = self.capsys.readouterr().out
-                lacks = missing(block.output, printed)
-                assert lacks is None, f"{page}: {lacks!r} is not printed\n{printed}"
-
-    def printed(self, line):
-        """Refusals and stdout of a command line."""
-        words = shlex.split(line, comments=True)
-        if words[0] == "cotrack" and not {"|", ">"} & set(words):
-            _, out, err = self.cotrack(*words[1:])
-            return "".join(f"{each}\n" for each in err.splitlines() if each.startswith("cotrack: ")) + out
-        shell = f'cotrack() {{ "{sys.executable}" -m orchestrator "$@"; }}\npython() {{ "{sys.executable}" "$@"; }}\n'
-        path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-        done = subprocess.run(
-            ["bash", "-c", shell + line], env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True
-        )
-        assert done.returncode == 0, (line, messages(done.stderr))
-        return done.stdout
+def printed_by(line, cotrack):
+    """Refusals and stdout of a command line."""
+    words = shlex.split(line, comments=True)
+    if words[0] == "cotrack" and not {"|", ">"} & set(words):
+        _, out, err = cotrack(*words[1:])
+        return "".join(f"{each}\n" for each in err.splitlines() if each.startswith("cotrack: ")) + out
+    shell = f'cotrack() {{ "{sys.executable}" -m orchestrator "$@"; }}\npython() {{ "{sys.executable}" "$@"; }}\n'
+    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    command = ["bash", "-c", shell + line]
+    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True)
+    assert done.returncode == 0, (line, messages(done.stderr))
+    return done.stdout
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("pages", READ.values(), ids=READ)
 def test_pages_print_what_they_show(pages, cotrack, tmp_path, monkeypatch, capsys):
+    """In the order of the pages: files are written, commands and Python are run."""
     monkeypatch.chdir(tmp_path)
     Path("tests").symlink_to(ROOT / "tests")
-    reader = Reader(cotrack, capsys)
-    for page in pages:
-        reader.work_through(page)
+    names = {}
+    for page, block in ((name, block) for name in pages for block in blocks(name)):
+        shown = []
+        if block.file:
+            Path(block.file).write_text(block.text, encoding="utf-8")
+        elif block.language == "console":
+            shown = [(line, text, printed_by(line, cotrack)) for line, text in COMMAND.findall(block.text)]
+        elif block.language == "python":
+            exec(compile(block.text, page, "exec"), names)
+            shown = [("python", block.output, capsys.readouterr().out)]
+        for line, text, printed in shown:
+            lacks = missing(text, printed)
+            assert lacks is None, f"{page}, {line}: {lacks!r} is not printed\n{printed}"
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""Terrain as it is drawn and as links touch it, against the heights of the ground."""
+"""Ground as it is drawn and as links touch it, against the heights of the ground and the contact law."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,9 @@ from matplotlib.figure import Figure
 from packed import unpacked
 from view_logs import bodies_of, decoded, terrain_log
 
+from fmus.ground.contact import ground_shape
 from fmus.ground.terrain import heights
+from fmus.physics.contact.ground import surface_depth
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.results.ground_mesh import MOST, PRECISION, bends, ground_mesh
@@ -22,7 +24,6 @@ from orchestrator.scene.scene import load
 driven = pytest.fixture(scope="module")(terrain_log)
 shown = pytest.fixture(bodies_of)
 
-ACROSS, ALONG = 0.25, 0.5 / np.sqrt(3.0)  # of the width and the pitch: contact points of rigid links, from the middle
 GROUNDS = {
     "inclined": {"grade": 0.2, "bank": -0.1, "incline_start": 1.0},
     "stairs": {"step": {"x": [1.0, 2.5], "rise": 0.3, "radius": 0.02}},
@@ -42,20 +43,11 @@ GROUNDS = {
 
 def surface_of(name, **start):
     """Ground of a scene of that name, and the heights at places in world by its table alone."""
-    settings = [f"ground.{key}={written(value)}" for key, value in GROUNDS[name].items()]
-    scene = load(
-        "straight", "rigid", (*settings, *(f"start.{key}={value}" for key, value in start.items()))
-    ).model_dump()
-    vehicle = scene["vehicle"]
-    level = scene["start"]["position"][2] + vehicle["road_wheel"]["z"] - vehicle["road_wheel"]["radius"]
-    level -= 2.0 * vehicle["track"]["face"]
+    settings = {f"ground.{key}": value for key, value in GROUNDS[name].items()}
+    scene = load("straight", "rigid", settings | {f"start.{key}": value for key, value in start.items()}).model_dump()
+    wheel = scene["vehicle"]["road_wheel"]
+    level = scene["start"]["position"][2] + wheel["z"] - wheel["radius"] - 2.0 * scene["vehicle"]["track"]["face"]
     return ground(scene), lambda x, y: level + heights(scene["ground"], x, y)
-
-
-def written(value):
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {written(each)}" for key, each in value.items()) + "}"
-    return f'"{value}"' if isinstance(value, str) else str(value).replace("True", "true")
 
 
 def off(drawn, true, steep):
@@ -66,11 +58,10 @@ def off(drawn, true, steep):
 def interpolated(triangles, x, y):
     """Heights of a triangulated surface at places (n,), m."""
     a, b, c = np.moveaxis(triangles.corners[triangles.numbers], 1, 0)
-    found = np.full(len(x), np.nan)
+    u, v, found = (b - a)[:, :2].T, (c - a)[:, :2].T, np.full(len(x), np.nan)
     for k, place in enumerate(np.stack([x, y], axis=1)):
-        u, v, w = b[:, :2] - a[:, :2], c[:, :2] - a[:, :2], place - a[:, :2]
-        area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-        s, t = (w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]) / area, (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]) / area
+        w, area = (place - a[:, :2]).T, u[0] * v[1] - u[1] * v[0]
+        s, t = (w[0] * v[1] - w[1] * v[0]) / area, (u[0] * w[1] - u[1] * w[0]) / area
         inside = np.flatnonzero((s > -1e-9) & (t > -1e-9) & (s + t < 1.0 + 1e-9))[0]
         found[k] = a[inside, 2] + s[inside] * (b - a)[inside, 2] + t[inside] * (c - a)[inside, 2]
     return found
@@ -79,7 +70,7 @@ def interpolated(triangles, x, y):
 @pytest.mark.parametrize("name", GROUNDS)
 def test_mesh_and_sections_are_the_heights_of_the_ground(name):
     """Mesh and sections at random places; the direction of the start plays no part."""
-    surface, true = surface_of(name, heading=0.4, position="[1.0, -2.0, 0.3]")
+    surface, true = surface_of(name, heading=0.4, position=[1.0, -2.0, 0.3])
     draw = np.random.default_rng(1)
     x, y = draw.uniform(-4.0, 4.0, (2, 150))
     places = np.stack([x, y, np.zeros(150)], axis=1)
@@ -92,14 +83,12 @@ def test_mesh_and_sections_are_the_heights_of_the_ground(name):
     assert (np.cross(b - a, c - a)[:, 2] > 0.0).all()  # the outside is up
     assert off(interpolated(triangles, x, y), true(x, y), steep) < PRECISION
     ends = lines.reshape(-1, 3)
-    rising = surface.normals(ends)[:, 2] < 0.3
-    assert off(ends[:, 2] - 0.003, true(*ends[:, :2].T), rising) < PRECISION
+    assert off(ends[:, 2] - 0.003, true(*ends[:, :2].T), surface.normals(ends)[:, 2] < 0.3) < PRECISION
     camera = projected.make_camera("right", 0.7, np.array([0.5, 0.3, 1.0]))
     line, metres = projected.section(camera, surface, -5.0, 5.0)
     along = draw.uniform(-5.0, 5.0, 300)
     at = camera.centre + along[:, None] * camera.right
-    walls = surface.normals(at)[:, 2] < 0.3
-    assert off(np.interp(along, *line.T), true(*at.T[:2]) - 1.0, walls) < PRECISION
+    assert off(np.interp(along, *line.T), true(*at.T[:2]) - 1.0, surface.normals(at)[:, 2] < 0.3) < PRECISION
     marks = camera.centre + metres[:, :1] * camera.right
     np.testing.assert_allclose(metres[:, 1], true(*marks.T[:2]) - 1.0, atol=1e-9)
     np.testing.assert_allclose(surface.station(marks), metres[:, 2], atol=1e-9)
@@ -131,46 +120,6 @@ def test_a_plane_needs_one_quadrangle_and_a_long_way_no_more_than_allowed():
 
 
 @pytest.mark.long
-def test_links_touch_the_drawn_ground(shown):
-    """Links lie as deep in the drawn ground as recorded, on the slope and on the half round; means over a step."""
-    log, bodies, poses = shown
-    smooth, curved = depths_apart(log, bodies, poses, bodies.ground)
-    assert np.median(smooth) < 1e-5  # links that are thrown bend the means over their step
-    assert smooth.max() < 5e-5
-    assert curved.max() < 5e-5
-    assert (len(smooth), len(curved)) > (200, 10)
-    higher = bodies.ground._replace(level=bodies.ground.level + 1e-3)
-    assert np.median(depths_apart(log, bodies, poses, higher)[0]) > 5e-4
-
-
-def depths_apart(log, bodies, poses, surface):
-    """Errors of depths on the plane and elsewhere, m; distances from the half round are sought along x."""
-    apart, even = [], []
-    vehicle, plane = bodies.scene["vehicle"]["track"], np.array([-0.2, 0.1, 1.0]) / np.sqrt(1.05)
-    aside = np.linspace(-0.03, 0.03, 601)
-    for track in bodies.tracks:
-        links = poses.links[track.name]
-        recorded = log.sample([f"{track.name}.link[{i + 1}].ground.depth" for i in range(track.links)], poses.t)
-        points = np.stack([
-            links.centres + side * ALONG * vehicle["pitch"] * links.axes[..., 0]
-            + left * ACROSS * vehicle["width"] * links.axes[..., 1] + track.half[2] * links.axes[..., 2]
-            for side in (-1, 1) for left in (-1, 1)
-        ])  # fmt: skip
-        above = points[..., 2] - surface.height_under(points)
-        deep = np.full(above.shape, -1.0)
-        for k in zip(*np.nonzero(above < 0.0), strict=True):
-            line = points[k] + aside[:, None] * [1.0, 0.0, 0.0]
-            deep[k] = np.sqrt((aside**2 + (surface.height_under(line) - line[:, 2]) ** 2 / 1.01).min())
-        level = (surface.normals(points) @ plane > 1.0 - 1e-9) | (above > 0.0)
-        deep, level = deep.max(axis=0), level.all(axis=0)
-        steady = (deep[1:] > 1e-4) & (deep[:-1] > 1e-4) & (recorded[1:] > 1e-4)
-        apart.append(np.abs(0.5 * (deep[1:] + deep[:-1]) - recorded[1:])[steady])
-        even.append((level[1:] & level[:-1])[steady])
-    apart, even = np.concatenate(apart), np.concatenate(even)
-    return apart[even], apart[~even]
-
-
-@pytest.mark.long
 def test_the_deepest_place_is_the_ground_where_it_is(shown):
     log, _, _ = shown
     depth = chain_checks.depths(RunData(log), "left_track", 0.02)["ground"]
@@ -190,26 +139,13 @@ def test_renderers_draw_that_ground(shown, tmp_path, monkeypatch):
     steep = surface.normals(points)[:, 2] < 0.3
     assert off(points[:, 2], surface.height_under(points), steep) < 1e-5  # numbers of the file are float32
     assert np.ptp(points[:, 0]) > 10.0
-    # film: sections under both tracks from the right, the patch from a corner
-    for eye in ("right", "corner"):
-        picture = film.FilmPicture(bodies, eye, 400)
-        camera = picture._camera(poses, 0)
-        picture._ground(camera, poses, 0)
-        outlines = [path.vertices for path in picture._earth.get_paths()]
-        if eye == "right":
-            for outline, track in zip(outlines, ("left_track", "right_track"), strict=True):
-                middle = poses.links[track].centres[0].mean(axis=0)
-                nearer = (middle - camera.centre) @ camera.toward + bodies.tracks[0].half[1]
-                line = outline[:-3][np.abs(outline[:-3, 0]) < 3.0]
-                at = camera.centre + nearer * camera.toward + line[:, :1] * camera.right
-                assert (
-                    off(line[:, 1], surface.height_under(at) - camera.centre[2], surface.normals(at)[:, 2] < 0.3) < 1e-9
-                )
-        else:
-            mesh = picture._mesh.around(camera.centre[:2], 2.0 * picture._half)
-            corners = camera.project(mesh.corners().reshape(-1, 3))
-            drawn = np.concatenate([outline[:4] for outline in outlines])
-            assert max(np.abs(corners - point).sum(axis=1).min() for point in drawn[::40]) < 1e-9
+    seen = []
+    section = projected.section
+    monkeypatch.setattr(projected, "section", lambda *given: (seen.append(given), section(*given))[1])
+    next(film.FilmPicture(bodies, "right", 400).frames(1.0))  # a film: sections under both tracks
+    for (camera, ground_of_film, *_, near), track in zip(seen, ("left_track", "right_track"), strict=False):
+        middle = (poses.links[track].centres[0].mean(axis=0) - camera.centre) @ camera.toward
+        assert (ground_of_film, near) == (surface, pytest.approx(middle + bodies.tracks[0].half[1], abs=1e-12))
     # side view and player: the section under the track
     view = flat_views.side_view(bodies, poses)
     pane = Figure().subplots()
@@ -232,9 +168,30 @@ def test_renderers_draw_that_ground(shown, tmp_path, monkeypatch):
     assert off(first[:, 1], over, surface.normals(at)[:, 2] < 0.3) < 1e-5
 
 
+# --- the line of a bump against the contact law ------------------------------------------------------
+
+BUMP = "ground.bump={start=2, rise=0.2, slope=0.35, length=0.6, radius=0.15}"
+
+
+@pytest.mark.parametrize("settings", [(), (BUMP,), (BUMP, "start.position=[3.0, -1.0, 0.5]", "start.heading=0.4")])
+def test_points_of_the_line_lie_on_the_ground(settings):
+    scene = load("straight", "rigid", settings)
+    profile = ground(scene.model_dump())
+    bump = scene.ground.bump and scene.ground.bump.model_dump()
+    shape = ground_shape(scene.vehicle.model_dump(), {"bump": bump}, {"start.height": 0.0})
+    along = np.concatenate([np.linspace(-1.0, 6.0, 300), profile.along])
+    depths = [
+        surface_depth(shape, x, z - profile.start[2])[0] for x, z in zip(along, profile.height_at(along), strict=True)
+    ]
+    # a straight line between two points of an arc is below it by less than this
+    assert np.abs(depths).max() < 0.15 * (0.35 / 8) ** 2 / 8 * 1.1
+    assert len(profile.along) == (36 if bump else 0)
+    assert not bump or profile.height_at(np.array([profile.along.mean()]))[0] == pytest.approx(profile.level + 0.2)
+
+
 def test_a_ground_that_is_no_ground_is_refused(driven, monkeypatch):
     with Log(driven) as log:
         run = RunData(log)
         run.scene["ground"]["half_round"] = {"x": [1.0], "radius": "much"}
-        with pytest.raises(BadInput, match=r"terrain.mcap: scene.json: ground: "):
+        with pytest.raises(BadInput):
             Bodies(run, 25.0)

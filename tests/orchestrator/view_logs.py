@@ -9,39 +9,42 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.scene.scene import load
 
-STOP, STEP = 0.04, 1e-3
-SHOWN = '["tension", "position", "ground", "sliding", "depth", "axis"]'
+STEP = 1e-3
+SHOWN = (
+    f"run.step={STEP}", "run.links=1", "expect={}", "start.state=drawn", "start.heading=0.4",
+    "start.position=[1.0, -2.0, 0.3]",
+    'track.link_outputs=["tension", "position", "ground", "sliding", "depth", "axis"]',
+)  # fmt: skip
+BUMP = "ground.bump={start=-2.4, rise=0.01, slope=0.1, length=0.5, radius=0.02}"
+TERRAIN = "ground.grade=0.2", "ground.bank=-0.1", "ground.half_round={x=[-1.0], radius=0.05}"
+
+
+RAN = {}  # by scene, model and settings
+
+
+def ran(tmp_path_factory, name, model, settings):
+    """Log of a run, which all modules of a process share."""
+    key = name, model, tuple(settings)
+    if key not in RAN:
+        RAN[key] = tmp_path_factory.mktemp(name) / "run.mcap"
+        simulate(load(name, model, settings), RAN[key])
+    return RAN[key]
 
 
 def driven_log(tmp_path_factory):
     """Log of a vehicle that settles on a low bump, turned by 0.4 rad; links are recorded at each step."""
-    path = tmp_path_factory.mktemp("views") / "run.mcap"
-    settings = (
-        f"run.stop={STOP}", f"run.step={STEP}", "run.links=1", "expect={}", f"track.link_outputs={SHOWN}",
-        "start.state=drawn", "start.heading=0.4", "start.position=[1.0, -2.0, 0.3]",
-        "ground.bump={start=-2.4, rise=0.01, slope=0.1, length=0.5, radius=0.02}",
-    )  # fmt: skip
-    simulate(load("straight", "flexible", settings), path)
-    return path
+    return ran(tmp_path_factory, "straight", "flexible", (*SHOWN, "run.stop=0.04", BUMP))
 
 
 def terrain_log(tmp_path_factory):
     """Log of a vehicle of rigid links that falls on a slope, banked, with a half round under its wheels."""
-    path = tmp_path_factory.mktemp("views") / "terrain.mcap"
-    settings = (
-        "run.stop=0.02", f"run.step={STEP}", "run.links=1", "expect={}", f"track.link_outputs={SHOWN}",
-        "start.state=drawn", "start.heading=0.4", "start.position=[1.0, -2.0, 0.3]", "ground.grade=0.2",
-        "ground.bank=-0.1", "ground.half_round={x=[-1.0], radius=0.05}",
-    )  # fmt: skip
-    simulate(load("straight", "rigid", settings), path)
-    return path
+    return ran(tmp_path_factory, "straight", "rigid", (*SHOWN, "run.stop=0.02", *TERRAIN))
 
 
 def hanging_log(tmp_path_factory):
     """Log of an open chain, without wheels, hull and ground."""
-    path = tmp_path_factory.mktemp("views") / "chain.mcap"
-    simulate(load("hanging_chain", "flexible", ("run.stop=0.02", "chain.links=8", "run.links=5", "expect={}")), path)
-    return path
+    settings = ("run.stop=0.02", "chain.links=8", "run.links=5", "expect={}")
+    return ran(tmp_path_factory, "hanging_chain", "flexible", settings)
 
 
 def bodies_of(driven):
@@ -78,9 +81,8 @@ def decoded(path, topic):
     messages = []
     with path.open("rb") as file:
         for schema, _, message in make_reader(file).iter_messages(topic):
-            files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
             pool = descriptor_pool.DescriptorPool()
-            for each in files.file:
+            for each in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
                 pool.Add(each)
             kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
             messages.append(kind.FromString(message.data))

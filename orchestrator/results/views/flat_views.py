@@ -61,7 +61,7 @@ def draw_side(path: Path, output: Path, times: Sequence[float] | None = None) ->
             bodies = None
         if not (bodies and bodies.tracks):
             raise BadInput(f"{path} holds no links to draw")
-        bodies.select_instants(_moving_instants(bodies.t, bodies.end, times, None if times else _moving(run, track)))
+        bodies.select_instants(moving_instants(bodies.t, bodies.end, times, None if times else _moving(run, track)))
         save_figure(_figure(bodies), output)
 
 
@@ -167,7 +167,7 @@ def _moving(run: RunData, track: str) -> Window | None:
     return Window(float(moves[0]), float(moves[-1])) if len(moves) else None
 
 
-def _moving_instants(
+def moving_instants(
     recorded: Floats, end: float, times: Sequence[float] | None, moving: Window | None = None
 ) -> list[float]:
     """Return the recorded instants nearest to the times, s; raises BadInput for times outside of the run.
@@ -272,7 +272,7 @@ def _draw_views(pane: Axes, views: Sequence[TopView], size: float) -> None:
             width=0.0015 if by_link else 0.003,
         )  # fmt: skip
         pane.plot(*view.hull, "o", color="0.3", markersize=3)
-    for place, text in _labels(views, size):
+    for place, text in labels(views, size):
         pane.annotate(text, tuple(place), textcoords="offset points", xytext=(4, 4), fontsize=8)
     scale = scale_arrow(longest, largest / longest)
     pane.quiverkey(drawn, 0.92, 0.04, scale.length, scale.label, color="C3", fontproperties={"size": 8})
@@ -280,18 +280,18 @@ def _draw_views(pane: Axes, views: Sequence[TopView], size: float) -> None:
     pane.plot([], [], color="C3", label=f"force of the ground on a {what}, up to {largest / 1e3:.3g} kN")
 
 
-def _labels(views: Sequence[TopView], size: float) -> list[tuple[Floats, str]]:
-    """Places, m, and texts of the times: at the hull or, beside another label, at its front, if need be together."""
-    labels: list[tuple[Floats, list[str]]] = []
+def labels(views: Sequence[TopView], size: float) -> list[tuple[Floats, str]]:
+    """Return places, m, and texts of the times: at the hull or, beside another label, at its front, if need be together."""
+    found: list[tuple[Floats, list[str]]] = []
     for view in views:
         front = max(float(((corners - view.hull) @ view.ahead).max()) for corners in view.links)
         for place in (view.hull, view.hull + front * view.ahead):
-            near = [texts for other, texts in labels if (np.abs(other - place) < np.multiply(LABEL, size)).all()]
+            near = [texts for other, texts in found if (np.abs(other - place) < np.multiply(LABEL, size)).all()]
             if not near:
-                labels.append((place, []))
+                found.append((place, []))
                 break
-        (near[0] if near else labels[-1][1]).append(f"{view.t:.3g}")
-    return [(place, f"{', '.join(texts)} s") for place, texts in labels]
+        (near[0] if near else found[-1][1]).append(f"{view.t:.3g}")
+    return [(place, f"{', '.join(texts)} s") for place, texts in found]
 
 
 def _draw_heights(pane: Axes, ground: GroundSurface, low: Floats, high: Floats) -> None:

@@ -279,7 +279,7 @@ def follow(path: Path, output: Path | None = None, colour: str | None = None) ->
     """
     with opened(path, output) as scene:
         sent, reach, scale, started = float("-inf"), Reach(), (0.0, 1.0), False
-        for log, end in _grown(path):
+        for log, end in reopened(path):
             if end <= sent:
                 continue
             run = RunData(log)
@@ -304,7 +304,7 @@ def follow(path: Path, output: Path | None = None, colour: str | None = None) ->
             sent, reach = end, grown
 
 
-def _grown(path: Path) -> Iterator[tuple[Log, float]]:
+def reopened(path: Path) -> Iterator[tuple[Log, float]]:
     """Yield the log, reopened whenever it may have grown, and the time, s, up to which it has all topics."""
     began, any_record = time.monotonic(), False
     while True:
