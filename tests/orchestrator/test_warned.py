@@ -186,6 +186,18 @@ def test_a_failed_run_tells_its_warnings(cotrack, creaking, monkeypatch):
     assert entries(out) == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 12}]
 
 
+def test_the_implausible_is_said_everywhere(cotrack):
+    changes = ("--set", "drive.speed=250", "--set", "drive.ramp_start=5", "--stop", "10 ms", "--log", "a.mcap")
+    status, out, err = cotrack("run", "settle", "--track", "rigid", "--no-estimate", "--json", *changes)
+    (warning,) = (each for each in entries(out) if each["component"] == "scene")
+    assert (status, warning["count"]) == (0, 1)
+    text = "settle.toml: drive.speed = 250 rad/s: plausible is -200 to 200 rad/s (a sprocket of 0.25 m"
+    assert warning["text"].startswith(text)
+    assert any(text in line for line in err)
+    with Log("a.mcap") as log:
+        assert warning in log.closing["warnings"]
+
+
 # ------------------------------------------------------------------ tracks
 
 ONE_SIDED = ("run", "settle", "--set", 'tracks=["left"]', "--stop", "0.12", "--log", "a.mcap")
