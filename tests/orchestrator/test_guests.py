@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from foreign_fmus import Variable
 
-from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests import process, room
 from orchestrator.cosim.narration import Narration
@@ -47,14 +46,9 @@ def guest(tmp_path_factory):
 
 
 def table(fmus, connections=(), **run):
-    return {
-        "name": "guests",
-        "title": "Guests",
-        "assembly": "fmus",
-        "run": {"stop": STOP, "step": H, **run},
-        "fmu": fmus,
-        "connections": [*connections],
-    }
+    times = {"stop": STOP, "step": H}
+    more = {"run": times | run, "fmu": fmus, "connections": [*connections]}
+    return {"name": "guests", "title": "Guests", "assembly": "fmus", **more}
 
 
 def entry(guest, manner=0, **more):
@@ -145,12 +139,17 @@ def test_instances_share_a_process_only_where_there_are_too_many(guest, tmp_path
     assert together == (2.0 * STOP if shared else STOP)
 
 
-def test_too_many_fmus_are_refused(guest, tmp_path, monkeypatch):
-    monkeypatch.setattr(room, "MOST", 1)
+@pytest.mark.parametrize(("owner", "name", "value", "said"), [
+    (room, "MOST", 1, "2 FMUs need processes of their own, and a run has at most 1"),
+    (room.resource, "getrlimit", lambda which: (40, 4096),
+     r"2 FMUs need (\d+) open files, 40 are allowed: ulimit -n \1$"),
+])  # fmt: skip
+def test_too_many_fmus_are_refused(guest, tmp_path, monkeypatch, owner, name, value, said):
+    monkeypatch.setattr(owner, name, value)
     other = foreign_fmus.build(
         tmp_path / "Other.fmu", "guest", GUEST, library=foreign_fmus.library_of(guest), states=True
     )
-    with pytest.raises(ComponentFailed, match="2 FMUs need processes of their own, and a run has at most 1"):
+    with pytest.raises(ComponentFailed, match=said):
         run(tmp_path, {"a": entry(guest), "b": entry(other)})
 
 
@@ -177,10 +176,7 @@ def test_a_call_can_have_a_limit(guest, tmp_path):
 
 
 @pytest.mark.parametrize(("number", "when"), [
-    pytest.param(signal.SIGINT, WHEN, marks=pytest.mark.long),
-    (signal.SIGTERM, WHEN),
-    (signal.SIGHUP, 0.0),
-    pytest.param(signal.SIGINT, 0.0, marks=pytest.mark.long),
+    (signal.SIGTERM, WHEN), (signal.SIGHUP, 0.0), pytest.param(signal.SIGINT, WHEN, marks=pytest.mark.long),
 ])  # fmt: skip
 def test_a_run_that_hangs_can_be_interrupted(guest, tmp_path, number, when):
     text = f'title = "x"\nassembly = "fmus"\nrun = {{ stop = "{STOP} s", step = "{H} s" }}\n'
@@ -345,12 +341,6 @@ def test_a_guest_cannot_shrink_the_memory_of_the_run(guest):
             os.ftruncate(one._memory.fileno(), 0)
 
 
-def test_guests_that_need_more_open_files_than_allowed_are_refused(guest, tmp_path, monkeypatch):
-    monkeypatch.setattr(room.resource, "getrlimit", lambda which: (40, 4096))
-    with pytest.raises(ComponentFailed, match=r"2 FMUs need (\d+) open files, 40 are allowed: ulimit -n \1$"):
-        run(tmp_path, {"a": entry(guest), "b": entry(guest)})
-
-
 # --- once per process -------------------------------------------------------------------------------
 
 
@@ -360,11 +350,6 @@ def test_an_fmu_for_one_instance_has_each_in_a_process(guest, tmp_path):
     assert outputs(path, "b")[1]["together"][-1] == STOP
     with pytest.raises(ComponentFailed, match=r"b: '\S*/Once.fmu' can be instantiated once per process"):
         run(tmp_path, {"a": entry(once, in_process=True), "b": entry(once, in_process=True)})
-
-
-def test_a_bad_key_is_refused(guest):
-    with pytest.raises(BadInput, match="non_finite"):
-        any_from_table(table({"a": entry(guest, non_finite="shrug")}), "guests.toml")
 
 
 # --- time -------------------------------------------------------------------------------------------
