@@ -97,16 +97,20 @@ def test_in_the_process_of_the_run_statuses_and_outputs_are_looked_at_too(guest,
     assert outputs(path)[0][-1] == WHEN - H
 
 
-@pytest.mark.parametrize(("owner", "thread"), [(room.Room, "_listen"), (room.Rooms, "_watch")])
-def test_a_thread_that_dies_fails_the_run(guest, tmp_path, monkeypatch, owner, thread):
+def dies(*_):
+    raise KeyError("a fault of ours")
+
+
+@pytest.mark.parametrize(("owner", "name", "broken", "error"), [
+    (room, "LONGEST", "no number", TypeError),  # of bytes that are heard at once
+    (room.Room, "has_ended", dies, KeyError),  # who watches
+])  # fmt: skip
+def test_a_thread_that_dies_fails_the_run(guest, tmp_path, monkeypatch, owner, name, broken, error):
     """Who hears and who watches the guests."""
-
-    def dies(*_):
-        raise KeyError("a fault of ours")
-
-    monkeypatch.setattr(owner, thread, dies)
-    with pytest.raises(KeyError, match="a fault of ours"):
-        run(tmp_path, {"a": entry(guest)})
+    monkeypatch.setattr(owner, name, broken)
+    monkeypatch.setattr(room, "PERIOD", 1e-4)
+    with pytest.raises(error):
+        run(tmp_path, {"a": entry(guest)}, stop=1024 * H)
 
 
 def test_an_output_that_is_not_finite_can_be_a_warning(guest, tmp_path):
@@ -337,8 +341,11 @@ def test_a_guest_cannot_shrink_the_memory_of_the_run(guest):
     with room.Rooms() as rooms:
         (one,) = rooms.open([room.RoomRequest("a", guest, False, 1.0)]).values()
         one.memory(8)
-        with pytest.raises(PermissionError):
-            os.ftruncate(one._memory.fileno(), 0)
+        shared = [int(each.name) for each in Path("/proc/self/fd").iterdir() if "memfd:" in os.path.realpath(each)]
+        assert shared
+        for number in shared:
+            with pytest.raises(PermissionError):
+                os.ftruncate(number, 0)
 
 
 # --- once per process -------------------------------------------------------------------------------

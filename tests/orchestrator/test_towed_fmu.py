@@ -105,11 +105,7 @@ def test_a_force_in_other_units_is_converted(trailer, towed, tmp_path):
     [
         (TOWED, {"hitch": False}, "the chassis has a hitch only with the table [hitch], which may be empty"),
         (["trailer.force -> chassis.hitch.force.y"], {}, "symmetric = true has no lateral force"),
-        (
-            ["trailer.force -> left_track.idler.force.x"],
-            {},
-            "only chassis.hitch.force.{x,y,z}, and speed.demand",
-        ),
+        (["trailer.force -> left_track.idler.force.x"], {}, "only chassis.hitch.force.{x,y,z}, and speed.demand"),
         (["left_track.travel -> chassis.hitch.force.x", TOWED[0]], {}, "and from an FMU of the user"),
         ([], {}, "fmu.trailer: no such part, and no connection names it: the parts are left_track, left"),
         (TOWED[:1], {"name": "a/b"}, "fmu.'a/b': the name of an instance must have no dot and no slash"),
