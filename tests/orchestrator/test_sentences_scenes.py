@@ -33,7 +33,6 @@ REFUSED = {  # by scene: settings, and words of their sentence
         ("run.stop=-1", "run.stop = -1: must be 1e-09 to 1e+09 s"),
         ("run.window={from=2, to=1}", "run.window: from = 2 s must be before to = 1 s"),
         ("vehicle.chassis.mass=-3 kg", "vehicle.chassis.mass = '-3 kg': must be 0.001 to 1e+08 kg"),
-        ("vehicle.chassis.mass=nan", "vehicle.chassis.mass = nan"),
         ("vehicle.gravity=inf", "vehicle.gravity = inf: must be 0 to 1000 m/s^2"),
         ("vehicle=leopard", "no vehicle 'leopard'"),
         ("track=soft", 'must be "flexible" or "rigid"'),
@@ -54,7 +53,6 @@ REFUSED = {  # by scene: settings, and words of their sentence
         ("chain.links.first=1", "'links' is a value, not a table"),
         ("vehicle.road_wheel.x.9=0", "the list has entries [1] to [5]"),
         ("nonsense", "must be KEY=VALUE"),
-        ("assembly=boat", "must be one of chain, bench, rig, vehicle"),
         ("assembly=[1]", "must be one of chain, bench, rig, vehicle"),
         ("run.step=1e-300", "is more than 4294967295 steps of 1e-300 s"),
         ("run.stop=9**9**9 s", "must be a quantity in s: '9' is no known unit"),
@@ -68,7 +66,6 @@ REFUSED = {  # by scene: settings, and words of their sentence
         ("name=../../up", "name = '../../up'"),
         ("chain={links=8, ends='held', span=0.5}", "chain: span = 0.5 needs ends = 'pinned', not 'held'"),
         ("chain.spin=1", "spin = 1.0 needs ends = 'loop', not 'pinned'"),
-        ("chain.ovalling=1", "ovalling = 1.0 needs ends = 'loop', not 'pinned'"),
     ],
     "released_chain": [
         ("chain.ends=pinned", "ends = 'pinned' needs span"),
@@ -120,8 +117,6 @@ REFUSED = {  # by scene: settings, and words of their sentence
     ],
     "settle": [
         ("vehicle.chassis.mass=1e300", "chassis.mass = 1e+300 kg: must be 0.001 to 1e+08 kg"),
-        ("vehicle.contact.ground.friction=1e3", "contact.ground.friction = 1000: must be 0 to 100"),
-        ("drive.speed=1e6", "drive.speed = 1e+06 rad/s: must be -100000 to 100000 rad/s"),
         ("start.roll=90 deg", "start: roll = 1.5708 rad must be 0 or half a turn"),
         ("start.roll=180 deg; ground.half_round={x=[1], radius=0.1}", "ground.half_round needs start.roll = 0"),
     ],
