@@ -168,7 +168,7 @@ def test_short_steps_are_done_here():
         program.close()
 
 
-def until(true, most=10.0):
+def until(true, most=60.0):
     end = monotonic() + most
     while not true():
         assert monotonic() < end
