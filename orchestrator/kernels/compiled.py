@@ -45,8 +45,8 @@ def kernels() -> SimpleNamespace:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     llvm.initialize_native_asmparser()
-    content = _cached(_key(), _object_file)
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _processor())
+    content = cached(cache_key(), _object_file)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), processor())
     engine.add_object_file(llvm.ObjectFileRef.from_data(content))
     engine.finalize_object()
     functions = {
@@ -73,7 +73,7 @@ def function(name: str, address: int, kinds: Sequence[Any]) -> Callable[..., int
     return call
 
 
-def _key() -> str:
+def cache_key() -> str:
     """Hash of the sources of this folder, the compiler versions, the system and the processor type."""
     digest = hashlib.sha256()
     for source in sorted(Path(__file__).parent.glob("*.py")):
@@ -83,7 +83,7 @@ def _key() -> str:
     return digest.hexdigest()[:24]
 
 
-def _cached(key: str, make: Callable[[], bytes]) -> bytes:
+def cached(key: str, make: Callable[[], bytes]) -> bytes:
     """Return the object file of the cache or a pack, or make and cache it; an unusable cache is ignored."""
     file = cache_folder() / "kernels" / "orchestrator" / f"{key}.o"
     with suppress(OSError):
@@ -103,7 +103,7 @@ def _object_file() -> bytes:
     for module, functions in KERNELS.items():
         for name, kinds in functions.items():
             linked.link_in(compiled(getattr(import_module(f"orchestrator.kernels.{module}"), name), kinds))
-    return bytes(_processor().emit_object(linked))
+    return bytes(processor().emit_object(linked))
 
 
 def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef:
@@ -130,7 +130,7 @@ def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef
     inner = module.get_function(kernel_name)
     inner.linkage, inner.name = "external", kernel.__name__
     module.triple = llvm.get_process_triple()
-    passes = llvm.create_pass_builder(_processor(), llvm.create_pipeline_tuning_options(speed_level=2))
+    passes = llvm.create_pass_builder(processor(), llvm.create_pipeline_tuning_options(speed_level=2))
     passes.getModulePassManager().run(module, passes)
     needed = {
         symbol.name for symbol in module.functions if symbol.is_declaration and not symbol.name.startswith("llvm.")
@@ -140,6 +140,6 @@ def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef
     return module
 
 
-def _processor() -> Any:
+def processor() -> Any:
     """Target for any processor of this type, because machines may share the cache."""
     return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(opt=2)

@@ -1,6 +1,8 @@
-"""Parts of an SSP archive: texts of its system, in the terms of the standard, and the file."""
+"""Parts of an SSP archive: texts of its system, in the terms of the standard, and the file; an archive of two lags."""
 
 import zipfile
+
+from foreign_fmus import Variable
 
 SPACES = " ".join(
     f'xmlns:{letters}="http://ssp-standard.org/SSP1/SystemStructure{name}"'
@@ -77,3 +79,31 @@ def packed(file, ssd, **files):
         for name, content in files.items():
             archive.writestr(name, content) if isinstance(content, str) else archive.write(content, name)
     return file
+
+
+# --- two first-order lags, each the input of the other ------------------------------------------------
+
+T1, T2, START = 0.2, 0.5, 3.0
+LAG = (
+    Variable("u", "input", unit="N"),
+    Variable("x", "output", unit="N"),
+    Variable("start", "parameter", 0.0, unit="N"),
+    Variable("T", "parameter", 1.0, unit="s"),
+    Variable("whole", "output", 0, "Integer"),
+)
+SSV = f"""<ssv:ParameterSet {SPACES} version="1.0" name="second"><ssv:Parameters>
+<ssv:Parameter name="T"><ssv:Real value="{T2}"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet>"""
+FIRST = connectors("x output N") + bound(values(T=("Real", T1), start=("Real", START)))
+LAGS = document(
+    system(
+        component("a", FIRST, "resources/lag.fmu")
+        + component("b", bound('<ssd:ParameterBinding source="values/b.ssv"/>'), "resources/lag.fmu"),
+        connection("a.x", "b.u") + connection("b.x", "a.u"),
+        name="lags",
+    ),
+    experiment='startTime="0" stopTime="1"',
+)
+
+
+def packed_lags(file, lag, ssd=LAGS, **more):
+    return packed(file, ssd, **{"values/b.ssv": SSV, "resources/lag.fmu": lag} | more)

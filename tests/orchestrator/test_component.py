@@ -19,7 +19,7 @@ H = 1e-3
 
 
 def changed(fmu, target, change):
-    """Copy an FMU with another modelDescription.xml (or file list)."""
+    """Copy an FMU with other contents of its files by name; without a file for None."""
     with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(target, "w") as copy:
         for name in source.namelist():
             content = change(name, source.read(name))
@@ -28,7 +28,14 @@ def changed(fmu, target, change):
     return target
 
 
-def test_arrays_follow_the_description(toy):
+def described(fmu, target, old, new):
+    """Copy an FMU with another text in its modelDescription.xml."""
+    return changed(
+        fmu, target, lambda name, text: re.sub(old, new, text, flags=re.S) if name.endswith("n.xml") else text
+    )
+
+
+def test_arrays_follow_the_description_and_inputs_count_during_initialisation(toy):
     with Component(toy, "toy") as component:
         assert component.inputs == ("force", "spare[1]", "spare[2]", "spare[3]")
         assert component.outputs == ("x", "v", "copy[1]", "copy[2]", "copy[3]")
@@ -37,17 +44,26 @@ def test_arrays_follow_the_description(toy):
         assert component.parameters == ("start.x", "stiffness", "damping", "substeps", "trouble")
         assert (component.unit("stiffness"), component.unit("v"), component.unit("status")) == ("N/m", "m/s", "1")
         arrays = component.u, component.y, component.y_links, component.counters
-        component.initialise({"start.x": 0.25, "substeps": 5})
-        component.u[:] = 1.0, 2.0, 3.0, 4.0
-        component.write()
-        component.step(0.0, H)
-        component.read()
+        component.u[:] = 5.0, 0.0, 0.0, 0.0
+        for force in (5.0, 1.0):
+            component.initialise({"start.x": 0.25, "substeps": 5})
+            assert component.y_links.tolist() == [25.0, 50.0, 75.0]
+            if force == 1.0:
+                component.u[:] = 1.0, 2.0, 3.0, 4.0
+                component.write()
+            component.step(0.0, H)
+            component.read()
+            assert component.y[1] == pytest.approx(H * (force - 25.0), rel=1e-3)
+            assert component.y_links.tolist() == [25.0, 50.0, 75.0], "links are read when asked"
+            component.read_links()
+            assert component.y_links[0] == 100.0 * component.y[0]
         component.read_counters()
         after = component.u, component.y, component.y_links, component.counters
         assert all(a is b for a, b in zip(arrays, after, strict=True))
-        assert component.y[1] == pytest.approx(H * (1.0 - 25.0), rel=1e-3)
         assert component.counters.tolist() == [5, 0]
         assert 0.0 < component.wall_time < 60.0
+    with pytest.raises(ComponentFailed, match="toy: the component is closed"):
+        component.step(0.0, H)
 
 
 def test_values_are_copied_where_they_lie(toy, tmp_path):
@@ -55,16 +71,14 @@ def test_values_are_copied_where_they_lie(toy, tmp_path):
 
     Checked for FMUs with and without the address, in Python and in machine code.
     """
-
-    def silent(name, content):
-        return content.replace(b"reals.size", b"reals.length") if name == "modelDescription.xml" else content
-
     bits = {}
-    for fmu, addressed in ((toy, True), (changed(toy, tmp_path / "silent.fmu", silent), False)):
+    for fmu, addressed in (
+        (toy, True),
+        (described(toy, tmp_path / "silent.fmu", b"reals.size", b"reals.length"), False),
+    ):
         with Component(fmu, "toy") as component:
             for _ in range(2):  # a reset changes the address
                 component.initialise({"start.x": 0.25})
-                assert all(component._places) == any(component._places) == addressed
             for k in range(3):
                 component.step(k * H, H)
                 component.read_links()
@@ -72,6 +86,8 @@ def test_values_are_copied_where_they_lie(toy, tmp_path):
             if CAN_STEP:
                 due = np.ones(1, dtype=np.int64)
                 program = Program([Stage([component], [])], threads=False)
+                places = [component.step_call[f"{name}_array"][0] for name in ("u", "y", "links")]
+                assert all(places) == any(places) == addressed
                 component.read_links_when(due.ctypes.data)
                 for k in range(3, 6):
                     component.y_links[:], component.y[:], component.u[0] = 0.0, 0.0, 100.0 * k
@@ -86,27 +102,14 @@ def test_values_are_copied_where_they_lie(toy, tmp_path):
     assert len(set(bits.values())) == len(bits) // 2
 
 
-def test_links_are_read_when_asked(toy):
-    with Component(toy, "toy") as component:
-        component.initialise({"start.x": 0.25})
-        assert component.y_links.tolist() == [25.0, 50.0, 75.0]
-        component.step(0.0, H)
-        component.read()
-        assert component.y_links.tolist() == [25.0, 50.0, 75.0]
-        component.read_links()
-        assert component.y_links[0] == 100.0 * component.y[0]
-
-
-def test_inputs_count_during_initialisation(toy):
-    with Component(toy, "toy") as component:
-        component.u[0] = 5.0
-        component.initialise({"start.x": 0.0})
-        component.step(0.0, H)
-        component.read()
-        assert component.y[1] == pytest.approx(5.0 * H, rel=1e-3)
-
-
 def test_components_step_side_by_side_in_threads(toy):
+    """Each has its own numbers, failures and messages."""
+    heard, lock = [], threading.Lock()
+
+    def logger(name, status, message):
+        with lock:
+            heard.append((name, status))
+
     def run(component):
         component.initialise({})
         for i in range(200):
@@ -114,14 +117,23 @@ def test_components_step_side_by_side_in_threads(toy):
             component.write()
             component.step(i * H, H)
             component.read()
-        return component.y.copy()
+        y = component.y.copy()
+        component.initialise({"trouble": "raise"})
+        for i in range(5):
+            component.step(i * H, H)
+        with pytest.raises(ComponentFailed, match=f"{component.name}: the spring broke"):
+            component.step(5 * H, H)
+        return y
 
-    with Component(toy, "one") as one, Component(toy, "two") as two, Component(toy, "three") as three:
-        alone = run(three)
-        with ThreadPoolExecutor(2) as pool:
-            both = list(pool.map(run, (one, two)))
-    assert np.array_equal(both[0], alone)
-    assert np.array_equal(both[1], alone)
+    with (
+        Component(toy, "one", logger) as one,
+        Component(toy, "two", logger) as two,
+        Component(toy, "three", logger) as three,
+        ThreadPoolExecutor(2) as pool,
+    ):
+        alone, *both = run(three), *pool.map(run, (one, two))
+    assert all(np.array_equal(each, alone) for each in both)
+    assert sorted(heard) == [(name, 3) for name in ("one", "three", "two") for _ in range(2)]  # message and traceback
 
 
 @pytest.mark.skipif(not CAN_STEP, reason="no kernels for this system")
@@ -151,27 +163,6 @@ def test_a_step_by_kernels_is_the_step(toy):
             program.run(6 * H, H)
 
 
-def test_failures_in_threads_find_their_component(toy):
-    heard = []
-    lock = threading.Lock()
-
-    def logger(name, status, message):
-        with lock:
-            heard.append((name, status))
-
-    def run(component):
-        component.initialise({"trouble": "raise"})
-        for i in range(5):
-            component.step(i * H, H)
-        with pytest.raises(ComponentFailed, match=f"{component.name}: the spring broke"):
-            component.step(5 * H, H)
-        return component.name
-
-    with Component(toy, "one", logger) as one, Component(toy, "two", logger) as two, ThreadPoolExecutor(2) as pool:
-        assert list(pool.map(run, (one, two))) == ["one", "two"]
-    assert sorted(heard) == [("one", 3)] * 2 + [("two", 3)] * 2  # the message and the traceback
-
-
 @pytest.mark.parametrize(
     ("parameters", "sentence"),
     [
@@ -190,47 +181,31 @@ def test_wrong_parameters_are_refused_by_name(toy, parameters, sentence):
 
 
 def test_what_is_not_an_fmu_is_refused_in_one_sentence(toy, tmp_path):
-    text = tmp_path / "text.fmu"
-    text.write_text("no zip")
-    empty = tmp_path / "empty.fmu"
-    with zipfile.ZipFile(empty, "w") as archive:
+    (tmp_path / "text.fmu").write_text("no zip")
+    with zipfile.ZipFile(tmp_path / "empty.fmu", "w") as archive:
         archive.writestr("readme", "")
-
-    def edit(old, new):
-        return lambda name, content: (
-            re.sub(old, new, content, flags=re.S) if name == "modelDescription.xml" else content
-        )
-
     damaged = bytearray(toy.read_bytes())
     damaged[200:260] = bytes(60)  # of the first packed file
-    flipped = tmp_path / "flipped.fmu"
-    flipped.write_bytes(damaged)
-    cases = {
-        flipped: "'{}' is not an FMU: it is not a zip archive that can be read: ",
-        tmp_path / "none.fmu": "there is no FMU ",
-        tmp_path: "cannot read the FMU ",
-        text: "'{}' is not an FMU: it is not a zip archive",
-        empty: "'{}' is not an FMU: it has no modelDescription.xml",
-        changed(toy, tmp_path / "3.fmu", edit(rb'fmiVersion="2.0"', rb'fmiVersion="3.0"')): (
-            "'{}' is not an FMU: bad modelDescription.xml: "
-        ),
-        changed(toy, tmp_path / "1.fmu", edit(rb'fmiVersion="2.0"', rb'fmiVersion="1.0"')): (
-            "'{}' is an FMU of FMI 1.0: only FMI 2.0 and 3.0 for co-simulation are supported"
-        ),
-        changed(
-            toy, tmp_path / "me.fmu", edit(rb"<CoSimulation .*?/>", rb'<ModelExchange modelIdentifier="Toy"/>')
-        ): "'{}' is an FMU for model exchange: only FMI 2.0 and 3.0 for co-simulation are supported",
-        changed(toy, tmp_path / "xml.fmu", edit(rb"<ModelVariables>.*", b"")): (
-            "'{}' is not an FMU: bad modelDescription.xml: "
-        ),
-        changed(toy, tmp_path / "bin.fmu", lambda name, content: None if name.endswith(".so") else content): (
-            "'{}' has no binary for "
-        ),
-    }
-    for path, sentence in cases.items():
+    (tmp_path / "flipped.fmu").write_bytes(damaged)
+    version, bare = rb'fmiVersion="2.0"', rb'<ModelExchange modelIdentifier="Toy"/>'
+    for name, old, new in (
+        ("3", version, rb'fmiVersion="3.0"'), ("1", version, rb'fmiVersion="1.0"'),
+        ("me", rb"<CoSimulation .*?/>", bare), ("xml", rb"<ModelVariables>.*", b""),
+    ):  # fmt: skip
+        described(toy, tmp_path / f"{name}.fmu", old, new)
+    changed(toy, tmp_path / "bin.fmu", lambda name, content: None if name.endswith(".so") else content)
+    supported = ": only FMI 2.0 and 3.0 for co-simulation are supported"
+    for name, sentence in {
+        "flipped.fmu": "'{}' is not an FMU: it is not a zip archive that can be read: ",
+        "none.fmu": "there is no FMU ", "": "cannot read the FMU ", "text.fmu": "'{}' is not an FMU: it is not a zip ",
+        "empty.fmu": "'{}' is not an FMU: it has no modelDescription.xml",
+        "3.fmu": "'{}' is not an FMU: bad modelDescription.xml: ", "1.fmu": "'{}' is an FMU of FMI 1.0" + supported,
+        "me.fmu": "'{}' is an FMU for model exchange" + supported, "bin.fmu": "'{}' has no binary for ",
+        "xml.fmu": "'{}' is not an FMU: bad modelDescription.xml: ",
+    }.items():  # fmt: skip
         with pytest.raises(ComponentFailed) as caught:
-            Component(path, "toy")
-        assert str(caught.value).startswith(sentence.format(path))
+            Component(tmp_path / name, "toy")
+        assert str(caught.value).startswith(sentence.format(tmp_path / name))
         assert "\n" not in str(caught.value)
 
 
@@ -252,18 +227,8 @@ def test_cache_may_lie_anywhere(tmp_path, monkeypatch):
     assert len(list((place / "unpacked").iterdir())) == 1
 
 
-def test_closed_component_says_so(toy):
-    with Component(toy, "toy") as component:
-        component.initialise({})
-    component.close()
-    with pytest.raises(ComponentFailed, match="toy: the component is closed"):
-        component.step(0.0, H)
-
-
 def test_fmu_that_cannot_save_says_so(toy, tmp_path):
-    poor = changed(
-        toy, tmp_path / "poor.fmu", lambda name, content: content.replace(b'canGetAndSetFMUstate="true"', b"")
-    )
+    poor = described(toy, tmp_path / "poor.fmu", b'canGetAndSetFMUstate="true"', b"")
     with Component(poor, "toy") as component:
         component.initialise({})
         with pytest.raises(ComponentFailed, match="toy: the FMU cannot save its state"):

@@ -1,4 +1,4 @@
-"""Checks of FMUs: a clean FMU passes all, each planted fault is found by its check."""
+"""Checks of FMUs: a clean FMU of FMI 2.0 or 3.0 passes all, each planted fault is found by its check."""
 
 import json
 import re
@@ -18,14 +18,18 @@ from foreign_fmus import Variable
 from fmus.fmi.build import build
 from fmus.native import link
 from fmus.native.pack import build_native
+from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.execution.simulate import simulate
 from orchestrator.fmu_check import runner
 from orchestrator.fmu_check.instance import Instance, Subject, Verdict
 from orchestrator.fmu_check.runner import CHECKS, in_child, judged, verdicts
+from orchestrator.log.reader import Log
 from orchestrator.scene.products import scene_products
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import any_from_table, load
 
 HERE = Path(__file__).parent / "checked"
-XML = (HERE / "oscillator.xml").read_text(encoding="utf-8")
+XMLS = {fmi: (HERE / f"oscillator{'3' * (fmi == 3)}.xml").read_text(encoding="utf-8") for fmi in (2, 3)}
+XML = XMLS[2]
 H = 0.01
 
 # macro of oscillator.c, the check that finds its fault, and words of the finding
@@ -51,98 +55,137 @@ IN_CHILDREN = {  # these faults may end or fill the process of the tests
     "EXIT_ABORTS": ("states", "the process was ended by SIGABRT at its exit"),
     "LEAK": ("memory", "resident memory grows by "),
 }
-# text of modelDescription.xml, another one, the check that finds it, and words of the finding
+OF_FMI_3 = {
+    "EARLY": ("repeatability", "fmi3DoStep returns early, which is not allowed"),
+    "EVENT": ("repeatability", "fmi3DoStep asks for event mode, which is not used"),
+    "FEW_FUNCTIONS": ("description", "undefined symbol: fmi3"),
+}
+WORDS = {
+    "fmi2Instantiate": "fmi3InstantiateCoSimulation", "fmi2": "fmi3", "another guid": "another instantiation token",
+    "in x, v": "in motion[1], motion[2]", "x, v differ": "motion[1], motion[2] differ",
+    "v depends": "motion[2] depends", "x = nan, v = nan": "motion[1] = nan, motion[2] = nan",
+}  # fmt: skip
+# version, text of modelDescription.xml, another one, the check that finds it, and words of the finding
 CHANGED = [
-    ('causality="input"', 'causality="input" colour="red"', "description", "The attribute 'colour' is not allowed"),
-    ('modelIdentifier="oscillator"', 'modelIdentifier="other"', "description", "has no binary for linux64"),
-    ('<Real unit="N" start', '<Real unit="kN" start', "units", "unit 'kN' is not defined"),
-    ('<BaseUnit kg="1" m="1" s="-2"/>', "", "units", "unit 'N' has no base units: connections cannot be checked"),
-    (" unit=", " quantity=", "units", "none of 6 Reals has a unit: connections cannot be checked"),
-    ('<Unknown index="3" dependencies=""/>', "", "dependencies", "ModelStructure/Outputs lacks v"),
+    *((fmi, 'causality="input"', 'causality="input" colour="red"', "description", "attribute 'colour' is not allowed")
+      for fmi in (2, 3)),
+    (2, 'modelIdentifier="oscillator"', 'modelIdentifier="other"', "description", "has no binary for linux64"),
+    (3, 'modelIdentifier="oscillator"', 'modelIdentifier="other"', "description", "has no binary for x86_64-linux"),
+    *((fmi, 'unit="N" start', 'unit="kN" start', "units", "unit 'kN' is not defined") for fmi in (2, 3)),
+    (2, '<BaseUnit kg="1" m="1" s="-2"/>', "", "units", "unit 'N' has no base units: connections cannot be checked"),
+    (2, " unit=", " quantity=", "units", "none of 6 Reals has a unit: connections cannot be checked"),
+    (2, '<Unknown index="3" dependencies=""/>', "", "dependencies", "ModelStructure/Outputs lacks v"),
+    (3, '<Output valueReference="1" dependencies=""/>', "", "dependencies", "ModelStructure/Outputs lacks motion"),
+    (3, '<Dimension start="2"/>', "", "states", "fmi3GetFloat64 has the status fmi3Error"),
+]  # fmt: skip
+UNAPPLICABLE = [
+    ('canGetAndSetFMUstate="true"', "", "states", "canGetAndSetFMUstate is not declared"),
+    ('modelIdentifier="oscillator"', 'modelIdentifier="other"', "memory", "has no binary for"),
+    ('causality="input"', 'causality="parameter"', "units", "bad modelDescription.xml"),
 ]
+TERMINALS = """<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals><Terminal name="mass" matchingRule="plug">
+<TerminalMemberVariable variableName="{}" memberName="force" variableKind="signal"/></Terminal></Terminals>
+</fmiTerminalsAndIcons>"""
+DECLARED = re.compile(r"^FMI3_Export fmi3\w+TYPE\s+(fmi3\w+);", re.MULTILINE)
 
 
-@pytest.fixture(scope="module")
-def oscillator(tmp_path_factory):
-    """Return a function that returns the oscillator with a planted fault, "" for none."""
-    folder = tmp_path_factory.mktemp("oscillator")
-    compiler = [shutil.which("cc")] if shutil.which("cc") else link.compiler()
-
-    def compiled(fault):
-        library = folder / f"{fault}.so"
-        flags = ["-std=c11", "-shared", "-fPIC", "-w", *([f"-D{fault}"] if fault else [])]
-        command = [*compiler, *flags, f"-I{link.HERE}", "-o", library, HERE / "oscillator.c", "-lm"]
-        subprocess.run([*map(str, command)], check=True)
-        return packed(folder / f"oscillator-{fault or 'clean'}.fmu", library, XML)
-
-    faults = ["", "SMALL_INPUT", "ONCE", "SLOW", *PLANTED, *IN_CHILDREN]
-    with ThreadPoolExecutor(2) as pool:
-        files = dict(zip(faults, pool.map(compiled, faults), strict=True))
-    return lambda fault="": files[fault]
+def worded(fmi, words):
+    """A finding in the names of a version."""
+    for old, new in WORDS.items() if fmi == 3 else ():
+        words = words.replace(old, new)
+    return words
 
 
-def packed(fmu, library, xml):
+def packed(fmu, fmi, library, xml=None, terminal="force"):
+    platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
     with zipfile.ZipFile(fmu, "w") as archive:
-        archive.writestr("modelDescription.xml", xml)
-        archive.write(library, f"binaries/{fmpy.platform}/oscillator{fmpy.sharedLibraryExtension}")
+        archive.writestr("modelDescription.xml", xml or XMLS[fmi])
+        archive.write(library, f"binaries/{platform}/oscillator{fmpy.sharedLibraryExtension}")
+        if fmi == 3:
+            archive.writestr("terminalsAndIcons/terminalsAndIcons.xml", TERMINALS.format(terminal))
     return fmu
 
 
-@pytest.mark.parametrize("name", CHECKS)
-def test_nothing_is_wrong_with_a_clean_fmu(oscillator, name):
-    verdict = in_child(name, oscillator(), None, 60.0) if name == "memory" else judged(name, Subject(oscillator()))
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    """Return a function that gives the library of the oscillator with a planted fault, "" for none."""
+    folder = tmp_path_factory.mktemp("oscillator")
+    compiler = [shutil.which("cc")] if shutil.which("cc") else link.compiler()
+    header = (Path(fmpy.__file__).parent / "c-code" / "fmi3Functions.h").read_text(encoding="utf-8")
+    refused = (f"__attribute__((weak)) int {name}(void) {{ return 3; }}" for name in DECLARED.findall(header))
+    (folder / "refused.c").write_text("\n".join(refused), encoding="utf-8")  # functions that the oscillator lacks
+
+    def compiled(case):
+        fmi, fault = case
+        flags = ["-std=c11", "-shared", "-fPIC", "-w", *([f"-D{fault}"] if fault else []), f"-I{link.HERE}"]
+        more = [folder / "refused.c"] if fmi == 3 and fault != "FEW_FUNCTIONS" else []
+        source, file = HERE / f"oscillator{'3' * (fmi == 3)}.c", folder / f"{fmi}{fault}.so"
+        subprocess.run([*map(str, [*compiler, *flags, "-o", file, source, *more, "-lm"])], check=True)
+        return file
+
+    own = {2: ("SMALL_INPUT", "ONCE", "SLOW", *IN_CHILDREN), 3: tuple(OF_FMI_3)}
+    cases = [(fmi, fault) for fmi, faults in own.items() for fault in ("", *PLANTED, *faults)]
+    with ThreadPoolExecutor(2) as pool:
+        files = dict(zip(cases, pool.map(compiled, cases), strict=True))
+    return lambda fmi=2, fault="": files[fmi, fault]
+
+
+@pytest.fixture
+def oscillator(library, tmp_path):
+    """Return a function that makes the oscillator with a planted fault, another description or another terminal."""
+    return lambda fault="", fmi=2, **changes: packed(
+        tmp_path / f"{fmi}{fault}{len(changes)}.fmu", fmi, library(fmi, fault), **changes
+    )
+
+
+def described(old, new, fmi=2):
+    """The description with another text."""
+    assert old in XMLS[fmi]
+    return XMLS[fmi].replace(old, new)
+
+
+@pytest.mark.parametrize(("fmi", "name"), [(fmi, name) for fmi in (2, 3) for name in CHECKS])
+def test_nothing_is_wrong_with_a_clean_fmu(oscillator, fmi, name):
+    file = oscillator(fmi=fmi)
+    verdict = in_child(name, file, None, 60.0) if name == "memory" else judged(name, Subject(file))
     assert (verdict.result, verdict.faults) == ("ok", ()), verdict
 
 
-def test_steps_of_the_clean_fmu_are_exact(oscillator):
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_steps_of_the_clean_fmu_are_exact(oscillator, fmi):
     """One step of 0.3 s ends where thirty of 0.01 s do: the FMU is an example, so it has to be right."""
-    subject = Subject(oscillator())
+    subject, ends = Subject(oscillator(fmi=fmi)), []
     assert (subject.step, subject.start, subject.amplitude) == (H, 0.0, 1e-3)
-    ends = []
     for count in (1, 30):
         with Instance(subject) as instance:
             instance.initialise()
             for k in range(count):
-                instance.must("DoStep", k * 0.3 / count, 0.3 / count, 0)
+                instance.must("DoStep", *subject.fmi.step(k * 0.3 / count, 0.3 / count))
             ends.append(instance.outputs())
     assert ends[0] == pytest.approx(ends[1], rel=1e-12)
     assert ends[0][0] < 0.0 > ends[0][1]
     assert Subject(oscillator("SMALL_INPUT")).amplitude == 1e-6
 
 
-@pytest.mark.parametrize("fault", PLANTED)
-def test_a_planted_fault_is_found_by_its_check(oscillator, fault):
-    name, words = PLANTED[fault]
-    verdict = judged(name, Subject(oscillator(fault)))
-    assert verdict.result == "wrong"
-    assert any(words in sentence for sentence in verdict.faults), verdict
-
-
-def described(fmu, target, old, new):
-    """Copy an FMU with another text in its modelDescription.xml."""
-    assert old in XML
-    with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(target, "w") as copy:
-        for name in source.namelist():
-            copy.writestr(name, XML.replace(old, new) if name == "modelDescription.xml" else source.read(name))
-    return target
-
-
-@pytest.mark.parametrize(("old", "new", "name", "words"), CHANGED)
-def test_a_fault_of_the_description_is_found(oscillator, tmp_path, old, new, name, words):
-    verdict = judged(name, Subject(described(oscillator(), tmp_path / "changed.fmu", old, new)))
-    assert any(words in sentence for sentence in verdict.faults), verdict
-
-
 @pytest.mark.parametrize(
-    ("old", "new", "name", "words"),
-    [
-        ('canGetAndSetFMUstate="true"', "", "states", "canGetAndSetFMUstate is not declared"),
-        ('modelIdentifier="oscillator"', 'modelIdentifier="other"', "memory", "has no binary for"),
-        ('causality="input"', 'causality="parameter"', "units", "bad modelDescription.xml"),
-    ],
+    ("fmi", "fault"), [*((fmi, fault) for fmi in (2, 3) for fault in PLANTED), *((3, fault) for fault in OF_FMI_3)]
 )
-def test_a_check_that_the_fmu_does_not_allow_is_not_applicable(oscillator, tmp_path, old, new, name, words):
-    verdict = judged(name, Subject(described(oscillator(), tmp_path / "changed.fmu", old, new)))
+def test_a_planted_fault_is_found_by_its_check(oscillator, fmi, fault):
+    name, words = {**PLANTED, **OF_FMI_3}[fault]
+    verdict = judged(name, Subject(oscillator(fault, fmi)))
+    assert verdict.result == "wrong"
+    assert any(worded(fmi, words) in sentence for sentence in verdict.faults), verdict
+
+
+@pytest.mark.parametrize(("fmi", "old", "new", "name", "words"), CHANGED)
+def test_a_fault_of_the_description_is_found(oscillator, fmi, old, new, name, words):
+    verdict = judged(name, Subject(oscillator(fmi=fmi, xml=described(old, new, fmi))))
+    assert any(words in sentence for sentence in verdict.faults), verdict
+
+
+@pytest.mark.parametrize(("old", "new", "name", "words"), UNAPPLICABLE)
+def test_a_check_that_the_fmu_does_not_allow_is_not_applicable(oscillator, old, new, name, words):
+    verdict = judged(name, Subject(oscillator(xml=described(old, new))))
     assert (verdict.result, verdict.faults) == ("not applicable", ())
     assert words in verdict.detail
 
@@ -157,23 +200,22 @@ def test_a_crash_a_hang_and_a_leak_are_faults(oscillator, fault):
     assert verdict.faults[-1].startswith(words), verdict
 
 
-ONE = "<CoSimulation", '<CoSimulation canBeInstantiatedOnlyOncePerProcess="true"'
+ONCE = "<CoSimulation", '<CoSimulation canBeInstantiatedOnlyOncePerProcess="true"'
 
 
 @pytest.mark.parametrize("name", [name for name in CHECKS if name != "memory"])
-def test_an_fmu_that_can_be_instantiated_once_is_checked(oscillator, tmp_path, name):
+def test_an_fmu_that_can_be_instantiated_once_is_checked(oscillator, name):
     """It refuses a second instance in a process; it is reset instead."""
-    fmu = described(oscillator("ONCE"), tmp_path / "once.fmu", *ONE)
-    verdict = in_child(name, fmu, None, 60.0)
+    verdict = in_child(name, oscillator("ONCE", xml=described(*ONCE)), None, 60.0)
     assert (verdict.result, verdict.faults) == ("ok", ())
     if name in ("states", "repeatability", "odd steps", "non-finite inputs"):  # a fault without the declaration
         assert in_child(name, oscillator("ONCE"), None, 60.0).result == "wrong"
 
 
 @pytest.mark.parametrize("fault", [name for name in PLANTED if name not in ("SHARED", "RESET_KEEPS_SPEED")])
-def test_a_planted_fault_is_found_in_an_fmu_that_can_be_instantiated_once(oscillator, tmp_path, fault):
+def test_a_planted_fault_is_found_in_an_fmu_that_can_be_instantiated_once(oscillator, fault):
     name, words = PLANTED[fault]
-    verdict = judged(name, Subject(described(oscillator(fault), tmp_path / "once.fmu", *ONE)))
+    verdict = judged(name, Subject(oscillator(fault, xml=described(*ONCE))))
     assert any(words in sentence for sentence in verdict.faults), verdict
 
 
@@ -182,29 +224,52 @@ def test_a_check_without_time_enough_is_not_finished(oscillator, cotrack, monkey
     subject = Subject(oscillator("ANY_STEP"))
     assert judged("odd steps", subject).result == "wrong"
     subject.deadline = 0.0
-    assert judged("odd steps", subject) == ("not finished: 0 of 7", (), "not finished")
-    assert judged("dependencies", subject) == ("not finished: 0 of 1", (), "not finished")
-    assert (
-        Verdict("not finished: 1 of 7", (*"abcd",), "not finished").detail
-        == "a; b; c; and 1 more; not finished: 1 of 7"
-    )
+    for name, count in (("odd steps", 7), ("dependencies", 1)):
+        assert judged(name, subject) == (f"not finished: 0 of {count}", (), "not finished")
+    of_many = Verdict("not finished: 1 of 7", (*"abcd",), "not finished")
+    assert of_many.detail == "a; b; c; and 1 more; not finished: 1 of 7"
     monkeypatch.setattr(runner, "CHECKS", dict.fromkeys(("memory",)))
-    status, out, _ = cotrack("check", oscillator("SLOW"), "--limit", "2")
-    assert status == 0, out
+    out = cotrack.done("check", oscillator("SLOW"), "--limit", "4")
     assert re.search(r"^  memory  not finished    not finished: \d+ of 250$", out, re.MULTILINE), out
 
 
 @pytest.mark.parametrize(("unit", "shown", "factor", "right"), [
     ("N", "kN", 1000.0, 1e-3), ("m", "mm", 0.001, 1e3), ("m", "mm", 1.0, None), ("N/m", "kN", 3.0, None),
 ])  # fmt: skip
-def test_inverse_display_factors_are_told(oscillator, tmp_path, unit, shown, factor, right):
+def test_inverse_display_factors_are_told(oscillator, unit, shown, factor, right):
     at = XML.index(f'<Unit name="{unit}">')
     old = XML[at : XML.index("</Unit>", at)]
     for given in (factor, 1.0 / factor):
         new = f'{old}<DisplayUnit name="{shown}" factor="{given!r}"/>'
-        verdict = judged("units", Subject(described(oscillator(), tmp_path / "changed.fmu", old, new)))
+        verdict = judged("units", Subject(oscillator(xml=described(old, new))))
         said = f"'{unit}' is shown in '{shown}' by {given:g}, the inverse of {1.0 / given:g}"
         assert verdict.faults == ((said,) if right and given == factor else ())
+
+
+SIZE = '<Dimension start="2"/>'
+
+
+def test_an_alias_is_no_further_output(oscillator):
+    subject = Subject(oscillator(fmi=3, xml=described(SIZE, f'{SIZE}<Alias name="place"/>', 3)))
+    assert judged("dependencies", subject).faults == judged("repeatability", subject).faults == ()
+    assert [variable.name for variable in subject.outputs] == ["motion"]
+
+
+@pytest.mark.parametrize(("start", "values"), [("1 2 3 4", [1.0, 2.0, 3.0, 4.0]), ("5", [5.0] * 4)])
+def test_an_array_starts_with_its_elements_or_one_for_all(oscillator, start, values):
+    array = f'start="{start}">{SIZE}{SIZE}</Float64>'
+    subject = Subject(oscillator(fmi=3, xml=described('unit="N" start="0"/>', f'unit="N" {array}', 3)))
+    assert subject.input_values(0, 0.0).tolist() == values
+    assert [*subject.owner][:4] == ["force[1,1]", "force[1,2]", "force[2,1]", "force[2,2]"]
+
+
+@pytest.mark.parametrize(("terminal", "words"), [
+    ("none", "terminalsAndIcons.xml: there is no variable 'none'"),
+    ('force" colour="red', "The attribute 'colour' is not allowed"),
+])  # fmt: skip
+def test_faults_of_terminals_are_found(oscillator, terminal, words):
+    (fault,) = judged("description", Subject(oscillator(fmi=3, terminal=terminal))).faults
+    assert words in fault
 
 
 SLAVE = """
@@ -260,8 +325,7 @@ def test_faults_of_a_plain_pythonfmu_fmu_are_found(slaves, slave, name, words):
 def test_the_command_prints_a_table_and_an_object(oscillator, cotrack, monkeypatch):
     monkeypatch.setattr(runner, "CHECKS", dict.fromkeys(("units", "states")))
     clean, wrong = oscillator(), oscillator("STATE_WITHOUT_SPEED")
-    out = cotrack.done("check", clean)
-    assert out.splitlines() == [
+    assert cotrack.done("check", clean).splitlines() == [
         f"{clean}: nothing is wrong",
         "  units   ok              6 Reals in 5 units with base units",
         "  states  ok              restored twice, the same bits; as 64 bytes into a second instance too",
@@ -274,35 +338,28 @@ def test_the_command_prints_a_table_and_an_object(oscillator, cotrack, monkeypat
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["no.fmu"], "there is no FMU 'no.fmu'"),
-        (["text.fmu"], "'text.fmu' is not an FMU"),
-        (["exchange.fmu"], "'exchange.fmu' is an FMU for model exchange"),
-        (["exchange.fmu", "--step", "0"], "--step 0: must be a finite number greater than 0"),
-    ],
-)
-def test_bad_input_has_status_2(oscillator, cotrack, arguments, sentence):
-    Path("text.fmu").write_text("no archive", encoding="utf-8")
-    with zipfile.ZipFile("exchange.fmu", "w") as archive:
-        archive.writestr("modelDescription.xml", XML.replace("<CoSimulation", "<ModelExchange"))
-    status, out, err = cotrack("check", oscillator(), *arguments)
-    assert (status, out) == (2, "")
-    assert sentence in err
+    ("fmi", "part", "kind"),
+    [(2, "ModelExchange", "model exchange"), (3, "ModelExchange", "model exchange"), (3, "ScheduledExecution", "sch")],
+)  # fmt: skip
+def test_other_interfaces_are_not_checked(oscillator, cotrack, fmi, part, kind):
+    other = oscillator(fmi=fmi, xml=described("<CoSimulation", f"<{part}", fmi))
+    assert f"is an FMU for {kind}" in cotrack.refused("check", oscillator(), other)
 
 
 @pytest.mark.study
-def test_native_fmus_of_ours_have_no_fault_and_python_ones_the_known_ones():
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_native_fmus_of_ours_have_no_fault_and_python_ones_the_known_ones(fmi):
     """pythonfmu makes fmi2Fatal of every exception, and takes any guid."""
     kind, config, _ = next(each for each in scene_products([load("rig", "rigid")]) if each[0] == "SprocketDrive")
-    native = verdicts(build_native(kind, config), None, 300.0, print)
+    native = verdicts(build_native(kind, config, fmi=fmi), None, 300.0, print)
     assert {name: verdict.faults for name, verdict in native.items() if verdict.faults} == {}
+    if fmi == 3:
+        assert {verdict.result for verdict in native.values()} == {"ok"}
+        return
     python = build(kind, config)
     assert in_child("description", python, None, 300.0).result == in_child("states", python, None, 300.0).result == "ok"
     accepted, fatal = in_child("phases", python, None, 300.0).faults
-    assert fatal.startswith(
-        "fmi2Fatal, after which no instance may be used: fmi2ExitInitializationMode without entry, "
-    )
+    assert fatal.startswith("fmi2Fatal, after which no instance may be used: fmi2ExitInitializationMode without entry")
     assert accepted == "accepted: fmi2Instantiate with another guid"
 
 
@@ -325,19 +382,16 @@ def guest(tmp_path_factory):
     return make
 
 
-@pytest.mark.parametrize(("manner", "said"), [
-    (MOVES, "fmi2DoStep leaves another working folder (/)"),
-    (ROUNDS, "fmi2DoStep leaves another rounding mode (0x0, then 0x800)"),
+@pytest.mark.parametrize(("manner", "faults", "note"), [
+    (0, (), "prints nothing"),
+    (PRINTS, (), "prints"),
+    (MOVES, ("fmi2DoStep leaves another working folder (/)",), ""),
+    (ROUNDS, ("fmi2DoStep leaves another rounding mode (0x0, then 0x800)",), ""),
 ])  # fmt: skip
-def test_an_fmu_that_changes_its_process_is_found(guest, manner, said):
-    assert in_child("surroundings", guest(manner), 1e-3, 30.0).faults == (said,)
-    assert not in_child("surroundings", guest(0), 1e-3, 30.0).faults
-
-
-def test_what_an_fmu_prints_is_said(guest):
-    verdict = in_child("surroundings", guest(PRINTS), 1e-3, 30.0)
-    assert (verdict.result, "prints" in verdict.note, "nothing" in verdict.note) == ("ok", True, False)
-    assert "prints nothing" in in_child("surroundings", guest(0), 1e-3, 30.0).note
+def test_an_fmu_that_changes_its_process_is_found_and_prints_are_told(guest, manner, faults, note):
+    verdict = in_child("surroundings", guest(manner), 1e-3, 30.0)
+    assert (verdict.result, verdict.faults) == ("wrong" if faults else "ok", faults)
+    assert (note in verdict.note, "nothing" in verdict.note) == (True, "nothing" in note or bool(faults))
 
 
 @pytest.mark.parametrize("name", ["dependencies", "odd steps", "repeatability", "memory", "surroundings"])
@@ -354,3 +408,45 @@ def test_an_fmu_that_hangs_takes_little_more_than_one_limit(guest):
     assert "the process was stopped after 5 s" in found["dependencies"].faults[0]
     assert (found["memory"].result, found["memory"].faults) == ("not finished", ())
     assert found["memory"].note == "not made, because other checks did not come to an end"
+
+
+# --- runs ---------------------------------------------------------------------------------------------
+
+
+def run_of(path, fmus, **more):
+    run = {"step": 0.01, "stop": 0.5, **more}
+    return simulate(
+        any_from_table({"name": "o", "title": "o", "assembly": "fmus", "run": run, "fmu": fmus}, "o.toml"), path
+    )
+
+
+@pytest.mark.parametrize("coupling", ["jacobi", "iterative"])  # an iterative one saves and restores states
+def test_a_run_has_the_bits_of_the_one_of_the_other_version(oscillator, tmp_path, coupling):
+    """Elements of an array are variables; parameters, start values of inputs and times pass too."""
+    given = {"start.x": 0.2, "stiffness": 55.0, "force": 3.0}
+    found = {}
+    for fmi in (2, 3):
+        fmus = {each: {"file": str(oscillator(fmi=fmi)), "parameters": given} for each in "ab"}
+        summary = run_of(tmp_path / f"{fmi}.mcap", fmus, start=2.0, coupling=coupling)
+        assert (summary["status"], summary["warnings"]) == ("ok", [])
+        with Log(tmp_path / f"{fmi}.mcap") as log:
+            series = log.read("/a/out")
+            found[fmi] = series.names, series.values
+            assert log.unit(f"a.{series.names[0]}") == "m"
+    assert [names for names, _ in found.values()] == [("x", "v"), ("motion[1]", "motion[2]")]
+    assert found[3][1].tobytes() == found[2][1].tobytes()
+    assert abs(found[2][1][:, 0]).max() > 0.1
+
+
+def test_an_early_return_ends_a_run_with_a_sentence(oscillator, tmp_path):
+    summary = run_of(tmp_path / "o.mcap", {"a": {"file": str(oscillator("EARLY", 3))}})
+    assert summary["status"] == "failed"
+    assert summary["message"].startswith("a: fmi3DoStep failed with FMI status 2; the step from t = 0 s ended at")
+
+
+def test_an_fmu_of_fmi_3_has_a_process_of_its_own_and_its_place_where_it_fits(oscillator, cotrack, tmp_path):
+    with pytest.raises(ComponentFailed, match=r"only a process of its own runs it .* build them of FMI 2\.0"):
+        run_of(tmp_path / "o.mcap", {"a": {"file": str(oscillator(fmi=3)), "in_process": True}})
+    for argument in ("--replace=drive={}", "--set=fmu.drive.file={}"):
+        err = cotrack.refused("run", "rig", "--track", "rigid", argument.format(oscillator(fmi=3)))
+        assert "it has no output 'sprocket.position.x', which goes to track" in err

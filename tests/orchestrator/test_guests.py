@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from foreign_fmus import Variable
 
-from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests import process, room
 from orchestrator.cosim.narration import Narration
@@ -47,14 +46,9 @@ def guest(tmp_path_factory):
 
 
 def table(fmus, connections=(), **run):
-    return {
-        "name": "guests",
-        "title": "Guests",
-        "assembly": "fmus",
-        "run": {"stop": STOP, "step": H, **run},
-        "fmu": fmus,
-        "connections": [*connections],
-    }
+    times = {"stop": STOP, "step": H}
+    more = {"run": times | run, "fmu": fmus, "connections": [*connections]}
+    return {"name": "guests", "title": "Guests", "assembly": "fmus", **more}
 
 
 def entry(guest, manner=0, **more):
@@ -103,16 +97,20 @@ def test_in_the_process_of_the_run_statuses_and_outputs_are_looked_at_too(guest,
     assert outputs(path)[0][-1] == WHEN - H
 
 
-@pytest.mark.parametrize(("owner", "thread"), [(room.Room, "_listen"), (room.Rooms, "_watch")])
-def test_a_thread_that_dies_fails_the_run(guest, tmp_path, monkeypatch, owner, thread):
+def dies(*_):
+    raise KeyError("a fault of ours")
+
+
+@pytest.mark.parametrize(("owner", "name", "broken", "error"), [
+    (room, "LONGEST", "no number", TypeError),  # of bytes that are heard at once
+    (room.Room, "has_ended", dies, KeyError),  # who watches
+])  # fmt: skip
+def test_a_thread_that_dies_fails_the_run(guest, tmp_path, monkeypatch, owner, name, broken, error):
     """Who hears and who watches the guests."""
-
-    def dies(*_):
-        raise KeyError("a fault of ours")
-
-    monkeypatch.setattr(owner, thread, dies)
-    with pytest.raises(KeyError, match="a fault of ours"):
-        run(tmp_path, {"a": entry(guest)})
+    monkeypatch.setattr(owner, name, broken)
+    monkeypatch.setattr(room, "PERIOD", 1e-4)
+    with pytest.raises(error):
+        run(tmp_path, {"a": entry(guest)}, stop=1024 * H)
 
 
 def test_an_output_that_is_not_finite_can_be_a_warning(guest, tmp_path):
@@ -145,12 +143,17 @@ def test_instances_share_a_process_only_where_there_are_too_many(guest, tmp_path
     assert together == (2.0 * STOP if shared else STOP)
 
 
-def test_too_many_fmus_are_refused(guest, tmp_path, monkeypatch):
-    monkeypatch.setattr(room, "MOST", 1)
+@pytest.mark.parametrize(("owner", "name", "value", "said"), [
+    (room, "MOST", 1, "2 FMUs need processes of their own, and a run has at most 1"),
+    (room.resource, "getrlimit", lambda which: (40, 4096),
+     r"2 FMUs need (\d+) open files, 40 are allowed: ulimit -n \1$"),
+])  # fmt: skip
+def test_too_many_fmus_are_refused(guest, tmp_path, monkeypatch, owner, name, value, said):
+    monkeypatch.setattr(owner, name, value)
     other = foreign_fmus.build(
         tmp_path / "Other.fmu", "guest", GUEST, library=foreign_fmus.library_of(guest), states=True
     )
-    with pytest.raises(ComponentFailed, match="2 FMUs need processes of their own, and a run has at most 1"):
+    with pytest.raises(ComponentFailed, match=said):
         run(tmp_path, {"a": entry(guest), "b": entry(other)})
 
 
@@ -177,10 +180,7 @@ def test_a_call_can_have_a_limit(guest, tmp_path):
 
 
 @pytest.mark.parametrize(("number", "when"), [
-    pytest.param(signal.SIGINT, WHEN, marks=pytest.mark.long),
-    (signal.SIGTERM, WHEN),
-    (signal.SIGHUP, 0.0),
-    pytest.param(signal.SIGINT, 0.0, marks=pytest.mark.long),
+    (signal.SIGTERM, WHEN), (signal.SIGHUP, 0.0), pytest.param(signal.SIGINT, WHEN, marks=pytest.mark.long),
 ])  # fmt: skip
 def test_a_run_that_hangs_can_be_interrupted(guest, tmp_path, number, when):
     text = f'title = "x"\nassembly = "fmus"\nrun = {{ stop = "{STOP} s", step = "{H} s" }}\n'
@@ -341,14 +341,11 @@ def test_a_guest_cannot_shrink_the_memory_of_the_run(guest):
     with room.Rooms() as rooms:
         (one,) = rooms.open([room.RoomRequest("a", guest, False, 1.0)]).values()
         one.memory(8)
-        with pytest.raises(PermissionError):
-            os.ftruncate(one._memory.fileno(), 0)
-
-
-def test_guests_that_need_more_open_files_than_allowed_are_refused(guest, tmp_path, monkeypatch):
-    monkeypatch.setattr(room.resource, "getrlimit", lambda which: (40, 4096))
-    with pytest.raises(ComponentFailed, match=r"2 FMUs need (\d+) open files, 40 are allowed: ulimit -n \1$"):
-        run(tmp_path, {"a": entry(guest), "b": entry(guest)})
+        shared = [int(each.name) for each in Path("/proc/self/fd").iterdir() if "memfd:" in os.path.realpath(each)]
+        assert shared
+        for number in shared:
+            with pytest.raises(PermissionError):
+                os.ftruncate(number, 0)
 
 
 # --- once per process -------------------------------------------------------------------------------
@@ -360,11 +357,6 @@ def test_an_fmu_for_one_instance_has_each_in_a_process(guest, tmp_path):
     assert outputs(path, "b")[1]["together"][-1] == STOP
     with pytest.raises(ComponentFailed, match=r"b: '\S*/Once.fmu' can be instantiated once per process"):
         run(tmp_path, {"a": entry(once, in_process=True), "b": entry(once, in_process=True)})
-
-
-def test_a_bad_key_is_refused(guest):
-    with pytest.raises(BadInput, match="non_finite"):
-        any_from_table(table({"a": entry(guest, non_finite="shrug")}), "guests.toml")
 
 
 # --- time -------------------------------------------------------------------------------------------

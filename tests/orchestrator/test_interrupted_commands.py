@@ -16,15 +16,18 @@ from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.program import Program
 from orchestrator.execution import estimate, loading, replay_model, simulate, summary
 from orchestrator.execution.prepared_run import PreparedRun
-from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.log_file import LogFailed
 from orchestrator.log.page import Page
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 from orchestrator.scene import scene
 
+STARTS = {
+    "build": (loading, "assemble"), "initialise": (Component, "initialise"), "warm up": (Component, "step"),
+}  # fmt: skip
 
-@pytest.mark.parametrize("phase", ["build", "initialise", "warm up"])
+
+@pytest.mark.parametrize("phase", STARTS)
 def test_ctrl_c_during_the_start_up(cotrack, monkeypatch, tmp_path, phase):
     """Ctrl-C during the start is reported, also where a component reports it as its own failure."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it
@@ -37,12 +40,7 @@ def test_ctrl_c_during_the_start_up(cotrack, monkeypatch, tmp_path, phase):
                 raise
         raise ComponentFailed("chain: KeyboardInterrupt")
 
-    owner, name = {
-        "build": (loading, "assemble"),
-        "initialise": (Component, "initialise"),
-        "warm up": (Component, "step"),
-    }[phase]
-    monkeypatch.setattr(owner, name, interrupted)
+    monkeypatch.setattr(*STARTS[phase], interrupted)
     try:
         status, out, err = cotrack(*SHORT)
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -79,26 +77,12 @@ def test_a_signal_ends_the_evaluation_at_once(cotrack, monkeypatch, owner, name,
         assert (reading.closing["status"], reading.closing["steps"]) == ("interrupted", 20)
 
 
-def test_a_full_disk_fails_the_run(cotrack, monkeypatch):
-    append = ContainerWriter._append
-
-    def full(writer, *parts):
-        if writer.size > 10_000:
-            raise OSError(28, "No space left on device")
-        append(writer, *parts)
-
-    monkeypatch.setattr(ContainerWriter, "_append", full)
-    status, out, err = cotrack(*SHORT)
-    assert status == 1
-    assert "no space left on device, at t = 0 s" in err
-    assert last(out)["status"] == "failed"
-
-
 @pytest.mark.parametrize(("place", "error", "status"), [
     (None, None, 0),
     ("exchange_block", MemoryError(), 1),
     ("pack", KeyError("a fault of ours"), 1),
     ("pack", SystemExit(), 1),
+    ("pack", OSError(28, "No space left on device"), 1),
 ])  # fmt: skip
 def test_a_recorder_that_dies_fails_the_run(cotrack, monkeypatch, place, error, status):
     """Whatever ends the recorder's thread, wherever in it; the first case has no fault."""
@@ -114,6 +98,7 @@ def test_a_recorder_that_dies_fails_the_run(cotrack, monkeypatch, place, error, 
     found, out, err = cotrack(*SHORT, "--no-estimate")
     assert (found, last(out)["status"]) == (status, "failed" if status else "ok")
     assert ("cannot be written" in err) == bool(status)
+    assert ("no space left on device" in err) == isinstance(error, OSError)
 
 
 def test_a_run_of_a_study_raises_what_is_no_answer_of_the_model(monkeypatch, tmp_path):
@@ -177,40 +162,24 @@ def test_a_failed_run_keeps_the_log_of_one_that_ended_well(cotrack, failing, tmp
     own = "hanging_chain-flexible-run.stop=0.02.mcap"
     beside = own.replace(".mcap", "-failed.mcap")
     runs = (
-        (0.0055, own, 6),
-        (0.0105, own, 11),
-        (1.0, own, 20),
-        (0.0055, beside, 6),
-        (0.0105, beside, 11),
-        (1.0, own, 20),
-    )
+        (0.0055, own, 6), (0.0105, own, 11), (1.0, own, 20),
+        (0.0055, beside, 6), (0.0105, beside, 11), (1.0, own, 20),
+    )  # fmt: skip
     for instant, name, steps in runs:
         failing[:] = [instant]
         status, out, err = cotrack(*SHORT, "--no-estimate")
         failed, result = instant < 0.02, last(out)
         assert (status, result["log"]) == (int(failed), os.path.join("logs", name))
-        assert (f"{own} is kept: its run ended well" in err) == (name == beside)
+        assert (f"{own} is kept: its run ended well" in err, "link 7" in err) == (name == beside, failed)
+        assert verify(result["log"]).code == WHOLE
         with Log(tmp_path / "logs" / name) as log:
             assert (log.closing["status"], log.closing["steps"]) == ("failed" if failed else "ok", steps)
+            assert ("link 7" in log.closing["message"]) == failed
             assert result["log_bytes"] == log.size
         if name == beside:
             with Log(tmp_path / "logs" / own) as log:
                 assert (log.closing["status"], log.closing["steps"]) == ("ok", 20)
     assert {file.name for file in (tmp_path / "logs").iterdir()} == {own, beside}
-
-
-def test_a_component_that_fails_ends_the_run_and_closes_the_log(cotrack, failing, tmp_path):
-    failing.append(0.0105)
-    status, out, err = cotrack(*SHORT)
-    assert status == 1
-    assert "link 7" in err
-    result = last(out)
-    assert (result["status"], result["communication_steps"]) == ("failed", 11)
-    log = tmp_path / result["log"]
-    assert verify(log).code == WHOLE
-    with Log(log) as reading:
-        assert reading.closing["status"] == "failed"
-        assert "link 7" in reading.closing["message"]
 
 
 def child(arguments, environment, **streams):

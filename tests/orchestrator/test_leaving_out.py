@@ -1,4 +1,4 @@
-"""Savings by omitted parts: pairs of runs, measure of their difference, table, and ``show``."""
+"""Savings by omitted parts: pairs of runs, measure of their difference, and table."""
 
 import math
 
@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.cli.inventory import contact_pairs, lines
 from orchestrator.log.reader import Log
-from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 from orchestrator.studies import Row, leaving_out
 from orchestrator.studies.leaving_out import KEYS, MOTION, PairedRun, cases, difference, run
@@ -72,10 +70,6 @@ def test_a_speed_that_is_hardly_shown_is_measured_by_the_motion(tmp_path):
     assert difference(logs[0], logs[1])[0] <= 30.0 * grown < difference(logs[0], logs[3])[0]
 
 
-def test_memory_is_that_of_a_process():
-    assert 20.0 < leaving_out.peak() < 20_000.0
-
-
 def test_table_and_figure(tmp_path):
     one = (0.5, 0.45, 0.55)
     figures = (2.0, 1.0, *one, *one, 300.0, 200.0, 2.0, 1.0, 1e-12, 1e-10)
@@ -85,42 +79,4 @@ def test_table_and_figure(tmp_path):
     assert [file.suffix for file in files] == [".csv", ".md", ".png", ".svg"]
     assert "| rig | half | 2.000 | 1.000 | 0.500 |" in files[1].read_text()
     assert math.isnan(lost["motion"])
-
-
-def test_show_counts_pairs_outputs_and_modules():
-    scene = load("straight", "flexible", ("symmetric=true", "planar=true", "track.link_outputs=false"))
-    inside, evaluated = "\n".join(lines(scene)).split("contact pairs\n")
-    assert "64 elements, 384 dofs" in inside
-    assert "lateral dofs of the chain" in inside.split("left out")[1]
-    touching, rest = evaluated.split("outputs\n", 1)
-    assert "teeth: 1 sprocket x 64 pins" in touching
-    assert "rims: 6 wheels x 64 links" in touching
-    assert "ground: 64 links" in touching
-    shown, loaded, left = rest.split("modules of fmus:")
-    assert "left_track   70 a step; " in shown
-    assert "planar" in loaded
-    assert "planar" not in left
-    assert "fmus.physics.rigid: augmented, body, pin, recursive" in left
-    assert "beams" in left
-
-
-def test_pairs_of_other_scenes():
-    rigid = load("rig", "rigid")
-    track = assemble(rigid).parts[0]
-    assert any(pair.startswith("guides: 1 wheels x 64 links") for pair in contact_pairs(rigid, track))
-    hanging = load("hanging_chain", "flexible")
-    assert contact_pairs(hanging, assemble(hanging).parts[0]) == []
-
-
-@pytest.mark.parametrize(
-    ("scene", "settings", "says"),
-    [
-        ("straight", ("planar=true",), "planar = true needs symmetric = true"),
-        ("rig", ("planar=true", "track=rigid"), "planar = true needs track.model = 'flexible'"),
-        ("rig", ("planar=true", "track.element=beam"), "planar = true needs track.element = 'cable', not 'beam'"),
-        ("rig", ("planar=true", "track.elasticity=general"), "needs track.elasticity = 'small_deformation'"),
-    ],
-)
-def test_what_is_not_planar_is_refused(scene, settings, says):
-    with pytest.raises(BadInput, match=says):
-        load(scene, "flexible", settings)
+    assert 20.0 < leaving_out.peak() < 20_000.0  # MB of a process

@@ -86,12 +86,10 @@ def test_a_step_is_what_fmi_prescribes():
         assert one.time == 0.1 * k
         one.called.clear()
     assert one.noted("total") > one.noted("seconds") > 0.0
-
-
-def test_without_inputs_nothing_is_written():
-    one = Instance(inputs=0)
-    program_of(([one], [])).run(0.0, 1.0)
-    assert [call[0] for call in one.called] == ["step", "read"]
+    slow_without_inputs = Instance(inputs=0, pause=0.02)
+    program_of(([slow_without_inputs], [])).run(0.0, 1.0)
+    assert [call[0] for call in slow_without_inputs.called] == ["step", "read"], "nothing is written"
+    assert 0.02 <= slow_without_inputs.noted("seconds") < 1.0, "the time is that of the calls"
 
 
 @pytest.mark.parametrize(("statuses", "failed", "done"), [
@@ -125,11 +123,17 @@ def test_values_are_handed_over_by_their_rules():
             assert second.given[places].tobytes() == wired_inputs(rule, before[0][of], first.y[of]).tobytes()
 
 
+@pytest.fixture
+def made(monkeypatch):
+    """Workers in the order in which a program makes them."""
+    workers = []
+    monkeypatch.setattr("orchestrator.cosim.program.Worker", lambda: workers.append(Worker()) or workers[-1])
+    return workers
+
+
 @pytest.mark.parametrize(("n", "expected"), [(1, 0), (2, 1), (3, 2), (400, 2)])
-def test_threads_are_as_many_as_processors(monkeypatch, n, expected):
+def test_threads_are_as_many_as_processors(monkeypatch, made, n, expected):
     monkeypatch.setattr("os.sched_getaffinity", lambda process: {0, 3, 4})
-    made = []
-    monkeypatch.setattr("orchestrator.cosim.program.Worker", lambda: made.append(Worker()) or made[-1])
     program = program_of(([Instance() for _ in range(n)], []))
     assert len(made) == expected
     program.close()
@@ -164,22 +168,15 @@ def test_short_steps_are_done_here():
         program.close()
 
 
-@pytest.fixture
-def worker():
-    made = Worker()
-    yield made
-    made.close()
-
-
-def until(true, most=10.0):
+def until(true, most=60.0):
     end = monotonic() + most
     while not true():
         assert monotonic() < end
         sleep(1e-3)
 
 
-def test_a_worker_sleeps_without_a_task_and_wakes_with_the_next(worker):
-    one = Instance()
+def test_a_worker_sleeps_without_a_task_and_wakes_with_the_next():
+    one, worker = Instance(), Worker()
     for _ in range(3):
         until(lambda: worker.mailbox["state"] == ASLEEP)
         worker.mailbox["task"] = one.step_call.ctypes.data
@@ -187,26 +184,21 @@ def test_a_worker_sleeps_without_a_task_and_wakes_with_the_next(worker):
         until(lambda: worker.mailbox["state"] in (FREE, ASLEEP))
         assert one.thread != get_ident()
     assert len(one.called) == 9
+    worker.close()
 
 
 @pytest.mark.skipif(processors() < 2, reason="needs a second processor")
-def test_a_task_that_no_worker_begins_is_done_by_who_waits():
+def test_a_task_that_no_worker_begins_is_done_by_who_waits(made):
     """A task that no worker begins is done by the thread that waits; here the worker has ended."""
     pair = [Instance(), Instance()]
     program = program_of((pair, []))
-    (worker,) = program._workers
+    (worker,) = made
     worker.close()
     worker.mailbox["state"] = FREE
     program.run(0.0, 1.0)
     assert [one.thread for one in pair] == [get_ident()] * 2
     assert worker.mailbox["state"] == FREE
-    program._workers = []
-
-
-def test_the_time_is_that_of_the_calls():
-    slow = Instance(pause=0.02)
-    program_of(([slow], [])).run(0.0, 1.0)
-    assert 0.02 <= slow.noted("seconds") < 1.0
+    program.close()
 
 
 class Linked(Instance):
@@ -302,29 +294,9 @@ def test_of_many_steps_those_before_a_failure_are_kept(failing):
 
 
 @pytest.mark.long
-def test_a_failure_among_many_steps_leaves_a_log_of_those_before(tmp_path, monkeypatch):
-    """A failure among many steps leaves a log of the steps before it, with the same end and message.
-
-    Flexible links do not follow a sprocket that reaches 1e5 rad/s in 0.1 ms, one by one or many steps at once.
-    """
-    settings = ("run.stop=0.1", "expect={}", "drive.speed=1e5 rad/s", "drive.ramp_start=0", "drive.ramp_time=1e-4")
-    outcomes = []
-    for together in (0.0, 10.0):
-        monkeypatch.setattr(scheme, "LONGEST_BATCH", together)
-        path = tmp_path / f"{together}.mcap"
-        result = simulate(load("rig", "flexible", settings), path)
-        with Log(path) as log:
-            outcomes.append((result["status"], result["message"], result["communication_steps"], log.digest()))
-    assert outcomes[0] == outcomes[1]
-    status, message, steps, _ = outcomes[0]
-    assert (status, "link" in message) == ("failed", True)
-    assert 10 < steps < 100
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("coupling", ["tracks_first", "jacobi", "iterative"])
-def test_python_does_the_same_where_there_are_no_kernels(tmp_path, monkeypatch, coupling):
-    settings = ("run.stop=0.03", "expect={}", "drive.ramp_start=0", f"run.coupling={coupling}")
+def test_python_does_the_same_where_there_are_no_kernels(tmp_path, monkeypatch):
+    """Of the couplings the one that repeats steps; FMUs of the user have all others."""
+    settings = ("run.stop=0.03", "expect={}", "drive.ramp_start=0", "run.coupling=iterative")
     digests = set()
     for known, together in ((True, 0.05), (True, 0.0), (False, 0.0)):
         monkeypatch.setattr(scheme, "CAN_STEP", known)

@@ -1,6 +1,7 @@
-"""SSP archives of scenes: valid, complete, and run by other tools."""
+"""SSP archives: those of scenes are valid, complete, and run by other tools; ours run them and those of others."""
 
 import io
+import json
 import re
 import shutil
 import subprocess
@@ -10,20 +11,26 @@ from pathlib import Path
 from xml.etree.ElementTree import fromstring
 
 import fmpy.ssp
+import foreign_fmus
 import numpy as np
 import pytest
 from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import read_ssd
 from lxml import etree
+from ssd_texts import LAG, START, T1, T2, packed_lags
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.cli import main
 from orchestrator.execution.simulate import simulate
+from orchestrator.execution.summary import LARGEST_RESIDUAL, verdict
 from orchestrator.log.reader import Log
+from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
-from orchestrator.scene.products import _page, write_ssp
-from orchestrator.scene.scene import load
+from orchestrator.scene.products import write_ssp
+from orchestrator.scene.scene import load, load_any
+from orchestrator.scene.ssp_scene import load_ssp
+from orchestrator.scene.system_scene import FreeScene
 
 ROOT = Path(__file__).parents[2]
 SCHEMAS = Path(fmpy.ssp.__file__).parent / "schema"
@@ -43,6 +50,19 @@ def rig(tmp_path_factory):
 def structure(rig):
     with zipfile.ZipFile(rig) as archive:
         return etree.fromstring(archive.read("SystemStructure.ssd"))
+
+
+def rewritten(file, target, **changes):
+    """Copy of an archive with other contents by name, or without a file; / and . are _ in a name."""
+    with zipfile.ZipFile(file) as source, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as copy:
+        for name in source.namelist():
+            change = changes.get(re.sub(r"\W", "_", name), lambda content: content)
+            if (content := change(source.read(name))) is not None:
+                copy.writestr(name, content)
+    return target
+
+
+NO_SCENE = {"resources_scene_json": lambda content: None}  # by which cotrack would step it
 
 
 def schema(name):
@@ -103,18 +123,15 @@ def test_connections_connectors_and_values_are_those_of_the_scene(rig, structure
     assert float(experiment.get("stopTime")) == 1.5
 
 
-def test_equal_scenes_give_equal_bytes(rig, tmp_path):
+def test_equal_scenes_give_equal_bytes_and_a_title_is_no_html(rig, tmp_path):
     write_ssp(load("rig", "rigid", ["run.stop=1.5 s"]), tmp_path / "again.ssp", native=False)
     assert (tmp_path / "again.ssp").read_bytes() == rig.read_bytes()
-
-
-def test_fmpy_runs_the_rig(rig):
-    """The runner of FMPy exchanges values for the first time after its first step: it begins with zeros."""
-    rows = simulate_ssp(str(rig), stop_time=0.02, step_size=1e-3)
-    assert len(rows) >= 20
-    tension = rows["track.tension.mean"]
-    assert np.ptp(tension) < 1e-3 * tension[0]
-    assert tension[-1] == pytest.approx(15000.0, rel=0.05)
+    titled = load("rig", "rigid").model_copy(update={"title": "<script>A & B</script>"})
+    write_ssp(titled, tmp_path / "titled.ssp", native=False)
+    with zipfile.ZipFile(tmp_path / "titled.ssp") as archive:
+        page = archive.read("documentation/index.html").decode()
+    assert "&lt;script&gt;A &amp; B&lt;/script&gt;" in page
+    assert "<script" not in page
 
 
 def script_of_page(tool):
@@ -130,23 +147,6 @@ def test_the_script_for_fmpy_runs(rig, tmp_path, monkeypatch, capsys):
     tension, time = re.fullmatch(r"track\.tension\.mean = (\d+) N at (\S+) s\n", capsys.readouterr().out).groups()
     assert float(tension) == pytest.approx(15000, rel=0.05)
     assert time == "0.100"
-
-
-def test_a_title_is_no_html():
-    page = _page(load("rig", "rigid").model_copy(update={"title": "<script>A & B</script>"}), []).decode()
-    assert "&lt;script&gt;A &amp; B&lt;/script&gt;" in page
-    assert "<script" not in page
-
-
-def test_bad_files_are_refused_before_anything_is_built(monkeypatch, capsys, tmp_path):
-    with pytest.raises(BadInput, match="there is no folder"):
-        write_ssp(load("rig", "rigid"), tmp_path / "none" / "rig.ssp")
-    monkeypatch.setattr(sys, "argv", ["cotrack", "ssp", "rig", "-o", str(tmp_path / "rig.zip")])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert capsys.readouterr().err.endswith("rig.zip: the name of the archive must end in .ssp\n")
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.fixture(scope="module")
@@ -187,13 +187,9 @@ def other(vehicle, tmp_path_factory):
     folder = tmp_path_factory.mktemp("ssp")
     settings = [f"vehicle.{key}={value}" for key, value in OTHER.items()]
     write_ssp(load("turn", "rigid", ["run.stop=0.1 s", *settings]), folder / "own.ssp", native=False)
-    with (
-        zipfile.ZipFile(folder / "own.ssp") as own,
-        zipfile.ZipFile(vehicle) as first,
-        zipfile.ZipFile(folder / "set.ssp", "w", zipfile.ZIP_DEFLATED) as mixed,
-    ):
-        for name in first.namelist():
-            mixed.writestr(name, (own if name == "SystemStructure.ssd" else first).read(name))
+    with zipfile.ZipFile(folder / "own.ssp") as own:
+        document = own.read("SystemStructure.ssd")
+    rewritten(vehicle, folder / "set.ssp", SystemStructure_ssd=lambda content: document)
     return folder
 
 
@@ -201,10 +197,7 @@ def other(vehicle, tmp_path_factory):
 def test_a_document_makes_another_vehicle_of_fmus_of_its_shapes(vehicle, other, tmp_path, cotrack):
     rows = []
     for file in (vehicle, other / "own.ssp", other / "set.ssp"):
-        with zipfile.ZipFile(file) as archive, zipfile.ZipFile(tmp_path / file.name, "w") as bare:
-            for name in archive.namelist():
-                if name != "resources/scene.json":  # by which cotrack would step it
-                    bare.writestr(name, archive.read(name))
+        rewritten(file, tmp_path / file.name, **NO_SCENE)
         log = tmp_path / f"{file.stem}.mcap"
         cotrack.done("run", tmp_path / file.name, "--log", log, "--stop", "0.02", "--step", "1ms")
         with Log(log) as read:
@@ -246,3 +239,203 @@ def test_every_side_of_a_vehicle_has_its_place(vehicle):
     assert rows["chassis.chassis.position.z"][-1] == pytest.approx(0.3758, abs=1e-3)
     assert rows["chassis.chassis.position.y"][-1] == pytest.approx(0.0, abs=1e-6)
     assert rows["left_track.tension.mean"][-1] == pytest.approx(rows["right_track.tension.mean"][-1], rel=1e-2)
+
+
+# --- runs by cotrack ----------------------------------------------------------------------------------
+
+SHORT = {"run.stop": "20 ms", "expect": {}}
+
+
+@pytest.fixture(scope="module")
+def lag(tmp_path_factory):
+    return foreign_fmus.build(tmp_path_factory.mktemp("lag") / "lag.fmu", "lag", LAG)
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory):
+    """Archive of a hanging chain."""
+    file = tmp_path_factory.mktemp("chain") / "chain.ssp"
+    write_ssp(load("hanging_chain", "rigid", SHORT), file, native=False)
+    return file
+
+
+def digest(scene, path):
+    summary = simulate(scene, path)
+    assert summary["status"] == "ok", summary["message"]
+    with Log(path) as log:
+        return log.digest()
+
+
+def test_an_archive_of_ours_gives_the_records_of_its_scene(chain, tmp_path):
+    assert load_ssp(chain, None, ()).name == "hanging_chain"
+    for settings in ({}, {"run.stop": "10 ms"}):
+        own = digest(load("hanging_chain", "rigid", SHORT | settings), tmp_path / "own.mcap")
+        assert digest(load_ssp(chain, None, settings), tmp_path / "ssp.mcap") == own
+
+
+def test_an_edited_archive_has_its_own_values_times_and_parts(chain, tmp_path, caplog):
+    """Start and stop are those of the DefaultExperiment; with other parts it is a free system, and says so."""
+
+    def edited(old, new):
+        def change(text):
+            assert old in text
+            return text.replace(old, new, 1)
+
+        return rewritten(chain, tmp_path / "edited.ssp", SystemStructure_ssd=change)
+
+    for file, given in ((chain, []), (edited(b'value="0.0"', b'value="0.25"'), [0.25])):
+        (table,) = load_ssp(file, None, ()).fmu.values()
+        assert list(table.parameters.values()) == given
+    later = edited(b'startTime="0.0" stopTime="0.02"', b'startTime="1.0" stopTime="1.01"')
+    scene = load_ssp(later, None, [])
+    assert isinstance(scene, Scene)
+    assert (scene.run.start, scene.run.stop) == (1.0, pytest.approx(0.01))
+    assert simulate(scene, tmp_path / "edited.mcap")["status"] == "ok"
+    with Log(tmp_path / "edited.mcap") as log:
+        assert RunData(log).span == pytest.approx((0.0, 0.01))
+    assert load_ssp(later, None, ["run.stop=5 ms"]).run.stop == 5e-3
+    assert not caplog.messages
+    assert isinstance(load_ssp(edited(b'name="chain"', b'name="links"'), None, ()), FreeScene)
+    (message,) = caplog.messages
+    assert message.endswith("edited.ssp': parts or connections are not those of its scene: it runs as a free system")
+
+
+def test_an_archive_of_others_is_a_free_system(lag, tmp_path):
+    """Two first-order systems: the exact solution, with an error of order 2 in the communication step."""
+    file, errors = packed_lags(tmp_path / "lags.ssp", lag), []
+    rate, level, gap = 1 / T1 + 1 / T2, T1 * START / (T1 + T2), START * T2 / (T1 + T2)
+    for step in (4e-3, 2e-3, 1e-3):
+        summary = simulate(load_ssp(file, None, {"run.step": step}), tmp_path / "lags.mcap", estimated=True)
+        assert summary["status"] == "ok"
+        assert (summary["energy"], summary["error"]) == (None, None)
+        with Log(tmp_path / "lags.mcap") as log:
+            t, x = log.signal("a.x")
+            assert RunData(log).scene == {}
+            assert set(log.topics) == {f"/{kind}" for kind in ("a/in", "a/out", "b/in", "b/out", "stats/a", "stats/b")}
+        errors.append(np.abs(x - level - gap * np.exp(-rate * t)).max())
+    assert errors[-1] < 1e-4
+    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_commands_on_a_free_system(lag, cotrack, tmp_path):
+    packed_lags(tmp_path / "lags.ssp", lag)
+    out = cotrack.done("show", "lags.ssp")
+    lines = {
+        "  1 s in 1000 steps of 1 ms, tracks_first",
+        f"  a.T = {T1}",
+        f"  b.T = {T2}",
+        "  a.x -> b.u",
+        "  b.x -> a.u",
+    }
+    assert lines <= {*out.splitlines()}
+    assert out.count("/resources/lag.fmu; 1 values in, 1 out a step, stage 0\n") == 2
+    out = cotrack.done("run", "lags.ssp", "--stop", "0.2 s", "--step", "2 ms", "-o", "logs/lags.mcap")
+    assert out.startswith("t: ok\n  0.2 s simulated in ")
+    assert cotrack("plot", "logs/lags.mcap", "a.x", "-o", "a.png")[0] == 0
+    assert cotrack("log", "verify", "logs/lags.mcap")[0] == 0
+    assert cotrack("replay", "logs/lags.mcap", "--component", "a", "--with", lag)[0] == 0
+    status, out, _ = cotrack("compare", "logs/lags.mcap", "logs/lags.mcap", "--different", "--bits")
+    assert (status, out.splitlines()[-1]) == (0, "bit by bit equal: 402 numbers, to t = 0.2 s")
+    for command, said in (
+        (("replay", "logs/lags.mcap"), "'a' was an FMU of the user"),
+        (("run", "lags.ssp", "--replace", "c=x.fmu"), "fmu.c: no such component: the components are a, b"),
+        (("sweep", "lags.ssp", "--vary", "run.step=0.001", "-o", "x"), "an SSP archive can be run and shown"),
+        (("ssp", "lags.ssp", "-o", "x.ssp"), "lags.ssp': an SSP archive can be run and shown; here a scene is needed"),
+    ):
+        status, _, err = cotrack(*command)
+        assert (status, said in err) == (2, True), err
+    for command in (("analyse", "logs/lags.mcap", "power"), ("view", "logs/lags.mcap"), ("resume", "logs/lags.mcap")):
+        status, _, err = cotrack(*command)
+        assert (status, len(err.splitlines())) == (2, 1), (command, err)
+
+
+def test_a_free_system_in_a_scene_file(lag, tmp_path, cotrack):
+    text = f"""title = "Two lags"
+assembly = "fmus"
+connections = ["a.x -> b.u", "b.x -> a.u"]
+run = {{ stop = "0.2 s", step = "1 ms" }}
+[fmu.a]
+file = "lag.fmu"
+parameters = {{ T = {T1}, start = {START} }}
+[fmu.b]
+file = "lag.fmu"
+parameters = {{ T = {T2} }}
+stage = 1
+[expect]
+level = {{ signal = "a.x", reduce = "last", expected = 1.3856, tolerance = 0.001 }}
+"""
+    (tmp_path / "lag.fmu").write_bytes(lag.read_bytes())
+    (tmp_path / "lags.toml").write_text(text)
+    status, out, _ = cotrack("run", "lags.toml")
+    assert (status, "1 of 1 checks are met" in out) == (0, True), out
+    scene = load_any("lags.toml")
+    assert isinstance(scene, FreeScene)
+    assert not isinstance(scene, Scene)
+    cases = (
+        ("connections.0=a.x", "connections: 'a.x': must be 'instance.output -> instance.input'"),
+        ("connections.0=c.x -> b.u", "no component 'c': there are a, b"),
+        ("connections.1=a.x -> b.u", "the input has another connection"),
+        ("connections.0=a.y -> b.u", "it has no output 'y', which goes to b.u"),
+        ("vehicle=m113", "unknown key 'vehicle'"),
+        ("expect.level.signal=c.x", "no component 'c': there are a, b"),
+    )
+    for setting, said in cases:
+        err = cotrack.refused("run", "lags.toml", "--set", setting)
+        assert said in err, err
+        assert len(err.splitlines()) == 1
+    sweep = "sweep", "lags.toml", "--vary", "run.step=0.001", "-o", "x"
+    for command in (("truth", "lags.toml"), ("ssp", "lags.toml", "-o", "x.ssp"), sweep):
+        status, _, err = cotrack(*command)
+        assert (status, "here a scene with a track is needed" in err) == (2, True), err
+
+
+def test_files_of_an_archive_stay_in_it(lag, chain, tmp_path):
+    with pytest.raises(BadInput, match="it holds a file outside of it"):
+        load_ssp(packed_lags(tmp_path / "lags.ssp", lag, **{"../up": ""}), None, ())
+    with pytest.raises(BadInput, match="there is no SSP archive"):
+        load_ssp(tmp_path / "none.ssp", None, ())
+    with pytest.raises(BadInput, match=r"it has no SystemStructure\.ssd"):
+        load_ssp(lag, None, ())
+    with pytest.raises(BadInput, match="track = 'rigid': the FMUs of an archive are as they are"):
+        load_ssp(chain, "rigid", ())
+    with pytest.raises(BadInput, match=r"vehicle\.track\.mass: the FMUs of an archive are as they are"):
+        load_ssp(chain, None, ["vehicle.track.mass=3"])
+    table = load("hanging_chain", "rigid", {"fmu.chain.file": "/elsewhere.fmu"}).resolved() | {"placed": True}
+    rewritten(chain, tmp_path / "own.ssp", resources_scene_json=lambda content: json.dumps(table))
+    (fmu,) = load_ssp(tmp_path / "own.ssp", None, ()).fmu.values()
+    assert fmu.file.endswith("/resources/chain.fmu")
+
+
+def test_messages_about_an_archive_begin_with_it(chain, tmp_path):
+    """Also later ones: of its FMUs, its checks, and a changed scene."""
+    where = f"'{chain}': "
+    for change, call in (
+        ({"fmu.chain.file": "none.fmu"}, lambda scene: simulate(scene, tmp_path / "chain.mcap")),
+        (
+            {"expect.a": {"signal": "b.x", "expected": 0, "tolerance": 1}},
+            lambda scene: simulate(scene, tmp_path / "c.mcap"),
+        ),
+        ({}, lambda scene: scene.changed({"run.step": "2 ms"}).changed({"run.stap": 1})),
+        ({}, lambda scene: scene.require_own_parts("a test needs")),
+    ):
+        with pytest.raises(BadInput) as caught:
+            call(load_ssp(chain, None, change))
+        assert str(caught.value).startswith(where), caught.value
+
+
+def test_an_archive_of_ours_is_shown(chain, cotrack):
+    out = cotrack.done("show", chain)
+    assert "\n  chain        FMU /" in out
+    assert "left out\n" in out
+    assert "contact pairs" not in out, "what FMUs of the user evaluate is not known"
+
+
+def test_a_vehicle_at_rest_is_in_balance_unless_its_exchange_swings(tmp_path):
+    """With values of the last step a standing m113 loses next to nothing; with much too long steps it swings."""
+    write_ssp(load("straight", "rigid"), tmp_path / "own.ssp", native=False)
+    rewritten(tmp_path / "own.ssp", tmp_path / "rest.ssp", **NO_SCENE)
+    for step, closed in (("1 ms", True), ("2 ms", True), ("10 ms", False)):
+        scene = load_ssp(tmp_path / "rest.ssp", None, {"run.stop": "0.1 s", "run.step": step})
+        result = simulate(scene, tmp_path / "rest.mcap")
+        assert (abs(result["energy"]["residual_relative"]) < LARGEST_RESIDUAL) == closed
+        assert (verdict(result) == "ok") == closed

@@ -86,8 +86,8 @@ print(json.dumps(found))
 
 
 @pytest.fixture(scope="module")
-def house(tmp_path_factory):
-    """A copy of the product with a toy kind of track."""
+def called(tmp_path_factory):
+    """Return a function that gives the output of a Python process in a copy of the product with a toy kind of track."""
     folder = tmp_path_factory.mktemp("house")
     for package in ("fmus", "orchestrator"):
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__", "*.md"))
@@ -96,20 +96,19 @@ def house(tmp_path_factory):
         (folder / name).write_text(text, encoding="utf-8")
     with (folder / "fmus" / "track" / "choices.py").open("a", encoding="utf-8") as declared:
         declared.write(DECLARATION)
-    return folder
 
+    def call(*arguments):
+        env = {**os.environ, "PYTHONPATH": str(folder)}
+        done = subprocess.run([sys.executable, *arguments], cwd=folder, env=env, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
 
-def called(house, *arguments):
-    """Standard output of a Python process in the copy."""
-    env = {**os.environ, "PYTHONPATH": str(house)}
-    done = subprocess.run([sys.executable, *arguments], cwd=house, env=env, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return call
 
 
 @pytest.mark.long
-def test_a_toy_kind_of_track_is_known_everywhere(house):
-    answers = json.loads(called(house, "-c", PROGRAM).splitlines()[-1])
+def test_a_toy_kind_of_track_is_known_everywhere(called):
+    answers = json.loads(called("-c", PROGRAM).splitlines()[-1])
     assert answers["toy"] == pytest.approx(2.0 * answers["rigid"], rel=1e-9), "its links have twice the weight"
     assert (answers["equal"], answers["steps"]) == (True, 20)
     assert answers["swapped"] == "TrackToy.fmu"
@@ -128,9 +127,5 @@ def test_a_toy_kind_of_track_is_known_everywhere(house):
     assert answers["flexible, recursive"].endswith(needs)
     assert answers["element=beam"].endswith("element = 'beam' needs model = 'flexible': toy links have none")
     assert answers["model=jelly"].endswith('must be "flexible" or "rigid" or "toy"')
-
-
-@pytest.mark.long
-def test_the_command_line_offers_a_toy_kind(house):
-    assert "--track <flexible|rigid|toy>" in called(house, "-m", "orchestrator", "show", "--help")
-    assert "TrackToy" in called(house, "-m", "orchestrator", "show", "hanging_chain", "--track", "toy")
+    assert "--track <flexible|rigid|toy>" in called("-m", "orchestrator", "show", "--help")
+    assert "TrackToy" in called("-m", "orchestrator", "show", "hanging_chain", "--track", "toy")

@@ -25,6 +25,9 @@ from orchestrator.scene.scene import load
 
 DRIVEN = ("run.stop=0.03", "run.links=10", "run.outputs=1", "drive.ramp_start=0", "drive.ramp_time=0.5")
 
+AT_ONCE = ("drive.ramp_start=0", "drive.ramp_time=0.04")
+JOINED = (*AT_ONCE, "drive.steering.ramp_start=0", "drive.steering.ramp_time=0.04")
+
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
@@ -103,14 +106,23 @@ def test_books_of_chassis_and_drives_close(driven):
             assert spin < 1e-9 < twin
 
 
+BOOKED = [  # scene, links, settings, drives
+    *(("straight", "flexible", (*DRIVEN, "run.stop=0.01", f"drive.mode={mode}", "drive.torque=2000"), "left_drive")
+      for mode in ("torque", "controller")),
+    *(("differential", "rigid", ("run.outputs=1", *JOINED, f"drive.mode={mode}", f"drive.steering.mode={mode}",
+                                 "run.stop=0.03"), "differential") for mode in ("speed", "controller")),
+]  # fmt: skip
+
+
 @pytest.mark.study
-@pytest.mark.parametrize("mode", ["torque", "controller"])
-def test_books_of_a_drive_that_spins_by_itself_close(mode, tmp_path):
-    settings = ("run.step=1ms", *DRIVEN, "run.stop=0.01", f"drive.mode={mode}", "drive.torque=2000")
-    monolithic.run(load("straight", "flexible", settings), tmp_path / "a.mcap")
+@pytest.mark.parametrize(("scene", "links", "settings", "drive"), BOOKED)
+def test_books_of_drives_that_spin_by_themselves_or_joined_close(scene, links, settings, drive, tmp_path):
+    more = ("run.step=1ms",) if scene == "straight" else ()
+    monolithic.run(load(scene, links, (*more, *settings)), tmp_path / "a.mcap")
     with Log(tmp_path / "a.mcap") as log:
         assert open_part(log, "chassis", ("port.work",), STORED)[0] < 1e-9
-        assert open_part(log, "left_drive", ("port.work", "energy.work"), STORED[:2])[0] < 1e-9
+        spin, twin = open_part(log, drive, ("port.work", "energy.work"), STORED[:2])
+        assert spin < 1e-9 < twin
 
 
 @pytest.mark.study
@@ -259,10 +271,6 @@ def whole(scene, *settings, steps, h=1e-3):
     return outputs(monolith.models)
 
 
-AT_ONCE = ("drive.ramp_start=0", "drive.ramp_time=0.04")
-JOINED = (*AT_ONCE, "drive.steering.ramp_start=0", "drive.steering.ramp_time=0.04")
-
-
 @pytest.mark.study  # compiles two monoliths
 def test_a_differential_with_prescribed_speeds_is_two_drives():
     joined, apart = whole("differential", *JOINED, steps=50), whole("turn", *AT_ONCE, steps=50)
@@ -280,18 +288,6 @@ def test_a_differential_with_prescribed_speeds_is_two_drives():
     powers = [joined[f"differential.{name}.power"] for name in ("left", "right", "propulsion", "steering")]
     assert sum(powers[:2]) == pytest.approx(sum(powers[2:]), rel=1e-9)
     assert sum(powers[:2]) != pytest.approx(1.02 * sum(powers[2:]), rel=1e-3)
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("mode", ["speed", "controller"])
-def test_books_of_a_differential_close(mode, tmp_path):
-    motors = (f"drive.mode={mode}", f"drive.steering.mode={mode}")
-    scene = load("differential", "rigid", ("run.outputs=1", *JOINED, *motors, "run.stop=0.03"))
-    monolithic.run(scene, tmp_path / "a.mcap")
-    with Log(tmp_path / "a.mcap") as log:
-        assert open_part(log, "chassis", ("port.work",), STORED)[0] < 1e-9
-        spin, twin = open_part(log, "differential", ("port.work", "energy.work"), STORED[:2])
-        assert spin < 1e-9 < twin
 
 
 @pytest.mark.study
