@@ -76,14 +76,6 @@ def test_a_lost_force_shows_in_the_books(driven, scaled):
     assert abs(broken.integration["chassis"] - whole.integration["chassis"]) > 100.0 * abs(whole.integration["chassis"])
 
 
-def test_a_chain_at_rest_has_no_work(tmp_path):
-    scene = load("hanging_chain", "flexible", ["run.stop=0.02 s"])
-    energy = simulate(scene, tmp_path / "rest.mcap")["energy"]
-    assert energy["work"] == 0.0
-    assert abs(energy["residual_relative"]) < 1e-4
-    assert energy["port"] == 0.0
-
-
 @pytest.mark.long
 def test_what_the_ledger_leaves_open_falls_with_the_step(tmp_path):
     """The ledger's residual falls with the step at order one, that of the dampers' rates in a track.

@@ -11,7 +11,6 @@ from orchestrator.log.reader import Log
 from orchestrator.results import turning, vehicle_measures
 from orchestrator.results.analyses import phases, slip
 from orchestrator.results.analyses.validity import of as validity
-from orchestrator.results.ground_under_vehicle import component, ground_axes, split
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.units import finite
 from orchestrator.results.validity import track_checks
@@ -46,23 +45,6 @@ def logs(tmp_path_factory):
 def runs(logs):
     with Log(logs / "slope.mcap") as slope, Log(logs / "level.mcap") as level:
         yield RunData(slope), RunData(level)
-
-
-def test_axes_of_a_plane_are_those_of_its_normal(runs):
-    slope, level = runs
-    draw = np.random.default_rng(1)
-    pose = np.column_stack([draw.uniform(-3.0, 3.0, 20), draw.uniform(-9.0, 9.0, (20, 2))])
-    axes = ground_axes(slope, pose)
-    np.testing.assert_allclose(axes.up, np.tile(NORMAL, (20, 1)), atol=1e-12)
-    np.testing.assert_allclose(np.arctan2(axes.ahead[:, 1], axes.ahead[:, 0]), pose[:, 0], atol=1e-12)
-    whole = np.stack(axes, axis=1)
-    np.testing.assert_allclose(whole @ whole.transpose(0, 2, 1), np.tile(np.eye(3), (20, 1, 1)), atol=1e-12)
-    assert (np.linalg.det(whole) > 0.0).all()
-    vectors = draw.normal(size=(20, 3))
-    along, up = split(slope, vectors, pose)
-    np.testing.assert_allclose(along**2 + up**2, (vectors**2).sum(axis=1), rtol=1e-12)
-    np.testing.assert_array_equal(split(level, vectors, pose[:, :1])[1], vectors[:, 2])
-    np.testing.assert_array_equal(component(vectors, ground_axes(level, pose[:, :1]).up), vectors[:, 2])
 
 
 def test_thrust_and_load_are_the_weight_along_and_across_the_slope(runs):
