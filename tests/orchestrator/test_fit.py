@@ -141,6 +141,7 @@ def test_a_part_and_a_log_have_the_fit_of_the_whole(data, noise, tmp_path):
 def test_noise_is_estimated_and_that_is_said(data, noise, tmp_path):
     found = fitted(data(3), tmp_path / "fit")
     assert found.ok
+    assert any("whether or not the model is right" in note for note in found.answer.notes)
     estimated = [record["noise"] for record in found.residuals.records()]
     assert estimated == pytest.approx(list(noise.values()), rel=0.3)
     assert max(map(abs, deviations(found))) < 4.0

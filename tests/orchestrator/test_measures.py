@@ -110,7 +110,7 @@ def test_polygon_ripple_is_the_first_tooth_harmonic_of_the_speed(ripple):
     run = Record(links, {"drive.speed": (t, np.full_like(t, omega))})
     assert chain_measures.polygon_ripple(run, "", Window(0.5, 8.0)) == pytest.approx(ripple, rel=1e-3)
     seldom = Record(Links(*(column[::22] for column in links)), {"drive.speed": (t, np.full_like(t, omega))})
-    with pytest.raises(LookupError):
+    with pytest.raises(LookupError, match="three harmonics of a tooth need more records"):
         chain_measures.polygon_ripple(seldom, "", Window(0.5, 8.0))
 
 

@@ -254,7 +254,7 @@ def test_a_chain_that_stands_has_the_velocity_of_its_pads_and_no_share(tmp_path,
         found = summary.observables(run, scene, T[-1])
         stands = [vehicle_measures.speed_excess] * (abs(chain) < 0.05)
         for measure in (vehicle_measures.slip, vehicle_measures.pad_slip, *stands):
-            with pytest.raises(LookupError):
+            with pytest.raises(LookupError, match="stand"):
                 measure(run, "", DRIVEN)
         text = str(slip.of(run).table())
     assert finite({name: found[name] for name in ("slip", "pad_slip")}) == {"slip": None, "pad_slip": None}

@@ -173,10 +173,6 @@ def seated(path, own=sines, t=T, names=MOTION + ATTITUDE, **options):
     return called(ride.of, seat_log(path.parent, own(t), t, names), **options)
 
 
-def without_life(path):
-    return log_of(path, np.zeros((20, 2)), table=None)
-
-
 def morrow(_):
     table, where = read_table("m113")
     return vehicle({**table, "life": {**table["life"], "pin": {"stress": 1e8, "mean_stress": "morrow"}}}, where)
@@ -213,7 +209,6 @@ CALLS = {
     "short run": (lambda p: called(phases.of, moving(p, 2)), "too few steps"),
     "no hull": (lambda p: called(phases.of, of_track(p, [])),
                 "holds no 'chassis.speed': .* without the motion of a hull"),
-    "no life": (lambda p: called(life.of, without_life(p)), "the vehicle has no table life"),
     "no phases": (lambda p: called(life.of, log_of(p, np.zeros((20, 2))), by="phase"),
                   "no phases without the motion of a hull"),
     "no fracture": (morrow, r'life.pin.fracture: is missing; mean_stress = "morrow" needs it'),
@@ -253,28 +248,29 @@ def test_what_a_log_lacks_and_what_is_refused_is_told(tmp_path, cause):
 
 # --- courses --------------------------------------------------------------------------------------------------------
 
-ONE, TWO = '[[run]]\nlog = "a.mcap"\nkm = 1', "[[run]]\nlog = {}\nkm = 1"
+RUN = "[[run]]\nlog = {}\nkm = 1\n"
+ONE = RUN.format('"a.mcap"')
 COURSES = {
     '[[run]]\nlog = "a.mcap"\nkm = 0': r"course.toml.: run.1..km = 0: must be greater than 0 km",
     "": "course.toml.: key 'run' is missing",
-    TWO.format("[]"): "run.1..log = .*must be a list of texts, at least 1",
-    f"{ONE}\nshare = 2": "unknown key 'run.1..share'",
+    RUN.format("[]"): "run.1..log = .*must be a list of texts, at least 1",
+    f"{ONE}share = 2": "unknown key 'run.1..share'",
     '[[run]]\nlog = "a.mcap"\nkm = "1 kg"': "run.1..km = '1 kg': must be a quantity in km",
     "[[run]": "not a readable TOML file",
-    TWO.format('["a.mcap", "a.mcap"]'): r"run.1..log = .*: names a log twice",
-    TWO.format('"none.mcap"'): "none.mcap",
-    f"{ONE}\nfrom = 3\nto = 2": "no links of 'track' were recorded between 3 and 2",
-    f"{ONE}\nto = 0.9": "a.mcap: the chain of track went round 0.90 times",
-    TWO.format('"still.mcap"'): "still.mcap: the chain of track went round 0.00 times",
-    TWO.format('"back.mcap"'): "back.mcap: the chain of track went round 0.60 times",
-    TWO.format('"bare.mcap"'): "bare.mcap: the vehicle has no table life",
-    TWO.format('"failed.mcap"'): "failed.mcap was cut off, or its run failed",
-    TWO.format('"cut.mcap"'): "cut.mcap was cut off, or its run failed",
-    TWO.format('"no.mcap"'): "no.mcap holds no 'track.joint.*force'; record it with the group",
-    f"{ONE}\n{TWO.format(chr(34) + 'pitch.mcap' + chr(34))}": "pitch.mcap: pitch = 0.11 is not",
-    TWO.format('["a.mcap", "links.mcap"]'): "links.mcap: links = 3 is not as in .*a.mcap",
-    TWO.format('["a.mcap", "life.mcap"]'): "life.mcap: life.gap = 0.002 is not as in .*a.mcap",
-    TWO.format('["a.mcap", "two.mcap"]'): r"two.mcap: tracks = .*right_track.* is not as in",
+    RUN.format('["a.mcap", "a.mcap"]'): r"run.1..log = .*: names a log twice",
+    RUN.format('"none.mcap"'): "none.mcap",
+    f"{ONE}from = 3\nto = 2": "no links of 'track' were recorded between 3 and 2",
+    f"{ONE}to = 0.9": "a.mcap: the chain of track went round 0.90 times",
+    RUN.format('"still.mcap"'): "still.mcap: the chain of track went round 0.00 times",
+    RUN.format('"back.mcap"'): "back.mcap: the chain of track went round 0.60 times",
+    RUN.format('"bare.mcap"'): "bare.mcap: the vehicle has no table life",
+    RUN.format('"failed.mcap"'): "failed.mcap was cut off, or its run failed",
+    RUN.format('"cut.mcap"'): "cut.mcap was cut off, or its run failed",
+    RUN.format('"no.mcap"'): "no.mcap holds no 'track.joint.*force'; record it with the group",
+    ONE + RUN.format('"pitch.mcap"'): "pitch.mcap: pitch = 0.11 is not",
+    RUN.format('["a.mcap", "links.mcap"]'): "links.mcap: links = 3 is not as in .*a.mcap",
+    RUN.format('["a.mcap", "life.mcap"]'): "life.mcap: life.gap = 0.002 is not as in .*a.mcap",
+    RUN.format('["a.mcap", "two.mcap"]'): r"two.mcap: tracks = .*right_track.* is not as in",
 }
 
 
