@@ -19,7 +19,7 @@ from test_ride import ATTITUDE, MOTION, seat_log, sines
 
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import read_table, vehicle
-from orchestrator.execution import course
+from orchestrator.execution import course, summary, summary_text
 from orchestrator.execution.estimate import estimate
 from orchestrator.log.notices import LogNotice
 from orchestrator.log.reader import Log, LogUnreadable
@@ -347,8 +347,19 @@ LEFT_OPEN = {"residual_relative": 0.4, "integration_relative": {}}
 def test_a_companion_that_is_none_estimates_nothing(tmp_path, outcome, said):
     scene = load("straight", "flexible", ("run.stop=8 s",))
     costs = {"left_track": {"steps": 8000}, "chassis": {"steps": 0}}
-    summary = {"components": costs, "simulated_time": 8.0, "communication_steps": 8000}
-    entry = estimate(scene, tmp_path / "no.mcap", summary, lambda *_: outcome)
+    ended = {"components": costs, "simulated_time": 8.0, "communication_steps": 8000}
+    entry = estimate(scene, tmp_path / "no.mcap", ended, lambda *_: outcome)
     assert (entry["total"], entry["message"]) == (None, said)
     with pytest.raises(LogUnreadable, match=r"no\.mcap"):  # the twin: it goes on to the logs
-        estimate(scene, tmp_path / "no.mcap", summary, lambda *_: OK)
+        estimate(scene, tmp_path / "no.mcap", ended, lambda *_: OK)
+
+
+@pytest.mark.parametrize(("integration", "without", "said"), [
+    (0.03, [], "2 % of the pins, less of all other observables (coupling 1 %, integration 3 %; took 5 s more)"),
+    (None, ["joint_force"], "observables, not known of joint force (coupling 1 %, integration not known; "),
+])  # fmt: skip
+def test_a_summary_names_the_error_its_parts_and_what_has_none(integration, without, said):
+    known = {"pins": {"total": 0.02, "decisive": True}, "tension": {"total": 0.3, "decisive": False}}
+    own = {"total": 0.02, "coupling": 0.01, "integration": integration, "wall_time": 5.0, "without": without}
+    lines = summary_text.lines(summary.empty("rig", "rigid") | {"error": own | {"observables": known, "message": ""}})
+    assert any(line.strip().startswith("estimated error: 2 %") and said in line for line in lines)
