@@ -112,7 +112,7 @@ def _ledger(run: RunData) -> Ledger:
         raise Missing("the log holds no energies")
     received = dict.fromkeys(run.instances, 0.0)
     port_loss = 0.0
-    for port, (given, taken) in _works(run).items():
+    for port, (given, taken) in port_works(run).items():
         received[port.giver] -= given
         received[port.taker] += run.copies(port.giver) / run.copies(port.taker) * taken
         port_loss += run.copies(port.giver) * (given - taken)
@@ -275,7 +275,7 @@ def _energy_changes(run: RunData, instance: str) -> dict[str, float]:
     }
 
 
-def _works(run: RunData) -> dict[WrenchPort, tuple[float, float]]:
+def port_works(run: RunData) -> dict[WrenchPort, tuple[float, float]]:
     """Work of every port's wrench, J: on the motion at the giver's input, and on the taker's motion.
 
     Summed in blocks of BLOCK steps, so the rounding of long runs depends on the blocks; raises Missing.

@@ -79,7 +79,7 @@ def sensitivity(
     """
     wanted = wanted_figures(figures)
     loaded = load(scene, track, recording_settings(wanted, dict(pairs(settings))))
-    found, folder = _numbers(loaded, keys), Path(output)
+    found, folder = numbers_of(loaded, keys), Path(output)
     make_folder(folder)
     store = pool.Store(folder / "cases")
     result = _derivatives(loaded, found, wanted, native, workers, store, told)
@@ -93,7 +93,7 @@ def sensitivity(
     return result, output_files.save_results(folder, "sensitivity", exact, _draw(result), more)
 
 
-def _numbers(scene: Scene, keys: Sequence[str]) -> dict[str, float]:
+def numbers_of(scene: Scene, keys: Sequence[str]) -> dict[str, float]:
     """Numbers by key, SI; raises BadInput for others."""
     found = {key: number_at(scene, key, "--of") for key in keys}
     for key, value in found.items():

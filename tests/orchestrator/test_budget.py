@@ -48,26 +48,15 @@ def test_logs_of_any_size_unpack_to_a_multiple_of_it():
         honest.take(65 << 20)
 
 
-@pytest.mark.parametrize("make", [hostile.empty_records, hostile.lone_messages, hostile.many_large_chunks])
-def test_logs_that_unpack_to_too_much_are_refused(make, tmp_path):
-    with pytest.raises(LogUnreadable, match=r"is not read: .* unpacks to"):
-        Log(make(LOG, tmp_path / "hostile.mcap"), unfinished=True)
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        hostile.many_metadata,
-        hostile.many_attachments,
-        hostile.many_schemas,
-        hostile.many_channels,
-        hostile.indexed_metadata,
-        hostile.many_names,
-    ],
-)
-def test_logs_of_too_many_records_outside_chunks_are_refused(make, tmp_path):
-    with pytest.raises(LogUnreadable, match=r"is not read: (it has more than \d+|its channel) records"):
-        Log(make(LOG, tmp_path / "hostile.mcap"), unfinished=True, by_index=False)
+@pytest.mark.parametrize("make", [
+    hostile.empty_records, hostile.lone_messages, hostile.many_large_chunks,  # unpack to too much
+    hostile.many_metadata, hostile.many_attachments, hostile.many_schemas, hostile.many_channels,  # outside of chunks
+    hostile.indexed_metadata, hostile.many_names,
+])  # fmt: skip
+def test_logs_that_unpack_to_too_much_and_of_too_many_records_are_refused(make, tmp_path):
+    indexed = make in (hostile.empty_records, hostile.lone_messages, hostile.many_large_chunks)
+    with pytest.raises(LogUnreadable, match=r"is not read: .*( unpacks to|more than \d+ records|its channel records)"):
+        Log(make(LOG, tmp_path / "hostile.mcap"), unfinished=True, by_index=indexed)
 
 
 def test_chunks_of_too_many_records_are_refused(tmp_path):

@@ -1,4 +1,4 @@
-"""Life of a course: Miner's sum of runs by hand, whole circuits, its spread, and what is refused."""
+"""Life of a course: Miner's sum of runs by hand, whole circuits, and its spread."""
 
 import cotrack as installed
 import numpy as np
@@ -6,10 +6,8 @@ import pytest
 from life_logs import LINE, TABLE, log_of
 from made_logs import STEP
 
-from fmus.vehicles.tables import BadInput
 from orchestrator.execution import course
 from orchestrator.execution.course import ALL, ERROR, HALVES, RECORDS, REST, SEEDS, WORST
-from orchestrator.log.reader import LogUnreadable
 from orchestrator.results.analyses import life
 from orchestrator.results.run_data import Missing, RunData
 
@@ -187,73 +185,9 @@ def test_no_damage_is_a_life_without_end(tmp_path):
     assert np.isnan(found.runs().records()[0]["of it"])
 
 
-REFUSED = {
-    "km of nothing": ('[[run]]\nlog = "a.mcap"\nkm = 0', r"course.toml.: run.1..km = 0: must be greater than 0 km"),
-    "no km": ('[[run]]\nlog = "a.mcap"', "course.toml.: key 'run.1..km' is missing"),
-    "no run": ("", "course.toml.: key 'run' is missing"),
-    "no log": ("[[run]]\nlog = []\nkm = 1", "run.1..log = .*must be a list of texts, at least 1"),
-    "unknown key": ('[[run]]\nlog = "a.mcap"\nkm = 1\nshare = 2', "unknown key 'run.1..share'"),
-    "another unit": ('[[run]]\nlog = "a.mcap"\nkm = "1 kg"', "run.1..km = '1 kg': must be a quantity in km"),
-    "number as log": ("[[run]]\nlog = 3\nkm = 1", "run.1..log = 3: must be a list of texts"),
-    "no TOML": ("[[run]", "not a readable TOML file"),
-    "twice": ('[[run]]\nlog = ["a.mcap", "a.mcap"]\nkm = 1', r"run.1..log = .*: names a log twice"),
-    "no such log": ('[[run]]\nlog = "none.mcap"\nkm = 1', "none.mcap"),
-    "window": (
-        '[[run]]\nlog = "a.mcap"\nkm = 1\nfrom = 3\nto = 2',
-        "no links of 'track' were recorded between 3 and 2",
-    ),
-    "0.9 circuits": ('[[run]]\nlog = "a.mcap"\nkm = 1\nto = 0.9', "a.mcap: the chain of track went round 0.90 times"),
-    "no way": ('[[run]]\nlog = "still.mcap"\nkm = 1', "still.mcap: the chain of track went round 0.00 times"),
-    "back": ('[[run]]\nlog = "back.mcap"\nkm = 1', "back.mcap: the chain of track went round 0.60 times"),
-    "no table": ('[[run]]\nlog = "bare.mcap"\nkm = 1', "bare.mcap: the vehicle has no table life"),
-    "failed": ('[[run]]\nlog = "failed.mcap"\nkm = 1', "failed.mcap was cut off, or its run failed"),
-    "cut off": ('[[run]]\nlog = "cut.mcap"\nkm = 1', "cut.mcap was cut off, or its run failed"),
-    "forces": ('[[run]]\nlog = "no.mcap"\nkm = 1', "no.mcap holds no 'track.joint.*force'; record it with the group"),
-    "pitch": (
-        '[[run]]\nlog = "a.mcap"\nkm = 1\n[[run]]\nlog = "pitch.mcap"\nkm = 1',
-        "pitch.mcap: pitch = 0.11 is not",
-    ),
-    "links": ('[[run]]\nlog = ["a.mcap", "links.mcap"]\nkm = 1', "links.mcap: links = 3 is not as in .*a.mcap"),
-    "life": ('[[run]]\nlog = ["a.mcap", "life.mcap"]\nkm = 1', "life.mcap: life.gap = 0.002 is not as in .*a.mcap"),
-    "tracks": ('[[run]]\nlog = ["a.mcap", "two.mcap"]\nkm = 1', r"two.mcap: tracks = .*right_track.* is not as in"),
-}
-
-
-@pytest.fixture(scope="module")
-def odd_logs(tmp_path_factory):
-    folder, force = tmp_path_factory.mktemp("odd"), waves(*[20e3] * 4)
-    t = np.arange(len(force)) * STEP
-    log_of(folder / "a.mcap", force)
-    log_of(folder / "still.mcap", force, travel=0.0 * t)
-    log_of(folder / "back.mcap", force, travel=0.6 * LENGTH * (1.0 - np.abs(t / 2.0 - 1.0)))
-    log_of(folder / "bare.mcap", force, table=None)
-    log_of(folder / "failed.mcap", force, status="failed")
-    log_of(folder / "pitch.mcap", force, pitch=0.11)
-    log_of(folder / "links.mcap", force[:, :3])
-    log_of(folder / "life.mcap", force, table=TABLE.model_copy(update={"gap": 2e-3}))
-    log_of(folder / "two.mcap", force, tracks=("left_track", "right_track"))
-    log_of(folder / "no.mcap", force[:, :0])
-    content = (folder / "a.mcap").read_bytes()
-    (folder / "cut.mcap").write_bytes(content[: len(content) // 2])
-    return folder
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_is_no_course_is_refused_in_a_sentence(odd_logs, case):
-    text, said = REFUSED[case]
-    (odd_logs / "course.toml").write_text(text, encoding="utf-8")
-    with pytest.raises((BadInput, Missing, LogUnreadable), match=said):
-        course.life(odd_logs / "course.toml")
-
-
 def test_the_command_prints_tables_and_writes_them(runs, cotrack):
     found = course_of(runs, ('"even.mcap"', 30, ""), ('"odd.mcap"', 10, ""))
-    status, out, err = cotrack("life", runs / "course.toml", "-o", runs / "new" / "folder")
-    assert (status, err) == (0, "")
+    out = cotrack.done("life", runs / "course.toml", "-o", runs / "new" / "folder")
     assert out.splitlines()[:-1] == f"{found.table()}\n\n{found.runs()}".splitlines()
-    folder = runs / "new" / "folder"
-    assert (folder / "life.csv").read_text() == found.table(every=True).csv()
-    assert (folder / "runs.csv").read_text() == found.runs().csv()
-    err = cotrack.refused("life", runs / "none.toml", "-o", runs / "other")
-    assert "no course file" in err
-    assert not (runs / "other").exists()
+    assert (runs / "new" / "folder" / "life.csv").read_text() == found.table(every=True).csv()
+    assert (runs / "new" / "folder" / "runs.csv").read_text() == found.runs().csv()

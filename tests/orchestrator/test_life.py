@@ -1,22 +1,19 @@
-"""Life of pins and links: stresses by hand, rules of mean stress, Miner's sum, and a log with known cycles."""
+"""Life of pins and links by hand: stresses, rules of mean stress, Miner's sum, where it is booked; wear of pins.
 
-from contextlib import nullcontext
+Wear of a belt is in ``tests/fmus/test_bushing.py``.
+"""
 
 import numpy as np
 import pytest
-from analysis_logs import driven_log
-from life_logs import LINE, TABLE, log_of
+from life_logs import BUSHING, LINE, TABLE, log_of, worn
 from made_logs import STEP
 from scipy.integrate import quad
 
-from fmus.vehicles.tables import BadInput
-from fmus.vehicles.vehicle import read_table, vehicle
-from orchestrator.log.notices import LogNotice
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.results.analyses import catalogue, life
-from orchestrator.results.run_data import Missing, RunData, Window
-
-driven = pytest.fixture(scope="module")(driven_log)
+from orchestrator.results.analyses import life, wear
+from orchestrator.results.run_data import RunData, Window
+from orchestrator.scene.scene import load
 
 
 def test_the_stresses_of_a_pin_by_hand():
@@ -40,14 +37,6 @@ def test_the_bending_is_that_of_a_beam_under_spread_loads():
     moment = quad(lambda x: 0.5 * force / a * (middle - x), 0.0, a)[0]
     moment -= quad(lambda x: force / b * (middle - x), a + g, middle)[0]
     assert life.stresses(one)["pin bending"] * force == pytest.approx(32.0 * moment / (np.pi * 0.03**3), rel=1e-9)
-
-
-def test_the_life_of_a_run_that_failed_says_so(tmp_path):
-    for status, said in (("failed", [f"{tmp_path / 'failed.mcap'}: its run failed: it fell over"]), ("ok", [])):
-        path = log_of(tmp_path / f"{status}.mcap", np.full((3000, 4), 2e4), status=status, message="it fell over")
-        with pytest.warns(LogNotice) if said else nullcontext():
-            found = catalogue.analyse(path, "life")
-        assert [note for note in found.table().notes if "failed" in note] == said
 
 
 @pytest.mark.parametrize(
@@ -84,7 +73,6 @@ def test_the_life_of_a_pin_by_hand(tmp_path):
     force = np.stack([np.full_like(t, 20e3), 30e3 * (1.0 - np.cos(2.0 * np.pi * t))], axis=1)
     with Log(log_of(tmp_path / "a.mcap", force)) as log:
         found = life.of(RunData(log)).tracks[0]
-        assert "went round" in " ".join(life.of(RunData(log), window=Window(0.0, 2.5)).notes())
     assert found.circuits == pytest.approx(10.0)
     per_newton = life.stresses(TABLE.model_dump())
     bending, body = 30e3 * per_newton["pin bending"], 30e3 * per_newton["body"]
@@ -96,25 +84,10 @@ def test_the_life_of_a_pin_by_hand(tmp_path):
     assert found.life == pytest.approx(0.2 * 10.0 / by_hand, rel=1e-6)
     assert found.safe_life == pytest.approx(found.life / np.sqrt(3.0))
     assert found.most.tolist() == pytest.approx([20e3, 60e3])
-    twin = log_of(tmp_path / "b.mcap", 1.02 * force)
-    with Log(twin) as log:
+    with Log(log_of(tmp_path / "b.mcap", 1.02 * force)) as log:
         assert life.of(RunData(log)).tracks[0].life != pytest.approx(found.life, rel=0.05)
         table = life.of(RunData(log)).table()
     assert table.records()[0]["pin"] == 2
-
-
-def test_what_is_missing_is_said(tmp_path):
-    path = log_of(tmp_path / "a.mcap", np.zeros((20, 2)))
-    with Log(path) as log:
-        assert "no pin of track is damaged" in life.of(RunData(log)).notes()
-        run = RunData(log)
-        run.scene["vehicle"].pop("life")
-        with pytest.raises(Missing, match="the vehicle has no table life"):
-            life.of(run)
-    table, where = read_table("m113")
-    table = {**table, "life": {**table["life"], "pin": {"stress": 1e8, "mean_stress": "morrow"}}}
-    with pytest.raises(BadInput, match=r'life.pin.fracture: is missing; mean_stress = "morrow" needs it'):
-        vehicle(table, where)
 
 
 def turning(n, m, turns):
@@ -137,17 +110,12 @@ def test_damage_is_booked_where_and_when_the_force_is_largest(tmp_path):
         table, series = found.table(), found.series().records()
     whole = found.tracks[0].damage.sum(axis=0)
     np.testing.assert_allclose(sum(each for _, each in found.tracks[0].booked), whole, rtol=1e-12)
-    columns = [f"{name}" for name in life.DETAILS]
-    assert [sum(row[name] for row in series) for name in columns] == pytest.approx([100.0] * 3, rel=1e-12)
+    assert [sum(row[name] for row in series) for name in life.DETAILS] == pytest.approx([100.0] * 3, rel=1e-12)
     share = {int(row["place"] / (2.0 * np.pi / n)): row["pin bending"] for row in series}
     one = life.cycle_damages(force[:, 7], life.stresses(TABLE.model_dump()), TABLE.model_dump())[0][:, 0].max()
     assert share[4] == pytest.approx(100.0 * 2.0 * one / whole[0], rel=1e-3), "two halves of the largest cycle"
     assert share[12] > 0.98 * (100.0 - share[4]), "the one place of all the others"
     assert table.records()[0]["part"] == "", "a chain without wheels has no parts"
-    with Log(path) as log, pytest.raises(Missing, match="no phases without the motion of a hull"):
-        life.of(RunData(log), by="phase")
-    with Log(path) as log, pytest.raises(BadInput, match="by = tooth: must be one of place, phase"):
-        life.of(RunData(log), by="tooth")
 
 
 def test_damage_is_booked_in_the_phase_of_the_largest_force(tmp_path):
@@ -175,13 +143,38 @@ def test_damage_is_booked_in_the_phase_of_the_largest_force(tmp_path):
     np.testing.assert_allclose(sum(each for _, each in found.tracks[0].booked), whole, rtol=1e-12)
 
 
-def test_the_shares_of_a_vehicle_sum_to_all(driven):
-    """Shares by part of a short run of a vehicle, in all the parts of its circuit."""
-    with Log(driven) as log:
-        found = life.of(RunData(log), by="place")
-    rows = found.table().records()
-    assert {row["part"] for row in rows} == {
-        "sprocket", "front run", "ground run", "rear run", "idler", "upper run",
-    }  # fmt: skip
-    for name in life.DETAILS:
-        assert sum(row[name] for row in rows) == pytest.approx(100.0, rel=1e-12)
+# wear
+
+
+def test_growth_of_the_pitch_by_hand(tmp_path):
+    with Log(worn(tmp_path / "worn.mcap", BUSHING)) as log:
+        found = wear.of(RunData(log), window=Window(2.0, 8.0))
+    (track,) = found.tracks
+    assert track.travel == pytest.approx(12.0, rel=1e-12)
+    assert track.circuits == pytest.approx(60.0)
+    assert track.rubbed == pytest.approx([18.0, 30.0])
+    volume = 1e-13 * np.array([18.0, 30.0]) / 0.2  # m3
+    growth = volume / (2.0 * 0.01 * 0.25) * 1e6 / 12.0
+    assert track.growth == pytest.approx(growth, rel=1e-12)
+    assert f"vehicle.track.pitch={0.1 + growth.mean():.7g} --set vehicle.sprocket.pitch=0.1" in found.notes()[-1]
+    rows = found.table().rows
+    assert rows[0][1:4] == pytest.approx((60.0, 3.0 / 60.0, 24.0 / 60.0))
+    assert [row[1] for row in found.series().rows] == [1, 2]
+
+
+@pytest.mark.long
+def test_wear_of_straight_converges_in_the_step_and_is_the_loss_of_the_ledger(tmp_path):
+    settings = ["vehicle.track.bushing={friction=0.15, radius=0.012, wear=1e-13, bearing=0.3}"]
+    settings += ['track.link_outputs=["turned", "rubbed"]', "run.stop=4", "symmetric=true"]
+    growths = []
+    for h in (1.25e-3, 6.25e-4):
+        path = tmp_path / f"{h}.mcap"
+        simulate(load("straight", "rigid", [*settings, f"run.step={h}", f"track.step={h}"]), path)
+        with Log(path) as log:
+            run = RunData(log)
+            growths.append([each.growth.mean() for each in wear.of(run, window=Window(2.5, 4.0)).tracks])
+            for each in wear.of(run).tracks:
+                _, lost = run.signal(f"{each.track}.energy.dissipated.pins", Window(0.0, 4.0))
+                assert each.rubbed.sum() == pytest.approx(lost[-1] - lost[0], rel=1e-6)
+    assert growths[0] == pytest.approx(growths[1], rel=0.02)
+    assert growths[0] != pytest.approx(1.03 * np.array(growths[1]), rel=0.02)

@@ -1,10 +1,19 @@
-"""Measures on made-up records with known answers."""
+"""Measures on made-up records with known answers; the largest forces of a run, where and when."""
+
+import csv
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
+from made_logs import made
 
+from fmus.track.link_outputs import STANDARD
+from orchestrator.log.reader import Log
 from orchestrator.results import chain_measures, measures
-from orchestrator.results.run_data import Links, Missing, Unrecorded, Window, mean, means, within
+from orchestrator.results.largest_forces import FORCES, largest
+from orchestrator.results.measures import NAMES, OBSERVABLES
+from orchestrator.results.run_data import EVER, Links, Missing, RunData, Window, mean, means, within
+from orchestrator.studies.wanted_figures import recording_settings, wanted_figures
 
 TEETH, PITCH = 10, 0.1524
 RADIUS = PITCH / (2 * np.sin(np.pi / TEETH))
@@ -55,16 +64,14 @@ def on_the_sprocket(turned, reverse_numbers=False, pins=40):
 @pytest.mark.parametrize("revolutions", [1.0, 3.37, -2.0])
 def test_pins_are_counted_with_fractions(revolutions, reverse_numbers):
     turned = np.linspace(0.1, 0.1 + 2 * np.pi * revolutions, 400)
-    links = on_the_sprocket(turned, reverse_numbers)
+    links, window = on_the_sprocket(turned, reverse_numbers), Window(0.0, 1.0)
     speed = {"track.speed": (links.t, np.full_like(turned, revolutions * TEETH * PITCH))}
     run = Record(links, {"drive.angle": (links.t, turned), **speed})
-    window = Window(0.0, 1.0)
-    assert chain_measures.pins_passed(run, "", window) == pytest.approx(TEETH * revolutions, abs=0.02)
-    assert chain_measures.pins_per_revolution(run, "", window) == pytest.approx(TEETH, rel=5e-3)
     mirrored, vehicle = links._replace(forward=-links.forward), {**RESTING, "idler": {"x": 4.0}}
     rear = Record(mirrored, {"drive.angle": (links.t, -turned), **speed}, assembly="vehicle", vehicle=vehicle)
-    assert chain_measures.pins_passed(rear, "", window) == pytest.approx(-TEETH * revolutions, abs=0.02)
-    assert chain_measures.pins_per_revolution(rear, "", window) == pytest.approx(TEETH, rel=5e-3)
+    for one, way in ((run, 1.0), (rear, -1.0)):
+        assert chain_measures.pins_passed(one, "", window) == pytest.approx(way * TEETH * revolutions, abs=0.02)
+        assert chain_measures.pins_per_revolution(one, "", window) == pytest.approx(TEETH, rel=5e-3)
     slipping = Record(links, {"drive.angle": (links.t, turned * 1.02), **speed})
     assert chain_measures.pins_per_revolution(slipping, "", window) != pytest.approx(TEETH, rel=1e-2)
 
@@ -75,12 +82,9 @@ def test_records_that_are_half_a_circuit_apart_do_not_tell_how_many_pins_pass(ev
     turned = np.linspace(0.1, 0.1 + 2 * np.pi * 4.228, 400)[::every]
     links = on_the_sprocket(turned)
     run = Record(links, {"track.speed": (links.t, np.full_like(turned, 4.228 * TEETH * PITCH))})
-    if seldom:
-        with pytest.raises(Unrecorded, match="more than half a circuit passes between two records of links"):
-            chain_measures.pins_passed(run, "", Window(0.0, 1.0))
-    else:
-        expected = TEETH * (turned[-1] - turned[0]) / (2 * np.pi)
-        assert chain_measures.pins_passed(run, "", Window(0.0, 1.0)) == pytest.approx(expected, abs=0.05)
+    with pytest.raises(LookupError) if seldom else nullcontext():
+        passed = chain_measures.pins_passed(run, "", Window(0.0, 1.0))
+        assert passed == pytest.approx(TEETH * (turned[-1] - turned[0]) / (2 * np.pi), abs=0.05)
 
 
 @pytest.mark.parametrize(("teeth", "stands"), [(0.0, True), (0.95, True), (-0.95, True), (1.05, False), (-1.05, False)])
@@ -89,14 +93,8 @@ def test_a_sprocket_that_stands_has_no_ratios(teeth, stands):
     links = on_the_sprocket(turned)
     speed = np.full_like(turned, teeth * PITCH)
     run = Record(links, {"drive.angle": (links.t, turned), "track.speed": (links.t, speed)})
-    for measure, reason, value in (
-        (chain_measures.pins_per_revolution, "turns by less than a tooth", TEETH),
-        (chain_measures.chain_speed_ratio, "less than a pin passes", 1.0),
-    ):
-        if stands:
-            with pytest.raises(Missing, match=reason):
-                measure(run, "", Window(0.0, 1.0))
-        else:
+    for measure, value in ((chain_measures.pins_per_revolution, TEETH), (chain_measures.chain_speed_ratio, 1.0)):
+        with pytest.raises(Missing) if stands else nullcontext():
             assert measure(run, "", Window(0.0, 1.0)) == pytest.approx(value, rel=0.02)
 
 
@@ -112,7 +110,7 @@ def test_polygon_ripple_is_the_first_tooth_harmonic_of_the_speed(ripple):
     run = Record(links, {"drive.speed": (t, np.full_like(t, omega))})
     assert chain_measures.polygon_ripple(run, "", Window(0.5, 8.0)) == pytest.approx(ripple, rel=1e-3)
     seldom = Record(Links(*(column[::22] for column in links)), {"drive.speed": (t, np.full_like(t, omega))})
-    with pytest.raises(Unrecorded, match="three harmonics of a tooth need more records"):
+    with pytest.raises(LookupError, match="three harmonics of a tooth need more records"):
         chain_measures.polygon_ripple(seldom, "", Window(0.5, 8.0))
 
 
@@ -162,16 +160,13 @@ def test_falls():
     assert np.isnan(chain_measures.half_fall_time(falling(lambda t: 0.3 * t), "", window))
 
 
-def test_hoop_strain():
+def test_the_strain_of_a_hoop_and_the_sag_of_a_chain():
     angle = 2 * np.pi * np.arange(12) / 12
     radius = 1.001 * PITCH / (2 * np.sin(np.pi / 12))
-    links = Links(np.zeros(1), radius * np.cos(angle)[None], radius * np.sin(angle)[None], np.zeros((1, 12)))
-    assert chain_measures.hoop_strain(Record(links), "", Window(0.0, 0.0)) == pytest.approx(1e-3)
-
-
-def test_sag():
-    links = Links(np.zeros(1), np.array([[0.0, 1.0, 2.0]]), np.array([[0.5, -1.5, 0.5]]), np.zeros((1, 2)))
-    assert chain_measures.sag(Record(links), "", Window(0.0, 0.0)) == 2.0
+    hoop = Links(np.zeros(1), radius * np.cos(angle)[None], radius * np.sin(angle)[None], np.zeros((1, 12)))
+    assert chain_measures.hoop_strain(Record(hoop), "", Window(0.0, 0.0)) == pytest.approx(1e-3)
+    bent = Links(np.zeros(1), np.array([[0.0, 1.0, 2.0]]), np.array([[0.5, -1.5, 0.5]]), np.zeros((1, 2)))
+    assert chain_measures.sag(Record(bent), "", Window(0.0, 0.0)) == 2.0
 
 
 @pytest.mark.parametrize(
@@ -182,15 +177,12 @@ def test_reductions(how, value):
     assert measures.reduce(np.arange(4.0), np.array([2.0, 1.0, 4.0, 1.0]), how) == pytest.approx(value)
 
 
-def test_a_mean_weighs_samples_by_their_steps():
-    """A mean weighs samples by their steps, of 1 and of 10 ms; a mean over samples is wrong."""
+def test_means_are_over_time():
+    """Over samples of 1 and of 10 ms they would be wrong; records that are left out leave out their time."""
     t = np.concatenate([np.arange(0.0, 0.1, 1e-3), np.arange(0.1, 1.001, 1e-2)])
     assert measures.reduce(t, t, "mean") == pytest.approx(0.5, rel=0.01)
     assert measures.reduce(t, t, "rms") == pytest.approx(3**-0.5, rel=0.01)
     assert t.mean() < 0.4
-
-
-def test_a_mean_of_some_records_leaves_out_the_time_of_the_others():
     t = np.array([0.0, 0.1, 0.2, 5.0, 5.1, 5.2])
     values = np.array([[1.0], [2.0], [np.nan], [100.0], [4.0], [6.0]]) * [1.0, 2.0]
     kept = np.array([True, True, False, False, True, True])[:, None]
@@ -217,6 +209,79 @@ def test_measures_of_links_are_means_over_time(measure):
     assert measured(slice(None)) == pytest.approx(0.5 * (short + long), rel=0.01)
 
 
-def test_every_measure_has_its_own_name():
-    assert all(name == measure.__name__ for name, measure in measures.NAMES.items())
-    assert all(measure.__doc__ for measure in measures.NAMES.values())
+# largest forces
+
+BEARERS = 3
+
+
+def log_of(path, values):
+    """Log of a track whose pins, links and wheels bear vectors of the sizes ``values`` (m, 3)."""
+    t = 0.01 * np.arange(len(values))
+    vectors = np.concatenate([0.6 * values, 0.0 * values, -0.8 * values], axis=1)
+    names = [one.signal for one in FORCES.values() if one.signal]
+    topics = {
+        "/left_track/links": [(f"{n.replace('*', f'{i}')}.{a}", "N") for n in names for a in "xyz" for i in (1, 2, 3)],
+        "/left_track/out": [
+            ("travel", "m"),
+            *((f"{wheel}.force.{a}", "N") for a in "xyz" for wheel in ("sprocket", "road_wheel[1]", "idler")),
+            *((f"{wheel}.torque.{a}", "N.m") for wheel in ("sprocket", "road_wheel[1]", "idler") for a in "xyz"),
+        ],
+    }
+    outputs = np.concatenate([np.zeros((len(t), 1)), vectors, np.zeros((len(t), 9))], axis=1)
+    rows = {"/left_track/links": (t, np.tile(vectors, len(names))), "/left_track/out": (t, outputs)}
+    return made(path, topics, rows, instances=("left_track",))
+
+
+@pytest.mark.parametrize("name", FORCES)
+def test_the_largest_force_has_its_bearer_place_and_time(tmp_path, name):
+    values = np.zeros((1000, BEARERS))
+    values[:, 1] = np.linspace(1.0, 1000.0, 1000)  # the others bear nothing, which counts for no share
+    values[300, 2] = 4e3
+    with Log(log_of(tmp_path / "a.mcap", values)) as log:
+        run = RunData(log)
+        found = largest(run, name)
+        early = largest(run, name, "left", Window(0.0, 1.0))
+        assert NAMES[name](run, "", EVER) == found.most == pytest.approx(4e3)
+        assert NAMES[f"{name}_high"](run, "", EVER) == found.high
+        assert OBSERVABLES[name].place(run) == found.place
+    bearer = FORCES[name].place.format("idler" if name == "wheel_force" else "3")
+    assert found.place == f"{bearer} of the left track at 3 s"
+    assert found.high == pytest.approx(np.quantile(values[values > 0.0], 0.999))
+    assert found.high != pytest.approx(np.quantile(values, 0.999), rel=1e-3)
+    assert (early.most, early.t) == (pytest.approx(101.0), 1.0)
+
+
+def test_what_no_wheel_touches_has_no_largest_force(tmp_path):
+    with Log(log_of(tmp_path / "a.mcap", np.zeros((10, BEARERS)))) as log:
+        found = largest(RunData(log), "horn_force")
+        assert (found.most, found.high, found.place) == (0.0, 0.0, "(none)")
+
+
+def test_a_sweep_records_what_its_figures_need():
+    def recorded(*texts, **given):
+        return recording_settings(wanted_figures(texts), given)
+
+    assert recorded("pin_force", "wheel_force") == {}
+    assert recorded("tooth_force_high,pin_moment") == {"track.link_outputs": [*STANDARD, "teeth", "moment"]}
+    assert recorded("life") == {"run.links": 1}
+    assert recorded("rim_force", **{"track.link_outputs": "all"}) == {"track.link_outputs": "all"}
+
+
+def test_a_sweep_answers_with_the_figures_that_it_is_asked_for(cotrack, tmp_path):
+    """Pins, teeth and life over the pull on a chain; the printed table has no other figures, the CSV has all."""
+    short = ("--track", "rigid", "--set", "run.stop=0.3 s", "--set", "bench.links=24", "--no-estimate", "--workers", 1)
+    pulls = ("--vary", "bench.upper=15,60 kN", "--for", "tooth_force,pin_force", "--for", "life")
+    out = cotrack.done("sweep", "sprocket_bench", *short, *pulls, "-o", "found")
+    head = out.splitlines()[0].strip("| ").split(" | ")
+    assert head[:3] == ["bench.upper, kN", "status", "checks"]
+    figures = ["pin_force, N", "pin_force_high, N", "tooth_force, N", "life pin", "life damage, 1/km"]
+    assert [one for one in head if one in figures] == figures
+    assert not {"speed, m/s", "tension_max, N"} & {*head}
+    rows = list(csv.DictReader((tmp_path / "found" / "sweep.csv").open()))
+    assert {*figures, "tension_max, N"} <= {*rows[0]}
+    light, heavy = ({name: float(row[name]) for name in figures} for row in rows)
+    assert 15e3 < light["pin_force, N"] < 16e3
+    assert 60e3 < heavy["pin_force, N"] < 62e3
+    for row in (light, heavy):
+        assert 0.0 < row["tooth_force, N"] < row["pin_force, N"]
+    assert heavy["life damage, 1/km"] > 1e3 * light["life damage, 1/km"]

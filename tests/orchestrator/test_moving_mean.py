@@ -1,8 +1,10 @@
-"""Moving means, and curves drawn as bands, against exact results."""
+"""Moving means, curves drawn as bands, and statistics of recording intervals, against exact results."""
 
 import numpy as np
 import pytest
 
+from fmus.track.link_outputs import GROUPS
+from orchestrator.cosim.observers import MEANS, IntervalStatistics
 from orchestrator.results.approximations import Curve, Integrals, TimeEnvelope
 
 END = 4.0  # s
@@ -81,3 +83,21 @@ def test_bands_are_told_from_lines():
     ):  # fmt: skip
         assert drawn(values, t).is_band(0.0, END) is band
     assert not Curve(t[:2], ramp[:2]).is_band(0.0, END)
+
+
+def test_mean_least_and_most_of_unequal_steps():
+    """Of outputs that are means already (an FMU gives the mean since the last record), and of others."""
+    forces, tensions, steps = np.array([4.0, -2.0, 7.0]), np.array([1.0, 5.0, 3.0]), np.array([1.0, 3.0, 2.0]) * 1e-3
+    statistics = IntervalStatistics(["joint[1].force.x", "link[1].tension"])
+    for mean, tension, h in zip(np.cumsum(steps * forces) / np.cumsum(steps), tensions, steps, strict=True):
+        statistics.add(np.array([mean, tension]), h)
+    expected = [steps @ forces / steps.sum(), steps @ tensions / steps.sum(), -2.0, 1.0, 7.0, 5.0]
+    np.testing.assert_allclose(statistics.pop(), expected, rtol=1e-12)
+    statistics.add(np.array([-9.0, 0.5]), 2e-3)
+    np.testing.assert_allclose(statistics.pop(), [-9.0, 0.5] * 3, err_msg="pop begins anew", rtol=1e-12)
+
+
+def test_outputs_that_are_means_are_known_by_their_names():
+    for group in GROUPS.values():
+        name = f"{group.owner}[12].{group.signal}{'.' * bool(group.parts[0])}{group.parts[0]}"
+        assert bool(MEANS.fullmatch(name)) == ("mean over the interval" in group.text), name

@@ -1,7 +1,5 @@
 """Phases of runs with known speed and yaw rate: bounds to one step, figures by hand, ringing ignored."""
 
-import json
-
 import made_logs
 import numpy as np
 import pytest
@@ -9,10 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orchestrator.log.reader import Log
-from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses import motion_states, phases
 from orchestrator.results.approximations import breaks
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, RunData, Window
 
 STEP = 2e-3
 CORNERS = (1.034, 3.018, 6.052, 7.146, 8.5)  # s: start, constant speed, braking, rest, end
@@ -58,22 +55,16 @@ def bounds(of):
 
 
 @pytest.mark.parametrize("even", [True, False])
-def test_bounds_of_a_trapezoid_are_found_to_a_step(tmp_path, even):
-    t = times(CORNERS[-1], even)
+@pytest.mark.parametrize("by", [0.0, -0.27, 0.31])
+def test_bounds_of_a_trapezoid_are_found_to_a_step(tmp_path, even, by):
+    """Each bound follows its corner in both directions."""
+    t, corners = times(CORNERS[-1], even), np.add(CORNERS, [by, 0.0, -by, 0.0, 0.0])
     longest = float(np.diff(t).max())
-    of = phases_of(made(tmp_path / "t.mcap", t, trapezoid(t)))
+    of = phases_of(made(tmp_path / "t.mcap", t, trapezoid(t, corners=corners)))
     assert [one.kind for one in of] == KINDS
-    off = bounds(of) - CORNERS
+    off = bounds(of) - corners
     assert np.abs(off).max() <= 1.01 * longest
-    assert np.abs(bounds(of) - CORNERS + 3.0 * longest).max() > 1.01 * longest, "the twin, three steps off, must differ"
-
-
-def test_each_bound_follows_its_corner_in_both_directions(tmp_path):
-    t = times(CORNERS[-1])
-    for by in (-0.27, 0.31):
-        corners = np.add(CORNERS, [by, 0.0, -by, 0.0, 0.0])
-        of = phases_of(made(tmp_path / f"{by}.mcap", t, trapezoid(t, corners=corners)))
-        np.testing.assert_allclose(bounds(of), corners, atol=1.01 * STEP)
+    assert np.abs(off + 3.0 * longest).max() > 1.01 * longest, "the twin, three steps off, must differ"
 
 
 def test_ringing_makes_no_phases(tmp_path):
@@ -109,8 +100,7 @@ def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
     assert right.radius == pytest.approx(3.0 * (3.51 - 1.03) / heading, rel=2e-3)
     assert right.radius != pytest.approx(3.0 * (3.51 - 1.03) / (1.03 * heading), rel=2e-3)
     assert of[0].radius != of[0].radius, "without a turn the radius is NaN"
-    assert phases.Phases(tuple(of)).table().notes[0].startswith("largest yaw rate: of means over 0.5 s; ")
-    assert phases.Phases((of[0],)).table().notes == ()
+    assert [len(phases.Phases(tuple(some)).table().notes) for some in (of, of[:1])] == [1, 0]
 
 
 def test_the_begin_of_a_slow_turn_is_straight(tmp_path):
@@ -127,21 +117,18 @@ def test_the_begin_of_a_slow_turn_is_straight(tmp_path):
     assert [one.turning for one in sharper] == ["", "", "left", "left"]
 
 
-def test_a_quick_stop_is_braking(tmp_path):
-    """A quick stop is braking: from 3 m/s in 0.3 s, as with locked sprockets."""
-    t = times(6.0)
-    of = phases_of(made(tmp_path / "q.mcap", t, np.interp(t, [1.0, 3.0, 4.0, 4.3], [0.0, 3.0, 3.0, 0.0])))
-    assert [one.kind for one in of] == KINDS
-    np.testing.assert_allclose(bounds(of), [1.0, 3.0, 4.0, 4.3, 6.0], atol=1.01 * STEP)
-
-
-def test_a_vehicle_that_reverses_stops_on_the_way(tmp_path):
+@pytest.mark.parametrize(("corners", "speeds", "kinds", "ends"), [
+    ([1.0, 3.0, 4.0, 4.3], [0.0, 3.0, 3.0, 0.0], KINDS, [1.0, 3.0, 4.0, 4.3, 7.0]),  # a quick stop is braking
+    ([1.0, 2.0, 3.0, 5.0], [0.0, 3.0, 3.0, -2.0],  # a vehicle that reverses stops on the way
+     ["rest", "acceleration", "steady", "braking", "acceleration", "steady"], [1.0, 2.0, 3.0, 4.2, 5.0, 7.0]),
+])  # fmt: skip
+def test_quick_stops_and_reversals_are_braking(tmp_path, corners, speeds, kinds, ends):
     t = times(7.0)
-    of = phases_of(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 2.0, 3.0, 5.0], [0.0, 3.0, 3.0, -2.0])))
-    assert [one.kind for one in of] == ["rest", "acceleration", "steady", "braking", "acceleration", "steady"]
-    np.testing.assert_allclose(bounds(of), [1.0, 2.0, 3.0, 4.2, 5.0, 7.0], atol=2.01 * STEP)
-    assert of[-1].speed == pytest.approx(-2.0)
-    assert of[-1].way == pytest.approx(4.0, rel=2e-3)
+    of = phases_of(made(tmp_path / "b.mcap", t, np.interp(t, corners, speeds)))
+    assert [one.kind for one in of] == kinds
+    np.testing.assert_allclose(bounds(of), ends, atol=2.01 * STEP)
+    assert of[-1].speed == pytest.approx(speeds[-1])
+    assert of[-1].way == pytest.approx(abs(speeds[-1]) * (7.0 - ends[-2]), rel=2e-3)
 
 
 def test_a_pivot_is_a_turn_and_a_crawl_is_no_rest(tmp_path):
@@ -161,30 +148,29 @@ def stairs(t, size=1.0):
 
 
 def test_short_pieces_of_one_way_are_no_rest(tmp_path):
-    """A vehicle whose speed changes before it has gone 0.1 m drives on; one that rocks to and fro rests."""
-    t = times(4.0)
-    of = phases_of(made(tmp_path / "s.mcap", t, stairs(t)))
-    assert [one.kind for one in of] == ["rest", "acceleration", "steady"]
-    assert of[2].speed == pytest.approx(0.42, rel=0.02)
-    assert of[2].way == pytest.approx(0.42 * 2.5, rel=0.03)
-    turning = np.where((t > 2.0) & (t < 2.8), 0.3 * np.sign(np.sin(5 * np.pi * t)), 0.0)  # yaw rate cuts pieces, too
-    assert {one.kind for one in phases_of(made(tmp_path / "y.mcap", t, stairs(t), turning))[2:]} <= {"steady", "turn"}
-    rocking = np.interp(t, np.arange(1.0, 4.01, 0.2), 0.05 * (-1.0) ** np.arange(16))
-    rocking[t < 1.0] = 0.0
-    assert [one.kind for one in phases_of(made(tmp_path / "r.mcap", t, rocking))] == ["rest"], "the twin"
+    """A vehicle whose speed changes before it has gone 0.1 m drives on; one that rocks to and fro rests.
 
-
-def test_a_short_stretch_at_top_speed_is_no_rest(tmp_path):
-    """Over 0.095 m: it has gained its speed before, so it moves; a wait of the same length is a rest."""
+    So does one that has gained its speed before a stretch of 0.095 m; a wait of the same length is a rest.
+    """
     t = times(4.5)
-    over = np.interp(t, [1.0, 1.4, 1.78, 2.18], [0.0, 0.25, 0.25, 0.0])
-    of = phases_of(made(tmp_path / "o.mcap", t, over))
+
+    def kinds(name, v, *more):
+        return [one.kind for one in phases_of(made(tmp_path / f"{name}.mcap", t, v, *more))]
+
+    of = phases_of(made(tmp_path / "s.mcap", t[t < 4.0], stairs(t[t < 4.0])))
+    assert [one.kind for one in of] == ["rest", "acceleration", "steady"]
+    assert (of[2].speed, of[2].way) == (pytest.approx(0.42, rel=0.02), pytest.approx(0.42 * 2.5, rel=0.03))
+    turning = np.where((t > 2.0) & (t < 2.8), 0.3 * np.sign(np.sin(5 * np.pi * t)), 0.0)  # yaw rate cuts pieces, too
+    assert {*kinds("y", stairs(t), turning)[2:]} <= {"steady", "turn"}
+    rocking = np.interp(t, np.arange(1.0, 4.01, 0.2), 0.05 * (-1.0) ** np.arange(16)) * (t >= 1.0) * (t < 4.0)
+    assert kinds("r", rocking) == ["rest"], "the twin"
+    corners = [1.0, 1.4, 1.78, 2.18]
+    of = phases_of(made(tmp_path / "o.mcap", t, np.interp(t, corners, [0.0, 0.25, 0.25, 0.0])))
     assert [one.kind for one in of] == KINDS
     assert of[2].speed == pytest.approx(0.25, rel=0.02)
     assert of[2].way < motion_states.STAYS
-    between = np.interp(t, [1.0, 1.4, 1.78, 2.18], [0.25, 0.0, 0.0, 0.25])
-    kinds = [one.kind for one in phases_of(made(tmp_path / "b.mcap", t, between))]
-    assert kinds == ["steady", "braking", "rest", "acceleration", "steady"], "the twin"
+    between = np.interp(t, corners, [0.25, 0.0, 0.0, 0.25])
+    assert kinds("b", between) == ["steady", "braking", "rest", "acceleration", "steady"], "the twin"
 
 
 @pytest.mark.parametrize(("size", "kind"), [(1.0, "rest"), (0.18, "steady"), (0.3, "rest")])
@@ -268,26 +254,6 @@ def test_no_state_contradicts_the_speeds_at_its_ends(corners, yaw_rates, top, ri
         assert not contradicts(kind, *ends, np.abs(v).max()), (kind, ends)
 
 
-CROSSING = (  # cm/s every 0.1 s: a tractor of 8.6 m of track that crosses a log
-    0, 0, 0, 0, 4, 17, 42, 69, 87, 92, 90, 91, 88, 72, 39, 59, 83, 99, 102, 99, 89, 68, 61, 77, 106, 125, 95, 83, 63,
-    81, 97, 91, 84, 69, 83, 107, 115, 107, 94, 120, 173, 192, 156, 120, 126, 83, 75, 96, 95, 96, 76, 53, 42, 67, 115,
-    117, 104, 73, 64, 73, 98,
-)  # fmt: skip
-
-
-def test_crossing_a_log_is_told_by_its_figures(tmp_path):
-    """Short phases join: the speeds at both ends of the joined phase decide what it is, not those of one of them."""
-    t = times(6.0)
-    v = np.interp(t, 0.1 * np.arange(61), 0.01 * np.array(CROSSING))
-    of = phases_of(made(tmp_path / "l.mcap", t, v, scene={"vehicle": {"track": {"pitch": 0.216, "links": 40}}}))
-    assert not [one for one in of if contradicts(one.kind, one.speed_start, one.speed_end, v.max())]
-    text = "; ".join(phases.sentence(one._asdict()) for one in of[-3:])
-    assert "acceleration from 0.94 to 1.92 m/s over" in text
-    assert "braking from 1.91 to 0.75 m/s over" in text
-    assert (of[-1].kind, of[-1].end) == ("steady", 6.0)
-    assert contradicts("braking", of[-1].speed_start, of[-1].speed_end, v.max()), "the twin: that of a short one"
-
-
 def test_a_slow_ramp_is_no_steady_motion(tmp_path):
     """From 0 to 4 m/s in a minute, slower than RATE, or by short steps; the twins change too little for it."""
     t = np.arange(0.0, 60.0, 0.01)
@@ -311,27 +277,6 @@ def test_what_a_log_does_not_hold_is_left_out(tmp_path):
     broken = trapezoid(t)
     broken[700:] = np.nan
     assert phases_of(made(tmp_path / "n.mcap", t, broken))[-1].end == t[699], "the last phase ends with the last number"
-    with pytest.raises(Missing, match="too few steps"):
-        phases_of(made(tmp_path / "s.mcap", t[:2], broken[:2]))
-
-
-def test_a_log_without_a_hull_has_no_phases(tmp_path):
-    files = {"system.json": b'{"instances": [], "connections": []}'}
-    with Recorder(tmp_path / "x.mcap", {"/a/out": [("x", "m")]}, files, {}) as recorder:
-        recorder.close("ok", "", 0)
-    with pytest.raises(Missing, match=r"x\.mcap holds no 'chassis\.speed': .* without the motion of a hull"):
-        phases_of(tmp_path / "x.mcap")
-
-
-def test_a_sentence_says_what_it_did(tmp_path):
-    t = times(CORNERS[-1])
-    v = trapezoid(t)
-    of = phases_of(made(tmp_path / "f.mcap", t, v, None, 0.01 * v, 1e4 + v, 4e4 * t))
-    assert phases.sentence(of[0]._asdict()) == "0 to 1.034 s: rest"
-    text = phases.sentence(json.loads(json.dumps(of[2]._asdict()).replace("NaN", "null")))
-    assert text.startswith("3.018 to 6.052 s: steady at 4 m/s over 12.14 m; power 40 kW, slip 0.040 and 0.080 m/s left")
-    assert "largest tension 10 kN in left track at" in text
-    assert "from 4.00 to 0.00 m/s" in phases.sentence(of[3]._asdict())
 
 
 def test_a_broken_line_of_many_breaks_is_found(tmp_path):

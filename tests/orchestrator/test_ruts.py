@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
 from packed import unpacked
 from view_logs import decoded
 
@@ -16,13 +17,14 @@ from orchestrator.results.ground_surface import GroundSurface, ground
 from orchestrator.results.page import player
 from orchestrator.results.rotation import link_axes
 from orchestrator.results.run_data import RunData
-from orchestrator.results.views import film, foxglove_scene, ruts
+from orchestrator.results.views import colours, film, foxglove_scene, ruts
 from orchestrator.results.views.bodies import Bodies, LinkPoses, Poses
 from orchestrator.results.views.shapes import track_body
 from orchestrator.results.views.solids import Reach
 from orchestrator.scene.scene import load
 
 LEVEL, DEPTH = -0.6, 0.05
+SURFACE = GroundSurface(np.zeros(3), np.array([1.0, 0.0, 0.0]), LEVEL, np.zeros(0), np.zeros(0))
 
 
 @pytest.fixture(scope="module")
@@ -43,12 +45,11 @@ def pressed(vehicle):
     length, half = 2.0 * float(track.half[0]), float(track.half[2])
     places = [[0.0, 0.0, LEVEL - DEPTH + half], [length, 0.0, LEVEL - 0.5 * DEPTH + half]]
     down = np.diag([1.0, -1.0, -1.0])
-    surface = GroundSurface(np.zeros(3), np.array([1.0, 0.0, 0.0]), LEVEL, np.zeros(0), np.zeros(0))
-    at = bodies(surface, track, np.array([1.0, 2.0]), np.array(places)[:, None], np.tile(down, (2, 1, 1, 1)))
+    at = bodies(SURFACE, track, np.array([1.0, 2.0]), np.array(places)[:, None], np.tile(down, (2, 1, 1, 1)))
     return ruts.Ruts(at), length, 2.0 * float(track.half[1])
 
 
-def test_a_pad_leaves_its_rectangle(pressed):
+def test_a_pad_leaves_its_rectangle(pressed, vehicle):
     rut, length, width = pressed
     corners, depth = rut.tiles(1.5)
     assert depth == pytest.approx(DEPTH)
@@ -56,6 +57,9 @@ def test_a_pad_leaves_its_rectangle(pressed):
     assert length * width < area < (length + 2.0 * rut.cell) * (width + 2.0 * rut.cell)
     assert corners[..., 2] == pytest.approx(LEVEL - DEPTH)
     assert abs(corners[..., 1]).max() < 0.5 * width + 2.0 * rut.cell
+    track, at = track_body("left_track", 1, False, vehicle), np.array([[[0.0, 0.0, LEVEL + 0.2]]])
+    above = ruts.Ruts(bodies(SURFACE, track, np.array([0.0]), at, np.eye(3)[None, None]))
+    assert not len(above.tiles(1.0)[1]), "a link in the air presses something"
 
 
 def test_a_rut_grows_with_time_and_stays(pressed):
@@ -99,13 +103,6 @@ def test_the_ground_in_space_is_whole(pressed, heading):
     assert rut.floor(3.0)[0][..., 2].min() != pytest.approx(LEVEL - 1.03 * DEPTH)
 
 
-def test_links_in_the_air_press_nothing(pressed, vehicle):
-    track = track_body("left_track", 1, False, vehicle)
-    surface = GroundSurface(np.zeros(3), np.array([1.0, 0.0, 0.0]), LEVEL, np.zeros(0), np.zeros(0))
-    at = np.array([[[0.0, 0.0, LEVEL + 0.2]]])
-    assert not len(ruts.Ruts(bodies(surface, track, np.array([0.0]), at, np.eye(3)[None, None])).tiles(1.0)[1])
-
-
 @pytest.mark.long
 def test_drawn_ruts_are_those_of_the_track():
     """But for what soil springs back, and for the edges of cells; in the frame of the track."""
@@ -119,10 +116,8 @@ def test_drawn_ruts_are_those_of_the_track():
     pins = np.array(pins)
     scene = moving.scene.model_dump()
     count = pins.shape[1]
-    body, axes = (
-        track_body("left_track", count, True, scene["vehicle"]),
-        link_axes(pins, np.array([0.0, 1.0, 0.0]), count),
-    )
+    body = track_body("left_track", count, True, scene["vehicle"])
+    axes = link_axes(pins, np.array([0.0, 1.0, 0.0]), count)
     centres, t = 0.5 * (pins + np.roll(pins, -1, axis=1)), 0.02 * np.arange(1, 101)
     rut = ruts.Ruts(bodies(ground(scene), body, t, centres, axes))
     x = np.arange(-4.0, -3.0, 0.1)  # behind the last wheel
@@ -145,7 +140,7 @@ def test_hard_ground_has_no_ruts():
 
 
 @pytest.mark.long
-def test_renderers_draw_the_same_rut(tmp_path):
+def test_renderers_draw_the_same_rut(tmp_path, monkeypatch):
     """Of a vehicle that rests in the sand; the ground before it came is level."""
     pytest.importorskip("foxglove")
     path = tmp_path / "sand.mcap"
@@ -162,9 +157,10 @@ def test_renderers_draw_the_same_rut(tmp_path):
         assert level - deepest - 1e-6 < lowest < level - 0.8 * deepest  # corners are means of four cells
         around = next(each for each in entities if each.id == "ground").triangles[0]
         assert {round(p.z - level, 6) for p in around.points} == {0.0}
-        picture = film.FilmPicture(at, "right", 400)
-        [*picture.frames(25.0)]
-        (dashed,) = picture._untouched.get_segments()
+        drawn, draw, dashes = [], LineCollection.draw, LineCollection([], **colours.UNTOUCHED).get_linestyle()
+        monkeypatch.setattr(LineCollection, "draw", lambda *given: (drawn.append(given[0]), draw(*given)))
+        [*film.FilmPicture(at, "right", 400).frames(25.0)]
+        (dashed,) = next(one for one in drawn if one.get_linestyle() == dashes).get_segments()
         assert np.ptp(dashed[:, 1]) == pytest.approx(0.0, abs=1e-9)
         table = player.player(RunData(log), "left_track")["ground"]
         before, after = (unpacked(each["sections"]).reshape(-1, 2) for each in (table["untouched"], table))

@@ -6,7 +6,7 @@ from made_logs import STEP, made
 
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import spectrum
-from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.run_data import RunData
 
 TWO = ((12.5, 50.0), (40.0, 20.0))  # Hz, N
 
@@ -49,19 +49,12 @@ def test_between_bins_a_flat_top_reads_a_sine_and_a_hann_window_does_not():
 def test_orders_are_multiples_of_the_rate_of_teeth(tmp_path):
     t = np.arange(2000) * STEP
     speed = np.full(2000, 2 * np.pi * 1.25)  # 12.5 teeth a second
-    connection = {
-        "source": "track", "outputs": ["sprocket.force.x", "sprocket.torque.x"],
-        "target": "drive", "inputs": ["sprocket.force.x", "sprocket.torque.x"],
-    }  # fmt: skip
-    path = made(
-        tmp_path / "s.mcap",
-        {"/track/out": [("travel", "m")], "/drive/out": [("speed", "rad/s")]},
-        {"/track/out": (t, sines(t)[:, None]), "/drive/out": (t, speed[:, None])},
-        {"vehicle": {"sprocket": {"teeth": 10}}},
-        ("track", "drive"),
-        [connection],
-    )
-    with Log(path) as log:
+    joint = ["sprocket.force.x", "sprocket.torque.x"]
+    connection = {"source": "track", "outputs": joint, "target": "drive", "inputs": joint}
+    topics = {"/track/out": [("travel", "m")], "/drive/out": [("speed", "rad/s")]}
+    rows = {"/track/out": (t, sines(t)[:, None]), "/drive/out": (t, speed[:, None])}
+    scene = {"vehicle": {"sprocket": {"teeth": 10}}}
+    with Log(made(tmp_path / "s.mcap", topics, rows, scene, ("track", "drive"), [connection])) as log:
         order_spectrum = spectrum.of(RunData(log), "track.travel", orders=True)
     assert order_spectrum.teeth == pytest.approx(12.5, rel=1e-12)
     assert order_spectrum.order[order_spectrum.amplitude[1:, 0].argmax() + 1] == pytest.approx(1.0, abs=1e-6)
@@ -75,35 +68,13 @@ def test_a_differential_has_a_speed_for_each_side(tmp_path):
          "inputs": [f"{side}.sprocket.force.x", f"{side}.sprocket.torque.x"]}
         for side in ("left", "right")
     ]  # fmt: skip
-    drive = [
-        (f"{side}.{name}", unit) for side in ("left", "right") for name, unit in (("speed", "rad/s"), ("torque", "N.m"))
-    ]
+    drive = [(f"{side}.{name}", "1") for side in ("left", "right") for name in ("speed", "torque")]
     values = np.stack([np.full(2000, 6.0), sines(t), np.full(2000, 12.0), sines(t)], axis=1)
     topics = {"/drive/out": drive} | {f"/{side}_track/out": [("travel", "m")] for side in ("left", "right")}
     rows = {topic: (t, values if topic == "/drive/out" else sines(t)[:, None]) for topic in topics}
     names = ("left_track", "right_track", "drive")
     path = made(tmp_path / "s.mcap", topics, rows, {"vehicle": {"sprocket": {"teeth": 10}}}, names, connections)
     with Log(path) as log:
-        teeth = {
-            name: spectrum.of(RunData(log), name, orders=True).teeth
-            for name in ("drive.left.torque", "drive.right.torque", "left_track.travel", "right_track.travel")
-        }
-    assert [*teeth.values()] == pytest.approx([60.0 / (2 * np.pi), 120.0 / (2 * np.pi)] * 2)
-
-
-def test_a_scene_without_teeth_is_told(tmp_path):
-    t = np.arange(100) * STEP
-    connection = {
-        "source": "track", "outputs": ["sprocket.force.x", "sprocket.torque.x"],
-        "target": "drive", "inputs": ["sprocket.force.x", "sprocket.torque.x"],
-    }  # fmt: skip
-    path = made(
-        tmp_path / "s.mcap",
-        {"/track/out": [("travel", "m")], "/drive/out": [("speed", "rad/s")]},
-        {"/track/out": (t, sines(t)[:, None]), "/drive/out": (t, 1.0 + t[:, None])},
-        {"vehicle": {"sprocket": "round"}},
-        ("track", "drive"),
-        [connection],
-    )
-    with Log(path) as log, pytest.raises(Missing, match=r"no number above 0 at vehicle\.sprocket\.teeth"):
-        spectrum.of(RunData(log), "track.travel", orders=True)
+        of = "drive.left.torque", "drive.right.torque", "left_track.travel", "right_track.travel"
+        teeth = [spectrum.of(RunData(log), name, orders=True).teeth for name in of]
+    assert teeth == pytest.approx([60.0 / (2 * np.pi), 120.0 / (2 * np.pi)] * 2)

@@ -1,19 +1,17 @@
-"""Sweeps: rows equal to single runs, what continues after an end, further figures."""
+"""Sweeps: points of a design, rows equal to single runs, what continues after an end, further figures."""
 
 import csv
 import errno
 import json
-import os
 import pickle
 import re
-import signal
-import subprocess
-import sys
-import time
-from contextlib import ExitStack
+from pathlib import Path
 
+import numpy as np
 import pytest
+from designs import shown
 from matplotlib.figure import Figure
+from scipy.stats import qmc
 from short_run import last
 
 import orchestrator as offered
@@ -26,7 +24,8 @@ from orchestrator.results import chain_measures, output_files
 from orchestrator.results.analyses import joints
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.table import Column, Table
-from orchestrator.studies import Case, parameter_sweep, pool
+from orchestrator.scene.scene import load
+from orchestrator.studies import Row, parameter_sweep, sensitivity
 from orchestrator.studies.variations import Design
 
 CHAIN = ("--set", "chain.links=8", "--set", "run.stop=0.02 s")
@@ -38,14 +37,57 @@ def rows_of(folder):
     return list(csv.DictReader((folder / "sweep.csv").open()))
 
 
+# --- points ---
+
+
+def test_a_grid_has_every_combination_in_exact_decimals():
+    design = Design.of(["x.mu=0.3:0.8:6", "track.model=rigid, flexible", "rig.tension=20:40:3 kN"])
+    numbers = [0.3, 0.4, 0.5, 0.6, 0.7, 0.8]
+    assert shown(design) == [(x, m, f) for x in numbers for m in ("rigid", "flexible") for f in (20.0, 30.0, 40.0)]
+    assert design.settings(design.points[10]) == ("x.mu=0.4", "track.model=flexible", "rig.tension=30 kN")
+    assert [(one.key, one.unit, one.is_number) for one in design.variations] == [
+        ("x.mu", "", True), ("track.model", "", False), ("rig.tension", "kN", True),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "numbers", "settings"),
+    [
+        ("k=20 kN,25 kN", [20.0, 25.0], ["20 kN", "25 kN"]),
+        ("k=20,22.5, 25 kN", [20.0, 22.5, 25.0], ["20 kN", "22.5 kN", "25 kN"]),
+        ("k=20 kN:40 kN:2", [20.0, 40.0], ["20 kN", "40 kN"]),
+        ("k=1:-1:3", [1.0, 0.0, -1.0], ["1", "0", "-1"]),
+        ("k=1e-3:1e-2:2", [1e-3, 1e-2], ["0.001", "0.01"]),
+        ("k=5:9:1", [5.0], ["5"]),
+        ("k=8,0.30,1e3", [8.0, 0.3, 1000.0], ["8", "0.30", "1e3"]),
+        ("k=1 kN/m, 2 kN/m", [1.0, 2.0], ["1 kN/m", "2 kN/m"]),
+        ("k=2,off", ["2", "off"], ["2", "off"]),
+        ("k=0:1:4", [0.0, 1 / 3, 2 / 3, 1.0], ["0", repr(1 / 3), repr(2 / 3), "1"]),
+    ],
+)
+def test_values_of_a_key(text, numbers, settings):
+    design = Design.of([text])
+    assert shown(design) == [(number,) for number in numbers]
+    assert [design.settings(point)[0] for point in design.points] == [f"k={setting}" for setting in settings]
+
+
+def test_a_latin_hypercube_is_that_of_scipy():
+    design = Design.of(["a=2:1 s", "m=x,y", "b=-10:30"], sample=5, seed=3)
+    unit = qmc.LatinHypercube(2, seed=np.random.default_rng(3)).random(5)
+    points = qmc.scale(unit, [1.0, -10.0], [2.0, 30.0])
+    assert shown(design) == [(a, m, b) for m in "xy" for a, b in points.tolist()]
+    assert float(design.settings(design.points[0])[0][2:-2]) == points[0, 0], "a setting lost digits"
+    for column, low, width in ((0, 1.0, 1.0), (1, -10.0, 40.0)):
+        assert sorted(np.floor((points[:, column] - low) / width * 5)) == [0, 1, 2, 3, 4]
+    assert shown(Design.of(["a=1:2 s", "m=x,y", "b=-10:30"], 5, 4)) != shown(design)
+
+
 # --- rows ---
 
 
 @pytest.mark.long
 def test_rows_equal_single_runs_bit_by_bit(cotrack, tmp_path):
-    status, out, err = cotrack(*MODELS, *SPANS, "-o", "found")
-    assert status == 0, err
-    assert "4/4 track.model=flexible, chain.span=0.8" in err
+    out = cotrack.done(*MODELS, *SPANS, "-o", "found")
     assert "| rigid | 0.7 | ok | 1 of 5; 4 begin after the end |" in out
     names = {"sweep.csv", "sweep.md", "sweep.parquet", "sweep.png", "sweep.svg"}
     assert {file.name for file in (tmp_path / "found").iterdir()} == {*names, "cases", "sweep.json"}
@@ -57,63 +99,44 @@ def test_rows_equal_single_runs_bit_by_bit(cotrack, tmp_path):
     for row in (rows[0], rows[3]):
         own = ("--set", f"track.model={row['track.model']}", "--set", f"chain.span={row['chain.span']}")
         single = last(cotrack("run", "hanging_chain", *CHAIN, *own, "--json")[1])
-        forces = dict.fromkeys(("tension_max", "pin_force", "pin_force_high", "tension_mean", "end_tension"), "N")
-        units = {**forces, "sag": "m"}
+        units = dict.fromkeys(("tension_max", "pin_force", "pin_force_high", "tension_mean", "end_tension"), "N")
+        units["sag"] = "m"
         assert {name: float(row[f"{name}, {unit}"]) for name, unit in units.items()} == single["observables"]
-        assert float(row["check rest"]) == single["checks"]["rest"]["value"]
-        assert float(row["energy residual"]) == single["energy"]["residual_relative"]
-        assert float(row["estimated error"]) == single["error"]["total"] > 0.0
+        wanted = {
+            "check rest": single["checks"]["rest"]["value"], "energy residual": single["energy"]["residual_relative"],
+            "estimated error": single["error"]["total"],
+        }  # fmt: skip
         errors = single["error"]["observables"]
         assert {*errors} == {"pins", "tension"}
         for name, error in errors.items():
-            assert float(row[f"estimated error of {name}"]) == error["total"]
-            assert float(row[f"estimated error of {name}, {error['unit']}"]) == error["absolute"]
+            wanted[f"estimated error of {name}"] = error["total"]
+            wanted[f"estimated error of {name}, {error['unit']}"] = error["absolute"]
+        assert {name: float(row[name]) for name in wanted} == wanted
         assert (row["status"], row["checks not met"]) == ("ok", "")
-        assert row["checks"] == ("1 of 5; 4" if row["track.model"] == "rigid" else "1 of 3; 2") + " begin after the end"
     assert len({row["sag, m"] for row in rows}) == 4, "rows do not belong to their settings"
 
 
 def test_the_function_returns_the_table_that_it_writes(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
-    settings = ["chain.links=8", "run.stop=0.02", "expect.rest.expected=1"]
+    settings = {"chain.links": 8, "run.stop": 0.02, "expect.rest.expected": 1}
+    arguments = dict(sample=2, seed=7, track="flexible", estimate=False, keep_logs=True)
     vary = ["vehicle.track.mass=20:25 kg"]
-    arguments = dict(sample=2, seed=7, settings=settings, track="flexible", estimate=False, keep_logs=True)
-    table = offered.sweep("hanging_chain", vary, tmp_path, **arguments)
+    table = offered.sweep("hanging_chain", vary, tmp_path, settings=settings, **arguments)
     assert table.csv() == (tmp_path / "sweep.csv").read_text()
-    assert table.notes == ("Latin hypercube of 2 points, seed 7",)
     assert json.loads((tmp_path / "sweep.json").read_text())["seed"] == 7
     read, frame = parquet.read_table(tmp_path / "sweep.parquet"), table.frame()
     assert read.schema.field("sag").metadata == {b"unit": b"m"}
     assert read.schema.field("vehicle.track.mass").metadata == {b"unit": b"kg"}
     assert read["sag"].to_pylist() == frame["sag"].tolist()
+    assert frame["sag"].nunique() == 2
     assert "estimated error" not in read.column_names
     assert frame["checks not met"].tolist() == ["rest", "rest"]
     for name in frame["log"]:
         with offered.Log(tmp_path / name) as log:
             assert (log.closing["status"], log.metadata["run"]["track"]) == ("ok", "flexible")
-
-
-def test_cases_have_the_track_model_of_the_option(tmp_path):
-    design = Design.of(["chain.span=0.7,0.8"])
-    planned = parameter_sweep.plan(design, "hanging_chain", tmp_path / "found", track="rigid")
-    assert [case.arguments[0].variant for case in planned.cases] == ["rigid", "rigid"]
-
-
-def test_values_and_settings_may_be_tables(tmp_path):
-    """The same folder goes on with texts: both are one sweep."""
-    options = dict(track="flexible", estimate=False)
-    settings = {"chain.links": 8, "run.stop": 0.02}
-    table = offered.sweep("hanging_chain", {"chain.span": [0.7, 0.75]}, tmp_path, settings=settings, **options)
     texts = [f"{key}={value}" for key, value in settings.items()]
-    again = offered.sweep("hanging_chain", ["chain.span=0.7,0.75"], tmp_path, settings=texts, **options)
-    assert again == table
-    assert table.frame()["sag"].nunique() == 2
-
-
-def test_units_of_observables_are_those_of_the_json_object():
-    names = ("settlement", "weight", "slip", "steering_moment", "power_left", "yaw_rate", "speed")
-    assert [parameter_sweep.UNITS[name] for name in names] == ["m", "N", "", "N m", "W", "rad/s", "m/s"]
-    assert {*parameter_sweep.UNITS.values()} <= {"", "m", "m/s", "N", "N m", "W", "rad/s", "s"}
+    again = offered.sweep("hanging_chain", vary, tmp_path, settings=texts, **arguments)
+    assert again == table, "settings as texts are the same sweep"
 
 
 def fake(monkeypatch, *ends):
@@ -135,31 +158,22 @@ def fake(monkeypatch, *ends):
 def test_a_case_that_fails_is_a_row_with_its_sentence(cotrack, monkeypatch, tmp_path):
     open_ledger = {"residual_relative": 0.4, "integration_relative": {}}
     unknown = {"total": None, "observables": {}, "message": "the run is too short"}
-    checks = {"rest": {"value": 0.5, "ok": False}}
+    ended = {"error": unknown, "checks": {"rest": {"value": 0.5, "ok": False}}}
     lost = {"status": "failed", "message": "link 7 is lost", "error": None}
-    ended = {"error": unknown, "checks": checks}
     fake(monkeypatch, BadInput("no idler position"), {"energy": open_ledger, "message": "40 % is open"}, lost, ended)
     status, out, err = cotrack(*MODELS, *SPANS, "-o", "found")
     assert status == 1
-    head, _, *shown = out.splitlines()
-    assert head == (
-        "| track.model | chain.span | status | checks | checks not met | sag, m | check rest | estimated error |"
-        " energy residual | note |"
-    )
-    assert shown[3].startswith("| flexible | 0.8 | ok | 0 of 1 | rest | 1 | 0.5 |")
     assert "4 rows, 3 not as they should be, 1 miss checks of the scene\n" in err
-    assert "cotrack: hanging_chain: track.model=rigid, chain.span=0.7: BadInput: no idler position\n" in err
     rows = rows_of(tmp_path / "found")
-    assert [*rows[0]] == [
-        "track.model", "chain.span", "status", "checks", "checks not met", "sag, m", "check rest", "estimated error",
-        "energy residual", "warnings", "wall_time, s", "log", "note",
+    heads = "track.model", "chain.span", "status", "checks", "checks not met", "sag, m", "check rest", "estimated error"
+    assert [*rows[0]] == [*heads, "energy residual", "warnings", "wall_time, s", "log", "note"]
+    assert out.splitlines()[0] == f"| {' | '.join((*heads, 'energy residual', 'note'))} |"
+    assert out.splitlines()[5].startswith("| flexible | 0.8 | ok | 0 of 1 | rest | 1 | 0.5 |")
+    assert [(row["track.model"], row["status"], row["sag, m"], row["note"]) for row in rows] == [
+        ("rigid", "failed", "", "BadInput: no idler position"), ("rigid", "ok", "1.0", "40 % is open"),
+        ("flexible", "failed", "1.0", "link 7 is lost"),
+        ("flexible", "ok", "1.0", "estimated error: not known, the run is too short"),
     ]  # fmt: skip
-    assert [row["status"] for row in rows] == ["failed", "ok", "failed", "ok"]
-    assert [row["sag, m"] for row in rows] == ["", "1.0", "1.0", "1.0"]
-    assert (rows[0]["track.model"], rows[0]["note"]) == ("rigid", "BadInput: no idler position")
-    assert rows[1]["note"] == "40 % is open"
-    assert rows[2]["note"] == "link 7 is lost"
-    assert rows[3]["note"] == "estimated error: not known, the run is too short"
 
 
 # --- continuation ---
@@ -168,21 +182,21 @@ def test_a_case_that_fails_is_a_row_with_its_sentence(cotrack, monkeypatch, tmp_
 def test_an_interrupted_sweep_continues_where_it_stopped(cotrack, monkeypatch, tmp_path):
     """The second start runs what is missing; a number planted into the stored row shows that the first row is read."""
     first = fake(monkeypatch, {"observables": {"sag": 0.5}}, KeyboardInterrupt())
-    status, _, err = cotrack(*MODELS, *SPANS, "-o", "found")
-    assert (status, len(first)) == (1, 2)
-    assert err.endswith("cotrack: interrupted\n")
+    assert (cotrack(*MODELS, *SPANS, "-o", "found")[0], len(first)) == (1, 2)
     assert not (tmp_path / "found" / "sweep.csv").exists()
     (stored,) = (tmp_path / "found" / "cases").iterdir()
     assert '"sag": 0.5' in stored.read_text()
     stored.write_text(stored.read_text().replace('"sag": 0.5', '"sag": 0.25'))
     second = fake(monkeypatch, *({} for _ in range(3)))
     assert cotrack(*MODELS, *SPANS, "-o", "found")[0] == 0
-    assert [(scene.variant, scene.chain.span) for scene in second] == [
-        ("rigid", 0.8),
-        ("flexible", 0.7),
-        ("flexible", 0.8),
-    ]
+    ran = [(scene.variant, scene.chain.span) for scene in second]
+    assert ran == [("rigid", 0.8), ("flexible", 0.7), ("flexible", 0.8)]
     assert [row["sag, m"] for row in rows_of(tmp_path / "found")] == ["0.25", "1.0", "1.0", "1.0"]
+
+
+def caused(error, cause):
+    error.__context__ = cause
+    return error
 
 
 @pytest.mark.parametrize(("end", "again"), [
@@ -190,6 +204,7 @@ def test_an_interrupted_sweep_continues_where_it_stopped(cotrack, monkeypatch, t
     (MemoryError(), True),
     (LogFailed("no space left on device"), True),
     (KeyError("a fault of ours"), True),
+    (caused(BadInput("the scene cannot be read"), OSError(errno.EMFILE, "Too many open files")), True),
     (BadInput("no idler position"), False),
     (ComponentFailed("chain: no convergence"), False),
     ({"status": "failed", "message": "link 7 is lost", "energy": None}, False),
@@ -205,107 +220,37 @@ def test_only_answers_of_the_model_are_kept(cotrack, monkeypatch, end, again):
     assert ("runs that the machine failed are done again: 1" in err) == again
 
 
-def test_a_failure_of_the_machine_under_another_error_is_one():
-    def reads():
-        try:
-            raise OSError(errno.EMFILE, "Too many open files")
-        except OSError:
-            raise BadInput("the scene cannot be read") from None
-
-    assert pool.attempt(Case("0", "0", reads)) == ("BadInput: the scene cannot be read", False)
+VARY = "['track.model=rigid,flexible', 'chain.span=0.7:0.8:2']"
 
 
-def test_a_folder_holds_one_sweep(cotrack, monkeypatch, tmp_path):
-    fake(monkeypatch, *({} for _ in range(8)))
+@pytest.mark.parametrize(("other", "said"), [
+    (("--no-estimate",), "estimated is true there and false here"),
+    (("--native",), "native is false there and true here"),
+    (("--set", "run.step=2 ms"), "setting run.step is 'not set' there and '2 ms' here"),
+    (("--vary", "run.links=1,2"), f"vary is {VARY} there and {VARY[:-1]}, 'run.links=1,2'] here"), ((), ""),
+    (("-o", "found/sweep.csv"), ""),
+])  # fmt: skip
+def test_a_folder_holds_one_sweep(cotrack, monkeypatch, tmp_path, other, said):
+    fake(monkeypatch, *({} for _ in range(4)))
     assert cotrack(*MODELS, *SPANS, "-o", "found")[0] == 0
-    kept = {file: file.read_bytes() for file in (tmp_path / "found").iterdir() if file.is_file()}
-    vary = "['track.model=rigid,flexible', 'chain.span=0.7:0.8:2']"
-    for other, differs in (
-        (("--no-estimate",), "estimated is true there and false here"),
-        (("--native",), "native is false there and true here"),
-        (("--set", "run.step=2 ms"), "setting run.step is 'not set' there and '2 ms' here"),
-        (("--vary", "run.links=1,2"), f"vary is {vary} there and {vary[:-1]}, 'run.links=1,2'] here"),
-    ):
-        status, out, err = cotrack(*MODELS, *SPANS, *other, "-o", "found")
-        assert (status, out) == (2, "")
-        assert err == (
-            f"cotrack: output 'found': holds another sweep, of hanging_chain over {vary}: {differs}:"
-            " choose another folder\n"
-        )
+    kept = {file: file.read_bytes() for file in (tmp_path / "found").glob("sweep.[cjmp]*")}
+    status, _, err = cotrack(*MODELS, *SPANS, "-o", "found", *other)
+    assert status == (2 if other else 0)
     assert kept == {file: file.read_bytes() for file in kept}
-    assert cotrack(*MODELS, *SPANS, "-o", "found")[0] == 0
+    if said:
+        holds = f"cotrack: output 'found': holds another sweep, of hanging_chain over {VARY}: {said}:"
+        assert err == f"{holds} choose another folder\n"
     (tmp_path / "found" / "sweep.json").write_text("[]")
-    status, _, err = cotrack(*MODELS, *SPANS, "-o", "found")
-    assert (status, err) == (2, "cotrack: 'found/sweep.json' is not that of a sweep: choose another folder\n")
-    assert cotrack(*MODELS, *SPANS, "-o", "found/sweep.csv")[0] == 2
-
-
-def figures_of(folder):
-    """Rows without what the clock says."""
-    return [{key: cell for key, cell in row.items() if key != "wall_time, s"} for row in rows_of(folder)]
-
-
-KILLED = [*map(str, MODELS), "--vary", "chain.span=0.7:0.8:12", "--no-estimate"]  # 24 cases
-
-
-def begin(environment, folder, *options):
-    """Start the sweep in a process group of its own."""
-    command = [sys.executable, "-m", "orchestrator", *KILLED, *options, "-o", folder.name]
-    return subprocess.Popen(command, env=environment, cwd=folder.parent, start_new_session=True)
-
-
-@pytest.fixture(scope="module")
-def whole(environment, tmp_path_factory):
-    """Folder of the sweep without an interruption."""
-    folder = tmp_path_factory.mktemp("sweep") / "whole"
-    assert begin(environment, folder, "--workers", "2").wait() == 0
-    return folder
-
-
-def stored(folder):
-    """Time of writing of each finished case, ns."""
-    return {file.name: file.stat().st_mtime_ns for file in (folder / "cases").glob("*.json")}
-
-
-def kill_with_more_cases(process, folder):
-    """Kill the process group once it has finished a case; return what is stored."""
-    before, until = len(stored(folder)), time.monotonic() + 120
-    while len(stored(folder)) == before and time.monotonic() < until and process.poll() is None:
-        time.sleep(0.005)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    assert before < len(stored(folder)) < 24
-    return stored(folder)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    "where", ["two processes", *(pytest.param(study, marks=pytest.mark.study) for study in ("one process", "Dask"))]
-)
-def test_a_sweep_that_is_killed_twice_ends_with_the_rows_of_one_that_was_not(whole, environment, tmp_path, where):
-    """A kill takes the workers too; cases that are finished are not run again."""
-    with ExitStack() as stack:
-        options = ["--workers", "2" if where == "two processes" else "1"]
-        if where == "Dask":
-            distributed = pytest.importorskip("dask.distributed")
-            local = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
-            options = ["--scheduler", stack.enter_context(local).scheduler_address]
-        folder = tmp_path / "killed"
-        first = kill_with_more_cases(begin(environment, folder, *options), folder)
-        second = kill_with_more_cases(begin(environment, folder, *options), folder)
-        assert not (folder / "sweep.csv").exists()
-        assert begin(environment, folder, *options).wait() == 0
-    assert first.items() < second.items() < stored(folder).items()
-    assert figures_of(folder) == figures_of(whole)
-    assert {file.name for file in folder.iterdir()} == {file.name for file in whole.iterdir()}, "a partial file is left"
+    assert "is not that of a sweep: choose another folder" in cotrack.refused(*MODELS, *SPANS, "-o", "found")
 
 
 def test_cases_can_be_sent_to_other_machines(tmp_path):
     """A case contains its scene, so it needs no file of the sweep; equal cases have equal stores."""
     design = Design.of(["chain.span=0.7,0.8"])
-    cases = parameter_sweep.plan(design, "hanging_chain", tmp_path, settings=["chain.links=8"]).cases
+    cases = parameter_sweep.plan(design, "hanging_chain", tmp_path, track="rigid", settings=["chain.links=8"]).cases
     sent = pickle.loads(pickle.dumps(cases))
     assert [case.arguments[0].chain.span for case in sent] == [0.7, 0.8]
+    assert {case.arguments[0].variant for case in sent} == {"rigid"}
     assert [repr(case) for case in sent] == [repr(case) for case in cases]
     assert re.search("chain.span=0.7$", cases[0].name)
 
@@ -345,3 +290,72 @@ def test_further_figures_are_those_of_the_log(cotrack, tmp_path):
         heads = [head for head in row if head.startswith("joints ") and head.endswith("largest, kN")]
         assert sorted(float(row[head]) for head in heads) == sorted(each["largest"] for each in largest)
         assert row["note"].startswith("ride: ")
+
+
+# --- sensitivities ---
+
+SHORT = ("chain.links=8", "run.stop=0.02", "expect={}")
+MASS, GRAVITY, SPAN, WIDTH = "vehicle.track.mass", "vehicle.gravity", "chain.span", "vehicle.track.width"
+
+
+def sensitivity_of(folder, *keys, settings=SHORT):
+    return sensitivity.sensitivity("hanging_chain", folder, keys, track="rigid", settings=settings)[0]
+
+
+def derivative(found, key, figure):
+    return found.derivatives[list(found.numbers).index(key), list(found.figures).index(figure)]
+
+
+def test_a_hanging_chain_pulls_in_proportion_to_its_weight(tmp_path):
+    """All forces are in proportion to mass and gravity, the sag to neither; the span acts as two runs say."""
+    found = sensitivity_of(tmp_path / "s", MASS, GRAVITY, SPAN, WIDTH)
+    for name in ("tension_max", "tension_mean", "end_tension"):
+        for key in (MASS, GRAVITY):
+            assert derivative(found, key, name) == pytest.approx(found.figures[name], rel=1e-4)
+            assert derivative(found, key, name) != pytest.approx(1.02 * found.figures[name], rel=1e-4)
+        assert derivative(found, WIDTH, name) == 0.0
+    assert abs(derivative(found, MASS, "sag")) < 1e-4 * found.figures["sag"]
+    settings = ((*SHORT, f"{SPAN}={span}") for span in (0.796, 0.804))
+    low, high = (sensitivity_of(tmp_path / each[-1], WIDTH, settings=each).figures for each in settings)
+    for name in ("tension_max", "sag"):
+        by_runs = (high[name] - low[name]) / 0.01
+        assert derivative(found, SPAN, name) == pytest.approx(by_runs, rel=1e-3)
+        assert derivative(found, SPAN, name) != pytest.approx(1.02 * by_runs, rel=1e-3)
+
+
+def test_a_switch_and_noise_have_no_derivative(tmp_path, monkeypatch):
+    """A figure that jumps beside the number, one that jumps behind 0.05 %, and one with noise of 1e-5."""
+
+    def figures(scene, *_):
+        x = scene.vehicle.track.mass / 18.02
+        known = {"tension_max": x**2, "tension_mean": 1.0 + (x > 1.0), "sag": x + (x > 1.0005)}
+        known["end_tension"] = x + 1e-5 * np.sin(1e9 * x)
+        return [Row("", "", {"status": "ok", **known})]
+
+    monkeypatch.setattr(sensitivity, "run_case", figures)
+    found = sensitivity_of(tmp_path / "s", MASS)
+    assert derivative(found, MASS, "tension_max") == pytest.approx(2.0, rel=1e-3)
+    assert np.isnan(derivative(found, MASS, "tension_mean"))
+    assert derivative(found, MASS, "sag") == pytest.approx(1.0, rel=1e-6)
+    assert derivative(found, MASS, "end_tension") == pytest.approx(1.0, rel=sensitivity.AGREE)
+    assert found.steps[0].tolist()[:1] == [1e-4]
+    assert found.steps[0, list(found.figures).index("end_tension")] > 1e-4
+    assert "rough" in found.table().markdown()
+
+
+def test_the_command_of_sensitivities_makes_no_run_twice(cotrack, monkeypatch):
+    settings = [part for text in SHORT for part in ("--set", text)]
+    asked = "sensitivity", "hanging_chain", "--track", "rigid", *settings, "--of", MASS, "--workers", "1", "-o", "s"
+    out = cotrack.done(*asked, "--for", "max:chain.tension.max")
+    assert f"| {MASS} | 18.02 | 7." in out
+    assert Path("s/sensitivity.png").stat().st_size > 5_000
+
+    fake(monkeypatch)
+    assert cotrack.done(*asked, "--for", "max:chain.tension.max") == out
+
+
+def test_all_numbers_of_a_vehicle_by_default():
+    found = sensitivity.numbers_of(load("straight", "rigid"), ())
+    assert {"vehicle.suspension.stiffness", "vehicle.road_wheel.x.1", "vehicle.contact.ground.friction"} <= {*found}
+    assert not [key for key in found if key.startswith("vehicle.life")]
+    assert all(found.values())

@@ -1,60 +1,54 @@
-"""Analyses of a track against its records: power through ports, links and joints, deformation, ground, wheels."""
+"""Analyses of a track against its records: power, links and joints, deformation, ground, wheels, circuit, events."""
 
+import json
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from analysis_logs import driven_log
 from made_logs import STEP, made
+from mcap.reader import make_reader
 
+from orchestrator.log.message_records import WARNINGS
 from orchestrator.log.reader import Log
 from orchestrator.results import energy
 from orchestrator.results.analyses import (
+    circuit,
     contact,
     deformation,
     envelope,
+    events,
     joints,
+    life,
     links,
     patches,
     power,
     slip,
     wheel_loads,
 )
-from orchestrator.results.run_data import Missing, RunData, Window, mean
+from orchestrator.results.run_data import RunData, Window, mean
 from orchestrator.results.views.bodies import EVERY, Bodies
 
 driven = pytest.fixture(scope="module")(driven_log)
-
-
-def ends(run, name):
-    first, last = run.ends(name)
-    return last - first
 
 
 # power
 
 
 @pytest.mark.long
-def test_power_through_ports_is_the_work_of_the_ledger(driven):
+def test_power_through_ports_is_the_work_of_the_ledger_and_what_the_chassis_received(driven):
     with Log(driven) as log:
         run = RunData(log)
-        port_power = power.of(run)
-        works = energy._works(run)
+        port_power, works = power.of(run), energy.port_works(run)
+        received, motor, spun = (
+            float(np.diff(run.ends(name))[0])
+            for name in ("chassis.port.work", "left_drive.energy.work", "left_drive.energy.kinetic")
+        )
     through = dict(zip(port_power.ports, port_power.energy + port_power.energy_carried, strict=True))
     scale = max(abs(given) for given, _ in works.values())
     assert scale > 1e3
     for port, (given, _) in works.items():
         assert through[f"{port.giver}.{port.giver_connector}"] == pytest.approx(given, abs=1e-3 * scale)
-
-
-@pytest.mark.long
-def test_of_the_hull_relative_power_and_that_on_its_motion_are_what_the_chassis_received(driven):
-    with Log(driven) as log:
-        run = RunData(log)
-        port_power = power.of(run)
-        received = ends(run, "chassis.port.work")
-        motor = ends(run, "left_drive.energy.work")
-        spun = ends(run, "left_drive.energy.kinetic")
     of_hull = [k for k, name in enumerate(port_power.ports) if name != "left_track.sprocket"]
     assert 2 * (port_power.energy + port_power.energy_carried)[of_hull].sum() == pytest.approx(received, rel=2e-3)
     sprocket, mount = (port_power.ports.index(name) for name in ("left_track.sprocket", "left_drive.mount"))
@@ -71,26 +65,21 @@ def test_power_sees_a_wrench_that_is_off_by_three_per_cent(driven, scaled):
     with Log(driven) as log:
         scaled(log, "/left_track/out", "sprocket.torque.y", 1.03)
         wrong = power.of(RunData(log)).energy
-        largest = max(abs(given) for given, _ in energy._works(RunData(log)).values())
+        largest = max(abs(given) for given, _ in energy.port_works(RunData(log)).values())
     # heading 0.6 rad: cos^2 of the torque about the axle is about y
     assert wrong[0] / right[0] == pytest.approx(1.0 + 0.03 * np.cos(0.6) ** 2, rel=1e-4)
     assert abs(wrong[0] - right[0]) > 5e-3 * largest, "the energy balance does not see the fault"
     np.testing.assert_array_equal(wrong[1:], right[1:])
 
 
-def test_a_window_of_power_is_a_part_of_it(driven):
-    with Log(driven) as log:
-        run = RunData(log)
-        whole, *parts = (power.of(run, Window(*each)) for each in ((0.0, 0.2), (0.0, 0.1), (0.1, 0.2)))
-    np.testing.assert_allclose(parts[0].energy + parts[1].energy, whole.energy, rtol=1e-9, atol=1e-9)
-    assert len(whole.t) == len(parts[0].t) + len(parts[1].t)
-
-
-def test_energies_alone_are_those_of_the_powers_over_time(driven, monkeypatch):
+def test_a_window_of_power_is_a_part_of_it_and_energies_alone_are_those_of_the_powers(driven, monkeypatch):
     monkeypatch.setattr(power, "BLOCK", 30)
     with Log(driven) as log:
         run = RunData(log)
-        whole, summed = power.of(run), power.summary(run)
+        whole, *parts = (power.of(run, Window(*each)) for each in ((0.0, 0.2), (0.0, 0.1), (0.1, 0.2)))
+        summed = power.summary(run)
+    np.testing.assert_allclose(parts[0].energy + parts[1].energy, whole.energy, rtol=1e-9, atol=1e-9)
+    assert len(whole.t) == len(parts[0].t) + len(parts[1].t)
     np.testing.assert_allclose(summed.relative, whole.energy, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(summed.carried, whole.energy_carried, rtol=1e-9)
     np.testing.assert_allclose(whole.table().rows[0][1:], summed.table().rows[0][1:], rtol=1e-9)
@@ -232,17 +221,13 @@ def test_links_in_tension_lengthen_by_their_strain(driven):
     np.testing.assert_allclose(field.displacement[:, 4, -1, 0] + shortened, stretched, rtol=1e-3)
     assert np.abs(field.displacement[..., 2]).max() < 1e-12
     assert 1e-8 < np.abs(field.displacement[..., 1]).max() < 1e-4
-    with Log(driven) as log, pytest.raises(Missing, match=r"in the window is at 0\.2 s"):
-        deformation.of(RunData(log), at=[0.3])
 
 
 def test_deformation_as_a_picture_and_as_numbers(cotrack, driven, tmp_path):
-    assert cotrack("analyse", driven, "deformation", "--at", "0.1", "--at", "0.2", "--link", "7", "-o", "d.png")[0] == 0
+    cotrack.done("analyse", driven, "deformation", "--at", "0.1", "--at", "0.2", "--link", "7", "-o", "d.png")
     assert (tmp_path / "d.png").read_bytes()[:4] == b"\x89PNG"
-    assert cotrack("analyse", driven, "deformation", "-o", "d.csv")[0] == 0
+    cotrack.done("analyse", driven, "deformation", "-o", "d.csv")
     assert len((tmp_path / "d.csv").read_text().splitlines()) == 1 + 64 * deformation.POINTS
-    status, _, err = cotrack("analyse", driven, "deformation", "--link", "65", "-o", "e.png")
-    assert (status, err) == (2, "cotrack: link = 65: left_track has the links 1 to 64\n")
 
 
 # wheels and ground
@@ -274,16 +259,6 @@ def test_slip_and_thrust_are_along_the_heading(driven):
     np.testing.assert_array_equal(track_slip.load[:, 0], force[:, 2])
 
 
-def over_time(t, values, keep):
-    """Mean of a step function (value k from t[k - 1] to t[k]) over the kept steps, by hand."""
-    total = time = 0.0
-    for k in range(len(t)):
-        if keep[k]:
-            own = t[k] - t[k - 1] if k else t[1] - t[0]
-            total, time = total + own * values[k], time + own
-    return total / time
-
-
 @pytest.mark.parametrize("even", [True, False])
 def test_slips_are_ratios_of_means_over_time(even):
     """Of ways, with records of any length, in both directions; a mean over records, or of ratios, is another one."""
@@ -312,7 +287,7 @@ def test_means_of_links_are_over_time_where_records_are_uneven(tmp_path):
     values = np.hstack([np.tile(pins.ravel(), (len(t), 1)), force, np.tile(tension[:, None], (1, 12))])
     topics = {"/track/out": [("travel", "m")], "/track/links": [(name, "1") for name in names]}
     path = made(tmp_path / "u.mcap", topics, {"/track/out": (t, t[:, None]), "/track/links": (t, values)})
-    wanted = over_time(t, tension, np.ones(len(t), bool))
+    wanted = mean(t, tension)
     assert tension.mean() < 0.8 * wanted, "the twin, a mean over records, must differ"
     with Log(path) as log:
         run = RunData(log)
@@ -324,20 +299,13 @@ def test_means_of_links_are_over_time_where_records_are_uneven(tmp_path):
     assert long.table().records()[0]["length"] == pytest.approx(1e3 * wanted, rel=1e-9)
 
 
-def rolling(path, load, **more):
-    """Write a log of two road wheels with the given loads (m, 2)."""
-    t = np.arange(len(load)) * STEP
-    names = [(f"road_wheel[{i}].force.{axis}", "N") for i in (1, 2) for axis in "xyz"]
-    force = np.zeros((len(load), 2, 3))
-    force[..., 2] = load
-    topics = {"/track/out": [("travel", "m"), *names]}
-    return made(path, topics, {"/track/out": (t, np.hstack([t[:, None], force.reshape(len(load), 6)]))}, **more)
-
-
 def test_loads_of_wheels_are_counted_by_time(tmp_path):
     t = np.arange(1000) * STEP
-    load = np.stack([1e4 + 3e3 * np.sin(2 * np.pi * 5 * t), np.where(t < 0.25 - 1e-9, 0.0, 8e3)], axis=1)
-    with Log(rolling(tmp_path / "w.mcap", load)) as log:
+    load = np.stack([1e4 + 3e3 * np.sin(2 * np.pi * 5 * t), np.where(t < 0.25 - 1e-9, 0.0, 8e3)])
+    names = [f"road_wheel[{i}].force.{axis}" for i in (1, 2) for axis in "xyz"]
+    topics = {"/track/out": [("travel", "m"), *((name, "N") for name in names)]}
+    values = np.stack([t, 0.0 * t, 0.0 * t, load[0], 0.0 * t, 0.0 * t, load[1]], axis=1)
+    with Log(made(tmp_path / "w.mcap", topics, {"/track/out": (t, values)})) as log:
         loads = wheel_loads.of(RunData(log))
     np.testing.assert_allclose(loads.mean, [1e4, 6e3], rtol=1e-9)
     np.testing.assert_allclose(loads.rms, [3e3 / np.sqrt(2), 8e3 * np.sqrt(0.25 * 0.75)], rtol=1e-9)
@@ -393,3 +361,140 @@ def test_patches_at_rest_carry_what_wheels_are_loaded_by(driven, face, fits):
     carried, load = np.transpose(pairs)
     assert len(load) == 5
     assert bool(np.all(np.abs(carried - load) <= 0.015 * np.abs(load))) == fits, pairs
+
+
+# places on the circuit
+
+
+def test_places_are_arc_lengths_from_the_crossing():
+    """Places are arc lengths from the crossing: the pins of a square go round the same places."""
+    corner = np.array([[1, 0], [1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1], [0, 1], [1, 1]], float)
+    after = np.roll(corner, -1, axis=0)
+    moved = np.array([corner + share * (after - corner) for share in (0.0, 0.25, 0.75)])
+    middles, pins, length = circuit.places(moved, np.array([1.0, 0.0]))
+    np.testing.assert_allclose(length, np.linalg.norm(np.roll(moved, -1, axis=1) - moved, axis=2).sum(axis=1))
+    np.testing.assert_allclose(pins[0], np.arange(8.0))
+    np.testing.assert_allclose(middles[0], np.arange(8.0) + 0.5)
+    assert pins[1, 0] == pytest.approx(0.25)
+    with pytest.raises(ValueError):  # noqa: PT011
+        circuit.places(moved + 5.0, np.array([1.0, 0.0]))
+
+
+def test_places_have_the_names_of_parts_of_the_circuit():
+    """A stadium between a sprocket at the origin and an idler 3 m behind it, both of half a metre."""
+    along = np.linspace(0.0, 6.0 + np.pi, 200, endpoint=False) + 0.02
+    lower, upper = ((along > at) & (along < at + 3) for at in (np.pi / 4, 3 * np.pi / 4 + 3))
+    angle = np.where(along < np.pi, along, along - 6.0) * 2.0  # of the rims, from straight ahead downwards
+    rear = (along >= np.pi / 4 + 3) & (along <= 3 * np.pi / 4 + 3)
+    angle = np.where(rear, (along - 3.0) * 2.0, angle)
+    middle = np.stack([0.5 * np.cos(angle) - 3.0 * rear, -0.5 * np.sin(angle)], axis=1)
+    middle[lower] = np.stack([np.pi / 4 - along[lower], np.full(lower.sum(), -0.5)], axis=1)
+    middle[upper] = np.stack([along[upper] - 3 * np.pi / 4 - 6.0, np.full(upper.sum(), 0.5)], axis=1)
+    vehicle = {"track": {"pitch": 2 * 0.5 * np.sin(np.pi / 10), "face": 0.0}, "sprocket": {"teeth": 10}}
+    parts = circuit.stretches({"vehicle": {**vehicle, "idler": {"radius": 0.5}}}, along, middle)
+    assert [one.name for one in parts] == ["sprocket", "lower run", "idler", "upper run", "sprocket"]
+    near = np.sqrt((0.5 + circuit.NEAR) ** 2 - 0.25)  # of the straight part, still beside the rim
+    ends = [np.pi / 4 + near, np.pi / 4 + 3 - near, 3 * np.pi / 4 + 3 + near, 3 * np.pi / 4 + 6 - near]
+    np.testing.assert_allclose([one.end for one in parts[:-1]], ends, atol=1.5 * (along[1] - along[0]))
+    assert circuit.part(2.0, parts) == "lower run"
+    assert circuit.part(-1.0, parts) == ""
+    assert circuit.stretches({}, along, middle) == []
+    rear_drive = {"assembly": "vehicle", "vehicle": {**vehicle, "idler": {"radius": 0.5, "x": 3.0}}}
+    assert circuit.stretches(rear_drive, along, middle * [-1.0, 1.0]) == parts
+
+
+def test_an_envelope_shows_what_links_feel_where_they_are(tmp_path):
+    """An envelope shows tension by place: on a polygon that turns, every place has one value."""
+    n, t = 40, np.arange(50) * STEP
+    angle = -2 * np.pi * (np.arange(n)[None] / n + 3.1 * t[:, None])  # in the numbering of the links
+    pins = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=2)
+    middle = np.angle(np.exp(1j * (angle - np.pi / n))) % (2 * np.pi)
+    names = [f"link[{i + 1}].tension" for i in range(n)]
+    names += [f"joint[{i + 1}].position.{axis}" for i in range(n) for axis in "xyz"]
+    values = np.hstack([1e4 + 1e3 * np.cos(middle), pins.reshape(50, -1)])
+    topics = {"/track/links": [(name, "N") for name in names], "/track/out": [("travel", "m")]}
+    scene = {"start": {"position": [0.0, 0.0, 0.0], "heading": 0.0}}
+    rows = {"/track/links": (t, values), "/track/out": (t, t[:, None])}
+    with Log(made(tmp_path / "e.mcap", topics, rows, scene)) as log:
+        tension_envelope = envelope.of(RunData(log), bins=20)
+    expected = 1e4 + 1e3 * np.cos(2 * np.pi * (np.arange(20) + 0.5) / 20)
+    half = 1e3 * np.pi / 20  # half a bin's width
+    for each in (tension_envelope.least, tension_envelope.most):
+        assert np.abs(each - expected).max() < 1.05 * half
+    np.testing.assert_allclose(tension_envelope.mean, expected, atol=0.3 * half)
+    np.testing.assert_allclose(np.hypot(tension_envelope.forward, tension_envelope.up), 1.0, atol=0.03)
+    assert np.argmax(tension_envelope.mean) in (0, 19)
+
+
+def test_the_shares_of_damage_of_a_vehicle_sum_to_all(driven):
+    """Shares by part of a short run of a vehicle, in all the parts of its circuit."""
+    with Log(driven) as log:
+        rows = life.of(RunData(log), by="place").table().records()
+    assert {row["part"] for row in rows} == {"sprocket", "front run", "ground run", "rear run", "idler", "upper run"}
+    assert [sum(row[name] for row in rows) for name in life.DETAILS] == pytest.approx([100.0] * 3, rel=1e-12)
+
+
+# events
+
+
+def test_events_come_in_order_with_what_they_are_of(tmp_path):
+    t = np.arange(1000) * STEP
+    load = np.full((1000, 2), 1e4)
+    load[300:400, 1] = 0.0
+    load[340, 1] = 300.0  # neither lifted nor down
+    speed = np.where(t < 0.6, 2 * np.pi, np.where(t < 0.8, 0.05, 3.0))
+    angle = np.cumsum(speed) * STEP
+    brake = np.cumsum((t > 0.55) * (t < 0.7)) * 1.0
+    force = np.zeros((1000, 2, 3))
+    force[..., 2] = load
+    topics = {
+        "/track/out": [("travel", "m"), *((f"road_wheel[{i}].force.{axis}", "N") for i in (1, 2) for axis in "xyz")],
+        "/drive/out": [("speed", "rad/s"), ("angle", "rad"), ("energy.dissipated", "J")],
+        "/stats/track": [("solver.rejected", "1")],
+    }
+    rows = {
+        "/track/out": (t, np.hstack([t[:, None], force.reshape(1000, 6)])),
+        "/drive/out": (t, np.stack([speed, angle, brake], axis=1)),
+        "/stats/track": (t[::100], np.array([0, 0, 0, 0, 0, 0, 0, 0, 0, 2.0])[:, None]),
+    }
+    joint = ["sprocket.force.x", "sprocket.torque.x"]
+    connection = {"source": "track", "outputs": joint, "target": "drive", "inputs": joint}
+    warning = {"component": "track", "text": "it slips", "time": 0.5, "count": 3}
+    scene = {"vehicle": {"sprocket": {"teeth": 10}}}
+    path = made(tmp_path / "e.mcap", topics, rows, scene, ("track", "drive"), [connection], warnings=[warning])
+    with Log(path) as log:
+        record = events.of(RunData(log))
+        every = events.of(RunData(log), teeth=True)
+        late = events.of(RunData(log), Window(0.65, 1.0))
+    assert [(event.kind, event.component, round(event.t, 6)) for event in record.events] == [
+        ("lifted", "track.road_wheel[2]", 0.3), ("touches", "track.road_wheel[2]", 0.4), ("warning", "track", 0.5),
+        ("locked", "drive", 0.6), ("released", "drive", 0.8), ("step", "track", 0.9),
+    ]  # fmt: skip
+    assert record.events[2].text == "it slips, 3 times"
+    assert "2 times" in record.events[-1].text
+    teeth = [event.t for event in every.of("tooth")]
+    assert len(teeth) == record.teeth["drive"] == int(angle[-1] * 10 / (2 * np.pi))
+    np.testing.assert_allclose(np.diff(teeth[:5]), 0.1, rtol=1e-6)
+    assert {event.text for event in every.of("tooth")} == {"a tooth ahead"}
+    of_window = [("locked", 0.65), ("released", 0.8), ("step", 0.9)]  # it was at rest already
+    assert [(event.kind, round(event.t, 6)) for event in late.events] == of_window
+
+
+def test_a_log_ends_with_its_events_in_messages_of_foxglove(driven):
+    with driven.open("rb") as file:
+        messages = [
+            (schema.name, message.log_time, json.loads(message.data))
+            for schema, _, message in make_reader(file).iter_messages(topics=["/events"])
+        ]
+    with Log(driven) as log:
+        run = RunData(log)
+        happened, angle = events.of(run, teeth=True).events, run.signal("left_drive.angle")[1]
+        teeth = run.scene["vehicle"]["sprocket"]["teeth"]
+        assert log.others == {"/events": "foxglove.Log, json"}
+    assert {name for name, _, _ in messages} == {"foxglove.Log"}
+    shown = [(said["name"], said["kind"], said["message"], said["level"] == 3) for _, _, said in messages]
+    assert shown == [(e.component, e.kind, e.text, e.kind in WARNINGS) for e in happened]
+    for (_, time, said), event in zip(messages, happened, strict=True):
+        assert time == 1_000_000_000 * said["timestamp"]["sec"] + said["timestamp"]["nsec"] == round(1e9 * event.t)
+    passed = np.floor(angle * teeth / (2.0 * np.pi))
+    assert sum(said["kind"] == "tooth" for _, _, said in messages) == np.abs(np.diff(passed)).sum()

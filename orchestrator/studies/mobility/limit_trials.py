@@ -79,11 +79,11 @@ def on_soil(scene: str, soil: str, halvings: int) -> list[Row]:
         title, allowed = f"grade of {slope:.4g} on {soil}", {"allow": ["belly"]}  # a hull in the soil has no force
         return trial_scene(vehicle, title, end, ground=ground, drive=vehicle.drive(speed, ramp), run=allowed), judged
 
-    bracket = _slopes(vehicle, soil)
+    bracket = slopes(vehicle, soil)
     return _slope(search(attempt, 0.25 * bracket.high, 1.1 * bracket.high, halvings), bracket)
 
 
-def _slopes(vehicle: Vehicle, soil: str) -> theory.Bracket:
+def slopes(vehicle: Vehicle, soil: str) -> theory.Bracket:
     """Slopes at which theory's least and largest pull at full slip equal the weight's component."""
     track = vehicle.table.track
     law = law_of(soil, track.pitch, track.width)

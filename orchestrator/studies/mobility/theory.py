@@ -79,7 +79,7 @@ def _sprocket_radius(vehicle: VehicleTable) -> float:
     return vehicle.track.pitch / (2.0 * math.sin(math.pi / vehicle.sprocket.teeth)) - vehicle.track.face
 
 
-def _passed_step(vehicle: VehicleTable, wheel: tuple[float, float, float]) -> float:
+def passed_step(vehicle: VehicleTable, wheel: tuple[float, float, float]) -> float:
     """Highest step, m, whose edge the centre of mass passes while the vehicle stands on a hind ``wheel`` x, z, radius.
 
     The lower run of the chain lies on the edge; its line is below the road wheels.
@@ -98,8 +98,8 @@ def largest_step(vehicle: VehicleTable) -> Bracket:
     """Highest step, m, without slip: standing on the hindmost road wheels, and on the hindmost wheel of the chain."""
     wheels = vehicle.road_wheel
     limits = (
-        _passed_step(vehicle, (min(wheels.x), wheels.z, wheels.radius)),
-        _passed_step(vehicle, ends(vehicle)[0]),
+        passed_step(vehicle, (min(wheels.x), wheels.z, wheels.radius)),
+        passed_step(vehicle, ends(vehicle)[0]),
     )
     return Bracket(min(limits), max(limits))
 
