@@ -8,7 +8,6 @@ import pytest
 from named_ports import parameters
 from test_free_chains import TABLE, Flexible, P, made, per_link
 
-from fmus.interface.model import InvalidParameter
 from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.report import DISSIPATED, KINETIC, STRAIN
 from orchestrator.scene.assembly import assemble
@@ -34,10 +33,6 @@ def run(model, time, h=1e-3):
     for i in range(round(time / h)):
         model.advance(i * h, h)
     return model
-
-
-def dofs(model):
-    return np.unique(coordinate_indices(model.kit, model.s.q, 4, model.links_count)).size
 
 
 # --- closed by a spring ------------------------------------------------------------------------------------
@@ -194,39 +189,6 @@ def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
 
 
 # --- how many, and on wheels -------------------------------------------------------------------------------
-
-
-@pytest.mark.study
-def test_counts_of_coordinates_and_equations():
-    """Counts of coordinates and constraints (paper (2)); a cut loop has 63 pins, a vehicle 126."""
-    for joints, closure, coordinates, equations in (
-        ("eliminated", "pin", 512, 0), ("eliminated", "spring", 516, 0),
-        ("constrained", "pin", 768, 256), ("constrained", "spring", 768, 252),
-    ):  # fmt: skip
-        model = loop(LINKS, joints=joints, closure=closure, start="polygon")
-        assert dofs(model) == coordinates
-        if equations:
-            assert model.work.joints.multipliers[int(closure == "spring") :].size == equations
-            # storage grows with the number of links, not with its square: a block row per pin and an inverse per link
-            assert model.work.joints.schur_complement.size == 3 * LINKS * 16
-        assert model.nodes == LINKS  # joints among the outputs
-
-
-@pytest.mark.parametrize(
-    ("changes", "sentence"),
-    [
-        (
-            {"joints": "constrained", "element": "beam"},
-            "joints = 'constrained' needs element = 'cable' and axes = 'fixed', not 'beam'",
-        ),
-        ({"joints": "constrained", "element": "planar"}, "needs element = 'cable' .* not 'planar'"),
-        ({"axes": "loose"}, "axes = 'loose': must be one of fixed, free"),
-        ({"axes": "free", "element": "beam"}, "axes = 'free' needs element = 'cable'"),
-    ],
-)
-def test_joints_and_axes_that_the_element_does_not_have_are_refused(changes, sentence):
-    with pytest.raises(InvalidParameter, match=sentence):
-        loop(**changes)
 
 
 def on_wheels(*settings):

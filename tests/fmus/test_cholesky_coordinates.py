@@ -5,7 +5,6 @@ import pytest
 from test_chain_closure import CLOSURES, loop, on_wheels, run
 from test_free_chains import Beams, PlanarCables, made, per_link
 
-from fmus.interface.model import InvalidParameter
 from fmus.physics.chain.flexible import cholesky
 from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.interface import derivative, stage_joints
@@ -158,21 +157,6 @@ def test_adams_methods_come_to_the_same_within_their_tolerances(closure):
     assert np.abs(off - exact).max() > 1e-6
 
 
-@pytest.mark.study
-@pytest.mark.parametrize("integrator", ["runge_kutta", "adams"])
-@CLOSURES
-def test_the_ledger_closes(closure, integrator):
-    """Mechanical plus dissipated energy is constant in a soft loop without external forces."""
-    given = {"adams_of_rtol": 1e-8, "adams_of_atol": 1e-8} if integrator == "adams" else {}
-    model = loop(**SOFT, closure=closure, **EXPLICIT | {"integrator": integrator}, **given)
-    before = model.report.copy()
-    run(model, 0.05)
-    balance = [r[KINETIC] + r[STRAIN] + r[DISSIPATED] for r in (before, model.report)]
-    kinetic, dissipated = np.abs(model.report - before)[[KINETIC, DISSIPATED]]
-    assert np.ptp(balance) < 1e-4 * kinetic
-    assert dissipated > 1e-3 * kinetic
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("ends", [SPAN, {"kind": "held", "first": [1.0, 2.0]}], ids=["pinned", "held"])
 def test_ends_that_are_held_stay(ends):
@@ -190,17 +174,6 @@ def test_ends_that_are_held_stay(ends):
     assert np.ptp(balance) < 1e-3 * own.report[KINETIC]
 
 
-@pytest.mark.long
-def test_a_saved_state_runs_on_to_the_same_bits():
-    one, other = (loop(**EXPLICIT, **OVAL) for _ in range(2))
-    run(one, 0.003)
-    assert other.copy_state(one.state)
-    assert not other.copy_state(one.state[1:])
-    for model in (one, other):
-        model.advance(0.003, 1e-3)
-    assert np.array_equal(one.state, other.state)
-
-
 @pytest.mark.study
 def test_a_track_on_wheels():
     """Contacts, pin forces and wrenches of the vehicle's track agree while its wheels move away."""
@@ -212,19 +185,3 @@ def test_a_track_on_wheels():
     assert np.abs(own.s.q - whole.s.q).max() < 1e-12
     assert np.abs(own.s.mean - whole.s.mean).max() < 1e-7 * np.abs(whole.s.mean).max()
     assert np.abs(whole.s.mean).max() > 1e3
-
-
-@pytest.mark.parametrize(
-    ("changes", "sentence"),
-    [
-        (
-            {"integrator": "generalized_alpha"},
-            "needs integrator = 'runge_kutta', 'adams' or 'dormand_prince', not 'generalized_alpha'",
-        ),
-        ({"integrator": "hht", "spectral_radius": 0.5}, "not 'hht'"),
-        ({"joints": "constrained"}, "needs axes = 'fixed' and joints = 'eliminated', not 'fixed' and 'constrained'"),
-    ],
-)
-def test_what_has_no_cholesky_coordinates_is_refused(changes, sentence):
-    with pytest.raises(InvalidParameter, match=sentence):
-        loop(**EXPLICIT | changes)

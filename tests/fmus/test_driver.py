@@ -24,7 +24,7 @@ class Unicycle:
         self.model = Model({"vehicle": TABLE})
         self.model.initialise(parameters)
         self.names = [port.name for port in self.model.ports if port.causality == "output"][:-1]
-        self.width = grip * self.model._law.width
+        self.width = grip * self.model.parts.law.width
         start = [port.start for port in self.model.ports[:2]]
         self.x, self.y, self.heading = start[0] + AHEAD, start[1] + left, 0.0
         self.speed = self.rate = 0.0

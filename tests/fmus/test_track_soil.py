@@ -9,7 +9,7 @@ import pytest
 from m113 import MASS, VEHICLE, P
 
 from fmus.ground.soils import SoilTable, named
-from fmus.interface.model import InvalidParameter, StepFailed
+from fmus.interface.model import StepFailed
 from fmus.physics.chain import sums
 from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN
 from fmus.physics.contact.soil.memory import CELL, DEEPEST, FIRST, INSIDE, MADE, PRESSURE, TILE, TILES
@@ -209,19 +209,3 @@ def test_halved_steps_commit_once():
         ends.append(np.append(model.s.flat, model.report))
     assert (ends[0] == ends[1]).all()
     assert model.report[COMPACTED] > saved[len(model.s.flat) + COMPACTED]
-
-
-def test_what_soil_needs_is_said():
-    with pytest.raises(InvalidParameter, match="soil remembers accepted steps and needs an implicit integrator"):
-        lying(integrator="runge_kutta")
-    with pytest.raises(InvalidParameter, match=r"ground\.soil\.k0 = 0 and Au = 0"):
-        lying(soil=SAND | {"Au": 0.0})
-
-
-def test_hard_ground_remembers_nothing():
-    config = {"links": N, "closed": False, "wheels": [], "ground": True, "gravity": G}
-    config["ends"] = {"kind": "pulled", "first": [0.0, 0.0], "last": [0.0, 0.0]}
-    model = Rigid({"vehicle": VEHICLE, "track": config, "link_outputs": False})
-    assert model.s.soil.size == model.s.rut.size == 0
-    assert len(model.warning_sentences) == 5
-    assert any(port.name == "contact.ground.friction" for port in model.ports)
