@@ -144,7 +144,7 @@ def test_accelerations_with_equations_are_those_without(closure):
         array.reshape(-1)[used] += size * random.standard_normal(used.size)
     own.s.q.reshape(-1)[mine], own.s.v.reshape(-1)[mine] = whole.s.q.reshape(-1)[at], whole.s.v.reshape(-1)[at]
     for model in (whole, own):
-        model._evaluate_start()
+        model.evaluate_start()
     there, here = whole.s.vdot.reshape(-1)[at], own.s.vdot.reshape(-1)[mine]
     largest = np.abs(there).max()
     assert largest > 1e4
@@ -152,7 +152,7 @@ def test_accelerations_with_equations_are_those_without(closure):
     assert opened(own.s.vdot, closure) < 1e-11 * largest
     assert np.abs(own.work.residual - whole.work.residual).max() < 1e-11 * np.abs(whole.work.residual).max()
     own.s.q.reshape(-1)[mine[3, 0, 0]] += 1e-6  # a pin that is open by a micrometre gives other accelerations
-    own._evaluate_start()
+    own.evaluate_start()
     assert np.abs(own.s.vdot.reshape(-1)[mine] - there).max() > 1e-6 * largest
 
 

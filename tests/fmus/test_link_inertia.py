@@ -45,14 +45,14 @@ def turning_energy(model, axis):
     w = RATE * np.eye(3)[axis]
     if isinstance(model, Rigid):
         model.s.v[0] = np.concatenate([np.cross(w, [0.5 * P, 0.0, 0.0]), w])
-        model._evaluate_start()
+        model.evaluate_start()
     else:
         at, across = coordinate_indices(model.kit, model.s.q, len(model.work.mass), 1)[0], model.kit.AXES
         e = np.zeros((len(at), 3))
         e[:, across] = model.s.q.reshape(-1)[at]
         e[[0, len(at) // 2]] -= e[0]
         model.s.v.reshape(-1)[at] = np.cross(w, e)[:, across]
-        model._evaluate_start()
+        model.evaluate_start()
     centre = 0.5 * MASS * (0.5 * P * RATE) ** 2 if axis else 0.0
     return model.report[KINETIC] - centre
 

@@ -69,7 +69,7 @@ def test_short_steps_that_last_become_the_rule():
 
 @pytest.mark.long
 @pytest.mark.parametrize("links", ["flexible", "rigid"])
-@pytest.mark.parametrize("short", [(1e-9,), (1e-9, 1e-7, 1e-9), (1e-6,), (2e-5,)], ids=str)
+@pytest.mark.parametrize("short", [(1e-9, 1e-7, 1e-9), (2e-5,)], ids=str)
 def test_a_vehicle_under_steps_of_very_different_lengths(links, short):
     """A host that meets events takes such steps; the tracks tore at 1e6 N or the arms left their reach."""
     settings = ("drive.ramp_start=0", "drive.ramp_time=0.2", "run.step=1 ms", "track.step=1 ms", "run.links=1")

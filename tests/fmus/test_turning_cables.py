@@ -156,24 +156,6 @@ def test_the_balance_is_the_work_of_a_rotation():
 PITCH = TABLE["track"]["pitch"]
 
 
-def test_what_turns_as_a_whole_is_not_loaded_by_turning():
-    """A rigid rotation of wheels, axes and chain at a constant rate adds centripetal forces only."""
-    model = carrier()
-    rate, axes, w = np.array([0.0, 0.0, 2.0]), model.s.axes.copy(), model.work
-    model.contacts = model.contacts._replace(ground=0)
-    w.wheels[:] = model.start_rows
-    still = residual(model)[0]
-    axes[OMEGA : OMEGA + 3] = rate
-    w.wheels[:, 3:6] += np.cross(rate, w.wheels[:, :3])
-    w.wheels[:, 6:9] += rate
-    model.evaluate(Motion(model.s.q, w.still, w.still, axes), BY)
-    forces = w.residual.reshape(len(w.residual), -1) - still
-    for i in range(model.links_count):
-        model.kit.gather(model.link, model.s.q, i, (i + 1) % model.nodes, w.coordinates)
-        towards = np.cross(rate, np.cross(rate, w.coordinates))
-        assert forces[i] == pytest.approx((w.mass @ towards).ravel(), abs=1e-8)
-
-
 def driven(model, h, spin, steps):
     """Drive a chain by wheels that yaw about their middle, up to ``spin`` rad/s; there is no ground.
 
@@ -258,7 +240,7 @@ def tumbling(step, integrator=EXPLICIT, shake=0.0, **changes):
     model.s.v[:, 1] = np.cos(2.0 * angle)
     model.s.v[:, 7] = -2.0 * np.sin(2.0 * angle) * angle[1] / PITCH  # along the links
     model.s.axes[OMEGA], model.s.axes[OMEGA + 2] = 3.0, 2.0
-    model._evaluate_start()
+    model.evaluate_start()
     start = totals(model)
     model.rows[:] = model.start_rows
     for k in range(10):
