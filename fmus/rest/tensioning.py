@@ -152,6 +152,7 @@ class Track:
 
 
 def search(config: Mapping[str, Any], name: str, tension: float, keys: str, links: Links) -> WheelPlace:
+    """Find the place of ``tension_wheel``, which is not kept; raises BadInput."""
     chain, reach = Track(config, name, CABLES), REACH * (config["vehicle"]["track"]["pitch"] / PITCH)
     where = f"{keys}.tension = {tension:.6g} N"
     pitch = config["vehicle"]["track"]["pitch"]

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from chassis_probe import LEAVES, ROLLERS, TABLE, Probe, stir
-from scipy.spatial.transform import Rotation
+from chassis_by_constraints import assemble
+from chassis_probe import ROLLERS, TABLE, Probe, stir
 
-from fmus.chassis.dynamics import ROOT, energies
+from fmus.chassis.dynamics import energies
 
 UNDAMPED = {"suspension.damping": 0.0, "tensioner.damping": 0.0}
 FLOATING = {**UNDAMPED, "gravity": 0.0}
@@ -16,45 +16,11 @@ FLOATING = {**UNDAMPED, "gravity": 0.0}
 
 def momenta(model):
     """Linear momentum and angular momentum about the world's origin, body by body from the table."""
-    x, n, table = model.state, LEAVES, TABLE
-    A = Rotation.from_quat(x[3:7], scalar_first=True).as_matrix()
-    v, w = x[7:10], A @ x[10:13]
-    P, L = np.zeros(3), np.zeros(3)
-
-    def add(mass, r, J, omega):
-        nonlocal P, L
-        velocity = v + np.cross(w, r) if not isinstance(r, tuple) else r[1]
-        r = r if not isinstance(r, tuple) else r[0]
-        P = P + mass * velocity
-        L = L + mass * np.cross(x[:3] + r, velocity) + J @ omega
-
-    centre = np.array(table["chassis"]["centre"])
-    add(table["chassis"]["mass"], np.zeros(3), A @ np.diag(table["chassis"]["inertia"]) @ A.T, w)
-    for side, sign in enumerate((1, -1)):
-        lateral = sign * table["track"]["lateral"]
-        s = table["sprocket"]
-        J = A @ np.diag([s["transverse_inertia"], 0, s["transverse_inertia"]]) @ A.T
-        add(s["mass"], A @ (np.array([0, lateral, 0]) - centre), J, w)
-        for i in range(6):
-            k = 6 * side + i
-            d, rate, spin = x[ROOT + k], x[ROOT + 2 * n + k], x[ROOT + 3 * n + k]
-            part = table["idler"] if i == 5 else table["road_wheel"]
-            J = A @ np.diag([part["transverse_inertia"], part["spin_inertia"], part["transverse_inertia"]]) @ A.T
-            w_wheel = w + (spin - w @ A[:, 1]) * A[:, 1]
-            if i == 5:
-                r = A @ (np.array([part["x"] + d, lateral, part["z"]]) - centre)
-                add(part["mass"], (r, v + np.cross(w, r) + rate * A[:, 0]), J, w_wheel)
-                continue
-            arm = table["road_arm"]
-            pin = A @ (np.array([part["x"][i] + 0.288, lateral, part["z"] + 0.134]) - centre)
-            R, w_arm = A @ Rotation.from_rotvec([0, d, 0]).as_matrix(), w + rate * A[:, 1]
-            to_wheel = np.array([-0.288, 0, -0.134])
-            e = R @ to_wheel / np.linalg.norm(to_wheel)
-            J_arm = arm["pin_inertia"] * np.eye(3) - (arm["pin_inertia"] - arm["long_inertia"]) * np.outer(e, e)
-            for mass, share, J_part, turn in ((arm["mass"], 0.5, J_arm, w_arm), (part["mass"], 1.0, J, w_wheel)):
-                r = R @ to_wheel * share
-                add(mass, (pin + r, v + np.cross(w, pin) + np.cross(w_arm, r)), J_part, turn)
-    return np.concatenate([P, L])
+    bodies = assemble(TABLE, model.state).bodies
+    mass, place, velocity = (np.array(part) for part in (bodies.mass, bodies.place, bodies.velocity))
+    linear = mass[:, None] * velocity
+    spins = np.einsum("nij,nj->ni", bodies.inertia, bodies.omega)
+    return np.concatenate([linear.sum(0), (np.cross(place, linear) + spins).sum(0)])
 
 
 def drift(h, changes=FLOATING, what=momenta, time=0.4):

@@ -6,7 +6,7 @@ from vehicle_in_process import InProcess
 
 from fmus.drives import mount
 from fmus.kernels.jit import plain
-from fmus.physics.chain.implicit import LENGTH, SINCE, is_short, set_length
+from fmus.physics.chain.implicit import SINCE, is_short, set_length
 from fmus.physics.chain.on_links import GROUND
 from fmus.physics.integrate.generalized_alpha import WITHOUT_MEMORY, auxiliary, coefficients
 from orchestrator.scene.scene import load
@@ -55,16 +55,6 @@ def test_one_method_for_all_lengths_would_let_them_grow():
     assert growth(0.4, (H, 1e-5), memory=False) > 10.0
     assert growth(0.4, (H, 1e-4), memory=False) > 1.1
     assert growth(0.4, (H, H / 4.0), memory=False) < 1.0 + 1e-3, "halved steps need nothing"
-
-
-def test_short_steps_that_last_become_the_rule():
-    kept = np.array([H, 0.0])
-    assert plain(is_short)(kept, 0.19 * H)
-    assert not plain(is_short)(kept, 0.21 * H)
-    kept[SINCE] = 4.1 * H
-    assert not plain(is_short)(kept, 1e-6)
-    plain(set_length)(kept, 1e-6)
-    assert (kept[LENGTH], kept[SINCE]) == (1e-6, 0.0)
 
 
 @pytest.mark.long

@@ -94,26 +94,6 @@ def test_sprocket_drives_the_chain_over_wheels_and_ground(track):
     assert worst < 1e-11
 
 
-@pytest.mark.long
-def test_integrators_agree():
-    runs = []
-    for integrator in INTEGRATORS:
-        model = rolling()
-        model.initialise(parameters(model, integrator=integrator, spectral_radius=0.5))
-        for k in range(100):
-            model.step(k * 1e-3, 1e-3, inputs(model, k * 1e-3, 10.0))
-        runs.append(outputs(model))
-    other = runs.pop(INTEGRATORS.index("runge_kutta"))
-    for one in runs:
-        assert one["speed"] == pytest.approx(other["speed"], rel=5e-3)
-        assert one["travel"] == pytest.approx(other["travel"], rel=1e-2)
-        assert one["tension.mean"] == pytest.approx(other["tension.mean"], rel=2e-2)
-        assert one["energy.dissipated"] == pytest.approx(other["energy.dissipated"], rel=0.05)
-    adams = runs[-1]
-    assert adams["speed"] == pytest.approx(other["speed"], rel=1e-6)
-    assert adams["energy.dissipated"] == pytest.approx(other["energy.dissipated"], rel=1e-5)
-
-
 def along_the_whole_chain(q, A, axis):
     """Increments (n, 6) of all links that move the whole chain rigidly: along an axis, or (3 to 5) about one."""
     x = np.zeros((len(q), 6))
@@ -135,10 +115,10 @@ def moved(q, x):
 
 
 @pytest.mark.long
-def test_wheels_links_and_pins_get_the_change_of_the_forces(track):
-    """Newton's last correction adds the derivative of the values of an evaluation, if no pin opens.
+def test_the_matrix_and_the_last_correction_are_derivatives_of_residual_and_forces(track):
+    """For motions that open no pin, contacts included: of links, wheels, and what is shown of both.
 
-    As in the matrix, the rates outweigh the positions.
+    The rates outweigh the positions, in which the matrix leaves out how contacts grow.
     """
     model, start = track
     model.state[:] = start
@@ -146,56 +126,27 @@ def test_wheels_links_and_pins_get_the_change_of_the_forces(track):
         model.step(1e-3 * k, 1e-3, inputs(model, 1e-3 * k, 20.0, 0.1, 0.1))
     s, w, by, eps = model.s, model.work, Slopes(0.0, 1e5, 0.0), 1e-10
     q, v = s.q.copy(), s.v.copy()
-    shown = w.wrench[:, :3], w.wrench[:, 3:], w.on_links, s.load, w.along
+    forces = w.wrench[:, :3], w.wrench[:, 3:], w.on_links, s.load, w.along
 
-    def forces_at(q, v, tangent=False):
+    def at(q, v, tangent=False):
         s.q[:], s.v[:] = q, v
         w.increment[:] = 0.0
         residual(*model.system()[:2], model.environment, s, w, by, tangent)
-        return [part.copy() for part in shown]
+        return [part.copy() for part in (w.system.residual, *forces)]
 
     for axis in range(6):
-        before = forces_at(q, v, tangent=True)
+        _, *before = at(q, v, tangent=True)
         x = along_the_whole_chain(q, w.system.rotation, axis)
+        given = [np.einsum("nij,nj->ni", w.system.iteration_matrix, x)]
         w.points.q[:] = q
         w.system.correction[:] = x
         add_last_correction(model.rigid, s, w)
-        given = [now - then for now, then in zip(shown, before, strict=True)]
-        ends = [forces_at(moved(q, d * x), v + by.v * d * x) for d in (eps, -eps)]
-        for part, after, earlier in zip(given, *ends, strict=True):
+        given += [now - then for now, then in zip(forces, before, strict=True)]
+        ends = [at(moved(q, d * x), v + by.v * d * x) for d in (eps, -eps)]
+        for part, after, earlier, allowed in zip(given, *ends, (3e-5, *5 * [1e-3]), strict=True):
             change = (after - earlier) / (2.0 * eps)
-            assert abs(part - change).max() < 1e-3 * abs(change).max(), axis
+            assert abs(part - change).max() < allowed * abs(change).max(), axis
             assert abs(1.03 * part - change).max() > 1e-2 * abs(change).max()
-
-
-@pytest.mark.long
-def test_matrix_of_the_links_is_the_derivative_of_their_residual(track):
-    """Newton's matrix times a motion that opens no pin equals the change of the residual, contacts included.
-
-    The derivative by rates outweighs that by positions, in which the matrix leaves out how contacts grow.
-    """
-    model, start = track
-    model.state[:] = start
-    for k in range(60):
-        model.step(1e-3 * k, 1e-3, inputs(model, 1e-3 * k, 20.0, 0.1, 0.1))
-    s, w, by, eps = model.s, model.work, Slopes(0.0, 1e5, 0.0), 1e-10
-    w.increment[:] = 0.0
-
-    def residual_at(q, v, tangent=False):
-        s.q[:], s.v[:] = q, v
-        residual(*model.system()[:2], model.environment, s, w, by, tangent)
-        return w.system.residual.copy()
-
-    q, v = s.q.copy(), s.v.copy()
-    residual_at(q, v, tangent=True)
-    K, A = w.system.iteration_matrix.copy(), w.system.rotation.copy()
-    for axis in range(6):
-        x = along_the_whole_chain(q, A, axis)
-        after, before = (residual_at(moved(q, d * x), v + by.v * d * x) for d in (eps, -eps))
-        predicted, change = np.einsum("nij,nj->ni", K, x), (after - before) / (2.0 * eps)
-        error = abs(predicted - change).max() / abs(change).max()
-        assert error < 3e-5, axis
-        assert abs(1.03 * predicted - change).max() / abs(change).max() > 1e-2
 
 
 def test_guides_take_the_chain_along_sideways(track):
