@@ -190,13 +190,3 @@ def test_a_yaw_acceleration_beyond_the_friction_is_reduced():
     z, holds = slips(stands, (0.3, 0.01), 0.3, 0.0, 1.0, 0.9, (0.0, 0.0, 0.0))
     assert holds
     assert z[1] > 0.2
-
-
-@pytest.mark.parametrize("factor", [1.0, 1.4])
-def test_other_vehicles_stand_on_their_own_footing(factor):
-    """The loads balance about the centre of mass, wherever the wheels are."""
-    table = {**TABLE, "road_wheel": {**TABLE["road_wheel"], "x": [factor * x for x in TABLE["road_wheel"]["x"]]}}
-    stands, _ = footing(table)
-    assert stands.shares @ stands.wheels == pytest.approx(0.0, abs=1e-9)
-    assert (stands.shares > 0.0).all()
-    assert stands.shares.sum() == pytest.approx(1.0)

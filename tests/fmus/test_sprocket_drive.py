@@ -304,19 +304,3 @@ def test_ledger_closes_on_a_turning_mount(mode):
     assert size > 500
     assert abs(residual() - before) < 1e-6 * size
     assert abs(residual(1.02) - heavier) > 1e-5 * size
-
-
-def test_acceleration_extrapolation_removes_the_lag():
-    def braking(t):
-        v = np.array([5.0 - 3.0 * t, 0, 0])
-        return np.array([5 * t - 1.5 * t * t, *PLACE[1:]]), Rotation.identity(), v, np.zeros(3)
-
-    errors = {}
-    for extrapolation in ("velocity", "acceleration"):
-        probe = Probe(extrapolation=extrapolation).run(0.1, 1e-2, mount=braking)
-        errors[extrapolation] = (
-            abs(probe["sprocket.position"][0] - braking(probe.t)[0][0]),
-            abs(probe["sprocket.velocity"][0] - braking(probe.t)[2][0]),
-        )
-    assert errors["velocity"] == pytest.approx((1.5e-4, 3e-2), rel=1e-6)
-    assert max(errors["acceleration"]) < 1e-12

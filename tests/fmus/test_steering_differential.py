@@ -130,15 +130,3 @@ def test_each_side_follows_its_own_demand():
         for side, speed in (("left", 5.0), ("right", -3.0)):
             assert probe[f"{side}.speed"] == pytest.approx(speed * (1.0 - np.exp(-2.0)), rel=1e-12)
             assert probe[f"{side}.speed"] != pytest.approx(speed * (1.0 - np.exp(-2.06)), rel=1e-3)
-
-
-def test_an_engine_that_turns_slower_gives_no_more_than_its_curve():
-    """An engine gives no more torque than its curve: 2 J w' = r T(r w).
-
-    The steering motor keeps both sides at equal speeds.
-    """
-    curve = {"propulsion.mode": "torque", "propulsion.torque.drive": 1e5, "propulsion.engine.points": "0 50; 400 50",
-             "propulsion.gear.ratio": 14.0}  # fmt: skip
-    probe = run(0.3, {}, **curve)
-    assert probe["propulsion.torque"] == pytest.approx(700.0, rel=1e-12)
-    assert probe["left.speed"] == pytest.approx(700.0 / (2 * J) * 0.3, rel=1e-9)

@@ -7,7 +7,7 @@ import pytest
 from m113 import LINKS, MASS, VEHICLE, P
 from named_ports import outputs, parameters
 from rigid_track import inputs, rolling
-from vehicle_in_process import InProcess, Member
+from vehicle_in_process import InProcess
 
 from fmus.physics.chain.rigid.faces import add_last_correction
 from fmus.physics.chain.rigid.links import pins as evaluate_pins
@@ -162,63 +162,3 @@ def test_guides_take_the_chain_along_sideways(track):
     for k in range(600):
         free.step(k * 1e-3, 1e-3, inputs(free, k * 1e-3, 0.0, lateral=0.05))
     assert np.abs(free.pins()[:, 1]).max() < 1e-3  # nothing moves it sideways
-
-
-DRIVE = (
-    "drive.ramp_start=0 s",
-    "drive.ramp_time=0.1 s",
-    "drive.speed=6 rad/s",
-    "run.step=1 ms",
-    "symmetric=true",
-    "track.link_outputs=false",
-)
-
-
-@pytest.mark.parametrize(("friction", "right"), [(0.3, True), (0.31, False)])
-def test_a_locked_track_that_is_dragged_loses_friction_times_load_times_way(friction, right):
-    """A locked track that is dragged loses friction x load x distance.
-
-    The wheels press it 1 cm into the ground, move at 1 m/s and do not turn.
-    """
-    track, speed, h = (
-        InProcess(load("straight", "rigid", DRIVE), {"*_track": {"contact.ground.friction": friction}})["left_track"],
-        1.0,
-        1e-3,
-    )
-    u, deep = track.u.copy(), 0.01
-    x, z = ([name.endswith(f".position.{axis}") for name in track.inputs] for axis in "xz")
-    vx, vz = ([name.endswith(f".velocity.{axis}") and "angular" not in name for name in track.inputs] for axis in "xz")
-    load_times_way = lost = 0.0
-    for k in range(400):
-        before = track["energy.dissipated.ground_friction"]
-        track.u[x], track.u[vx] = u[x] + speed * h * k, speed
-        track.u[z], track.u[vz] = u[z] - deep * min(k / 100, 1.0), -deep / (100 * h) if k < 100 else 0.0
-        track.step(k * h, h)
-        if k >= 300:
-            load_times_way += h * speed * track["ground.force.z"]
-            lost += track["energy.dissipated.ground_friction"] - before
-    assert load_times_way > 3e3
-    assert (lost == pytest.approx(0.3 * load_times_way, rel=4e-3)) == right
-
-
-def vectors(part: Member, name: str) -> np.ndarray:
-    """Vectors (n, 3) of an output of all links or pins."""
-    found = dict(zip(part.links, part.link_outputs(), strict=True))
-    rows = []
-    while f"{(one := name.replace('*', str(len(rows) + 1)))}.x" in found:
-        rows.append([found[f"{one}.{axis}"] for axis in "xyz"])
-    return np.array(rows)
-
-
-@pytest.mark.parametrize("track", ["rigid", "flexible"])
-def test_teeth_carry_a_hanging_chain(track):
-    """A chain hung over a sprocket that stands: the teeth bear its weight and the pulls on its ends."""
-    still = "drive.speed=0 rad/s", "bench.upper=2 kN", "bench.lower=2 kN", "run.links=1"
-    part = InProcess(load("sprocket_bench", track, ['track.link_outputs=["teeth"]', *still])).run(0.2)["track"]
-    config, teeth = part.config["track"], vectors(part, "joint[*].tooth.force")
-    assert np.count_nonzero(np.linalg.norm(teeth, axis=1)) >= 3
-    weight = np.array([0.0, 0.0, config["links"] * part.config["vehicle"]["track"]["mass"] * config["gravity"]])
-    pulls = sum(np.array([x, 0.0, z]) for x, z in (config["ends"]["first"], config["ends"]["last"]))
-    allowed = 2e-3 * np.linalg.norm(weight - pulls)
-    assert teeth.sum(axis=0) == pytest.approx(weight - pulls, abs=allowed)
-    assert teeth.sum(axis=0) != pytest.approx(1.03 * (weight - pulls), abs=allowed)
