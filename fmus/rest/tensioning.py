@@ -54,7 +54,7 @@ def tension_wheel(
     read = packed(config, model_of(CABLES[0]).reads(config))
     read["vehicle"] = without_motion(read["vehicle"])
     request = [source_hash(), read, name, tension, links]
-    return WheelPlace(*cached_result("places", "place", request, lambda: _search(read, name, tension, keys, links)))
+    return WheelPlace(*cached_result("places", "place", request, lambda: search(read, name, tension, keys, links)))
 
 
 def without_motion(vehicle: Mapping[str, Any]) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def without_motion(vehicle: Mapping[str, Any]) -> dict[str, Any]:
     return {**vehicle, "contact": laws}
 
 
-class _Track:
+class Track:
     """A track whose wheel ``name`` is tried at several places."""
 
     def __init__(self, config: Mapping[str, Any], name: str, links: Links) -> None:
@@ -151,8 +151,9 @@ class _Track:
         return f"; {key} m would fit"
 
 
-def _search(config: Mapping[str, Any], name: str, tension: float, keys: str, links: Links) -> WheelPlace:
-    chain, reach = _Track(config, name, CABLES), REACH * (config["vehicle"]["track"]["pitch"] / PITCH)
+def search(config: Mapping[str, Any], name: str, tension: float, keys: str, links: Links) -> WheelPlace:
+    """Find the place of ``tension_wheel``, which is not kept; raises BadInput."""
+    chain, reach = Track(config, name, CABLES), REACH * (config["vehicle"]["track"]["pitch"] / PITCH)
     where = f"{keys}.tension = {tension:.6g} N"
     pitch = config["vehicle"]["track"]["pitch"]
     loop = f"{keys}.links = {config['track']['links']}, vehicle.track.pitch = {pitch:g} m"
@@ -164,7 +165,7 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str, lin
         raise BadInput(f"the chain does not come to rest on its drawn wheels: {error}") from None
     try:
         x = chain.place(tension, reach)
-        if links != CABLES and not (own := _Track(config, name, links)).carries(x, tension):
+        if links != CABLES and not (own := Track(config, name, links)).carries(x, tension):
             chain, x = own, own.place(tension, reach)
     except (InvalidParameter, StepFailed) as error:
         raise BadInput(f"{where}: with the {name} near its drawn x = {chain.drawn:.4g} m {error}") from None

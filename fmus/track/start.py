@@ -75,7 +75,7 @@ class LaidChain:
     """Chain of links that can be laid out; a subclass brings it to rest.
 
     The subclass sets the fields and implements ``pins``, ``settle``, ``find_equilibrium``, ``tighten`` and
-    ``_evaluate_start``.
+    ``evaluate_start``.
     """
 
     vehicle: Mapping[str, Any]  # tables of the vehicle, of the track's config and of its wheels as drawn
@@ -173,7 +173,7 @@ class LaidChain:
         else:
             self.settle(pins, rest)
         self.environment.pull[:] = pull
-        self._evaluate_start()
+        self.evaluate_start()
 
     def _sink(self, pins: Floats) -> None:
         """Bring the chain that was laid round the wheels as drawn to rest in soil, in stages, see ``settle``.
@@ -212,7 +212,7 @@ class LaidChain:
         """Positions of the pins (nodes, 3) in the track's frame, m."""
         raise NotImplementedError
 
-    def _evaluate_start(self) -> None:
+    def evaluate_start(self) -> None:
         """Evaluate accelerations and outputs of the start; raises StepFailed."""
         raise NotImplementedError
 

@@ -167,7 +167,7 @@ class Model(TrackModel):
                 own_places = self._coordinate_indices()
                 for own, shared in ((self.s.q, start.q), (self.s.v, start.v)):
                     own.reshape(-1)[own_places] = shared.reshape(-1)[places]
-                self._evaluate_start()
+                self.evaluate_start()
             else:
                 from fmus.physics.chain.flexible import cholesky
 
@@ -233,14 +233,14 @@ class Model(TrackModel):
                 self._stretch(spin)
             x, z = self.kit.PLANE.T
             self.s.v[:, x], self.s.v[:, z] = spin * self.s.q[:, z], -spin * self.s.q[:, x]
-        self._evaluate_start(rest and not spin)
+        self.evaluate_start(rest and not spin)
 
     def find_equilibrium(self, rows: Floats) -> None:
         """See ``TrackModel``."""
         self.start_rows[:] = rows
         if self.kind.axes != "free" or not rows[0, 11]:
             self._lay_axes()
-            self._evaluate_start(rest=True)
+            self.evaluate_start(rest=True)
             return
         lean = atan2(rows[0, 11], rows[0, 10])
         known, roll, before = lean, 0.5 * lean, self._turning(lean)
@@ -253,7 +253,7 @@ class Model(TrackModel):
         from fmus.physics.chain.flexible.axes_state import OMEGA_RATE
 
         self._lay_axes(roll)
-        self._evaluate_start(rest=True)
+        self.evaluate_start(rest=True)
         return float(self.s.axes[OMEGA_RATE])
 
     def add_rates(self, turning: Floats, velocity: Floats) -> None:
@@ -269,7 +269,7 @@ class Model(TrackModel):
             for x, z in vectors:
                 self.s.v[:, x] += rate * self.s.q[:, z]
                 self.s.v[:, z] -= rate * self.s.q[:, x]
-        self._evaluate_start()
+        self.evaluate_start()
 
     def tighten(self) -> None:
         """Deform the links to the tension of the release, so that no waves start; raises StepFailed."""
@@ -279,7 +279,7 @@ class Model(TrackModel):
         chain = OpenChain(self.kit, self.s.q, self.work.mass, self.pitch, self.ends_kind == PINNED)
         if not balance_links(chain, self._residuals, self._rest_tolerance()):
             raise StepFailed("the tension at which the chain is let go was not found: its links are too soft")
-        self._evaluate_start()
+        self.evaluate_start()
 
     def evaluate(self, motion: Motion, by: Slopes = NOTHING, fresh: bool = False) -> None:
         """Evaluate residuals, and with ``fresh`` matrices, of a motion into ``work``; see ``assembly``."""
@@ -326,7 +326,7 @@ class Model(TrackModel):
                 f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
             )
 
-    def _evaluate_start(self, rest: bool = False) -> None:
+    def evaluate_start(self, rest: bool = False) -> None:
         """Evaluate accelerations and outputs of the start, with ``rest`` after equilibrium; raises StepFailed."""
         if self.kind.joints == CONSTRAINED:  # already at its start: equilibrium is not compiled for these links
             link = start_released(*self.system(), self.start_rows, self.s, self.work, self.report)

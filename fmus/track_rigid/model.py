@@ -119,7 +119,7 @@ class Model(TrackModel):
         else:
             w.wheels[:] = self.start_rows
             s.v[:, 0], s.v[:, 2], s.v[:, 4] = spin * s.q[:, 2], -spin * s.q[:, 0], spin
-            self._evaluate_start()
+            self.evaluate_start()
 
     def find_equilibrium(self, rows: Floats) -> None:
         """See ``TrackModel``."""
@@ -139,7 +139,7 @@ class Model(TrackModel):
             raise not_at_rest(link, residual)
         self.counters[:] = 0
         if env is not self.environment:
-            self._evaluate_start()
+            self.evaluate_start()
             return
         write_outputs(links, self.contacts, env, s, w, self.report)
         self._set_joint_coordinates()
@@ -149,9 +149,9 @@ class Model(TrackModel):
         v = self.s.v
         v[:, [0, 2]] += 0.5 * (velocity + np.roll(velocity, -1, axis=0))
         v[:, 4] += turning
-        self._evaluate_start()
+        self.evaluate_start()
 
-    def _evaluate_start(self) -> None:
+    def evaluate_start(self) -> None:
         """Evaluate accelerations and outputs of the start; raises StepFailed."""
         chain = self.contacts, self.environment, self.s, self.work
         link = -1

@@ -8,6 +8,7 @@ from named_ports import parameters
 from fmus.physics.block_cyclic import factor, solve
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.dynamics import NOTHING
+from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN
@@ -93,14 +94,16 @@ def correction(model: Model, mass: float = 0.0) -> float:
     return correct(model.link, w, x, NOTHING, np.inf)
 
 
-def second_steps(model: Model) -> tuple[bytes, bytes]:
-    """States after a second step, and after the same one from a copy of the state before it, a third step later."""
-    u = at_rest(model, lift=0.002)
-    model.step(0.0, 1e-3, u)
-    saved = model.state.copy()
-    model.step(1e-3, 1e-3, u)
-    after = model.state.tobytes()
-    model.step(2e-3, 1e-3, u)
-    model.state[:] = saved
-    model.step(1e-3, 1e-3, u)
-    return after, model.state.tobytes()
+def coordinates(model: Model, q=None) -> np.ndarray:
+    """Coordinates of all links, shape (n, 4 or 8, 3)."""
+    e = np.zeros((model.links_count, *model.kit.ELEMENT))
+    for i in range(model.links_count):
+        model.kit.gather(model.link, model.s.q if q is None else q, i, (i + 1) % model.nodes, e[i])
+    return e
+
+
+def scattered(model: Model, R: np.ndarray) -> np.ndarray:
+    """Residuals of links (n, 4 or 8, 3) summed by coordinate of the pins."""
+    f = np.zeros_like(model.s.q)
+    np.add.at(f.reshape(-1), coordinate_indices(model.kit, model.s.q, R.shape[1], model.links_count), R)
+    return f

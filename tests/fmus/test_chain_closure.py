@@ -8,7 +8,6 @@ import pytest
 from named_ports import parameters
 from test_free_chains import TABLE, Flexible, P, made, per_link
 
-from fmus.interface.model import InvalidParameter
 from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.report import DISSIPATED, KINETIC, STRAIN
 from orchestrator.scene.assembly import assemble
@@ -34,10 +33,6 @@ def run(model, time, h=1e-3):
     for i in range(round(time / h)):
         model.advance(i * h, h)
     return model
-
-
-def dofs(model):
-    return np.unique(coordinate_indices(model.kit, model.s.q, 4, model.links_count)).size
 
 
 # --- closed by a spring ------------------------------------------------------------------------------------
@@ -149,7 +144,7 @@ def test_accelerations_with_equations_are_those_without(closure):
         array.reshape(-1)[used] += size * random.standard_normal(used.size)
     own.s.q.reshape(-1)[mine], own.s.v.reshape(-1)[mine] = whole.s.q.reshape(-1)[at], whole.s.v.reshape(-1)[at]
     for model in (whole, own):
-        model._evaluate_start()
+        model.evaluate_start()
     there, here = whole.s.vdot.reshape(-1)[at], own.s.vdot.reshape(-1)[mine]
     largest = np.abs(there).max()
     assert largest > 1e4
@@ -157,7 +152,7 @@ def test_accelerations_with_equations_are_those_without(closure):
     assert opened(own.s.vdot, closure) < 1e-11 * largest
     assert np.abs(own.work.residual - whole.work.residual).max() < 1e-11 * np.abs(whole.work.residual).max()
     own.s.q.reshape(-1)[mine[3, 0, 0]] += 1e-6  # a pin that is open by a micrometre gives other accelerations
-    own._evaluate_start()
+    own.evaluate_start()
     assert np.abs(own.s.vdot.reshape(-1)[mine] - there).max() > 1e-6 * largest
 
 
@@ -194,39 +189,6 @@ def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
 
 
 # --- how many, and on wheels -------------------------------------------------------------------------------
-
-
-@pytest.mark.study
-def test_counts_of_coordinates_and_equations():
-    """Counts of coordinates and constraints (paper (2)); a cut loop has 63 pins, a vehicle 126."""
-    for joints, closure, coordinates, equations in (
-        ("eliminated", "pin", 512, 0), ("eliminated", "spring", 516, 0),
-        ("constrained", "pin", 768, 256), ("constrained", "spring", 768, 252),
-    ):  # fmt: skip
-        model = loop(LINKS, joints=joints, closure=closure, start="polygon")
-        assert dofs(model) == coordinates
-        if equations:
-            assert model.work.joints.multipliers[int(closure == "spring") :].size == equations
-            # storage grows with the number of links, not with its square: a block row per pin and an inverse per link
-            assert model.work.joints.schur_complement.size == 3 * LINKS * 16
-        assert model.nodes == LINKS  # joints among the outputs
-
-
-@pytest.mark.parametrize(
-    ("changes", "sentence"),
-    [
-        (
-            {"joints": "constrained", "element": "beam"},
-            "joints = 'constrained' needs element = 'cable' and axes = 'fixed', not 'beam'",
-        ),
-        ({"joints": "constrained", "element": "planar"}, "needs element = 'cable' .* not 'planar'"),
-        ({"axes": "loose"}, "axes = 'loose': must be one of fixed, free"),
-        ({"axes": "free", "element": "beam"}, "axes = 'free' needs element = 'cable'"),
-    ],
-)
-def test_joints_and_axes_that_the_element_does_not_have_are_refused(changes, sentence):
-    with pytest.raises(InvalidParameter, match=sentence):
-        loop(**changes)
 
 
 def on_wheels(*settings):

@@ -1,11 +1,11 @@
-"""Chassis: conserved quantities, order of convergence, symmetries."""
+"""Chassis: conserved quantities, impulses on its hitch, order of convergence, a side alone."""
 
 import numpy as np
 import pytest
-from chassis_probe import LEAVES, TABLE, Probe, stir
-from scipy.spatial.transform import Rotation
+from chassis_by_constraints import assemble
+from chassis_probe import ROLLERS, TABLE, Probe, stir
 
-from fmus.chassis.dynamics import ROOT, energies
+from fmus.chassis.dynamics import energies
 
 UNDAMPED = {"suspension.damping": 0.0, "tensioner.damping": 0.0}
 FLOATING = {**UNDAMPED, "gravity": 0.0}
@@ -16,45 +16,11 @@ FLOATING = {**UNDAMPED, "gravity": 0.0}
 
 def momenta(model):
     """Linear momentum and angular momentum about the world's origin, body by body from the table."""
-    x, n, table = model.state, LEAVES, TABLE
-    A = Rotation.from_quat(x[3:7], scalar_first=True).as_matrix()
-    v, w = x[7:10], A @ x[10:13]
-    P, L = np.zeros(3), np.zeros(3)
-
-    def add(mass, r, J, omega):
-        nonlocal P, L
-        velocity = v + np.cross(w, r) if not isinstance(r, tuple) else r[1]
-        r = r if not isinstance(r, tuple) else r[0]
-        P = P + mass * velocity
-        L = L + mass * np.cross(x[:3] + r, velocity) + J @ omega
-
-    centre = np.array(table["chassis"]["centre"])
-    add(table["chassis"]["mass"], np.zeros(3), A @ np.diag(table["chassis"]["inertia"]) @ A.T, w)
-    for side, sign in enumerate((1, -1)):
-        lateral = sign * table["track"]["lateral"]
-        s = table["sprocket"]
-        J = A @ np.diag([s["transverse_inertia"], 0, s["transverse_inertia"]]) @ A.T
-        add(s["mass"], A @ (np.array([0, lateral, 0]) - centre), J, w)
-        for i in range(6):
-            k = 6 * side + i
-            d, rate, spin = x[ROOT + k], x[ROOT + 2 * n + k], x[ROOT + 3 * n + k]
-            part = table["idler"] if i == 5 else table["road_wheel"]
-            J = A @ np.diag([part["transverse_inertia"], part["spin_inertia"], part["transverse_inertia"]]) @ A.T
-            w_wheel = w + (spin - w @ A[:, 1]) * A[:, 1]
-            if i == 5:
-                r = A @ (np.array([part["x"] + d, lateral, part["z"]]) - centre)
-                add(part["mass"], (r, v + np.cross(w, r) + rate * A[:, 0]), J, w_wheel)
-                continue
-            arm = table["road_arm"]
-            pin = A @ (np.array([part["x"][i] + 0.288, lateral, part["z"] + 0.134]) - centre)
-            R, w_arm = A @ Rotation.from_rotvec([0, d, 0]).as_matrix(), w + rate * A[:, 1]
-            to_wheel = np.array([-0.288, 0, -0.134])
-            e = R @ to_wheel / np.linalg.norm(to_wheel)
-            J_arm = arm["pin_inertia"] * np.eye(3) - (arm["pin_inertia"] - arm["long_inertia"]) * np.outer(e, e)
-            for mass, share, J_part, turn in ((arm["mass"], 0.5, J_arm, w_arm), (part["mass"], 1.0, J, w_wheel)):
-                r = R @ to_wheel * share
-                add(mass, (pin + r, v + np.cross(w, pin) + np.cross(w_arm, r)), J_part, turn)
-    return np.concatenate([P, L])
+    bodies = assemble(TABLE, model.state).bodies
+    mass, place, velocity = (np.array(part) for part in (bodies.mass, bodies.place, bodies.velocity))
+    linear = mass[:, None] * velocity
+    spins = np.einsum("nij,nj->ni", bodies.inertia, bodies.omega)
+    return np.concatenate([linear.sum(0), (np.cross(place, linear) + spins).sum(0)])
 
 
 def drift(h, changes=FLOATING, what=momenta, time=0.4):
@@ -96,15 +62,13 @@ def test_convergence_rate_is_four():
 
 
 def test_energy_ledger_closes():
-    """The energy balance closes with all parts in motion.
-
-    Kinetic + gravity + spring + dissipated energy - work of the wrenches stays constant.
-    """
+    """Kinetic + gravity + spring + dissipated energy - work of the wrenches is constant with all parts in motion."""
 
     def residual(work=1.0):
-        probe = Probe()
+        probe = Probe({"return_roller": ROLLERS}, step=5e-4)
         stir(probe.model)
         before = probe.energy
+        probe["left.return_roller[2].torque.y"], probe["right.return_roller[3].force.z"] = 7.0, 2e4
         probe["left.road_wheel[1].force.z"], probe["right.idler.force.x"] = 2e4, 1e4
         probe["left.sprocket.torque.y"], probe["right.road_wheel[5].torque.x"] = -5e3, 4e3
         probe.run(0.3)
@@ -116,37 +80,43 @@ def test_energy_ledger_closes():
     assert abs(residual(1.01)[0]) > 1e-3 * abs(work)
 
 
-# --- symmetries ---
+# --- hitch ---
 
 
-def test_heading_changes_nothing():
-    def driven(heading):
-        probe = Probe(**{"start.heading": heading, "start.position.x": 2.0})
-        c, s = np.cos(heading), np.sin(heading)
-        for name, (fx, fy, fz) in {"left.sprocket": (2e4, 500, 100), "right.road_wheel[3]": (0, -900, 4e4)}.items():
-            probe[f"{name}.force.x"], probe[f"{name}.force.y"] = c * fx - s * fy, s * fx + c * fy
-            probe[f"{name}.force.z"] = fz
-        probe.run(0.3)
-        return np.array([probe[k] for k in ("distance", "speed", "settlement", "pitch", "roll")]), probe["yaw"]
-
-    straight, turned = driven(0.0), driven(np.radians(37))
-    assert np.allclose(straight[0], turned[0], rtol=1e-11, atol=1e-13)
-    assert turned[1] - straight[1] == pytest.approx(np.radians(37), abs=1e-12)
+def towing(**parameters):
+    return Probe({"gravity": 0.0}, config={"hitch": True}, **parameters)
 
 
-def test_mirrored_wrenches_mirror_the_motion():
-    def driven(side, other, mirror):
-        probe = Probe()
-        probe[f"{side}.road_wheel[2].force.z"], probe[f"{side}.road_wheel[2].force.y"] = 3e4, mirror * 2e3
-        probe[f"{side}.idler.torque.x"], probe[f"{other}.sprocket.force.x"] = mirror * 500.0, 1e4
-        return probe.run(0.2)
+def test_a_force_on_the_hitch_changes_the_momenta_by_its_impulse_and_does_its_work():
+    """A constant force accelerates the mass by F / M, turns it by its moment, and works F.d, whatever else moves."""
+    probe, force = towing(), np.array([3e4, -1e4, 2e4])
+    stir(probe.model)
+    before, momentum, start = probe.energy, momenta(probe.model), probe["hitch.position"]
+    probe.give("hitch.force", force)
+    moments, h = [np.cross(start, force)], 1e-3
+    for _ in range(200):
+        moments.append(np.cross(probe.run(h, h)["hitch.position"], force))
+    gain = momenta(probe.model) - momentum
+    np.testing.assert_allclose(gain[:3], 0.2 * force, rtol=1e-8)
+    np.testing.assert_allclose(gain[3:], np.trapezoid(moments, dx=h, axis=0), rtol=1e-5)
+    assert np.abs(gain[:3] - 0.2 * 1.01 * force).max() > 50.0
+    work = force @ (probe["hitch.position"] - start)
+    assert probe["energy.towed"] == pytest.approx(-work, rel=1e-8)
+    assert probe["port.work"] == 0.0
+    assert probe.energy + probe["energy.dissipated"] - before == pytest.approx(work, rel=1e-7)
 
-    a, b = driven("left", "right", 1), driven("right", "left", -1)
-    assert np.allclose(a["chassis.position"], b["chassis.position"] * [1, -1, 1], rtol=0, atol=1e-13)
-    for name, sign in (("roll", -1), ("yaw", -1), ("pitch", 1), ("settlement", 1)):
-        assert a[name] == pytest.approx(sign * b[name], abs=1e-13)
-    assert a["left.road_arm[2].angle"] == pytest.approx(b["right.road_arm[2].angle"], abs=1e-13)
-    assert abs(a["roll"]) > 1e-4
+
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_a_constant_load_pulls_level_and_rearward(heading):
+    """The load has no part up or across, also on a chassis that is pitched and turned."""
+    at_once = {"hitch.load.ramp.start": 0.0, "hitch.load.ramp.end": 0.0}
+    probe = towing(start__heading=heading, start__pitch=0.3, hitch__load__force=1e4, **at_once).run(0.1)
+    gain = momenta(probe.model)[:3]
+    np.testing.assert_allclose(gain, -1e3 * np.array([np.cos(heading), np.sin(heading), 0.0]), atol=0.2)
+    assert np.abs(gain[2]) < 1e-9 * 1e3
+
+
+# --- a side alone ---
 
 
 def test_left_side_alone_runs_as_both_sides_driven_alike():

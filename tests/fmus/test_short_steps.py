@@ -6,7 +6,7 @@ from vehicle_in_process import InProcess
 
 from fmus.drives import mount
 from fmus.kernels.jit import plain
-from fmus.physics.chain.implicit import LENGTH, SINCE, is_short, set_length
+from fmus.physics.chain.implicit import SINCE, is_short, set_length
 from fmus.physics.chain.on_links import GROUND
 from fmus.physics.integrate.generalized_alpha import WITHOUT_MEMORY, auxiliary, coefficients
 from orchestrator.scene.scene import load
@@ -57,19 +57,9 @@ def test_one_method_for_all_lengths_would_let_them_grow():
     assert growth(0.4, (H, H / 4.0), memory=False) < 1.0 + 1e-3, "halved steps need nothing"
 
 
-def test_short_steps_that_last_become_the_rule():
-    kept = np.array([H, 0.0])
-    assert plain(is_short)(kept, 0.19 * H)
-    assert not plain(is_short)(kept, 0.21 * H)
-    kept[SINCE] = 4.1 * H
-    assert not plain(is_short)(kept, 1e-6)
-    plain(set_length)(kept, 1e-6)
-    assert (kept[LENGTH], kept[SINCE]) == (1e-6, 0.0)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("links", ["flexible", "rigid"])
-@pytest.mark.parametrize("short", [(1e-9,), (1e-9, 1e-7, 1e-9), (1e-6,), (2e-5,)], ids=str)
+@pytest.mark.parametrize("short", [(1e-9, 1e-7, 1e-9), (2e-5,)], ids=str)
 def test_a_vehicle_under_steps_of_very_different_lengths(links, short):
     """A host that meets events takes such steps; the tracks tore at 1e6 N or the arms left their reach."""
     settings = ("drive.ramp_start=0", "drive.ramp_time=0.2", "run.step=1 ms", "track.step=1 ms", "run.links=1")

@@ -1,15 +1,61 @@
-"""Sprocket drive: exact profiles and spins, order, start, errors."""
+"""Sprocket drive: exact profiles and spins, points and engines, order, reactions on its mount."""
 
+import named_ports
 import numpy as np
 import pytest
-from drive_probe import MODES, PLACE, RAMP, J, Probe, half_cosine, turning
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 from fmus.drives.motor import motor_torque, speed_profile, speed_profile_slope
 from fmus.drives.mount import WIDTH
 from fmus.drives.shaft import ANGLE, INTEGRATED, RATE, integrate_spin
-from fmus.interface.model import InvalidParameter, StepFailed
+from fmus.sprocket_drive.model import Model
+
+J = 13.87
+PLACE = (0.0, 1.0795, 0.0)
+RAMP = {"speed.end": 20.0, "ramp.start": 2.0, "ramp.end": 6.0}
+
+
+MODES = {
+    "speed": {"mode": "speed", "speed.start": 3.0, "speed.end": 20.0, "ramp.start": 0.02, "ramp.end": 0.3},
+    "torque": {"mode": "torque", "speed.start": 3.0, "torque.drive": 700.0, "brake.torque": 200.0},
+    "controller": {"mode": "controller", "speed.start": 3.0, "speed.end": 9.0, "brake.torque": 200.0},
+}
+
+
+class Probe(named_ports.Probe):
+    """A drive; its mount is unconnected until ``mount`` is set."""
+
+    def __init__(self, inertia=J, **parameters):
+        super().__init__(Model({"drive": {"inertia": inertia, "mount": list(PLACE)}}), **parameters)
+
+    @property
+    def axis(self):
+        """Lateral axis of the sprocket in the world frame."""
+        return Rotation.from_quat(self["sprocket.orientation"], scalar_first=True).apply([0, 1, 0])
+
+    def step(self, h, chain=(0, 0, 0), force=(0, 0, 0), mount=None):
+        """Make one step; mount(t) gives position, Rotation, velocity, angular velocity."""
+        if mount is not None:
+            position, rotation, velocity, omega = mount(self.t)
+            self.u[:13] = *position, *rotation.as_quat(scalar_first=True), *velocity, *omega
+        self.u[13:] = *force, *chain
+        return super().step(h)
+
+
+def turning(omega, velocity=(0.0, 0.0, 0.0), start=(0.2, -0.1, 0.4)):
+    """Return a mount that turns at a constant world rate and moves at a constant velocity."""
+    omega, velocity = np.asarray(omega), np.asarray(velocity)
+
+    def mount(t):
+        rotation = Rotation.from_rotvec(omega * t) * Rotation.from_rotvec(start)
+        return np.array(PLACE) + velocity * t, rotation, velocity, omega
+
+    return mount
+
+
+def half_cosine(t):
+    return 20.0 * 0.5 * (1 - np.cos(np.pi * np.clip((t - 2.0) / 4.0, 0.0, 1.0)))
 
 
 @pytest.mark.parametrize("t", [1.0, 2.5, 4.0, 5.9, 6.5, 7.001, 7.02, 7.04, 7.1])
@@ -32,60 +78,78 @@ def test_angle_speed_and_slope_of_a_profile_are_derivatives(t):
 
 @pytest.mark.parametrize("h", [1e-3, 0.1, 0.7])
 def test_prescribed_speed_and_angle_are_exact_at_any_step(h):
-    probe = Probe(**RAMP, **{"start.angle": 0.3})
+    """A half cosine up from 2 s to 6 s and one down from 6.5 s to 6.7 s, in steps that end within or pass over them."""
+
+    def speed(t):
+        return half_cosine(t) - 10.0 * (1 - np.cos(np.pi * np.clip((t - 6.5) / 0.2, 0.0, 1.0)))
+
+    probe = Probe(**RAMP, **{"start.angle": 0.3, "stop.start": 6.5, "stop.time": 0.2})
     for _ in range(round(7 / h)):
         probe.step(h)
         if probe.t % 0.5 < h:
-            turned = quad(half_cosine, 0.0, probe.t, points=[p for p in (2.0, 6.0) if p < probe.t], epsabs=1e-12)[0]
-            assert probe["speed"] == pytest.approx(half_cosine(probe.t), abs=1e-11)
+            kinks = [p for p in (2.0, 6.0, 6.5, 6.7) if p < probe.t]
+            turned = quad(speed, 0.0, probe.t, points=kinks or None, epsabs=1e-12)[0]
+            assert probe["speed"] == pytest.approx(speed(probe.t), abs=1e-11)
             assert probe["angle"] == pytest.approx(0.3 + turned, abs=1e-10)
-    x_axis = Rotation.from_quat(probe["sprocket.orientation"], scalar_first=True).apply([1, 0, 0])
-    assert np.allclose(x_axis, [np.cos(probe["angle"]), 0, -np.sin(probe["angle"])], rtol=0, atol=1e-9)
-    assert np.allclose(probe["sprocket.angular_velocity"], [0, 20, 0], rtol=0, atol=1e-12)
     assert probe["angle"] != pytest.approx(0.3 + 1.01 * turned, abs=1e-3)
 
 
-def test_a_stop_is_a_half_cosine_too():
-    """A stop is a half cosine; speed and angle are exact at steps that end within it or pass over it."""
-
-    def end(time, h):
-        probe = Probe(**RAMP, **{"stop.start": 6.5, "stop.time": 0.2})
-        return probe.run(time, h)["speed"], probe["angle"]
-
-    way = 20.0 * (0.5 * 4.0 + 0.5)
-    assert end(6.6, 0.1) == pytest.approx((10.0, way + 20.0 * (0.05 + 0.1 / np.pi)), rel=1e-9)
-    assert end(7.5, 0.5) == pytest.approx((0.0, way + 20.0 * 0.1), rel=1e-9, abs=1e-12)
-    assert end(7.5, 0.5)[1] != pytest.approx(way + 20.0 * 0.11, rel=1e-3)
-    with pytest.raises(InvalidParameter, match="must not be before"):
-        Probe(**RAMP, **{"stop.start": 5.0})
+POINTS = "0.5 0; 1.5 8; 2.25 -4; 3 -4"
 
 
-def test_prescribed_speed_needs_the_torque_that_the_chain_takes_and_the_spin_keeps():
-    probe = Probe(**RAMP).run(4.0)
-    speeds = half_cosine(np.array([3.999, 4.0]))
-    assert probe["torque"] == pytest.approx(J * np.diff(speeds)[0] / 1e-3, rel=1e-9)
-    assert probe["torque"] == pytest.approx(J * 20 * np.pi / 8, rel=1e-6)
-    probe.step(1e-3, chain=(0, -7000.0, 0))
-    assert probe["torque"] == pytest.approx(7000 + J * 20 * np.pi / 8, rel=1e-6)
-    assert probe["mount.torque"][1] == pytest.approx(-7000 - J * 20 * np.pi / 8, rel=1e-6)
+def test_speed_and_angle_of_points_are_exact_at_any_step():
+    """Speed and angle of points are exact at any step; a point that is 0.01 s later shows.
+
+    The exact areas are triangles and trapezoids.
+    """
+    areas = {1.0: 1.0, 1.5: 4.0, 2.0: 6.0, 3.5: 6.0 - 0.5 - 5.0}
+    speeds = {1.0: 4.0, 1.5: 8.0, 2.0: 0.0, 3.5: -4.0}
+    for h in (1e-3, 0.05, 0.25, 0.5):
+        for time, area in areas.items():
+            probe = Probe(**{"speed.points": POINTS}).run(time, h)
+            assert probe["speed"] == pytest.approx(speeds[time], abs=1e-11)
+            assert probe["angle"] == pytest.approx(area, abs=1e-11)
+    twin = Probe(**{"speed.points": POINTS.replace("1.5", "1.51")}).run(2.0)
+    assert abs(twin["angle"] - areas[2.0]) > 1e-2
 
 
-def test_motor_work_in_prescribed_speed():
-    probe = Probe(**RAMP).run(8.0, chain=(0, -525.0, 0))
-    turned = 20 * 2.0 + 20 * 2.0
-    assert probe["energy.work"] == pytest.approx(525 * turned + 0.5 * J * 20**2, rel=1e-9)
-    assert probe["energy.kinetic"] == pytest.approx(0.5 * J * 20**2, rel=1e-12)
+def test_torque_and_brake_of_points():
+    """Torque that rises linearly gives a parabola of speed; a brake given by points stops the sprocket."""
+    probe = Probe(mode="torque", **{"torque.points": "0 0; 1 300; 1.001 0"}).run(1.0)
+    assert probe["speed"] == pytest.approx(150.0 / J, rel=1e-9)
+    assert probe["energy.work"] == pytest.approx(0.5 * J * (150.0 / J) ** 2, rel=1e-9)
+    braked = Probe(mode="torque", **{"speed.start": 4.0, "brake.points": "0 0; 1 0; 1.001 500"}).run(1.0)
+    assert braked["speed"] == pytest.approx(4.0, abs=1e-12)
+    assert abs(braked.run(1.0)["speed"]) < 1e-3
 
 
-def test_constant_torque_spins_up_linearly():
-    probe = Probe(mode="torque", **{"torque.drive": 300.0}).run(0.5, chain=(0, -20.0, 0))
-    rate = 280.0 / J
-    assert probe["speed"] == pytest.approx(rate * 0.5, rel=1e-12)
-    assert probe["angle"] == pytest.approx(rate * 0.125, rel=1e-12)
-    assert probe["torque"] == pytest.approx(300.0, rel=1e-14)
-    assert probe["energy.work"] == pytest.approx(300 * rate * 0.125, rel=1e-12)
-    twin = Probe(1.02 * J, mode="torque", **{"torque.drive": 300.0}).run(0.5, chain=(0, -20.0, 0))
-    assert twin["speed"] != pytest.approx(rate * 0.5, rel=1e-2)
+@pytest.mark.parametrize(("ratio", "agrees"), [(4.0, True), (4.1, False)])
+def test_an_engine_with_a_falling_curve_takes_the_sprocket_to_its_speed(ratio, agrees):
+    """An engine with a linearly falling curve has the closed form w = w0/r (1 - exp(-t/tau)).
+
+    T = r T0 (1 - r w / w0) and tau = J w0 / (r^2 T0).
+    """
+    full, top = 200.0, 100.0
+    probe = Probe(
+        mode="torque", **{"torque.drive": 1e6, "engine.points": f"0 {full}; {top} 0", "gear.ratio": ratio}
+    ).run(0.3)
+    tau = J * top / (16.0 * full)
+    speed = top / 4.0 * (1.0 - np.exp(-0.3 / tau))
+    assert (abs(probe["speed"] / speed - 1.0) < 1e-6) == agrees
+    backwards = Probe(
+        mode="torque", **{"torque.drive": -1e6, "engine.points": f"0 {full}; {top} 0", "gear.ratio": ratio}
+    ).run(0.3)
+    assert backwards["speed"] == -probe["speed"]
+    assert probe["power"] == pytest.approx(probe["torque"] * probe["speed"], rel=2e-3)
+
+
+def test_a_controller_has_no_more_than_its_engine():
+    engine = {"engine.points": "0 50; 40 50; 80 0", "gear.ratio": 2.0}
+    profile_ = {"speed.end": 30.0, "ramp.end": 0.01}
+    probe = Probe(mode="controller", **profile_, **engine).run(1.0)
+    assert probe["torque"] == pytest.approx(100.0, rel=1e-9)  # w < 20 rad/s: the constant part
+    assert probe["speed"] == pytest.approx(100.0 / J, rel=1e-3)
+    assert Probe(mode="controller", **profile_).run(1.0)["speed"] > 2.0 * probe["speed"]
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -97,7 +161,6 @@ def test_brake_against_its_closed_form(sign, fade):
     """
     brake = {"mode": "torque", "brake.torque": 500.0, "brake.speed": fade, "speed.start": sign * 4.0}
     probe = Probe(**brake)
-    probe.model.initialise(brake)
 
     def integral(w):
         return np.hypot(w, fade) - fade * np.arcsinh(fade / abs(w))
@@ -110,11 +173,6 @@ def test_brake_against_its_closed_form(sign, fade):
     probe.run(1.0)
     assert abs(probe["speed"]) < 1e-6  # it stops and does not oscillate
     assert probe["energy.dissipated"] == pytest.approx(0.5 * J * 16, rel=1e-6)
-
-
-def test_driven_against_the_brake_it_creeps_at_the_speed_that_fades_it():
-    probe = Probe(mode="torque", **{"torque.drive": 300.0, "brake.torque": 500.0}).run(1.0)
-    assert probe["speed"] == pytest.approx(0.1 * 0.6 / 0.8, rel=1e-9)  # w / sqrt(w^2 + e^2) = 300 / 500
 
 
 def test_controller_under_a_load_is_a_damped_oscillator():
@@ -156,8 +214,7 @@ def test_a_limit_bounds_the_torque_that_the_motor_gives(asked, limit, agrees):
         probe.step(1e-3)
     assert (probe["torque"] == pytest.approx(-400.0, rel=1e-12)) == agrees
     assert (probe["speed"] == pytest.approx(-300.0 * 0.1 / J, rel=1e-3)) == agrees
-    said = ["the torque -900 N m of the motor is beyond torque.limit = " in text for text in probe.model.warnings()]
-    assert said == [True] * (limit < 900.0)
+    assert len(probe.model.warnings()) == (limit < 900.0)
 
 
 @pytest.mark.parametrize(
@@ -189,110 +246,6 @@ def test_spin_converges_at_order_four(mode):
     assert np.all(np.abs(slopes - 4.0) < 0.25), slopes
 
 
-# --- start and manners ---
-
-POSE = {"start.heading": 0.7, "start.position.x": 3.0, "start.position.z": 0.5}
-AT_POSE = Rotation.from_rotvec([0, 0, 0.7]).apply(PLACE) + np.array([3.0, 0.0, 0.5])
-
-
-def test_start_comes_from_parameters_never_from_inputs():
-    probe = Probe(**POSE, **{"start.angle": 0.4, "speed.start": 2.0})
-    probe.u[:3] = 9.0
-    pose = Rotation.from_rotvec([0, 0, 0.7]) * Rotation.from_rotvec([0, 0.4, 0])
-    assert np.allclose(probe["sprocket.position"], AT_POSE, rtol=0, atol=1e-15)
-    assert np.allclose(probe["sprocket.orientation"], pose.as_quat(scalar_first=True), rtol=0, atol=1e-15)
-    assert np.allclose(probe["sprocket.angular_velocity"], 2 * probe.axis, rtol=0, atol=1e-14)
-    assert probe["speed"] == 2.0
-    assert probe["angle"] == 0.4
-    assert not np.any(probe["mount.torque"])
-
-
-def test_an_unconnected_mount_stands_still_at_the_start_pose():
-    probe = Probe(**POSE, **RAMP).run(0.01)
-    assert np.allclose(probe["sprocket.position"], AT_POSE, rtol=0, atol=1e-15)
-    starts = {port.name: port.start for port in probe.model.ports}
-    assert [starts[f"mount.position.{axis}"] for axis in "xyz"] == list(PLACE)
-
-
-def test_heading_changes_nothing():
-    def driven(heading):
-        turn = Rotation.from_rotvec([0, 0, heading])
-        probe = Probe(**MODES["controller"], **{"start.heading": heading})
-        wobble = turning(turn.apply([0.3, -0.5, 0.1]), start=(0, 0, heading))
-        probe.run(0.2, mount=wobble, chain=turn.apply([30.0, -350.0, 90.0]))
-        return [probe["speed"], probe["torque"], probe["energy.work"], *turn.inv().apply(probe["mount.torque"])]
-
-    assert np.allclose(driven(0.0), driven(np.radians(37)), rtol=1e-11, atol=1e-9)
-
-
-def test_both_directions_are_alike():
-    def driven(sign):
-        parameters = {**MODES["torque"], "torque.drive": sign * 700.0, "speed.start": sign * 3.0}
-        return Probe(**parameters).run(0.2, chain=(0, -sign * 350.0, 0))
-
-    forward, back = driven(1), driven(-1)
-    assert forward["speed"] == -back["speed"]
-    assert forward["energy.work"] == back["energy.work"]
-
-
-def test_saving_is_copying_the_state():
-    probe = Probe(**MODES["controller"], extrapolation="acceleration")
-    mount = turning([0.3, -0.5, 0.8])
-    probe.run(0.05, mount=mount, chain=(0, -90.0, 5.0))
-    saved, t = probe.model.state.copy(), probe.t
-    first = probe.run(0.05, mount=mount, chain=(0, -90.0, 5.0)).model.state.copy()
-    probe.model.state[:], probe.t = saved, t
-    assert np.array_equal(probe.run(0.05, mount=mount, chain=(0, -90.0, 5.0)).model.state, first)
-
-
-def test_cost_in_evaluations():
-    probe = Probe(mode="torque", **{"brake.torque": 500.0, "brake.speed": 0.01}).run(0.01)
-    steps = int(np.ceil(2 * 1e-3 * 500 / (0.01 * J)))  # each step is half a time constant of the brake
-    assert list(probe.model.counters) == [10 * steps, 40 * steps]
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"mode": "fast"}, "mode = 'fast': must be one of speed, torque, controller"),
-        ({"extrapolation": "none"}, "extrapolation"),
-        ({"brake.torque": -1.0}, "brake.torque"),
-        ({"brake.speed": 0.0}, "brake.speed"),
-        ({"torque.limit": -5.0}, "torque.limit"),
-        ({"ramp.start": 2.0, "ramp.end": 1.0}, "ramp.end"),
-        ({"speed.end": np.nan}, "speed.end"),
-    ],
-)
-def test_bad_parameters_are_refused(parameters, words):
-    with pytest.raises(InvalidParameter, match=words):
-        Probe(**parameters)
-
-
-def test_a_drive_needs_inertia():
-    with pytest.raises(InvalidParameter, match="inertia"):
-        Probe(0.0)
-
-
-@pytest.mark.parametrize(
-    ("index", "value", "words"),
-    [(13, np.nan, "sprocket.force.x"), (2, np.inf, "mount.position.z"), (slice(3, 7), 0.0, "mount.orientation")],
-)
-def test_absurd_inputs_fail_with_a_sentence(index, value, words):
-    probe = Probe(mode="torque")
-    probe.run(0.01)
-    before = probe.model.state.copy()
-    probe.u[index] = value
-    with pytest.raises(StepFailed, match=f"t = 0.01 s.*{words}"):
-        probe.model.step(probe.t, 1e-3, probe.u)
-    assert np.array_equal(probe.model.state, before)
-
-
-def test_a_brake_too_sharp_is_refused():
-    probe = Probe(mode="torque", **{"brake.torque": 1e6, "brake.speed": 1e-6})
-    with pytest.raises(StepFailed, match=r"brake\.speed"):
-        probe.step(1e-3)
-
-
 def test_a_jump_of_the_clock_is_no_jump_of_the_speed():
     """A drive whose first step is at t = 5 s begins with the profile's speed there, without an impulse."""
     probe = Probe(**RAMP)
@@ -301,3 +254,53 @@ def test_a_jump_of_the_clock_is_no_jump_of_the_speed():
     assert probe["torque"] == pytest.approx(J * np.diff(half_cosine(np.array([5.0, 5.001])))[0] / 1e-3, rel=1e-9)
     assert probe.model.state[RATE] == pytest.approx(half_cosine(5.001))
     assert probe.model.state[ANGLE] < 0.1
+
+
+# --- its mount ---
+
+
+@pytest.mark.parametrize("extrapolation", ["velocity", "acceleration"])
+@pytest.mark.parametrize("mode", MODES)
+def test_third_law(mode, extrapolation):
+    """Impulse of the chain less impulse to the mount = change of J Omega a, to rounding, in any motion."""
+    rng, h = np.random.default_rng(1), 1e-3
+    probe = Probe(**MODES[mode], extrapolation=extrapolation)
+
+    def mount(t):
+        """Motion with random rates that do not match its poses."""
+        turn = Rotation.from_rotvec([0.3 * np.sin(9 * t), 0.5 * t, 0.2 * np.cos(7 * t)])
+        return rng.normal(size=3), turn, rng.normal(size=3), rng.normal(size=3)
+
+    def momentum():
+        w = probe["sprocket.angular_velocity"]
+        return J * (w @ probe.axis) * probe.axis
+
+    probe.step(h, mount=mount, chain=rng.normal(size=3))
+    before, kept, size = momentum(), np.zeros(3), 0.0
+    for _ in range(200):
+        torque, force = 5e3 * rng.normal(size=3), 1e4 * rng.normal(size=3)
+        probe.step(h, mount=mount, chain=torque, force=force)
+        assert np.array_equal(probe["mount.force"], force)
+        kept += (torque - probe["mount.torque"]) * h
+        size += np.linalg.norm(torque) * h
+    assert np.allclose(kept, momentum() - before, rtol=0, atol=1e-11 * size)
+    assert not np.allclose(kept, 1.02 * momentum() - before, rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_ledger_closes_on_a_turning_mount(mode):
+    probe = Probe(**MODES[mode])
+    mount = turning([0.3, -0.5, 0.8], velocity=(1.0, 0.2, 0.0))
+    probe.step(1e-3, mount=mount)
+
+    def residual(inertia=1.0):
+        return (
+            probe["energy.work"] + probe["port.work"] - probe["energy.dissipated"] - inertia * probe["energy.kinetic"]
+        )
+
+    before, heavier = residual(), residual(1.02)
+    probe.run(0.3, mount=mount, chain=(40.0, -350.0, 90.0))
+    size = abs(probe["energy.work"]) + abs(probe["port.work"])
+    assert size > 500
+    assert abs(residual() - before) < 1e-6 * size
+    assert abs(residual(1.02) - heavier) > 1e-5 * size

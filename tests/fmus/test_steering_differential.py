@@ -2,14 +2,9 @@
 
 import numpy as np
 import pytest
-from fmpy import extract, read_model_description
-from fmpy.fmi2 import FMU2Slave
-from fmpy.validation import validate_fmu
 from named_ports import Probe
 from scipy.spatial.transform import Rotation
 
-from fmus.fmi.build import build
-from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.sprocket_drive.model import Model as Drive
 from fmus.steering_differential.model import Model
 
@@ -18,7 +13,6 @@ PLACE = [0.1, 1.0795, -0.2]
 SIDES = {"left": 1.0, "right": -1.0}
 RAMP = {"ramp.start": 0.1, "ramp.end": 0.6}
 CHAINS = {"left": (30.0, -900.0, 50.0), "right": (-20.0, 500.0, 10.0)}  # chain torques on the sprockets, N m
-MOTION = ("position", "orientation", "velocity", "angular_velocity")
 
 
 def both(**values):
@@ -80,16 +74,6 @@ def test_prescribed_speeds_are_those_of_two_drives():
         assert one[name] == pytest.approx(sum(drive[name] for drive in two.values()), rel=1e-9), name
 
 
-def test_an_open_differential_gives_both_sides_half_of_the_torque():
-    """An open differential gives each side half of the torque, whatever the chains do."""
-    probe = run(0.3, **{"propulsion.mode": "torque", "propulsion.torque.drive": 700.0, "steering.mode": "torque"})
-    assert [probe[f"{side}.torque"] for side in SIDES] == pytest.approx([350.0, 350.0], rel=1e-12)
-    assert abs(probe["left.speed"] - probe["right.speed"]) > 5.0
-    bent = run(0.3, **{"propulsion.mode": "torque", "propulsion.torque.drive": 700.0, "steering.mode": "torque",
-                       "steering.torque.drive": 21.0})  # fmt: skip
-    assert bent["right.torque"] - bent["left.torque"] == pytest.approx(42.0, rel=1e-9)
-
-
 def test_free_spins_under_constant_torques_are_exact():
     """Free spins are exact: J w' = T_p/2 -+ T_s + T_c on either side."""
     probe = run(0.4, **{"propulsion.mode": "torque", "propulsion.torque.drive": 700.0, "steering.mode": "torque",
@@ -135,38 +119,6 @@ def test_powers_of_both_half_shafts_are_those_of_the_motors_less_the_brakes(moto
     assert abs(given - 1.03 * spent) > 0.01 * abs(spent)
 
 
-def test_what_one_side_takes_and_the_other_gives_is_said():
-    """Power from a side that its chain drives is reported as regenerated.
-
-    The ground turns the left track; the right one drives.
-    """
-    probe = run(0.8, {"left": (0, 900, 0), "right": (0, -1500, 0)}, **MOTORS["speeds"], **both(**RAMP))
-    assert [probe[f"{side}.power"] for side in SIDES] == pytest.approx([-900 * 8.0, 1500 * 12.0])
-    assert probe["power.regenerated"] == pytest.approx(900 * 8.0)
-    assert probe["propulsion.power"] == pytest.approx(600 * 10.0)
-    assert probe["steering.power"] == pytest.approx(1200 * 4.0)
-    same = run(0.8, {"left": (0, -900, 0), "right": (0, -1500, 0)}, **MOTORS["speeds"], **both(**RAMP))
-    assert same["power.regenerated"] == 0.0
-
-
-def test_impulse_of_the_chains_is_that_of_the_mounts_and_the_change_of_spin():
-    probe = differential(**MOTORS["controllers"], **both(**RAMP))
-    given = {side: np.zeros(3) for side in SIDES}
-    for _ in range(300):
-        for side in SIDES:
-            sway(probe, f"{side}.mount", side)
-            probe.give(f"{side}.sprocket.torque", CHAINS[side])
-        probe.step()
-        for side in SIDES:
-            given[side] += H * (np.array(CHAINS[side]) - probe[f"{side}.mount.torque"])
-    for side in SIDES:
-        quaternion = [probe[f"{side}.sprocket.orientation.{part}"] for part in "wxyz"]
-        axle = Rotation.from_quat(quaternion, scalar_first=True).apply([0, 1, 0])
-        spin = J * (probe[f"{side}.sprocket.angular_velocity"] @ axle) * axle
-        # absolute rates start from those of the sprockets: 0 with controllers at rest in the world
-        assert given[side] == pytest.approx(spin, rel=1e-9, abs=1e-9)
-
-
 def test_each_side_follows_its_own_demand():
     """Each side follows its own demand: w = w0 (1 - exp(-t/T)), at any step."""
     for h in (H, 0.02):
@@ -178,93 +130,3 @@ def test_each_side_follows_its_own_demand():
         for side, speed in (("left", 5.0), ("right", -3.0)):
             assert probe[f"{side}.speed"] == pytest.approx(speed * (1.0 - np.exp(-2.0)), rel=1e-12)
             assert probe[f"{side}.speed"] != pytest.approx(speed * (1.0 - np.exp(-2.06)), rel=1e-3)
-
-
-def test_unconnected_mounts_stand_and_a_saved_state_goes_on_to_the_bit():
-    probe = run(0.2, **MOTORS["torques and brakes"])
-    assert probe["right.sprocket.position"] == pytest.approx([0.1, -1.0795, -0.2])
-    state, u = probe.model.state.copy(), probe.u
-    probe.model.step(0.2, H, u)
-    after = probe.model.state.copy()
-    probe.model.state[:] = state
-    probe.model.step(0.2, H, u)
-    assert np.array_equal(probe.model.state, after)
-    assert not np.array_equal(state, after)
-
-
-@pytest.mark.parametrize(
-    ("parameters", "said"),
-    [
-        ({"steering.brake.torque": -1.0}, r"steering.brake.torque = -1: must be between 0 and 1e11"),
-        ({"propulsion.mode": "fast"}, "propulsion.mode = 'fast': must be one of speed, torque, controller"),
-        ({"steering.gear.ratio": 0.0}, "steering.gear.ratio = 0: must be greater than 0"),
-        ({"steering.ramp.start": 2.0}, "steering.ramp.end = 1 s must not be before steering.ramp.start"),
-        ({"propulsion.engine.points": "0 5"}, "propulsion.engine.points needs mode"),
-        ({"propulsion.engine.points": "0", "propulsion.mode": "torque"}, "must be 'speed torque; speed torque; ...'"),
-    ],
-)
-def test_what_cannot_be_is_refused_by_its_name(parameters, said):
-    with pytest.raises(InvalidParameter, match=said):
-        differential(**parameters)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "said"),
-    [
-        ("right.sprocket.force.x", np.nan, "right.sprocket.force.x is not finite"),
-        ("right.mount.orientation.w", 3.0, "right.mount.orientation is no rotation"),
-        ("left.mount.orientation.w", 3.0, "left.mount.orientation is no rotation"),
-    ],
-)
-def test_absurd_inputs_fail_with_a_sentence(name, value, said):
-    probe = run(0.01)
-    before = probe.model.state.copy()
-    probe[name] = value
-    with pytest.raises(StepFailed, match=f"t = 0.01 s.*{said}"):
-        probe.step()
-    assert np.array_equal(probe.model.state, before)
-
-
-def test_an_engine_that_turns_slower_gives_no_more_than_its_curve():
-    """An engine gives no more torque than its curve: 2 J w' = r T(r w).
-
-    The steering motor keeps both sides at equal speeds.
-    """
-    curve = {"propulsion.mode": "torque", "propulsion.torque.drive": 1e5, "propulsion.engine.points": "0 50; 400 50",
-             "propulsion.gear.ratio": 14.0}  # fmt: skip
-    probe = run(0.3, {}, **curve)
-    assert probe["propulsion.torque"] == pytest.approx(700.0, rel=1e-12)
-    assert probe["left.speed"] == pytest.approx(700.0 / (2 * J) * 0.3, rel=1e-9)
-
-
-def test_the_fmu_is_valid_and_spins_in_a_loop_of_fmpys(tmp_path):
-    """The FMU is valid and gives the same bits as the model in a loop of fmpy calls."""
-    file = build("SteeringDifferential", {"drive": {"inertia": J, "mount": PLACE}})
-    assert not validate_fmu(str(file))
-    said = read_model_description(str(file))
-    where = {variable.name: variable.valueReference for variable in said.modelVariables}
-    outputs = [v.valueReference for v in said.modelVariables if v.causality == "output" and v.type == "Real"]
-    given = {"propulsion.speed.end": 10.0, "steering.torque.drive": 80.0, **both(**RAMP)}
-    probe = differential(**given, **{"steering.mode": "torque"})
-    fmu = FMU2Slave(guid=said.guid, unzipDirectory=extract(str(file), str(tmp_path)),
-                    modelIdentifier="SteeringDifferential", instanceName="gearbox")  # fmt: skip
-    fmu.instantiate()
-    try:
-        fmu.setString([where["steering.mode"]], ["torque"])
-        fmu.setReal([where[name] for name in given], list(given.values()))
-        fmu.setupExperiment(startTime=0.0)
-        fmu.enterInitializationMode()
-        fmu.exitInitializationMode()
-        for k in range(300):
-            probe["left.speed"]
-            assert fmu.getReal(outputs) == probe.y.tolist(), k
-            torque = 100.0 * np.sin(0.02 * k)
-            probe.give("left.sprocket.torque", (0.0, torque, 0.0))
-            fmu.setReal([where["left.sprocket.torque.y"]], [torque])
-            probe.t = k * H
-            probe.step()
-            fmu.doStep(k * H, H)
-        fmu.terminate()
-    finally:
-        fmu.freeInstance()
-    assert abs(probe["steering.speed"]) > 1.0

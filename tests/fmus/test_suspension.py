@@ -1,6 +1,4 @@
-"""Elements of the suspension: exact solutions of each, its energy, and what must agree in a vehicle file."""
-
-import copy
+"""Elements of the suspension: exact solutions of each, and its energy."""
 
 import numpy as np
 import pytest
@@ -9,10 +7,7 @@ from scipy.integrate import quad
 
 from fmus.chassis.dynamics import ROOT, rates
 from fmus.chassis.tree import WHOLE
-from fmus.interface.model import InvalidParameter
 from fmus.physics.vector import vector
-from fmus.vehicles.tables import BadInput
-from fmus.vehicles.vehicle import vehicle
 
 HELD = {"chassis.mass": 1e12, "chassis.inertia": (1e12, 1e12, 1e12), "gravity": 0.0}  # a hull that nothing moves
 ARM, WHEEL = TABLE["road_arm"], TABLE["road_wheel"]["mass"]
@@ -97,6 +92,35 @@ def at(probe, angle, rate=0.0):
 # --- exact solutions ---
 
 
+def push_of_gas(exponent):
+    """Force, N, of the gas spring by its compression: p V^n is that of the drawn position; a twin has more pressure."""
+    return lambda c, more: 3e-3 * (8e6 * more * (9e-4 / (9e-4 - 3e-3 * c)) ** exponent - 101325.0)
+
+
+def push_of_curve(compression, more):
+    """Force, N, between points, and beyond the last one along the last line."""
+    points, forces = np.array(CURVE["compression"]), more * np.array(CURVE["force"])
+    k = int(np.clip(np.searchsorted(points, compression) - 1, 0, len(points) - 2))
+    slope = (forces[k + 1] - forces[k]) / (points[k + 1] - points[k])
+    return forces[k] + slope * (compression - points[k])
+
+
+@pytest.mark.parametrize(("force", "tables", "push"), [
+    *((40e3, {"gas_spring": {**GAS, "exponent": n}}, push_of_gas(n)) for n in (1.0, 1.3)),
+    *((force, {"spring": CURVE, "bump_stop": None}, push_of_curve) for force in (-12e3, 10e3, 60e3, 250e3)),
+])  # fmt: skip
+def test_a_spring_balances_by_hand(force, tables, push):
+    """The moment about the pivot is that of the force on the wheel."""
+    probe = settled(force, **LINE, **tables)
+    angle = probe["left.road_arm[2].angle"]
+    compression, arm = line(angle)
+    assert compression > CURVE["compression"][-1] or force < 250e3
+    assert probe["left.suspension[2].length"] == pytest.approx(DRAWN - compression, rel=1e-12)
+    assert push(compression, 1.0) * arm == pytest.approx(force * lever(angle), rel=1e-5)
+    assert push(compression, 1.03) * arm != pytest.approx(force * lever(angle), rel=1e-2)
+    assert probe["left.suspension[2].force"] == pytest.approx(push(compression, 1.0), rel=1e-6)
+
+
 def test_a_torsion_bar_balances_by_hand():
     probe = settled(50e3, torsion_bar=BAR)
     angle = probe["left.road_arm[2].angle"]
@@ -104,19 +128,6 @@ def test_a_torsion_bar_balances_by_hand():
     assert 1.2e5 * (0.1 + angle) == pytest.approx(moment, rel=1e-5)
     assert probe["left.torsion_bar[2].moment"] == pytest.approx(moment, rel=1e-5)
     assert 1.2e5 * (0.103 + angle) != pytest.approx(moment, rel=1e-2)
-
-
-def test_the_frequency_on_a_torsion_bar():
-    """A wheel swings about its pivot at sqrt(k / J): after five periods it is where it began."""
-    period = 2.0 * np.pi * np.sqrt(INERTIA / 1.2e5)
-
-    def after(stiffness):
-        probe = held(torsion_bar={**BAR, "stiffness": stiffness, "preset": 0.0})
-        probe.model.state[ROOT + 1] = 1e-5
-        return probe.run(5.0 * period, period / 100)["left.road_arm[2].angle"]
-
-    assert after(1.2e5) == pytest.approx(1e-5, rel=1e-4)
-    assert after(1.23e5) != pytest.approx(1e-5, rel=1e-2)
 
 
 def test_a_torsion_bar_of_a_leading_arm_pushes_its_wheel_down():
@@ -129,36 +140,6 @@ def test_a_torsion_bar_of_a_leading_arm_pushes_its_wheel_down():
         rise(-probe["left.road_arm[2].angle"]), rel=5e-3
     )
     assert probe["left.road_arm[2].angle"] < 0.0 < probe["left.torsion_bar[2].moment"]
-
-
-@pytest.mark.parametrize("exponent", [1.0, 1.3])
-def test_a_gas_spring_balances_by_hand(exponent):
-    """p V^n is that of the drawn position; the moment about the pivot is that of the force on the wheel."""
-    probe = settled(40e3, **LINE, gas_spring={**GAS, "exponent": exponent})
-    angle = probe["left.road_arm[2].angle"]
-    compression, arm = line(angle)
-    assert probe["left.suspension[2].length"] == pytest.approx(DRAWN - compression, rel=1e-12)
-
-    def push(pressure):
-        return 3e-3 * (pressure * (9e-4 / (9e-4 - 3e-3 * compression)) ** exponent - 101325.0)
-
-    assert push(8e6) * arm == pytest.approx(40e3 * lever(angle), rel=1e-5)
-    assert probe["left.suspension[2].force"] == pytest.approx(push(8e6), rel=1e-9)
-    assert push(8.2e6) * arm != pytest.approx(40e3 * lever(angle), rel=1e-2)
-
-
-@pytest.mark.parametrize("force", [-12e3, 10e3, 60e3, 250e3])
-def test_a_spring_by_a_curve_balances_by_hand(force):
-    """Between points, and beyond the last one along the last line."""
-    probe = settled(force, **LINE, spring=CURVE, bump_stop=None)
-    angle = probe["left.road_arm[2].angle"]
-    compression, arm = line(angle)
-    points, forces = np.array(CURVE["compression"]), np.array(CURVE["force"])
-    k = int(np.clip(np.searchsorted(points, compression) - 1, 0, len(points) - 2))
-    slope = (forces[k + 1] - forces[k]) / (points[k + 1] - points[k])
-    assert (forces[k] + slope * (compression - points[k])) * arm == pytest.approx(force * lever(angle), rel=1e-5)
-    if force == 250e3:
-        assert compression > points[-1]
 
 
 def test_a_damper_by_a_curve_and_one_about_the_pivot():
@@ -191,19 +172,6 @@ def test_a_stop_carries_what_pushes_past_its_gap(name, sense):
     assert near[f"left.{name}[2].force"] == 0.0
 
 
-def test_a_wheel_bounces_off_an_undamped_stop_with_its_speed():
-    probe = held(bump_stop=STOP)
-    x, n = probe.model.state, len(probe.model.tree.is_arm)
-    x[ROOT + 2 * n + 1] = 0.8
-    deepest = 0.0
-    for _ in range(700):
-        probe.step(5e-4)
-        deepest = max(deepest, rise(x[ROOT + 1]) - 0.02)
-    assert x[ROOT + 2 * n + 1] == pytest.approx(-0.8, rel=1e-6)
-    assert deepest == pytest.approx(0.8 * np.sqrt(INERTIA / 4e5), rel=2e-3)  # its energy is that of the stop
-    assert deepest != pytest.approx(0.8 * np.sqrt(INERTIA / 4.1e5), rel=5e-3)
-
-
 def test_recoil_gives_beyond_its_preload_only():
     """Two springs in line: the tensioner's until the recoil's preload, then both."""
     recoil = {"preload": 60e3, "stiffness": 3e5}
@@ -217,61 +185,24 @@ def test_recoil_gives_beyond_its_preload_only():
         assert probe["left.recoil.stroke"] == pytest.approx(stroke, rel=1e-5, abs=1e-12)
         assert probe["left.tensioner.force"] == pytest.approx(force, rel=1e-6)
         assert probe.energy + probe["energy.dissipated"] - probe["port.work"] == pytest.approx(start, rel=1e-3)
-    with pytest.raises(InvalidParameter, match=r"tensioner.recoil.preload = 60000 N must be 61000 N at least"):
-        Probe(changes, **{"tensioner.preload": 61e3})
 
 
 def test_wheels_on_fixed_axles_are_a_part_of_the_hull():
-    """Without arms and suspension a force on a wheel moves the whole vehicle, and the wheel spins alone."""
-    frame = {"suspension": None, "road_arm": None, "gravity": 0.0}
-    probe = Probe(frame)
+    """Without arms and suspension a force on a wheel moves the whole vehicle, and a torque spins the wheel alone."""
+    probe = Probe({"suspension": None, "road_arm": None, "gravity": 0.0})
     mass = probe.model.tree.masses[WHOLE]
     assert mass == pytest.approx(15891.58 - 128 * 18.02 - 10 * ARM["mass"], abs=1e-9)
-    for side in ("left", "right"):
-        for k, x in enumerate(TABLE["road_wheel"]["x"], 1):
-            place = np.array([x, 1.0795 if side == "left" else -1.0795, TABLE["road_wheel"]["z"]])
-            assert probe[f"{side}.road_wheel[{k}].position"] == pytest.approx(place, abs=1e-14)
-            probe[f"{side}.road_wheel[{k}].force.x"] = 1e3
+    for k in range(1, 6):
+        probe[f"left.road_wheel[{k}].force.x"] = probe[f"right.road_wheel[{k}].force.x"] = 1e3
     probe["left.road_wheel[2].torque.y"] = 7.0
     probe.run(0.5)
     assert probe["left.road_wheel[2].angular_velocity"][1] == pytest.approx(7.0 * 0.5 / 26.06, rel=1e-9)
-    # the centre of mass of the whole has the acceleration of the sum of the forces
-    total = sum(m * v for m, v in zip(*momenta_of(probe), strict=True))
-    assert total[0] == pytest.approx(1e4 * 0.5, rel=1e-6)
-    assert not any("road_arm" in name for name in probe.names)
-
-
-def momenta_of(probe):
-    """Masses, kg, and velocities (3), m/s, of hull, sprockets, wheels and idlers."""
-    masses, velocities = [TABLE["chassis"]["mass"]], [probe["chassis.velocity"]]
+    bodies = {"chassis": TABLE["chassis"]["mass"]}
     for side in ("left", "right"):
-        for name, mass in (
-            *((f"road_wheel[{k}]", WHEEL) for k in range(1, 6)),
-            ("idler", TABLE["idler"]["mass"]),
-            ("sprocket", TABLE["sprocket"]["mass"]),
-        ):
-            masses.append(mass)
-            velocities.append(probe[f"{side}.{name}.velocity"])
-    return masses, velocities
-
-
-def test_a_bogie_shares_its_load():
-    """A free bogie turns with (F1 l1 - F2 l2) / J: forces in the inverse ratio of the levers turn nothing."""
-    x = (-0.6, -1.2, -1.9, -2.5)
-    pivots = ((-0.2, 0.1), (0.4, 0.1), (-0.3, 0.1), (0.3, 0.1))
-    changes = {**HELD, "suspension": None, "road_arm": {**ARM, "pairs": True, "pivot": pivots}, "road_wheel.x": x}
-    probe = Probe(changes)
-    probe["left.road_wheel[1].force.z"], probe["left.road_wheel[2].force.z"] = 40e3, 20e3
-    probe.run(0.2)
-    assert probe["left.road_arm[1].angle"] == pytest.approx(0.0, abs=1e-7)
-    probe["left.road_wheel[2].force.z"] = 20.02e3
-    inertia = sum(WHEEL * (l * l + 0.01) + ARM["mass"] * 0.25 * (l * l + 0.01) + ARM["pin_inertia"] for l in (0.2, 0.4))
-    start = Probe(changes)
-    start.u[:] = probe.u
-    acceleration = at(start, 0.0)[0]
-    assert acceleration == pytest.approx(0.4 * 20.0 / inertia, rel=1e-4)
-    probe.run(0.2)
-    assert probe["left.road_arm[1].angle"] == probe["left.road_arm[2].angle"] > 1e-6
+        bodies |= {f"{side}.road_wheel[{k}]": WHEEL for k in range(1, 6)}
+        bodies |= {f"{side}.{name}": TABLE[name]["mass"] for name in ("idler", "sprocket")}
+    total = sum(mass * probe[f"{name}.velocity"] for name, mass in bodies.items())
+    assert total[0] == pytest.approx(1e4 * 0.5, rel=1e-6)
 
 
 # --- energy, over all elements ---
@@ -319,48 +250,9 @@ def test_a_lively_vehicle_with_all_elements_keeps_its_energy():
     assert 3.0 < np.log2(coarse / fine) < 6.5
 
 
-# --- files ---
-
-
-def with_tables(**tables):
-    """Vehicle table of the standard vehicle as in a file, with tables replaced or, by None, left out."""
-    table = copy.deepcopy(TABLE)
-    for key, value in tables.items():
-        table[key] = value if value is None or not isinstance(table.get(key), dict) else {**table[key], **value}
-    return vehicle(table, "tank.toml")
-
-
-@pytest.mark.parametrize(
-    ("tables", "words"),
-    [
-        ({"suspension": {"stiffness": [1e6, 2e6]}}, "suspension.stiffness: has 2 values, must have one for all"),
-        ({"suspension": {"damping": [1.0, 2.0, 3.0, 4.0, -5.0]}}, "wheel 5: must be 0 or more, in N s/m"),
-        ({"road_arm": None}, "suspension: needs the table road_arm"),
-        ({"suspension": None}, "road_arm: needs the table suspension, or pairs = true"),
-        ({"road_arm": {"pairs": True}}, "road_arm.pairs: 5 wheels of a side must be an even number"),
-        ({"suspension": {"on_arm": None}}, "suspension.on_arm: is missing; stiffness acts between both ends"),
-        ({"suspension": {"spring": {**CURVE, "force": (1.0, 2.0)}}}, "spring.force: has 2 numbers, must have 4"),
-        ({"suspension": {"spring": {"compression": (0.0, 0.0), "force": (1.0, 2.0)}}}, "or more, rising"),
-        ({"suspension": {"damper": {"speed": (0.0, 1.0), "force": (0.0, -1.0)}}}, "must have the sign of the speed"),
-        ({"suspension": {"damper": {"speed": (0.5, 1.0), "force": (1.0, 2.0)}}}, "must have 0 m/s among"),
-        ({"suspension": {"bump_stop": {**STOP, "wheels": (1, 9)}}}, "bump_stop.wheels: names wheel 9; a side has 5"),
-        (
-            {"tensioner": {"stiffness": 0.0, "recoil": {"preload": 1e3, "stiffness": 1e5}}},
-            "tensioner.recoil: needs a tensioner.stiffness above 0",
-        ),
-        ({"right": {"suspension": {"stiffness": (1.0, 2.0)}}}, "right.suspension.stiffness: has 2 values"),
-    ],
-)
-def test_contradictions_are_refused(tables, words):
-    with pytest.raises(BadInput) as error:
-        with_tables(**tables)
-    assert words in str(error.value)
-
-
 def test_elements_are_on_the_wheels_that_are_named_and_sides_may_differ():
-    own = {"bump_stop": {**STOP, "wheels": (1, 3)}}
-    table = with_tables(suspension=own, right={"suspension": {"bump_stop": {**STOP, "gap": 0.5}}}).model_dump()
-    probe = Probe(table)
+    own = {"suspension": TABLE["suspension"] | {"bump_stop": {**STOP, "wheels": (1, 3)}}}
+    probe = Probe(own | {"right": {"suspension": {"bump_stop": {**STOP, "gap": 0.5}}}})
     stops = probe.model.tree.suspension.bump_stop
     assert stops.stiffness.tolist() == [4e5, 0, 4e5, 0, 0, 0, *5 * [4e5], 0]
     assert stops.gap.tolist() == [0.02, 0, 0.02, 0, 0, 0, *5 * [0.5], 0]

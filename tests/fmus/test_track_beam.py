@@ -2,61 +2,30 @@
 
 from __future__ import annotations
 
-from functools import partial
-
-import flexible_track
 import numpy as np
 import pytest
-from beam_chains import coordinates, scattered
 from flexible_track import (
     LINKS,
     PITCH,
     TABLE,
+    at_rest,
     carrier,
+    coordinates,
     correction,
-    energy_gradient,
     hanging,
     make,
-    second_steps,
+    scattered,
     wheels,
 )
-from fmpy.validation import validate_fmu
 from named_ports import parameters
 
-from fmus.fmi.build import build
-from fmus.interface.model import InvalidParameter
-from fmus.physics.ancf import beam as library
-from fmus.physics.ancf import element as elements
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.interface import observe
 from fmus.physics.chain.report import DISSIPATED, KINETIC, STRAIN
-from orchestrator.cosim.component import Component
-from tests.validation.ancf import joints, loads, mesh, statics, torsion
+from fmus.physics.chain.rolling import evaluate_contacts
+from fmus.physics.contact.ground import bumpy_ground
+from tests.validation.ancf import joints, torsion
 
 pytestmark = pytest.mark.long  # kernels of their own
-
-SOFT = {"material.youngs_modulus": 2e7, "material.relaxation_time": 0.0}
-Y = np.array([0.0, 1.0, 0.0])
-
-
-def spun(element: str, rate):
-    """A free loop, released as a regular polygon that turns at ``rate`` (3) about its middle."""
-    model = make({"wheels": wheels(), "gravity": 0.0}, start="polygon", element=element)
-    model.contacts, model.environment = None, model.environment._replace(mount=-1)
-    model.rows, model.work = np.zeros((0, 15)), model.work._replace(wheels=np.zeros((0, 15)), flat=np.zeros((0, 15)))
-    angle = 2 * np.pi * np.arange(LINKS) / LINKS
-    radius = PITCH / (2 * np.sin(np.pi / LINKS))
-    model.settle_pins(radius * np.stack([np.cos(angle), -np.sin(angle)], axis=1))
-    rate = np.asarray(rate, float)
-    if element == "beam":
-        model.s.v[:] = np.cross(rate, model.s.q.reshape(-1, 6, 3)).reshape(model.s.q.shape)
-    else:  # its pins cannot turn: the slope along y stays constant
-        q, v = model.s.q, model.s.v
-        v[:, :3] = np.cross(rate, q[:, :3])
-        for x in (3, 5):
-            slope = np.stack([q[:, x], np.zeros(LINKS), q[:, x + 1]], axis=1)
-            v[:, [x, x + 1]] = np.cross(rate, slope)[:, [0, 2]]
-    return model
 
 
 def newton(model, count: int, mass: float = 0.0) -> None:
@@ -66,73 +35,17 @@ def newton(model, count: int, mass: float = 0.0) -> None:
     model.evaluate(Motion(model.s.q, np.zeros_like(model.s.q), np.zeros_like(model.s.q), model.s.axes))
 
 
-def test_coordinates_of_a_track():
-    """A track of beams has 64 x 24 less 64 x 6 coordinates; an open chain keeps its end gradients."""
-    assert carrier(element="beam").s.q.size == 1152
-    chain = hanging(element="beam")
-    assert chain.s.q.size - 2 * 6 == 1158
+def test_pins_leave_the_motion_of_their_joint_free():
+    """Six coordinates of a pin are shared by its links: joint (3) of the library has as many equations."""
     closed = make({"links": LINKS, "wheels": wheels()}, start="polygon", element="beam")
-    indices = coordinates(closed, np.arange(1152.0).reshape(closed.s.q.shape))  # index of each coordinate
-    assert len(np.unique(indices)) == 1152 == 64 * 24 - 64 * 6  # none is unused
+    assert closed.s.q.size == LINKS * 24 - LINKS * 6
     e = coordinates(closed, np.random.default_rng(1).standard_normal(closed.s.q.shape))
-    pin = joints.pin_beam(Y)
+    pin = joints.pin_beam(np.array([0.0, 1.0, 0.0]))
     for before, after in zip(e, np.roll(e, -1, axis=0), strict=True):
         one, other = before[4:].ravel(), after[:4].ravel()
         rest = other - pin.transfer @ one  # the motion that joint (3) leaves free
         assert abs(rest - pin.free_directions @ (pin.free_directions.T @ rest)).max() < 1e-14
     assert pin.equations == 6
-
-
-def test_force_is_the_gradient_of_the_reported_energy():
-    model = hanging(links=3, element="beam", **SOFT)
-    model.s.vdot[:] = 0.0
-    model.s.q[:] += 0.02 * np.random.default_rng(3).standard_normal(model.s.q.shape) * ([PITCH] * 3 + [1.0] * 15)
-    model.evaluate(Motion(model.s.q, model.s.v, model.s.vdot, model.s.axes))
-    f, gradient = scattered(model, model.work.residual), energy_gradient(model)
-    np.testing.assert_allclose(f, gradient, atol=1e-8 * abs(f).max())
-    assert abs(f - 1.001 * gradient).max() > 1e-4 * abs(f).max()
-
-
-def test_the_matrix_is_the_derivative_of_force_and_damping():
-    c = library.Beam(PITCH, 0.378, 0.04, 7800.0, 2e7, 0.3, 5 / 6, 0.04, True, 1e-3)
-    rng, by_rate, step = np.random.default_rng(2), 300.0, 1e-5
-    e = np.vstack([np.zeros(3), np.eye(3), [c.l, 0, 0], np.eye(3)]) + 0.02 * rng.standard_normal((8, 3))
-    v, K = rng.standard_normal((8, 3)), np.zeros((24, 24))
-    library.tangent(c, e, v, by_rate, K)
-
-    def force(d: np.ndarray) -> np.ndarray:
-        Q = np.zeros((8, 3))
-        elements.force(c, e + d.reshape(8, 3), v + by_rate * d.reshape(8, 3), Q)
-        return Q.ravel()
-
-    numeric = np.array([(force(step * d) - force(-step * d)) / (2 * step) for d in np.eye(24)]).T
-    assert abs(K - numeric).max() < 1e-7 * abs(K).max()
-    other = np.zeros((24, 24))
-    library.tangent(c._replace(tau=1.03 * c.tau), e, v, by_rate, other)
-    assert abs(other - numeric).max() > 1e-3 * abs(K).max()
-
-
-def test_a_hanging_chain_finds_the_equilibrium_of_the_library():
-    """A hanging chain has the equilibrium of the same mesh in the library.
-
-    The library has the pins of joint (3), its own gravity and its own Newton method.
-    """
-    n, model = 16, hanging(links=16, element="beam", **SOFT)
-    newton(model, 3)  # the start is in equilibrium to 1e-3 N
-    observe(model.link, model.environment, model.s, model.work, model.report)
-    steel = hanging(links=16, element="beam")
-    assert abs(coordinates(steel) - coordinates(model)).max() > 1e-3
-    part = mesh.Member(library, model.link.element, coordinates(steel))
-    ties = [mesh.Tie((k, 1), (k + 1, 0), joints.pin_beam(Y)) for k in range(n - 1)]
-    free = joints.pin_beam(Y).free_directions  # r and r_y are fixed to the ground
-    whole = mesh.Mesh([part], ties, [mesh.Support((0, 0), free), mesh.Support((n - 1, 1), free)])
-    assert whole.start().size == n * 24 - (n + 1) * 6
-    whole = whole.loaded(loads.gravity(whole, [0, 0, -9.81]))
-    solution = statics.newton(whole, whole.start(), 1.0, 1e-11, 60)
-    assert solution is not None
-    e = whole.split(whole.coordinates(solution[0]))[0]
-    assert abs(e - coordinates(model)).max() < 1e-8
-    assert model.report[STRAIN] == pytest.approx(whole.energy(solution[0]), rel=1e-8)
 
 
 def test_sideways_a_chain_of_pins_is_one_beam():
@@ -179,67 +92,27 @@ def test_a_chain_twists_as_its_section_says():
 
 
 def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
-    """A free loop that spins and yaws keeps energy and angular momentum about every axis.
+    """It spins and yaws; of cables only the part about the pins stays (``test_chain_benchmarks``)."""
+    model = make({"wheels": wheels(), "gravity": 0.0}, start="polygon", element="beam")
+    model.contacts, model.environment = None, model.environment._replace(mount=-1)
+    model.rows, model.work = np.zeros((0, 15)), model.work._replace(wheels=np.zeros((0, 15)), flat=np.zeros((0, 15)))
+    angle = 2 * np.pi * np.arange(LINKS) / LINKS
+    radius = PITCH / (2 * np.sin(np.pi / LINKS))
+    model.settle_pins(radius * np.stack([np.cos(angle), -np.sin(angle)], axis=1))
+    model.s.v[:] = np.cross([0.0, 2.0, 1.0], model.s.q.reshape(-1, 6, 3)).reshape(model.s.q.shape)
 
-    A loop of cables does not: its pins take moments about the other axes.
-    """
+    def kept() -> tuple[np.ndarray, float]:
+        momenta = np.einsum("ab,nbj->naj", model.work.mass, coordinates(model, model.s.v))
+        return np.cross(coordinates(model), momenta).sum((0, 1)), model.report[[KINETIC, STRAIN, DISSIPATED]].sum()
 
-    def momentum(model, M) -> np.ndarray:
-        if model.kind.element == "beam":
-            e, v = coordinates(model), coordinates(model, model.s.v)
-        else:
-            e, v = np.zeros((2, LINKS, 4, 3))
-            for i in range(LINKS):
-                model.kit.gather(model.link, model.s.q, i, (i + 1) % LINKS, e[i])
-                model.kit.gather(model.link, model.s.v, i, (i + 1) % LINKS, v[i])
-        return np.cross(e, np.einsum("ab,nbj->naj", M, v)).sum((0, 1))
-
-    lost = {}
-    for element in ("beam", "cable"):
-        model = spun(element, [0.0, 2.0, 1.0])
-        model.advance(0.0, 1e-3)
-        start, energy = momentum(model, model.work.mass), model.report[[KINETIC, STRAIN, DISSIPATED]].sum()
-        for k in range(1, 100):
-            model.advance(k * 1e-3, 1e-3)
-        lost[element] = abs(momentum(model, model.work.mass) - start).max() / abs(start).max()
-        if element == "beam":
-            assert model.report[[KINETIC, STRAIN, DISSIPATED]].sum() == pytest.approx(energy, rel=1e-3)
-            assert abs(start[2]) > 0.1 * abs(start[1])
-    assert lost["beam"] < 1e-5
-    assert lost["cable"] > 1e-2
-
-
-swing = partial(flexible_track.swing, 100, element="beam")
-
-
-def test_energy_ledger_of_a_swing_and_the_explicit_chain():
-    soft = {"material.youngs_modulus": 2e7, "material.relaxation_time": 2e-4}
-    model, lacks = swing(links=4, integrator="runge_kutta", step=1.0, **soft)
-    assert abs(lacks).max() < 1e-6
-    # 30 times the allowed energy error; 0.89e-4, and 1.08e-4 before links had the table's rotary inertia
-    assert model.report[DISSIPATED] > 0.6e-4 * model.report[KINETIC]
-    other, lacks = swing(links=4, step=5e-5, spectral_radius=0.9, **soft)
-    assert abs(lacks).max() < 1e-4
-    assert abs(model.s.q[:, :3] - other.s.q[:, :3]).max() < 1e-5
-    _, lacks = swing(links=8)  # steel, as in a scene
-    assert abs(lacks).max() < 5e-3
-
-
-def test_the_explicit_step_and_the_mass():
-    """The stable explicit step follows the mass: rotary inertia slows the fastest mode."""
-    model = hanging(links=2, element="beam", start="polygon")
-    assert model.stable_step == pytest.approx(4.695e-6, rel=1e-3)
-    x, y, z = (TABLE["track"]["mass"] * size**2 / 12.0 for size in (PITCH, *model.link.element[1:3]))
-    table = TABLE | {"track": TABLE["track"] | {"inertia": (y + z, z + x, x + y)}}
-    alone = hanging(links=2, element="beam", start="polygon", table=table)
-    assert alone.stable_step == pytest.approx(4.347e-6, rel=1e-3)
-    total = model.work.mass[np.ix_([0, 4], [0, 4])].sum()
-    assert total == pytest.approx(TABLE["track"]["mass"], rel=1e-12)
-
-
-def test_a_copied_state_goes_on_bit_for_bit():
-    after, again = second_steps(carrier(element="beam"))
-    assert again == after
+    model.advance(0.0, 1e-3)
+    start, energy = kept()
+    for k in range(1, 100):
+        model.advance(k * 1e-3, 1e-3)
+    end, still = kept()
+    assert abs(end - start).max() < 1e-5 * abs(start).max()
+    assert still == pytest.approx(energy, rel=1e-3)
+    assert abs(start[2]) > 0.1 * abs(start[1])
 
 
 def test_one_component_takes_either_element():
@@ -251,32 +124,143 @@ def test_one_component_takes_either_element():
     assert model.state.size == size > fresh.state.size
 
 
-def test_the_component_of_beams():
-    """The FMU of beams passes fmpy's validation and continues alike from any saved state."""
-    ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9, 0.0]}
-    track = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": ends}
-    fmu = build("TrackFlexible", {"vehicle": TABLE, "track": track, "link_outputs": True})
-    assert validate_fmu(str(fmu)) == []
-    with Component(fmu, "chain") as chain:
-        blank = chain.save()
-        chain.initialise({"element": "beam", "start": "displaced"})
-        chain.step(0.0, 1e-3)
-        state = chain.save()
-        outputs = []
-        for _ in range(2):
-            chain.step(1e-3, 1e-3)
-            chain.read()
-            outputs.append(chain.y.copy())
-            chain.restore(state)
-        assert np.array_equal(*outputs)
-        chain.restore(blank)  # a state from before the element was chosen
+# --- on wheels ---
 
 
-def test_what_cannot_be_is_refused():
-    with pytest.raises(InvalidParameter, match="element = 'shell': must be one of cable, planar, beam"):
-        hanging(links=8, element="shell")
-    with pytest.raises(InvalidParameter, match="elasticity = 'general' needs element = 'cable'"):
-        hanging(links=8, element="beam", elasticity="general")
-    material = TABLE["material"] | {"shear_modulus": 50e9}
-    with pytest.raises(InvalidParameter, match=r"shear_modulus = 5.*Poisson's ratio 1, of a beam 0 or more"):
-        make({"wheels": wheels()}, TABLE | {"material": material}, element="beam")
+def rolled(model, q, v, by_rate: float, tangent: bool, contacts) -> None:
+    w = model.work
+    evaluate_contacts(model.link, contacts, Motion(q, v, v), w, w.wheels, by_rate, tangent)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.05])
+def test_contacts_give_the_chain_what_the_wheels_get(yaw):
+    """Contacts of a skewed chain give it the opposite of the wheels' and the ground's force and moment.
+
+    Rims, teeth and guides are checked by the work of rigid motions.
+    """
+    model, rng = carrier(element="beam"), np.random.default_rng(4)
+    model.s.q[:, 1] += 0.02  # more than the clearance of the guides
+    model.s.q[:] += 1e-3 * rng.standard_normal(model.s.q.shape)
+    model.s.v[:] = 0.1 * rng.standard_normal(model.s.v.shape)
+    rows, w = model.start_rows.copy(), model.work
+    rows[:, 9:12], rows[:, 12:15] = [-np.sin(yaw), np.cos(yaw), 0.0], [np.cos(yaw), np.sin(yaw), 0.0]
+
+    def given(ground: int) -> tuple[np.ndarray, np.ndarray]:
+        """Force (N) and moment about the origin (N m) of all contacts; fills ``w.wrench`` of the wheels."""
+        rolled(model, model.s.q, model.s.v, 0.0, False, model.contacts._replace(ground=ground))
+        on_links = np.where(w.touched[:, None, None], -w.load, 0.0)
+        on_pins, pins = -w.right_side.reshape(LINKS, 2, 3), model.s.q.reshape(LINKS, 6, 3)[:, :2]
+        force = on_links[:, [0, 4]].sum((0, 1)) + on_pins[:, 0].sum(0)
+        moments = np.cross(coordinates(model), on_links), np.cross(pins, on_pins)
+        assert abs(moments[0][:, [1, 2, 3, 5, 6, 7]]).max() > 1.0  # the part of the section
+        assert abs(moments[1][:, 1]).max() > 1.0  # and the part of the pins' ends
+        return force, sum(moment.sum((0, 1)) for moment in moments)
+
+    w.wheels[:] = rows
+    for ground in (0, 1):
+        w.right_side[:], w.sums[:], w.wrench[:] = 0.0, 0.0, 0.0
+        force, moment = given(ground)
+        wheel, largest = w.wrench[:-1], abs(w.wrench).max()
+        assert abs(force + w.wrench[:, :3].sum(0)).max() < 1e-12 * largest
+        assert (abs(w.wrench[-1]).max() > 100.0) == bool(ground)
+        if not ground:
+            about = wheel[:, 3:].sum(0) + np.cross(rows[:, :3], wheel[:, :3]).sum(0)
+            assert abs(moment + about).max() < 1e-12 * largest
+            assert abs(moment + 1.03 * about).max() > 1e-3 * largest
+    assert abs(wheel[:, 1]).max() > 10.0  # the guides carry load
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.03])
+def test_the_matrices_of_contacts_are_their_derivatives(rise):
+    """The matrices of contacts are their derivatives: ground, level or with a bump, teeth and guides.
+
+    Their contact points do not move as a rim rolls.
+    """
+    model, rng, by_rate = carrier(element="beam"), np.random.default_rng(6), 300.0
+    model.s.q[:, 1] += 0.02
+    model.s.q[:] += 1e-3 * rng.standard_normal(model.s.q.shape)
+    model.s.q[:, 2] -= 2e-3
+    model.s.v[:] = 0.1 * rng.standard_normal(model.s.v.shape)
+    if rise:
+        bump = bumpy_ground(model.contacts.shape.height, -3.0, rise, 0.05, 0.5, 0.1)
+        model.contacts = model.contacts._replace(shape=bump)
+    w, q, v = model.work, model.s.q.copy(), model.s.v.copy()
+    w.wheels[:] = model.start_rows
+    w.wheels[1:, 2] += 5.0  # road wheels and idler without contact
+
+    def load(d: np.ndarray) -> np.ndarray:
+        w.right_side[:], w.sums[:], w.wrench[:], w.diagonal[:] = 0.0, 0.0, 0.0, 0.0
+        rolled(model, q + d, v + by_rate * d, by_rate, True, model.contacts)
+        return scattered(model, np.where(w.touched[:, None, None], w.load, 0.0)) + np.pad(
+            w.right_side, ((0, 0), (0, 12))
+        )
+
+    d, step = rng.standard_normal(q.shape), 1e-8
+    numeric = (load(step * d) - load(-step * d)) / (2 * step)
+    load(np.zeros_like(q))
+    K = np.where(w.touched[:, None, None], w.stiffening, 0.0)
+    assert (w.wrench[-1, 2] < -2e5) == bool(rise)
+    product = scattered(model, np.einsum("nab,nb->na", K, coordinates(model, d).reshape(LINKS, 24)).reshape(-1, 8, 3))
+    on_pins = np.einsum("nab,nb->na", w.diagonal, d[:, :6])
+    product[:, :6] += on_pins
+    assert w.touched.sum() > 15
+    assert abs(on_pins).max() > 1e3
+    guided = np.linalg.norm(q[:, [0, 2]], axis=1) < 0.5  # a guide's share of a link changes at the edge of the disc
+    assert abs(product - numeric)[~guided].max() < 1e-5 * abs(numeric).max()
+    assert abs(product - numeric)[guided].max() < 0.05 * abs(numeric).max()
+    assert abs(1.03 * product - numeric)[~guided].max() > 1e-3 * abs(numeric).max()
+
+
+def turned_wheels(model, t: float, angle: float, time: float) -> np.ndarray:
+    """Inputs of wheels that yaw by ``angle`` rad about the track's middle within ``time`` s."""
+    s = min(t / time, 1.0)
+    yaw, rate = 0.5 * angle * (1 - np.cos(np.pi * s)), 0.5 * angle * np.pi / time * np.sin(np.pi * s)
+    middle, u = np.array([-2.0, 0.0]), at_rest(model).reshape(-1, 13)
+    c, sn = np.cos(yaw), np.sin(yaw)
+    arm = u[:, :2] - middle
+    u[:, 0], u[:, 1] = middle[0] + c * arm[:, 0] - sn * arm[:, 1], middle[1] + sn * arm[:, 0] + c * arm[:, 1]
+    u[:, 3], u[:, 6] = np.cos(yaw / 2), np.sin(yaw / 2)
+    u[:, 7], u[:, 8] = -rate * (u[:, 1] - middle[1]), rate * (u[:, 0] - middle[0])
+    u[:, 12] = rate
+    return u.ravel()
+
+
+def yaw_moment(model) -> float:
+    """Yaw moment of the chain on its wheels about the middle of the track, N m."""
+    force, arm = model.s.mean[:-1, :3], model.rows[:, :2] - [-2.0, 0.0]
+    return float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum() + model.s.mean[:-1, 5].sum())
+
+
+def suspended(element: str):
+    return make({"wheels": wheels()}, element=element, **{"start.lateral": 0.0})
+
+
+def test_a_quarter_turn():
+    """A chain of beams follows wheels that yaw by 90 degrees in 0.8 s: its pins lie along the axles."""
+    model, h = suspended("beam"), 2e-3
+    before = model.report[3]
+    for k in range(450):
+        model.step(k * h, h, turned_wheels(model, k * h, np.pi / 2, 0.8))
+    assert model.warnings() == []
+    axis = np.array([-1.0, 0.0, 0.0])  # lateral axis of the wheels after the turn: y has become -x
+    along = model.s.q[:, 3:6] @ axis
+    assert along == pytest.approx(np.ones(LINKS), abs=1e-3)
+    assert abs((model.s.q[:, :3] - [-2.0, 0.0, 0.0]) @ axis).max() < 0.015  # within the clearance of the guides
+    e = coordinates(model)
+    assert np.array_equal(e[:, [4, 6]], np.roll(e, -1, axis=0)[:, [0, 2]])  # position and axis of each pin are shared
+    assert model.report[3] == pytest.approx(before, rel=0.05)
+    assert abs(yaw_moment(model)) < 500.0
+
+
+def test_a_cable_resists_where_a_beam_follows():
+    """Cables resist a yaw of 0.5 degrees with 4.7e6 N m/rad and a warning; beams follow."""
+    moments = {}
+    for element in ("cable", "beam"):
+        model, h, angle = suspended(element), 1e-3, np.radians(0.5)
+        said = []
+        for k in range(100):
+            model.step(k * h, h, turned_wheels(model, k * h, angle, 0.08))
+            said += model.warnings()
+        moments[element] = abs(yaw_moment(model))
+        assert bool(said) == (element == "cable")
+    assert moments["cable"] > 50 * moments["beam"], moments

@@ -10,28 +10,13 @@ from fmus.track.link_outputs import GROUPS
 from fmus.track.ports import OUTPUTS
 
 PAGE = Path(fmus.__file__).with_name("track.md").read_text(encoding="utf-8")
+ROWS = [line for line in PAGE.splitlines() if line.startswith("| `")]
 WRENCH = ["S.force", "S.torque"]  # for each wheel
 
 
-def described() -> list[str]:
-    rows = (line.split(" | ")[0] for line in PAGE.splitlines() if line.startswith("| `"))
-    return [name for first in rows for name in re.findall(r"`([^`]+)`", first)]
-
-
-def shown() -> set[str]:
-    vector = re.compile(r"\.[xyz]$")
-    links = {
-        f"{group.owner}[i].{group.signal}" + (f".{part}" if part else "")
-        for group in GROUPS.values()
-        for part in group.parts
-    }
-    return {vector.sub("", name) for name in {name for name, _, _ in OUTPUTS} | links}
-
-
-def test_every_output_is_defined_once():
-    assert sorted(described()) == sorted([*WRENCH, *shown()])
-
-
-def test_units_and_kinds_stand_in_every_row():
-    rows = [line for line in PAGE.splitlines() if line.startswith("| `")]
-    assert all(len(re.split(r"(?<!\\) \| ", line)) == 4 for line in rows)
+def test_every_output_is_defined_once_with_unit_and_kind():
+    described = [name for row in ROWS for name in re.findall(r"`([^`]+)`", row.split(" | ")[0])]
+    links = {f"{each.owner}[i].{each.signal}.{part}".rstrip(".") for each in GROUPS.values() for part in each.parts}
+    shown = {re.sub(r"\.[xyz]$", "", name) for name in {name for name, _, _ in OUTPUTS} | links}
+    assert sorted(described) == sorted([*WRENCH, *shown])
+    assert all(len(re.split(r"(?<!\\) \| ", line)) == 4 for line in ROWS)

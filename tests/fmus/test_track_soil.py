@@ -9,10 +9,10 @@ import pytest
 from m113 import MASS, VEHICLE, P
 
 from fmus.ground.soils import SoilTable, named
-from fmus.interface.model import InvalidParameter, StepFailed
+from fmus.interface.model import StepFailed
 from fmus.physics.chain import sums
 from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN
-from fmus.physics.contact.soil.memory import CELL, DEEPEST, FIRST, INSIDE, MADE, PRESSURE, TILE, TILES
+from fmus.physics.contact.soil.memory import CELL, DEEPEST, FIRST, INSIDE, MADE, TILE, TILES
 from fmus.physics.contact.soil.pressure import compaction
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
@@ -46,14 +46,20 @@ def test_a_plate_of_any_weight_starts_at_its_sinkage(kind, name):
         assert places == pytest.approx(-P * np.arange(3), abs=1e-9)
 
 
-def pressed(kind, numbers, vehicle):
-    """A plate of two links at rest on soil."""
+def free(kind, links, numbers, vehicle):
+    """A free chain on soil, and the parameter of its kind."""
     config = {
-        "links": 2, "closed": False, "wheels": [], "ground": True, "gravity": G, "soil": numbers,
+        "links": links, "closed": False, "wheels": [], "ground": True, "gravity": G, "soil": numbers,
         "ends": {"kind": "pulled", "first": [0.0, 0.0], "last": [0.0, 0.0]},
     }  # fmt: skip
     model = (Rigid if kind == "rigid" else Flexible)({"vehicle": vehicle, "track": config, "link_outputs": False})
-    model.initialise({} if kind == "rigid" else {"element": kind})
+    return model, {} if kind == "rigid" else {"element": kind}
+
+
+def pressed(kind, numbers, vehicle):
+    """A plate of two links at rest on soil."""
+    model, parameters = free(kind, 2, numbers, vehicle)
+    model.initialise(parameters)
     return model
 
 
@@ -61,18 +67,14 @@ def test_a_search_that_tips_a_plate_over_is_a_failure():
     """Links that may turn at once leave the level place; neither the plate upside down nor 4 % too little load."""
     numbers = SoilTable(name="snow").model_dump()
     model = pressed("rigid", numbers, VEHICLE | {"track": VEHICLE["track"] | {"mass": 500.0, "inertia": [2.0] * 3}})
-    with pytest.raises(StepFailed, match=r"static equilibrium of the track was not found: .* N are left on link \d"):
+    with pytest.raises(StepFailed, match="static equilibrium"):
         model.settle(np.stack([-P * np.arange(3), np.full(3, LEVEL + FACE)], axis=1), rest=True)
 
 
-def lying(kind="rigid", soil=SAND, **parameters):
+def lying(kind="rigid"):
     """A free chain of N links in equilibrium on soil."""
-    config = {
-        "links": N, "closed": False, "wheels": [], "ground": True, "gravity": G, "soil": soil,
-        "ends": {"kind": "pulled", "first": [0.0, 0.0], "last": [0.0, 0.0]},
-    }  # fmt: skip
-    model = (Rigid if kind == "rigid" else Flexible)({"vehicle": VEHICLE, "track": config, "link_outputs": False})
-    model.read(parameters if kind == "rigid" else {"element": kind, **parameters})
+    model, parameters = free(kind, N, SAND, VEHICLE)
+    model.read(parameters)
     model.settle(np.stack([-P * np.arange(N + 1), np.full(N + 1, LEVEL + FACE)], axis=1), rest=True)
     model.begin_run()
     return model
@@ -102,18 +104,6 @@ STUDIES = [pytest.param(kind, marks=pytest.mark.study) for kind in ("planar", "b
 def chain(request):
     model = lying(request.param)
     return model, model.state.copy()
-
-
-def test_links_sink_as_a_plate(chain):
-    model, start = chain
-    model.state[:] = start
-    memory = model.s.soil[model.s.soil[:, INSIDE] > 0.0]
-    assert len(memory) in (2 * N, 4 * N)
-    assert memory[:, DEEPEST] == pytest.approx(SINKAGE, rel=1e-6)
-    assert memory[:, DEEPEST] != pytest.approx((1.0 / 1.01) * SINKAGE, rel=1e-6)
-    assert memory[:, PRESSURE] == pytest.approx(MASS * G / AREA, rel=1e-6)
-    assert model.pins()[:, 2] == pytest.approx(LEVEL + FACE - SINKAGE, rel=1e-6)
-    assert model.report[[DISSIPATED, COMPACTED, SHEARED]] == pytest.approx(0.0)
 
 
 def test_links_that_slide_stop_where_shear_has_taken_their_energy(chain):
@@ -209,19 +199,3 @@ def test_halved_steps_commit_once():
         ends.append(np.append(model.s.flat, model.report))
     assert (ends[0] == ends[1]).all()
     assert model.report[COMPACTED] > saved[len(model.s.flat) + COMPACTED]
-
-
-def test_what_soil_needs_is_said():
-    with pytest.raises(InvalidParameter, match="soil remembers accepted steps and needs an implicit integrator"):
-        lying(integrator="runge_kutta")
-    with pytest.raises(InvalidParameter, match=r"ground\.soil\.k0 = 0 and Au = 0"):
-        lying(soil=SAND | {"Au": 0.0})
-
-
-def test_hard_ground_remembers_nothing():
-    config = {"links": N, "closed": False, "wheels": [], "ground": True, "gravity": G}
-    config["ends"] = {"kind": "pulled", "first": [0.0, 0.0], "last": [0.0, 0.0]}
-    model = Rigid({"vehicle": VEHICLE, "track": config, "link_outputs": False})
-    assert model.s.soil.size == model.s.rut.size == 0
-    assert len(model.warning_sentences) == 5
-    assert any(port.name == "contact.ground.friction" for port in model.ports)
