@@ -34,13 +34,10 @@ def order_text(assembly, files, h, steps, platform=LINUX):
     for part, file in zip(assembly.parts, files, strict=True):
         with Component(file, part.name) as component:
             ends = {name: k for k, name in enumerate(component.inputs)}, {n: k for k, n in enumerate(component.outputs)}
-            guid, sizes = (
-                component.description.guid,
-                (len(component.inputs), len(component.outputs) + len(component.links)),
-            )
+            guid, outputs = component.description.guid, len(component.outputs) + len(component.links)
         names[part.name] = len(names), ends
         library = unpack(file) / "binaries" / platform.folder / f"{part.kind}{platform.suffix}"
-        lines.append(f"instance {library} {guid} {part.stage} {sizes[0]} {sizes[1]}")
+        lines.append(f"instance {library} {guid} {part.stage} {len(ends[0])} {outputs}")
     for wire in assembly.connections:
         (source, (_, outputs)), (target, (inputs, _)) = names[wire.source], names[wire.target]
         pairs = zip(wire.outputs, wire.inputs, strict=True)

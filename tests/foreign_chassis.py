@@ -14,9 +14,8 @@ def parameters(graph: System, vehicle: Mapping[str, Any]) -> dict[str, float]:
     places, turn = _places(graph)
     to_world = np.array([[np.cos(turn), 0.0, np.sin(turn)], [0.0, 1.0, 0.0], [-np.sin(turn), 0.0, np.cos(turn)]])
     origin = 0.5 * (places["left.sprocket"] + places["right.sprocket"])
-    bodies = [
-        (vehicle["chassis"]["mass"], origin + to_world @ vehicle["chassis"]["centre"], vehicle["chassis"]["inertia"])
-    ]
+    hull = vehicle["chassis"]
+    bodies = [(hull["mass"], origin + to_world @ hull["centre"], hull["inertia"])]
     arm, drawn = vehicle["road_arm"], vehicle["road_wheel"]
     for name, place in places.items():
         kind = name.split(".")[1].partition("[")[0]
@@ -37,11 +36,10 @@ def parameters(graph: System, vehicle: Mapping[str, Any]) -> dict[str, float]:
         arm_of_mass = to_world.T @ (place - centre)
         inertia += weight * (arm_of_mass @ arm_of_mass * np.eye(3) - np.outer(arm_of_mass, arm_of_mass))
         inertia += np.diag(own) if np.ndim(own) == 1 else own
-    at = {**places, "centre": centre}
+    at = [(name, axis, k) for name in (*places, "centre") for k, axis in enumerate("xyz")]
+    starts = places | {"centre": centre}
     return {
-        **{
-            f"{name}.start.{axis}": float(x) for name, place in at.items() for axis, x in zip("xyz", place, strict=True)
-        },
+        **{f"{name}.start.{axis}": float(starts[name][k]) for name, axis, k in at},
         "pitch": turn,
         "mass": float(mass),
         "gravity": vehicle["gravity"],

@@ -102,12 +102,10 @@ def build(
     for element, variable in zip(root.iter("ScalarVariable"), variables, strict=True):
         row = rows[variable.kind if variable.kind in rows else "Integer"]
         element.set("valueReference", str(row.index(variable)))
+    content = library or _compiled(file.with_suffix(".so"), model, _header(guid, rows))
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("modelDescription.xml", tostring(root))
-        archive.writestr(
-            f"binaries/{fmpy.platform}/{model}{fmpy.sharedLibraryExtension}",
-            library or _compiled(file.with_suffix(".so"), model, _header(guid, rows)),
-        )
+        archive.writestr(f"binaries/{fmpy.platform}/{model}{fmpy.sharedLibraryExtension}", content)
     return file
 
 
@@ -158,9 +156,8 @@ def _description(model: str, guid: str, variables: Sequence[Variable], units: Ma
     for variable in variables:
         fixed = variable.causality == "parameter"
         variability = "fixed" if fixed else "continuous" if variable.kind == "Real" else "discrete"
-        scalar = SubElement(
-            element, "ScalarVariable", name=variable.name, causality=variable.causality, variability=variability
-        )
+        about = {"name": variable.name, "causality": variable.causality, "variability": variability}
+        scalar = SubElement(element, "ScalarVariable", about)
         attributes = {"unit": variable.unit} if variable.unit else {}
         if variable.causality in ("input", "parameter"):
             attributes["start"] = variable.start if variable.kind == "String" else repr(variable.start).lower()

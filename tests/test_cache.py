@@ -1,102 +1,75 @@
-"""The cache mends or builds again any damaged file, and folders that others can write are not used."""
+"""The cache mends or builds again any damaged file; folders that others can write are not used; its size is kept.
 
-import errno
+Random damage in runs: `fuzz/caches.py`; full and read-only file systems: `test_faults.py`.
+"""
+
+import inspect
 import json
-import logging
 import os
-import pickle
 import random
 import stat
 import subprocess
 import sys
+import time
 import zipfile
-from collections import Counter
 from itertools import product
 
 import pytest
 from conftest import build_toy
-from damaged_files import DAMAGES, POSIX, damage, forget_notices
 
-import fmus.cache.files
-from fmus.kernels.jit import _Overloads
-from fmus.vehicles.tables import BadInput
+from fmus.cache import limit as cache_limit
+from fmus.cache.files import UntrustedFolder, cache_folder, private_folder, read_checked, write_checked
 from orchestrator.cosim.fmu_files import unpack
+from orchestrator.cosim.master import RunOutcome
 from orchestrator.execution import precision
 from orchestrator.execution.precision import Setting
-from orchestrator.execution.truth import FIGURES, LOGS, _hashes, truth
+from orchestrator.execution.truth import FIGURES, LOGS, truth
 from orchestrator.scene.scene import load
 
-_nothing_said_yet = pytest.fixture(autouse=True)(forget_notices)
+POSIX = pytest.mark.skipif(os.name == "nt", reason="no owners and modes there")
+DAY = 86400.0  # s
+DAMAGES = ("flip", "cut", "empty", "delete")
+
+
+def damage(file, how, rng):
+    """Damage a file in place, as a bad disk does: processes that have it open see the damage."""
+    content = bytearray(file.read_bytes())
+    if how == "delete":
+        file.unlink()
+        return
+    if how == "flip":
+        at = rng.randrange(8 * len(content))
+        content[at // 8] ^= 1 << at % 8
+    with file.open("r+b") as stream:
+        stream.write(content)
+        stream.truncate({"flip": len(content), "cut": rng.randrange(1, len(content)), "empty": 0}[how])
 
 
 # --- files -----------------------------------------------------------------------------------------
 
 
 def test_a_kept_file_is_found_whole_or_not_at_all(fresh_cache):
-    file = fmus.cache.files.private_folder(fresh_cache / "kind" / "key") / "name"
-    assert fmus.cache.files.read_checked(file) is None
-    fmus.cache.files.write_checked(file, b"content")
-    assert fmus.cache.files.read_checked(file) == b"content"
+    file = private_folder(fresh_cache / "kind" / "key") / "name"
+    assert read_checked(file) is None
+    write_checked(file, b"content")
+    assert read_checked(file) == b"content"
     whole = file.read_bytes()
     for bit in range(0, 8 * len(whole), 5):
         file.write_bytes(bytes(byte ^ (1 << bit % 8) * (i == bit // 8) for i, byte in enumerate(whole)))
-        assert fmus.cache.files.read_checked(file) is None, bit
+        assert read_checked(file) is None, bit
     for size in range(len(whole)):
         file.write_bytes(whole[:size])
-        assert fmus.cache.files.read_checked(file) is None, size
-    file.write_bytes(whole)
-    assert fmus.cache.files.read_checked(file) == b"content"
+        assert read_checked(file) is None, size
     file.unlink()
     os.mkfifo(file)
-    assert fmus.cache.files.read_checked(file) is None, "a pipe was opened"
-    fmus.cache.files.write_checked(file, b"content")
-    assert fmus.cache.files.read_checked(file) == b"content"
-    elsewhere = fmus.cache.files.private_folder(fresh_cache / "kind" / "other key") / "name"
+    assert read_checked(file) is None, "a pipe was opened"
+    write_checked(file, b"content")
+    assert read_checked(file) == b"content"
+    elsewhere = private_folder(fresh_cache / "kind" / "other key") / "name"
     elsewhere.write_bytes(whole)
-    assert fmus.cache.files.read_checked(elsewhere) is None, "the content of another key was accepted"
+    assert read_checked(elsewhere) is None, "the content of another key was accepted"
     file.rename(file.with_name("other"))
-    assert fmus.cache.files.read_checked(file.with_name("other")) is None, "the content of another file was accepted"
-
-
-def test_a_damaged_kernel_is_not_unpickled(fresh_cache, monkeypatch):
-    overloads = _Overloads(fmus.cache.files.private_folder(fresh_cache / "kernels" / "module"), "kernel", "stamp")
-    overloads.save("signature", list(range(2000)))
-    assert overloads.load("signature") == list(range(2000))
-    (file,) = (fresh_cache / "kernels" / "module").iterdir()
-    whole, rng = file.read_bytes(), random.Random(1)
-    monkeypatch.setattr(pickle, "loads", lambda content: "unpickled")
-    assert overloads.load("signature") == "unpickled"
-    for how in [*DAMAGES, *["flip"] * 100]:
-        file.write_bytes(whole)
-        damage(file, how, rng)
-        assert overloads.load("signature") is None, how
-
-
-def test_a_kernel_is_that_of_its_compiler(fresh_cache, monkeypatch):
-    overloads = _Overloads(fmus.cache.files.private_folder(fresh_cache / "kernels" / "module"), "kernel", "stamp")
-    overloads.save("signature", 1)
-    for place, value in (
-        ("numba.__version__", "1"), ("llvmlite.__version__", "1"), ("numpy.__version__", "3"),
-        ("numba.config.OPT", 0), ("numba.config.USING_SVML", "?"),
-    ):  # fmt: skip
-        with monkeypatch.context() as other:
-            other.setattr(place, value)
-            assert overloads.load("signature") is None, place
-    assert overloads.load("signature") == 1
-
-
-@pytest.mark.long
-def test_a_damaged_fmu_is_built_again(fresh_cache):
-    fmu = build_toy()
-    with zipfile.ZipFile(fmu) as archive:
-        packed = {name: archive.read(name) for name in archive.namelist()}
-    damage(fmu, "flip", random.Random(2))
-    assert fmus.cache.files.read_checked(fmu) is None
-    assert build_toy() == fmu
-    with zipfile.ZipFile(fmu) as archive:
-        again = {name: archive.read(name) for name in archive.namelist()}
-    assert {name for name in packed if again[name] != packed[name]} <= {"modelDescription.xml"}, "only its date differs"
-    assert fmus.cache.files.read_checked(fmu) is not None
+    assert read_checked(file.with_name("other")) is None, "the content of another file was accepted"
 
 
 def as_packed(fmu, folder):
@@ -109,6 +82,7 @@ def as_packed(fmu, folder):
 
 
 def test_an_unpacked_fmu_is_mended(toy, fresh_cache):
+    """It takes nothing away from who has a file open."""
     folder, rng = unpack(toy), random.Random(3)
     assert as_packed(toy, folder) == []
     files = [folder / name for name in (
@@ -119,10 +93,6 @@ def test_an_unpacked_fmu_is_mended(toy, fresh_cache):
         assert as_packed(toy, folder) != []
         assert unpack(toy) == folder
         assert as_packed(toy, folder) == []
-
-
-def test_mending_takes_nothing_away_from_who_has_it_open(toy, fresh_cache):
-    folder = unpack(toy)
     (folder / "resources" / "written by the fmu.txt").write_text("stays")
     library = folder / "binaries" / "linux64" / "Toy.so"
     with library.open("r+b") as stream:
@@ -131,7 +101,7 @@ def test_mending_takes_nothing_away_from_who_has_it_open(toy, fresh_cache):
         assert unpack(toy) == folder
         stream.seek(0)
         assert stream.read(3) == b"old"
-    assert library.read_bytes()[:3] != b"old"
+    assert as_packed(toy, folder) == []
     assert (folder / "resources" / "written by the fmu.txt").read_text() == "stays"
 
 
@@ -154,41 +124,30 @@ def test_no_bytecode_is_run_that_nobody_checks(toy, fresh_cache, tmp_path):
     assert (unpack(brought) / "resources" / "toy" / "__pycache__").read_bytes() == b""
 
 
-def test_a_damaged_truth_is_built_again(fresh_cache, monkeypatch):
-    monkeypatch.setattr("orchestrator.execution.truth._build", built_of(counter := Counter()))
-    scene = short_chain()
+def test_a_damaged_fmu_or_truth_is_built_again(fresh_cache, monkeypatch):
+    def written(scene, log, *rest):
+        log.write_bytes(log.name.encode() * 100)
+        return RunOutcome("ok", "", 0, 0.0), {"internal_step": 1e-6, "wall_time": 1.0}
+
+    monkeypatch.setattr("orchestrator.execution.monolithic.run", written)
+    monkeypatch.setattr("orchestrator.execution.truth.differences_of_logs", lambda *logs: {})
+    scene, rng = load("hanging_chain", "flexible", ("run.stop=0.02",)), random.Random(4)
     first = truth(scene)
-    assert (first.built, counter["built"]) == (True, 1)
-    rng = random.Random(4)
+    assert first.built
     for file, how in product((*LOGS, FIGURES), DAMAGES):
         assert not truth(scene).built
         damage(first.log.with_name(file), how, rng)
-        again = truth(scene)
-        assert again.built, (file, how)
-        assert again._replace(built=False) == truth(scene)
-
-
-def short_chain():
-    return load("hanging_chain", "flexible", ("run.stop=0.02",))
-
-
-def built_of(counter):
-    """Substitute for the monolith: the two logs, their hashes and some figures."""
-
-    def build(scene, folder, title):
-        counter["built"] += 1
-        for name in LOGS:
-            (folder / name).write_bytes(name.encode() * 100)
-        figures = {"internal_step": 1e-6, "wall_time": 1.0, "difference": {}, "sha256": _hashes(folder)}
-        fmus.cache.files.write_checked(folder / FIGURES, json.dumps(figures).encode())
-        return figures
-
-    return build
+        assert truth(scene) == first, (file, how)
+    fmu = build_toy()
+    content = fmu.read_bytes()
+    damage(fmu, "flip", rng)
+    assert build_toy() == fmu
+    assert fmu.read_bytes() == content
 
 
 def test_a_damaged_table_of_settings_is_left_out_and_named(fresh_cache, caplog):
-    precision.write([Setting("swing", "flexible", ("run.step=4 ms",), 0.0125, 1.0)], precision.local_file())
     file = precision.local_file()
+    precision.write([Setting("swing", "flexible", ("run.step=4 ms",), 0.0125, 1.0)], file)
     whole, rng, shipped = file.read_bytes(), random.Random(5), {row.scene for row in precision.read(precision.SHIPPED)}
     assert precision.cheapest("swing", "flexible", 0.1).error == 0.0125
     for how in ("flip", "cut", "empty") * 40:
@@ -201,18 +160,10 @@ def test_a_damaged_table_of_settings_is_left_out_and_named(fresh_cache, caplog):
             assert json.loads(file.read_bytes()) == json.loads(whole)
         else:
             assert f"the table {file} is damaged and is left out" in caplog.text
-    assert file.read_bytes() != whole
-
-
-@POSIX
-@pytest.mark.parametrize("make", [os.mkfifo, lambda file: file.write_text("[" * 100_000)])
-def test_a_pipe_or_a_deep_text_in_place_of_the_table_is_left_out(fresh_cache, caplog, make):
-    file = precision.local_file()
-    precision.write([], file)
-    file.unlink()
-    make(file)
-    assert precision.read(file) == []
-    assert f"the table {file} is damaged and is left out" in caplog.text
+    for make in (os.mkfifo, lambda file: file.write_text("[" * 100_000)):  # a pipe, a deep text
+        file.unlink()
+        make(file)
+        assert precision.read(file) == []
 
 
 # --- folders ---------------------------------------------------------------------------------------
@@ -234,73 +185,87 @@ def test_folders_are_made_for_their_user_alone(toy, tmp_path, monkeypatch):
 @POSIX
 @pytest.mark.parametrize("level", range(3))
 def test_what_others_can_write_or_own_is_not_trusted(fresh_cache, level, monkeypatch):
-    place = fmus.cache.files.private_folder(fresh_cache / "kind" / "key")
-    fmus.cache.files.write_checked(place / "file", b"content")
+    place = private_folder(fresh_cache / "kind" / "key")
+    write_checked(place / "file", b"content")
     folder = (place, *place.parents)[level]
     for mode in (0o720, 0o702, 0o777):
         folder.chmod(mode)
-        for call in (fmus.cache.files.private_folder, lambda place: fmus.cache.files.read_checked(place / "file")):
-            with pytest.raises(fmus.cache.files.UntrustedFolder) as caught:
+        for call in (private_folder, lambda place: read_checked(place / "file")):
+            with pytest.raises(UntrustedFolder) as caught:
                 call(place)
             assert str(caught.value).startswith(f"others can write into {folder} (mode {mode:o}); chmod -R go-w it, ")
     folder.chmod(0o755)
-    assert fmus.cache.files.read_checked(place / "file") == b"content"
+    assert read_checked(place / "file") == b"content"
     me = os.geteuid()
     monkeypatch.setattr(os, "geteuid", lambda: me + 1)
     if me:  # files of root are trusted
-        with pytest.raises(
-            fmus.cache.files.UntrustedFolder, match=rf"belongs to another user \({me}\); name a folder of your own"
-        ):
-            fmus.cache.files.private_folder(place)
+        with pytest.raises(UntrustedFolder, match=rf"belongs to another user \({me}\); name a folder of your own"):
+            private_folder(place)
 
 
-# --- runs without a cache ---------------------------------------------------------------------------
+# --- size -------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
-def full(tmp_path, monkeypatch):
-    """A cache on a full disk."""
-    place = tmp_path / "full"
-    monkeypatch.setenv("COTRACK_CACHE", str(place))
-    put = fmus.cache.files.write
-
-    def write(file, content):
-        if file.is_relative_to(place):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
-        put(file, content)
-
-    for module in ("fmus.cache.files", "orchestrator.cosim.fmu_files"):
-        monkeypatch.setattr(f"{module}.write", write)
-    return place
-
-
-@pytest.mark.long
-def test_without_a_cache_fmus_are_built_and_unpacked_for_this_process(full, caplog):
-    fmu = build_toy()
-    assert build_toy() == fmu
-    folder = unpack(fmu)
-    assert as_packed(fmu, folder) == []
-    assert fmu.is_relative_to(fmus.cache.files.temporary_folder())
-    assert folder.is_relative_to(fmus.cache.files.temporary_folder())
-    (record,) = caplog.records
-    assert record.levelno == logging.WARNING
-    assert record.getMessage().startswith(
-        f"the cache folder {full} cannot be used, so every process compiles and builds anew: {full}/"
-    )
-    assert record.getMessage().endswith("/toy_fmu.fmu: No space left on device")
+def filled(fresh_cache):
+    """Folders of 1 kB, used 10, 9, ... 1 days ago, and things of others beside them."""
+    folders = []
+    for k in range(10):
+        folder = private_folder(cache_folder() / ("fmus", "numbers")[k % 2] / f"{k:024x}")
+        write_checked(folder / "a", bytes(1000 - 64))
+        used = time.time() - (10 - k) * DAY
+        os.utime(folder, (used, used))
+        folders.append(folder)
+    for other in ("pictures/0123456789abcdef01234567", "fmus/mine", "kernels/ahead"):
+        (cache_folder() / other).mkdir(parents=True)
+        (cache_folder() / other / "kept").write_bytes(bytes(5000))
+    return folders
 
 
-def test_a_home_that_is_not_there_is_one_sentence(tmp_path, environment):
-    command = [sys.executable, "-m", "orchestrator", "scenes"]
-    env = {**environment, "COTRACK_CACHE": "~nouser/x"}
-    done = subprocess.run(command, env=env, cwd=tmp_path, capture_output=True, text=True)
-    assert (done.returncode, len(done.stderr.splitlines())) == (0, 1), done.stderr
-    assert done.stderr.startswith("the cache folder ~nouser/x cannot be found")
-    assert "straight" in done.stdout
-    assert [*tmp_path.iterdir()] == []
+def test_what_was_used_longest_ago_goes_first(filled):
+    assert [entry.folder for entry in cache_limit.entries()] == filled
+    removed = cache_limit.prune(6500.0, 0.0)
+    assert [entry.folder for entry in removed] == filled[:4]
+    assert [folder.exists() for folder in filled] == [False] * 4 + [True] * 6
+    assert {file.parent.name for file in cache_folder().rglob("kept")} == {"0123456789abcdef01234567", "mine", "ahead"}
+    assert not list(cache_folder().rglob("*.removed"))
 
 
-def test_a_truth_needs_a_cache(full, monkeypatch):
-    monkeypatch.setattr("orchestrator.execution.truth._build", built_of(Counter()))
-    with pytest.raises(BadInput, match=r"^truth: it cannot be kept in the cache: .*/truth.json: No space left"):
-        truth(short_chain())
+def test_a_folder_deeper_than_the_stack_is_measured(filled):
+    deep = filled[3].joinpath(*["d"] * 200)
+    deep.mkdir(parents=True)
+    (deep / "file").write_bytes(bytes(300))
+    most = sys.getrecursionlimit()
+    sys.setrecursionlimit(len(inspect.stack(0)) + 100)
+    try:
+        found = {entry.folder: entry.size for entry in cache_limit.entries()}
+    finally:
+        sys.setrecursionlimit(most)
+    assert found == {folder: 1300 if folder == filled[3] else 1000 for folder in filled}
+
+
+def test_every_use_counts_and_what_was_used_in_the_last_day_stays(filled, toy):
+    old = time.time() - 5 * DAY
+    folder = unpack(toy)
+    for use, used in (
+        (lambda: unpack(toy), folder),
+        (lambda: private_folder(filled[0]), filled[0]),
+        (lambda: read_checked(filled[1] / "a"), filled[1]),
+    ):
+        os.utime(used, (old, old))
+        use()
+        assert time.time() - used.stat().st_mtime < 60.0
+    assert {entry.folder for entry in cache_limit.prune(0.0)} == {*filled[2:]}
+
+
+def test_commands_keep_the_size(filled, cotrack, monkeypatch):
+    monkeypatch.setenv(cache_limit.SIZE, "4.5e-6")
+    assert "fmus" in cotrack.done("cache")
+    assert len(cache_limit.entries()) == 4  # pruned at the end of the command
+    os.utime(filled[9], (time.time() - 20 * DAY,) * 2)
+    monkeypatch.setenv(cache_limit.SIZE, "0")
+    cotrack("cache")
+    assert len(cache_limit.entries()) == 4  # not looked at again within the hour
+    status, out, _ = cotrack("cache", "--prune", "--most", "0")
+    assert (status, len(cache_limit.entries())) == (0, 0)
+    assert "removed 4 folders" in out

@@ -87,9 +87,8 @@ def test_the_wrench_on_a_mount_at_the_start_is_that_of_the_track(settings):
     """A drive shows before the first step what its track, which comes to rest by itself, does to its sprocket."""
     vehicle = InProcess(load("straight", "rigid", ["run.stop=1 s", *settings]))
     for side in ("left", "right"):
-        drive, before = (
-            (f"{side}_drive", "mount") if f"{side}_drive" in vehicle.members else ("differential", f"{side}.mount")
-        )
+        driven_alone = f"{side}_drive" in vehicle.members
+        drive, before = (f"{side}_drive", "mount") if driven_alone else ("differential", f"{side}.mount")
         for what in ("force", "torque"):
             own = np.array([vehicle[f"{side}_track"][f"sprocket.{what}.{axis}"] for axis in "xyz"])
             shown = np.array([vehicle[drive][f"{before}.{what}.{axis}"] for axis in "xyz"])

@@ -5,46 +5,42 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from contextlib import ExitStack
+from functools import partial
 from time import perf_counter
 
 import numpy as np
 import pytest
 from c_host import HOST, built, host, order_text
+from fmpy import read_model_description
 from fmpy.fmi2 import FMU2Slave
 from vehicle_in_process import InProcess
 
 from fmus.fmi.build import build_all
 from fmus.native.link import compiler
-from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
-
-def driven(scene, links, settings, steps, folder):
-    """Final Real outputs by part, of the host and in this process, and the host's times, us."""
-    vehicle = InProcess(load(scene, links, settings))
-    assembly, h = assemble(vehicle.scene), vehicle.scene.run.step
-    order = order_text(assembly, built(assembly), h, steps)
-    said = subprocess.run([host(folder)], input=order, capture_output=True, text=True, env={})
-    assert said.returncode == 0, said.stderr
-    *parts, times = (line.split() for line in said.stdout.splitlines())
-    shown = {part.name: [float.fromhex(x) for x in line[1:]] for part, line in zip(assembly.parts, parts, strict=True)}
-    for _ in range(steps):
-        vehicle.step()
-    return shown, {name: member.y for name, member in vehicle.members.items()}, times
+SETTINGS = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s", "drive.ramp_start=0", "drive.ramp_time=0.5")
 
 
 @pytest.mark.study
 @pytest.mark.parametrize(("scene", "links"), [("straight", "flexible"), ("turn", "rigid")])
 def test_a_host_without_an_environment_drives_the_vehicle(scene, links, tmp_path):
-    settings = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s", "drive.ramp_start=0", "drive.ramp_time=0.5")
-    shown, expected, _ = driven(scene, links, settings, 1000, tmp_path)
-    for name, values in expected.items():
-        np.testing.assert_array_equal(shown[name][: len(values)], values, err_msg=name)  # those of links follow
-    assert expected["chassis"].size > 100
+    vehicle = InProcess(load(scene, links, SETTINGS))
+    assembly, steps = assemble(vehicle.scene), 1000
+    order = order_text(assembly, built(assembly), vehicle.scene.run.step, steps)
+    said = subprocess.run([host(tmp_path)], input=order, capture_output=True, text=True, env={})
+    assert said.returncode == 0, said.stderr
+    *parts, _ = (line.split() for line in said.stdout.splitlines())  # the last one has times
+    for _ in range(steps):
+        vehicle.step()
+    for part, line in zip(assembly.parts, parts, strict=True):
+        y = vehicle[part.name].y
+        shown = [float.fromhex(x) for x in line[1 : 1 + len(y)]]  # those of links follow
+        np.testing.assert_array_equal(shown, y, err_msg=part.name)
+    assert vehicle["chassis"].y.size > 100
 
 
 @pytest.mark.long
@@ -53,12 +49,13 @@ def test_a_host_without_an_environment_drives_the_vehicle(scene, links, tmp_path
     ("scene", "links", "settings"),
     [
         ("straight", "flexible", []),
-        pytest.param("serpentine", "rigid", [], marks=pytest.mark.study),
-        pytest.param("differential", "rigid", [], marks=pytest.mark.study),
-        pytest.param("straight", "flexible", ["track.element=beam"], marks=pytest.mark.study),
-        pytest.param("straight", "flexible", ["track.elasticity=engineering"], marks=pytest.mark.study),
+        *(pytest.param(*each, marks=pytest.mark.study) for each in (
+            ("serpentine", "rigid", []), ("differential", "rigid", []),
+            ("straight", "flexible", ["track.element=beam"]),
+            ("straight", "flexible", ["track.elasticity=engineering"]),
+        )),
     ],
-)
+)  # fmt: skip
 def test_no_call_allocates(scene, links, settings, tmp_path):
     """Set, step, get of all outputs, saving, serialising and restoring the state: once it runs, none does."""
     counter = tmp_path / "allocations.so"
@@ -83,41 +80,26 @@ def test_libcosim_drives_the_vehicle(tmp_path):
     Needs the extra `hosts`.
     """
     pytest.importorskip("libcosimpy")
-    settings = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s")
-    assembly, steps, ns = assemble(placed(load("straight", "flexible", settings))), 3000, 1_000_000
-    with ExitStack() as stack:
-        parts, wires, known, feeds = [], [], {}, []
-        for part, file in zip(assembly.parts, built(assembly), strict=True):
-            component = stack.enter_context(Component(file, part.name))
-            component.initialise({})
-            references = {v.name: v.valueReference for v in component.description.modelVariables}
-            known[part.name] = len(parts), component, references
-            outputs = [references[name] for name in component.outputs]
-            parts.append({"name": part.name, "fmu": str(file), "outputs": outputs})
-        for wire in assembly.connections:
-            (i, source, outputs), (j, target, inputs) = known[wire.source], known[wire.target]
-            pairs = list(zip(wire.outputs, wire.inputs, strict=True))
-            wires += [[i, outputs[out], j, inputs[into]] for out, into in pairs]
-            ends = zip(*((source.outputs.index(out), target.inputs.index(into)) for out, into in pairs), strict=True)
-            feeds.append((source, target, *map(list, ends)))
-        order = tmp_path / "system.json"
-        order.write_text(json.dumps({"h": ns, "steps": steps, "parts": parts, "wires": wires}))
-        subprocess.run([sys.executable, HOST.with_name("libcosim_host.py"), order], check=True, capture_output=True)
-        components = [component for _, component, _ in known.values()]
-        for k in range(steps):
-            now = {component.name: component.y.copy() for component in components}
-            for source, target, outputs, inputs in feeds:
-                target.u[inputs] = now[source.name][outputs]
-            t, end = k * ns / 1e9, (k + 1) * ns / 1e9  # libcosim counts nanoseconds: a step is not always 1e-3
-            for component in components:
-                component.write()
-                component.step(t, end - t)
-                component.read()
-        shown = [[float.fromhex(value) for value in each] for each in json.loads(order.read_text())]
-        for component, values in zip(components, shown, strict=True):
-            assert np.array_equal(component.y, values)
-        chassis = known["chassis"][1]
-        assert chassis.y[chassis.outputs.index("distance")] > 0.1, "the vehicle did not drive"
+    vehicle, steps, ns = InProcess(load("straight", "flexible", SETTINGS[:3])), 3000, 1_000_000
+    assembly = assemble(vehicle.scene)
+    parts, wires, known = [], [], {}
+    for part, file in zip(assembly.parts, built(assembly), strict=True):
+        references = {v.name: v.valueReference for v in read_model_description(file).modelVariables}
+        known[part.name] = len(parts), references
+        outputs = [references[name] for name in vehicle[part.name].outputs]
+        parts.append({"name": part.name, "fmu": str(file), "outputs": outputs})
+    for wire in assembly.connections:
+        (i, outputs), (j, inputs) = known[wire.source], known[wire.target]
+        wires += [[i, outputs[out], j, inputs[into]] for out, into in zip(wire.outputs, wire.inputs, strict=True)]
+    order = tmp_path / "system.json"
+    order.write_text(json.dumps({"h": ns, "steps": steps, "parts": parts, "wires": wires}))
+    subprocess.run([sys.executable, HOST.with_name("libcosim_host.py"), order], check=True, capture_output=True)
+    for k in range(steps):
+        vehicle.further = k * ns / 1e9  # libcosim counts nanoseconds: a step is not always 1e-3
+        vehicle.step((k + 1) * ns / 1e9 - vehicle.further, at_once=True)
+    for part, values in zip(assembly.parts, json.loads(order.read_text()), strict=True):
+        assert vehicle[part.name].y.tolist() == [float.fromhex(value) for value in values]
+    assert vehicle["chassis"]["distance"] > 0.1, "the vehicle did not drive"
 
 
 @pytest.mark.benchmark
@@ -126,49 +108,35 @@ def test_times_of_kinds_in_hosts(tmp_path, capsys):
 
     They are medians; the kinds step in turn.
     """
-    settings = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s", "drive.ramp_start=0", "drive.ramp_time=0.5")
-    vehicle = InProcess(load("straight", "flexible", settings))
+    vehicle = InProcess(load("straight", "flexible", SETTINGS))
     assembly = assemble(vehicle.scene)
-    files = built(assembly)
-    said = subprocess.run(
-        [host(tmp_path)], input=order_text(assembly, files, 1e-3, 3000), capture_output=True, text=True, env={}
-    )
+    files, order = built(assembly), partial(subprocess.run, capture_output=True, text=True, env={})
+    said = order([host(tmp_path)], input=order_text(assembly, files, 1e-3, 3000))
     in_c = {p.name: float(line.split()[0]) for p, line in zip(assembly.parts, said.stdout.splitlines(), strict=False)}
     ours = build_all([(part.kind, part.config | {"parameters": part.parameters}, None) for part in assembly.parts])
-    rows = []
-    with ExitStack() as stack:
-        pairs = {}
-        for part, *both in zip(assembly.parts, files, ours, strict=True):
-            if part.name not in ("right_track", "right_drive"):
-                pairs[part.name] = [stack.enter_context(Component(file, part.name)) for file in both]
-                for component, file in zip(pairs[part.name], both, strict=True):
-                    component.file = file
-        spent = {name: ([], []) for name in pairs}
-        for pair in pairs.values():
-            for component in pair:
-                component.initialise({})
-                identifier, place = component.description.coSimulation.modelIdentifier, str(unpack(component.file))
-                component._fmu = FMU2Slave(guid="", modelIdentifier=identifier, unzipDirectory=place, instanceName="")
-                component._fmu.component = component._handle  # fmpy's own calls with their wrappers
-        references = {
-            name: [[{v.name: v.valueReference for v in pair[0].description.modelVariables}[port] for port in ports]
-                   for ports in (pair[0].inputs, pair[0].outputs)]
-            for name, pair in pairs.items()
-        }  # fmt: skip
-        for k in range(500):
-            for name, pair in pairs.items():
-                u = vehicle[name].u.tolist()
-                shown = []
-                for component, times in zip(pair, spent[name], strict=True):
-                    fmu, (inputs, outputs) = component._fmu, references[name]
-                    began = perf_counter()
-                    fmu.setReal(inputs, u)
-                    fmu.doStep(k * 1e-3, 1e-3)
-                    shown.append(fmu.getReal(outputs))
-                    times.append(1e6 * (perf_counter() - began))
-                assert shown[0] == shown[1]
-            vehicle.step()
-    for name, (native, python) in spent.items():
-        rows.append(f"{name:12} {in_c[name]:8.1f} {np.median(native):8.1f} {np.median(python):8.1f}")
+    instances = {}
+    for part, *both in zip(assembly.parts, files, ours, strict=True):
+        for file in both if part.name not in ("right_track", "right_drive") else ():
+            about = read_model_description(file)
+            kind, reals = about.coSimulation.modelIdentifier, [v for v in about.modelVariables if v.type == "Real"]
+            fmu = FMU2Slave(guid=about.guid, modelIdentifier=kind, unzipDirectory=str(unpack(file)), instanceName="a")
+            fmu.instantiate()
+            fmu.enterInitializationMode()
+            fmu.exitInitializationMode()
+            u, y = ([v.valueReference for v in reals if v.causality == each] for each in ("input", "output"))
+            instances.setdefault(part.name, []).append((fmu, u, y[: len(vehicle[part.name].y)], []))
+    for k in range(500):
+        for name, pair in instances.items():
+            given, shown = vehicle[name].u.tolist(), []
+            for fmu, inputs, outputs, times in pair:
+                began = perf_counter()
+                fmu.setReal(inputs, given)
+                fmu.doStep(k * 1e-3, 1e-3)
+                shown.append(fmu.getReal(outputs))
+                times.append(1e6 * (perf_counter() - began))
+            assert shown[0] == shown[1]
+        vehicle.step()
     with capsys.disabled():
-        print("\n                in C  native   Python, us", *rows, sep="\n")
+        print("\n                in C  native   Python, us")
+        for name, pair in instances.items():
+            print(f"{name:12} {in_c[name]:8.1f} ", *(f"{np.median(times):8.1f}" for *_, times in pair))

@@ -37,14 +37,9 @@ def of(vehicle, model, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
+@pytest.mark.parametrize(  # the sides of marder differ
     ("vehicle", "model", "kind"),
-    [
-        ("m113", "flexible", "TrackFlexible"),
-        ("m113", "rigid", "TrackRigid"),
-        ("marder", "rigid", "TrackRigid"),  # its sides differ
-        ("robot", "rigid", "TrackRigid"),
-    ],
+    [("m113", "flexible", "TrackFlexible"), *((name, "rigid", "TrackRigid") for name in ("m113", "marder", "robot"))],
 )
 def test_a_master_of_ones_own_does_what_cotrack_does(vehicle, model, kind, environment, tmp_path):
     scene, fmus = of(vehicle, model, tmp_path)
@@ -78,16 +73,15 @@ def test_a_master_with_a_wrong_place_or_without_a_wheel_does_not(monkeypatch, tm
             said["start.lateral"].start = 1.02 * float(said["start.lateral"].start)
         return fmu, said, experiment
 
-    def without(chassis, side):
-        return [wheel for wheel in wheels_right(chassis, side) if (side, wheel) != missing]
-
     right = outcome()
     assert right["chassis.position.x"] == pytest.approx(0.32, abs=1e-3)
     with monkeypatch.context() as patch:
         patch.setattr(own_master, "load", load_beside)
         assert outcome() != right
-    monkeypatch.setattr(own_master, "wheels_of", without)
-    for missing in ("left", "road_wheel[4]"), ("left", "idler"), ("right", "return_roller[2]"):
-        assert outcome() != right, missing
-    missing = None
-    assert outcome() == right
+    for missing in ("left", "road_wheel[4]"), ("left", "idler"), ("right", "return_roller[2]"), None:
+
+        def without(chassis, side, missing=missing):
+            return [wheel for wheel in wheels_right(chassis, side) if (side, wheel) != missing]
+
+        monkeypatch.setattr(own_master, "wheels_of", without)
+        assert (outcome() == right) == (missing is None), missing

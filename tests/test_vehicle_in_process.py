@@ -9,13 +9,9 @@ from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
 
 BRIEF = (
-    "run.stop=0.05 s",
-    "run.step=1 ms",
-    "track.step=1 ms",
-    "run.outputs=1",
-    "drive.ramp_start=0 s",
+    "run.stop=0.05 s", "run.step=1 ms", "track.step=1 ms", "run.outputs=1", "drive.ramp_start=0 s",
     "drive.ramp_time=0.2 s",
-)
+)  # fmt: skip
 
 
 def test_it_does_what_a_run_of_fmus_does(tmp_path):

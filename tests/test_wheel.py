@@ -33,11 +33,9 @@ def test_wheel_has_scenes_vehicles_and_pages_only(unpacked):
     assert (unpacked / "orchestrator" / "gallery" / "straight.toml").is_file()
     assert (unpacked / "fmus" / "vehicles" / "m113.toml").is_file()
     assert len([*unpacked.glob("**/*.png")]) == len([*unpacked.glob("fmus/*/icon.png")]) == 6
-    assert (unpacked / "orchestrator" / "py.typed").is_file()
-    assert (unpacked / "fmus" / "py.typed").is_file()
-    assert (unpacked / "cotrack" / "py.typed").is_file()
     top = {path.name for path in unpacked.iterdir() if not path.name.endswith(".dist-info")}
     assert top == {"cotrack", "fmus", "orchestrator"}
+    assert all((unpacked / name / "py.typed").is_file() for name in top)
     assert sum(path.stat().st_size for path in unpacked.parent.glob("*.whl")) < 2_000_000
     (entries,) = unpacked.glob("*.dist-info/entry_points.txt")
     assert "cotrack = orchestrator.__main__:main" in entries.read_text()
@@ -45,12 +43,12 @@ def test_wheel_has_scenes_vehicles_and_pages_only(unpacked):
 
 @pytest.mark.long
 def test_cotrack_runs_from_the_wheel(unpacked, tmp_path):
-    listed = cotrack(unpacked, tmp_path, "scenes")
-    assert listed.returncode == 0, listed.stderr
-    assert "straight" in listed.stdout
-    ran = cotrack(unpacked, tmp_path, "run", "hanging_chain", "--stop", "0.01", "--json")
-    assert ran.returncode == 0, ran.stderr
-    assert (tmp_path / "logs" / "hanging_chain-flexible-run.stop=0.01.mcap").is_file()
-    built = cotrack(unpacked, tmp_path, "build", "hanging_chain", "-o", "out")
-    assert built.returncode == 0, built.stderr
-    assert (tmp_path / "out" / "TrackFlexible-hanging_chain.fmu").is_file()
+    for words, said, file in (
+        (["scenes"], "straight", ""),
+        (["run", "hanging_chain", "--stop", "0.01", "--json"], "ok", "logs/hanging_chain-flexible-run.stop=0.01.mcap"),
+        (["build", "hanging_chain", "-o", "out"], "", "out/TrackFlexible-hanging_chain.fmu"),
+    ):
+        done = cotrack(unpacked, tmp_path, *words)
+        assert done.returncode == 0, done.stderr
+        assert said in done.stdout
+        assert (tmp_path / file).exists()

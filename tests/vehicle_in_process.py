@@ -45,9 +45,8 @@ class Member:
         outputs = [port.name for port in real if port.causality == "output"]
         count = len(outputs) - self.model.link_ports
         self.outputs, self.links = outputs[:count], outputs[count:]
-        self.counters = [
-            port.name for port in self.model.ports if port.causality == "output" and isinstance(port.start, int)
-        ]
+        ports = self.model.ports
+        self.counters = [port.name for port in ports if port.causality == "output" and isinstance(port.start, int)]
         self.parameters = {port.name: port.start for port in self.model.ports if port.causality == "parameter"}
         settings = dict(part.parameters)
         for pattern, values in overrides.items():
@@ -102,13 +101,9 @@ class InProcess:
         self._feeds: dict[str, list[tuple[Member, list[int], list[int]]]] = {name: [] for name in self.members}
         for connection in assembly.connections:
             source, target = self.members[connection.source], self.members[connection.target]
-            self._feeds[target.name].append(
-                (
-                    source,
-                    [source.outputs.index(name) for name in connection.outputs],
-                    [target.inputs.index(name) for name in connection.inputs],
-                )
-            )
+            columns = [source.outputs.index(name) for name in connection.outputs]
+            inputs = [target.inputs.index(name) for name in connection.inputs]
+            self._feeds[target.name].append((source, columns, inputs))
         self.steps, self.further = 0, 0.0  # steps of the scene's length; time of other steps, s
 
     @property

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from fmpy import read_model_description
+from fmpy.fmi2 import FMU2Slave
 from vehicle_in_process import InProcess
 
 from fmus.native.pack import build_native, with_constants
 from orchestrator.cosim.component import Component
+from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 
@@ -32,6 +36,7 @@ ELEMENTS = (  # of the suspension, one of each sort
 )  # fmt: skip
 BUSHED = "vehicle.track.bushing={stiffness=500, preset=0.1, damping=5, friction=0.3, radius=0.02}"
 PARTS = ('track.link_outputs=["force", "wheels", "teeth", "rims", "horns", "moment"]',)
+RELEASED = "track.start=displaced"
 THERE_AND_BACK = "drive.speed_points=[[0, 0], [0.1, 8], [0.25, 8], [0.35, -8], [1, -8]]"
 
 
@@ -53,44 +58,32 @@ FEW = [
     Case("serpentine", "rigid", "right_drive"),
     Case("differential", "rigid", "differential"),
 ]
+CHAINS = (  # links, settings
+    ("flexible", ("track.integrator=runge_kutta", RELEASED)), ("rigid", ("track.integrator=runge_kutta", RELEASED)),
+    ("flexible", ("track.integrator=adams", RELEASED)), ("rigid", ("track.integrator=adams", RELEASED)),
+    ("rigid", ("track.integrator=dormand_prince", "track.formulation=recursive", RELEASED)),
+    ("flexible", ("track.integrator=hht",)), ("flexible", (*CHOLESKY, RELEASED)),
+    ("flexible", ("track.elasticity=general",)),
+)  # fmt: skip
+STRAIGHT = (  # links, part, settings
+    ("rigid", "right_track", (*MOVING, *SLOPE)), ("flexible", "left_track", (*MOVING, "track.element=beam")),
+    ("flexible", "left_track", (*MOVING, "symmetric=true", "planar=true")),
+    ("rigid", "left_track", (*MOVING, *JOINTED)),
+    ("rigid", "left_track", (*MOVING, *JOINTED, "track.closure=spring")),
+    ("rigid", "left_track", (*MOVING, "track.closure=spring")), ("flexible", "left_track", (*MOVING, BUSHED)),
+    ("flexible", "right_track", (*QUICK, "drive.speed=0")), ("rigid", "left_track", (*QUICK, "drive.speed=0")),
+    ("rigid", "chassis", (*MOVING, "hitch.force=1e4", "hitch.drag_points=[[-1, -1e4], [1, 1e4]]", "seats=['driver']")),
+    ("rigid", "chassis", (*MOVING, *BELLY)), ("rigid", "chassis", (*MOVING, *ELEMENTS)),
+    ("rigid", "right_track", (*MOVING, *WAVES)), ("rigid", "chassis", (*MOVING, *WAVES, *BELLY)),
+)  # fmt: skip
 MANY = [
     Case("hanging_chain", "rigid", "chain"),
     Case("straight", "flexible", "left_track", (*MOVING, *PARTS)),
-    Case("straight", "rigid", "right_track", (*MOVING, *SLOPE)),
-    Case("straight", "flexible", "left_track", (*MOVING, "track.element=beam")),
-    Case("straight", "flexible", "left_track", (*MOVING, "symmetric=true", "planar=true")),
+    *(Case("straight", *each) for each in STRAIGHT),
     Case("turn", "flexible", "left_track", (*QUICK, *ROUND)),
     Case("turn", "rigid", "right_track", (*QUICK, *ROUND, *PARTS)),
-    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),
-    Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),
-    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
-    Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
-    Case(
-        "hanging_chain",
-        "rigid",
-        "chain",
-        (*QUICK, "track.integrator=dormand_prince", "track.formulation=recursive", "track.start=displaced"),
-    ),
-    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=hht")),
-    Case("hanging_chain", "flexible", "chain", (*QUICK, *CHOLESKY, "track.start=displaced")),
-    Case("straight", "rigid", "left_track", (*MOVING, *JOINTED)),
-    Case("straight", "rigid", "left_track", (*MOVING, *JOINTED, "track.closure=spring")),
-    Case("straight", "rigid", "left_track", (*MOVING, "track.closure=spring")),
-    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.elasticity=general")),
-    Case("straight", "flexible", "left_track", (*MOVING, BUSHED)),
-    Case("straight", "flexible", "right_track", (*QUICK, "drive.speed=0")),
-    Case("straight", "rigid", "left_track", (*QUICK, "drive.speed=0")),
-    Case(
-        "straight",
-        "rigid",
-        "chassis",
-        (*MOVING, "hitch.force=1e4", "hitch.drag_points=[[-1, -1e4], [1, 1e4]]", "seats=['driver']"),
-    ),
-    Case("straight", "rigid", "chassis", (*MOVING, *BELLY)),
-    Case("straight", "rigid", "chassis", (*MOVING, *ELEMENTS)),
-    Case("straight", "rigid", "right_track", (*MOVING, *WAVES)),
-    Case("straight", "rigid", "chassis", (*MOVING, *WAVES, *BELLY)),
     Case("soft_ground", "flexible", "left_track", MOVING),
+    *(Case("hanging_chain", links, "chain", (*QUICK, *settings)) for links, settings in CHAINS),
 ]
 SOIL = Case("soft_ground", "rigid", "left_track", (*QUICK, THERE_AND_BACK), 600)
 
@@ -130,10 +123,28 @@ def native(case):
     return build_native(part.kind, with_constants(part.kind, part.config, part.parameters))
 
 
-def begun(case, stack=None, messages=None):
-    component = Component(native(case), case.part, messages)
+def begun(case):
+    component = Component(native(case), case.part)
     component.initialise(ran(case).part.parameters)
     return component
+
+
+@contextmanager
+def raw(case, **parameters):
+    """Instance of FMI 2.0 in FMPy alone, initialised, and its variables by name."""
+    description = read_model_description(native(case))
+    variables = {v.name: v for v in description.modelVariables}
+    kind, folder = description.coSimulation.modelIdentifier, str(unpack(native(case)))
+    slave = FMU2Slave(guid=description.guid, modelIdentifier=kind, unzipDirectory=folder, instanceName="one")
+    slave.instantiate()
+    for name, value in (ran(case).part.parameters | parameters).items():
+        if name in variables and variables[name].causality == "parameter":
+            (slave.setString if isinstance(value, str) else slave.setReal)([variables[name].valueReference], [value])
+    slave.enterInitializationMode()
+    try:
+        yield slave, variables
+    finally:
+        slave.freeInstance()
 
 
 def follow(component, run, steps):

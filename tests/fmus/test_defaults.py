@@ -1,18 +1,16 @@
 """Defaults of an FMU's parameters and inputs."""
 
 import json
+from functools import cache
 
 import named_ports
 import numpy as np
 import pytest
 from conftest import build_toy
-from toy.model import Model as Toy
 
 from fmus.driver.model import Model as Driver
-from fmus.fmi.build import BuildFailed
 from fmus.fmi.description import bounds
-from fmus.interface.defaults import check_names, configured_ports
-from fmus.interface.model import InvalidParameter, StepFailed
+from fmus.interface.model import StepFailed
 from fmus.sprocket_drive.model import Model as Drive
 from fmus.steering_differential.model import Model as Differential
 from fmus.track_rigid.model import Model as RigidTrack
@@ -53,45 +51,9 @@ def test_parameters_of_a_config_are_the_defaults_of_its_fmu(toy):
         assert np.array_equal(trace(own, {"stiffness": 133}), trace(plain, {**given, "stiffness": 133}))
 
 
-@pytest.mark.parametrize(
-    ("given", "sentence"),
-    [
-        ({"stifness": 1.0}, "there is no parameter 'stifness'"),
-        ({"x": 1.0}, "there is no parameter 'x'"),
-        ({"stiffness": "high"}, "stiffness = 'high': must be a number"),
-        ({"stiffness": True}, "stiffness = True: must be a number"),
-        ({"stiffness": float("inf")}, "stiffness = inf: must be a finite number"),
-        ({"substeps": 2.0}, "substeps = 2.0: must be a whole number"),
-        ({"trouble": 3}, "trouble = 3: must be a text"),
-        ({"trouble": "explode"}, "trouble = 'explode': must be one of none, raise, nan, zero, warn"),
-    ],
-)
-def test_what_no_parameter_can_be_is_refused(given, sentence):
-    config = {"spare": 0, "start": 0.1, "parameters": given}
-    ports = Toy(config).ports
-
-    def refused():
-        check_names(ports, config)
-        configured_ports(ports, config)
-
-    with pytest.raises(InvalidParameter) as caught:
-        refused()
-    assert str(caught.value) == sentence
-
-
-@pytest.mark.parametrize(
-    ("given", "sentence"),
-    [({"stifness": 1.0}, "there is no parameter 'stifness'"), ({"substeps": "4"}, "substeps = '4': must be a whole")],
-)
-def test_an_fmu_with_wrong_defaults_is_not_built(given, sentence):
-    with pytest.raises(BuildFailed) as caught:
-        build_toy(parameters=given)
-    assert str(caught.value).startswith(f"cannot build toy_fmu: {sentence}")
-    assert "\n" not in str(caught.value)
-
-
-def part(name):
-    return next(part for part in assemble(placed(load("rig", "rigid"))).parts if part.name == name)
+@cache
+def part(scene, name):
+    return next(part for part in assemble(placed(load(scene, "rigid"))).parts if part.name == name)
 
 
 def unconnected(model, parameters, shift=0.0, blank=()):
@@ -111,8 +73,8 @@ def unconnected(model, parameters, shift=0.0, blank=()):
 def test_a_track_that_nothing_moves_stays_on_its_wheels(lateral):
     """A track whose wheels do not move stays on them, wherever its configuration places it."""
     own = {**PLACE, "start.lateral": lateral}
-    drawn = unconnected(RigidTrack(part("track").config), {})
-    model = RigidTrack(part("track").config | {"parameters": own})
+    drawn = unconnected(RigidTrack(part("rig", "track").config), {})
+    model = RigidTrack(part("rig", "track").config | {"parameters": own})
     outputs, off = unconnected(model, own), unconnected(model, own, 1e-3)
     assert 1.4e4 < drawn["tension.mean"] < 1.6e4
     for name in ("tension.mean", "tension.max", "energy.contact"):
@@ -120,10 +82,17 @@ def test_a_track_that_nothing_moves_stays_on_its_wheels(lateral):
         assert off[name] != pytest.approx(drawn[name], rel=1e-3)
 
 
-@pytest.mark.parametrize(("kind", "name", "connector"), [(Drive, "drive", "mount"), (RigidTrack, "track", "sprocket")])
-def test_declared_motions_of_inputs_are_those_of_the_configured_start(kind, name, connector):
-    own = {**part(name).parameters, **PLACE, "start.lateral": -1.0795}
-    config = json.loads(json.dumps(part(name).config | {"parameters": own}))
+PARTS = {
+    "track": (RigidTrack, "rig", "sprocket"), "drive": (Drive, "rig", "mount"),
+    "differential": (Differential, "differential", ""), "driver": (Driver, "serpentine", ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["drive", "track"])
+def test_declared_motions_of_inputs_are_those_of_the_configured_start(name):
+    kind, scene, connector = PARTS[name]
+    own = {**part(scene, name).parameters, **PLACE, "start.lateral": -1.0795}
+    config = json.loads(json.dumps(part(scene, name).config | {"parameters": own}))
     declared = {port.name: port.start for port in kind(config).ports}
     c, s = np.cos(0.7), np.sin(0.7)
     assert declared[f"{connector}.position.x"] == pytest.approx(3.0 + s * 1.0795)
@@ -132,29 +101,20 @@ def test_declared_motions_of_inputs_are_those_of_the_configured_start(kind, name
     assert declared[f"{connector}.orientation.y"] == pytest.approx(np.cos(0.35) * np.sin(0.1))
 
 
-KINDS = {
-    "track": (RigidTrack, "rig", "track"),
-    "drive": (Drive, "rig", "drive"),
-    "differential": (Differential, "differential", "differential"),
-    "driver": (Driver, "serpentine", "driver"),
-}
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_zeros_before_the_first_exchange_are_no_motion(kind):
+@pytest.mark.parametrize("name", PARTS)
+def test_zeros_before_the_first_exchange_are_no_motion(name):
     """Tools that exchange after their first step begin with zeros: the part stays where it starts, at its own place."""
-    model, scene, name = KINDS[kind]
-    component = next(p for p in assemble(placed(load(scene, "rigid"))).parts if p.name == name)
-    own = {**component.parameters, **PLACE}
-    config = component.config | {"parameters": own}
+    model, scene, _ = PARTS[name]
+    own = {**part(scene, name).parameters, **PLACE}
+    config = part(scene, name).config | {"parameters": own}
     outputs = unconnected(model(config), own)
     assert unconnected(model(config), own, blank=(0,)) == pytest.approx(outputs, rel=1e-6, abs=1e-8)
-    with pytest.raises(StepFailed, match=r"is no rotation: its length is 0"):
+    with pytest.raises(StepFailed, match="is no rotation"):
         unconnected(model(config), own, blank=(1,))
 
 
 def test_a_drive_that_nothing_moves_is_a_fixed_axle_on_either_side():
-    model = Drive(part("drive").config | {"parameters": {"start.lateral": 1.0795}})
+    model = Drive(part("rig", "drive").config | {"parameters": {"start.lateral": 1.0795}})
     assert unconnected(model, {})["sprocket.position.y"] == 1.0795
     assert unconnected(model, {"start.lateral": -1.0795})["sprocket.position.y"] == -1.0795
 
@@ -162,16 +122,11 @@ def test_a_drive_that_nothing_moves_is_a_fixed_axle_on_either_side():
 @pytest.mark.parametrize(
     ("key", "name"),
     [
-        ("start.position", "start.position.y"),
-        ("start.height", "start.height"),
-        ("drive.speed", "speed.end"),
-        ("drive.torque", "torque.drive"),
-        ("drive.brake", "brake.torque"),
-        ("drive.ramp_start", "ramp.start"),
-        ("drive.stop_time", "stop.time"),
-        ("drive.gear_ratio", "gear.ratio"),
+        ("start.position", "start.position.y"), ("start.height", "start.height"), ("drive.speed", "speed.end"),
+        ("drive.torque", "torque.drive"), ("drive.brake", "brake.torque"), ("drive.ramp_start", "ramp.start"),
+        ("drive.stop_time", "stop.time"), ("drive.gear_ratio", "gear.ratio"),
     ],
-)
+)  # fmt: skip
 def test_parameters_have_the_ranges_of_their_keys(key, name):
     allowed = next(each.allowed for each in scene_keys() if each.key == key)
     (port,) = (port for port in Drive({"drive": DRIVE}).ports if port.name == name)

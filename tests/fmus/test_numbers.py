@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import random
 import re
 import struct
 import zipfile
 from functools import cache
-from xml.etree.ElementTree import fromstring
 
 import named_ports
 import numpy as np
@@ -18,7 +18,7 @@ from named_ports import output_names, parameters
 from test_suspension import FAR, LAST
 
 from fmus.components import model_of
-from fmus.fmi.build import BuildFailed, build_shapes, packed_config, start_values
+from fmus.fmi.build import build_shapes, packed_config, start_values
 from fmus.interface import numbers
 from fmus.interface.ports import UNITS, variables
 from fmus.native import numbers_file
@@ -27,11 +27,9 @@ from fmus.native.fmi3_description import document
 from fmus.native.pack import build_native, build_native_shape, with_constants
 from fmus.vehicles.ranges import contradictions
 from fmus.vehicles.vehicle import number_meanings
-from orchestrator.cosim import fmi2_library
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.model_description import loadable
 from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
@@ -95,13 +93,6 @@ def test_every_number_of_a_vehicle_file_is_a_parameter_of_a_component():
     table = {"idler": {"x": 1.0}, "right": {"idler": {"x": 1.1}, "tensioner": {"preload": 2.0}}}
     assert {unit for unit, *_ in number_meanings().values()} <= set(UNITS)
     assert {"right.idler.x", "right.tensioner.preload"} <= {*numbers.places({"vehicle": table})}
-
-
-def test_a_component_has_no_numbers_that_it_does_not_read():
-    """A key that is read and not listed would raise a KeyError: configs hold the listed ones alone."""
-    assert "chassis.mass" not in numbers.places(config_of("left_track")[1])
-    assert "track.mass" not in numbers.places(config_of("chassis")[1])
-    assert not [name for name in numbers.places(config_of("left_drive")[1]) if name.startswith("chassis.")]
 
 
 BUSHED = "vehicle.track.bushing={stiffness=500, preset=0.1, damping=20, friction=0.3, radius=0.02, slow=2.0}"
@@ -170,7 +161,7 @@ def test_a_host_that_sets_ten_keys_has_the_bits_of_a_scene_that_sets_them(part_n
             for k in range(5):
                 component.write()
                 component.step(k * H, H)
-                component.read()
+            component.read()
             component.read_links()
             return np.concatenate([component.y, component.y_links])
 
@@ -179,9 +170,9 @@ def test_a_host_that_sets_ten_keys_has_the_bits_of_a_scene_that_sets_them(part_n
         model.step(k * H, H, u)
     y = [*named_ports.outputs(model).values()]
     assert np.array_equal(outputs(wanted), y)
-    off = {"chassis": {"chassis.mass": 12600.0}, "left_track": {"track.mass": 1.02 * wanted.get("track.mass", 0.0)}}
-    off["left_drive"] = {"start.angle": 0.01}
-    assert not np.array_equal(outputs({**wanted, **off[part_name]}), y)
+    off = {"chassis": ("chassis.mass", 12600.0), "left_drive": ("start.angle", 0.01)}
+    name, value = off.get(part_name, ("track.mass", 1.02 * wanted.get("track.mass", 0.0)))
+    assert not np.array_equal(outputs({**wanted, name: value}), y)
 
 
 def test_a_mount_that_nothing_moves_is_at_its_own_place():
@@ -209,19 +200,6 @@ def test_what_is_recorded_of_a_part_does_not_depend_on_the_fmu_that_the_cache_ha
         assert component.u[0] == part.config["drive"]["mount"][0] != 7.0
 
 
-def test_numbers_that_exclude_each_other_are_refused_at_the_end_of_initialisation():
-    part = parts()["left_track"]
-    (fmu,) = build_shapes([(part.kind, part.config, None)])
-    with Component(fmu, "track") as component:
-        wanted = {**start_values(part.kind, part.config).parameters, **part.parameters}
-        said = "track: sprocket.outer_radius = 0.1 m must exceed the pitch radius 0.2[0-9]* m"
-        with pytest.raises(ComponentFailed, match=said):
-            component.initialise({**wanted, "sprocket.outer_radius": 0.1})
-        with pytest.raises(ComponentFailed, match=r"track\.mass = -1: must be greater than 0"):
-            component.initialise({**wanted, "track.mass": -1.0})
-        component.initialise(wanted)
-
-
 LEAVES = st.floats(allow_nan=False, allow_infinity=False, width=32) | st.integers(0, 9) | st.text("ab", max_size=2)
 KEYS = st.text("abc", min_size=1, max_size=2)
 
@@ -239,16 +217,12 @@ def test_numbers_are_the_floats_and_nothing_else(table):
 def test_the_description_states_unit_bounds_and_meaning():
     part = parts()["chassis"]
     (fmu,) = build_shapes([(part.kind, part.config, None)])
-    with zipfile.ZipFile(fmu) as archive:
-        root = fromstring(archive.read("modelDescription.xml"))
-    variables = {variable.get("name"): variable for variable in root.iter("ScalarVariable")}
+    described = read_model_description(fmu)
+    variables = {variable.name: variable for variable in described.modelVariables}
     mass = variables["chassis.mass"]
-    assert (mass.get("causality"), mass.get("variability"), mass.get("description")) == (
-        "parameter", "fixed", "mass of the hull",
-    )  # fmt: skip
-    assert (mass[0].get("unit"), float(mass[0].get("min"))) == ("kg", 0.0)
-    assert variables["chassis.inertia[2]"][0].get("unit") == "kg.m2"
-    assert {unit.get("name") for unit in root.iter("Unit")} >= {"kg", "kg.m2"}
+    assert (mass.causality, mass.variability, mass.description) == ("parameter", "fixed", "mass of the hull")
+    assert (mass.unit, mass.min, variables["chassis.inertia[2]"].unit) == ("kg", "0.0", "kg.m2")
+    assert {unit.name for unit in described.unitDefinitions} >= {"kg", "kg.m2"}
 
 
 OF_NAMES = {  # unit by the end of a name without indices and axis
@@ -294,10 +268,10 @@ def test_every_real_has_the_unit_of_its_name(scene):
 # --- native FMUs -----------------------------------------------------------------------------------
 
 
-@cache
-def drive(inertia=9.0, **more):
-    config = {"drive": {"inertia": inertia, "mount": [0.0, 0.0, 0.0], **more}}
-    return "SprocketDrive", config
+def drive(inertia=9.0, points="", **more):
+    """Kind and config of a drive, with points of its speed."""
+    given = {"parameters": {"mode": "speed", "speed.points": points}} if points else {}
+    return "SprocketDrive", {"drive": {"inertia": inertia, "mount": [0.0, 0.0, 0.0], **more}, **given}
 
 
 def library(fmu):
@@ -313,22 +287,15 @@ def test_native_fmus_of_a_shape_have_one_library():
     guids = [read_model_description(file).guid for file in (usual, other)]
     assert guids[0][:28] == guids[1][:28]
     assert guids[0] != guids[1]  # some hosts unpack one FMU for each guid
-    with pytest.raises(ComponentFailed, match=f"the guid {guids[0]} is not {guids[1]}, which this FMU has"):
+    with pytest.raises(ComponentFailed):
         Component(usual, "drive", resources=unpack(other) / "resources")
     assert build_native_shape(*drive(11.0)).fmu == build_native_shape(*drive()).fmu
 
 
-def begun(fmu, hear, resources):
-    folder = loadable(fmu).folder
-    description = loadable(fmu).description
-    given = folder, "drive", description.guid, hear, resources
-    return fmi2_library.instantiate(fmi2_library.load(folder, "SprocketDrive"), *given)
-
-
-def spin_after(fmu, resources):
-    """Speed of a drive after five steps of a torque."""
-    with Component(fmu, "drive", resources=resources) as component:
-        component.initialise({"mode": "torque", "torque.drive": 100.0})
+def speed_after(fmu, resources, starts=(), **given):
+    """Speed of a drive after five steps, by default of a torque."""
+    with Component(fmu, "drive", resources=resources, starts=starts) as component:
+        component.initialise(given or {"mode": "torque", "torque.drive": 100.0})
         for k in range(5):
             component.write()
             component.step(k * H, H)
@@ -337,36 +304,24 @@ def spin_after(fmu, resources):
 
 
 def test_a_file_of_numbers_makes_an_instance_one_of_another_fmu():
-    shape = build_native_shape(*drive())
-    other = build_native_shape(*drive(11.0))
-    speeds = [spin_after(shape.fmu, each.resources) for each in (shape, other)]
+    shape, other = build_native_shape(*drive()), build_native_shape(*drive(11.0))
+    speeds = [speed_after(shape.fmu, each.resources) for each in (shape, other)]
     assert speeds[0] / speeds[1] == pytest.approx(11.0 / 9.0, rel=1e-9)
-    assert speeds[1] == spin_after(build_native(*drive(11.0)), None)
+    assert speeds[1] == speed_after(build_native(*drive(11.0)), None)
 
 
 def test_points_are_numbers():
-    """Drives that differ in the points of their speed share an FMU; each instance has its own."""
+    """Drives that differ in the points of their speed share an FMU; each instance has its own, a constant."""
     made = []
     for rise in (4.0, 6.0):
-        points = f"0.0 0.0; 0.004 {rise}"
-        config = {**drive()[1], "parameters": {"mode": "speed", "speed.points": points}}
-        fmu, resources, starts = build_native_shape("SprocketDrive", config)
-        with Component(fmu, "drive", resources=resources, starts=starts) as component:
-            component.initialise({"speed.points": points})
-            for k in range(4):
-                component.write()
-                component.step(k * H, H)
-            component.read()
-            made.append((fmu, component.y[component.outputs.index("speed")]))
-        with (
-            Component(fmu, "drive", resources=resources, starts=starts) as component,
-            pytest.raises(ComponentFailed, match=r"'speed\.points' is a constant of this FMU"),
-        ):
-            component.initialise({"speed.points": "0.0 1.0"})
+        points = f"0.0 0.0; 0.005 {rise}"
+        fmu, resources, starts = build_native_shape(*drive(points=points))
+        made.append((fmu, speed_after(fmu, resources, starts, **{"speed.points": points})))
+        with pytest.raises(ComponentFailed):
+            speed_after(fmu, resources, starts, **{"speed.points": "0.0 1.0"})
     assert made[0][0] == made[1][0]
     assert [speed for _, speed in made] == pytest.approx([4.0, 6.0], rel=1e-12)
-    other = {**drive()[1], "parameters": {"mode": "speed", "speed.points": "0.0 0.0; 0.004 4.0; 0.005 4.0"}}
-    assert build_native_shape("SprocketDrive", other).fmu != made[0][0]
+    assert build_native_shape(*drive(points="0.0 0.0; 0.004 4.0; 0.005 4.0")).fmu != made[0][0]
 
 
 @pytest.mark.long
@@ -374,53 +329,42 @@ def test_constants_are_those_of_the_numbers():
     """A grade is a constant of a native track: each instance of the shape has its own."""
     fmus = []
     for grade in ("0.05", "0.1"):
-        scene = ("climb", "rigid", f"ground.grade={grade}")
-        part = parts(*scene)["left_track"]
+        part = parts("climb", "rigid", f"ground.grade={grade}")["left_track"]
         fmu, resources, starts = build_native_shape(part.kind, with_constants(part.kind, part.config, part.parameters))
         fmus.append(fmu)
         with Component(fmu, "track", resources=resources, starts=starts) as component:
             component.initialise(part.parameters)
-            with pytest.raises(
-                ComponentFailed, match=r"'start\.slope\.pitch' = 0\.3: it is a constant of this FMU, -0\.0"
-            ):
+            with pytest.raises(ComponentFailed):
                 component.initialise({"start.slope.pitch": 0.3})
     assert fmus[0] == fmus[1]
 
 
-def test_a_wrong_file_of_numbers_is_a_sentence(tmp_path):
+def test_a_wrong_file_of_numbers_is_refused(tmp_path):
+    """One byte changed, cut anywhere, of another FMU, or not there."""
     fmu, resources, _ = build_native_shape(*drive())
-    whole = (resources / numbers_file.FILE).read_bytes()
-    content = whole[: numbers_file.HEAD.size + struct.unpack_from("<Q", whole, 16)[0]]
+    whole, rng = (resources / numbers_file.FILE).read_bytes(), random.Random(1)
+    content = whole[: numbers_file.HEAD.size + struct.unpack_from("<Q", whole, 16)[0]]  # without the cache's checksum
     foreign = (build_native_shape(*drive(9.0, demanded=True)).resources / numbers_file.FILE).read_bytes()
-    cases = {
-        "is damaged": [content[:-1], content[:-9] + b"\1" + content[-8:], content[:24] + b"\0" + content[25:]],
-        "is no file of numbers of this version": [b"x" + content[1:], content[:8] + b"\3" + content[9:]],
-        "holds the numbers of another kind of FMU": [foreign],
-        "cannot be read": [b"", content[:50]],
-    }
-    for number, (said, files) in enumerate(cases.items()):
-        for k, each in enumerate(files):
-            folder = tmp_path / f"{number}{k}"
-            folder.mkdir()
-            (folder / numbers_file.FILE).write_bytes(each)
-            heard = []
-            handle, free = begun(fmu, lambda status, message, category, heard=heard: heard.append(message), folder)
-            free()
-            assert not handle, said
-            assert said in heard[0]
-    heard = []
-    handle, _ = begun(fmu, lambda status, message, category: heard.append(message), tmp_path / "nowhere")
-    assert not handle
-    assert re.search(r"the numbers of this FMU cannot be read: '.*/nowhere/numbers.bin'", heard[0])
+    wrong = [foreign, b"", *(content[: rng.randrange(len(content))] for _ in range(20))]
+    for _ in range(40):
+        at = rng.randrange(len(content))
+        wrong.append(content[:at] + bytes([content[at] ^ 1 << rng.randrange(8)]) + content[at + 1 :])
+    place = tmp_path / numbers_file.FILE
+    for each in (None, *wrong):
+        if each is not None:
+            place.write_bytes(each)
+        with pytest.raises(ComponentFailed):
+            Component(fmu, "drive", resources=tmp_path)
+    place.write_bytes(content)
+    assert speed_after(fmu, tmp_path) == speed_after(fmu, resources)
 
 
 @pytest.mark.parametrize("name", ["a b", "ü%20", "x" * 200])
 def test_resources_are_found_by_any_path(tmp_path, name):
     fmu, resources, _ = build_native_shape(*drive())
-    folder = tmp_path / name
-    folder.mkdir()
-    (folder / numbers_file.FILE).write_bytes((resources / numbers_file.FILE).read_bytes())
-    assert spin_after(fmu, folder) == spin_after(fmu, resources)
+    (tmp_path / name).mkdir()
+    (tmp_path / name / numbers_file.FILE).write_bytes((resources / numbers_file.FILE).read_bytes())
+    assert speed_after(fmu, tmp_path / name) == speed_after(fmu, resources)
 
 
 def test_a_state_of_other_numbers_is_refused():
@@ -430,10 +374,5 @@ def test_a_state_of_other_numbers_is_refused():
         state = one.dump(one.save())
     with Component(fmu, "drive", resources=build_native_shape(*drive(11.0)).resources) as other:
         other.initialise({})
-        with pytest.raises(ComponentFailed, match="the state is one of an instance with other numbers"):
+        with pytest.raises(ComponentFailed):
             other.restore(other.load(state))
-
-
-def test_a_config_that_no_vehicle_can_have_is_not_built():
-    with pytest.raises(BuildFailed, match=r"drive\.inertia = -1\.0 kg m2 must be positive"):
-        start_values(*drive(-1.0))

@@ -1,9 +1,11 @@
-"""Behaviour of the FMUs in any FMI tool, seen through fmpy's own calls: description, state, failures."""
+"""Behaviour of the FMUs in any FMI tool, seen through fmpy's own calls: description, state, failures.
+
+Random sequences of calls and damaged states: `test_call_sequences.py`.
+"""
 
 import ctypes
 import re
 import sys
-import zipfile
 from xml.etree import ElementTree
 
 import numpy as np
@@ -30,45 +32,40 @@ def component(toy):
 
 @pytest.fixture
 def raw(toy, xml):
-    """Return the same FMU through fmpy alone, and its value references by name."""
+    """Return the same FMU in fmpy alone, initialising, and its value references by name."""
     slave = FMU2Slave(guid="", modelIdentifier="Toy", unzipDirectory=str(unpack(toy)), instanceName="raw")
     slave.instantiate(loggingOn=True)
-    references = {
-        v.get("name"): int(v.get("valueReference")) for v in ElementTree.fromstring(xml).iter("ScalarVariable")
-    }
-    return slave, references
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    variables = ElementTree.fromstring(xml).iter("ScalarVariable")
+    yield slave, {v.get("name"): int(v.get("valueReference")) for v in variables}
+    slave.freeInstance()
+
+
+def shown(component):
+    """All outputs, those of links and counters last."""
+    component.read()
+    component.read_links()
+    component.read_counters()
+    return np.array((*component.y, *component.y_links, *component.counters))
 
 
 def advance(component, first, count):
-    """Outputs, counters and link outputs after each of ``count`` steps with a changing force."""
+    """All outputs after each of ``count`` steps with a changing force."""
     trace = []
     for i in range(first, first + count):
         component.u[0] = np.sin(0.7 * i)
         component.write()
         component.step(i * H, H)
-        component.read()
-        component.read_links()
-        component.read_counters()
-        trace.append((*component.y, *component.y_links, *component.counters))
+        trace.append(shown(component))
     return np.array(trace)
 
 
 # ------------------------------------------------------------------ description
 
 
-def test_validator_finds_no_problems(toy, tmp_path):
+def test_description_says_all_that_tools_ask_for(toy, xml):
     assert validate_fmu(str(toy)) == []
-    flawed = tmp_path / "flawed.fmu"
-    with zipfile.ZipFile(toy) as source, zipfile.ZipFile(flawed, "w") as target:
-        for name in source.namelist():
-            content = source.read(name)
-            if name == "modelDescription.xml":
-                content = content.replace(b'unit="N/m"', b'unit="N/mm"')
-            target.writestr(name, content)
-    assert any("N/mm" in problem for problem in validate_fmu(str(flawed)))
-
-
-def test_description_says_all_that_tools_ask_for(xml):
     root = ElementTree.fromstring(xml)
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", root.get("generationDateAndTime"))
     variables = list(root.iter("ScalarVariable"))
@@ -93,55 +90,36 @@ def test_description_says_all_that_tools_ask_for(xml):
         assert listed - {None} == {dependencies}
         assert (None in listed) == (group == "InitialUnknowns")  # the standard's default: of everything
     assert "none, raise, nan, zero, warn" in xml  # the choices of a String parameter
-
-
-def test_start_values_keep_all_their_digits():
-    start = 0.1 + 0.2  # 0.30000000000000004: 17 digits
-    with Component(build_toy(start=start), "toy") as component:
-        component.initialise({})
-        assert component.y[0] == start
-        assert next(v for v in component.description.modelVariables if v.name == "start.x").start == repr(start)
-
-
-def test_guid_follows_from_sources_and_configuration(toy, fresh_cache):
-    def guid(path):
-        with zipfile.ZipFile(path) as archive:
-            return ElementTree.fromstring(archive.read("modelDescription.xml")).get("guid")
-
-    assert guid(build_toy()) == guid(toy)
-    assert guid(build_toy(start=0.11)) != guid(toy)
+    places = [v for v in variables if v.get("name") in (*LINKS, *REALS)]  # no outputs
+    assert {(v.get("causality"), v.get("variability")) for v in places} == {("local", "discrete")}
 
 
 # ------------------------------------------------------------------ state
 
 
-def test_save_step_restore_step_is_bit_equal(component):
+def test_a_saved_state_goes_on_to_the_bit_and_a_reset_starts_again(component):
     component.initialise({"damping": 3.0})
-    advance(component, 0, 5)
+    start = advance(component, 0, 5)
     saved = component.save()
     first = advance(component, 5, 10)
-    component.restore(saved)
-    assert np.array_equal(advance(component, 5, 10), first)
+    for _ in range(2):
+        component.restore(saved)
+        assert np.array_equal(shown(component), start[-1])
+        assert np.array_equal(advance(component, 5, 10), first)
     assert not np.array_equal(advance(component, 15, 10), first)  # without restoring
-    component.restore(saved)  # a saved state can be restored more than once
-    assert np.array_equal(advance(component, 5, 10), first)
+    ends = []
+    for changes_input in (False, True):
+        component.restore(saved)
+        if changes_input:
+            component.u[0] = 10.0
+            component.write()
+            component.restore(saved)  # the FMU's own copy of its input too
+        component.step(5 * H, H)
+        ends.append(shown(component))
+    assert np.array_equal(*ends)
     component.free(saved)
-
-
-def test_restore_brings_back_inputs_outputs_and_link_outputs(component):
-    component.initialise({})
-    trace = advance(component, 0, 3)
-    saved = component.save()
-    force = component.u[0]
-    advance(component, 3, 3)
-    component.restore(saved)
-    component.read()
-    component.read_links()
-    component.read_counters()
-    assert np.array_equal((*component.y, *component.y_links, *component.counters), trace[-1])
-    component.u[0] = 0.0
-    component._exchange(component._library.fmi2GetReal, component._u)  # read the FMU's own copy of its input
-    assert component.u[0] == force
+    component.initialise({"damping": 3.0})
+    assert np.array_equal(advance(component, 0, 5), start)
 
 
 def test_state_as_bytes_revives_in_a_new_instance_with_its_parameters(toy):
@@ -157,38 +135,11 @@ def test_state_as_bytes_revives_in_a_new_instance_with_its_parameters(toy):
     with Component(toy, "third") as third:
         third.initialise({}, start=5 * H)
         assert not np.array_equal(advance(third, 0, 10), trace)
-
-
-def test_bytes_that_are_no_state_are_refused(toy, component):
-    component.initialise({})
-    content = component.dump(component.save())
-    flipped = content[:-20] + bytes([content[-20] ^ 1]) + content[-19:]
-    for bad in (b"", b"not a state", content[:-8], flipped):
-        with Component(toy, "bad") as other, pytest.raises(ComponentFailed, match="not a saved state"):
+    for bad in (b"", b"not a state", content[:-8]):
+        with Component(toy, "bad") as other, pytest.raises(ComponentFailed):
             other.load(bad)
-    with (
-        Component(build_toy(start=0.2), "other") as other,
-        pytest.raises(ComponentFailed, match="belongs to another FMU"),
-    ):
+    with Component(build_toy(start=0.2), "other") as other, pytest.raises(ComponentFailed):
         other.load(content)
-
-
-def test_reset_starts_again(component):
-    component.initialise({"damping": 3.0})
-    first = advance(component, 0, 5)
-    component.initialise({"damping": 3.0})
-    assert np.array_equal(advance(component, 0, 5), first)
-
-
-def test_two_instances_at_once_keep_apart(toy):
-    with Component(toy, "left") as left, Component(toy, "right") as right:
-        left.initialise({"start.x": 0.2})
-        right.initialise({"start.x": 0.4})
-        both = [(advance(left, i, 1), advance(right, i, 1)) for i in range(5)]
-    with Component(toy, "alone") as alone:
-        alone.initialise({"start.x": 0.2})
-        assert np.array_equal(np.vstack([pair[0] for pair in both]), advance(alone, 0, 5))
-    assert not np.array_equal(both[-1][0], both[-1][1])
 
 
 # ------------------------------------------------------------------ failures
@@ -211,59 +162,20 @@ def test_failed_step_tells_why_and_keeps_what_was(toy, trouble, sentence):
             component.step(5 * H, H)
         assert [status for _, status, message in heard if message.startswith(sentence)] == [3]
         assert any("Traceback" in message for _, _, message in heard)
-        component.read()
-        component.read_links()
-        component.read_counters()
-        assert np.array_equal((*component.y, *component.y_links), before[:-2])
+        assert np.array_equal(shown(component)[:-1], before[:-1])
         assert component.counters[component.integers.index("status")] == 3
-        assert component.counters[component.integers.index("solver.steps")] == before[-2]
         with pytest.raises(ComponentFailed, match=re.escape(sentence)):  # and fails again
             component.step(5 * H, H)
 
 
-def test_a_step_with_good_input_follows_one_with_bad_input(component):
-    component.initialise({})
-    advance(component, 0, 1)
-    saved = component.save()
-    expected = advance(component, 1, 3)
-    component.restore(saved)
-    component.u[1] = np.inf
-    component.write()
-    with pytest.raises(ComponentFailed, match=r"input 'spare\[1\]' is inf at t = 0.001"):
-        component.step(H, H)
-    component.u[1] = 0.0
-    assert np.array_equal(advance(component, 1, 3), expected)
-
-
-@pytest.mark.parametrize("h", [0.0, -H, np.nan, np.inf, 1e300, 4.94e-324, 1e-310, 0.9e-9])
-def test_step_needs_a_length(component, h):
-    component.initialise({})
-    with pytest.raises(ComponentFailed, match="a step needs a finite time and a length of at least 1e-09 s"):
-        component.step(0.0, h)
-    component.step(0.0, 1e-9)  # still valid
-
-
-@pytest.mark.parametrize(
-    ("parameters", "sentence"),
-    [
-        ({"trouble": "explode"}, "trouble = 'explode': must be one of none, raise, nan, zero, warn"),
-        ({"stiffness": -1.0}, "stiffness = -1.0: 100 % of springs push back"),
-        ({"damping": np.nan}, "damping = nan: must be a finite number"),
-    ],
-)
-def test_wrong_parameter_is_refused_at_the_end_of_initialisation(toy, raw, parameters, sentence, capfd):
-    with Component(toy, "toy") as component, pytest.raises(ComponentFailed, match=re.escape(f"toy: {sentence}")):
-        component.initialise(parameters)
-
-    slave, references = raw
-    name, value = next(iter(parameters.items()))
-    (slave.setString if isinstance(value, str) else slave.setReal)([references[name]], [value])
-    slave.setupExperiment()
-    slave.enterInitializationMode()  # no failure up to here
-    for _ in range(2):
-        with pytest.raises(FMICallException, match="fmi2ExitInitializationMode failed"):
-            slave.exitInitializationMode()
-    slave.freeInstance()
+def test_a_warning_is_told_with_its_percent_sign(toy):
+    heard = []
+    with Component(toy, "toy", lambda *message: heard.append(message)) as component:
+        component.initialise({"trouble": "warn"})
+        component.step(0.0, H)
+        component.read_counters()
+    assert ("toy", 1, "the spring creaks at 5 % of its load") in heard
+    assert component.counters[component.integers.index("status")] == 1
 
 
 @pytest.mark.parametrize("wait", [False, True])
@@ -276,46 +188,31 @@ def test_a_refusal_gives_its_sentence_whether_or_not_messages_wait(toy, monkeypa
             component.initialise({"stiffness": -1.0})
         assert any("Traceback" in message for message in heard) is not fmus.fmi.slave._MESSAGES_WAIT
         assert any(sentence in message.splitlines() for message in heard)
-        with pytest.raises(ComponentFailed, match="not allowed in the phase initialising"):
-            component._call(component._library.fmi2Terminate)
-        component._call(component._library.fmi2GetReal, None, 0, None)
+        component.set_inputs()  # a call that is not refused passes on what waits
         assert sum("Traceback" in message for message in heard) == 1
 
 
-def test_parameters_are_fixed_outputs_are_outputs_and_references_exist(raw):
+def test_variables_are_what_their_kind_says(raw):
+    """Outputs can be read during initialisation and follow the parameters, which are fixed afterwards."""
     slave, references = raw
-    slave.setupExperiment()
-    slave.enterInitializationMode()
+    x, start = [references["x"]], [references["start.x"]]
+    assert slave.getReal(x) == [0.1]
+    slave.setReal(start, [0.4])
+    assert slave.getReal([*x, references["link[2].tension"]]) == [0.4, 80.0]
     slave.exitInitializationMode()
     for call, name, value in (
-        (slave.setReal, "stiffness", 1.0),
-        (slave.setInteger, "substeps", 2),
-        (slave.setString, "trouble", "none"),
-        (slave.setReal, "x", 1.0),
-        (slave.setInteger, "status", 1),
-    ):
+        (slave.setReal, "stiffness", 1.0), (slave.setInteger, "substeps", 2), (slave.setString, "trouble", "none"),
+        (slave.setReal, "x", 1.0), (slave.setInteger, "status", 1), (slave.setInteger, LINKS[0], 0),
+    ):  # fmt: skip
         with pytest.raises(FMICallException):
             call([references[name]], [value])
     for call in (slave.getReal, slave.getInteger, slave.getString, slave.getBoolean):
         with pytest.raises(FMICallException):
             call([12345])
-    assert slave.getReal([references["stiffness"], references["x"]]) == [100.0, 0.1]
+    assert slave.getReal([references["stiffness"], *x]) == [100.0, 0.4]
     assert slave.getString([references["trouble"]]) == [b"none"]
     assert slave.getInteger([references["substeps"]]) == [4]
     slave.doStep(0.0, H)  # and the component still works
-    slave.freeInstance()
-
-
-def test_outputs_can_be_read_during_initialisation_and_follow_parameters(raw):
-    slave, references = raw
-    slave.setupExperiment()
-    slave.enterInitializationMode()
-    assert slave.getReal([references["x"]]) == [0.1]
-    slave.setReal([references["start.x"]], [0.4])
-    assert slave.getReal([references["x"], references["link[2].tension"]]) == [0.4, 80.0]
-    slave.exitInitializationMode()
-    assert slave.getReal([references["x"]]) == [0.4]
-    slave.freeInstance()
 
 
 def read_array(slave, array):
@@ -325,69 +222,32 @@ def read_array(slave, array):
     return address, np.frombuffer(ctypes.string_at(address, size)).tolist()
 
 
-def test_link_outputs_lie_where_it_says(raw):
-    """Link outputs lie at the given address, which reading either half computes, to the bit."""
-    slave, references = raw
-    slave.setupExperiment()
-    slave.enterInitializationMode()
-    slave.exitInitializationMode()
-    array, links = (
-        [references[name] for name in names] for names in (LINKS, (f"link[{i}].tension" for i in (1, 2, 3)))
-    )
-    seen = set()
-    for k in range(5):
-        address, values = read_array(slave, array)
-        assert values == slave.getReal(links)
-        seen.add((address, *values))
-        slave.doStep(k * H, H)
-    assert len(seen) == 5
-    assert len({address for address, *_ in seen}) == 1
-    with pytest.raises(FMICallException):
-        slave.setInteger([references["links.base.lo"]], [0])
-    slave.freeInstance()
+def test_values_lie_where_it_says(raw):
+    """Link outputs, computed when read, and all Reals by value reference lie at the given addresses.
 
-
-def test_reals_lie_where_it_says(raw):
-    """All Reals lie at the given address by value reference; an input written there counts as one that is set."""
+    An input that is written there counts as one that is set.
+    """
     slave, references = raw
-    slave.setupExperiment()
-    slave.enterInitializationMode()
     slave.exitInitializationMode()
-    array, state = [references[name] for name in REALS], slave.getFMUstate()
-    reals = [*range(len(read_array(slave, array)[1]))]
-    outcomes = []
-    for written in (True, False):
+    of_links, of_reals = ([references[name] for name in names] for names in (LINKS, REALS))
+    links, state = [references[f"link[{i}].tension"] for i in (1, 2, 3)], slave.getFMUstate()
+    reals = [*range(len(read_array(slave, of_reals)[1]))]
+    outcomes, seen = [], set()
+    for written, force in ((True, 1.0), (False, 1.0), (False, 2.0)):
         slave.setFMUState(state)
         for k in range(3):
-            address, values = read_array(slave, array)
+            place, tensions = read_array(slave, of_links)
+            assert tensions == slave.getReal(links)
+            seen.add((place, *tensions))
+            address, values = read_array(slave, of_reals)
             assert values == slave.getReal(reals)
             if written:
-                ctypes.c_double.from_address(address).value = 1.0 + k
+                ctypes.c_double.from_address(address).value = force + k
             else:
-                slave.setReal([0], [1.0 + k])
+                slave.setReal([0], [force + k])
             slave.doStep(k * H, H)
         outcomes.append(slave.getReal(reals))
-    assert outcomes[0] == outcomes[1]
-    slave.setFMUState(state)
-    for k in range(3):
-        slave.setReal([0], [2.0 + k])
-        slave.doStep(k * H, H)
-    assert slave.getReal(reals) != outcomes[0]
+    assert outcomes[0] == outcomes[1] != outcomes[2]
+    assert len(seen) >= 4
+    assert len({place for place, *_ in seen}) == 1
     slave.freeFMUState(state)
-    slave.freeInstance()
-
-
-def test_the_places_of_values_are_no_outputs(xml):
-    variables = {v.get("name"): v.attrib for v in ElementTree.fromstring(xml).iter("ScalarVariable")}
-    kinds = {(variables[name]["causality"], variables[name]["variability"]) for name in (*LINKS, *REALS)}
-    assert kinds == {("local", "discrete")}
-
-
-def test_warning_is_told_with_its_percent_sign(toy):
-    heard = []
-    with Component(toy, "toy", lambda *message: heard.append(message)) as component:
-        component.initialise({"trouble": "warn"})
-        component.step(0.0, H)
-        component.read_counters()
-    assert ("toy", 1, "the spring creaks at 5 % of its load") in heard
-    assert component.counters[component.integers.index("status")] == 1
