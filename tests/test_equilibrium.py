@@ -211,8 +211,7 @@ class Rough:
 
 
 @pytest.mark.parametrize(
-    ("difference", "least_share", "finds_all"),
-    [(1e-5, 1.0 / 16.0, True), (1e-6, 1.0, False), (1e-5, 1.0, False)],
+    ("difference", "least_share", "finds_all"), [(1e-5, 1.0 / 16.0, True), (1e-6, 1.0, False), (1e-5, 1.0, False)]
 )
 def test_small_kinks_of_the_chains_forces_stop_no_search(monkeypatch, difference, least_share, finds_all):
     """Quotients over 1 um see slopes of 180 1/s2 in them, more than the suspension's; full steps go round (twins)."""

@@ -75,7 +75,6 @@ DOORS = {
 }  # fmt: skip
 PROOF = ROOT / "tests"
 TO_PHYSICS = ORCHESTRATOR / "studies" / "step_limits.py"  # predicts the limit of a link's highest frequency
-KERNELS = PROOF / "benchmarks" / "kernels.py"  # measures the parts of a step by the signatures of the kernels
 AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
 
 

@@ -1,4 +1,4 @@
-"""Time of a communication step, us: by component and layer, of the master, of a Newton iteration.
+"""Time of a communication step, us, by component and layer.
 
 A run of ``straight`` is logged. Each component then gets its recorded inputs again, at each layer alone: model, slave
 called from Python, FMU by fmpy. All do the same work to the last bit, which the log proves.
@@ -17,8 +17,8 @@ from orchestrator.cosim.component import Component
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, Series
 from orchestrator.results.table import ABOUT, COST, Column, Table
-from orchestrator.scene.parts import TRACK, Part
-from tests.benchmarks import exchange, kernels, own
+from orchestrator.scene.parts import Part
+from tests.benchmarks import own
 from tests.benchmarks.timing import Floats, laps, per_step
 
 Row = dict[str, Any]
@@ -36,30 +36,18 @@ COMPONENTS: dict[str, tuple[str, tuple[str, ...], str]] = {
 }
 LAYERS = (
     Column("part", "part", "", ABOUT),
-    Column("kernel", "kernel, us", ".1f", COST),
     Column("model", "model's step, us", ".1f", COST),
     Column("slave", "slave's do_step, us", ".1f", COST),
     Column("values", "slave's get and set, us", ".1f", COST),
     Column("fmi", "FMI step, us", ".1f", COST),
     Column("exchange", "FMI get and set, us", ".1f", COST),
 )
-NEWTON = (
-    Column("part", "chain of 64 links on the vehicle", "", ABOUT),
-    Column("matrix", "evaluation with matrix, us", ".1f", COST),
-    Column("residual", "residual alone, us", ".1f", COST),
-    Column("factor", "factor, us", ".1f", COST),
-    Column("solve", "solve, us", ".1f", COST),
-    Column("evaluations", "evaluations a step", ".2f"),
-    Column("matrices", "matrices a step", ".2f"),
-)
 
 
 def measure(quick: bool, repeats: int) -> list[Table]:
-    """Tables of components, master and Newton iterations."""
+    """Table of components."""
     stop = QUICK_STOP if quick else STOP
-    layers: list[Row] = []
-    newton: list[Row] = []
-    master: list[Row] = []
+    rows: list[Row] = []
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         for track, settings in dict.fromkeys(each[:2] for each in COMPONENTS.values()):
             scene = own.scene(SCENE, track, (*SETTINGS, f"run.stop={stop} s", *settings))
@@ -71,60 +59,37 @@ def measure(quick: bool, repeats: int) -> list[Table]:
                 if of == [track, settings]:
                     with Log(path) as log:
                         inputs, outputs = log.read(f"/{name}/in"), log.read(f"/{name}/out")
-                    layer, iteration = replayed(own.part(scene, name), inputs, outputs, repeats)
-                    layers.append({"part": row, **layer})
-                    newton += [{"part": row.removeprefix("track, "), **iteration}] if iteration else []
-            if not settings:
-                master.append({"tracks": track, **exchange.measure(scene, Path(folder) / "again.mcap", repeats)})
+                    rows.append({"part": row, **replayed(own.part(scene, name), inputs, outputs, repeats)})
     window = f"{0.5 * stop:g} to {stop:g} s of `{SCENE}` that drives off at once, H = 1 ms"
     of_steps = f"CPU time, {window}: the least of {repeats} repeats of each step, their mean."
     nested = "Each layer has the one before in it; get and set come besides."
-    whole = "The same of the whole run. The exchange is a step without what happens inside the components."
-    return [
-        Table.of_records("A step by part and layer", LAYERS, layers, (of_steps, nested)),
-        Table.of_records("A step of the vehicle outside its components", exchange.COLUMNS, master, (whole,)),
-        Table.of_records("A Newton iteration", NEWTON, newton, (f"At the end of that; the least of {repeats} loops.",)),
-    ]
+    return [Table.of_records("A step by part and layer", LAYERS, rows, (of_steps, nested))]
 
 
-def replayed(part: Part, inputs: Series, outputs: Series, repeats: int) -> tuple[dict[str, float], dict[str, float]]:
-    """Times of a component with recorded inputs: by layer, and those of a track's Newton iteration."""
+def replayed(part: Part, inputs: Series, outputs: Series, repeats: int) -> dict[str, float]:
+    """Times of a component with recorded inputs by layer."""
     times: dict[str, list[Floats]] = {column.key: [] for column in LAYERS[1:]}
-    model = None
     for _ in range(repeats):
-        model = own.started(part)
-        for face, feed in (("kernel", _kernel), ("model", _model), ("slave", _slave), ("FMU", _fmu)):
-            durations, last = feed(part, model, inputs, len(outputs.names))
+        for face, feed in (("model", _model), ("slave", _slave), ("FMU", _fmu)):
+            durations, last = feed(part, inputs, len(outputs.names))
             if not np.array_equal(last, outputs.values[-1]):
                 raise RuntimeError(f"{part.name}: the {face} does not repeat what the log holds")
             for key, each in durations.items():
                 times[key].append(each)
-    steps = len(inputs.t)
-    layer = {key: per_step(each, steps // 2) for key, each in times.items()}
-    if model is None or part.stage != TRACK:
-        return layer, {}
-    evaluations, matrices = (model.counters[1:3] / steps).tolist()
-    return layer, {**kernels.parts(part.kind, model, H, repeats), "evaluations": evaluations, "matrices": matrices}
+    return {key: per_step(each, len(inputs.t) // 2) for key, each in times.items()}
 
 
 Fed = tuple[dict[str, Floats], Floats]  # times of every step, us; last outputs
 
 
-def _model(part: Part, model: Any, inputs: Series, outputs: int) -> Fed:
-    y = np.empty(outputs)
+def _model(part: Part, inputs: Series, outputs: int) -> Fed:
+    model, y = own.started(part), np.empty(outputs)
     (step,) = laps(len(inputs.t), lambda k: model.step(inputs.t[k], H, inputs.values[k]))
     model.outputs(y)
     return {"model": step}, y
 
 
-def _kernel(part: Part, _: Any, inputs: Series, outputs: int) -> Fed:
-    model, kernel = own.started(part), list[float]()
-    with kernels.timed(model, kernel):
-        _, y = _model(part, model, inputs, outputs)
-    return {"kernel": np.array(kernel)}, y
-
-
-def _slave(part: Part, _: Any, inputs: Series, outputs: int) -> Fed:
+def _slave(part: Part, inputs: Series, outputs: int) -> Fed:
     slave, u = own.slave(part), inputs.values.tolist()
     count = len(inputs.names)
     into, out, y = list(range(count)), list(range(count, count + outputs)), np.empty(outputs)
@@ -138,7 +103,7 @@ def _slave(part: Part, _: Any, inputs: Series, outputs: int) -> Fed:
     return {"slave": step, "values": put + got}, y
 
 
-def _fmu(part: Part, _: Any, inputs: Series, outputs: int) -> Fed:
+def _fmu(part: Part, inputs: Series, outputs: int) -> Fed:
     with Component(build(part.kind, part.config), part.name) as component:
         component.initialise(part.parameters)
 
