@@ -263,15 +263,6 @@ def test_orchestrator_reaches_into_fmus_through_few_doors():
         assert not inner_modules, (file, inner_modules)
 
 
-def test_benchmarks_know_the_kernels_in_one_module():
-    behind = [
-        file
-        for file in sources(PROOF / "benchmarks")
-        if any(name.startswith("fmus.physics.") and "layout" not in name for name in imports(file.read_text()))
-    ]
-    assert behind == [KERNELS]
-
-
 def test_each_peer_is_known_by_one_module():
     known = {
         (package, file.name)
