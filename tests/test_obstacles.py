@@ -160,35 +160,6 @@ def test_energy_over_obstacles_closes_as_the_steps_fall(ground, tmp_path):
     assert 1.5 < residuals[0] / residuals[1] < 4.0
 
 
-@pytest.mark.long
-def test_a_step_that_is_too_high_ends_standing(tmp_path):
-    """The run is well: status ok, closed energy, the vehicle before the wall on spinning tracks."""
-    result = simulate(load("step", "rigid", ("ground.step={x=[1], rise=1.2}", "run.stop=5 s")), tmp_path / "log.mcap")
-    assert (result["status"], result["message"]) == ("ok", "")
-    assert result["observables"]["speed"] < 0.05
-    assert abs(result["energy"]["residual_relative"]) < 0.01
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("grade", "friction"), [(0.2, 0.3), (0.4, 0.7)])
-def test_a_climb_takes_the_weight_along_the_slope(grade, friction, tmp_path):
-    settings = (f"ground.grade={grade}", f"vehicle.contact.ground.friction={friction}")
-    result = simulate(load("climb", "rigid", settings), tmp_path / "log.mcap")
-    weight, sine = result["observables"]["weight"], grade / np.hypot(1.0, grade)
-    measured = result["checks"]["uphill"]["value"]
-    assert measured == pytest.approx(weight * sine, rel=0.005)
-    assert measured != pytest.approx(weight * grade, rel=0.005)  # twin
-    losses = result["checks"]["torque"]["value"] - 0.5 * weight * sine * 0.242552
-    assert 200.0 < losses < 450.0
-
-
-@pytest.mark.long
-def test_a_grade_too_steep_for_the_friction_is_not_climbed(tmp_path):
-    result = simulate(load("climb", "rigid", ("ground.grade=0.32", "run.stop=4 s")), tmp_path / "log.mcap")
-    assert result["status"] == "ok"
-    assert result["observables"]["distance"] < -0.5
-
-
 UNDER_IT = {
     "rough": "ground.rough={iso_class='D', start=-20}",
     "waves": "ground.washboard={amplitude=0.02, wavelength=0.9, phase=1, start=-20}",
