@@ -22,17 +22,9 @@ from tests.fuzz.oracle import PARTIAL
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="signals and file systems of Linux")
 HERE = Path(__file__).parent
 CHAIN = (
-    "run",
-    "hanging_chain",
-    "--track",
-    "rigid",
-    "--set",
-    "chain.links=8",
-    "--set",
-    "expect={}",
-    "--no-estimate",
+    "run", "hanging_chain", "--track", "rigid", "--set", "chain.links=8", "--set", "expect={}", "--no-estimate",
     "--json",
-)
+)  # fmt: skip
 HULL = ("run", "straight", "--track", "rigid", "--set", "tracks=[]", "--set", "expect={}", "--no-estimate", "--json")
 COMMAND = (sys.executable, "-m", "orchestrator")
 

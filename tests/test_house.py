@@ -20,16 +20,9 @@ BASES = {"fmus.track_rigid", "fmus.track_rigid.model"}  # from which another kin
 
 # Packages of the orchestrator by level: each imports only from levels below its own, anywhere in its modules.
 STOREYS = (
-    ("files", "vocabulary"),
-    ("kernels",),
-    ("log",),
-    ("cosim",),
-    ("scene", "results", "fmu_check"),
-    ("execution",),
-    ("studies",),
-    ("interface",),
-    ("cli",),
-)
+    ("files", "vocabulary"), ("kernels",), ("log",), ("cosim",), ("scene", "results", "fmu_check"), ("execution",),
+    ("studies",), ("interface",), ("cli",),
+)  # fmt: skip
 # Rooms of fmus from the lowest: each imports only from those before its own, anywhere in its modules.
 ROOMS = (
     "cache", "kernels", "physics", "interface", "start", "vehicles", "ground", "track", "components", "fmi", "drives",
@@ -66,11 +59,10 @@ GENERIC = [
     "execution/replays.py",
 ]
 DOORS = {
-    "fmus.ahead", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.fmi.build",
-    "fmus.fmi.saved", "fmus.ground.keys", "fmus.ground.soils", "fmus.ground.terrain", "fmus.interface.defaults",
-    "fmus.interface.ports", "fmus.interface.units", "fmus.monolith.model", "fmus.native.pack",
-    "fmus.rest.equilibrium", "fmus.rest.standing", "fmus.rest.tensioning",
-    "fmus.start", "fmus.track.choices", "fmus.track.link_outputs", "fmus.vehicles.ranges",
+    "fmus.ahead", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.fmi.build", "fmus.fmi.saved",
+    "fmus.ground.keys", "fmus.ground.soils", "fmus.ground.terrain", "fmus.interface.defaults", "fmus.interface.ports",
+    "fmus.interface.units", "fmus.monolith.model", "fmus.native.pack", "fmus.rest.equilibrium", "fmus.rest.standing",
+    "fmus.rest.tensioning", "fmus.start", "fmus.track.choices", "fmus.track.link_outputs", "fmus.vehicles.ranges",
     "fmus.vehicles.sides", "fmus.vehicles.tables", "fmus.vehicles.vehicle",
 }  # fmt: skip
 PROOF = ROOT / "tests"
