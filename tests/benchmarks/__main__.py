@@ -26,7 +26,7 @@ def measure(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
-    """Measure speed: chains against peers, vehicle, sweeps, step by part and layer, recording."""
+    """Measure speed: chains against peers, vehicle, sweeps, recording."""
     names = benchmarks.chosen(only)
     repeats = repeat or (benchmarks.QUICK_REPEATS if quick else benchmarks.REPEATS)
     print(machine.sentence(machine.facts()), end="\n\n")

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from orchestrator.log.log_metadata import CHECKPOINT
-from orchestrator.log.reader import Log, Series
+from orchestrator.log.reader import Log
 from orchestrator.scene.scene import load
 from tests import benchmarks as bench
-from tests.benchmarks import against, guests, layers, machine, memory_run, motion, picture, sweep, tables
+from tests.benchmarks import against, guests, machine, memory_run, picture, sweep, tables
 from tests.benchmarks import recording as recording_part
 from tests.benchmarks import vehicle as vehicle_part
 from tests.benchmarks.__main__ import app
 from tests.benchmarks.chain import LAYERS
 from tests.benchmarks.process import Failed, isolated
 from tests.benchmarks.tables import ABOUT, COST, Column, Table
-from tests.benchmarks.timing import laps, least, per_step
+from tests.benchmarks.timing import least
 
 COLUMNS = (Column("what", "what", "", ABOUT), Column("time", "us", ".1f", COST), Column("count", "count", ",d"))
 TABLE = Table.of_records(
@@ -31,15 +31,15 @@ def test_what_comes_out(call, monkeypatch):
 
     def measured(name, **options):
         asked.append((name, options))
-        if name == "layers":
+        if name == "sweep":
             raise Failed("no reason")
         return json.loads(json.dumps([TABLE]))
 
     monkeypatch.setattr(bench, "isolated", measured)
-    status, out, _ = call(app, "--only", "vehicle,layers", "--quick", "--json")
+    status, out, _ = call(app, "--only", "vehicle,sweep", "--quick", "--json")
     answer = json.loads(out.splitlines()[-1])
     assert (status, answer["ok"]) == (1, False)
-    assert asked == [(name, {"quick": True, "repeats": bench.QUICK_REPEATS}) for name in ("vehicle", "layers")]
+    assert asked == [(name, {"quick": True, "repeats": bench.QUICK_REPEATS}) for name in ("vehicle", "sweep")]
     assert set(answer) == {"machine", "busy", "quick", "repeats", "ok", "parts"}
     assert {"cpu", "cores", "load_average", "python", "packages", "commit"} <= set(answer["machine"])
     assert answer["parts"]["vehicle"] == [tables.plain(TABLE)]
@@ -53,7 +53,7 @@ def test_what_comes_out(call, monkeypatch):
     ("arguments", "says"),
     [
         (["--only", "chian"], "--only chian: no part 'chian': did you mean 'chain'?"),
-        (["--only", "x"], "no part 'x': there are chain, vehicle, sweep, layers, recording"),
+        (["--only", "x"], "no part 'x': there are chain, vehicle, sweep, recording"),
         (["--repeat", "0"], "--repeat'"),
         (["--against", "nowhere"], "--against nowhere: there is no checkout of cotrack with benchmarks"),
     ],
@@ -84,9 +84,6 @@ def test_a_measurement_that_ends_with_an_error_is_a_sentence():
 def test_the_least_of_repeats():
     runs = iter([(2.0, "a"), (1.0, "b"), (3.0, "c")])
     assert least(3, lambda: next(runs)) == (1.0, "b")
-    assert per_step([np.array([9.0, 2.0, 4.0]), np.array([9.0, 3.0, 3.0])], 1) == 2.5
-    short, long = laps(20, lambda k: None, lambda k: sum(range(20_000)))
-    assert np.median(short) < 50.0 < np.min(long)
 
 
 def test_pairs_are_measured_in_turn(monkeypatch, tmp_path):
@@ -96,10 +93,10 @@ def test_pairs_are_measured_in_turn(monkeypatch, tmp_path):
     def measured(root, names, quick):
         roots.append(root)
         drift = float(len(roots))  # the machine slows down
-        return {("layers", "step"): (1.0 if root == against.ROOT else 2.0) * drift, ("layers", str(root)): 1.0}
+        return {("sweep", "step"): (1.0 if root == against.ROOT else 2.0) * drift, ("sweep", str(root)): 1.0}
 
     monkeypatch.setattr(against, "measured", measured)
-    table = against.paired(tmp_path, ["layers"], True, 4, lambda said: None)
+    table = against.paired(tmp_path, ["sweep"], True, 4, lambda said: None)
     assert [root == against.ROOT for root in roots] == [True, False, False, True, True, False, False, True]
     (row,) = table.records()
     assert row["figure"] == "step"
@@ -111,11 +108,11 @@ def test_a_pair_needs_both_sides(monkeypatch):
     def said(parts):
         out = json.dumps({"parts": parts})
         monkeypatch.setattr(against.subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=out, stderr=""))
-        return against.measured(against.ROOT, ["layers"], True)
+        return against.measured(against.ROOT, ["sweep"], True)
 
-    assert said({"layers": [tables.plain(TABLE)]}) == {("layers", "a: us"): 2.0}
+    assert said({"sweep": [tables.plain(TABLE)]}) == {("sweep", "a: us"): 2.0}
     with pytest.raises(Failed, match="not measured: no reason"):
-        said({"layers": [tables.plain(tables.failed("Title", "no reason"))]})
+        said({"sweep": [tables.plain(tables.failed("Title", "no reason"))]})
 
 
 @pytest.mark.long
@@ -129,22 +126,6 @@ def test_runs_are_counted_by_their_clocks():
     assert 1.0 < processors < 1.1 * wall * os.cpu_count()
     assert row["cpu"] == pytest.approx(1e3 * processors / 0.3)
     assert 50.0 < memory_run.measure("hanging_chain", "flexible", 0.01) < 20_000.0
-
-
-@pytest.mark.long
-def test_layers_repeat_the_log(monkeypatch):
-    monkeypatch.setattr(layers, "QUICK_STOP", 0.004)
-    two = {row: ("rigid", *layers.COMPONENTS[row][1:]) for row in ("drive", "track, rigid")}
-    monkeypatch.setattr(layers, "COMPONENTS", two)
-    (by_layer,) = layers.measure(quick=True, repeats=1)
-    assert [row["part"] for row in by_layer.records()] == list(two)
-    for row in by_layer.records():
-        assert np.isfinite([row[column.key] for column in layers.LAYERS[1:]]).all()
-    monkeypatch.setattr(layers, "_slave", lambda *given: ({"slave": np.ones(4)}, np.zeros(2)))
-    part, t = motion.part(motion.CASES["rigid"]), np.zeros(4)
-    inputs, outputs = Series(t, t, (), np.zeros((4, 0))), Series(t, t, ("x", "y"), np.ones((4, 2)))
-    with pytest.raises(RuntimeError, match="does not repeat what the log holds"):
-        layers.replayed(part, inputs, outputs, 1)
 
 
 def test_the_picture_has_a_pane_for_each_free_chain():
@@ -191,12 +172,11 @@ def test_the_quick_form_as_a_whole(call):
     assert status == 0, out
     assert list(answer["parts"]) == list(bench.PARTS)
     assert all(table["rows"] for part in answer["parts"].values() for table in part)
-    assert [row["part"] for row in answer["parts"]["layers"][0]["rows"]] == list(layers.COMPONENTS)
 
 
 @pytest.mark.benchmark
 def test_a_checkout_against_itself():
     if machine.busy(machine.facts()):
         pytest.skip("the machine is busy")
-    table = against.paired(against.ROOT, ["layers"], True, 5, lambda said: None)
+    table = against.paired(against.ROOT, ["vehicle"], True, 5, lambda said: None)
     assert [row["ratio"] for row in table.records()] == pytest.approx([1.0] * len(table.rows), abs=0.03)
