@@ -97,14 +97,6 @@ def test_the_centre_of_a_bare_wheel_follows_an_arc_over_a_half_round():
     assert (gap < -3e3 / stiffness).all()
 
 
-@pytest.mark.long
-def test_a_seed_is_one_ground():
-    rough = "ground.rough={iso_class='F', correlated=true, start=-8, seed=%d}"
-    first, again, other = (moved(rough % seed, duration=0.1) for seed in (1, 1, 2))
-    assert first.tobytes() == again.tobytes()
-    assert abs(other - first).max() > 1e-4
-
-
 # Limits at a friction of 1, crawling. The centre of mass, 0.578 m over the ground, passes the edge of a step of up to
 # 0.543 m while the vehicle stands on its last wheels, up to 1.04 m while it stands on its idlers. A gap is crossed
 # without tipping up to 1.33 m, from the last wheels to the centre of mass, and not beyond 1.99 m, from the idlers.

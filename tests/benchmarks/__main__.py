@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -30,13 +31,9 @@ def measure(
     names = benchmarks.chosen(only)
     repeats = repeat or (benchmarks.QUICK_REPEATS if quick else benchmarks.REPEATS)
     print(machine.sentence(machine.facts()), end="\n\n")
+    progress = partial(print, "...", file=sys.stderr, flush=True)
     result = benchmarks.report(
-        names,
-        quick,
-        repeats,
-        against,
-        lambda what: print(f"... {what}", file=sys.stderr, flush=True),
-        lambda table: print(table.markdown("###"), flush=True),
+        names, quick, repeats, against, progress, lambda table: print(table.markdown("###"), flush=True)
     )
     if as_json:
         print(json.dumps(common.finite(result)))

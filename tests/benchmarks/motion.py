@@ -86,17 +86,11 @@ def scene(case: Case, *settings: str) -> Scene:
     rod = own.scene(SCENE, case.track, ["vehicle=m113"]).vehicle
     inertia = (rod.track.inertia[0], MASS * rod.track.pitch**2 / 12.0, rod.track.inertia[2])
     given = [
-        "vehicle=m113",
-        f"vehicle.track.mass={MASS}",
-        f"vehicle.track.inertia={list(inertia)}",
-        f"vehicle.material.youngs_modulus={MODULUS} Pa",
-        f"vehicle.material.relaxation_time={RELAXATION} s",
-        f"chain.links={LINKS}",
-        f"chain.spin={SPIN}",
-        f"chain.ovalling={0.0 if case.ground else OVALLING}",
-        "track.start=polygon",
-        f"planar={str(case.planar).lower()}",
-    ]
+        "vehicle=m113", f"vehicle.track.mass={MASS}", f"vehicle.track.inertia={list(inertia)}",
+        f"vehicle.material.youngs_modulus={MODULUS} Pa", f"vehicle.material.relaxation_time={RELAXATION} s",
+        f"chain.links={LINKS}", f"chain.spin={SPIN}", f"chain.ovalling={0.0 if case.ground else OVALLING}",
+        "track.start=polygon", f"planar={str(case.planar).lower()}",
+    ]  # fmt: skip
     return own.scene(SCENE, case.track, [*given, *settings])
 
 
@@ -135,16 +129,11 @@ def loop(case: Case) -> Loop:
     turning, velocity = ovalling(first_pins, 0.0 if case.ground else OVALLING)
     velocity = velocity + SPIN * np.stack([first_pins[:, 1], -first_pins[:, 0]], axis=1)
     chord = np.roll(first_pins, -1, axis=0) - first_pins
+    angle, modulus = np.arctan2(chord[:, 1], chord[:, 0]), material["youngs_modulus"]
+    stiffness = modulus * section["area"], modulus * section["bending"]
+    rate = -(turning + SPIN)  # rotation about y is from z towards x
     return Loop(
-        first_pins,
-        velocity,
-        np.arctan2(chord[:, 1], chord[:, 0]),
-        -(turning + SPIN),  # rotation about y is from z towards x
-        track["pitch"],
-        track["mass"],
-        material["youngs_modulus"] * section["area"],
-        material["youngs_modulus"] * section["bending"],
-        material["relaxation_time"],
+        first_pins, velocity, angle, rate, track["pitch"], track["mass"], *stiffness, material["relaxation_time"]
     )
 
 
