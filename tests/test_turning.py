@@ -174,7 +174,7 @@ MIRRORED = {  # scene, links, settings, and those of the turn to each side
 @pytest.mark.parametrize("case", MIRRORED)
 def test_swapped_sides_mirror_the_path_and_a_heading_turns_it(case):
     scene, kind, settings, left, right = MIRRORED[case]
-    there, back = (drive(scene, kind, (*settings, *side), 1200)[0] for side in (left, right))
+    there, back = (drive(scene, kind, (*settings, *side), 1500)[0] for side in (left, right))
     assert there[-1, 3] > 0.01
     mirrored = back * [1.0, -1.0, 1.0, -1.0, 1.0]
     np.testing.assert_allclose(mirrored[:, :4], there[:, :4], atol=1e-9)
