@@ -46,148 +46,71 @@ CASES = {
     "stopped": Case("straight", (*VEHICLE, "drive.stop=0.02", "drive.stop_time=5e-3"), 0.03),
     "motor": Case("straight", (*UNRAMPED, "drive.mode=torque", "drive.torque=5e3", "drive.brake=1e3")),
     "steered": Case("turn", (*STEERED, "drive.speed=20", "drive.left.speed=8")),
-    "steered and stopped": Case(
-        "turn", (*STEERED, "drive.left.stop=0.02", "drive.right.stop=0.021", "drive.stop_time=5e-3"), 0.03
-    ),
-    "two motors and brakes": Case(
-        "turn", (*UNRAMPED, "drive.mode=torque", "drive.left.torque=5e3", "drive.right.torque=4e3", "drive.brake=1e3")
-    ),
+    "steered and stopped": Case("turn", (*STEERED, "drive.left.stop=0.02", "drive.right.stop=0.021",
+        "drive.stop_time=5e-3"), 0.03),
+    "two motors and brakes": Case("turn", (*UNRAMPED, "drive.mode=torque", "drive.left.torque=5e3",
+        "drive.right.torque=4e3", "drive.brake=1e3")),
     "two sides": Case("marder", (*UNRAMPED, f"drive.left.speed_points={LEFT}", f"drive.right.speed_points={RIGHT}")),
-    "tank": Case(
-        "tank", (*VEHICLE, "vehicle.suspension.bump_stop.gap=1e-4", "vehicle.suspension.rebound_stop.gap=1e-4")
-    ),
+    "tank": Case("tank", (*VEHICLE, "vehicle.suspension.bump_stop.gap=1e-4",
+        "vehicle.suspension.rebound_stop.gap=1e-4")),
     "crawler": Case("crawler", (*VEHICLE, "vehicle.tensioner.recoil.preload=10")),
     "bushed": Case("hanging_chain", ("chain.links=8", "track.start=displaced", BUSHED)),
     "joined": Case("differential", (*STEERED, *JOINED, "drive.speed=20")),
-    "joined and stopped": Case(
-        "differential", (*STEERED, *JOINED, "drive.steering.stop=0.02", "drive.steering.stop_time=5e-3"), 0.03
-    ),
-    "joined, two motors": Case(
-        "differential",
-        (
-            *UNRAMPED, "drive.mode=torque", "drive.torque=5e3", "drive.steering.mode=torque",
-            "drive.steering.torque=1e3", "drive.steering.brake=1e3",
-        ),
-    ),
-    "driven": Case(
-        "serpentine",
-        (
-            *QUICK[:1], *QUICK[3:], "driver.arcs=[[0.1, 0.05], [0.1, 0.2], [0.1, -0.1], [9, 0.1]]", "driver.reach=0.5",
-            "driver.ramp_start=0", "driver.ramp_time=0.02", "driver.speed=0.03",
-        ),
-    ),
+    "joined and stopped": Case("differential", (*STEERED, *JOINED, "drive.steering.stop=0.02",
+        "drive.steering.stop_time=5e-3"), 0.03),
+    "joined, two motors": Case("differential", (*UNRAMPED, "drive.mode=torque", "drive.torque=5e3",
+        "drive.steering.mode=torque", "drive.steering.torque=1e3", "drive.steering.brake=1e3")),
+    "driven": Case("serpentine", (*QUICK[:1], *QUICK[3:],
+        "driver.arcs=[[0.1, 0.05], [0.1, 0.2], [0.1, -0.1], [9, 0.1]]", "driver.reach=0.5", "driver.ramp_start=0",
+        "driver.ramp_time=0.02", "driver.speed=0.03")),
     "on one track": Case("straight", (*VEHICLE, "tracks=['left']", "start.height=-0.05", "start.pitch=-0.06")),
-    "buried": Case(
-        "straight", ("tracks=[]", "ground.hull=true", "start.height=-2.5", "start.pitch=0.1", "placed=true"), 0.002
-    ),
-    "towing": Case(
-        "straight",
-        (
-            *VEHICLE, "hitch.force=2e4", "hitch.drag_points=[[-5, -1e5], [5, 1e5]]", "hitch.ramp_start=0.005",
-            "hitch.ramp_time=0.02", "vehicle.seat.payload.position=[-2, 0.3, 0.5]", "seats=['driver', 'payload']",
-        ),
-        overrides=SLOWER,
-    ),
-    "over a bump": Case(
-        "straight",
-        (
-            *VEHICLE, "ground.bump.start=-1.6", "ground.bump.rise=0.05", "ground.bump.slope=0.5",
-            "ground.bump.length=0.12", "ground.bump.radius=0.05",
-        ),
-    ),
-    "on an incline": Case(
-        "straight",
-        (
-            *VEHICLE, "ground.grade=0.1", "ground.bank=-0.05", "ground.incline_start=-3", "ground.incline_length=1",
-        ),
-    ),
-    "on patches": Case(
-        "straight",
-        (
-            *VEHICLE, "start.height=-0.03",
-            "ground.friction=[{x=[-3, -1.6], y=[-1.2, 1.2], factor=2},"
-            " {x=[-1.5, -0.5], y=[-1.2, 1.2], coefficient=0.5}]",
-        ),
-    ),
-    "on a bank": Case(
-        "straight",
-        (
-            *VEHICLE[:-3], "drive.speed=20", "ground.bank=0.1",
-            "start.equilibrium={height=-0.02, roll=0.01, pitch=0.01, left=[0.1, 0.1, 0.1, 0.1, 0.1, 0.01],"
-            " right=[0.1, 0.1, 0.1, 0.1, 0.1, 0.01], lateral=0.01}",
-        ),
-        0.002,
-    ),
-    "over obstacles": Case(
-        "straight",
-        (
-            *VEHICLE, "start.height=-0.03", "ground.step={x=[-1.5], rise=0.05, radius=0.04}",
-            "ground.half_round={x=[-2.3], radius=0.05, fillet=0.06}",
-        ),
-    ),
+    "buried": Case("straight", ("tracks=[]", "ground.hull=true", "start.height=-2.5", "start.pitch=0.1",
+        "placed=true"), 0.002),
+    "towing": Case("straight", (*VEHICLE, "hitch.force=2e4", "hitch.drag_points=[[-5, -1e5], [5, 1e5]]",
+        "hitch.ramp_start=0.005", "hitch.ramp_time=0.02", "vehicle.seat.payload.position=[-2, 0.3, 0.5]",
+        "seats=['driver', 'payload']"), overrides=SLOWER),
+    "over a bump": Case("straight", (*VEHICLE, "ground.bump.start=-1.6", "ground.bump.rise=0.05",
+        "ground.bump.slope=0.5", "ground.bump.length=0.12", "ground.bump.radius=0.05")),
+    "on an incline": Case("straight", (*VEHICLE, "ground.grade=0.1", "ground.bank=-0.05", "ground.incline_start=-3",
+        "ground.incline_length=1")),
+    "on patches": Case("straight", (*VEHICLE, "start.height=-0.03",
+        "ground.friction=[{x=[-3, -1.6], y=[-1.2, 1.2], factor=2},"
+        " {x=[-1.5, -0.5], y=[-1.2, 1.2], coefficient=0.5}]")),
+    "on a bank": Case("straight", (*VEHICLE[:-3], "drive.speed=20", "ground.bank=0.1",
+        "start.equilibrium={height=-0.02, roll=0.01, pitch=0.01, left=[0.1, 0.1, 0.1, 0.1, 0.1, 0.01],"
+        " right=[0.1, 0.1, 0.1, 0.1, 0.1, 0.01], lateral=0.01}"), 0.002),
+    "over obstacles": Case("straight", (*VEHICLE, "start.height=-0.03",
+        "ground.step={x=[-1.5], rise=0.05, radius=0.04}", "ground.half_round={x=[-2.3], radius=0.05, fillet=0.06}")),
     "over a trench": Case("straight", (*VEHICLE, "ground.trench={start=-2.4, width=0.4, depth=0.03, radius=0.02}")),
-    "on waves": Case(
-        "straight",
-        (
-            *VEHICLE, "ground.washboard={amplitude=0.02, wavelength=0.7, phase=1, start=-4, end=-1}",
-            "ground.rough={iso_class='E', seed=3, start=-3, length=1, period=20}",
-        ),
-    ),
-    "on a map": Case(
-        "straight",
-        (
-            *VEHICLE, "ground.heightmap={heights=[[0.01, 0.02], [0.03, 0.01]], corner=[-3, -1.2], spacing=[1.5, 2.4],"
-            " start=-4, length=2}",
-        ),
-    ),
-    "on a kerb": Case(  # hull and bare wheels feel the same ground
-        "straight",
-        (
-            *VEHICLE, "tracks=[]", "ground.hull=true", "start.height=-0.15",
-            "ground.kerb={y=1.1, rise=0.05, radius=0.02, start=-4, length=2}",
-        ),
-    ),
+    "on waves": Case("straight", (*VEHICLE,
+        "ground.washboard={amplitude=0.02, wavelength=0.7, phase=1, start=-4, end=-1}",
+        "ground.rough={iso_class='E', seed=3, start=-3, length=1, period=20}")),
+    "on a map": Case("straight", (*VEHICLE,
+        "ground.heightmap={heights=[[0.01, 0.02], [0.03, 0.01]], corner=[-3, -1.2], spacing=[1.5, 2.4],"
+        " start=-4, length=2}")),
+    "on a kerb": Case("straight", (  # hull and bare wheels feel the same ground
+        *VEHICLE, "tracks=[]", "ground.hull=true", "start.height=-0.15",
+        "ground.kerb={y=1.1, rise=0.05, radius=0.02, start=-4, length=2}")),
     "on soil": Case("straight", (*VEHICLE, f"ground.soil={{{SOIL}, k0=5e7, Au=5e9}}")),
     "on soil that springs back": Case("straight", (*VEHICLE, f"ground.soil={{{SOIL}, rebound=0.2}}")),
-    "follows an error": Case(
-        "sprocket_bench",
-        (
-            "drive.speed=2", "drive.ramp_time=0.05", "run.stop=0.03", "run.variable.estimate=power",
-            "run.variable.tolerance=1e-2", "run.variable.energy=30", "run.variable.shortest=9e-4",
-            "run.variable.longest=2e-3",
-        ),
-        0.03,
-        "bench.upper",
-    ),
+    "follows an error": Case("sprocket_bench", ("drive.speed=2", "drive.ramp_time=0.05", "run.stop=0.03",
+        "run.variable.estimate=power", "run.variable.tolerance=1e-2", "run.variable.energy=30",
+        "run.variable.shortest=9e-4", "run.variable.longest=2e-3"), 0.03, "bench.upper"),
     "hanging": Case("hanging_chain", ("chain.links=8", "track.start=displaced")),
     "damped": Case("hanging_chain", ("chain.links=8", "track.start=displaced", "track.spectral_radius=0.8")),
-    "adaptive": Case(
-        "hanging_chain",
-        ("chain.links=8", "track.start=displaced", "track.integrator=adams", "track.rtol=1e-8", "track.atol=1e-8"),
-    ),
+    "adaptive": Case("hanging_chain", ("chain.links=8", "track.start=displaced", "track.integrator=adams",
+        "track.rtol=1e-8", "track.atol=1e-8")),
     "sled": Case("shear_sled", (), 0.02, "chain.pull"),
     "released": Case("released_chain", ("chain.links=8",)),
     "ovalling": Case("spinning_loop", ("chain.links=16", "chain.ovalling=1"), ulp="chain.spin"),
-    "sprung": Case(
-        "spinning_loop",
-        (
-            "chain.links=16", "chain.ovalling=1", "track.closure=spring", "track.closure_stiffness=1e5",
-            "track.closure_damping=100",
-        ),
-        ulp="chain.spin",
-    ),
+    "sprung": Case("spinning_loop", ("chain.links=16", "chain.ovalling=1", "track.closure=spring",
+        "track.closure_stiffness=1e5", "track.closure_damping=100"), ulp="chain.spin"),
     "spinning": Case("spinning_loop", ("chain.links=16",), ulp="chain.spin"),
     "bench": Case("sprocket_bench", ("drive.speed=2", "drive.ramp_time=0.01"), ulp="bench.upper"),
     "rig": Case("rig", RIG, ulp="drive.speed"),
     "tensioned rig": Case("rig", ("track.link_outputs=false",), 0.002, "rig.tension"),
-    "two speeds": Case(
-        "rig",
-        (
-            *RIG, "idler_drive.mode=speed", "idler_drive.speed=2", "idler_drive.ramp_start=0.002",
-            "idler_drive.ramp_time=0.01", "idler_drive.stop=0.015", "idler_drive.stop_time=0.01",
-        ),
-        ulp="drive.speed",
-    ),
+    "two speeds": Case("rig", (*RIG, "idler_drive.mode=speed", "idler_drive.speed=2", "idler_drive.ramp_start=0.002",
+        "idler_drive.ramp_time=0.01", "idler_drive.stop=0.015", "idler_drive.stop_time=0.01"), ulp="drive.speed"),
     "two motors": Case("rig", (*RIG, "idler_drive.torque=100"), ulp="drive.speed"),
 }  # fmt: skip
 FLEXIBLE = ("cable", "beam")

@@ -17,20 +17,8 @@ HERE = Path(__file__).parent
 def test_pytest_ends_with_its_workers_and_their_processes(tmp_path, plugin):
     """Without the handler of ``conftest``, what the workers have started lives on."""
     (tmp_path / "test_sleep.py").write_text("import subprocess\ndef test_it(): subprocess.run(['sleep', '60'])\n")
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-p",
-        plugin,
-        "-n",
-        "1",
-        "-c",
-        os.devnull,
-        "--rootdir",
-        tmp_path,
-        tmp_path,
-    ]
+    options = ["-p", plugin, "-n", "1", "-c", os.devnull, "--rootdir", tmp_path, tmp_path]
+    command = [sys.executable, "-m", "pytest", *options]
     path = os.pathsep.join([str(HERE), str(HERE.parent)])
     tests = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, stdout=subprocess.DEVNULL)
     try:

@@ -20,16 +20,9 @@ BASES = {"fmus.track_rigid", "fmus.track_rigid.model"}  # from which another kin
 
 # Packages of the orchestrator by level: each imports only from levels below its own, anywhere in its modules.
 STOREYS = (
-    ("files", "vocabulary"),
-    ("kernels",),
-    ("log",),
-    ("cosim",),
-    ("scene", "results", "fmu_check"),
-    ("execution",),
-    ("studies",),
-    ("interface",),
-    ("cli",),
-)
+    ("files", "vocabulary"), ("kernels",), ("log",), ("cosim",), ("scene", "results", "fmu_check"), ("execution",),
+    ("studies",), ("interface",), ("cli",),
+)  # fmt: skip
 # Rooms of fmus from the lowest: each imports only from those before its own, anywhere in its modules.
 ROOMS = (
     "cache", "kernels", "physics", "interface", "start", "vehicles", "ground", "track", "components", "fmi", "drives",
@@ -37,6 +30,10 @@ ROOMS = (
     *("ahead", "native", "monolith", "rest"),
 )  # fmt: skip
 # Modules that run any co-simulation FMU and depend on no FMU of the project.
+IN_COSIM = (
+    "base_units component messages variable_arrays fmi2_library fmi3_library fmu_files model_description graph"
+    " mixed_exchange program row_writer master"
+)
 GENERIC = [
     *(
         file.relative_to(ORCHESTRATOR).as_posix()
@@ -45,24 +42,7 @@ GENERIC = [
         # a log's system.json as the project writes it; files of tests
         if file.name not in ("recorded_system.py", "tools.py", "measured_formats.py")
     ),
-    *(
-        f"cosim/{name}.py"
-        for name in (
-            "base_units",
-            "component",
-            "messages",
-            "variable_arrays",
-            "fmi2_library",
-            "fmi3_library",
-            "fmu_files",
-            "model_description",
-            "graph",
-            "mixed_exchange",
-            "program",
-            "row_writer",
-            "master",
-        )
-    ),
+    *(f"cosim/{name}.py" for name in IN_COSIM.split()),
     "execution/replays.py",
 ]
 DOORS = {
@@ -75,7 +55,6 @@ DOORS = {
 }  # fmt: skip
 PROOF = ROOT / "tests"
 TO_PHYSICS = ORCHESTRATOR / "studies" / "step_limits.py"  # predicts the limit of a link's highest frequency
-KERNELS = PROOF / "benchmarks" / "kernels.py"  # measures the parts of a step by the signatures of the kernels
 AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
 
 
@@ -88,9 +67,21 @@ def imports(source: str) -> set[str]:
             modules |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, "imports must be absolute"
-            modules.add(node.module)
-            modules |= {f"{node.module}.{alias.name}" for alias in node.names}
+            modules |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
     return modules
+
+
+def text(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
+
+
+def sources(*folders: Path) -> list[Path]:
+    return [file for folder in folders for file in sorted(folder.rglob("*.py"))]
+
+
+def importing(package: str, *folders: Path) -> list[Path]:
+    """Files that import a package or a module in it."""
+    return [f for f in sources(*folders) if any(f"{name}.".startswith(f"{package}.") for name in imports(text(f)))]
 
 
 def declared(source: str) -> set[str]:
@@ -102,37 +93,21 @@ def declared(source: str) -> set[str]:
 
 def ours(modules: set[str], package: str) -> set[str]:
     """Modules of ``package`` among the imports, without names inside a module."""
-    package_modules = set()
-    for module in modules:
-        path = ROOT.joinpath(*module.split("."))
-        if module.split(".")[0] == package and (path.with_suffix(".py").exists() or path.is_dir()):
-            package_modules.add(module)
-    return package_modules
-
-
-def sources(folder: Path) -> list[Path]:
-    return sorted(folder.rglob("*.py"))
+    paths = {module: ROOT.joinpath(*module.split(".")) for module in modules if module.split(".")[0] == package}
+    return {module for module, path in paths.items() if path.with_suffix(".py").exists() or path.is_dir()}
 
 
 def reachable(module: str, seen: set[str] | None = None) -> set[str]:
     """Top-level packages that the import of a module of fmus loads, by static analysis."""
     seen = set() if seen is None else seen
-    packages: set[str] = set()
     path = ROOT.joinpath(*module.split("."))
     file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     if module in seen or not file.exists():
-        return packages
+        return set()
     seen.add(module)
-    text = file.read_text(encoding="utf-8")
-    modules = imports(text) | {resolve_name(name, module.rpartition(".")[0]) for name in declared(text)}
-    for inner in ours(modules, "fmus"):
-        packages |= reachable(inner, seen)
-    return packages | {name.split(".")[0] for name in modules}
-
-
-def test_fmus_never_look_back():
-    for file in sources(FMUS):
-        assert not any(name.split(".")[0] == "orchestrator" for name in imports(file.read_text())), file
+    modules = imports(text(file)) | {resolve_name(name, module.rpartition(".")[0]) for name in declared(text(file))}
+    packages = {name.split(".")[0] for name in modules}
+    return packages.union(*(reachable(inner, seen) for inner in ours(modules, "fmus")))
 
 
 def later_rooms(room: str, source: str) -> set[str]:
@@ -141,12 +116,18 @@ def later_rooms(room: str, source: str) -> set[str]:
     return {name for name in named if ROOMS.index(name) > ROOMS.index(room)}
 
 
+def test_fmus_never_look_back():
+    """The FMUs import nothing of the orchestrator, and the product nothing of its proof, which is in no wheel."""
+    assert importing("orchestrator", FMUS) == []
+    assert importing("tests", FMUS, ORCHESTRATOR) == []
+
+
 def test_rooms_of_fmus_import_one_way():
-    assert {file.relative_to(FMUS).parts[0].removesuffix(".py") for file in sources(FMUS)} == {*ROOMS, "__init__"}
-    for file in sources(FMUS):
-        room = file.relative_to(FMUS).parts[0].removesuffix(".py")
+    rooms = {file: file.relative_to(FMUS).parts[0].removesuffix(".py") for file in sources(FMUS)}
+    assert {*rooms.values()} == {*ROOMS, "__init__"}
+    for file, room in rooms.items():
         if room != "__init__":
-            assert later_rooms(room, file.read_text(encoding="utf-8")) == set(), file
+            assert later_rooms(room, text(file)) == set(), file
     assert later_rooms("start", "from fmus.track import steps") == {"track"}
 
 
@@ -157,40 +138,36 @@ def others(component: str, source: str) -> set[str]:
     return {name for name, package in named.items() if package in COMPONENTS and package != component}
 
 
+@pytest.mark.parametrize("folder", COMPONENTS)
+def test_a_component_stands_alone(folder):
+    """It knows no other, needs few packages at run time, has a shell without physics, and a page."""
+    for file in sources(FMUS / folder):
+        assert not others(folder, text(file)), file
+    packages = reachable(f"fmus.{folder}.{folder}_fmu")
+    assert packages - set(sys.stdlib_module_names) <= AT_RUN_TIME
+    assert {"numpy", "fmus"} <= packages, "the shell was not found"
+    shell = text(FMUS / folder / f"{folder}_fmu.py")
+    assert len([line for line in shell.splitlines() if line.strip()]) <= 20
+    assert not [node for node in ast.walk(ast.parse(shell)) if isinstance(node, ast.FunctionDef)]
+    page = text(FMUS / folder / "README.md").lower()
+    assert [word for word in ("equations", "ports", "state") if word not in page] == []
+
+
 def test_every_folder_with_a_shell_is_a_component():
     assert {file.parent.name for file in FMUS.glob("*/*_fmu.py")} == set(COMPONENTS)
 
 
-@pytest.mark.parametrize("component", COMPONENTS)
-def test_components_do_not_know_each_other(component):
-    for file in sources(FMUS / component):
-        assert not others(component, file.read_text(encoding="utf-8")), file
-
-
 def test_the_monolith_is_no_part_of_a_component():
-    for file in sources(FMUS):
-        if not file.is_relative_to(FMUS / "monolith"):
-            assert not any(n.startswith("fmus.monolith") for n in imports(file.read_text())), file
-    behind = {
-        file.name
-        for file in sources(ORCHESTRATOR)
-        if any(n.startswith("fmus.monolith") for n in imports(file.read_text(encoding="utf-8")))
-    }
-    assert behind == {"monolithic.py", "truth.py"}
+    assert [file for file in importing("fmus.monolith", FMUS) if not file.is_relative_to(FMUS / "monolith")] == []
+    assert {file.name for file in importing("fmus.monolith", ORCHESTRATOR)} == {"monolithic.py", "truth.py"}
 
 
 def test_physics_knows_arrays_and_kernels_only():
     allowed = {"numpy", "scipy", "numba"} | set(sys.stdlib_module_names)
     for file in sources(FMUS / "physics"):
-        for name in imports(file.read_text()):
+        for name in imports(text(file)):
             inside = name.startswith(("fmus.physics", "fmus.kernels.jit", "fmus.kernels.by_reference"))
             assert inside or name == "fmus" or name.split(".")[0] in allowed, (file, name)
-
-
-def test_the_product_knows_nothing_of_its_proof():
-    """The product does not import ``tests`` (validation, regression, benchmarks), which is in no wheel."""
-    for file in [*sources(FMUS), *sources(ORCHESTRATOR)]:
-        assert "tests" not in {name.split(".")[0] for name in imports(file.read_text(encoding="utf-8"))}, file
 
 
 def test_fmus_carry_no_physics_that_nothing_in_them_uses():
@@ -202,20 +179,12 @@ def test_fmus_carry_no_physics_that_nothing_in_them_uses():
     for file in sources(FMUS):
         if not file.is_relative_to(FMUS / "physics"):
             reachable(name_of(file), used)
-    left = {name_of(file) for file in sources(FMUS / "physics") if file.name != "__init__.py"} - used
-    assert not left
+    assert {name_of(file) for file in sources(FMUS / "physics") if file.name != "__init__.py"} - used == set()
     assert "fmus.physics.ancf.cable" in used
 
 
 def name_of(file: Path) -> str:
     return ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-
-
-@pytest.mark.parametrize("folder", COMPONENTS)
-def test_an_fmu_needs_few_packages_at_run_time(folder):
-    packages = reachable(f"fmus.{folder}.{folder}_fmu")
-    assert packages - set(sys.stdlib_module_names) <= AT_RUN_TIME
-    assert {"numpy", "fmus"} <= packages, "the shell was not found"
 
 
 def test_the_cache_knows_the_standard_library_alone():
@@ -224,8 +193,7 @@ def test_the_cache_knows_the_standard_library_alone():
 
 @pytest.mark.parametrize("name", GENERIC)
 def test_generic_modules_import_nothing_of_fmus_but_the_cache(name):
-    source = (ORCHESTRATOR / name).read_text(encoding="utf-8")
-    modules = imports(source)
+    modules = imports(text(ORCHESTRATOR / name))
     assert ours(modules, "fmus") <= {"fmus.cache", "fmus.cache.files", "fmus.cache.pack"}
     inner = {module.removeprefix("orchestrator.").replace(".", "/") for module in ours(modules, "orchestrator")}
     files = {f"{module}.py" for module in inner if (ORCHESTRATOR / f"{module}.py").is_file()}  # the others are folders
@@ -234,53 +202,36 @@ def test_generic_modules_import_nothing_of_fmus_but_the_cache(name):
 
 def rooms(modules: set[str]) -> set[str]:
     """Packages of the orchestrator that contain these modules."""
-    return {name.split(".")[1] for name in modules if name.startswith("orchestrator.")} & {
-        r for s in STOREYS for r in s
-    }
+    known = {room for storey in STOREYS for room in storey}
+    return {name.split(".")[1] for name in modules if name.startswith("orchestrator.")} & known
 
 
 def test_rooms_import_from_storeys_below_alone():
-    for storey, names in enumerate(STOREYS):
-        below = {room for lower in STOREYS[:storey] for room in lower}
+    below: set[str] = set()
+    for names in STOREYS:
         for room in names:
             for file in sources(ORCHESTRATOR / room):
-                assert rooms(imports(file.read_text(encoding="utf-8"))) <= {room, *below}, file
-    assert not rooms(imports((ORCHESTRATOR / "__init__.py").read_text())), "the package itself imports on request only"
+                assert rooms(imports(text(file))) <= {room, *below}, file
+        below |= {*names}
+    assert not rooms(imports(text(ORCHESTRATOR / "__init__.py"))), "the package itself imports on request only"
     assert rooms(imports("from orchestrator import cli\nimport orchestrator.log.reader")) == {"cli", "log"}
-
-
-def test_every_module_of_the_orchestrator_is_in_a_room():
-    known = {room for storey in STOREYS for room in storey} | {"__init__.py", "__main__.py", "cotrack", "book"}
+    known = {*below, "__init__.py", "__main__.py", "cotrack", "book"}
     assert {file.relative_to(ORCHESTRATOR).parts[0] for file in sources(ORCHESTRATOR)} == known
     assert [file.name for file in sources(ORCHESTRATOR / "book")] == ["conf.py"], "the site's configuration alone"
 
 
 def test_orchestrator_reaches_into_fmus_through_few_doors():
     for file in sources(ORCHESTRATOR):
-        inner_modules = ours(imports(file.read_text(encoding="utf-8")), "fmus") - DOORS - {"fmus"}
-        if file == TO_PHYSICS:
-            assert inner_modules == {"fmus.physics.ancf.cable", "fmus.physics.ancf.element"}
-            continue
-        assert not inner_modules, (file, inner_modules)
+        inner = ours(imports(text(file)), "fmus") - DOORS - {"fmus"}
+        assert inner == ({"fmus.physics.ancf.cable", "fmus.physics.ancf.element"} if file == TO_PHYSICS else set()), (
+            file
+        )
 
 
-def test_benchmarks_know_the_kernels_in_one_module():
-    behind = [
-        file
-        for file in sources(PROOF / "benchmarks")
-        if any(name.startswith("fmus.physics.") and "layout" not in name for name in imports(file.read_text()))
-    ]
-    assert behind == [KERNELS]
-
-
-def test_each_peer_is_known_by_one_module():
-    known = {
-        (package, file.name)
-        for package in ("exudyn", "mujoco")
-        for file in [*sources(FMUS), *sources(ORCHESTRATOR), *sources(PROOF / "benchmarks")]
-        if package in {name.split(".")[0] for name in imports(file.read_text(encoding="utf-8"))}
-    }
-    assert known == {("exudyn", "exudyn_loops.py"), ("mujoco", "mujoco_loops.py")}
+@pytest.mark.parametrize("package", ["exudyn", "mujoco", "pinocchio"])
+def test_each_peer_is_known_by_one_module(package):
+    known = importing(package, FMUS, ORCHESTRATOR, PROOF / "benchmarks")
+    assert [file.name for file in known] == [f"{package}_loops.py"]
 
 
 def test_the_checks_see_forbidden_imports():
@@ -299,33 +250,17 @@ def test_numbers_in_names_of_signals_are_read_in_one_place():
         for file in sources(ORCHESTRATOR)
         if any(
             isinstance(node, ast.Constant) and isinstance(node.value, str) and "\\[(\\d" in node.value
-            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+            for node in ast.walk(ast.parse(text(file)))
         )
     ]
     assert behind == ["log/schema.py"]
 
 
 def test_physics_and_libraries_do_not_print():
-    for file in [*sources(FMUS), *sources(ORCHESTRATOR)]:
-        if file.is_relative_to(ORCHESTRATOR / "cli"):
-            continue
-        calls = [n for n in ast.walk(ast.parse(file.read_text())) if isinstance(n, ast.Call)]
-        assert not [c for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"], file
-
-
-def test_shells_hold_no_physics():
-    for folder in COMPONENTS:
-        shell = FMUS / folder / f"{folder}_fmu.py"
-        lines = [line for line in shell.read_text(encoding="utf-8").splitlines() if line.strip()]
-        assert len(lines) <= 20, shell
-        assert not [n for n in ast.walk(ast.parse(shell.read_text())) if isinstance(n, ast.FunctionDef)], shell
-
-
-def test_every_component_has_its_page():
-    for folder in COMPONENTS:
-        page = (FMUS / folder / "README.md").read_text(encoding="utf-8").lower()
-        for word in ("equations", "ports", "state"):
-            assert word in page, (folder, word)
+    for file in sources(FMUS, ORCHESTRATOR):
+        if not file.is_relative_to(ORCHESTRATOR / "cli"):
+            calls = [node.func for node in ast.walk(ast.parse(text(file))) if isinstance(node, ast.Call)]
+            assert not [call for call in calls if isinstance(call, ast.Name) and call.id == "print"], file
 
 
 def test_top_level():
@@ -343,12 +278,12 @@ def test_top_level():
 
 
 def test_constraints_are_plain_pins():
-    for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines():
+    for line in text(ROOT / "constraints.txt").splitlines():
         name, equals, number = line.partition("==")
         assert all((name, equals, number)), line
         assert not set(line) & set(" ;@/<>~!"), line
 
 
 def test_docstrings_open_with_their_subject():
-    for file in (*sources(FMUS), *sources(ORCHESTRATOR), *sources(PROOF)):
-        assert not re.search('"""(What|Those) ', file.read_text(encoding="utf-8")), file
+    for file in sources(FMUS, ORCHESTRATOR, PROOF):
+        assert not re.search('"""(What|Those) ', text(file)), file

@@ -97,14 +97,6 @@ def test_the_centre_of_a_bare_wheel_follows_an_arc_over_a_half_round():
     assert (gap < -3e3 / stiffness).all()
 
 
-@pytest.mark.long
-def test_a_seed_is_one_ground():
-    rough = "ground.rough={iso_class='F', correlated=true, start=-8, seed=%d}"
-    first, again, other = (moved(rough % seed, duration=0.1) for seed in (1, 1, 2))
-    assert first.tobytes() == again.tobytes()
-    assert abs(other - first).max() > 1e-4
-
-
 # Limits at a friction of 1, crawling. The centre of mass, 0.578 m over the ground, passes the edge of a step of up to
 # 0.543 m while the vehicle stands on its last wheels, up to 1.04 m while it stands on its idlers. A gap is crossed
 # without tipping up to 1.33 m, from the last wheels to the centre of mass, and not beyond 1.99 m, from the idlers.
@@ -158,35 +150,6 @@ def test_energy_over_obstacles_closes_as_the_steps_fall(ground, tmp_path):
         residuals.append(abs(result["energy"]["residual_relative"]))
     assert residuals[0] < 0.004
     assert 1.5 < residuals[0] / residuals[1] < 4.0
-
-
-@pytest.mark.long
-def test_a_step_that_is_too_high_ends_standing(tmp_path):
-    """The run is well: status ok, closed energy, the vehicle before the wall on spinning tracks."""
-    result = simulate(load("step", "rigid", ("ground.step={x=[1], rise=1.2}", "run.stop=5 s")), tmp_path / "log.mcap")
-    assert (result["status"], result["message"]) == ("ok", "")
-    assert result["observables"]["speed"] < 0.05
-    assert abs(result["energy"]["residual_relative"]) < 0.01
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("grade", "friction"), [(0.2, 0.3), (0.4, 0.7)])
-def test_a_climb_takes_the_weight_along_the_slope(grade, friction, tmp_path):
-    settings = (f"ground.grade={grade}", f"vehicle.contact.ground.friction={friction}")
-    result = simulate(load("climb", "rigid", settings), tmp_path / "log.mcap")
-    weight, sine = result["observables"]["weight"], grade / np.hypot(1.0, grade)
-    measured = result["checks"]["uphill"]["value"]
-    assert measured == pytest.approx(weight * sine, rel=0.005)
-    assert measured != pytest.approx(weight * grade, rel=0.005)  # twin
-    losses = result["checks"]["torque"]["value"] - 0.5 * weight * sine * 0.242552
-    assert 200.0 < losses < 450.0
-
-
-@pytest.mark.long
-def test_a_grade_too_steep_for_the_friction_is_not_climbed(tmp_path):
-    result = simulate(load("climb", "rigid", ("ground.grade=0.32", "run.stop=4 s")), tmp_path / "log.mcap")
-    assert result["status"] == "ok"
-    assert result["observables"]["distance"] < -0.5
 
 
 UNDER_IT = {

@@ -10,19 +10,14 @@ from scipy.integrate import quad
 from scipy.signal import welch
 from scipy.special import j0
 
-from fmus.ground.roughness import CLASSES, REFERENCE, rough_ground, spectral_density
+from fmus.ground.roughness import rough_ground, spectral_density
 from fmus.ground.terrain import heights, heights_of, terrain
 from fmus.physics.contact.terrain.shape import surface
 
 TABLE = {
-    "iso_class": "D",
-    "seed": 1,
-    "period": 100.0,
-    "band": (0.011, 2.83),
-    "correlated": False,
-    "start": 2.0,
+    "iso_class": "D", "seed": 1, "period": 100.0, "band": (0.011, 2.83), "correlated": False, "start": 2.0,
     "length": 3.0,
-}
+}  # fmt: skip
 
 
 def waves(table, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -55,8 +50,6 @@ def test_root_mean_square_of_class_d():
     assert np.sqrt(spectral_density("D", n).sum() / 1000.0) == pytest.approx(31.16e-3, abs=5e-6)
     short = rough_ground(TABLE)
     assert short.nodes[:, 0].std() == pytest.approx(2.0 * rough_ground(TABLE | {"iso_class": "C"}).nodes[:, 0].std())
-    assert [CLASSES[name] for name in "ABDH"] == [16e-6, 64e-6, 1024e-6, 262144e-6]
-    assert pytest.approx(1024e-6) == spectral_density("D", np.array([REFERENCE]))[0]
 
 
 def test_a_seed_gives_the_same_bits():
@@ -184,10 +177,9 @@ def test_lanes_have_the_density_along_x_alone():
     assert np.ptp(heights_of(shape, 7.0, np.linspace(0.0, 100.0, 50))) == 0.0  # 90 degrees: smooth
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_vehicle_meets_the_same_ground_at_any_heading(seed):
+def test_a_vehicle_meets_the_same_ground_at_any_heading():
     """Heave and roll of the plane of least squares under the wheels of an m113, over 1 km of way."""
-    shape, moved = terrain({"rough": SURFACE | {"seed": seed}}), []
+    shape, moved = terrain({"rough": SURFACE}), []
     along, across = (each.ravel() for each in np.meshgrid(np.linspace(-1.33, 1.33, 5), [-1.08, 1.08]))
     design = np.linalg.pinv(np.stack([np.ones(10), along, across], axis=1))
     way = np.arange(8000)[:, None] * 0.125

@@ -1,9 +1,9 @@
 """Every number of a resolved scene has an effect: it changes a computed motion, force or energy.
 
 `key_effects.KEYS` gives for each key the case in which it acts, the kinds of links, and its change. A case is a short
-run of the models in this process; the same through FMUs has the marker `study`. Outputs that repeat the key itself (a
-drive's speed, a start position) do not count. Rounding is the effect of the next larger gravity, or another key's next
-value, in the same run; a key must have a thousand times that effect.
+run of the models in this process. Outputs that repeat the key itself (a drive's speed, a start position) do not count.
+Rounding is the effect of the next larger gravity, or another key's next value, in the same run; a key must have a
+thousand times that effect.
 """
 
 from __future__ import annotations
@@ -67,10 +67,10 @@ def seen(name: str, pattern: str) -> bool:
     return bool(re.search(r"position|velocity|displacement|pitch$|roll$|yaw$|force|torque|tension|place", name))
 
 
-def computed(case: Case, kind: str, fmus: bool = False, **changes: float | int) -> dict[str, float]:
-    """Outputs at the end of a case by name: of the models in this process, or of FMUs."""
+def computed(case: Case, kind: str, **changes: float | int) -> dict[str, float]:
+    """Outputs at the end of a case by name: of the models in this process, or of FMUs where a step follows an error."""
     scene = scene_of(case, kind, **changes)
-    if fmus or scene.run.variable is not None:
+    if scene.run.variable is not None:
         return stepped(case, scene)
     members = InProcess(scene, case.overrides).run(case.duration).members.values()
     return {
@@ -84,25 +84,17 @@ def computed(case: Case, kind: str, fmus: bool = False, **changes: float | int) 
 def stepped(case: Case, scene: Any) -> dict[str, float]:
     """Outputs at the end of a case through the master, with FMUs."""
     with ExitStack() as stack:
-        assembly = assemble(placed(scene))
-        parts = [
-            part._replace(parameters={**part.parameters, **(case.overrides or {}).get(part.name, {})})
-            for part in assembly.parts
-        ]
-        graph = system(assembly._replace(parts=tuple(parts)))
+        graph = system(assemble(placed(scene)))
         components = load_components(graph, scene.run.times, stack)
         run = scene.run.model_copy(update={"stop": case.duration})
         outcome = master.run(TracksFirst(wire(graph, components)), pace_of(run), [])
         assert outcome.status == "ok", outcome.message
-        result = {}
-        for one in components.values():
-            one.read_links()
-            drives = any(name.startswith("mount.") for name in one.outputs)
-            values = (*zip(one.outputs, one.y, strict=True), *zip(one.links, one.y_links, strict=True))
-            result |= {
-                f"{one.name}.{name}": value for name, value in values if not (drives and name.startswith("sprocket."))
-            }
-    return {name: float(value) for name, value in result.items()}
+        return {
+            f"{one.name}.{name}": float(value)
+            for one in components.values()
+            for name, value in zip(one.outputs, one.y, strict=True)
+            if not (name.startswith("sprocket.") and any(own.startswith("mount.") for own in one.outputs))
+        }
 
 
 def family(name: str) -> str:
@@ -111,12 +103,12 @@ def family(name: str) -> str:
 
 
 @cache
-def base(name: str, kind: str, fmus: bool) -> tuple[dict[str, float], dict[str, float]]:
+def base(name: str, kind: str) -> tuple[dict[str, float], dict[str, float]]:
     """Outputs of a case, and the effect of rounding on them by family."""
     case = CASES[name]
-    first = computed(case, kind, fmus)
+    first = computed(case, kind)
     table = dict(flat(scene_of(case, kind).resolved()))
-    other = computed(case, kind, fmus, **{case.ulp: math.nextafter(table[case.ulp], math.inf)})
+    other = computed(case, kind, **{case.ulp: math.nextafter(table[case.ulp], math.inf)})
     rounding: dict[str, float] = {}
     for output, value in first.items():
         apart = max(abs(other[output] - value), 4.0 * math.ulp(value))
@@ -131,14 +123,14 @@ def changed(key: str, value: float | int, given: Any) -> float | int:
     return value + 1 if isinstance(value, int) else FACTOR * value if value else 0.02
 
 
-def effect(key: str, kind: str, fmus: bool = False) -> float:
+def effect(key: str, kind: str) -> float:
     """Largest effect of a change of the key on a motion, force or energy, over that of rounding."""
     where = acts(key)
     assert where is not None, key
     case = CASES[where.case]
-    first, rounding = base(where.case, kind, fmus)
+    first, rounding = base(where.case, kind)
     value = dict(flat(scene_of(case, kind).resolved()))[key]
-    other = computed(case, kind, fmus, **{key: changed(key, value, where.value)})
+    other = computed(case, kind, **{key: changed(key, value, where.value)})
     return max(
         abs(other[output] - first[output]) / rounding[family(output)]
         for output in first.keys() & other.keys()
@@ -207,9 +199,3 @@ def test_a_mass_that_does_nothing_is_found(monkeypatch):
         with monkeypatch.context() as planted:
             planted.setattr(*plant)
             assert effect(key, "cable") < 1.0
-
-
-@pytest.mark.study
-@pytest.mark.parametrize(("key", "kind"), [*BRIEF, *REST])
-def test_a_key_changes_what_an_fmu_computes(key, kind):
-    assert effect(key, kind, fmus=True) > ROUNDING

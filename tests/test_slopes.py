@@ -12,7 +12,6 @@ from vehicle_in_process import InProcess
 from fmus.interface.model import StepFailed
 from fmus.kernels.jit import plain
 from fmus.start import KEYS, StartPose, ground_level, standing_pose, start_pose, vehicle_quaternion, world_position
-from fmus.vehicles.tables import BadInput
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
@@ -139,20 +138,6 @@ def test_all_kinds_of_links_start_alike(kind):
 
 
 @pytest.mark.parametrize(
-    ("model", "settings", "reason"),
-    [
-        ("rigid", ("symmetric=true", "ground.bank=0.1"), r"symmetric = true needs"),
-        ("rigid", ("symmetric=true", "ground.grade=0.1", "start.heading=0.5"), r"symmetric = true needs"),
-        ("flexible", ("track.axes=fixed", "ground.bank=0.1"), r"track\.axes = 'fixed'"),
-        ("rigid", ("ground.grade=3",), r"ground\.grade"),
-    ],
-)
-def test_what_a_slope_cannot_have_is_refused(model, settings, reason):
-    with pytest.raises(BadInput, match=reason):
-        load("straight", model, settings)
-
-
-@pytest.mark.parametrize(
     ("part", "key"),
     [
         ("left_track", "start.slope.pitch"),
@@ -178,9 +163,3 @@ def test_half_a_vehicle_climbs_as_a_whole_one():
         assert half["chassis"][name] == pytest.approx(whole["chassis"][name], rel=1e-9)
     assert half["left_track"]["ground.force.x"] == pytest.approx(whole["right_track"]["ground.force.x"], rel=1e-9)
     assert abs(whole["chassis"]["chassis.velocity.x"]) > 1e-3
-
-
-def test_soil_on_a_slope_under_the_start_is_a_sentence():
-    ramp = "ground.heightmap={heights=[[0, 0], [1, 1]], corner=[-10, -5], spacing=[20, 10]}"
-    with pytest.raises(BadInput, match=r"ground\.soil needs level ground under the tracks"):
-        placed(load("straight", "rigid", ["ground.soil.name=dry_sand", ramp]))

@@ -10,14 +10,12 @@ from fmus.physics.chain.report import LOST
 from fmus.physics.chain.sums import GROUND_DAMPING, LOSSES
 from fmus.physics.contact.soil import pressure
 from fmus.physics.contact.soil.memory import DEEPEST, FIRST, INSIDE, MADE, PRESSURE, SHEAR, TILE, TILES
-from fmus.vehicles.tables import BadInput
 from orchestrator.execution.estimate import SHARE
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import turning
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 pytestmark = pytest.mark.long
@@ -70,16 +68,6 @@ def test_it_stands_in_soil_that_gives_way_by_a_third_of_a_metre(links):
     assert track.s.soil[:, DEEPEST].max() == pytest.approx(0.325, abs=5e-3)
     vehicle.run(0.02)
     assert vehicle["left_track"]["ground.force.z"] == pytest.approx(77948.2, rel=1e-3)
-
-
-def test_a_hull_that_would_rest_in_the_soil_is_refused():
-    """Snow: uniform pressure says 538 mm, which is more than the 410 mm under the belly."""
-    snow = 'ground.soil.name="snow"'
-    with pytest.raises(
-        BadInput, match=r"soft_ground\.toml: ground\.soil: at rest the hull is 102 mm in the soil, which"
-    ):
-        placed(load("soft_ground", "rigid", [snow]))
-    assert placed(load("soft_ground", "rigid", [snow, 'run.allow=["belly"]'])).start.equilibrium.height < -0.41
 
 
 def test_it_is_held_back_by_compaction(ride):

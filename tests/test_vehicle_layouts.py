@@ -9,7 +9,6 @@ from vehicle_in_process import InProcess
 
 from fmus.rest.equilibrium import is_asymmetric
 from fmus.vehicles.sides import lopsided
-from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import VehicleTable, read_table, vehicle
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
@@ -171,55 +170,9 @@ def test_equal_sides_by_two_ways():
     assert b.roll == pytest.approx(0.0, abs=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("parts", "said"),
-    [
-        ({"right": {"road_wheel": {"x": [-1.0]}}}, "right.road_wheel.x: has 1 positions, must have 5"),
-        ({"right": {"return_roller": {"x": [-1.0]}}}, "right.return_roller.x: has 1 positions, must have 0"),
-        (
-            {"right": {"idler": {"x": 4.0}}},
-            "right.idler.x = 4.0 m: must be on the side of the sprocket that idler.x is on",
-        ),
-        ({"right": {"sprocket": {"teeth": 9}}}, "unknown key 'right.sprocket'"),
-        ({"return_roller": {**ROLLERS, "radius": -1.0}}, "return_roller.radius = -1.0"),
-        ({"return_roller": {"mass": 1.0}}, "key 'return_roller.spin_inertia' is missing"),
-    ],
-)
-def test_a_wrong_layout_is_a_sentence(parts, said):
-    with pytest.raises(BadInput) as caught:
-        vehicle(changed(**parts), "own.toml")
-    assert str(caught.value).startswith("own.toml: ")
-    assert said in str(caught.value)
-
-
 def test_cables_of_sides_that_differ_have_free_axes():
     axes = [load("straight", "flexible", {"vehicle": t}).track.axes for t in (changed(), changed(right=STAGGERED))]
     assert axes == [None, "free"]
-
-
-HULL = "vehicle.chassis.hull=[[0.45, 0.85, 0.25], [0.45, -0.86, 0.25]]"
-CENTRE, RIGHT = "vehicle.chassis.centre=[-2.006, {}, 0.406]", "vehicle.right.suspension"
-PATCH = "ground.friction=[{x=[0, 1.5], y=[-0.5, 0.5], factor=0.5}]"
-
-
-@pytest.mark.parametrize(
-    ("key", "fault", "twin"),
-    [
-        ("chassis.centre", [CENTRE.format(0.0002)], [CENTRE.format(0)]),
-        ("chassis.hull", [HULL, "ground.hull=true"], [HULL]),  # points that touch nothing
-        ("track.links", ["vehicle.right={track={links=65}}"], ["vehicle.right={track={links=64}}"]),
-        ("suspension.stiffness", [f"{RIGHT}.stiffness=1.03e6"], [f"{RIGHT}.stiffness=1e6"]),
-        ("friction", [PATCH, "start.position=[0.0, 0.02, 0.0]"], [PATCH]),
-        ("friction", ["ground.friction=[{x=[0, 1.5], y=[-0.5, 0.52], factor=0.5}]"],
-         ["ground.friction=[{x=[0, 1.5], y=[-0.48, 0.52], factor=0.5}]", "start.position=[0.0, 0.02, 0.0]"]),
-        ("grade", ["ground.grade=0.1", "start.heading=0.01"], ["ground.grade=0.1"]),
-        ("bank", ["ground.bank=0.001"], ["ground.bank=0"]),
-    ],
-)  # fmt: skip
-def test_only_its_own_mirror_image_is_symmetric(key, fault, twin):
-    assert load("straight", "rigid", [*twin, "symmetric=true"]).symmetric
-    with pytest.raises(BadInput, match=rf"straight\.toml: symmetric = true needs .*{key}"):
-        load("straight", "rigid", [*fault, "symmetric=true"])
 
 
 def test_every_point_of_a_vehicle_is_compared_with_its_mirror_image():
@@ -238,10 +191,3 @@ def test_every_point_of_a_vehicle_is_compared_with_its_mirror_image():
         assert lopsided(moved) == f"chassis.{key}"
     assert is_asymmetric({"vehicle": moved, "chassis": {"ground": {"hull": True}}}, ("left", "right"))
     assert not is_asymmetric({"vehicle": moved, "chassis": {}}, ("left", "right"))
-
-
-def test_sides_that_differ_are_not_symmetric():
-    with pytest.raises(
-        BadInput, match=r"its own mirror image in its plane y = 0, but vehicle\.idler\.x = -4\.0 and -4\.08 is"
-    ):
-        load("straight", "rigid", {"vehicle": changed(right=STAGGERED), "symmetric": True})

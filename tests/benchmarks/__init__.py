@@ -1,9 +1,8 @@
-"""Benchmarks: chains against peers, vehicles, sweeps, step time by part and layer, start, memory, recording.
+"""Benchmarks: chains against peers, vehicles, sweeps, recording.
 
 A part is a module with ``measure(quick, repeats) -> list[Table]``. It runs in a process of its own, with one thread
 per library and compiled kernels (``process``). Speed is measured here and never in a test. The parts use lasting
-interfaces: scenes, ``simulate``, model and slave of an FMU (``own``), ``Component``; only ``kernels`` knows the
-present signatures of kernels.
+interfaces: scenes, ``simulate``, the model of an FMU (``own``).
 """
 
 from __future__ import annotations
@@ -24,10 +23,6 @@ PARTS = {
     "chain": "chains, closed and open, flexible, rigid and on the ground, against peers at a known error",
     "vehicle": "real-time factor of `straight`",
     "sweep": "simulated seconds a processor second of runs in parallel processes",
-    "layers": "microseconds of a step by part and by layer",
-    "links": "time a step of 64 to 1,024 links",
-    "start": "from the shell to the first step, with an empty and a full cache",
-    "memory": "peak memory of runs and its growth",
     "recording": "what the log costs a run, by FMUs and by how many link outputs",
 }
 REPEATS = 5

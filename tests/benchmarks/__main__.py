@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -25,17 +26,13 @@ def measure(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
-    """Measure speed: chain against peers, vehicle, step by part and layer, growth, start, memory."""
+    """Measure speed: chains against peers, vehicle, sweeps, recording."""
     names = benchmarks.chosen(only)
     repeats = repeat or (benchmarks.QUICK_REPEATS if quick else benchmarks.REPEATS)
     print(machine.sentence(machine.facts()), end="\n\n")
+    progress = partial(print, "...", file=sys.stderr, flush=True)
     result = benchmarks.report(
-        names,
-        quick,
-        repeats,
-        against,
-        lambda what: print(f"... {what}", file=sys.stderr, flush=True),
-        lambda table: print(table.markdown("###"), flush=True),
+        names, quick, repeats, against, progress, lambda table: print(table.markdown("###"), flush=True)
     )
     if as_json:
         common.print_json(result)

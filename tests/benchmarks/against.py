@@ -30,21 +30,13 @@ COLUMNS = (
     Column("best", "least over least", ".3f"),
 )
 
-COMMAND = ("cli/__init__.py", "cli.py")  # command line of a checkout; older ones have a single module
-COMMANDS = {  # folder of a checkout's benchmark, and command to start it
-    "tests/benchmarks": ("tests.benchmarks",),
-    "orchestrator/bench": ("orchestrator", "bench"),
-}
-
 Costs = dict[tuple[str, str], float]
 
 
 def checkout(folder: Path) -> Path:
     """Folder of another checkout with benchmarks; raises BadInput."""
-    if not any((folder / "orchestrator" / name).is_file() for name in COMMAND):
-        raise BadInput(f"--against {folder}: there is no checkout of cotrack")
-    if not any((folder / place).is_dir() for place in COMMANDS):
-        raise BadInput(f"--against {folder}: that checkout has no benchmark, so it cannot measure itself")
+    if not (folder / "tests" / "benchmarks").is_dir():
+        raise BadInput(f"--against {folder}: there is no checkout of cotrack with benchmarks")
     return folder.resolve()
 
 
@@ -68,9 +60,7 @@ def paired(folder: Path, names: Sequence[str], quick: bool, pairs: int, progress
 
 def measured(root: Path, names: Sequence[str], quick: bool) -> Costs:
     """Costs that the checkout ``root`` reports."""
-    started = next(command for place, command in COMMANDS.items() if (root / place).is_dir())
-    command = [sys.executable, "-m", *started, "--json", "--only", ",".join(names)]
-    command += ["--quick"] if quick else []
+    command = [sys.executable, "-m", "tests.benchmarks", "--json", "--only", ",".join(names), *["--quick"] * quick]
     done = subprocess.run(command, cwd=root, env=environment(root), capture_output=True, text=True)
     try:
         answer: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])

@@ -143,7 +143,7 @@ def stepped(
 
 def logged(case: Case, stop: float) -> tuple[float, Floats]:
     """CPU time, s, and last pins of the scene as ``cotrack run`` runs it."""
-    scene = motion.scene(case, motion.LINKS, f"run.stop={stop}", f"run.step={H}", f"track.step={H}")
+    scene = motion.scene(case, f"run.stop={stop}", f"run.step={H}", f"track.step={H}")
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         result = simulate(scene, Path(folder) / "loop.mcap")
         if result["status"] != "ok":

@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 SCENE = "spinning_loop"
 LINKS, MASS = 64, 18.02  # of the m113, kg per link
 MODULUS, RELAXATION = 1e10, 2e-4  # of flexible links, Pa and s: the stretch of the start has decayed after 0.1 s
-SPIN = 5.0  # rad/s of 64 links; pins of other numbers move at the same speed
+SPIN = 5.0  # rad/s
 OVALLING = 4.0  # rad/s
 GRAVITY = 9.81  # m/s2
 REFERENCE = Path(__file__).with_name("reference.json")
@@ -79,36 +79,30 @@ class Loop(NamedTuple):
         return len(self.pins) == len(self.angle)
 
 
-def scene(case: Case, links: int = LINKS, *settings: str) -> Scene:
+def scene(case: Case, *settings: str) -> Scene:
     """Scene of a chain without contact."""
     if case.scene != SCENE:
         return own.scene(case.scene, case.track, settings)
     rod = own.scene(SCENE, case.track, ["vehicle=m113"]).vehicle
     inertia = (rod.track.inertia[0], MASS * rod.track.pitch**2 / 12.0, rod.track.inertia[2])
     given = [
-        "vehicle=m113",
-        f"vehicle.track.mass={MASS}",
-        f"vehicle.track.inertia={list(inertia)}",
-        f"vehicle.material.youngs_modulus={MODULUS} Pa",
-        f"vehicle.material.relaxation_time={RELAXATION} s",
-        f"chain.links={links}",
-        f"chain.spin={SPIN * LINKS / links!r}",
-        f"chain.ovalling={0.0 if case.ground else OVALLING * LINKS / links!r}",
-        "track.start=polygon",
-        f"planar={str(case.planar).lower()}",
-    ]
+        "vehicle=m113", f"vehicle.track.mass={MASS}", f"vehicle.track.inertia={list(inertia)}",
+        f"vehicle.material.youngs_modulus={MODULUS} Pa", f"vehicle.material.relaxation_time={RELAXATION} s",
+        f"chain.links={LINKS}", f"chain.spin={SPIN}", f"chain.ovalling={0.0 if case.ground else OVALLING}",
+        "track.start=polygon", f"planar={str(case.planar).lower()}",
+    ]  # fmt: skip
     return own.scene(SCENE, case.track, [*given, *settings])
 
 
 @cache
-def part(case: Case, links: int = LINKS) -> Part:
+def part(case: Case) -> Part:
     """Component of the loop; in a case with a ground, this lies just below the loop, and there is gravity."""
-    component = own.part(scene(case, links), "chain")
+    component = own.part(scene(case), "chain")
     if not case.ground:
         return component
     vehicle = component.config["vehicle"]
     wheel, track = vehicle["road_wheel"], vehicle["track"]
-    depth = 0.5 * track["pitch"] / np.tan(np.pi / links) + track["face"]
+    depth = 0.5 * track["pitch"] / np.tan(np.pi / LINKS) + track["face"]
     drawn = {**wheel, "z": wheel["radius"] + 2.0 * track["face"] - depth}  # the ground is below the wheels as drawn
     config = {
         "vehicle": {**vehicle, "road_wheel": drawn},
@@ -117,35 +111,29 @@ def part(case: Case, links: int = LINKS) -> Part:
     return component._replace(config={**component.config, **config})
 
 
-def model(case: Case, step: float, links: int = LINKS, **changes: float | str) -> Any:
+def model(case: Case, step: float, **changes: float | str) -> Any:
     """Model of the component at the start, with internal steps of ``step`` s."""
-    return own.started(part(case, links), step=step, **changes)
+    return own.started(part(case), step=step, **changes)
 
 
-def loop(case: Case, links: int = LINKS) -> Loop:
+def loop(case: Case) -> Loop:
     """Loop for other codes."""
-    vehicle = part(case, links).config["vehicle"]
+    vehicle = part(case).config["vehicle"]
     track, section, material = vehicle["track"], vehicle["section"], vehicle["material"]
     if case.scene != SCENE:
         start = pins(model(case, 1e-3))
         chord, gravity = np.diff(start, axis=0), part(case).config["track"]["gravity"]
         angle, still = np.arctan2(chord[:, 1], chord[:, 0]), np.zeros_like(start)
         return Loop(start, still, angle, np.zeros(len(angle)), track["pitch"], track["mass"], 0.0, 0.0, 0.0, gravity)
-    first_pins = regular_polygon(track["pitch"], links)
-    spin = SPIN * LINKS / links
-    turning, velocity = ovalling(first_pins, 0.0 if case.ground else OVALLING * LINKS / links)
-    velocity = velocity + spin * np.stack([first_pins[:, 1], -first_pins[:, 0]], axis=1)
+    first_pins = regular_polygon(track["pitch"], LINKS)
+    turning, velocity = ovalling(first_pins, 0.0 if case.ground else OVALLING)
+    velocity = velocity + SPIN * np.stack([first_pins[:, 1], -first_pins[:, 0]], axis=1)
     chord = np.roll(first_pins, -1, axis=0) - first_pins
+    angle, modulus = np.arctan2(chord[:, 1], chord[:, 0]), material["youngs_modulus"]
+    stiffness = modulus * section["area"], modulus * section["bending"]
+    rate = -(turning + SPIN)  # rotation about y is from z towards x
     return Loop(
-        first_pins,
-        velocity,
-        np.arctan2(chord[:, 1], chord[:, 0]),
-        -(turning + spin),  # rotation about y is from z towards x
-        track["pitch"],
-        track["mass"],
-        material["youngs_modulus"] * section["area"],
-        material["youngs_modulus"] * section["bending"],
-        material["relaxation_time"],
+        first_pins, velocity, angle, rate, track["pitch"], track["mass"], *stiffness, material["relaxation_time"]
     )
 
 

@@ -60,7 +60,7 @@ def row(scene: Scene, native: bool, pieces: int, steps: int) -> dict[str, Any]:
     """Time ``pieces`` recorded pieces of ``steps`` steps, each between two without recording."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         log = Path(folder) / "run.mcap"
-        times = _times(scene, native, pieces, steps, log)
+        times = pieces_of(scene, native, pieces, steps, log)
         size = log.stat().st_size
     without, recorded = times[::2], times[1::2]
     shares = [1.0 - 0.5 * sum(around) / one for around, one in zip(pairwise(without), recorded, strict=True)]
@@ -76,7 +76,7 @@ def row(scene: Scene, native: bool, pieces: int, steps: int) -> dict[str, Any]:
     }
 
 
-def _times(scene: Scene, native: bool, pieces: int, steps: int, log: Path) -> list[float]:
+def pieces_of(scene: Scene, native: bool, pieces: int, steps: int, log: Path) -> list[float]:
     """Wall times of pieces, s; every second one is recorded, the first is not."""
     h, coupling, period = scene.run.step, scene.run.coupling, scene.run.checkpoints
     with ExitStack() as stack:

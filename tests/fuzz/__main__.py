@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import sys
 import tempfile
 import time
@@ -23,9 +24,11 @@ from orchestrator.cli import main
 from orchestrator.results.table import Column, Table
 from tests.fuzz import caches, grounds, guests, logs, measured, oracle, sequences, settings, sweeps, tables
 from tests.fuzz.bench import Bench, Case
-from tests.fuzz.expected import EXPECTED, expected_name
 
 CORPUS = Path(__file__).parent / "corpus"
+# Finds that are not mended yet, which do not fail the fuzzing: file in ``corpus/`` -> kind, pattern of what is wrong,
+# reason. Until it is mended and leaves the table, a file must still show its find.
+EXPECTED: dict[str, tuple[str, str, str]] = {}
 SHARES = {  # of the time
     "settings": 3, "scenes": 2, "vehicles": 2, "points": 2, "commands": 4, "logs": 3, "checkpoints": 1, "caches": 2,
     "calls": 2, "states": 1, "measured": 3, "sweeps": 2, "grounds": 2, "guests": 3,
@@ -75,7 +78,8 @@ class Campaign:
 
     def _keep(self, case: Case, seed: int, wrong: str) -> None:
         kind = case["kind"]
-        known = expected_name(kind, wrong)
+        hits = (name for name, (of, pattern, _) in EXPECTED.items() if of == kind and re.search(pattern, wrong))
+        known = next(hits, "")
         key = kind, known or oracle.signature(wrong)
         if key in self.finds:
             self.finds[key]["count"] += 1

@@ -27,17 +27,9 @@ BASES = {
     "rigid": ("run", "hanging_chain", "--track", "rigid", *SMALL, "--stop", "0.02", *ENDING),
 }
 SWEEP = (
-    "sweep",
-    "hanging_chain",
-    *SMALL,
-    "--set",
-    "run.stop=0.002",
-    "--vary",
-    "chain.span=0.7,0.75",
-    "--no-estimate",
-    "--workers",
-    "1",
-)
+    "sweep", "hanging_chain", *SMALL, "--set", "run.stop=0.002", "--vary", "chain.span=0.7,0.75", "--no-estimate",
+    "--workers", "1",
+)  # fmt: skip
 FOUND = ("--map", "chain.tension.max=chain.tension.max [N]", "--shift", "find")
 WARM = (("show", "straight"), ("show", "rig", "--set", "rig.tension=1 lbf"), ("--help",))
 LOG_KINDS = ("logs", "checkpoints")

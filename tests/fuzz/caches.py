@@ -20,28 +20,13 @@ from tests.fuzz import oracle
 TOY = Path(__file__).parents[1] / "toy"
 STARTS = (0.1, 0.7)  # m, of the two FMUs
 KINDS = (
-    "fmus/*/*",
-    "kernels/*/*",
-    "unpacked/*/modelDescription.xml",
-    "unpacked/*/resources/*",
+    "fmus/*/*", "kernels/*/*", "unpacked/*/modelDescription.xml", "unpacked/*/resources/*",
     "unpacked/*/binaries/linux64/*",
-)
+)  # fmt: skip
 HOWS = (
-    "flip",
-    "cut",
-    "empty",
-    "delete",
-    "twice",
-    "zeros",
-    "folder",
-    "link",
-    "loop",
-    "fifo",
+    "flip", "cut", "empty", "delete", "twice", "zeros", "folder", "link", "loop", "fifo", "other", "other", "other",
     "other",
-    "other",
-    "other",
-    "other",
-)
+)  # fmt: skip
 
 
 def draw(chance: random.Random) -> dict[str, Any]:

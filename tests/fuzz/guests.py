@@ -63,6 +63,14 @@ SSD = f"""<ssd:SystemStructureDescription xmlns:ssd="{SPACE}Description" xmlns:s
 </ssd:SystemStructureDescription>"""
 ODD = ("", "a", "inner", "1e400", "-1", "nan", "INF", "..", "../x", "%2e%2e", "a.fmu", "true", "input", "output", "m",
        "y", "u", "inner.in", "x" * 500, "\x1b[31m", "\u00e4", "2.0")  # fmt: skip
+GROUND = """title = "t"
+assembly = "vehicle"
+vehicle = "m113"
+ground.heightmap = {table}
+track = {{model = "rigid"}}
+run = {{stop = "1 ms", step = "1 ms"}}
+drive.mode = "speed"
+"""
 ATTRIBUTE, TAG = re.compile(r'="[^"]*"'), re.compile(r"<[^<>]*>")
 made: dict[str, bytes] = {}
 
@@ -142,14 +150,8 @@ def _bag(chance: random.Random) -> dict[str, Any]:
 def _grid(chance: random.Random) -> dict[str, Any]:
     """An ESRI grid with a somewhat wrong head."""
     columns, rows = chance.choice(((2, 2), (3, 40), (60, 60)))
-    head: dict[str, Any] = {
-        "ncols": columns,
-        "nrows": rows,
-        "xllcorner": 0,
-        "yllcorner": 0,
-        "cellsize": 1,
-        "NODATA_value": -9999,
-    }
+    head: dict[str, Any] = {"ncols": columns, "nrows": rows, "xllcorner": 0, "yllcorner": 0, "cellsize": 1}
+    head["NODATA_value"] = -9999
     for _ in range(chance.choice((0, 1, 1, 2))):
         key = chance.choice([*head])
         head[chance.choice((key, key, key.upper(), "dx", "xllcenter"))] = chance.choice((0, -1, 3, 1e9, 2.5, *ODD))
@@ -157,8 +159,7 @@ def _grid(chance: random.Random) -> dict[str, Any]:
     lines += [lines[chance.randrange(6)]] * (chance.random() < 0.1)
     lines += [" ".join(f"{chance.uniform(0.0, 0.1):.3f}" for _ in range(columns)) for _ in range(rows)]
     table = '{heights = "h.asc", corner = [0, 0]}'
-    text = f'title = "t"\nassembly = "vehicle"\nvehicle = "m113"\nground.heightmap = {table}\n'
-    text += 'track = {model = "rigid"}\nrun = {stop = "1 ms", step = "1 ms"}\ndrive.mode = "speed"\n'
+    text = GROUND.format(table=table)
     grid = _damaged(chance, "\n".join(lines).encode("utf-8", "replace"))
     return {"files": {"t.toml": text, "h.asc": grid}, "arguments": ["show", "t.toml"]}
 
@@ -175,12 +176,9 @@ def _heights(chance: random.Random) -> dict[str, Any]:
         np.savetxt(stream, array, delimiter=",")
     limits = ", range = [0, 0.1]" * (ending == ".png")
     table = f'{{heights = "h{ending}", corner = [0, 0], spacing = [1, 1]{limits}}}'
-    text = f'title = "t"\nassembly = "vehicle"\nvehicle = "m113"\nground.heightmap = {table}\n'
-    text += 'track = {model = "rigid"}\nrun = {stop = "1 ms", step = "1 ms"}\ndrive.mode = "speed"\n'
-    return {
-        "files": {"t.toml": text, f"h{ending}": _damaged(chance, stream.getvalue())},
-        "arguments": ["show", "t.toml"],
-    }
+    text = GROUND.format(table=table)
+    files = {"t.toml": text, f"h{ending}": _damaged(chance, stream.getvalue())}
+    return {"files": files, "arguments": ["show", "t.toml"]}
 
 
 def _check(chance: random.Random) -> dict[str, Any]:

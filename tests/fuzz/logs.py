@@ -12,6 +12,8 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tests.fuzz import values
 from tests.orchestrator.mutated import PREFIX, Content
 
@@ -94,8 +96,6 @@ def _apply(log: Content, edit: Edit) -> None:
             number, rows, times = log.chunks[chunk][part]
             log.chunks[chunk][part] = number, rows[first::step].copy(), times[first::step].copy()
         case ["empty", count]:
-            import numpy as np
-
             rows = np.zeros((count, 9), np.uint8)
             rows[:, 0] = 0x80  # a record of a kind that readers skip, without content
             log.chunks.append([(next(iter(log.channels)), rows, np.zeros(count, np.uint64))])
@@ -174,24 +174,16 @@ def _edit(log: Content, draw: random.Random) -> Edit:
             text = draw.choice((None, *values.TEXTS, *map(str, values.NUMBERS)))
             return ["metadata", name, draw.choice([*log.metadata[name], "x"]), text]
         case 3:
-            return [
-                "topic",
-                number,
-                draw.choice(("", "/", "/chain/out", "/chain/links", "/../../evil/out", "x" * 5000, "/a/b/c")),
-            ]
+            topics = "", "/", "/chain/out", "/chain/links", "/../../evil/out", "x" * 5000, "/a/b/c"
+            return ["topic", number, draw.choice(topics)]
         case 4 | 5 | 6:
             about = log.channels[number][2]
             key = draw.choice(list(about))
             entries = json.loads(about[key])
             if key == "names" and len(entries) > 2 and draw.random() < 0.6:
                 k = draw.randrange(len(entries))  # a family of other length
-                return [
-                    "about",
-                    number,
-                    key,
-                    k,
-                    draw.choice((entries[k - 1], "link[99].tension", "joint[1].force", "x", "")),
-                ]
+                other = draw.choice((entries[k - 1], "link[99].tension", "joint[1].force", "x", ""))
+                return ["about", number, key, k, other]
             return ["about", number, key, *_place(draw, entries), _value(draw)]
         case 7:
             return ["words", chunk, part, draw.randrange(rows), draw.choice((-1, draw.random())), draw.choice(WORDS)]

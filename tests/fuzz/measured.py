@@ -12,27 +12,24 @@ from tests.fuzz import values
 from tests.fuzz.tables import ODD_FILES
 
 SIGNALS = {
-    "chain.tension.max": "N",
-    "chain.link[3].tension": "kN",
-    "chain.energy.strain": "J",
+    "chain.tension.max": "N", "chain.link[3].tension": "kN", "chain.energy.strain": "J",
     "chain.joint[2].position.z": "m",
-}
+}  # fmt: skip
 ODD = 0.03  # probability of each oddity
 NO_SIGNALS = ("chain.none", "", "chain.link[*].tension", "*")
 ENCODINGS = ("utf-8-sig", "utf-16", "utf-16-le", "latin-1", "cp1252", "cp037")
 CLOCKS = ("TIME (ms)", "t, us", "clock", "t [h]", "t [kg]", "Zeit", "t [1/0]", "")
 UNITS = (
-    "", "N", "kN", "J", "m", "mm", "m/s", "-", "1", "%", "\u00b0", "\u00b5m", "lbf", "kgf", "N*m", "N\u00b7m", "kN/m^2",
-    "m/s\u00b2", "1/0", "0 N", "-N", "N N N", "degC", "degF", "dB", "nan", "inf N", "1e400 N", "10**10**10 m",
-    "N**-1e9",
-    "kmph", "km/h", "Grad", "Grad/s", "mil", "m/s2", "mm/s2", "N/mm2", "g", "RPM", "1/min", "KN", "\u00b0/s", "kkN",
-    "ton", "daN", "kgm", "Nm/rad", "N/(m s)", "m^-9", "1/s/s", "U/min", "MPa/s", "rad/s^2", "t", "bar", "psi",
-    "__import__('os')", "(", ")", "[[", "\x00", "'", "x" * 300, "m" * 20_000, "furlong/fortnight",
+    "", "N", "kN", "J", "m", "mm", "m/s", "-", "1", "%", "\u00b0", "\u00b5m", "lbf", "kgf", "N*m", "N\u00b7m",
+    "kN/m^2", "m/s\u00b2", "1/0", "0 N", "-N", "N N N", "degC", "degF", "dB", "nan", "inf N", "1e400 N",
+    "10**10**10 m", "N**-1e9", "kmph", "km/h", "Grad", "Grad/s", "mil", "m/s2", "mm/s2", "N/mm2", "g", "RPM", "1/min",
+    "KN", "\u00b0/s", "kkN", "ton", "daN", "kgm", "Nm/rad", "N/(m s)", "m^-9", "1/s/s", "U/min", "MPa/s", "rad/s^2",
+    "t", "bar", "psi", "__import__('os')", "(", ")", "[[", "\x00", "'", "x" * 300, "m" * 20_000, "furlong/fortnight",
 )  # fmt: skip
 NUMBERS = (
-    "nan", "NaN", "inf", "-inf", "Infinity", "1e400", "-1e400", "1e308", "-1e308", "4.94e-324", "1_000", "0x10", "1,5",
-    " 3 ", "", " ", "-", "--", "#N/A", "1e", ".", "+-1", "\u0663", "1\u00a0000", "true", "9" * 400, "9" * 70_000, '"',
-    "=1+1",
+    "nan", "NaN", "inf", "-inf", "Infinity", "1e400", "-1e400", "1e308", "-1e308", "4.94e-324", "1_000", "0x10",
+    "1,5", " 3 ", "", " ", "-", "--", "#N/A", "1e", ".", "+-1", "\u0663", "1\u00a0000", "true", "9" * 400,
+    "9" * 70_000, '"', "=1+1",
 )  # fmt: skip
 
 
@@ -62,12 +59,8 @@ def draw(chance: random.Random) -> dict[str, Any]:
             reference = chance.choice(("", "", "a.mcap")).split()
             arguments = ["report", "a.mcap", *reference, "--with", "m.csv", *options, "-o", "out.html"]
     if arguments[0] != "report" and chance.random() < 0.2:
-        arguments += [
-            "--from",
-            chance.choice(("0", "0.005", "nan", "-1")),
-            "--to",
-            chance.choice(("0.01", "inf", "1e308")),
-        ]
+        arguments += ["--from", chance.choice(("0", "0.005", "nan", "-1"))]
+        arguments += ["--to", chance.choice(("0.01", "inf", "1e308"))]
     return {"files": {"m.csv": content}, "arguments": [one.replace("\x00", "") for one in arguments]}
 
 

@@ -15,18 +15,9 @@ from tests.fuzz import values
 
 RUN = {"hanging_chain": ("flexible", "rigid")}  # scenes that are run, others are shown: their kernels are loaded
 KERNELS = (
-    "element",
-    "axes",
-    "joints",
-    "coordinates",
-    "formulation",
-    "integrator",
-    "closure",
-    "elasticity",
-    "planar",
-    "model",
-    "start",
-)
+    "element", "axes", "joints", "coordinates", "formulation", "integrator", "closure", "elasticity", "planar",
+    "model", "start",
+)  # fmt: skip
 SMALL = ("chain.links=8", "expect={}")
 
 
@@ -60,9 +51,8 @@ def setting(draw: random.Random, scene: str) -> str:
     else:
         drawn = values.value(draw, near)
     if draw.random() < 0.04:
-        key = draw.choice(
-            (key[:-1], key + ".x", "." + key, key + ".0", "", "\u00fc", key.replace(".", ".."), key.upper())
-        )
+        odd = key[:-1], key + ".x", "." + key, key + ".0", "", "\u00fc", key.replace(".", ".."), key.upper()
+        key = draw.choice(odd)
     text = values.text(drawn)
     return f"{key}={text if draw.random() < 0.9 else text.strip(chr(34))}"
 

@@ -12,28 +12,12 @@ ODD = 0.06  # probability of each oddity
 SMALL = ("chain.links=8", "expect={}", "run.stop=0.002")
 RANGES = ("0.7:0.8:2", "0.7:0.8:3", "0.7:0.8", "20:25 kg", "1:2:3:4", "0:0:1", "1e308:-1e308:3", "-1:1:2", "1e-320:1:2")
 LISTS = (
-    "0.7,0.75",
-    "8,9",
-    "rigid,flexible",
-    "1,1",
-    "1,,2",
-    "1 kg,2 m",
-    "nan,inf",
-    "true,false",
-    "[1],{}",
-    "20 kg, 25 kg",
-)
+    "0.7,0.75", "8,9", "rigid,flexible", "1,1", "1,,2", "1 kg,2 m", "nan,inf", "true,false", "[1],{}", "20 kg, 25 kg",
+)  # fmt: skip
 KEYS = (
-    "chain.span",
-    "vehicle.track.mass",
-    "run.links",
-    "track.model",
-    "run.stop",
-    "track.start",
-    "chain.lnks",
-    "",
-    "x",
-)
+    "chain.span", "vehicle.track.mass", "run.links", "track.model", "run.stop", "track.start", "chain.lnks", "", "x",
+)  # fmt: skip
+SHORT = "chain.span=0.7,0.75", "track.model=rigid,flexible", "vehicle.track.mass=20,25", "run.links=1,2"
 FOLDERS: tuple[dict[str, Any], ...] = (
     {"found": "a file"}, {"found": {"link": "none"}}, {"found": {"link": "."}}, {"found": {"fifo": True}},
     {"found/sweep.json": "[]"}, {"found/sweep.json": {"link": "/dev/zero"}}, {"found/sweep.json": {"fifo": True}},
@@ -67,9 +51,7 @@ def draw(chance: random.Random) -> dict[str, Any]:
 def _vary(draw: random.Random) -> str:
     """A varied key with values whose runs are short."""
     if draw.random() < 0.5:
-        text = draw.choice(
-            ("chain.span=0.7,0.75", "track.model=rigid,flexible", "vehicle.track.mass=20,25", "run.links=1,2")
-        )
+        text = draw.choice(SHORT)
     elif draw.random() < 0.3:
         text = f"{draw.choice(KEYS)}={draw.choice((*RANGES, *LISTS))}"
     elif draw.random() < 0.7:

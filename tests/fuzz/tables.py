@@ -14,10 +14,10 @@ from tests.fuzz import values
 
 ODD_FILES: tuple[Any, ...] = (
     {"link": "/dev/zero"}, {"link": "/dev/full"}, {"fifo": True}, {"link": "."}, {"link": "none"},
-        {"link": "/proc/self/mem"},
-    {"bytes": "AA==", "times": 50_000_000}, {"bytes": "//79/A==", "times": 3}, {"bytes": "Ww==", "times": 200_000},
-    {"bytes": "MCwwCg==", "times": 5_000_000},
+    {"link": "/proc/self/mem"}, {"bytes": "AA==", "times": 50_000_000}, {"bytes": "//79/A==", "times": 3},
+    {"bytes": "Ww==", "times": 200_000}, {"bytes": "MCwwCg==", "times": 5_000_000},
 )  # fmt: skip
+INSERTED = "", "=", "[", "]", '"', "\x00", "\u202e", "[[a]]\n", "a.b.c = 1\n", "\udcff", "{" * 3000, "[" * 3000
 FAST = ("hanging_chain", "released_chain", "rig", "sprocket_bench", "straight", "serpentine", "turn", "settle")
 POINTS = ("speed_points", "torque_points", "brake_points")
 PATH = ("points", "arcs")
@@ -35,9 +35,7 @@ def _changed(text: str, draw: random.Random) -> Any:
         return draw.choice(ODD_FILES)
     if draw.random() < 0.15:
         at = draw.randrange(len(text))
-        inserted = draw.choice(
-            ("", "=", "[", "]", '"', "\x00", "\u202e", "[[a]]\n", "a.b.c = 1\n", "\udcff", "{" * 3000, "[" * 3000)
-        )
+        inserted = draw.choice(INSERTED)
         return text[:at] + inserted + text[at + draw.choice((0, 1, 40)) :]
     table = tomllib.loads(text)
     for _ in range(draw.choice((1, 1, 2, 4))):
@@ -60,13 +58,10 @@ def vehicles(draw: random.Random) -> dict[str, Any]:
 
 def points(draw: random.Random) -> dict[str, Any]:
     """A table of points over time or of a path, as a file."""
-    rows = [
-        [
-            str(draw.choice((i, i, i, i - 2, values.value(draw, 1.0)))),
-            str(values.value(draw, float(i)) if draw.random() < 0.2 else i),
-        ]
-        for i in range(draw.choice((0, 1, 2, 5, 500)))
-    ]
+    rows = []
+    for i in range(draw.choice((0, 1, 2, 5, 500))):
+        first = draw.choice((i, i, i, i - 2, values.value(draw, 1.0)))
+        rows.append([str(first), str(values.value(draw, float(i)) if draw.random() < 0.2 else i)])
     text = draw.choice(("t,v\n", "", "", "\ufeff", "t;v\n", '"', "#\n")) + "".join(
         draw.choice((",", ",", ",", ",,", ";")).join(row) + draw.choice(("\n", "\n", "\r\n", "\r", "\n\n"))
         for row in rows
@@ -77,14 +72,8 @@ def points(draw: random.Random) -> dict[str, Any]:
     else:
         key = f"drive.{draw.choice(('', 'left.', 'steering.'))}{draw.choice(POINTS)}"
         mode = draw.choice(("speed", "torque", "controller"))
-        arguments = [
-            "show",
-            draw.choice(("straight", "turn", "rig")),
-            "--set",
-            f"drive.mode={mode}",
-            "--set",
-            f"{key}=p.csv",
-        ]
+        scene = draw.choice(("straight", "turn", "rig"))
+        arguments = ["show", scene, "--set", f"drive.mode={mode}", "--set", f"{key}=p.csv"]
     return {"files": {"p.csv": content}, "arguments": arguments}
 
 
@@ -114,54 +103,32 @@ def _argument(draw: random.Random) -> str:
 
 NAMES = (
     "a.mcap", "none.mcap", ".", "..", "/", "/dev/null", "/dev/full", "a.mcap/b", "n" * 300, "n" * 300 + ".csv",
-    "n" * 300 + ".png",
-    "n" * 300 + ".mcap", "b.mcap", "out", "out.csv", "out.png", "out.parquet", "out.html", "out.svg", "\udcff.mcap",
-    "-1",
-    "chain", "chain.tension.max", "chain.link[*].tension", "*",
-    "[", "chain.*", "link[*", "time", "travel", "chain.tension.max=1",
-    "chain.tension.max=nan", "0.01", "1e-300", "rigid", "flexible",
+    "n" * 300 + ".png", "n" * 300 + ".mcap", "b.mcap", "out", "out.csv", "out.png", "out.parquet", "out.html",
+    "out.svg", "\udcff.mcap", "-1", "chain", "chain.tension.max", "chain.link[*].tension", "*", "[", "chain.*",
+    "link[*", "time", "travel", "chain.tension.max=1", "chain.tension.max=nan", "0.01", "1e-300", "rigid", "flexible",
 )  # fmt: skip
 FLAGS = (
-    "--json",
-    "--bits",
-    "--different",
-    "--signals",
-    "--order",
-    "--teeth",
-    "--spectrum",
-    "--waterfall",
-    "--place",
-    "--above",
-    "--markdown",
-    "--phases",
-)
+    "--json", "--bits", "--different", "--signals", "--order", "--teeth", "--spectrum", "--waterfall", "--place",
+    "--above", "--markdown", "--phases",
+)  # fmt: skip
 OPTIONS = (
     *FLAGS, "--from", "--to", "--at", "-o", "--signal", "--topic", "--track", "--bins", "--sn", "--shape", "--link",
-    "--align",
-    "--allow", "--component", "--set", "--stop", "--step", "--as", "--colour", "--seen-from",
-    "--for", "--vary", "--map", "--with", "--shift", "--clock",
+    "--align", "--allow", "--component", "--set", "--stop", "--step", "--as", "--colour", "--seen-from", "--for",
+    "--vary", "--map", "--with", "--shift", "--clock",
 )  # fmt: skip
-COMMANDS = (
-    ("keys",), ("keys", "friction"), ("keys", "friction", "--json"), ("keys", "--markdown"), ("schema", "scene"),
-    ("schema", "vehicle"), ("new", "scene", "own"), ("new", "vehicle", "own"),
-    ("new", "scene", "own", "--from", "turn"),
-    ("new", "vehicle", "own", "--from", "a.mcap"),
-    ("scenes",), ("show", "rig"), ("log", "info", "a.mcap"), ("log", "verify", "a.mcap"),
-    ("log", "recover", "a.mcap", "-o", "b.mcap"),
-    ("log", "recover", "a.mcap"), ("log", "export", "a.mcap", "-o", "out.csv"),
-    ("log", "export", "a.mcap", "-o", "out"),
-    ("compare", "a.mcap", "a.mcap"), ("compare", "a.mcap", "a.mcap", "--align", "travel"),
-    ("compare", "a.mcap", "a.mcap", "--bits"),
-    ("view", "a.mcap", "-o", "out.png"), ("plot", "a.mcap", "chain.tension.max", "-o", "out.png"),
-    ("report", "a.mcap", "-o", "out.html"),
-    *(("analyse", "a.mcap", what) for what in ("power", "spectrum", "envelope", "fatigue", "joints", "links",
-        "deformation", "ride", "events",
-                                              "phases", "validity", "slip", "patches", "contact", "wheel-loads")),
-    ("replay", "a.mcap", "--component", "chain"), ("resume", "a.mcap", "-o", "b.mcap", "--stop", "0.02"),
-    ("study", "none", "rig"),
-    ("truth", "none"), ("run", "none"), ("build", "none", "-o", "out"), ("warm", "none"),
-    ("run", "hanging_chain", "--set", "chain.links=8", "--set", "expect={}", "--stop", "0.002",
-        "--no-estimate", "--log", "b.mcap"),
-    ("run", "hanging_chain", "--set", "chain.links=8", "--set", "expect={}", "--stop", "0.002", "--no-estimate",
-        "--for", "fatigue", "--for", "links", "--log", "b.mcap"),
-)  # fmt: skip
+RUN = "run hanging_chain --set chain.links=8 --set expect={} --stop 0.002 --no-estimate"
+ANALYSES = (
+    "power spectrum envelope fatigue joints links"
+    " deformation ride events phases validity slip patches contact wheel-loads"
+)
+COMMANDS = [one.split() for one in (
+    "keys", "keys friction", "keys friction --json", "keys --markdown", "schema scene", "schema vehicle",
+    "new scene own", "new vehicle own", "new scene own --from turn", "new vehicle own --from a.mcap", "scenes",
+    "show rig", "log info a.mcap", "log verify a.mcap", "log recover a.mcap -o b.mcap", "log recover a.mcap",
+    "log export a.mcap -o out.csv", "log export a.mcap -o out", "compare a.mcap a.mcap",
+    "compare a.mcap a.mcap --align travel", "compare a.mcap a.mcap --bits", "view a.mcap -o out.png",
+    "plot a.mcap chain.tension.max -o out.png", "report a.mcap -o out.html",
+    *(f"analyse a.mcap {what}" for what in ANALYSES.split()), "replay a.mcap --component chain",
+    "resume a.mcap -o b.mcap --stop 0.02", "study none rig", "truth none", "run none", "build none -o out",
+    "warm none", f"{RUN} --log b.mcap", f"{RUN} --for fatigue --for links --log b.mcap",
+)]  # fmt: skip

@@ -15,12 +15,11 @@ NUMBERS = (
     math.nan, math.inf, -math.inf, 2**31, 2**63, 2**64, HUGE, -HUGE, True, False,
 )  # fmt: skip
 TEXTS = (
-    "", " ", "x", "\u00fc\u20ac\U0001f600", "\x00",
-    "\x1b[2J", "a\nb", "9" * 400, "y" * 3000, "../../evil", ".", "/", "/dev/zero",
-    "/dev/null", "/proc/self/mem", "none.csv", "none.toml", "1 kg", "1 s", "0 s", "-1 ms", "1e400 s", "nan s",
-    "9**9**9 s",
-    "1 m/s^2", "1 parsec", "1 kmph", "3 Grad", "2 mil", "5 m/s2", "1 N/mm2", "1 g", "9 RPM", "1 1/min", "2 KN",
-    "1 \u00b0/s", "=1+1", "nan", "flexible", "rigid", "spring", "true", "%s%n", "{}", "[", "\u202e", "\ufffe",
+    "", " ", "x", "\u00fc\u20ac\U0001f600", "\x00", "\x1b[2J", "a\nb", "9" * 400, "y" * 3000, "../../evil", ".", "/",
+    "/dev/zero", "/dev/null", "/proc/self/mem", "none.csv", "none.toml", "1 kg", "1 s", "0 s", "-1 ms", "1e400 s",
+    "nan s", "9**9**9 s", "1 m/s^2", "1 parsec", "1 kmph", "3 Grad", "2 mil", "5 m/s2", "1 N/mm2", "1 g", "9 RPM",
+    "1 1/min", "2 KN", "1 \u00b0/s", "=1+1", "nan", "flexible", "rigid", "spring", "true", "%s%n", "{}", "[",
+    "\u202e", "\ufffe",
 )  # fmt: skip
 OTHERS: tuple[Any, ...] = (
     [], [[]], {}, {"a": 1}, [math.nan], [[0, math.nan], [1, 1]], [[0.0, 1.0], [0.0, 2.0]], [1, "x"], [[[[[[]]]]]],
@@ -75,11 +74,9 @@ def text(one: Any) -> str:
         return "{" + ", ".join(f"{json.dumps(key)} = {text(inner)}" for key, inner in one.items()) + "}"
     if isinstance(one, list | tuple):
         return "[" + ", ".join(map(text, one)) + "]"
-    return (
-        json.dumps(one).replace("\\ud83d\\ude00", "\U0001f600")
-        if isinstance(one, str)
-        else repr(one).replace("e+", "e")
-    )
+    if isinstance(one, str):
+        return json.dumps(one).replace("\\ud83d\\ude00", "\U0001f600")
+    return repr(one).replace("e+", "e")
 
 
 def toml(table: dict[str, Any]) -> str:
