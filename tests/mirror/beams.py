@@ -27,7 +27,6 @@ class Beam(Element):
 
     def read(self, state: Floats) -> None:
         super().read(state)
-        self.lateral = (-0.25 * self.vehicle["track"]["width"], 0.25 * self.vehicle["track"]["width"])
         section = self.vehicle["section"]
         seconds = section["lateral_bending"], section["bending"]
         self.wide, self.high = (np.sqrt(12.0 * second / section["area"]) for second in seconds)
@@ -98,10 +97,8 @@ class Beam(Element):
 
     @property
     def damping_tension(self) -> Floats:
-        tau, pairs = (
-            float(self.part.parameters["material.relaxation_time"]),
-            zip(self.strain_changes(self.v), self.strain_changes(self.stretch_mode), strict=True),
-        )
+        tau = float(self.part.parameters["material.relaxation_time"])
+        pairs = zip(self.strain_changes(self.v), self.strain_changes(self.stretch_mode), strict=True)
         return 2.0 * tau / self.pitch * sum(w * rate * by for (w, rate), (_, by) in pairs)
 
     @property

@@ -22,12 +22,15 @@ class Cable(Element):
         return (self.across,)
 
     def coordinates(self, x: Floats, places: bool) -> Floats:
-        first, last = x[:, : self.n], x[:, self.second]
-        e = np.stack([first[..., [0, 1, 2]], first[..., [5, 7, 6]], last[..., [0, 1, 2]], last[..., [3, 7, 4]]], axis=2)
-        e = self.world(e)
+        e = self.world(self.vectors(x))
         if places:
             e[:, :, [0, 2]] += self.origin
         return e
+
+    def vectors(self, x: Floats) -> Floats:
+        """Vectors (T, n, 4, 3) along the axes of the state, from its values (T, nodes, 8)."""
+        first, last = x[:, : self.n], x[:, self.second]
+        return np.stack([first[..., :3], first[..., [5, 7, 6]], last[..., :3], last[..., [3, 7, 4]]], axis=2)
 
     @property
     def axes(self) -> Floats:
@@ -151,10 +154,7 @@ class Cable(Element):
         outwards = np.cross(slope, self.axes)
         outwards = outwards / np.linalg.norm(outwards, axis=-1, keepdims=True)
         bend = np.einsum("p,tnpi,tni->tn", w, self.slopes(self.e, x, 2), outwards)
-        at, more = (
-            self.axial / section["area"],
-            self.stiffness[1] / section["bending"] * section["outer_fibre"] * bend,
-        )
+        at, more = self.axial / section["area"], self.stiffness[1] / section["bending"] * section["outer_fibre"] * bend
         return at - more, at + more
 
     def energies(self, e: Floats) -> Floats:
@@ -173,15 +173,11 @@ class Turning(Cable):
 
     def read(self, state: Floats) -> None:
         T, size = len(state), self.nodes * self.width
-        self.lateral = (-0.25 * self.vehicle["track"]["width"], 0.25 * self.vehicle["track"]["width"])
         self.state_rates = state[:, size : 2 * size].reshape(T, self.nodes, self.width)
         f = state[:, 2 * size : 2 * size + 24]
         self.R = self.turn.as_matrix() @ f[:, :9].reshape(T, 3, 3)
-        self.o, self.do, self.ddo = (
-            self.origin + self.world(f[:, 9:12]),
-            self.world(f[:, 12:15]),
-            self.world(f[:, 15:18]),
-        )
+        self.o, self.do, self.ddo = (self.world(f[:, k : k + 3]) for k in (9, 12, 15))
+        self.o = self.o + self.origin
         self.w, self.dw = f[:, 18:21], f[:, 21:24]
         self.c = self.vectors(state[:, :size].reshape(T, self.nodes, self.width))
         self.dc = self.vectors(self.state_rates)
@@ -198,19 +194,10 @@ class Turning(Cable):
         other.update_world()
         return other
 
-    def vectors(self, x: Floats) -> Floats:
-        """Vectors (T, n, 4, 3) along the axes, from (T, nodes, 8)."""
-        first, last = x[:, : self.n], x[:, self.second]
-        return np.stack(
-            [first[..., [0, 1, 2]], first[..., [5, 7, 6]], last[..., [0, 1, 2]], last[..., [3, 7, 4]]], axis=2
-        )
-
     def update_world(self) -> None:
         """Set all quantities in the world frame."""
-        self.e, self.v = (
-            self.world_vectors(self.c),
-            self.world_vectors(self.dc + np.cross(self.w[:, None, None], self.c)),
-        )
+        rates = self.dc + np.cross(self.w[:, None, None], self.c)
+        self.e, self.v = self.world_vectors(self.c), self.world_vectors(rates)
         self.e[:, :, [0, 2]] += self.o[:, None, None]
         self.v[:, :, [0, 2]] += self.do[:, None, None]
         self.pins, self.rates = self.e[:, :, 0], self.v[:, :, 0]
@@ -233,10 +220,8 @@ class Turning(Cable):
 
     def coordinate_accelerations(self, a: Floats) -> Floats:
         w, dw = self.w[:, None, None], self.dw[:, None, None]
-        accelerations = (
-            self.vectors(a) + 2.0 * np.cross(w, self.dc) + np.cross(dw, self.c) + np.cross(w, np.cross(w, self.c))
-        )
-        accelerations = self.world_vectors(accelerations)
+        turning = 2.0 * np.cross(w, self.dc) + np.cross(dw, self.c) + np.cross(w, np.cross(w, self.c))
+        accelerations = self.world_vectors(self.vectors(a) + turning)
         accelerations[:, :, [0, 2]] += self.ddo[:, None, None]
         return accelerations
 

@@ -181,23 +181,20 @@ def gravity(view: View, names: Sequence[str]) -> Floats:
     return h.copies * h.vehicle["gravity"] * rise[:, None]
 
 
-def stiffness(view: View, k: int) -> float:
-    return view.hull.vehicle["suspension" if view.hull.is_road(k) else "tensioner"]["stiffness"]
-
-
-def damping(view: View, k: int) -> float:
-    return view.hull.vehicle["suspension" if view.hull.is_road(k) else "tensioner"]["damping"]
+def spring_table(view: View, k: int) -> dict[str, float]:
+    return view.hull.vehicle["suspension" if view.hull.is_road(k) else "tensioner"]
 
 
 def springs(view: View, names: Sequence[str]) -> Floats:
     h = view.hull
-    return h.copies * sum(leaf_forces(view, k)[0] ** 2 / (2.0 * stiffness(view, k)) for k in h.shown_leaves)[:, None]
+    stored = (0.5 * leaf_forces(view, k)[0] ** 2 / spring_table(view, k)["stiffness"] for k in h.shown_leaves)
+    return h.copies * sum(stored)[:, None]
 
 
 def dissipated(view: View, names: Sequence[str]) -> Floats:
     """Energy lost in dampers and, where there is one, on the ground, J."""
     h = view.hull
-    power = h.copies * sum(leaf_forces(view, k)[1] ** 2 / damping(view, k) for k in h.shown_leaves)
+    power = h.copies * sum(leaf_forces(view, k)[1] ** 2 / spring_table(view, k)["damping"] for k in h.shown_leaves)
     if on_ground(view):
         t, push, _ = ground_contacts(h)
         np.add.at(power, t, push.friction_loss + push.damping_loss)

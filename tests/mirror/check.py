@@ -12,7 +12,7 @@ import numpy as np
 from mirror.driver_plan import PlanningDriverView
 from mirror.driver_view import DriverView
 from mirror.hull import Hull
-from mirror.kinds import chain
+from mirror.kinds import chain, kind_of
 from mirror.links import UP, Chain
 from mirror.motion import Recursion, Wheels, wheels
 from mirror.record import Floats, Part, Record
@@ -38,13 +38,7 @@ class View:
     @property
     def kind(self) -> str:
         """Kind of the component; of a track, the kind of its links too."""
-        part = self.part
-        if part.kind != "TrackFlexible":
-            return part.kind
-        if part.parameters["axes"] == "free":
-            return "turning"
-        elasticity = str(part.parameters["elasticity"])
-        return str(part.parameters["element"]) if elasticity == "small_deformation" else elasticity
+        return kind_of(self.part)
 
     @property
     def side(self) -> str:

@@ -21,7 +21,7 @@ from fmus.vehicles.vehicle import read_table, vehicle
 
 STEPS = (1e-3, 1e-3, 0.3, 1e-3)
 CALLS = {  # per kind: functions called once per evaluation, per iteration, per accepted step, per started step
-    "rigid": {"residual": rigid, "_update": rigid, "end_work": rigid_dynamics, "newton": rigid_dynamics},
+    "rigid": {"residual": rigid, "solve": rigid.augmented, "end_work": rigid_dynamics, "newton": rigid_dynamics},
     "cable": {
         "evaluate": flexible_dynamics,
         "correct": flexible_dynamics,

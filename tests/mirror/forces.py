@@ -52,6 +52,15 @@ def pulls(chain: Chain) -> tuple[Floats, Floats]:
     return tuple(chain.turn.apply([x, 0.0, z]) for x, z in (ends["first"], ends["last"]))
 
 
+def pin_loads(view: View) -> Floats:
+    """Forces of teeth and damping on the last pin of each link (T, n, 3), which pass to it; none on the support."""
+    c = view.chain
+    load = (view.touch.teeth + across(c)[0])[:, c.second]
+    if not c.closed:
+        load[:, -1] = 0.0
+    return load
+
+
 def joints(view: View) -> Floats:
     """Force of each pin on the link that begins there, N, shape (T, nodes, 3).
 
@@ -61,10 +70,7 @@ def joints(view: View) -> Floats:
     c, touch = view.chain, view.touch
     d_linear, d_angular = c.momentum_rates(view.accelerations)
     arms = [end - c.middle for end in c.ends[:2]]
-    # forces of teeth and damping on a pin pass to the link that ends there, with the reaction of the next link
-    load = (touch.teeth + across(c)[0])[:, c.second]
-    if not c.closed:
-        load[:, -1] = 0.0
+    load = pin_loads(view)  # with the reaction of the next link
     needed = d_linear + c.mass * c.gravity * UP - touch.force - load
     moment = d_angular - touch.torque - np.cross(arms[1], load)
     sums = np.concatenate([np.zeros_like(needed[:, :1]), -np.cumsum(needed, axis=1)], axis=1)

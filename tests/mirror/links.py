@@ -6,6 +6,7 @@ as the READMEs of the two tracks describe them; no kernel is used.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from functools import cached_property
 
@@ -39,8 +40,7 @@ def hermite(xi, l: float, derivative: int = 0) -> Floats:
 class Chain:
     """Common part of all kinds of links."""
 
-    lateral: tuple[float, ...] = (0.0,)  # lateral places of contact points from the middle, m
-    guided = False
+    guided = False  # whether links have guides, and a width
 
     def __init__(self, part: Part) -> None:
         self.part = part
@@ -49,6 +49,8 @@ class Chain:
         self.nodes = self.n if self.closed else self.n + 1
         self.pitch, self.face = self.vehicle["track"]["pitch"], self.vehicle["track"]["face"]
         self.gravity = float(track["gravity"])
+        quarter = 0.25 * self.vehicle["track"]["width"]
+        self.lateral = (-quarter, quarter) if self.guided else (0.0,)  # of contact points from the middle, m
         p = part.parameters
         self.turn = ground_frame(p)
         self.across = self.turn.apply([0, 1, 0])
@@ -60,13 +62,8 @@ class Chain:
         """Vectors (..., 3) from the axes of the start to the world's."""
         return self.turn.apply(a.reshape(-1, 3)).reshape(a.shape)
 
-    def read(self, state: Floats) -> None:
-        raise NotImplementedError
-
-    def advanced(self, tau: float) -> Chain:
-        """The chain ``tau`` s later (or earlier) at its present rates."""
-        raise NotImplementedError
-
+    read: Callable[[Floats], None]  # a state
+    advanced: Callable[[float], Chain]  # the chain some s later (or earlier) at its present rates
     # positions and velocities (T, nodes, 3) of the pins
     pins: Floats
     rates: Floats
@@ -90,7 +87,6 @@ class Rigid(Chain):
     def read(self, state: Floats) -> None:
         T, n = len(state), self.n
         q, v = state[:, : 7 * n].reshape(T, n, 7), state[:, 7 * n : 13 * n].reshape(T, n, 6)
-        self.lateral = (-0.25 * self.vehicle["track"]["width"], 0.25 * self.vehicle["track"]["width"])
         self.centre, self.velocity = self.origin + self.world(q[..., :3]), self.world(v[..., :3])
         self.body_rates, self.state_rates = v[..., 3:], v
         body = (self.turn * rotation_of(q[..., 3:].reshape(-1, 4))).as_matrix().reshape(T, n, 3, 3)
@@ -157,13 +153,18 @@ class Rigid(Chain):
 
 
 class Element(Chain):
-    """Links with nodal coordinates; subclasses give ``points`` and shape functions."""
+    """Links with nodal coordinates; subclasses give ``point``, ``pin``, and what is annotated here."""
 
     state_rates: Floats  # (T, nodes, w) rates in the state's layout
-
-    def coordinates(self, x: Floats, places: bool) -> Floats:
-        """Element coordinates (T, n, rows, 3), world frame, of a state's values (T, nodes, w)."""
-        raise NotImplementedError
+    # element coordinates (T, n, rows, 3), world frame, of a state's values (T, nodes, w), of places or of rates
+    coordinates: Callable[[Floats, bool], Floats]
+    centreline: Callable[..., Floats]  # shape functions (..., rows) on the axis, or their derivative
+    mass_matrix: Floats  # integral of rho S_a S_b
+    energies: Callable[[Floats], Floats]  # strain energy of elements at coordinates (..., rows, 3), J
+    shared_nudges: tuple[Floats, ...]  # unit changes of the vector ``shared_row``, in the axes of ``nudged``
+    damping_tension: Floats  # contribution of damping to the tension of each link (T, n), N
+    material_loss: Floats  # power lost in the material of all links (T), W
+    excess_inertia: float  # second moment of mass along the link beyond a rod's, kg m2, on the mean slope of the line
 
     def read(self, state: Floats) -> None:
         T, size = len(state), self.nodes * self.width
@@ -178,11 +179,6 @@ class Element(Chain):
 
     shared_row = 1  # vector of an element that is a gradient which it shares at its first pin, in some directions
 
-    @property
-    def shared_nudges(self) -> tuple[Floats, ...]:
-        """Unit changes of that vector, in the axes of ``nudged``."""
-        raise NotImplementedError
-
     def nudged(self, row: int, change: Floats) -> Element:
         """The chain with a vector of all elements changed."""
         other = copy(self)
@@ -194,15 +190,6 @@ class Element(Chain):
         other = copy(self)
         other.e, other.pins = self.e + tau * self.v, self.pins + tau * self.rates
         return other
-
-    @cached_property
-    def mass_matrix(self) -> Floats:
-        """Mass matrix: integral of rho S_a S_b."""
-        raise NotImplementedError
-
-    def energies(self, e: Floats) -> Floats:
-        """Strain energy of elements at coordinates ``e`` (..., rows, 3), J."""
-        raise NotImplementedError
 
     @property
     def strain_energy(self) -> Floats:
@@ -217,10 +204,6 @@ class Element(Chain):
         x, w = gauss(4)
         return np.einsum("p,pa,tna->tn", w, self.centreline(x), self.e[..., 2])
 
-    def centreline(self, xi, derivative: int = 0) -> Floats:
-        """Shape functions (..., rows) on the axis."""
-        raise NotImplementedError
-
     @property
     def middle(self) -> Floats:
         return 0.5 * (self.ends[0] + self.ends[1])
@@ -234,16 +217,6 @@ class Element(Chain):
         """Momentum of each link (T, n, 3)."""
         x, w = gauss(4)
         return self.mass * np.einsum("p,pa,tnai->tni", w, self.centreline(x), self.v)
-
-    @property
-    def damping_tension(self) -> Floats:
-        """Contribution of damping to the tension of each link (T, n), N."""
-        raise NotImplementedError
-
-    @property
-    def material_loss(self) -> Floats:
-        """Power lost in the material of all links (T), W."""
-        raise NotImplementedError
 
     @cached_property
     def stretch_mode(self) -> Floats:
@@ -260,11 +233,6 @@ class Element(Chain):
         """Tension of each link (T, n), N: work of a stretch, over the length."""
         more, less = (self.energies(self.e + way * STRETCH * self.stretch_mode) for way in (1.0, -1.0))
         return (more - less) / (2.0 * STRETCH * self.pitch) + self.damping_tension
-
-    @property
-    def excess_inertia(self) -> float:
-        """Second moment of mass along the link beyond a rod's, kg m2, on the mean slope of the line."""
-        raise NotImplementedError
 
     @cached_property
     def mean_slope(self) -> Floats:

@@ -65,20 +65,12 @@ def wheels(part: Part) -> Wheels:
     poses = [place_and_attitude(w.get("start", place)) for w, place in places]
     arrays = [np.zeros((k, len(names), 3)) for _ in range(5)]
     for m, name in enumerate(names):
-        place, wheel_attitude = poses[m]
+        place, turned = poses[m][0], attitude * poses[m][1]
         arrays[0][0, m] = origin + attitude.apply(place + lateral)
-        arrays[3][0, m], arrays[4][0, m] = (
-            (attitude * wheel_attitude).apply([0, 1, 0]),
-            (attitude * wheel_attitude).apply([1, 0, 0]),
-        )
+        arrays[3][0, m], arrays[4][0, m] = turned.apply([0, 1, 0]), turned.apply([1, 0, 0])
         q = rotation_of(part.input_vectors(f"{name}.orientation", "wxyz"))
-        inputs = Wheels(
-            part.input_vectors(f"{name}.position"),
-            part.input_vectors(f"{name}.velocity"),
-            part.input_vectors(f"{name}.angular_velocity"),
-            q.apply([0, 1, 0]),
-            q.apply([1, 0, 0]),
-        )
+        moved = (part.input_vectors(f"{name}.{what}") for what in ("position", "velocity", "angular_velocity"))
+        inputs = Wheels(*moved, q.apply([0, 1, 0]), q.apply([1, 0, 0]))
         about = Rotation.from_rotvec(part.h[:, None] * inputs.spin)
         arrays[0][1:, m] = inputs.centre + part.h[:, None] * inputs.velocity
         arrays[1][1:, m], arrays[2][1:, m] = inputs.velocity, inputs.spin

@@ -148,6 +148,16 @@ class _ContactSums:
         np.add.at(sums.power_in, t, -(f * w).sum(-1))
         np.maximum.at(sums.depth, t, depth)
 
+    def lie(self, t, index, u: Floats, depth: Floats, push: Push) -> Floats:
+        """Add load and motion of points on the ground; return their number on each link (T, n)."""
+        sums, number = self.t, np.zeros(self.t.sliding.shape[:2])
+        np.add.at(sums.load, t, push.normal)
+        np.add.at(sums.slide, t, push.normal[:, None] * u)
+        np.add.at(sums.sliding, (t, index), u)
+        np.maximum.at(sums.link_depth, (t, index), depth)
+        np.add.at(number, (t, index), 1.0)
+        return number
+
     def material(self, t, m: int, x: Floats, u: Floats) -> Floats:
         """Velocity of points relative to the material of a wheel."""
         wheels = self.wheels
@@ -232,11 +242,7 @@ def hard_ground(sums: _ContactSums, law: Law, ground: Ground) -> None:
             push = press(law, 0.5 / len(chain.lateral), depth[on], n[on], u[on])
             place = np.full(on.sum(), 0.5 + side * SPREAD), y, chain.face
             sums.add(t[on], i[on], x[on], u[on], depth[on], push, None, GROUND, place)
-            np.add.at(sums.t.load, t[on], push.normal)
-            np.add.at(sums.t.slide, t[on], push.normal[:, None] * u[on])
-            np.add.at(sums.t.sliding, (t[on], i[on]), u[on])
-            np.add.at(lie, (t[on], i[on]), 1.0)
-            np.maximum.at(sums.t.link_depth, (t[on], i[on]), depth[on])
+            lie += sums.lie(t[on], i[on], u[on], depth[on], push)
     sums.t.sliding[:] /= np.maximum(lie, 1.0)[..., None]
 
 
@@ -271,12 +277,7 @@ def soft_ground(sums: _ContactSums, law: soft.Law, ground: Ground) -> None:
     place = *(np.array(places)[k].T), chain.face
     sums.add(t, link[k], x[t, k], u[t, k], none, push, None, GROUND, place)
     sums.t.lost[:, GROUND] += np.stack([found.sheared, found.compacted], axis=1)
-    np.add.at(sums.t.load, t, push.normal)
-    np.add.at(sums.t.slide, t, push.normal[:, None] * u[t, k])
-    lie = np.zeros((T, chain.n))
-    np.add.at(sums.t.sliding, (t, link[k]), u[t, k])
-    np.add.at(lie, (t, link[k]), 1.0)
-    np.maximum.at(sums.t.link_depth, (t, link[k]), depth[t, k])
+    lie = sums.lie(t, link[k], u[t, k], depth[t, k], push)
     sums.t.sliding[:] /= np.maximum(lie, 1.0)[..., None]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirror.check import View
-from mirror.forces import STEP, across, pulls
+from mirror.forces import STEP, across, pin_loads, pulls
 from mirror.links import UP, Rigid, gauss
 from mirror.record import Floats
 from mirror.track_series import AXES, link_number, wheel_names, with_start
@@ -156,10 +156,7 @@ def tensions(view: View) -> Floats:
 def pin_pulls(view: View) -> tuple[Floats, Floats]:
     """Forces that stretch links (K + 1, n, 3): of their first pins, reversed, and of their last pins."""
     c, forces = view.chain, view.joints
-    load = (view.touch.teeth + across(c)[0])[:, c.second]
-    if not c.closed:
-        load[:, -1] = 0.0
-    return -forces[:, : c.n], load - forces[:, c.second]
+    return -forces[:, : c.n], pin_loads(view) - forces[:, c.second]
 
 
 def tension(view: View, names: Sequence[str]) -> Floats:
@@ -241,12 +238,9 @@ def moments_of_rigid_links(view: View) -> Floats:
     """Moments by Euler's equations, link by link from the first pin; where both ends are joined, of least squares."""
     c, touch, F = view.chain, view.touch, view.joints
     arms = [end - c.middle for end in c.ends[:2]]
-    load = (touch.teeth + across(c)[0])[:, c.second]
-    if not c.closed:
-        load[:, -1] = 0.0
     rest = c.momentum_rates(view.accelerations)[1] - touch.torque
     rest -= 0.5 * (touch.twist[:, : c.n] + touch.twist[:, c.second])  # each link of a pin gets half
-    rest -= np.cross(arms[0], F[:, : c.n]) + np.cross(arms[1], load - F[:, c.second])
+    rest -= np.cross(arms[0], F[:, : c.n]) + np.cross(arms[1], pin_loads(view) - F[:, c.second])
     found = np.concatenate([np.zeros_like(rest[:, :1]), -np.cumsum(rest, axis=1)], axis=1)
     kind = "closed" if c.closed else view.track["ends"]["kind"]
     if kind == "held":

@@ -61,23 +61,28 @@ def test_a_draw_is_the_same_for_a_seed_and_begins_with_known_faults():
     assert [entry["kind"] for entry in one[: len(known_faults())]] == ["known"] * len(known_faults())
 
 
-@pytest.mark.parametrize(("new", "stage"), [("    return a - b", "nearest"), ("    return b + a", "")])
-def test_a_failing_test_notices_a_fault(tmp_path, monkeypatch, new, stage):
+NONE = "x = 1\n"
+TEST = "from sums import add\n\n\ndef test_add():\n    assert add(1, 2) == 3\n"
+
+
+@pytest.mark.parametrize(
+    ("new", "test", "stage"),
+    [
+        ("    return a - b", TEST, "nearest"),
+        ("    return b + a", TEST, ""),
+        ("    return a - b", NONE, ""),
+        ("    return a - b", "x = 1 / 0\n", "nearest"),
+    ],
+)
+def test_a_failing_test_notices_a_fault(tmp_path, monkeypatch, new, test, stage):
     (tmp_path / "sums.py").write_text("def add(a, b):\n    return a + b\n")
-    (tmp_path / "test_sums.py").write_text("from sums import add\n\n\ndef test_add():\n    assert add(1, 2) == 3\n")
+    (tmp_path / "test_sums.py").write_text(test)
     monkeypatch.setattr(command, "nearest", lambda file, area: ["test_sums.py"])
     entry = {"area": AREAS[0].name, "file": "sums.py", "place": "sums.py:2", "line": 2, "old": "    return a + b",
              "new": new, "found": "", "stages": []}  # fmt: skip
     command.noticed(tmp_path, entry, ("nearest",))
     assert (entry["found"], entry["stages"]) == (stage, ["nearest"])
     assert "a + b" in (tmp_path / "sums.py").read_text(), "the fault was not removed"
-
-
-def test_a_file_without_tests_notices_nothing(tmp_path):
-    (tmp_path / "test_none.py").write_text("x = 1\n")
-    assert not command._fails(tmp_path, ["test_none.py"])
-    (tmp_path / "test_none.py").write_text("x = 1 / 0\n")
-    assert command._fails(tmp_path, ["test_none.py"])
 
 
 @pytest.mark.long

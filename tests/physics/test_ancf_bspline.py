@@ -1,23 +1,17 @@
-"""Splines and cable meshes: the same curves to rounding; knots against joints by ranks."""
+"""Splines and meshes of cables and plates: the same curves and surfaces to rounding; knots against joints by ranks."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline
+from scipy.interpolate import NdBSpline
 
 from fmus.physics.ancf import cable
 from tests.validation.ancf import bspline, joints
+from tests.validation.ancf.bspline_surface import Surface, from_plates, to_plates
+from tests.validation.element_cases import INNER
 
 rng = np.random.default_rng(11)
-INNER = ([], [1], [2, 1, 1], [3, 1, 2], [4, 2, 3, 1], [1, 1, 1, 1, 1, 1])
-
-
-def spline(inner, points=None):
-    """Clamped cubic spline with inner knots of the given multiplicities and random control points."""
-    nodes = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, len(inner) + 1))])
-    knots = np.repeat(nodes, [4, *inner, 4])
-    return BSpline(knots, rng.standard_normal((len(knots) - 4, 3)) if points is None else points, 3)
 
 
 def at(e, l, k, xi):
@@ -28,7 +22,7 @@ def at(e, l, k, xi):
 
 @pytest.mark.parametrize("inner", INNER)
 def test_a_mesh_is_the_curve_of_its_spline(inner):
-    s = spline(inner)
+    s = bspline.drawn(inner, rng)
     e, l = bspline.to_cable(s)
     assert len(l) == len(inner) + 1
     starts = bspline.elements(s.t)[:, 0]
@@ -40,16 +34,13 @@ def test_a_mesh_is_the_curve_of_its_spline(inner):
 
 
 @pytest.mark.parametrize("inner", INNER)
-def test_there_and_back(inner):
-    s = spline(inner)
+def test_the_knots_come_back(inner):
+    """Control points and coordinates there and back are rows of the study of the mechanics."""
+    s = bspline.drawn(inner, rng)
     e, l = bspline.to_cable(s)
-    back = bspline.from_cable(e, l, inner)
-    assert np.abs(back.c - s.c).max() < 1e-14 * max(1.0, np.abs(s.c).max())
-    np.testing.assert_allclose(back.t, s.t, rtol=1e-15, atol=1e-15)
-    again, _ = bspline.to_cable(back)
-    assert np.abs(again - e).max() < 1e-14 * np.abs(e).max()
+    np.testing.assert_allclose(bspline.from_cable(e, l, inner).t, s.t, rtol=1e-15, atol=1e-15)
     assert list(bspline.multiplicities(e, l)) == list(inner)
-    np.testing.assert_array_equal(bspline.from_cable(e, l).t, back.t)
+    np.testing.assert_array_equal(bspline.from_cable(e, l).t, bspline.from_cable(e, l, inner).t)
 
 
 def test_bezier_maps_are_inverse():
@@ -59,61 +50,33 @@ def test_bezier_maps_are_inverse():
 
 def test_the_map_is_linear_and_conserves_length_and_mass():
     """The map is linear and affine: weights of positions sum to 1, of slopes to 0."""
-    E = bspline.extraction(spline([2, 1, 3]).t)
+    E = bspline.extraction(bspline.drawn([2, 1, 3], rng).t)
     np.testing.assert_allclose(E.sum(axis=2), np.tile([1.0, 0, 1, 0], (len(E), 1)), atol=3e-15)
-
-
-def test_a_mesh_that_is_less_smooth_than_its_knots_is_refused():
-    e, l = bspline.to_cable(spline([3]))
-    with pytest.raises(ValueError, match="node 1: a knot of multiplicity 2 joins C1"):
-        bspline.from_cable(e, l, [2])
-    with pytest.raises(ValueError, match="degree 2"):
-        bspline.to_cable(BSpline(np.array([0.0, 0, 0, 1, 1, 1]), np.zeros((3, 3)), 2))
-    with pytest.raises(ValueError, match="multiplicity 5"):
-        bspline.from_cable(e, l, [5])
 
 
 @pytest.mark.parametrize("m", range(1, 5))
 def test_a_knot_imposes_three_equations_at_a_time(m):
     """A knot imposes three equations at a time: each missing knot removes a control point."""
-    count = bspline.extraction(spline([m]).t).reshape(8, -1)
+    count = bspline.extraction(bspline.drawn([m], rng).t).reshape(8, -1)
     assert np.linalg.matrix_rank(count) == 4 + m
     removed = 2 * 12 - 3 * np.linalg.matrix_rank(count)
     assert removed == np.linalg.matrix_rank(bspline.knot_rows(m)) if m < 4 else removed == 0
     assert removed == 3 * (4 - m)
     # the rows hold for every curve with that knot, and no stronger ones do
-    e, l = bspline.to_cable(spline([m]))
+    e, l = bspline.to_cable(bspline.drawn([m], rng))
     gaps = bspline.jumps(e, l)[0]
     assert gaps[: 4 - m].max(initial=0.0) < 1e-13
     assert gaps[4 - m] > 1e-3
 
 
-def test_what_each_joint_needs():
-    rows = {(d.element, d.joint): (d.equations, d.knot, d.weaker, d.missing) for d in bspline.table()}
-    assert rows == {
-        ("cable", "spherical"): (3, 3, 3, 0),  # C0: the only joint that a knot can make
-        ("cable", "pin"): (4, None, 3, 1),  # one equation more than C0, two less than C1
-        ("cable", "sliding"): (4, None, 4, 4),  # slopes without positions: not a knot
-        ("cable", "rigid"): (6, None, 3, 3),  # C0 and no relative rotation
-        ("cable", "smooth"): (6, 2, 2, 0),
-        ("cable", "curvature"): (9, 1, 1, 0),
-        ("beam", "spherical"): (3, None, 4, 3),  # C0 already holds the whole section
-        ("beam", "pin"): (6, None, 4, 6),
-        ("beam", "sliding"): (4, None, 4, 4),
-        ("beam", "rigid"): (12, None, 4, 12),
-        ("beam", "smooth"): (18, 2, 2, 0),
-        ("beam", "curvature"): (27, 1, 1, 0),
-    }
-    straight = np.eye(3)  # twin: without an angle there is no discontinuity
+def test_what_a_joint_needs_elsewhere():
+    """Without an angle there is no discontinuity; a pin about any axis. Other joints: rows of the mechanics."""
+    straight = np.eye(3)
     assert bspline.demand("rigid", turn=straight).knot == 2
     assert bspline.demand("rigid", "beam", turn=straight)[2:] == (12, None, 3, 3)  # section by a knot, r_x in addition
     for axis in range(3):
         assert bspline.demand("pin", axis=axis).equations == 4
         assert bspline.demand("pin", "beam", axis=axis).equations == 6
-    with pytest.raises(ValueError, match="joint 'glue'"):
-        bspline.demand("glue")
-    with pytest.raises(ValueError, match="multiplicity 5"):
-        bspline.knot_rows(5)
 
 
 CORNER = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # 90 degrees about y
@@ -146,30 +109,49 @@ def test_these_are_the_joints_that_meshes_eliminate(joint, element, eliminated):
 
 
 def test_relation_seven_and_the_bicubic_patch():
-    knots = np.array([0.0, 0, 0, 0, 1, 1, 1, 1])
-    assert bspline.control_points(len(knots)) == 4
-    assert bspline.patch_points(8, 8) == 16
-    assert bspline.patch_points(9, 8) == 20  # one more knot, four more points
-    for inner in INNER:
-        s = spline(inner)
-        assert bspline.control_points(len(s.t)) == len(s.c)
-    with pytest.raises(ValueError, match="7 knots"):
-        bspline.control_points(7)
+    assert [bspline.control_points(8), bspline.patch_points(8, 8), bspline.patch_points(9, 8)] == [4, 16, 20]
 
 
-def test_a_patch_by_its_corners():
-    """A patch has 16 Bezier points or r, r_x, r_y, r_xy at four corners: the same surface and derivatives."""
-    from scipy.interpolate import NdBSpline
+# Surfaces -----------------------------------------------------------------------------------------------------------
 
-    lx, ly, P = 0.7, 1.9, rng.standard_normal((4, 4, 3))
-    A = bspline.patch_to_nodes(lx, ly)
+KNOTS_X = np.array([0, 0, 0, 0, 0.7, 1.5, 1.5, 2, 2, 2, 2], dtype=float)
+KNOTS_Y = np.array([0, 0, 0, 0, 0.4, 1, 1, 1, 1], dtype=float)
+
+
+def surface_of(knots_x, knots_y):
+    return Surface(knots_x, knots_y, rng.normal(size=(len(knots_x) - 4, len(knots_y) - 4, 3)))
+
+
+def test_plates_are_the_surface():
+    """Positions at any place, and position, slopes and twist at the corners."""
+    surface = surface_of(KNOTS_X, KNOTS_Y)
+    e, lx, ly = to_plates(surface)
+    assert e.shape == (3, 2, 4, 4, 3)
+    scipys = NdBSpline((KNOTS_X, KNOTS_Y), surface.points, 3)
+    begin = np.concatenate([[0.0], np.cumsum(lx)]), np.concatenate([[0.0], np.cumsum(ly)])
+    for n, m, xi, eta in ((0, 0, 0.3, 0.8), (1, 1, 0.5, 0.1), (2, 0, 0.9, 0.6), (2, 1, 0.0, 0.5)):
+        at = (xi, lx[n]), (eta, ly[m])
+        S = [bspline.polynomial(t, 0) @ bspline.POWERS * [1, length, 1, length] for t, length in at]
+        x, y = begin[0][n] + xi * lx[n], begin[1][m] + eta * ly[m]
+        there = surface(np.array([x]), np.array([y]))[0]
+        np.testing.assert_allclose(there, scipys([[x, y]])[0], atol=1e-13)
+        np.testing.assert_allclose(np.einsum("a,b,abi->i", *S, e[n, m]), there, atol=1e-13)
+        assert np.abs(np.einsum("a,b,abi->i", *S, 1.03 * e[n, m]) - there).max() > 1e-3
+    for a, b in np.ndindex(2, 2):  # at the first corner of a plate within
+        corner = scipys([[begin[0][1], begin[1][1]]], nu=(a, b))[0]
+        np.testing.assert_allclose(e[1, 1, a, b], corner, atol=1e-11)
+    back = from_plates(e, lx, ly)
+    np.testing.assert_allclose(back.knots_x, surface.knots_x, atol=1e-14)
+    np.testing.assert_allclose(back.knots_y, surface.knots_y, atol=1e-14)
+    np.testing.assert_allclose(back.points, surface.points, atol=1e-11)
+    e[1, :, 1] *= 1.05  # a jump of the slope along x at an edge
+    assert np.count_nonzero(from_plates(e, lx, ly).knots_x == 0.7) == 3
+
+
+def test_one_patch_has_sixteen_points():
+    patch = surface_of(*[np.repeat([0.0, l], 4) for l in (0.7, 1.9)])
+    e, lx, ly = to_plates(patch)
+    A = bspline.patch_to_nodes(*lx, *ly)
     assert np.linalg.matrix_rank(A) == 16
-    nodes = (A @ P.reshape(16, 3)).reshape(4, 4, 3)
-    knots = tuple(np.repeat([0.0, l], 4) for l in (lx, ly))
-    surface = NdBSpline(knots, P, 3)
-    for a, x in ((0, 0.0), (2, lx)):
-        for b, y in ((0, 0.0), (2, ly)):
-            for da, db in ((0, 0), (1, 0), (0, 1), (1, 1)):
-                np.testing.assert_allclose(nodes[a + da, b + db], surface([[x, y]], nu=(da, db))[0], atol=2e-13)
-    back = np.linalg.solve(A, nodes.reshape(16, 3)).reshape(4, 4, 3)
-    assert np.abs(back - P).max() < 1e-13
+    np.testing.assert_allclose(e.reshape(16, 3), A @ patch.points.reshape(16, 3), atol=1e-13)
+    np.testing.assert_allclose(from_plates(e, lx, ly).points, patch.points, atol=1e-13)

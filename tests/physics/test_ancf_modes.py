@@ -8,7 +8,6 @@ import pytest
 from fmus.physics.ancf import beam
 from tests.validation.ancf import joints, modes, torsion
 from tests.validation.ancf.mesh import Member, Mesh, Tie
-from tests.validation.ancf.stress import strains
 
 L, WIDTH, HEIGHT = 0.1524, 0.06, 0.04
 STEEL = beam.Beam(L, WIDTH, HEIGHT, 7800.0, 2e11, 0.3, 0.85, torsion.factor(WIDTH, HEIGHT), False, 0.0)
@@ -80,14 +79,29 @@ def test_a_mesh_with_this_pin_can_move_in_every_mode(axis):
     assert misfit(other, moved("rotation", axis)) > 1e-3
 
 
-def test_stretch_is_the_length_of_the_gradient():
-    """Stretch (figure 8 a) is E_xx = s + s^2/2 on one side of the joint and no other strain."""
-    before, behind = modes.at_joint(moved("stretch", AXES["y"]), L)
-    expected = np.zeros((3, 3))
-    expected[0, 0] = SIZE + SIZE**2 / 2
+@pytest.mark.parametrize(("mode", "k"), [("stretch", 0), ("pin stretch", 1), ("section", 2)])
+def test_a_stretch_is_the_length_of_its_gradient(mode, k):
+    """Stretch and section (figures 8 a, c) have the strain s + s^2/2 behind the joint alone, the pin on both sides.
+
+    It decays along the element, and there is no other strain.
+    """
+    expected, half = np.zeros((3, 3)), 0.5 * SIZE
+    expected[k, k] = SIZE + SIZE**2 / 2
+    pair = moved(mode, AXES["y"])
+    before, behind = modes.at_joint(pair, L)
     np.testing.assert_allclose(behind, expected, atol=1e-16)
-    np.testing.assert_allclose(before, 0.0, atol=1e-16)
-    assert not np.allclose(modes.at_joint(moved("stretch", AXES["y"], size=1.03 * SIZE), L)[1], expected, rtol=1e-2)
+    np.testing.assert_allclose(before, expected * (mode == "pin stretch"), atol=1e-16)
+    assert not np.allclose(modes.at_joint(moved(mode, AXES["y"], size=1.03 * SIZE), L)[1], expected, rtol=1e-2)
+    for e, strained in zip(pair, (mode == "pin stretch", mode != "stretch"), strict=True):
+        if mode != "stretch":
+            middle = modes.strains(STEEL, e, 0.5, 0.0, 0.0)[k, k]
+            assert middle == pytest.approx((half + half**2 / 2) * strained, rel=1e-12, abs=1e-15)
+
+
+def test_a_pin_does_not_stretch_on_one_side_alone():
+    one = modes.straight(L)
+    one[1, 2] *= 1.0 + SIZE
+    assert np.abs(modes.pin_rows(AXES["y"]) @ one.ravel()).max() == pytest.approx(SIZE)
 
 
 def test_bending_strains_linearly_across_the_section():
@@ -105,29 +119,6 @@ def test_bending_strains_linearly_across_the_section():
     # its strain energy is at least EI theta^2 4 / (2 l), that of a cantilever with an end couple; locking adds to it
     bending = STEEL.E * WIDTH * HEIGHT**3 / 12 * theta**2 / (2 * L)
     assert energies(pair)[1] > 4 * bending
-
-
-def test_the_section_changes_on_one_side_only():
-    """The section mode (figure 8 c) makes E_zz jump; the axis and the other element have no strain."""
-    pair = moved("section", AXES["y"])
-    before, behind = modes.at_joint(pair, L)
-    assert behind[2, 2] == pytest.approx(SIZE + SIZE**2 / 2, rel=1e-12)
-    assert behind[0, 0] == before[0, 0] == 0.0
-    assert strains(STEEL, pair[0], 0.5, 0.01, 0.01) == pytest.approx(np.zeros((3, 3)), abs=1e-15)
-
-
-def test_the_pin_stretches_as_one():
-    """The pin stretches as one: six continuous strains, and a linear decay along each element."""
-    pair = moved("pin stretch", AXES["y"])
-    before, behind = modes.at_joint(pair, L)
-    np.testing.assert_allclose(before, behind, atol=1e-16)
-    assert before[1, 1] == pytest.approx(SIZE + SIZE**2 / 2, rel=1e-12)
-    half = 0.5 * SIZE
-    for e in pair:
-        assert strains(STEEL, e, 0.5, 0.0, 0.0)[1, 1] == pytest.approx(half + half**2 / 2, rel=1e-12)
-    one = modes.straight(L)
-    one[1, 2] *= 1.0 + SIZE  # twin: stretch on one side alone is not allowed
-    assert np.abs(modes.pin_rows(AXES["y"]) @ one.ravel()).max() == pytest.approx(SIZE)
 
 
 def test_rotation_costs_nothing_at_any_angle():
@@ -153,8 +144,3 @@ def test_the_pin_is_one_line_of_material(mode):
     slope = pair[0, 5] - pair[1, 1]
     assert np.abs(gaps[0] + 0.01 * b[0] * slope).max() < 1e-16
     assert (np.abs(gaps[1]).max() > 1e-6) == (mode not in ("pin stretch",))
-
-
-def test_a_mode_that_is_none_is_named():
-    with pytest.raises(ValueError, match="mode 'wobble': one of rotation, bending"):
-        modes.displacement("wobble", AXES["y"], 0.1, L)

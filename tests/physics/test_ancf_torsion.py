@@ -9,7 +9,7 @@ from scipy.optimize import root
 
 from fmus.physics.ancf import beam
 from tests.validation.ancf import joints, loads, statics, torsion
-from tests.validation.ancf.mesh import Member, Mesh, Support, in_a_row, nodes
+from tests.validation.meshes import line
 
 E, SHEAR = 1e9, 5 / 6
 CURES = {"nu = 0": (0.0, False), "split": (0.3, True)}
@@ -19,8 +19,7 @@ def cantilever(length, width, height, n, factor, cure="split", shear=SHEAR):
     """Mesh of a cantilever along x, clamped at the origin."""
     nu, split = CURES[cure]
     c = beam.Beam(length / n, width, height, 1000.0, E, nu, shear, factor, split, 0.0)
-    part = Member(beam, c, nodes(beam, [0, 0, 0], np.eye(3), c.l, n))
-    return Mesh([part], in_a_row(4, n), [Support((0, 0), joints.clamped(4))])
+    return line(beam, c, n, [((0, 0), joints.clamped)])
 
 
 def tip(mesh, *pushes, steps=1):

@@ -1,33 +1,38 @@
-"""Contacts: derivatives against finite differences, power and work, covered parts of wheels, reactions."""
+"""Contacts: derivatives against finite differences, power and work, depths, covered parts of wheels, reactions."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from contact_parts import BUMP, LAW, PITCH, TEETH, wheel_row
-from pressed import PointContact, guide, rim, soil, tooth
+from contacts import LAW, PointContact, assert_derivatives, assert_power, guide, rim, soil, tooth
 from scipy.integrate import quad
 
-from fmus.physics.contact.ground import GroundShape
+from fmus.physics.contact.ground import GroundShape, bumpy_ground, surface_depth
 from fmus.physics.contact.linear import Linear
+from fmus.physics.contact.teeth import teeth
 from fmus.physics.contact.wheel import covered_part, end_rates_in_space, gauss_excess, sink_rate
 from fmus.physics.wheels import WIDTH, add_reaction, move, slip_velocity
 
-
-def on_ground(x, v, s):
-    return soil(LAW, 0.5, GroundShape(0.01), x, v, s)
-
-
-def on_bump(x, v, s):
-    return soil(LAW, 0.5, BUMP, x, v, s)
+PITCH = 0.1524
+TEETH = teeth(10, PITCH, 0.015, 0.26, 0.004, np.radians(25.0), 0.01)
+BUMP = bumpy_ground(0.01, 0.4, 0.5, 0.6, 0.8, 0.3)  # from x = 0.4
+PLAY = 0.01
 
 
-def on_rim(x, v, s):
-    return rim(LAW, 0.5, 0.305, wheel_row(0.05), x, v, 0.2, s)
+def wheel_row(tilt: float = 0.0) -> np.ndarray:
+    row = np.zeros(WIDTH)
+    row[0:3] = 0.3, 0.02, -0.1
+    row[3:6] = 1.0, 0.1, -0.2
+    row[6:9] = 0.2, 3.0, -0.1
+    row[9:12] = np.array([0.0, np.cos(tilt), np.sin(tilt)])
+    row[12:15] = 1.0, 0.0, 0.0
+    return row
 
 
-def on_teeth(x, v, s):
-    return tooth(LAW, 1.0, TEETH, wheel_row(0.0), x, v, s)
+def horn(side, depth=0.004, axis=(0.0, 1.0, 0.0)):
+    """Point of a horn at a ``depth`` in the disc on a side of the wheel."""
+    across = np.cross(axis, [0.0, 0.0, 1.0])
+    return wheel_row()[:3] + side * (PLAY + depth) * np.array(axis) + 0.25 * across
 
 
 def at(angle: float, radius: float) -> np.ndarray:
@@ -35,52 +40,54 @@ def at(angle: float, radius: float) -> np.ndarray:
     return wheel_row()[0:3] + radius * np.array([np.cos(angle), 0.0, -np.sin(angle)])
 
 
+INCLINED = np.array([0.1, 1.0, -0.05]) / np.linalg.norm([0.1, 1.0, -0.05])
+CONTACTS = {  # contact with a face, the lateral axis of its wheel
+    "ground": (lambda x, v, row, s: soil(LAW, 0.5, GroundShape(0.01), x, v, s), None),
+    "bump": (lambda x, v, row, s: soil(LAW, 0.5, BUMP, x, v, s), None),
+    "rim": (lambda x, v, row, s: rim(LAW, 0.5, 0.305, row, x, v, 0.2, s), wheel_row(0.05)[9:12]),
+    "teeth": (lambda x, v, row, s: tooth(LAW, TEETH, row, x, v, s), (0.0, 1.0, 0.0)),
+    "guide": (lambda x, v, row, s: guide(LAW, 0.5, PLAY, row, x, v, s), INCLINED),
+}
 CASES = [
-    (on_ground, np.array([0.1, 0.2, 0.004])),
-    (on_bump, np.array([0.45, 0.2, 0.01])),  # lower edge
-    (on_bump, np.array([0.9, 0.2, 0.19])),  # ramp
-    (on_bump, np.array([1.2, 0.2, 0.48])),  # upper edge
-    (on_bump, np.array([2 * BUMP.middle - 1.2, 0.2, 0.48])),  # the other upper edge
-    (on_rim, np.array([0.32, 0.03, -0.4])),
-    (on_teeth, at(0.004, 0.243)),  # seat
-    (on_teeth, at(2.0 * np.pi / 10 + 0.045, 0.257)),  # flank
-    (on_teeth, at(-0.085, 0.266)),  # tip
-    (on_teeth, at(0.25, 0.27)),  # land
+    ("ground", np.array([0.1, 0.2, 0.004])),
+    ("bump", np.array([0.45, 0.2, 0.01])),  # lower edge
+    ("bump", np.array([0.9, 0.2, 0.19])),  # ramp
+    ("bump", np.array([1.2, 0.2, 0.48])),  # upper edge
+    ("bump", np.array([2 * BUMP.middle - 1.2, 0.2, 0.48])),  # the other upper edge
+    ("rim", np.array([0.32, 0.03, -0.4])),
+    ("teeth", at(0.004, 0.243)),  # seat
+    ("teeth", at(2.0 * np.pi / 10 + 0.045, 0.257)),  # flank
+    ("teeth", at(-0.085, 0.266)),  # tip
+    ("teeth", at(0.25, 0.27)),  # land
+    ("guide", horn(-1.0, axis=INCLINED)),
+    ("guide", horn(1.0, axis=INCLINED)),
 ]
 
 
-@pytest.mark.parametrize(("contact", "x"), CASES)
-def test_derivatives_match_finite_differences(contact, x):
-    s, v = PointContact(), np.array([0.3, -0.2, 0.4])
-    assert contact(x, v, s)[0] > 0.0
-    f_x, f_v = s.f_x.copy(), s.f_v.copy()
-    for i in range(3):
-        e = np.zeros(3)
-        e[i] = 1e-7
-        pair = []
-        for sign in (1.0, -1.0):
-            contact(x + sign * e, v, s)
-            pair.append(s.f.copy())
-        np.testing.assert_allclose((pair[0] - pair[1]) / 2e-7, f_x[:, i], rtol=1e-5, atol=1e-5 * abs(f_x).max())
-        pair = []
-        for sign in (1.0, -1.0):
-            contact(x, v + 10 * sign * e, s)
-            pair.append(s.f.copy())
-        np.testing.assert_allclose((pair[0] - pair[1]) / 2e-6, f_v[:, i], rtol=1e-5, atol=1e-5 * abs(f_v).max())
+@pytest.mark.parametrize(("face", "x"), CASES)
+def test_derivatives_power_and_storage(face, x):
+    """Relative to the face, the power of the force is dissipation + growth of the stored energy."""
+    (contact, axis), row, v = CONTACTS[face], wheel_row(), np.array([0.3, -0.2, 0.4])
+    if axis is not None:
+        row[9:12] = axis
+
+    def touched(x, v, s):
+        return contact(x, v, row, s)
+
+    assert_derivatives(touched, x, v)
+    assert_power(touched, x, v, v if axis is None else np.array(slip_velocity(row, x, v)))
 
 
-@pytest.mark.parametrize(("contact", "x"), CASES)
-def test_power_of_the_force_is_dissipation_and_storage(contact, x):
-    """The power of the force, relative to the face, is dissipation + growth of the stored energy."""
-    s, v, h = PointContact(), np.array([0.3, -0.2, 0.4]), 1e-7
-    _, _, _, power = contact(x, v, s)
-    seen = slip_velocity(wheel_row(0.05 if contact is on_rim else 0.0), x, v)
-    w = v if contact in (on_ground, on_bump) else np.array(seen)
-    taken = -s.f @ w
-    grown = (contact(x + h * w, v, s)[2] - contact(x - h * w, v, s)[2]) / (2.0 * h)
-    assert power > 0.0
-    assert taken == pytest.approx(power + grown, rel=1e-5)
-    assert taken != pytest.approx(1.03 * power + grown, rel=1e-5)
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_guide_pushes_back_to_the_middle(side):
+    row, s, still = wheel_row(), PointContact(), np.zeros(3)
+    depth, normal, energy, _ = guide(LAW, 0.5, PLAY, row, horn(side), still, s)
+    assert depth == pytest.approx(0.004, abs=1e-15)
+    assert energy == pytest.approx(0.5 * 0.5 * 2e6 * 0.004**2)
+    assert s.f @ row[9:12] == pytest.approx(-side * normal)
+    assert np.linalg.norm(s.f) < normal * np.hypot(1.0, LAW.mu) * (1 + 1e-12)
+    assert guide(LAW, 0.5, 1.1 * PLAY, row, horn(side), still, s)[0] != pytest.approx(0.004, rel=1e-2)
+    assert guide(LAW, 0.5, PLAY, row, horn(side, -0.002), still, s)[:2] == (pytest.approx(-0.002), 0.0)
 
 
 def passing(start, reach, rng):
@@ -95,27 +102,20 @@ def passing(start, reach, rng):
     return at
 
 
-def guided(x, v, row, s):
-    return guide(LAW, 0.5, 0.01, row, x, v, s)
-
-
 PASSES = {
-    "ground": (lambda x, v, row, s: soil(LAW, 0.5, GroundShape(0.01), x, v, s), [0.1, 0.2, 0.01], False),
-    "bump": (lambda x, v, row, s: soil(LAW, 0.5, BUMP, x, v, s), [0.9, 0.2, 0.2885], False),
-    "rim": (lambda x, v, row, s: rim(LAW, 0.5, 0.305, row, x, v, 0.2, s), [0.32, 0.03, -0.401], True),
-    "teeth": (lambda x, v, row, s: tooth(LAW, 1.0, TEETH, row, x, v, s), at(0.02, 0.249), True),
-    "guide": (guided, [0.2, 0.031, -0.3], True),
-}
+    "ground": [0.1, 0.2, 0.01], "bump": [0.9, 0.2, 0.2885], "rim": [0.32, 0.03, -0.401], "teeth": at(0.02, 0.249),
+    "guide": [0.2, 0.031, -0.3],
+}  # fmt: skip
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("law", PASSES)
-def test_work_on_a_contact_is_stored_and_dissipated(law):
+@pytest.mark.parametrize("face", PASSES)
+def test_work_on_a_contact_is_stored_and_dissipated(face):
     """Work on a contact, by Simpson's rule, is stored and dissipated along a random motion."""
-    contact, start, wheel = PASSES[law]
-    path, s = passing(np.asarray(start), 8e-3, np.random.default_rng(8)), PointContact()
+    contact, wheel = CONTACTS[face]
+    path, s = passing(np.asarray(PASSES[face]), 8e-3, np.random.default_rng(8)), PointContact()
     first, row = wheel_row()[None, :], np.zeros((1, WIDTH))
-    if wheel:
+    if wheel is not None:
         first[0, 3:9] = 0.004, -0.003, 0.006, 0.01, 0.03, -0.02
     steps = 20000
     work, lost, stored = np.zeros((3, steps + 1))
@@ -124,7 +124,7 @@ def test_work_on_a_contact_is_stored_and_dissipated(law):
         move(first, i / steps, row)
         s.f[:] = 0.0
         _, _, stored[i], lost[i] = contact(x, v, row[0], s)
-        if wheel:
+        if wheel is not None:
             v = np.array(slip_velocity(row[0], x, v))
         work[i] = -s.f @ v
     weights = np.full(steps + 1, 2.0)
@@ -258,3 +258,89 @@ def test_reaction_on_the_wheel():
     add_reaction(row, x, f, wrench)
     np.testing.assert_allclose(wrench[:3], -f)
     np.testing.assert_allclose(wrench[3:], np.cross(x - row[:3], -f))
+
+
+# Depths -----------------------------------------------------------------------------------------------------------
+
+
+def depth_at(a: float, b: float) -> float:
+    row = np.zeros(WIDTH)
+    row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
+    return tooth(LAW, TEETH, row, (a, 0.0, -b), (0.0, 0.0, 0.0), PointContact())[0]
+
+
+def test_pins_at_the_pitch_circle_just_touch_their_seats():
+    radius = PITCH / (2.0 * np.sin(np.pi / 10))
+    for number in range(10):
+        angle = number * np.pi / 5
+        assert depth_at(radius * np.cos(angle), radius * np.sin(angle)) == pytest.approx(0.0, abs=1e-12)
+        assert depth_at(0.99 * radius * np.cos(angle), 0.99 * radius * np.sin(angle)) == pytest.approx(
+            0.01 * radius, rel=1e-3
+        )
+
+
+@pytest.mark.parametrize("b", np.linspace(0.0, 0.084, 22))
+def test_penetration_is_a_distance_and_mirrored(b):
+    """The penetration of a tooth is a distance at any depth: it grows no more than the pin moves."""
+    a = np.linspace(0.1, 0.28, 1800)
+    depths = np.maximum([depth_at(x, b) for x in a], 0.0)
+    assert abs(np.diff(depths)).max() < 1.01 * (a[1] - a[0])
+    assert depth_at(0.25, b) == pytest.approx(depth_at(0.25, -b), abs=1e-12)
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.02, 0.035])
+def test_a_way_round_in_a_tooth_does_no_work(radius):
+    """A closed path in a tooth does no work with the spring alone, from deep inside too."""
+    elastic, row = LAW._replace(c=0.0, mu=0.0), np.zeros(WIDTH)
+    row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
+    angle = np.linspace(0.0, 2.0 * np.pi, 4001)
+    way = np.stack([0.24 + radius * np.cos(angle), 0.0 * angle, -0.06 - radius * np.sin(angle)], axis=1)
+    forces, energies, s = np.zeros_like(way), np.zeros(len(way)), PointContact()
+    for i, x in enumerate(way):
+        depth, _, energies[i], *_ = tooth(elastic, TEETH, row, x, np.zeros(3), s)
+        forces[i] = s.f if depth > 0.0 else 0.0
+    work = np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(way, axis=0))
+    assert energies.max() > 500.0
+    assert abs(work) < 1e-3 * energies.max()
+
+
+def test_a_leaving_pin_clears_the_teeth():
+    """A leaving pin clears the teeth as it swings about its seated neighbour on a circle of one pitch."""
+    radius = PITCH / (2.0 * np.sin(np.pi / 10))
+    neighbour = radius * np.array([np.cos(-np.pi / 5), np.sin(-np.pi / 5)])
+    start = np.array([radius, 0.0]) - neighbour
+    for swing in np.linspace(0.002, 0.35, 80):
+        c, s = np.cos(-swing), np.sin(-swing)
+        pin = neighbour + np.array([[c, -s], [s, c]]) @ start
+        assert np.hypot(*pin) > radius
+        assert depth_at(*pin) <= 1e-9
+    assert depth_at(*(neighbour + np.array([[c, s], [-s, c]]) @ start)) > 1e-3, "a twin that swings inwards"
+
+
+def test_depth_below_a_bump_is_the_true_distance():
+    """The depth below a bump is the distance to the nearest of many points of the profile, drawn by hand."""
+    rise, slope, half, radius = 0.5, 0.6, 0.4, 0.3
+    turn = np.linspace(0.0, slope, 4000)
+    top = np.stack([half + radius * np.sin(turn), rise - radius + radius * np.cos(turn)], axis=1)
+    foot = BUMP.foot
+    low = np.stack([foot - radius * np.sin(turn), radius - radius * np.cos(turn)], axis=1)[::-1]
+    ramp = np.linspace(top[-1], low[0], 4000)
+    right = np.concatenate([np.stack([np.linspace(0, half, 4000), np.full(4000, rise)], axis=1), top, ramp, low])
+    flat = np.stack([np.linspace(foot, foot + 1.0, 4000), np.zeros(4000)], axis=1)
+    right = np.concatenate([right, flat])
+    assert np.hypot(*np.diff(right, axis=0).T).max() < 1e-3, "the line has gaps"
+    profile = np.concatenate([right * [-1, 1], right]) + np.array([BUMP.middle, BUMP.height])
+    assert BUMP.middle - foot == pytest.approx(0.4)
+    rng, checked = np.random.default_rng(3), 0
+    for x, z in zip(rng.uniform(0.0, 2.8, 200), rng.uniform(-0.1, 0.7, 200), strict=True):
+        depth, n0, n2, _ = surface_depth(BUMP, x, z)
+        if abs(depth) < 0.1:
+            gap = np.hypot(*(profile - [x, z]).T)
+            assert abs(depth) == pytest.approx(gap.min(), abs=2e-6)
+            nearest = profile[gap.argmin()] - [x, z]
+            assert np.array([n0, n2]) * depth == pytest.approx(nearest, abs=1e-3)
+            checked += 1
+    assert checked > 30
+    assert surface_depth(BUMP, 1.0, 0.0)[0] != pytest.approx(
+        surface_depth(bumpy_ground(0.01, 0.4, 0.5, 0.63, 0.8, 0.3), 1.0, 0.0)[0], abs=1e-3
+    )

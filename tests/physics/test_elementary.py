@@ -84,13 +84,18 @@ def largest_errors_of_two(n, seed=2):
 BOUNDS = {"sinh": 2.0, "root": 2.0, "expm1": 2.0}  # of all others 1 ulp
 
 
+SIZES = pytest.mark.parametrize("n", [1500, pytest.param(1_000_000, marks=pytest.mark.study)])
+
+
+@SIZES
 @pytest.mark.parametrize("name", ONE)
-def test_errors_are_below_one_ulp(name):
-    assert 0.4 < largest_error(name, arguments(name, 1500)) < BOUNDS.get(name, 1.0)
+def test_errors_are_below_one_ulp(name, n):
+    assert 0.4 < largest_error(name, arguments(name, n)) < BOUNDS.get(name, 1.0)
 
 
-def test_errors_of_functions_of_two_numbers_are_below_one_ulp():
-    for name, error in largest_errors_of_two(1500).items():
+@SIZES
+def test_errors_of_functions_of_two_numbers_are_below_one_ulp(n):
+    for name, error in largest_errors_of_two(n).items():
         assert 0.4 < error < BOUNDS.get(name, 1.0), name
 
 
@@ -104,21 +109,6 @@ def test_the_error_of_a_power_grows_with_its_logarithm():
         assert ulps(exponential.power(x, y * (1.0 + 1e-14)), exact) > 10.0 * abs(mpmath.log(exact)) - 2.0
     assert [exponential.power(0.0, y) for y in (1.1, 0.0, -1.0)] == [0.0, 1.0, INF]
     assert exponential.power(1.0, 0.7) == 1.0
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("name", ONE)
-def test_errors_over_a_million_points(name):
-    error = largest_error(name, arguments(name, 1_000_000, seed=3))
-    print(f"{name}: {error:.4f} ulp")
-    assert error < BOUNDS.get(name, 1.0)
-
-
-@pytest.mark.study
-def test_errors_of_functions_of_two_numbers_over_a_million_points():
-    errors = largest_errors_of_two(1_000_000, seed=4)
-    print(errors)
-    assert all(error < BOUNDS.get(name, 1.0) for name, error in errors.items())
 
 
 @pytest.mark.parametrize("name", ["sin", "cos"])

@@ -1,4 +1,4 @@
-"""Rigid bodies, pins and their linear system against differences, dense algebra and exact rotations."""
+"""Quaternions, rigid bodies, pins and their linear system against differences, dense algebra, exact rotations."""
 
 from __future__ import annotations
 
@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fmus.physics.integrate import generalized_alpha, hht
-from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary, coefficients, slopes
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import Ends
+from fmus.physics.rotation import (
+    put_matrix,
+    quat_advance,
+    quat_forward,
+    quat_from_rotation_vector,
+    quat_multiply,
+    quat_rotate,
+)
 
 HALF = 0.0762
 
@@ -120,13 +126,13 @@ def test_stiffness_by_differences():
         assert np.abs((torque(-x) - torque(x)) / (2 * h) - K[:, k]).max() < 1e-9
 
 
-def chain(n: int, ends: Ends, rng: np.random.Generator, wobble: float = 0.3, bushed: bool = False):
+def chain(n: int, ends: Ends, rng: np.random.Generator, bushed: bool):
     """System with random poses near a polygon and random blocks, and its dense Jacobian."""
     s = augmented.system(n, ends.closed, bushed)
     p, r = s.gap.shape
     q = np.array([pose(rng) for _ in range(n)])
     for i in range(n):
-        turn = Rotation.from_euler("y", 2 * np.pi * i / n) * Rotation.from_rotvec(wobble * rng.normal(size=3))
+        turn = Rotation.from_euler("y", 2 * np.pi * i / n) * Rotation.from_rotvec(0.3 * rng.normal(size=3))
         x, y, z, w = turn.as_quat()
         q[i, 3:] = w, x, y, z
         s.rotation[i] = matrix(q[i])
@@ -159,7 +165,7 @@ ENDS = [Ends(True, False, False), Ends(False, True, True), Ends(False, True, Fal
 @pytest.mark.parametrize("ends", ENDS)
 def test_solver_equals_dense(ends: Ends, bushed: bool):
     rng = np.random.default_rng(7)
-    s, B = chain(6, ends, rng, bushed=bushed)
+    s, B = chain(6, ends, rng, bushed)
     n, (p, r) = 6, s.gap.shape
     s.residual[:], s.gap[:] = rng.normal(size=(n, 6)), rng.normal(size=(p, r))
     bush = rng.uniform(0.5, 2.0, bushed * p)
@@ -187,73 +193,47 @@ def test_solver_equals_dense(ends: Ends, bushed: bool):
     assert np.abs(solution - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-def test_closed_loop_of_parallel_pins_has_three_equations_too_many():
-    _, B = chain(64, ENDS[0], np.random.default_rng(8), wobble=0.0)
-    assert B.shape == (320, 384)
-    assert np.linalg.matrix_rank(B, tol=1e-9) == 317
-    _, C = chain(64, ENDS[0], np.random.default_rng(8), wobble=0.01)
-    assert np.linalg.matrix_rank(C, tol=1e-9) == 320
+# Quaternions ---------------------------------------------------------------------------------------------------------
+
+RNG = np.random.default_rng(7)
+VECTORS = [
+    *RNG.normal(size=(12, 3)),
+    np.zeros(3),
+    np.array([1e-12, -2e-12, 0.0]),
+    np.array([1.9e-4, 0.0, 1e-5]),
+    np.array([2.1e-4, 0.0, 1e-5]),
+    *(3.14159 * np.eye(3)),
+    *(-3.14159 * np.eye(3)),
+]
 
 
-def test_coefficients_of_generalized_alpha():
-    assert coefficients(0.0) == (-1.0, 0.0, 1.0, 1.5)
-    assert coefficients(1.0) == (0.5, 0.5, 0.25, 0.5)
-    for radius in (0.0, 0.5, 0.8, 1.0):
-        c = coefficients(radius)
-        assert c.gamma == pytest.approx(0.5 + c.alpha_f - c.alpha_m, abs=1e-15)  # second order
+@pytest.mark.parametrize("r", VECTORS)
+def test_one_rotation(r):
+    reference = Rotation.from_rotvec(r)
+    q = quat_from_rotation_vector(r)
+    expected = reference.as_quat(scalar_first=True)
+    assert np.allclose(q, expected * np.sign(expected @ q), rtol=0, atol=2e-16)
+    A, v = np.empty((3, 3)), np.array([0.3, -1.2, 2.0])
+    put_matrix(A, q)
+    assert np.allclose(A, reference.as_matrix(), rtol=0, atol=1e-15)
+    assert np.array_equal(quat_forward(q), A[:, 0])
+    assert np.allclose(quat_rotate(q, v), reference.apply(v), rtol=0, atol=4e-15)
 
 
-def oscillate(c: GeneralizedAlpha, omega: float, h: float, steps: int) -> tuple[float, float]:
-    """Solve q'' = -omega^2 q from (1, 0), with one linear solve per step; return q and v."""
-    s = slopes(c, h)
-    q, v, vdot = 1.0, 0.0, -(omega**2)
-    a = vdot
-    for _ in range(steps):
-        a1 = auxiliary(c, a, vdot, vdot)
-        x = h * v + h * h * ((0.5 - c.beta) * a + c.beta * a1)
-        v1, vdot1 = v + h * ((1 - c.gamma) * a + c.gamma * a1), vdot
-        dx = -(vdot1 + omega**2 * (q + x)) / (s.vdot + omega**2)
-        q, v, a, vdot = q + x + dx, v1 + s.v * dx, a1 + s.a * dx, vdot1 + s.vdot * dx
-    return q, v
+def test_product_applies_the_right_factor_first():
+    p, q = (quat_from_rotation_vector(r) for r in VECTORS[:2])
+    v = np.array([0.3, -1.2, 2.0])
+    expected = quat_rotate(p, quat_rotate(q, v))
+    assert np.allclose(quat_rotate(quat_multiply(p, q), v), expected, rtol=0, atol=4e-15)
+    assert not np.allclose(quat_rotate(quat_multiply(q, p), v), expected, atol=1e-3)
 
 
-ALPHA = generalized_alpha.coefficients
-
-
-@pytest.mark.parametrize(
-    ("method", "radius"),
-    [(ALPHA, 0.0), (ALPHA, 0.5), (ALPHA, 0.8), (ALPHA, 1.0), *((hht.coefficients, r) for r in (0.5, 0.8, 1.0))],
-)
-def test_implicit_methods_are_of_second_order(method, radius: float):
-    assert generalized_alpha.order == hht.order == 2
-    c = method(radius)
-    errors = [abs(oscillate(c, 2.0, 1.0 / n, n)[0] - np.cos(2.0)) for n in (40, 80, 160)]
-    rates = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert np.all((rates > 1.9) & (rates < 2.1))
-
-
-def test_a_gamma_that_is_off_by_some_per_cent_is_of_first_order():
-    c = hht.coefficients(0.8)
-    errors = [abs(oscillate(c._replace(gamma=1.04 * c.gamma), 2.0, 1.0 / n, n)[0] - np.cos(2.0)) for n in (40, 80, 160)]
-    assert np.log2(errors[1] / errors[2]) < 1.3
-
-
-def test_hht_is_newmarks_method_with_averaged_forces():
-    """HHT is Newmark's method with averaged forces: alpha = -0.1 has beta = 0.3025 and gamma = 0.6.
-
-    Hilber, Hughes, Taylor 1977.
-    """
-    c = hht.coefficients(9.0 / 11.0)
-    assert c == pytest.approx((0.0, 0.1, 0.3025, 0.6), rel=1e-12)
-    assert hht.coefficients(1.0) == pytest.approx((0.0, 0.0, 0.25, 0.5))  # the trapezoidal rule
-    assert hht.coefficients(hht.LEAST).alpha_f == pytest.approx(1.0 / 3.0)
-    assert hht.coefficients(0.5) == pytest.approx(ALPHA(0.5), abs=1e-15), "the two families are equal at 0.5"
-    assert hht.coefficients(0.51) != pytest.approx(ALPHA(0.51), abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("method", "radius"), [(ALPHA, 0.3), (ALPHA, 0.8), (hht.coefficients, 0.6), (hht.coefficients, 0.8)]
-)
-def test_spectral_radius_at_infinite_frequency(method, radius: float):
-    sizes = [abs(oscillate(method(radius), 1e6, 1.0, n)[0]) for n in (40, 80)]
-    assert (sizes[1] / sizes[0]) ** (1 / 40) == pytest.approx(radius, rel=0.08)
+def test_advance_integrates_a_constant_world_rate_exactly():
+    rate, start = np.array([0.4, -2.0, 1.1]), quat_from_rotation_vector(VECTORS[0])
+    q = start
+    for _ in range(1000):
+        q = quat_advance(q, rate * 1e-3)
+    whole = quat_multiply(quat_from_rotation_vector(rate), start)
+    assert np.allclose(np.array(q) * np.sign(np.dot(q, whole)), whole, rtol=0, atol=1e-13)
+    body = quat_multiply(start, quat_from_rotation_vector(rate))  # twin: the rate in body axes
+    assert not np.allclose(np.array(q) * np.sign(np.dot(q, body)), body, atol=1e-2)

@@ -143,6 +143,17 @@ def chain(kind: Any, c: Any, angles: Floats, closed: bool = False, held: bool = 
     return Mesh([Member(kind, c, e)], ties, [Support((0, 0), joints.held(rows))] if held else [])
 
 
+def folded(mesh: Mesh, about: ArrayLike, angle: float) -> Floats:
+    """Coordinates (2, rows, 3) of a pair of elements, the second one turned about their joint by an angle, rad."""
+    e = mesh.e0.reshape(2, -1, 3).copy()
+    half = e.shape[1] // 2
+    middle = e[1, 0].copy()
+    e[1, [0, half]] -= middle
+    e[1] = turned(e[1], rotation(about, angle))
+    e[1, [0, half]] += middle
+    return e
+
+
 def polygon(n: int) -> Floats:
     """Link angles (n,), rad, of a regular closed chain."""
     return np.asarray(2 * np.pi * np.arange(n) / n)
@@ -167,18 +178,22 @@ def spinning(n: int, omega: float) -> tuple[Mesh, Floats]:
 
 # Corners -----------------------------------------------------------------------------------------------------------
 
-SECTIONS = {"T": (90.0, -90.0), "L": (90.0,), "V": (40.0,)}
+# angles of members in degrees about -y, or about another axis
+SECTIONS: dict[str, tuple[Any, ...]] = {
+    "T": (90.0, -90.0), "L": (90.0,), "V": (40.0,), "Y in space": (120.0, (75.0, [1.0, 0.0, 1.0])),
+}  # fmt: skip
 
 
-def cornered(kind: Any, sections: Sequence[Any], angles: Iterable[float], n: int, clamped: bool = False) -> Mesh:
-    """Rigidly joined members: one along x from the origin, others at its end at ``angles``, deg about -y.
+def cornered(kind: Any, sections: Sequence[Any], angles: Iterable[Any], n: int, clamped: bool = False) -> Mesh:
+    """Rigidly joined members: one along x from the origin, others at its end at ``angles``, see ``SECTIONS``.
 
     Each has ``n`` elements of its own section; the first may be clamped.
     """
     first, rows = sections[0], kind.ROWS // 2
     parts, ties = [Member(kind, first, nodes(kind, [0, 0, 0], np.eye(3), first.l, n))], in_a_row(rows, n)
     for k, (c, angle) in enumerate(zip(sections[1:], angles, strict=True), start=1):
-        frame = rotation([0, -1, 0], np.radians(angle))
+        degrees, axis = angle if isinstance(angle, tuple) else (angle, [0, -1, 0])
+        frame = rotation(axis, np.radians(degrees))
         parts.append(Member(kind, c, nodes(kind, [n * first.l, 0, 0], frame, c.l, n)))
         joint = joints.rigid_beam(np.eye(3), frame) if kind is beam else joints.rigid_cable(frame)
         ties += [Tie((n - 1, 1), (k * n, 0), joint), *in_a_row(rows, n, k * n)]
@@ -232,22 +247,33 @@ RAIL = Cable(2.0 / 6, 0.5, 4e3, 2.0, 0.0, 0.0)
 
 
 def rope(
-    slider: str, elements: int = 6, place: float = 0.6, c: Cable = RAIL, mass: float = 1.0, gravity: float = 9.81
+    slider: str,
+    smooth: bool = True,
+    c: Cable = RAIL,
+    place: float = 0.6,
+    mass: float = 1.0,
+    gravity: float = 9.81,
+    ends: int = 2,
+    drag: float = 0.0,
 ) -> tuple[Any, Any, Any]:
-    """Straight smooth rail of cables ``c`` along x, pinned at both ends, with a slider at ``place``, m.
+    """Straight rail of six cables ``c`` along x, ``ends`` of it pinned, with a slider at ``place``, m.
 
-    ``slider``: "point", of ``mass`` kg, or "cable", 0.2 m long with that mass.
+    ``slider``: "point", of ``mass`` kg, or "cable", 0.2 m long with that mass. ``smooth``: C2, else C1 at nodes.
     """
-    T = sliding.chain_map(elements, c.l, True)
-    size, is_cable = T.shape[2], slider == "cable"
+    n, is_cable = 6, slider == "cable"
+    T = sliding.chain_map(n, c.l, smooth)
+    size = T.shape[2]
     X = np.zeros((size + (4 if is_cable else 1), 3))
-    X[:size, 0] = c.l * np.clip(np.arange(size)[:, None] + np.arange(-2, 1), 0, elements).mean(axis=1)
+    if smooth:
+        X[:size, 0] = c.l * np.clip(np.arange(size)[:, None] + np.arange(-2, 1), 0, n).mean(axis=1)
+    else:
+        X[0:size:2, 0], X[1:size:2, 0] = c.l * np.arange(n + 1), 1.0
     X[size, 0] = place
-    tail = (Cable(0.2, mass / 0.2, 4e3, 2.0, 0.0, 0.0), sliding.chain_map(1, 0.2))
     if is_cable:
         X[size + 1 :, 0] = 1.0, place + 0.2, 1.0
+    tail = (c._replace(l=0.2, rhoA=mass / 0.2), sliding.chain_map(1, 0.2))
     unit = np.eye(len(X))
-    parts = [(c, T), tail] if is_cable else [(c, T)]
-    b, maps = sliding.bodies(parts, [] if is_cable else [mass], gravity, unit[[0, size - 1]])
-    r = sliding.rail(c, maps[0], unit[size], unit[size + 1] if is_cable else None)
+    held = unit[[0, size - (1 if smooth else 2)][:ends]]
+    b, maps = sliding.bodies([(c, T), tail] if is_cable else [(c, T)], [] if is_cable else [mass], gravity, held)
+    r = sliding.rail(c, maps[0], unit[size], unit[size + 1] if is_cable else None, drag)
     return b, r, sliding.at_rest(r, X, place)

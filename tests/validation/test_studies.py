@@ -22,7 +22,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator import studies
 from orchestrator.studies import Case, Row, pool
 from orchestrator.studies.pool import Store
-from tests.validation import compared, element_cases, mechanics, orders
+from tests.validation import compared, element_cases, mechanics, meshes
 from tests.validation.__main__ import STUDIES, app
 from tests.validation.compared import checked
 
@@ -72,8 +72,8 @@ def test_a_case_from_the_command_to_the_figure(validate, monkeypatch, tmp_path):
 
 def test_a_missed_tolerance_is_exit_1(validate, monkeypatch):
     """The twin: a frame whose corner is not rigid is a tenth too soft."""
-    frame_tip = element_cases.frame_tip
-    monkeypatch.setattr(element_cases, "frame_tip", lambda kind, n, **_: frame_tip(kind, n, rigid=0.0))
+    frame_tip = meshes.frame_tip
+    monkeypatch.setattr(meshes, "frame_tip", lambda kind, n, **_: frame_tip(kind, n, rigid=0.0))
     only(monkeypatch, FRAME)
     status, out, err = validate("mechanics", "--workers", 1, "-o", "found")
     assert status == 1
@@ -303,6 +303,6 @@ def test_cases_of_the_mechanics():
 
 def test_observed_orders():
     values = [1.0 + h**3 for h in (0.4, 0.2, 0.1)]
-    assert orders.order_of((0.4, 0.2, 0.1), values) == pytest.approx(3.0)
-    assert orders.rate_of((8, 16), (1.0, 0.25)) == pytest.approx(2.0)
-    assert math.isnan(orders.order_of((1, 2, 4), (1.0, 1.0, 1.0)))
+    assert compared.order_of((0.4, 0.2, 0.1), values) == pytest.approx(3.0)
+    assert compared.rate_of((8, 16), (1.0, 0.25)) == pytest.approx(2.0)
+    assert math.isnan(compared.order_of((1, 2, 4), (1.0, 1.0, 1.0)))

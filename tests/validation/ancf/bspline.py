@@ -74,6 +74,13 @@ def extraction(knots: Floats) -> Floats:
     return np.array(matrices)
 
 
+def drawn(inner: Sequence[int], rng: np.random.Generator) -> BSpline:
+    """Clamped cubic spline in space with inner knots of these multiplicities and random control points."""
+    breaks = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, len(inner) + 1))])
+    knots = np.repeat(breaks, [DEGREE + 1, *inner, DEGREE + 1])
+    return BSpline(knots, rng.standard_normal((control_points(len(knots)), SPACE)), DEGREE)
+
+
 def to_cable(spline: BSpline) -> tuple[Floats, Floats]:
     """Cable coordinates (n, 4, d) and lengths (n) of the elements of a clamped cubic spline."""
     if spline.k != DEGREE:
@@ -189,6 +196,22 @@ class Demand(NamedTuple):
     knot: int | None  # multiplicity that imposes exactly these; None without one
     weaker: int  # smallest multiplicity that imposes only equations of the joint
     missing: int  # equations that the weaker knot lacks
+
+
+EXPECTED = {  # by hand; element and joint: equations, knot, weaker knot, equations that it lacks
+    ("cable", "spherical"): (3, 3, 3, 0),  # C0: the only joint that a knot can make
+    ("cable", "pin"): (4, None, 3, 1),  # one equation more than C0, two less than C1
+    ("cable", "sliding"): (4, None, 4, 4),  # slopes without positions: not a knot
+    ("cable", "rigid"): (6, None, 3, 3),  # C0 and no relative rotation
+    ("cable", "smooth"): (6, 2, 2, 0),
+    ("cable", "curvature"): (9, 1, 1, 0),
+    ("beam", "spherical"): (3, None, 4, 3),  # C0 already holds the whole section
+    ("beam", "pin"): (6, None, 4, 6),
+    ("beam", "sliding"): (4, None, 4, 4),
+    ("beam", "rigid"): (12, None, 4, 12),
+    ("beam", "smooth"): (18, 2, 2, 0),
+    ("beam", "curvature"): (27, 1, 1, 0),
+}
 
 
 def knot_rows(multiplicity: int, element: str = "cable") -> Floats:

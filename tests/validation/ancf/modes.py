@@ -29,7 +29,6 @@ from scipy.spatial.transform import Rotation
 
 from fmus.physics.ancf import beam
 from fmus.physics.arrays import Floats
-from tests.validation.ancf.stress import strains
 
 JOINT = ((0, 4), (1, 0))  # (element, row): start of the joint's node in the pair's coordinates
 ROTATION = "rotation"
@@ -116,6 +115,15 @@ def position(e: Floats, l: float, place: tuple[float, float, float]) -> Floats:
 def at_joint(pair: Floats, l: float, y: float = 0.0, z: float = 0.0) -> Floats:
     """Strains (2, 3, 3) on both sides of the joint, at ``y``, ``z``, m, of its section."""
     return np.array([strains(_beam(l), pair[0], 1.0, y, z), strains(_beam(l), pair[1], 0.0, y, z)])
+
+
+def strains(c: beam.Beam, e: Floats, xi: float, y: float, z: float) -> Floats:
+    """Green-Lagrange strain (3, 3) of a beam ``e`` (8, 3) at the fraction ``xi`` and ``y``, ``z``, m."""
+    N, G, (across, up) = np.empty((5, 8)), np.empty((5, 3)), beam.radii(c)
+    beam.basis(c, xi, N)
+    beam.section_vectors(N, e, G)
+    F = np.array([G[0] + y / across * G[1] + z / up * G[2], G[3], G[4]])  # gradients, row by row
+    return np.asarray(0.5 * (F @ F.T - np.eye(3)))
 
 
 def jump_of_strain(axis: Floats) -> Floats:

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from orchestrator.studies import Row
+
+
+def saved(page: Any, folder: Path, name: str) -> list[Path]:
+    """Save a page as PNG and SVG; return the files."""
+    paths = [folder / f"{name}.{suffix}" for suffix in ("png", "svg")]
+    for path in paths:
+        page.savefig(path, dpi=120)
+    return paths
 
 
 def draw(loop: Row, folder: Path) -> list[Path]:
@@ -25,7 +34,4 @@ def draw(loop: Row, folder: Path) -> list[Path]:
     pane.set_title("Closed chain of the vehicle in its plane: what has to be inverted", fontsize=10, loc="left")
     pane.grid(True, color="0.9")
     page.legend(*pane.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
-    paths = [folder / f"conditions.{suffix}" for suffix in ("png", "svg")]
-    for path in paths:
-        page.savefig(path, dpi=120)
-    return paths
+    return saved(page, folder, "conditions")

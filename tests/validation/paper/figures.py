@@ -22,6 +22,7 @@ from orchestrator.results.views import flat_views
 from orchestrator.results.views.bodies import EVERY, Bodies
 from orchestrator.results.views.colours import MAP
 from orchestrator.results.views.flat_views import SideView
+from tests.validation.paper.conditions import saved
 from tests.validation.paper.conventions import FIRST, INSTANT, LINK, NODE, SECTIONS, SIDE, TRACK, edges, in_chassis
 from tests.validation.paper.models import REFERENCE, RODS, Model
 
@@ -120,10 +121,10 @@ def draw(logs: dict[Model, Path], folder: Path) -> list[Path]:
         deformations[model] = deformation.of(run, TRACK, at=[INSTANT])
     files = []
     for figure in FIGURES:
-        files += _saved(_over_differences(figure, curves[figure.number]), folder, str(figure.number))
-    files += _saved(_deformations(deformations), folder, "18-19")
-    files += _saved(_stresses(logs), folder, "20")
-    return [*files, *_saved(_configuration(logs), folder, "21")]
+        files += saved(_over_differences(figure, curves[figure.number]), folder, f"figure-{figure.number}")
+    files += saved(_deformations(deformations), folder, "figure-18-19")
+    files += saved(_stresses(logs), folder, "figure-20")
+    return [*files, *saved(_configuration(logs), folder, "figure-21")]
 
 
 def _over_differences(figure: Figure, curves: dict[Model, Curve]) -> Any:
@@ -233,10 +234,3 @@ def _opened(logs: dict[Model, Path]) -> Iterable[tuple[Model, RunData]]:
     for model, path in logs.items():
         with Log(path) as log:
             yield model, RunData(log)
-
-
-def _saved(page: Any, folder: Path, number: str) -> list[Path]:
-    paths = [folder / f"figure-{number}.{suffix}" for suffix in ("png", "svg")]
-    for path in paths:
-        page.savefig(path, dpi=120)
-    return paths

@@ -13,10 +13,6 @@ SAME = 1e-12  # relative difference of two descriptions of one curve
 
 def rows() -> list[Row]:
     """Rows as in ``equations``; the knot is 0 for a joint that no knot makes."""
-    demands = [
-        row for demand in bspline.table()
-        for row in _demanded(demand)
-    ]  # fmt: skip
     facts = [
         ("5.2", "patch", "control points of a bicubic surface, the least (7)", bspline.patch_points(8, 8), 16),
         *(("5.5", f"continuity_{m}", f"degree of continuity at a knot of multiplicity {m}", continuity(m), 3 - m)
@@ -26,7 +22,7 @@ def rows() -> list[Row]:
         *(("5.3", f"equations_{element}", f"scalar equations of a knot less, {element}",
            len(bspline.knot_rows(2, element)) - len(bspline.knot_rows(3, element)), expected)
           for element, expected in (("cable", 3), ("beam", 9))),
-        *demands,
+        *(fact for demand in bspline.table() if demand.element == "cable" for fact in _demanded(demand)),
     ]  # fmt: skip
     made = [
         Row("equation", text, {"where": where, "key": key, "value": value, "reference": reference}, value == reference)
@@ -40,26 +36,19 @@ def rows() -> list[Row]:
     ]
 
 
-# equations of a joint between cables, and the knot that imposes exactly them
-CABLES = {"spherical": (3, 3), "pin": (4, 0), "sliding": (4, 0), "rigid": (6, 0), "smooth": (6, 2), "curvature": (9, 1)}
-WHERE = {"pin": "5.3", "sliding": "5.5", "rigid": "5.4"}
+WHERE = {"sliding": "5.5", "rigid": "5.4"}  # other joints: 5.3
 
 
 def _demanded(demand: bspline.Demand) -> list[tuple[str, str, str, int, int]]:
     """Facts of a joint between cables: its equations and its knot."""
-    if demand.element != "cable":
-        return []
-    name, (equations, knot) = demand.joint, CABLES[demand.joint]
+    name, (equations, knot, weaker, _) = demand.joint, bspline.EXPECTED["cable", demand.joint]
     where = WHERE.get(name, "5.3")
     return [
         (where, f"{name}_equations", f"equations of the {name} joint of cables", demand.equations, equations),
-        (where, f"{name}_knot", "the knot that imposes exactly these, 0: none", demand.knot or 0, knot),
+        (where, f"{name}_knot", "the knot that imposes exactly these, 0: none", demand.knot or 0, knot or 0),
         (where, f"{name}_weaker", "the smallest knot that imposes none but these (4: no equation)", demand.weaker,
-         WEAKER[name]),
+         weaker),
     ]  # fmt: skip
-
-
-WEAKER = {"spherical": 3, "pin": 3, "sliding": 4, "rigid": 3, "smooth": 2, "curvature": 1}
 
 
 def spline(multiplicity: int) -> BSpline:

@@ -81,8 +81,6 @@ def chain_of(name: str, links: int, *settings: str) -> Any:
         named(name), f"chain.links={links}", f"chain.spin={SPIN * share!r}", f"chain.ovalling={OVALLING * share!r}",
         "track.start=polygon", "track.link_outputs=false", *settings, of=SCENE,
     )  # fmt: skip
-    if isinstance(wanted, str):
-        raise BadInput(wanted)
     return model(wanted, "chain")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fmus.vehicles.tables import BadInput
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.scene import load
 
@@ -61,12 +60,9 @@ def named(name: str) -> Model:
     return next(model for model in (*WHOLE, *PRICED) if model.name == name)
 
 
-def scene(model: Model, *settings: str, of: str = SCENE) -> Scene | str:
-    """Return a scene of the gallery with this model, or a sentence with the reason why it is impossible."""
+def scene(model: Model, *settings: str, of: str = SCENE) -> Scene:
+    """Return a scene of the gallery with this model; raises BadInput with the reason why it is impossible."""
     drop = DROP if of == SCENE else ()
-    try:
-        loaded_scene = load(of, model.track, (*drop, *model.settings, *settings))
-    except BadInput as refusal:
-        return str(refusal)
+    loaded_scene = load(of, model.track, (*drop, *model.settings, *settings))
     assert isinstance(loaded_scene, Scene)
     return loaded_scene

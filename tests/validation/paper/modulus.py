@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from fmus.vehicles.tables import BadInput
 from orchestrator.studies import Row
 from tests.validation.paper import pieces
 from tests.validation.paper.models import Model, named, scene
@@ -37,13 +38,11 @@ def rows(name: str, modulus: float, piece: float) -> list[Row]:
 
 def implicit(model: Model, settings: Sequence[str]) -> float:
     """CPU time of the implicit co-simulation, s per simulated second; NaN if it fails."""
-    wanted = scene(model, "track.link_outputs=false", "expect={}", f"run.stop={IMPLICIT} s", *settings)
-    if isinstance(wanted, str):
-        return math.nan
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         try:
+            wanted = scene(model, "track.link_outputs=false", "expect={}", f"run.stop={IMPLICIT} s", *settings)
             return float(ran(wanted, Path(folder) / "run.mcap")["cpu_time"]) / IMPLICIT
-        except RuntimeError:
+        except (BadInput, RuntimeError):
             return math.nan
 
 

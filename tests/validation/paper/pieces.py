@@ -72,12 +72,9 @@ def rows(name: str, piece: float, settings: tuple[str, ...] = (), intervals: tup
 
     ``intervals`` of output, times OUTPUT, up to the length of the piece: a row each, by Adams' methods at AT.
     """
-    wanted = scene(named(name), "track.link_outputs=false", *settings)
     label = named(name).label
-    if isinstance(wanted, str):
-        return [Row("piece", label, {"model": name}, note=f"not there: {wanted}")]
     try:
-        drive = Drive(wanted, piece)
+        drive = Drive(scene(named(name), "track.link_outputs=false", *settings), piece)
         costs = [*drive.runs()]
         over = [drive.cost(ADAMS, AT, OUTPUT * part) for part in intervals if OUTPUT * part <= piece * (1.0 + 1e-9)]
     except (BadInput, RuntimeError, ValueError) as failure:
@@ -106,10 +103,10 @@ def figures(cost: Cost) -> dict[str, Any]:
 def in_turn(name: str, piece: float) -> list[Row]:
     """Rows by method: CPU time of an evaluation, closed mesh over a rigid model, timed in turn."""
     label, models = f"{CLOSED.name} / {name}", (CLOSED.name, name)
-    scenes = [scene(named(each), "track.link_outputs=false") for each in models]
-    if any(isinstance(each, str) for each in scenes):
-        return [Row("each", label, {"rigid": name}, note=f"not there: {scenes}")]
-    drives = [Drive(each, piece) for each in scenes if isinstance(each, Scene)]
+    try:
+        drives = [Drive(scene(named(each), "track.link_outputs=false"), piece) for each in models]
+    except BadInput as refusal:
+        return [Row("each", label, {"rigid": name}, note=f"not there: {refusal}")]
     rows_by_method = []
     for method, setting in ((ADAMS, AT), (RUNGE_KUTTA, FRACTIONS[0])):
         vehicles = [drive.vehicle(method, setting) for drive in drives]

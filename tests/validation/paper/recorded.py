@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from fmus.fmi.build import BuildFailed, identity
+from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, LogUnreadable
@@ -37,9 +38,10 @@ def path(folder: Path, model: Model) -> Path:
 
 def ensure(model: Model, folder: Path, stop: float) -> str:
     """Provide the log of a model; return its origin. Raises NotThere, and RuntimeError for a failed run."""
-    wanted = scene(model, *RECORDED, f"run.stop={stop!r} s")
-    if isinstance(wanted, str):
-        raise NotThere(wanted)
+    try:
+        wanted = scene(model, *RECORDED, f"run.stop={stop!r} s")
+    except BadInput as refusal:
+        raise NotThere(str(refusal)) from None
     file = path(folder, model)
     file.parent.mkdir(parents=True, exist_ok=True)
     if fits(file, wanted):

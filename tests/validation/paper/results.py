@@ -8,7 +8,7 @@ from typing import NamedTuple
 from orchestrator.studies import Row
 from tests.validation.paper.models import MODELS, Model
 
-HOLDS, PART, NOT, UNMEASURED = VERDICTS = "holds", "holds in part", "does not hold", "not measured"
+HOLDS, PART, NOT, UNMEASURED = "holds", "holds in part", "does not hold", "not measured"
 
 
 class Results(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from orchestrator.studies import Row
 from tests.validation.paper.models import CLOSED
@@ -27,9 +28,23 @@ def checked(results: Results, *keys: str, printed: float | None = None) -> Verdi
     return graded(good, "; ".join(f"{row.case}: {row['value']:.3g}" for row in rows))
 
 
-def positions(results: Results) -> Verdict:
-    """Section 2: positions are S e."""
-    return checked(results, "cubic", "rigid")
+def holding(*keys: str) -> Callable[[Results], Verdict]:
+    """Rule by which all these equations have to hold."""
+    return lambda results: checked(results, *keys)
+
+
+positions = holding("cubic", "rigid")  # section 2: positions are S e
+joint_equations = holding("spherical", "pin", "pin_beam", "sliding")  # sections 4.1 to 4.3
+joint_modes = holding("deformations", "rotation", "continuous", "pin_stretch")  # 4.4: modes at a pin of beams
+patch = holding("patch")  # 5.2: control points of a bicubic patch
+# 5.3: a knot is one control point and three equations; no knot has the pin's four
+knots = holding(*(f"removed_{m}" for m in (3, 2, 1)), "equations_cable", "pin_equations", "pin_knot")
+# 5.4: a rigid corner is C0 like a spherical joint, with three more equations
+corners = holding("spherical_equations", "spherical_knot", "rigid_equations", "rigid_weaker", "rigid_knot")
+# 5.5: every knot that makes slopes continuous makes positions continuous too
+sliding = holding(*(f"continuity_{m}" for m in (3, 2, 1)), "sliding_knot", "sliding_weaker")
+coupled = holding("coupling", "models")  # 7.1: bending causes tension, and both models agree at small strains
+undamped = holding("undamped")  # 7.2: rigid motion is undamped
 
 
 def constant_inertia(results: Results) -> Verdict:
@@ -44,41 +59,10 @@ def constant_inertia(results: Results) -> Verdict:
     )
 
 
-def joint_equations(results: Results) -> Verdict:
-    """Sections 4.1 to 4.3: equations of the joints."""
-    return checked(results, "spherical", "pin", "pin_beam", "sliding")
-
-
-def joint_modes(results: Results) -> Verdict:
-    """Section 4.4: modes at a pin of beams."""
-    return checked(results, "deformations", "rotation", "continuous", "pin_stretch")
-
-
 def same_geometry(results: Results) -> Verdict:
     """Splines and elements are linked by exact linear maps in both directions; rational weights have none."""
     verdict = checked(results, "geometry")
     return verdict if verdict is NONE else verdict._replace(measured=f"{verdict.measured}; NURBS have no such map")
-
-
-def patch(results: Results) -> Verdict:
-    """Section 5.2: control points of a bicubic patch."""
-    return checked(results, "patch")
-
-
-def knots(results: Results) -> Verdict:
-    """Section 5.3: a knot is one control point and three equations; no knot has the pin's four."""
-    keys = *(f"removed_{m}" for m in (3, 2, 1)), "equations_cable", "pin_equations", "pin_knot"
-    return checked(results, *keys)
-
-
-def corners(results: Results) -> Verdict:
-    """Section 5.4: a rigid corner is C0 like a spherical joint, with three more equations."""
-    return checked(results, "spherical_equations", "spherical_knot", "rigid_equations", "rigid_weaker", "rigid_knot")
-
-
-def sliding(results: Results) -> Verdict:
-    """Section 5.5: every knot that makes slopes continuous makes positions continuous too."""
-    return checked(results, *(f"continuity_{m}" for m in (3, 2, 1)), "sliding_knot", "sliding_weaker")
 
 
 def cheaper(results: Results) -> Verdict:
@@ -87,11 +71,6 @@ def cheaper(results: Results) -> Verdict:
     text = ", ".join(f"{row['links']} links {row['evaluation']:.2f} and {row['step']:.2f}" for row in rows)
     good = [row[key] > 1.0 for row in rows for key in ("evaluation", "step") if math.isfinite(row[key])]
     return graded(good, f"CPU time of (8)-(10) over (11)-(15), of an evaluation and of an implicit step: {text}")
-
-
-def coupled(results: Results) -> Verdict:
-    """Section 7.1: bending causes tension, and both models agree at small strains."""
-    return checked(results, "coupling", "models")
 
 
 def constant_stiffness(results: Results) -> Verdict:
@@ -103,8 +82,3 @@ def potential(results: Results) -> Verdict:
     """Below (12): the force of the printed mean strain is no gradient of (8); that of Green's strain is."""
     chord, green = checked(results, "chord", printed=0.0), checked(results, "green")
     return chord if chord is NONE else chord._replace(measured=f"{chord.measured}; {green.measured}")
-
-
-def undamped(results: Results) -> Verdict:
-    """Section 7.2: rigid motion is undamped."""
-    return checked(results, "undamped")

@@ -33,13 +33,9 @@ def rows(name: str, piece: float) -> list[Row]:
     """Rows by tolerance: evaluations, steps and restarts of both tracks per second of a ``piece``, s."""
     label, common = named(name).label, {"model": name, "piece": piece}
     stop = f"run.stop={BEGIN + piece!r}", f"run.checkpoints={BEGIN!r}", "expect={}", "track.link_outputs=false"
-    coupled, explicit = scene(named(name), *stop), [scene(named(name), *stop, *adams(each)) for each in TOLERANCES]
-    for refusal in (coupled, *explicit):
-        if isinstance(refusal, str):
-            return [Row("fmus", label, common, note=f"not there: {refusal}")]
-    assert isinstance(coupled, Scene)
     try:
-        counts = _counted(coupled, [each for each in explicit if isinstance(each, Scene)], piece)
+        explicit = [scene(named(name), *stop, *adams(each)) for each in TOLERANCES]
+        counts = _counted(scene(named(name), *stop), explicit, piece)
     except (BadInput, RuntimeError, ValueError) as failure:
         return [Row("fmus", label, common, note=f"not there: {failure}")]
     return [

@@ -13,7 +13,6 @@ from orchestrator.results import measures
 from orchestrator.results.analyses import circuit, deformation, hull
 from orchestrator.results.difference import differences_of_logs
 from orchestrator.results.run_data import Missing, RunData, Window
-from orchestrator.scene.kinds import Scene
 from orchestrator.studies import Row
 from tests.validation.paper import curvature, effects, recorded, singularity, violation
 from tests.validation.paper.conventions import AROUND, HOLD, INSTANT, NODE, SIDE, TRACK, TURNING
@@ -52,7 +51,6 @@ def rows(folder: str, stop: float = STOP) -> list[Row]:
 def _of(model: Model, folder: Path) -> list[Row]:
     file = recorded.path(folder, model)
     wanted = scene(model, *recorded.RECORDED)
-    assert isinstance(wanted, Scene)
     results = [_attempt("violation", model, lambda: violation.of(file, wanted))]
     results.append(_attempt("motion", model, lambda: _motion(file, recorded.path(folder, REFERENCE))))
     with Log(file) as log:
