@@ -229,7 +229,7 @@ def test_a_scene_takes_a_step_that_suits_its_vehicle():
     """The step is a whole part of the scene's own, at most the vehicle's; a step of the user is only warned of."""
     own = load("straight").run.step
     assert own == 1.25e-3
-    for longest, step in ((None, own / 3.0), ("0.63 ms", own / 2.0), ("0.62 ms", own / 3.0), ("2 ms", own)):
+    for longest, step in ((None, own / 3.0), ("0.625 ms", own / 2.0), ("0.62 ms", own / 3.0), ("2 ms", own)):
         settings = ["vehicle=marder", *([f"vehicle.longest_step={longest}"] if longest else [])]
         scene = load("straight", None, settings)
         assert scene.run.step == pytest.approx(step, rel=1e-15)
