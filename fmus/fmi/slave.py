@@ -53,7 +53,7 @@ from fmus.vehicles.ranges import contradictions
 BUILD = source_hash()  # hash of the fmus sources of this process
 OK, WARNING, ERROR = 0, 1, 3  # values of the output `status`, those of fmi2Status
 MOST_BYTES = 1500  # bytes of a message: importers have buffers of 2 kB
-_MESSAGES_WAIT = sys.version_info >= (3, 13)  # where a call is refused
+MESSAGES_WAIT = sys.version_info >= (3, 13)  # where a call is refused
 _INT_MAX = 2**31 - 1  # fmi2Integer is 32 bits wide
 _FINALISED: set[Path] = set()
 
@@ -119,7 +119,7 @@ def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
             return call(self, *args)
         except BaseException as error:  # KeyboardInterrupt too: no other exception may leave the call
             sentence = self._report(error, raised=True)
-            if _MESSAGES_WAIT:
+            if MESSAGES_WAIT:
                 self._waiting = self.log_queue[:]
                 self.log_queue.clear()
             _add_references(type(self), self, self.log_queue)
@@ -539,7 +539,7 @@ class Slave(Fmi2Slave):
     def _report(self, error: BaseException, *, raised: bool = False) -> str:
         """Log an error, unless a refusal with its traceback, and return its sentence."""
         sentence = self._sentence(error)
-        if not (raised and _MESSAGES_WAIT):
+        if not (raised and MESSAGES_WAIT):
             self.log(sentence, Fmi2Status.error)
         if not isinstance(error, Refused):
             trace = "".join(traceback.format_exception(error))

@@ -181,12 +181,12 @@ def test_a_warning_is_told_with_its_percent_sign(toy):
 @pytest.mark.parametrize("wait", [False, True])
 def test_a_refusal_gives_its_sentence_whether_or_not_messages_wait(toy, monkeypatch, wait):
     """From Python 3.13 on, a message that is passed on while an exception is set ends that exception."""
-    monkeypatch.setattr("fmus.fmi.slave._MESSAGES_WAIT", wait or sys.version_info >= (3, 13))
+    monkeypatch.setattr("fmus.fmi.slave.MESSAGES_WAIT", wait or sys.version_info >= (3, 13))
     heard, sentence = [], "stiffness = -1.0: 100 % of springs push back"
     with Component(toy, "toy", lambda *message: heard.append(message[2])) as component:
         with pytest.raises(ComponentFailed, match=re.escape(f"toy: {sentence}")):
             component.initialise({"stiffness": -1.0})
-        assert any("Traceback" in message for message in heard) is not fmus.fmi.slave._MESSAGES_WAIT
+        assert any("Traceback" in message for message in heard) is not fmus.fmi.slave.MESSAGES_WAIT
         assert any(sentence in message.splitlines() for message in heard)
         component.set_inputs()  # a call that is not refused passes on what waits
         assert sum("Traceback" in message for message in heard) == 1
