@@ -13,9 +13,9 @@ from fmus.track.choices import TRACKS
 from orchestrator.cli.inventory import contact_pairs
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, Missing
 from orchestrator.results import difference, turning, vehicle_measures
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.same_scene import scene_difference

@@ -8,8 +8,9 @@ from made_logs import STEP
 
 from orchestrator.execution import course
 from orchestrator.execution.course import ALL, ERROR, HALVES, RECORDS, REST, SEEDS, WORST
+from orchestrator.log.reader import Missing
 from orchestrator.results.analyses import life
-from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.run_data import RunData
 
 PER_NEWTON = life.stresses(TABLE.model_dump())["pin bending"]
 LENGTH = 0.4  # m: a chain of four links goes round in a second

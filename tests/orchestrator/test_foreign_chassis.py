@@ -9,10 +9,10 @@ from foreign_fmus import CHASSIS, PLACES, UNITS, Variable
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, Missing
 from orchestrator.results.analyses import phases, power, slip
 from orchestrator.results.energy import hitch_works, ledger
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.vehicle_measures import ground_force, speed_excess, third_law
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed

@@ -10,7 +10,7 @@ from short_run import SHORT, last
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.interface import recorded_run
-from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.log.reader import Log, Missing
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +74,9 @@ def test_signals_have_units_and_families_a_column_for_each_member(run):
     assert tension.max.value == tension.values.max()
     assert tension.max.value in tension.at(tension.max.t)
     assert f"{len(tension.t)} x 64 values" in repr(tension)
-    with pytest.raises(NoSuchSignal, match=r"did you mean 'chain\.tension\.max'"):
+    with pytest.raises(Missing, match=r"did you mean 'chain\.tension\.max'"):
         run["chain.tension.maxx"]
-    with pytest.raises(NoSuchSignal, match=r"'chain\.link\[\*\]\.\*' matches signals in N and Pa: no family"):
+    with pytest.raises(Missing, match=r"'chain\.link\[\*\]\.\*' matches signals in N and Pa: no family"):
         run["chain.link[*].*"]
     frame = run.frame("chain.tension.*", start=0.01)
     assert frame.attrs["units"]["chain.tension.max"] == "N"

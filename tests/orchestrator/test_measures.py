@@ -8,11 +8,11 @@ import pytest
 from made_logs import made
 
 from fmus.track.link_outputs import STANDARD
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, Missing
 from orchestrator.results import chain_measures, measures
 from orchestrator.results.largest_forces import FORCES, largest
 from orchestrator.results.measures import NAMES, OBSERVABLES
-from orchestrator.results.run_data import EVER, Links, Missing, RunData, Window, mean, means, within
+from orchestrator.results.run_data import EVER, Links, RunData, Window, mean, means, within
 from orchestrator.studies.wanted_figures import recording_settings, wanted_figures
 
 TEETH, PITCH = 10, 0.1524

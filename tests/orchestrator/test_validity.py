@@ -13,12 +13,12 @@ from mcap.reader import make_reader
 from orchestrator.execution.simulate import simulate
 from orchestrator.files.command import command_scope
 from orchestrator.log.container import LogUnreadable
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, Missing
 from orchestrator.results.analyses import validity
 from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import heading
 from orchestrator.results.page.evaluation import RunSummary, attempt, evaluate
-from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.run_data import RunData
 from orchestrator.results.validity.exceedance import recorded_entries
 from orchestrator.scene.scene import load
 from orchestrator.vocabulary import limits

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, Missing
 from orchestrator.results import measures
 from orchestrator.results.analyses import circuit, deformation, hull
 from orchestrator.results.difference import differences_of_logs
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import RunData, Window
 from orchestrator.studies import Row
 from tests.validation.paper import curvature, effects, recorded, singularity, violation
 from tests.validation.paper.conventions import AROUND, HOLD, INSTANT, NODE, SIDE, TRACK, TURNING
