@@ -281,7 +281,7 @@ def _draw_views(pane: Axes, views: Sequence[TopView], size: float) -> None:
 
 
 def labels(views: Sequence[TopView], size: float) -> list[tuple[Floats, str]]:
-    """Return places, m, and texts of the times: at the hull or, beside another label, at its front, if need be together."""
+    """Return places, m, and texts of the times: at the hull, beside another label at its front, or together."""
     found: list[tuple[Floats, list[str]]] = []
     for view in views:
         front = max(float(((corners - view.hull) @ view.ahead).max()) for corners in view.links)
