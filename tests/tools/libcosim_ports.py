@@ -15,7 +15,9 @@ import numpy as np
 from libcosimpy.CosimExecution import CosimExecution
 from libcosimpy.CosimObserver import CosimObserver
 
-FORCE = re.compile(r'tElement="(.*?)" startConnector="(.*?)\.force\.x" endElement="(.*?)" endConnector="(.*?)\.force')
+FORCE = re.compile(
+    r'startElement="(.*?)" startConnector="(.*?)\.force\.x" endElement="(.*?)" endConnector="(.*?)\.force'
+)
 SWITCH = re.compile(r'(<ssv:Parameter name="extrapolate">\s*<ssv:String value=)"\w+"')
 
 
@@ -35,8 +37,10 @@ def unpacked(scene: str, way: str, place: Path) -> Path:
 def ports(folder: Path, seconds: float, h: float, way: str) -> np.ndarray:
     """Misfit of the impulse, its size, energy created and passed (ports, 4), N s and J."""
     pairs = FORCE.findall((folder / "SystemStructure.ssd").read_text(encoding="utf-8"))
-    execution = CosimExecution.from_ssp_file(str(folder), step_size=round(1e9 * h))
-    observer = CosimObserver.create_last_value()
+    execution, observer = (
+        CosimExecution.from_ssp_file(str(folder), step_size=round(1e9 * h)),
+        CosimObserver.create_last_value(),
+    )
     execution.add_observer(observer)
     wanted: dict[str, list[str]] = {}
     for giver, port, taker, mount in pairs:
@@ -53,19 +57,27 @@ def ports(folder: Path, seconds: float, h: float, way: str) -> np.ndarray:
             rows[name].append(observer.last_real_values(index[name], [known[name][each] for each in names]))
     seen = {name: dict(zip(wanted[name], np.array(values).T, strict=True)) for name, values in rows.items()}
 
-    def vectors(name: str, *what: str) -> np.ndarray:
-        return np.stack([seen[name][f"{each}.{a}"] for each in what for a in "xyz"], axis=1)
+    def vectors(name: str, what: str) -> np.ndarray:
+        return np.stack([seen[name][f"{what}.{a}"] for a in "xyz"], axis=1)
 
     found = []
     for giver, port, taker, mount in pairs:
-        w = vectors(giver, f"{port}.force", f"{port}.torque")
-        rate = vectors(taker, f"{mount}.velocity", f"{mount}.angular_velocity")
-        moved = np.diff(vectors(taker, f"{mount}.position"), axis=0)
-        moved = np.hstack([moved, 0.5 * h * (rate[1:] + rate[:-1])[:, 3:]])[1:]
-        received = w[1:-1] if way == "no" else 2.0 * w[1:-1] - w[:-2]
+        w = np.hstack([vectors(giver, f"{port}.{what}") for what in ("force", "torque")])
+        rate = np.hstack([vectors(taker, f"{mount}.{what}") for what in ("velocity", "angular_velocity")])
+        moved = np.hstack(
+            [np.diff(vectors(taker, f"{mount}.position"), axis=0), 0.5 * h * (rate[1:] + rate[:-1])[:, 3:]]
+        )
+        moved, received = moved[1:], w[1:-1] if way == "no" else 2.0 * w[1:-1] - w[:-2]
         given, created = w[2:], (received * moved).sum() - h * (w[2:] * rate[1:-1]).sum()
-        size, misfit = np.linalg.norm(given[:, :3], axis=1).sum(), (received - given)[:, :3].sum(axis=0)
-        found.append((np.linalg.norm(misfit), size, created, abs((given * moved).sum(axis=1)).sum()))
+        size = np.linalg.norm(given[:, :3], axis=1).sum()
+        found.append(
+            (
+                np.linalg.norm((received - given)[:, :3].sum(axis=0)),
+                size,
+                created,
+                abs((given * moved).sum(axis=1)).sum(),
+            )
+        )
     return np.array(found)
 
 
@@ -76,6 +88,8 @@ if __name__ == "__main__":
         for way in ("no", "linear"):
             off, size, created, passed = ports(unpacked(scene, way, place), seconds, h, way).T
             share = 100.0 * created / passed
-            law, energy = (off / size).max(), 100.0 * created.sum() / passed.sum()
-            print(f"{scene}, {1e3 * h:g} ms, extrapolate = {way}: third law of the worst port {law:.1e};", end=" ")
-            print(f"energy of all {energy:+.2f} %, of single ports {share.min():+.2f} to {share.max():+.2f} %")
+            print(
+                f"{scene}, {1e3 * h:g} ms, extrapolate = {way}: third law of the worst port {(off / size).max():.1e};"
+                f" energy of all {100.0 * created.sum() / passed.sum():+.2f} %, of single ports {share.min():+.2f} to"
+                f" {share.max():+.2f} %"
+            )

@@ -1,9 +1,16 @@
-"""What other tools are tried on: a drive of FMI 2.0 and 3.0, and archives of two drives."""
+"""Small FMUs and archives for the scripts of this folder: a drive of FMI 2.0 and 3.0, and two drives as an archive.
+
+The mount of the drive ``second`` turns as fast as the sprocket of ``first``. Results are given as
+multiples of that without changes: a parameter set or factor of 2 that is ignored reads "1 times", one that is
+applied "2 times"; a drive whose ``mode`` was set to ``torque`` stands, "0 times".
+"""
 
 import re
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
+from math import cos, pi
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
 
@@ -19,11 +26,20 @@ SHOWN = {
     "shown.turned": ("second", "sprocket.angular_velocity.y"),
 }
 DRIVE, OTHER = "SprocketDrive-rig.fmu", "SprocketDrive-rig-idler_drive.fmu"
+PLACES = {(0.0, -4.04498505): "its own", (-4.04498505,) * 2: "those of one for all"}  # in numbers.ssp, m
 
 
-def command(*words: object) -> None:
-    """Run a command of cotrack."""
-    subprocess.run([sys.executable, "-m", "orchestrator", *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+def folder() -> Path:
+    """Folder of the command line, with what the scripts need; the first time takes a minute or two."""
+    if len(sys.argv) != 2:
+        raise SystemExit(f"usage: {sys.argv[0]} FOLDER")
+    place = Path(sys.argv[1]).resolve()
+    for fmi in ("2", "3"):
+        if not (place / f"fmi{fmi}" / DRIVE).exists():
+            options = ("--track", "rigid", "--native", "--fmi", fmi, "-o", place / f"fmi{fmi}")
+            subprocess.run([sys.executable, "-m", "orchestrator", "build", "rig", *options], check=True)
+    write_archives(place)
+    return place
 
 
 def fmu(place: Path, fmi: int) -> str:
@@ -32,10 +48,7 @@ def fmu(place: Path, fmi: int) -> str:
 
 
 def write_archives(place: Path) -> None:
-    """Build the drives, and archives of two: as cotrack writes them, and the same with changes of the document."""
-    for fmi in (2, 3):
-        if not Path(fmu(place, fmi)).exists():
-            command("build", "rig", "--track", "rigid", "--native", "--fmi", fmi, "-o", place / f"fmi{fmi}")
+    """Archives of two drives: as cotrack writes them, and the same with changes of the document."""
     two, three = (Path(fmu(place, fmi)).read_bytes() for fmi in (2, 3))
     with zipfile.ZipFile(fmu(place, 2)) as packed:
         description = fromstring(packed.read("modelDescription.xml"))
@@ -49,7 +62,9 @@ def write_archives(place: Path) -> None:
         "later": plain.replace('startTime="0.0" stopTime="14.0"', 'startTime="1.0" stopTime="1.05"'),
         "system": with_outputs(plain, {"second.speed": ("second", "speed")}),
     }
-    documents |= {f"named_{name}": with_outputs(documents[name], SHOWN) for name in ("drives", "set", "scaled")}
+    documents |= {
+        f"named_{name}": with_outputs(documents[name], SHOWN) for name in ("drives", "set", "scaled", "later")
+    }
     for name, document in documents.items():
         write(place / f"{name}.ssp", document, {f"resources/{part.name}.fmu": two for part in parts})
     other = (place / "fmi2" / OTHER).read_bytes()  # of the same shape: only its numbers differ, and by them its guid
@@ -99,3 +114,29 @@ THREE = """<?xml version="1.0" encoding="UTF-8"?>
   </ssd:System>
 </ssd:SystemStructureDescription>
 """
+
+
+def said(tool: str, found: dict[str, str], expected: dict[str, str]) -> None:
+    """Print what was found, one line; exit with 1 and the differences if it is not what the table says."""
+    print(f"{tool}: " + "; ".join(f"{name}: {text}" for name, text in found.items()))
+    changed = [name for name in expected | found if found.get(name) != expected.get(name)]
+    if changed:
+        raise SystemExit("changed: " + "; ".join(f"{name}: was {expected.get(name)}" for name in changed))
+
+
+def times(value: float, once: float) -> str:
+    """How many times a value is another one, to a few per cent."""
+    return next((f"{k:g} times" for k in (0.0, 1.0, 2.0) if abs(value - k * once) < 0.1 * abs(once)), f"{value!r}")
+
+
+def speed_at(t: float) -> float:
+    """Speed of the drive ``first`` at a time of its ramp, rad/s."""
+    return 0.5 * END * (1.0 - cos(pi * min(t, 1.0)))
+
+
+def attempt(call: Callable[[], str]) -> str:
+    """Result of a call, or the kind of its error."""
+    try:
+        return call()
+    except Exception as error:  # a tool's refusal is what is asked for
+        return f"refused ({type(error).__name__})"
