@@ -283,7 +283,7 @@ def test_keys_of_a_track_are_parameters_of_its_fmu(model):
     ],
 )  # fmt: skip
 def test_settings_of_a_track_reach_its_fmu(model, settings, parameters):
-    """What is not set is left to the FMU, but for the damping of HHT."""
+    """Without a setting the FMU has its own default, but for the damping of HHT."""
     default, given = (assemble(load("hanging_chain", model, one)).parts[0].parameters for one in ((), settings))
     assert {key: given[key] for key in given if given[key] != default.get(key)} == parameters
     assert not {"element", "elasticity", "coordinates", "spectral_radius"} & default.keys()

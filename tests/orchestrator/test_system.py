@@ -177,7 +177,7 @@ SHOWN = [  # scene, links, settings; words of what is in, of what is left out, o
 
 @pytest.mark.parametrize(("scene", "track", "settings", "present", "absent", "evaluated"), SHOWN)
 def test_show_names_what_is_in_left_out_and_evaluated(cotrack, scene, track, settings, present, absent, evaluated):
-    """What stands on one side does not stand on the other."""
+    """A part stands on one side alone."""
     given = [each for setting in filter(None, settings.split("; ")) for each in ("--set", setting)]
     inside, rest = cotrack.done("show", scene, "--track", track, *given).split("\nleft out\n")
     left, _, last = rest.partition("\nexpected\n")
