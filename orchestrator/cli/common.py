@@ -118,10 +118,10 @@ def message_and_status(error: Exception) -> tuple[str, int]:
     """Return message and exit status for an error."""
     if logging.getLogger("cotrack").isEnabledFor(logging.DEBUG):
         traceback.print_exception(error)
-    if isinstance(error, refusals()):
-        return shortened(str(error)), 2
     if isinstance(error, ImportError) and not (error.name or "").startswith(("fmus", "orchestrator")):
         return shortened(lacking(error)), 2
+    if isinstance(error, refusals()):
+        return shortened(str(error)), 2
     if isinstance(error, BrokenPipeError):  # the reader of the pipe has closed it
         return "", 1
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:

@@ -78,7 +78,7 @@ def written(folder, modules):
 
 
 def python(program, *arguments, **env):
-    """What a program prints in a process of its own."""
+    """Output of a program in a process of its own."""
     done = subprocess.run([sys.executable, "-c", program, *arguments], env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()

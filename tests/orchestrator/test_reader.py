@@ -11,7 +11,6 @@ import pytest
 from mcap.reader import make_reader
 from recorded import ATTACHMENTS, METADATA, STEP, TOPICS, chunked_log, small_log, spans, values
 
-from orchestrator.log import container
 from orchestrator.log.bitwise import first_difference
 from orchestrator.log.container import LogUnreadable
 from orchestrator.log.reader import Log
@@ -83,10 +82,9 @@ def test_who_knows_mcap_and_protobuf():
 
 
 @pytest.mark.parametrize("room", [0, 1 << 30])
-def test_what_is_selected_is_what_is_read_and_is_kept_of_a_small_log_alone(chunked, tmp_path, monkeypatch, room):
-    monkeypatch.setattr(container, "SMALL", room)
+def test_what_is_selected_is_what_is_read_and_is_kept_where_there_is_room(chunked, tmp_path, room):
     path = Path(shutil.copy(chunked, tmp_path / "log.mcap"))
-    with Log(path) as log, Log(chunked) as whole:
+    with Log(path, kept=room) as log, Log(chunked) as whole:
         for topic, about in log.topics.items():
             series, columns = whole.read(topic), [len(about.names) - 1, 0]
             for window in ((-np.inf, np.inf), (0.7, 0.9), (0.0, 0.0), (5.0, 6.0)):

@@ -13,7 +13,6 @@ from orchestrator.cosim.observers import MEANS
 from orchestrator.execution import replay_model
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import NO_INPUTS, simulate
-from orchestrator.log import container
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
@@ -314,11 +313,10 @@ def test_a_long_run_needs_no_more_memory_than_a_short_one():
 
 
 @pytest.mark.long
-def test_what_is_read_for_a_summary_or_a_difference_is_not_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(container, "SMALL", 0)  # the log is none of those that are kept whole
+def test_what_is_read_for_a_summary_or_a_difference_is_not_kept(tmp_path):
     path = tmp_path / "log.mcap"
     assert simulate(load("straight", "rigid", ["run.stop=0.1 s", "run.links=1", "expect={}"]), path)["status"] == "ok"
-    with Log(path) as log, Log(path) as other:
+    with Log(path, kept=0) as log, Log(path, kept=0) as other:
         errors = differences(RunData(log), RunData(other))
         assert max(one.relative for one in errors.values()) == pytest.approx(0.0, abs=1e-12)
         with path.open("r+b") as stream:
