@@ -13,6 +13,7 @@ from __future__ import annotations
 import io
 import mmap
 import struct
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cached_property
@@ -240,11 +241,11 @@ class Container:
 
     def _walk(self) -> None:
         """Register every data record, from the next one in the indexes on behind a damaged one."""
-        offset = len(MCAP0_MAGIC)
+        offset, indexed = len(MCAP0_MAGIC), [*self._indexed, self.size]
         while offset < self.size:
-            following = self._step(offset)
-            if following is None:
-                following = next((one for one in self._indexed_offsets if one > offset), self.size)
+            following, next_indexed = self._step(offset), indexed[bisect_right(indexed, offset)]
+            if following is None or (self._has_sound_indexes and following > next_indexed):
+                following = next_indexed  # also behind a record that is said to be longer than it is
                 self.add_fault(f"{self.path}: the record at byte {offset} of {self.size} is cut off or damaged")
             offset = following
         if self.data_end is None and self.being_written:
@@ -275,15 +276,28 @@ class Container:
         return following
 
     @cached_property
-    def _indexed_offsets(self) -> list[int]:
-        """Return the sorted offsets of records in the summary and of the end of the data; empty if it is damaged."""
+    def _indexed(self) -> dict[int, int]:
+        """Offset of each record in the summary, and of the end of the data -> unpacked bytes of a chunk, else 0.
+
+        Sorted; empty if the summary is damaged.
+        """
         try:
             indexes = ((opcode, offset) for opcode, offset in self._summary() if opcode in INDEXES)
             kinds = ((INDEXES[opcode], offset) for opcode, offset in islice(indexes, most_others(self.size)))
-            offsets = [getattr(self.record(kind, offset), field) for (kind, field), offset in kinds]
-            return sorted([*offsets, self.record(Footer, self.size - FOOTER).summary_start - DATA_END])
+            found = {self.record(Footer, self.size - FOOTER).summary_start - DATA_END: 0}
+            for (kind, field), offset in kinds:
+                index = self.record(kind, offset)
+                found[getattr(index, field)] = getattr(index, "uncompressed_size", 0)
+            return dict(sorted(found.items()))
         except DAMAGE:
-            return []
+            return {}
+
+    @cached_property
+    def _has_sound_indexes(self) -> bool:
+        try:
+            return bool(self._indexed) and self.indexes_sound()
+        except DAMAGE:
+            return False
 
     def _register_indexed(self, opcode: int, index: Any) -> None:
         """Register what an index record points at; raises one of DAMAGE."""
@@ -301,6 +315,8 @@ class Container:
         """Register a record; raises one of DAMAGE."""
         if opcode == Opcode.CHUNK:
             first, last, size, *_ = _CHUNK.unpack(self.body(offset, _CHUNK.size).ljust(_CHUNK.size, b"\0"))
+            if self._has_sound_indexes and size != self._indexed.get(offset, size):
+                raise ValueError("the summary has another size for it")
             self.spans[offset] = 1e-9 * first, 1e-9 * last
             self._take_chunk(offset, size)
             if not self.is_ours:
