@@ -43,7 +43,7 @@ def lines(scene: SystemScene) -> Iterator[str]:
     yield from _parameters(scene)
     assembly = assemble(scene)
     if any(part.fmu is None for part in assembly.parts):
-        yield from _evaluated(scene, assembly)
+        yield from evaluated(scene, assembly)
 
 
 def _free_system(scene: SystemScene) -> Iterator[str]:
@@ -221,11 +221,12 @@ def _absent_parts(scene: Scene, assembly: Assembly) -> list[str]:
     return [what for what, is_absent in absent.items() if is_absent]
 
 
-def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
+def evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
+    """Yield what a step evaluates: contact pairs, numbers of outputs and of states."""
     own = [part for part in assembly.parts if part.fmu is None]
     loaded = loaded_contents([(part.kind, part.config, part.parameters) for part in own])
-    evaluated = [f"{part.name:12} {pair}" for part in own for pair in contact_pairs(scene, part)]
-    yield from _section("contact pairs", evaluated or ["none: no contact law is loaded"])
+    pairs = [f"{part.name:12} {pair}" for part in own for pair in contact_pairs(scene, part)]
+    yield from _section("contact pairs", pairs or ["none: no contact law is loaded"])
     yield "outputs"
     sizes = zip(own, loaded.outputs, loaded.link_outputs, loaded.state, strict=True)
     for part, outputs, links, state in sizes:

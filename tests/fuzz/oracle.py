@@ -159,7 +159,7 @@ def describe_by_fork() -> None:
             return subprocess.CompletedProcess(arguments, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), "", text)
 
     fmus.fmi.build.subprocess = Forked  # type: ignore[assignment]
-    inventory._evaluated = lambda scene, assembly: iter(())  # the kernels that a scene uses, from a new interpreter
+    inventory.evaluated = lambda scene, assembly: iter(())  # the kernels that a scene uses, from a new interpreter
 
 
 def _describe(how: Mapping[str, Any]) -> None:
