@@ -76,6 +76,7 @@ def test_a_crawling_vehicle_follows_waves():
     assert max(gains(shifted)) < 0.9
 
 
+@pytest.mark.long
 def test_the_centre_of_a_bare_wheel_follows_an_arc_over_a_half_round():
     """Pushed without friction, the front wheels rise on it and slide back: less what their weight presses them in."""
     a, place, stiffness = 0.05, -0.4, 2e7

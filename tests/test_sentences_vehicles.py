@@ -129,10 +129,11 @@ TIPS = (
     [
         ("straight", ["ground.soil.name=dry_sand", RAMP], r"ground\.soil needs level ground under the tracks"),
         ("straight", ["vehicle.chassis.centre=[12, 0, 0.4]"], TIPS),
-        (
+        pytest.param(
             "soft_ground",
             ["ground.soil.name=snow"],
             r"soft_ground\.toml: .* at rest the hull is 102 mm in the soil, which",
+            marks=pytest.mark.long,
         ),
     ],
 )

@@ -78,6 +78,7 @@ def own_keys(*scene):
     return found
 
 
+@pytest.mark.long
 def test_every_number_of_a_vehicle_file_is_a_parameter_of_a_component():
     known = own_keys("straight", "flexible") | own_keys("straight", "rigid") | own_keys("turn", "rigid")
     known |= own_keys("serpentine", "rigid") | own_keys("marder", "rigid") | own_keys("robot", "rigid")

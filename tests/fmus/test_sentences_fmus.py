@@ -204,6 +204,7 @@ def test_numbers_that_exclude_each_other():
         component.initialise(wanted)
 
 
+@pytest.mark.long
 def test_files_of_numbers(tmp_path):
     fmu, resources, starts = build_native_shape(*drive(points="0.0 0.0; 0.004 4.0"))
     content = (resources / numbers_file.FILE).read_bytes()
@@ -227,6 +228,7 @@ def test_files_of_numbers(tmp_path):
         assert "'speed.points' is a constant of this FMU" in said
 
 
+@pytest.mark.long
 def test_states(toy):
     fmu, resources, _ = build_native_shape(*drive())
     others = {"resources": build_native_shape(*drive(11.0)).resources}

@@ -41,11 +41,13 @@ def run_half(environment, folder, half, minutes, seed):
     assert {row["kind"] for row in answer["rows"] if row["cases"] >= 1} == set(half.split(","))
 
 
+@pytest.mark.long
 class TestFirstHalf:  # classes, so that two workers share them
     def test_random_cases(self, environment, tmp_path):
         run_half(environment, tmp_path, BRIEF[0], "0.12", "1")
 
 
+@pytest.mark.long
 class TestSecondHalf:
     def test_random_cases(self, environment, tmp_path):
         run_half(environment, tmp_path, BRIEF[1], "0.12", "1")

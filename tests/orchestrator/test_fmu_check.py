@@ -401,6 +401,7 @@ def test_no_verdict_is_a_fault(guest, name):
     assert fault.startswith("the process ended with exit status 0 ")
 
 
+@pytest.mark.long
 def test_an_fmu_that_hangs_takes_little_more_than_one_limit(guest):
     began = time.monotonic()
     found = verdicts(guest(HANGS), 1e-3, 5.0, lambda name: None)

@@ -267,6 +267,7 @@ def test_a_sweep_records_what_its_figures_need():
     assert recorded("rim_force", **{"track.link_outputs": "all"}) == {"track.link_outputs": "all"}
 
 
+@pytest.mark.long
 def test_a_sweep_answers_with_the_figures_that_it_is_asked_for(cotrack, tmp_path):
     """Pins, teeth and life over the pull on a chain; the printed table has no other figures, the CSV has all."""
     short = ("--track", "rigid", "--set", "run.stop=0.3 s", "--set", "bench.links=24", "--no-estimate", "--workers", 1)

@@ -111,8 +111,8 @@ def test_old_logs_compare_as_they_did(old, ask):
 @pytest.mark.parametrize(
     ("name", "component", "links", "apart"),
     [("chain", "chain", "flexible", 1e-12), ("iterative", "track", "flexible", 1e-6),
-     ("jacobi", "track", "rigid", 1e-6), ("variable", "track", "rigid", 1e-6),
-     ("vehicle", "left_track", "rigid", 1e-4)],
+     pytest.param("jacobi", "track", "rigid", 1e-6, marks=pytest.mark.long), ("variable", "track", "rigid", 1e-6),
+     pytest.param("vehicle", "left_track", "rigid", 1e-4, marks=pytest.mark.long)],
 )  # fmt: skip
 def test_old_inputs_give_the_old_outputs(old, cotrack, name, component, links, apart):
     """Rigid links come to rest otherwise than in 0.4.0 (fixed losses), by 2e-5 of a force."""

@@ -111,6 +111,7 @@ def test_one_fmu_serves_both_sides_with_the_place_of_the_left_one(tracks, latera
     assert sorted(filter(None, laterals)) == [lateral] * 2
 
 
+@pytest.mark.long
 def test_plain_names_are_those_of_the_standard_scene():
     drive = next(part for part in assemble(load("straight")).parts if part.kind == "SprocketDrive")
     for products in (gallery_products(), scene_products([load("straight", model) for model in TRACKS])):

@@ -166,7 +166,10 @@ SHOWN = [  # scene, links, settings; words of what is in, of what is left out, o
     ("straight", "flexible", "vehicle=marder", ("run.step is 0.4167 ms instead of 1.25 ms",), (), ()),
     ("straight", "rigid", "", ("TrackRigid",), (f"  {UNUSED}, bump stops, rebound stops, recoil springs\n",
      "  bushes in the pins\n"), ()),
-    ("straight", "flexible", "vehicle=leopard2; vehicle.track.bushing.stiffness=500", ROLLERS, (), ()),
+    pytest.param(
+        "straight", "flexible", "vehicle=leopard2; vehicle.track.bushing.stiffness=500", ROLLERS, (), (),
+        marks=pytest.mark.long,
+    ),
     ("straight", "flexible", "vehicle=dozer; vehicle.track.bushing.stiffness=500", AXLES, (), ()),
     ("rig", "rigid", "", (), (), ("guides: 1 wheels x 64 links",)),
     ("straight", "flexible", PLANAR, ("64 elements, 384 dofs",), ("lateral dofs of the chain",),

@@ -113,6 +113,7 @@ def test_a_run_that_is_not_valid_fails_and_says_so_everywhere(cotrack, pressed, 
     assert verdict.sentence.startswith("The run went on to its end at 0.04 s: ")
 
 
+@pytest.mark.long
 def test_a_scene_allows_what_it_names(pressed, tmp_path):
     scene = load("rig", "rigid", (*pressed, 'run.allow=["penetration", "tooth_jump"]'))
     result = simulate(scene, tmp_path / "allowed.mcap")
