@@ -19,9 +19,11 @@ from tests.fuzz.__main__ import CORPUS, EXPECTED, SHARES
 from tests.fuzz.bench import Bench
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks under limits of Linux")
-BRIEF = "settings,scenes,vehicles,caches,checkpoints", "points,commands,logs,calls,states"
 # Kinds whose cases take seconds are in long tests only.
-HALVES = f"{BRIEF[0]},sweeps", f"{BRIEF[1]},measured,grounds,guests"
+HALVES = (
+    "settings,scenes,vehicles,caches,checkpoints,sweeps",
+    "points,commands,logs,calls,states,measured,grounds,guests",
+)
 
 
 def fuzz(environment, folder, *arguments, timeout=600):
@@ -39,18 +41,6 @@ def run_half(environment, folder, half, minutes, seed):
     new = [find for find in answer["finds"] if not find["known"]]
     assert (status, new) == (0, [])
     assert {row["kind"] for row in answer["rows"] if row["cases"] >= 1} == set(half.split(","))
-
-
-@pytest.mark.long
-class TestFirstHalf:  # classes, so that two workers share them
-    def test_random_cases(self, environment, tmp_path):
-        run_half(environment, tmp_path, BRIEF[0], "0.12", "1")
-
-
-@pytest.mark.long
-class TestSecondHalf:
-    def test_random_cases(self, environment, tmp_path):
-        run_half(environment, tmp_path, BRIEF[1], "0.12", "1")
 
 
 @pytest.mark.long
