@@ -19,7 +19,6 @@ from tests.fuzz.__main__ import CORPUS, EXPECTED, SHARES
 from tests.fuzz.bench import Bench
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks under limits of Linux")
-# Kinds whose cases take seconds are in long tests only.
 HALVES = (
     "settings,scenes,vehicles,caches,checkpoints,sweeps",
     "points,commands,logs,calls,states,measured,grounds,guests",
