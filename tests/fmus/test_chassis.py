@@ -15,6 +15,11 @@ from fmus.chassis.tree import tree
 BODY_MASS = 15891.58 - 128 * 18.02
 
 
+def cross2(a, b):
+    """Cross product of two vectors in a plane."""
+    return a[0] * b[1] - a[1] * b[0]
+
+
 # --- exact solutions ---
 
 
@@ -24,6 +29,27 @@ def test_the_right_tensioner_keeps_its_difference():
     for parameters, pushes in (({}, (5e3, 3e3)), ({"tensioner.preload": 9e3}, (9e3, 7e3))):
         probe = Probe(own, **parameters)
         assert (probe["left.tensioner.force"], probe["right.tensioner.force"]) == pushes
+
+
+def test_a_deep_static_deflection_by_hand():
+    """A deep static deflection satisfies the moment balance about the pin, from the drawn points alone."""
+    heavy = {"chassis.mass": 1e12, "chassis.inertia": (1e12, 1e12, 1e12), "suspension.damping": 6e4, "gravity": 0.0}
+    probe = Probe(heavy, **{"suspension.preload": 5e3})
+    probe["right.road_wheel[4].force.z"] = 25e3
+    probe.run(3.0)
+    angle = probe["right.road_arm[4].angle"]
+    assert angle > 0.05  # up
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])  # about +y, on (x, z)
+    wheel, end, top = turn @ [-0.288, -0.134], turn @ [-0.104, -0.240], np.array([-0.588, 0.166])
+    line = top - end
+    length = np.hypot(*line)
+    push = 5e3 + 1e6 * (np.hypot(0.484, 0.406) - length)
+    moment = -wheel[0] * 25e3  # upward force on a trailing wheel lifts it
+    spring = push * cross2(end, line / length)  # the spring pushes the arm along -line
+    assert abs(spring) == pytest.approx(moment, rel=1e-6)
+    assert probe["right.suspension[4].force"] == pytest.approx(push, rel=1e-6)
+    assert probe["right.suspension[4].length"] == pytest.approx(length, rel=1e-12)
+    assert push * 1.02 * abs(cross2(end, line / length)) != pytest.approx(moment, rel=1e-2)
 
 
 def top(changes=None):
