@@ -44,9 +44,9 @@ def test_the_ledger_of_a_whole_vehicle_closes(driven):
     """The energy balance of a whole vehicle with contacts closes only with the covering losses."""
     with Log(driven) as log:
         books = ledger(RunData(log))
-    assert books.dissipated > 20.0
+    assert books.dissipated > 0.5, "it starts standing, and settles by nothing"
     assert abs(books.residual) < 5e-3 * abs(books.covered)
-    assert abs(books.covered) > 0.02
+    assert abs(books.covered) > 0.01
 
 
 @pytest.mark.study  # compiles a monolith with both integrators
@@ -107,8 +107,8 @@ def test_books_of_chassis_and_drives_close(driven):
 
 
 BOOKED = [  # scene, links, settings, drives
-    *(("straight", "flexible", (*DRIVEN, "run.stop=0.01", f"drive.mode={mode}", "drive.torque=2000"), "left_drive")
-      for mode in ("torque", "controller")),
+    *(("straight", "flexible", (*DRIVEN[1:3], "run.stop=0.02", f"drive.mode={mode}", *own), "left_drive")
+      for mode, own in (("torque", ("drive.torque=2000",)), ("controller", AT_ONCE))),
     *(("differential", "rigid", ("run.outputs=1", *JOINED, f"drive.mode={mode}", f"drive.steering.mode={mode}",
                                  "run.stop=0.03"), "differential") for mode in ("speed", "controller")),
 ]  # fmt: skip
