@@ -9,13 +9,13 @@ import zipfile
 import pytest
 from conftest import ROOT
 
-SCENE = ("hanging_chain", "--track", "rigid")
+SCENE = ("sprocket_bench", "--track", "rigid")
 RUN = ("run", *SCENE, "--stop", "0.02", "--no-estimate", "--set", "expect={}", "-o", "log.mcap")
 MAKE = """
 from pathlib import Path
 from orchestrator.execution.warm import packed
 if __name__ == "__main__":
-    [*packed([("hanging_chain", "rigid")], Path("made.pack"))]
+    [*packed([("sprocket_bench", "rigid")], Path("made.pack"))]
 """
 INSTANCE = """
 import sys
@@ -75,7 +75,7 @@ def test_the_first_run_compiles_nothing_and_has_the_same_bits(tree, tmp_path):
 @pytest.mark.long
 def test_a_python_fmu_carries_its_kernels(tree, tmp_path):
     python(tree, tmp_path, "-m", "orchestrator", "build", *SCENE, "-o", ".")
-    (fmu,) = tmp_path.glob("*.fmu")
+    (fmu,) = tmp_path.glob("TrackRigid*.fmu")
     with zipfile.ZipFile(fmu) as files:
         assert "resources/fmus/kernels.pack" in files.namelist()
     elsewhere = tmp_path / "elsewhere"

@@ -311,7 +311,8 @@ def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Ite
         text=True,
         capture_output=True,
         cwd=tree,
-        env={**os.environ, "PYTHONPATH": search_path(tree), "PYTHONDONTWRITEBYTECODE": "1"},
+        # a description computes little: compiling for it would take longer
+        env={**os.environ, "PYTHONPATH": search_path(tree), "PYTHONDONTWRITEBYTECODE": "1", "NUMBA_DISABLE_JIT": "1"},
     )
     if child.returncode:
         stems = dict.fromkeys(shell.script.stem for shell in shells)
