@@ -89,6 +89,8 @@ def test_a_pack_that_does_not_fit_is_not_used(tree, tmp_path):
     """On a processor below the level, with other sources, and with damage."""
     assert python(tree, tmp_path, "-c", BEFORE.format(lacking=())).strip() == "True"
     assert python(tree, tmp_path, "-c", BEFORE.format(lacking=("of-a-later-processor",))).strip() == "False"
+    named = "import os; os.environ['NUMBA_CPU_NAME'] = 'x86-64-v3'\n"  # as where a pack is made: it needs no other
+    assert int(python(tree, tmp_path, "-c", named + PACKED)) == 0
     copy = shutil.copytree(tree, tmp_path / "copy")
     with (copy / "fmus" / "physics" / "elementary.py").open("a") as source:
         source.write("# changed\n")

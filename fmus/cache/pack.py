@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 import zipfile
 from collections.abc import Collection, Iterator
 from contextlib import suppress
@@ -35,8 +36,9 @@ def add(folder: Path) -> None:
 
 @cache
 def _packs(folder: Path) -> tuple[zipfile.ZipFile, ...]:
+    """Packs in a folder: none where a processor is named, because its own code is wanted, or a pack is made."""
     packs = []
-    for file in sorted(folder.glob("*.pack")):
+    for file in [] if os.environ.get("NUMBA_CPU_NAME") else sorted(folder.glob("*.pack")):
         with suppress(OSError, zipfile.BadZipFile):
             packs.append(zipfile.ZipFile(file))
     return tuple(packs)

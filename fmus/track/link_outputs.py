@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.interface.ports import Port
-from fmus.physics.chain import on_links
-from fmus.physics.chain.on_links import NONE, WITH_GROUND, WITH_JOINT, WITH_SLIDING, WITH_WHEELS, LinkForcesShape
+from fmus.physics.chain import link_columns as column
+from fmus.physics.chain.link_columns import NONE, WITH_GROUND, WITH_JOINT, WITH_SLIDING, WITH_WHEELS, LinkForcesShape
 
 XYZ = tuple("xyz")
 MEAN = ", world, mean over the interval"
@@ -27,7 +27,7 @@ class OutputGroup(NamedTuple):
     parts: tuple[str, ...]  # last components of the names; "" for a scalar signal
     unit: str
     text: str  # description, with {part} and {it}
-    columns: int = 0  # number of columns of ``on_links`` that the group needs
+    columns: int = 0  # number of ``link_columns`` that the group needs
     ground: bool = False  # only where there is a ground
     bushed: bool = False  # only where pins have bushes
 
@@ -72,12 +72,12 @@ GROUPS = {
     "depth": OutputGroup(
         "link", "ground.depth", ("",), "m", "depth of {it} in the ground, mean over the interval", WITH_SLIDING, True
     ),
-    "teeth": OutputGroup("joint", "tooth.force", XYZ, "N", "{part} force of teeth on {it}" + MEAN, on_links.WITH_PARTS),
-    "rims": OutputGroup("link", "rim.force", XYZ, "N", "{part} force of rims on {it}" + MEAN, on_links.WITH_PARTS),
-    "horns": OutputGroup("link", "horn.force", XYZ, "N", "{part} force on {it}'s horn" + MEAN, on_links.WITH_PARTS),
+    "teeth": OutputGroup("joint", "tooth.force", XYZ, "N", "{part} force of teeth on {it}" + MEAN, column.WITH_PARTS),
+    "rims": OutputGroup("link", "rim.force", XYZ, "N", "{part} force of rims on {it}" + MEAN, column.WITH_PARTS),
+    "horns": OutputGroup("link", "horn.force", XYZ, "N", "{part} force on {it}'s horn" + MEAN, column.WITH_PARTS),
     "moment": OutputGroup(
         "joint", "moment", XYZ, "N.m", "{part} moment of {it} across its axis on the link that begins there" + MEAN,
-        on_links.WITH_MOMENT,
+        column.WITH_MOMENT,
     ),
     "axis": OutputGroup("joint", "axis", XYZ, "1", "{part} of the unit vector along {it}, world"),
     "fibres": OutputGroup(

@@ -10,6 +10,7 @@ import numpy as np
 from fmus.interface.sentences import GAPS
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
+from fmus.physics.chain import link_columns as column
 from fmus.physics.chain import on_links
 from fmus.physics.chain.explicit import march, march_adaptively, march_by_dormand_prince
 from fmus.physics.chain.implicit import advance
@@ -255,16 +256,16 @@ def write_link_outputs(c: LinkOutputData, y: Floats) -> None:
             for i in range(3):
                 y[index + 3 * k + i] += c.frame[i]
         index += 3 * m
-    index = _copy_vectors(group_flags[FORCE], means[:, on_links.JOINT : on_links.JOINT + 3], c.frame, y, index)
-    index = _copy_vectors(group_flags[GROUND], means[:n, on_links.GROUND : on_links.GROUND + 3], c.frame, y, index)
-    index = _copy_vectors(group_flags[WHEELS], means[:n, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, index)
-    index = _copy_vectors(group_flags[SLIDING], means[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[FORCE], means[:, column.JOINT : column.JOINT + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[GROUND], means[:n, column.GROUND : column.GROUND + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[WHEELS], means[:n, column.WHEELS : column.WHEELS + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[SLIDING], means[:n, column.SLIDING : column.SLIDING + 3], c.frame, y, index)
     if group_flags[DEPTH]:
-        index = _copy_numbers(1, means[:n, on_links.DEPTH], y, index)
-    index = _copy_vectors(group_flags[TEETH], means[:, on_links.TEETH : on_links.TEETH + 3], c.frame, y, index)
-    index = _copy_vectors(group_flags[RIMS], means[:n, on_links.RIMS : on_links.RIMS + 3], c.frame, y, index)
-    index = _copy_vectors(group_flags[HORNS], means[:n, on_links.HORNS : on_links.HORNS + 3], c.frame, y, index)
-    index = _copy_vectors(group_flags[MOMENT], means[:, on_links.MOMENT : on_links.MOMENT + 3], c.frame, y, index)
+        index = _copy_numbers(1, means[:n, column.DEPTH], y, index)
+    index = _copy_vectors(group_flags[TEETH], means[:, column.TEETH : column.TEETH + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[RIMS], means[:n, column.RIMS : column.RIMS + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[HORNS], means[:n, column.HORNS : column.HORNS + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[MOMENT], means[:, column.MOMENT : column.MOMENT + 3], c.frame, y, index)
     _write_extra_groups(c.extra, c, y, index)
 
 

@@ -38,7 +38,6 @@ from orchestrator.files.columns import head
 from orchestrator.files.csv_lines import csv_lines, number
 from orchestrator.log.extra import NotInstalled, library
 from orchestrator.log.notices import notice
-from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.time_series import Floats
 
 EXTRA = "measured"
@@ -83,6 +82,8 @@ def read_samples(path: Path, choose: Choose) -> Read:
     :param choose: gives the numbers of the wanted columns among those of the file; raises BadInput.
     :raises BadInput: for a file that cannot be read; NotInstalled without its library, LogUnreadable for a log.
     """
+    from orchestrator.log.container import LogUnreadable  # takes long, and a scene rarely names a file
+
     reason = ""
     with _silent_ends():
         try:
@@ -333,6 +334,8 @@ def segment_properties(stream: BufferedReader) -> Told:
 
 
 def _mcap(path: Path, choose: Choose) -> Read:
+    from orchestrator.log.reader import Log
+
     with Log(path) as log:
         if log.closing:
             log.notice_seal()

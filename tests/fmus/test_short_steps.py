@@ -7,7 +7,7 @@ from vehicle_in_process import InProcess
 from fmus.drives import mount
 from fmus.kernels.jit import plain
 from fmus.physics.chain.implicit import SINCE, is_short, set_length
-from fmus.physics.chain.on_links import GROUND
+from fmus.physics.chain.link_columns import GROUND
 from fmus.physics.integrate.generalized_alpha import WITHOUT_MEMORY, auxiliary, coefficients
 from orchestrator.scene.scene import load
 

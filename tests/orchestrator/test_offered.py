@@ -75,10 +75,23 @@ def test_the_package_alone_imports_nothing_else(environment):
     assert done.stdout == "set()\n"
 
 
+@pytest.mark.parametrize(
+    ("argument", "spared"),
+    [("--help", "numpy scipy numba mcap"), ("scenes", "scipy numba llvmlite mcap.records")],
+)
+def test_a_short_command_loads_no_long_library(environment, argument, spared):
+    code = "import sys; from orchestrator.__main__ import main\ntry: main()\nfinally: print(*sys.modules)"
+    command = [sys.executable, "-c", code, argument]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    loaded = {*done.stdout.splitlines()[-1].split()}
+    assert {"typer", "orchestrator.cli"} < loaded
+    assert not loaded & {*spared.split()}
+
+
 def test_a_missing_package_is_named_as_it_is_installed(environment, tmp_path):
     """Also one that another package brings, when the command is loaded."""
     code = "import sys; sys.modules['llvmlite'] = None; from orchestrator.__main__ import main; main()"
-    command = [sys.executable, "-c", code, "scenes"]
+    command = [sys.executable, "-c", code, "show", "hanging_chain"]
     done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
     (line,) = done.stderr.splitlines()
     assert done.returncode == 2

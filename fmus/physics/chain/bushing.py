@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.kernels.jit import implemented_in, kernel, namesake
-from fmus.physics.chain.on_links import JOINT
+from fmus.physics.chain.link_columns import JOINT
 from fmus.physics.chain.state import add_share
 from fmus.physics.chain.sums import JOINTS, PINS
 

@@ -19,8 +19,9 @@ from fmus.physics.chain.interface import (
     position_slope,
     record_point,
 )
+from fmus.physics.chain.link_columns import HORNS
 from fmus.physics.chain.near import WheelAndLink, contact_distance_squared, wheel_distances
-from fmus.physics.chain.on_links import HORNS, add_part
+from fmus.physics.chain.on_links import add_part
 from fmus.physics.chain.sums import GUIDES as GUIDE_LOSSES
 from fmus.physics.chain.sums import PATCH_POWER, add_contact
 from fmus.physics.contact.face import NOT_SINKING, point_contact_force

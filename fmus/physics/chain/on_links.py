@@ -1,11 +1,7 @@
-"""Forces on each link, recorded on request: one row for each pin and the link that begins there.
+"""Forces on each link, recorded on request, in the columns of ``link_columns``.
 
-Columns, up to the requested number: force of the pin, N; force of the ground, N; force of the wheels, N, on the link
-and on the pin where it ends; velocity over the ground, m/s, mean of the link's points on it; depth of the deepest of
-these, m. Then three parts of the force of the wheels, N: of teeth on the pin; of rims and of discs and wheels on the
-horn, on the link. The last is the moment of the pin on the link, N m, about the axes across it. Forces of contacts are
-summed point by point. Outputs are means over an interval, a number of communication steps: the State's ``span`` holds
-the time that its sums cover, s, and the steps left of the interval.
+Forces of contacts are summed point by point. Outputs are means over an interval, a number of communication steps: the
+State's ``span`` holds the time that its sums cover, s, and the steps left of the interval.
 """
 
 from __future__ import annotations
@@ -16,19 +12,14 @@ import numpy as np
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Vector
+from fmus.physics.chain.link_columns import DEPTH, SLIDING, WHEELS
 
 if TYPE_CHECKING:
     from fmus.physics.chain.state import ChainState
 
-JOINT, GROUND, WHEELS, SLIDING, DEPTH = 0, 3, 6, 9, 12  # first column of each quantity
-TEETH, RIMS, HORNS, MOMENT = 13, 16, 19, 22
-# number of columns up to and including each
-WITH_JOINT, WITH_GROUND, WITH_WHEELS, WITH_SLIDING, WITH_PARTS, WITH_MOMENT = 3, 6, 9, 13, 22, 25
 # signs of a row mirrored in the plane of the track
 MIRRORED = np.array([1.0, -1, 1] * 4 + [1.0] + [1.0, -1, 1] * 3 + [-1.0, 1, -1])
 SPAN, LEFT = range(2)  # indices into ``span``
-LinkForcesShape = tuple[int, int]  # shape (k, c): pins, columns
-NONE: LinkForcesShape = (0, 0)
 
 
 @kernel

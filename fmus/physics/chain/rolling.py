@@ -35,6 +35,7 @@ from fmus.physics.chain.interface import (
     record_point,
     to_ground,
 )
+from fmus.physics.chain.link_columns import GROUND, RIMS, TEETH
 from fmus.physics.chain.near import (
     WheelAndLink,
     axis_distance_squared,
@@ -42,16 +43,7 @@ from fmus.physics.chain.near import (
     contact_distance_squared,
     wheel_distances,
 )
-from fmus.physics.chain.on_links import (
-    GROUND,
-    RIMS,
-    TEETH,
-    add_link_force,
-    add_part,
-    add_sliding,
-    average_sliding,
-    clear,
-)
+from fmus.physics.chain.on_links import add_link_force, add_part, add_sliding, average_sliding, clear
 from fmus.physics.chain.report import add_loss
 from fmus.physics.chain.sums import (
     CONTACT,

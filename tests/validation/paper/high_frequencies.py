@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fmus.physics.ancf.element import highest_frequency
+from fmus.physics.chain import link_columns as column
 from fmus.physics.chain import on_links
 from fmus.physics.chain.interface import observe_links
 from fmus.vehicles.tables import BadInput
@@ -77,7 +78,7 @@ def rows(name: str, piece: float) -> list[Row]:
 def forces(vehicle: Any, t: float, samples: int) -> tuple[Floats, Floats]:
     """First joint's force (samples, 2) along and up the chassis, N, means over 1 / RATE; last tensions, N."""
     chain, chassis = vehicle.models[TRACK], vehicle.models["chassis"]
-    n, joint_force, force = chain.links_count, np.zeros((samples, 2)), slice(on_links.JOINT, on_links.JOINT + 3)
+    n, joint_force, force = chain.links_count, np.zeros((samples, 2)), slice(column.JOINT, column.JOINT + 3)
     for k in range(samples):
         vehicle.advance(t + k / RATE, 1.0 / RATE)
         mean = chain.s.on_links_sum[FIRST - 1, force] / chain.s.span[on_links.SPAN]

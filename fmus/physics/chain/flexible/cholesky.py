@@ -31,7 +31,7 @@ from fmus.physics.chain.flexible.interface import layout
 from fmus.physics.chain.flexible.link_layout import ends, placed
 from fmus.physics.chain.flexible.pins import keep_symmetric
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.on_links import JOINT
+from fmus.physics.chain.link_columns import JOINT
 
 if TYPE_CHECKING:
     from fmus.physics.chain.contacts import Contacts

@@ -34,7 +34,7 @@ from fmus.physics.chain.flexible.axes_state import (
 )
 from fmus.physics.chain.flexible.condensation import eliminate
 from fmus.physics.chain.flexible.interface import gather, layout
-from fmus.physics.chain.on_links import HORNS, RIMS, TEETH, WHEELS
+from fmus.physics.chain.link_columns import HORNS, RIMS, TEETH, WHEELS
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 

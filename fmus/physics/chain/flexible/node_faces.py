@@ -21,7 +21,8 @@ from fmus.physics.chain.contacts import record
 from fmus.physics.chain.flexible.interface import gather, in_space, layout, motion_with_axes, start_frame_vector
 from fmus.physics.chain.flexible.link_layout import ends, node
 from fmus.physics.chain.interface import locate, locate_pin, locate_section
-from fmus.physics.chain.on_links import GROUND, add_link_force, add_part
+from fmus.physics.chain.link_columns import GROUND
+from fmus.physics.chain.on_links import add_link_force, add_part
 from fmus.physics.vector import add, cross, dot, scale, vector
 
 if TYPE_CHECKING:

@@ -38,7 +38,7 @@ from fmus.physics.chain.flexible.interface import (
 from fmus.physics.chain.flexible.link_layout import ends, node, placed
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.integration import HELD, PINNED, PULLED
-from fmus.physics.chain.on_links import JOINT, MOMENT
+from fmus.physics.chain.link_columns import JOINT, MOMENT
 from fmus.physics.chain.sums import END_POWER, JOINTS
 from fmus.physics.vector import add, cross, put, scale, vector
 

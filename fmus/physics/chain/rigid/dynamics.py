@@ -15,7 +15,7 @@ import numpy as np
 from fmus.kernels.jit import allocating, kernel, namesake
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.carrier import carrier, chain_speed
-from fmus.physics.chain.on_links import JOINT, MOMENT
+from fmus.physics.chain.link_columns import JOINT, MOMENT
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.closing import strain_energy

@@ -11,7 +11,8 @@ from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain import contacts as at
 from fmus.physics.chain.contacts import record
-from fmus.physics.chain.on_links import GROUND, add_link_force, add_part
+from fmus.physics.chain.link_columns import GROUND
+from fmus.physics.chain.on_links import add_link_force, add_part
 from fmus.physics.rigid import body
 from fmus.physics.rigid.body import add_force, axis, joined, lever, rate
 from fmus.physics.vector import add, cross, dot, scale, vector

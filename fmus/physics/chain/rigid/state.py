@@ -10,8 +10,8 @@ from fmus.kernels.by_reference import by_reference
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
 from fmus.physics.chain.bushing import BushArrays, bush_arrays
+from fmus.physics.chain.link_columns import NONE, LinkForcesShape
 from fmus.physics.chain.near import Near, near
-from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
