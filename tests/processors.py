@@ -2,8 +2,9 @@
 
 It drives the vehicle of a scene for 4,000 communication steps in child processes and compares all outputs of all steps
 and the resolved scene with those of a run without changes. glibc, OpenBLAS and numpy choose their code by processor, so
-each child is given another choice, by environment; numba compiles for the generic processor in one. Native FMUs also
-run as other processors in an emulator (Debian's ``qemu-user``), and their libraries for Windows in Wine (``wine``).
+each child is given another choice, by environment; numba compiles for the generic processor in one, for those of packs
+in another. Native FMUs also run as other processors in an emulator (Debian's ``qemu-user``), and their libraries for
+Windows in Wine (``wine``).
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+
+from fmus.cache.pack import LEVEL
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests"))
@@ -40,6 +43,7 @@ PYTHON: Mapping[str, Mapping[str, str]] = {
         "NPY_DISABLE_CPU_FEATURES": "X86_V3,X86_V4,AVX512_ICL,AVX512_SPR",
     },
     "numba for the generic processor": {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""},
+    "numba for the processors of packs": dict(zip(("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"), LEVEL, strict=True)),
 }
 EMULATED = "Nehalem", "Haswell", "EPYC"
 

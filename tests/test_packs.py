@@ -9,6 +9,9 @@ import zipfile
 import pytest
 from conftest import ROOT
 
+from fmus.vehicles.tables import BadInput
+from orchestrator.execution import warm
+
 SCENE = ("sprocket_bench", "--track", "rigid")
 RUN = ("run", *SCENE, "--stop", "0.02", "--no-estimate", "--set", "expect={}", "-o", "log.mcap")
 MAKE = """
@@ -106,3 +109,14 @@ def test_a_pack_that_does_not_fit_is_not_used(tree, tmp_path):
     assert int(python(copy, tmp_path, "-c", PACKED)) == whole - 1
     pack.write_bytes(content[: len(content) // 2])
     assert int(python(copy, tmp_path, "-c", PACKED)) == 0
+
+
+def test_a_scene_that_does_not_start_leaves_no_pack(tmp_path, monkeypatch):
+    monkeypatch.setattr(warm, "warm", lambda pairs: iter([("one", "", 1.0), ("two", "no convergence", 2.0)]))
+    file, before = tmp_path / "a.pack", dict(os.environ)
+    steps = warm.packed([("one", "rigid"), ("two", "rigid")], file)
+    assert [next(steps)[0], next(steps)[0]] == ["one", "two"]
+    with pytest.raises(BadInput, match=r"a\.pack: no pack is written: two does not start"):
+        next(steps)
+    assert not [*tmp_path.iterdir()]
+    assert dict(os.environ) == before

@@ -55,7 +55,7 @@ def test_a_last_digit_is_a_difference():
     other[2, 1] = np.nextafter(other[2, 1], 3.0)
     assert difference(rows, rows).different == 0
     assert difference(rows, other)[:2] == (12, 1)
-    assert len(PYTHON) == 8
+    assert len(PYTHON) == 9
 
 
 def depends_on_the_processor(source: str) -> list[str]:
