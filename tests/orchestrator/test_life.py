@@ -87,7 +87,12 @@ def test_the_life_of_a_pin_by_hand(tmp_path):
     with Log(log_of(tmp_path / "b.mcap", 1.02 * force)) as log:
         assert life.of(RunData(log)).tracks[0].life != pytest.approx(found.life, rel=0.05)
         table = life.of(RunData(log)).table()
-    assert table.records()[0]["pin"] == 2
+    first = table.records()[0]
+    assert first["pin"] == 2
+    assert first["largest force"] == pytest.approx(1.02 * 60.0)  # kN
+    assert first["largest body"] == pytest.approx(1.02e-6 * 60e3 * per_newton["body"])  # MPa
+    pressure = 1.02e-6 * 60e3 * max(per_newton["inner lug"], per_newton["outer lug"])
+    assert first["pressure in lugs"] == pytest.approx(pressure)
 
 
 def turning(n, m, turns):
