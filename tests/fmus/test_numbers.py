@@ -272,7 +272,8 @@ def seen(config):
 @pytest.mark.parametrize(("of", "ground"), ON_GROUND)
 def test_numbers_of_the_ground_are_no_shape_and_have_an_effect(of, ground):
     usual = packed_config(*of(ground))
-    assert len(changed := of_ground(usual)) == {"terrain": 50, "bump": 5, "sand": 11, "clay": 11}[ground]
+    changed = of_ground(usual)
+    assert len(changed) == {"terrain": 50, "bump": 5, "sand": 11, "clay": 11}[ground]
     for name, value in changed.items():
         other = numbers.with_values(usual, {name: value})
         assert numbers.shape(other) == numbers.shape(usual), name
