@@ -122,7 +122,7 @@ def shape(config: Mapping[str, Any]) -> Any:
 def ports(config: Mapping[str, Any], meanings: Mapping[str, Meaning], known: Sequence[Port]) -> tuple[Port, ...]:
     """Parameters of the numbers of a config that are not among the ``known`` ports already.
 
-    ``meanings``: of the keys of a vehicle file, without indices.
+    ``meanings``: of the keys of vehicles and grounds, without indices.
     """
     names = {port.name for port in known}
     return tuple(_port(name, config, path, meanings) for name, path in places(config).items() if name not in names)
