@@ -18,10 +18,10 @@ of the scene:
 | `sprocket.spin_inertia` | of the spin of a drive |
 
 Of the ground, the heights of a map, and band and period of a rough one are part of the shape: they say how long its
-arrays are. So are its names and whole numbers (class and seed of a rough ground), and which tables and optional
-numbers it has. Native FMUs take the numbers of the ground from their file of numbers, as all others that the start of a
-track depends on: scipy computes its place at rest. Where a number adds or removes a piece of a profile (a step below
-two radii has no wall), they have another library, because arrays are longer; Python FMUs make their model anew.
+arrays are. So are class and seed of a rough ground, and which tables and optional numbers there are. Native FMUs take
+the numbers of the ground from their file of numbers, as all others that the start of a track depends on: scipy computes
+its place at rest. Where a number adds or removes a piece of a profile (a step below two radii has no wall), they have
+another library, because arrays are longer; Python FMUs make their model anew.
 """
 
 from __future__ import annotations
