@@ -43,12 +43,12 @@ from fmus.cache.sources import ROOT, reachable, search_path, source_hash, source
 from fmus.components import KINDS, model_of
 from fmus.fmi.description import experiment_attributes
 from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
+from fmus.ground.tables import number_meanings
 from fmus.interface import numbers
 from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment
 from fmus.interface.model import InvalidParameter
 from fmus.interface.numbers import MEANINGS
 from fmus.interface.ports import Port
-from fmus.vehicles.vehicle import number_meanings
 
 DIGITS = 24  # of the name of a folder in the cache
 INCLUDED = ("pythonfmu",)  # distribution of which an FMU has the wrapper and the sources

@@ -24,7 +24,10 @@ def ground_shape(vehicle: Mapping[str, Any], ground: Mapping[str, Any], paramete
     if terrain := ground.get("terrain"):
         from fmus.ground.terrain import terrain_at  # only where the ground is one
 
-        return terrain_at(terrain, start_pose(parameters), float(parameters.get("start.lateral", 0.0)))
+        try:
+            return terrain_at(terrain, start_pose(parameters), float(parameters.get("start.lateral", 0.0)))
+        except ValueError as error:
+            raise InvalidParameter(f"ground: {error}") from None
     level, bump = ground_level(vehicle) - float(parameters["start.height"]), ground.get("bump")
     try:
         return bumpy_ground(level, **bump) if bump else GroundShape(level)

@@ -38,7 +38,7 @@ def spectral_density(iso_class: str, n: Floats) -> Floats:
 
 
 def rough_ground(table: Mapping[str, Any]) -> Rough:
-    """Rough ground of a table ``ground.rough`` (``orchestrator.scene.ground_tables``).
+    """Rough ground of a table ``ground.rough`` (``fmus.ground.tables``).
 
     Raises ValueError for a period without a frequency of the band.
     """

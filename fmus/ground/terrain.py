@@ -1,6 +1,6 @@
 """Ground beyond level and bump: from the plain table ``ground`` of a scene or configuration to a ``Terrain``.
 
-Keys and units (SI) are those of ``orchestrator.scene.ground_tables``; a missing key and None mean the same. The frame
+Keys and units (SI) are those of ``fmus.ground.tables``; a missing key and None mean the same. The frame
 of the ground has the axes of the world and its origin, but z = 0 is the level part.
 """
 

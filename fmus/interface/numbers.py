@@ -2,10 +2,13 @@
 
 What decides variables, sizes and kernels (names, whole numbers, lengths of lists, tables that are there) is the shape
 of a component, and an FMU is built for a shape. Its numbers are the floats of the vehicle table that its model reads,
-named as in a vehicle file (``chassis.mass``, ``road_wheel.x[2]``), and those of the scene:
+named as in a vehicle file (``chassis.mass``, ``road_wheel.x[2]``), those of the ground, named as in a scene, and others
+of the scene:
 
 | name | number |
 | --- | --- |
+| `ground.soil.cohesion`, `ground.step.x[2]`, `ground.friction.factor[1]` | of ground and soil |
+| `ground.level` | height of the level part of a ground |
 | `gravity`, `ends.first[1]`, `transverse_damping` | of a chain |
 | `rest.road_wheel[1].position.x` | place of a wheel of a track at the start, or of the mount of a drive |
 | `rest.height`, `rest.roll`, `rest.pitch`, `rest.lateral`, `rest.left[1]` | place of hull and leaves at the start |
@@ -14,7 +17,11 @@ named as in a vehicle file (``chassis.mass``, ``road_wheel.x[2]``), and those of
 | `tensioner.push` | part of `tensioner.preload` that balances a track |
 | `sprocket.spin_inertia` | of the spin of a drive |
 
-Ground and soil are part of the shape: their numbers are tables for the most part.
+Of the ground, the heights of a map, and band and period of a rough one are part of the shape: they say how long its
+arrays are. So are class and seed of a rough ground, and which tables and optional numbers there are. Native FMUs take
+the numbers of the ground from their file of numbers, as all others that the start of a track depends on: scipy computes
+its place at rest. Where a number adds or removes a piece of a profile (a step below two radii has no wall), they have
+another library, because arrays are longer; Python FMUs make their model anew.
 """
 
 from __future__ import annotations
@@ -28,8 +35,10 @@ from fmus.interface.ports import ANY, Port, Range
 Path = tuple[str | int, ...]  # keys and indices in a config
 Meaning = Sequence[Any]  # unit, least and largest value, what is allowed in words, description
 
-MEANINGS = "numbers.json"  # file of an FMU's resources: ``fmus.vehicles.vehicle.number_meanings``
+MEANINGS = "numbers.json"  # file of an FMU's resources: ``fmus.ground.tables.number_meanings``
 STANCE = ("position.x", "position.y", "position.z", "orientation.w", "orientation.x", "orientation.y", "orientation.z")
+OF_GROUNDS = ("terrain", "bump", "soil")  # tables of a track, or of the ground of a chassis
+SIZES = ("heights", "band", "period")  # keys of numbers that say how long arrays of the ground are
 OF_CHAINS = ("gravity", "transverse_damping", "ends")
 OF_HULLS = ("height", "roll", "pitch", "lateral", "left", "right")
 OF_SCENES: dict[str, tuple[str, str]] = {  # unit ("": see _unit) and description, by the beginning of the name
@@ -41,6 +50,7 @@ OF_SCENES: dict[str, tuple[str, str]] = {  # unit ("": see _unit) and descriptio
     "rest.right": ("", "right arm from the front, rad, then slide of the idler, m, at the start"),
     "rest.wrench": ("", "force, N, then torque, N m, of the left, then the right track on its sprocket at rest"),
     "rest.": ("", "place at the start in the vehicle, m, or quaternion"),
+    "ground.level": ("m", "height of the level part of the ground in the world"),
     "gravity": ("m/s2", "acceleration of gravity, downwards"),
     "transverse_damping": ("1/s", "damping of motion across a held chain, over its mass"),
     "ends.": ("", "place of a held end, m, or pull on a free one, N"),
@@ -83,6 +93,10 @@ def places(config: Mapping[str, Any]) -> dict[str, Path]:
     found |= {_name(("rest", *path[1:])): path for path in _floats(drive.get("wrench"), ("drive", "wrench"))}
     for key in ("mount", "right"):
         found |= _stance(f"{key}", drive.get(key, ()), ("drive", key))
+    for above, table in ((("track",), chain), (("chassis", "ground"), hull.get("ground") or {})):
+        for key in OF_GROUNDS:
+            inside = len(above) + (key == "terrain")
+            found |= {_name(("ground", *path[inside:])): path for path in _floats(table.get(key), (*above, key))}
     return found
 
 
@@ -108,7 +122,7 @@ def shape(config: Mapping[str, Any]) -> Any:
 def ports(config: Mapping[str, Any], meanings: Mapping[str, Meaning], known: Sequence[Port]) -> tuple[Port, ...]:
     """Parameters of the numbers of a config that are not among the ``known`` ports already.
 
-    ``meanings``: of the keys of a vehicle file, without indices.
+    ``meanings``: of the keys of vehicles and grounds, without indices.
     """
     names = {port.name for port in known}
     return tuple(_port(name, config, path, meanings) for name, path in places(config).items() if name not in names)
@@ -149,12 +163,13 @@ def _bound(text: float | str) -> float:
 
 
 def _floats(value: Any, path: Path) -> Iterator[Path]:
-    """Places of the floats in tables and lists."""
+    """Places of the floats in tables and lists, without those of SIZES."""
     if isinstance(value, float):
         yield path
     elif isinstance(value, Mapping):
         for key, inside in value.items():
-            yield from _floats(inside, (*path, key))
+            if key not in SIZES:
+                yield from _floats(inside, (*path, key))
     elif isinstance(value, list | tuple):
         for k, inside in enumerate(value):
             yield from _floats(inside, (*path, k))

@@ -19,6 +19,7 @@ from fmus.components import KINDS, model_of
 from fmus.fmi.build import DESCRIPTION, DIGITS, SHAPE, BuildFailed, archive, build_once, json_text, packed_config
 from fmus.fmi.description import document
 from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
+from fmus.ground.tables import number_meanings
 from fmus.interface import numbers
 from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment, parameter_values
 from fmus.interface.model import InvalidParameter
@@ -40,7 +41,6 @@ from fmus.native.link import (
     link,
     sources,
 )
-from fmus.vehicles.vehicle import number_meanings
 
 NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the entries rely on
 INCLUDED = ("numba",)  # distributions of which a library has compiled functions

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import json
+import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -26,6 +27,7 @@ from pydantic import (
     model_validator,
 )
 
+from fmus.interface.numbers import Meaning
 from fmus.interface.units import conversion
 
 Schema = Mapping[str, Any]  # JSON schema
@@ -160,6 +162,9 @@ def ratio(**bounds: float) -> Any:
 Mass = Annotated[float, In("kg", gt=0)]
 Inertia = Annotated[float, In("kg m^2", gt=0)]
 Length = Annotated[float, In("m")]
+FARTHEST = 1e6  # m; beyond, a double cannot resolve contact penetrations
+Place = Annotated[float, In("m", ge=-FARTHEST, le=FARTHEST)]
+Angle = Annotated[float, In("rad")]
 Distance = Annotated[float, In("m", gt=0)]
 Force = Annotated[float, In("N")]
 Stiffness = Annotated[float, In("N/m", ge=0)]
@@ -374,3 +379,41 @@ def bounds_text(bounds: Schema, words: Mapping[str, str]) -> str:
     if "minimum" in bounds and "maximum" in bounds:
         return f"{bounds['minimum']:g} to {bounds['maximum']:g}"
     return ", ".join(text.format(bounds[bound]) for bound, text in words.items() if bound in bounds)
+
+
+def meanings(table: type[FrozenTable], above: str = "") -> Iterator[tuple[str, Meaning]]:
+    """Yield the numbers of a table by their keys without indices, behind ``above``, with their meanings."""
+    schema = table.model_json_schema()
+    yield from _meanings(schema, schema["$defs"], above)
+
+
+def _meanings(table: Schema, definitions: Schema, above: str) -> Iterator[tuple[str, Meaning]]:
+    for key, entry in table["properties"].items():
+        node = entry
+        while "unit" not in node:
+            inner = node.get("items") or node.get("additionalProperties") or (node.get("prefixItems") or [None])[0]
+            inner = inner or next((each for each in node.get("anyOf", ()) if each.get("type") != "null"), None)
+            inner = definitions[node["$ref"].rpartition("/")[2]] if "$ref" in node else inner
+            if inner is None or "properties" in node:
+                break
+            node = inner
+        if "properties" in node:
+            yield from _meanings(node, definitions, f"{above}{key}.")
+        elif "unit" in node:
+            unit = node["unit"].replace("^", "").replace(" ", ".")
+            yield f"{above}{key}", (unit, *_bounds(next(iter(node.get("anyOf", ())), node)), entry["description"])
+
+
+def _bounds(number: Schema) -> tuple[float | str, float | str, str]:
+    """Least and largest value of a number of a schema, and what is allowed in words."""
+    above, least, most = (number.get(bound) for bound in ("exclusiveMinimum", "minimum", "maximum"))
+    below = number.get("exclusiveMaximum")
+    words = [
+        text.format(bound)
+        for text, bound in (("greater than {:g}", above), ("{:g} or more", least), ("{:g} at most", most),
+                            ("less than {:g}", below))
+        if bound is not None
+    ]  # fmt: skip
+    low = least if above is None else math.nextafter(above, math.inf)
+    high = most if below is None else math.nextafter(below, -math.inf)
+    return "-inf" if low is None else low, "inf" if high is None else high, " and ".join(words) or "a finite number"

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Annotated, Any, Literal
 
@@ -354,48 +352,6 @@ class VehicleTable(FrozenTable):
 
 
 Vehicle = Annotated[VehicleTable, AfterValidator(_check_consistency)]
-
-
-@cache
-def number_meanings() -> dict[str, tuple[str, float | str, float | str, str, str]]:
-    """Meanings of the numbers of a vehicle file, by their keys without indices, see ``interface.numbers``.
-
-    A key of a seat has no name of the seat: ``seat.position``.
-    """
-    schema = VehicleTable.model_json_schema()
-    return dict(_meanings(schema, schema["$defs"], ""))
-
-
-def _meanings(table: Mapping[str, Any], definitions: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
-    for key, entry in table["properties"].items():
-        node = entry
-        while "unit" not in node:
-            inner = node.get("items") or node.get("additionalProperties") or (node.get("prefixItems") or [None])[0]
-            inner = inner or next((each for each in node.get("anyOf", ()) if each.get("type") != "null"), None)
-            inner = definitions[node["$ref"].rpartition("/")[2]] if "$ref" in node else inner
-            if inner is None or "properties" in node:
-                break
-            node = inner
-        if "properties" in node:
-            yield from _meanings(node, definitions, f"{above}{key}.")
-        elif "unit" in node:
-            unit = node["unit"].replace("^", "").replace(" ", ".")
-            yield f"{above}{key}", (unit, *_bounds(next(iter(node.get("anyOf", ())), node)), entry["description"])
-
-
-def _bounds(number: Mapping[str, Any]) -> tuple[float | str, float | str, str]:
-    """Least and largest value of a number of a schema, and what is allowed in words."""
-    above, least, most = (number.get(bound) for bound in ("exclusiveMinimum", "minimum", "maximum"))
-    below = number.get("exclusiveMaximum")
-    words = [
-        text.format(bound)
-        for text, bound in (("greater than {:g}", above), ("{:g} or more", least), ("{:g} at most", most),
-                            ("less than {:g}", below))
-        if bound is not None
-    ]  # fmt: skip
-    low = least if above is None else math.nextafter(above, math.inf)
-    high = most if below is None else math.nextafter(below, -math.inf)
-    return "-inf" if low is None else low, "inf" if high is None else high, " and ".join(words) or "a finite number"
 
 
 def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from fmus.vehicles.tables import GIVEN, Distance, Force, FrozenTable, In, When, ratio, to_si
-from orchestrator.scene.values import OR_FALSE, SIDES, Angle, Duration, Place, Side, Time
+from fmus.vehicles.tables import GIVEN, Angle, Distance, Force, FrozenTable, In, Place, When, ratio, to_si
+from orchestrator.scene.values import OR_FALSE, SIDES, Duration, Side, Time
 
 MOTOR, FOLLOWED = ("torque", "controller"), ("speed", "controller")  # modes with a motor's torque, and with a profile
 PROFILE = When(mode=FOLLOWED, demand=(False,), speed_points=(None,))

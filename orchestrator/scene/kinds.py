@@ -12,13 +12,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
+from fmus.ground.tables import GroundTable, LevelGroundTable
 from fmus.track.choices import TRACKS
 from fmus.vehicles.sides import lopsided
 from fmus.vehicles.tables import BadInput, Force, is_logged, path_text, value_text
 from fmus.vehicles.vehicle import Vehicle
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable, VehicleDriveTable
 from orchestrator.scene.fmu_table import FmuTable, pair_of, require_instance_name
-from orchestrator.scene.ground_tables import Footing, GroundTable, LevelGroundTable
+from orchestrator.scene.footing import Footing, footing
 from orchestrator.scene.system_scene import ASSUMED_SPEED, SystemScene
 from orchestrator.scene.tables import BenchTable, ChainTable, RigTable, StandingTable, StartTable, VehicleStartTable
 from orchestrator.scene.track_table import TrackModelTable, short_track
@@ -275,7 +276,7 @@ class VehicleScene(Scene):
     def footing(self) -> Footing:
         """Plane under the vehicle, drawn at its position of the start with its heading."""
         vehicle, start = self.vehicle, self.start
-        return self.ground.footing(start.position, start.heading, vehicle.road_wheel.x, vehicle.track.lateral)
+        return footing(self.ground, start.position, start.heading, vehicle.road_wheel.x, vehicle.track.lateral)
 
     @property
     def start_pose(self) -> dict[str, float]:

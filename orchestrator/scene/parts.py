@@ -76,7 +76,7 @@ def _chain(scene: ChainScene) -> Assembly:
         ends: dict[str, Any] = {"kind": "pulled", "first": pull, "last": pull}
         config = _track_config(vehicle, outputs, links=chain.links, closed=False, wheels=[], ground=True, ends=ends)
         if scene.ground and scene.ground.soil:
-            config["track"]["soil"] = scene.ground.soil.model_dump()
+            config["track"]["soil"] = scene.ground.soil.model_dump(exclude={"name"})
         return Assembly((_track_part(scene, "chain", config),), ())
     ends = {"kind": chain.ends, "first": [0.0, 0.0]}
     if chain.span is not None:
@@ -224,7 +224,8 @@ def _ground_config(scene: VehicleScene) -> dict[str, Any]:
 
 def _ground_shape(scene: VehicleScene) -> dict[str, Any]:
     """Ground as a config has it (``contacts.ground_shape``); a slope everywhere is level in the start's frame."""
-    ground, vehicle = scene.ground.model_dump(exclude_none=True), scene.vehicle.model_dump()
+    ground = scene.ground.model_dump(exclude_none=True, exclude={"hull", "soil"})
+    vehicle = scene.vehicle.model_dump()
     if is_terrain(ground) and not is_plane(ground):
         return {"terrain": {**ground, "level": scene.start.position[2] + ground_level(vehicle)}}
     return {"bump": ground["bump"]} if "bump" in ground else {}
@@ -244,7 +245,7 @@ def closed_track_config(scene: RigScene | VehicleScene, side: Side = "left") -> 
     config = _track_config(vehicle, outputs, links=vehicle.track.links, closed=True, wheels=wheels, ground=True)
     config["track"] |= _ground_shape(scene)
     if scene.ground.soil is not None:
-        config["track"]["soil"] = scene.ground.soil.model_dump()
+        config["track"]["soil"] = scene.ground.soil.model_dump(exclude={"name"})
     return config
 
 

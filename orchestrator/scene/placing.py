@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
+from fmus.ground.tables import GroundTable
 from fmus.rest.equilibrium import FlexibleTrack, VehicleEquilibrium, equilibrium
 from fmus.rest.standing import DoesNotStand, StandingVehicle, standing_vehicle, with_idlers
 from fmus.rest.tensioning import Links, WheelPlace, tension_wheel
 from fmus.start import hull_clearance
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import VehicleTable
-from orchestrator.scene.ground_tables import Footing, GroundTable
+from orchestrator.scene.footing import Footing
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import Parameters, Part, closed_track_config, own_parts
 from orchestrator.scene.tables import EquilibriumTable, StandingTable, VehicleStartTable

@@ -26,14 +26,13 @@ from uuid import uuid4
 
 import numpy as np
 
+from fmus.ground.tables import check_points
 from fmus.interface.units import conversion
-from fmus.vehicles.tables import to_si
+from fmus.vehicles.tables import FARTHEST, to_si
 from orchestrator.files.budget import AT_ONCE, MEASURED, TOML, OverBudget, read_file
 from orchestrator.files.columns import check_gaps, no_data
 from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
-from orchestrator.scene.ground_tables import check_points
-from orchestrator.scene.values import FARTHEST
 
 EXTRA = "survey"
 Pair = tuple[float, float]

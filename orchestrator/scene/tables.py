@@ -21,8 +21,8 @@ else:
 from math import pi, remainder
 from typing import Literal
 
-from fmus.vehicles.tables import Length
-from orchestrator.scene.values import SOLVED, Angle, Place
+from fmus.vehicles.tables import Angle, Length, Place
+from orchestrator.scene.values import SOLVED
 
 Joint = Annotated[float, Field(allow_inf_nan=False, json_schema_extra={"unit": "rad, m"})]
 

@@ -21,9 +21,6 @@ from orchestrator.log.message_records import MOST_STEPS
 
 Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]
-Angle = Annotated[float, In("rad")]
-FARTHEST = 1e6  # m; beyond, a double cannot resolve contact penetrations
-Place = Annotated[float, In("m", ge=-FARTHEST, le=FARTHEST)]
 Every = Annotated[int, Field(ge=1, le=MOST_STEPS)]
 
 

@@ -13,6 +13,7 @@ from native_cases import CHASSIS, DRIVE, FEW, MANY, H, begun, ran, raw
 from fmus.chassis.tree import BODY, WHOLE
 from fmus.components import KINDS, model_of
 from fmus.fmi.build import packed_config
+from fmus.ground.tables import number_meanings
 from fmus.interface import numbers
 from fmus.interface.defaults import configured_ports, parameter_values
 from fmus.interface.ports import variables
@@ -22,7 +23,6 @@ from fmus.native.pack import build_native, with_constants
 from fmus.start import part_at_rest
 from fmus.track.choices import TRACKS
 from fmus.track.ports import start_stance
-from fmus.vehicles.vehicle import number_meanings
 from orchestrator.cosim.component import Component
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import re
 import struct
@@ -19,18 +20,24 @@ from test_suspension import FAR, LAST
 
 from fmus.components import model_of
 from fmus.fmi.build import build_shapes, packed_config, start_values
+from fmus.ground.contact import soil_law
+from fmus.ground.soils import SoilTable
+from fmus.ground.tables import GroundTable, number_meanings
+from fmus.ground.terrain import heights_of, terrain
 from fmus.interface import numbers
+from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import UNITS, variables
 from fmus.native import numbers_file
 from fmus.native.arrays import arrays
 from fmus.native.fmi3_description import document
 from fmus.native.pack import build_native, build_native_shape, with_constants
+from fmus.physics.contact.ground import bumpy_ground
 from fmus.vehicles.ranges import contradictions
-from fmus.vehicles.vehicle import number_meanings
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.scene.assembly import assemble, build_parts
+from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
@@ -87,6 +94,8 @@ def test_every_number_of_a_vehicle_file_is_a_parameter_of_a_component():
     packed = packed_config(kind, {**config, "vehicle": {**config["vehicle"], **elements}})
     known |= {name.partition("[")[0] for name in numbers.places(packed)}
     known |= own_keys("straight", "rigid", BUSHED, WORN)
+    known |= {name.partition("[")[0] for ground in GROUNDS for name in of_ground(sled(ground)[1])}
+    known |= {f"ground.{key}" for key in SIZES}
     known = {"seat.position" if name.startswith("seat.") else name for name in known}
     # of a vehicle with unequal sides; of the life, which is computed from a log
     right = {key for key in number_meanings() if key.startswith(("right.", "life."))}
@@ -205,6 +214,147 @@ LEAVES = st.floats(allow_nan=False, allow_infinity=False, width=32) | st.integer
 KEYS = st.text("abc", min_size=1, max_size=2)
 
 
+EVERYTHING = GroundTable(
+    grade=0.01, bank=0.02, incline_start=-3, incline_length=9,
+    bump={"start": -2.5, "rise": 0.2, "slope": 0.3, "length": 0.1, "radius": 0.1},
+    step={"x": [-0.5, -0.1], "rise": 0.05}, half_round={"x": [1.5, 2], "radius": 0.1},
+    trench={"start": 2.5, "width": 0.5, "depth": 0.4}, kerb={"y": 0.3, "rise": 0.1, "start": -1, "length": 3},
+    washboard={"amplitude": 0.01, "wavelength": 2, "phase": 1, "start": -2, "end": 3},
+    rough={"iso_class": "B", "period": 20, "start": -0.5, "length": 3},
+    heightmap={"heights": [[0, 0.01], [0.02, 0], [0, 0.01]], "corner": [-1, -2], "spacing": [1.5, 3], "start": -2.5,
+               "length": 5},
+    friction=[{"x": [-0.6, 0.4], "y": [-0.1, 5], "factor": 0.8}, {"x": [-0.3, 3], "coefficient": 0.2}],
+).model_dump(exclude_none=True, exclude={"hull", "soil"})  # fmt: skip
+GROUNDS = {
+    "terrain": {"terrain": {**EVERYTHING, "level": -0.53}},
+    "bump": {"bump": {"start": -1.3, "rise": 0.2, "slope": 0.3, "length": 0.3, "radius": 0.1}},
+    "sand": {"soil": SoilTable(name="dry_sand", damping=1e3, width=0.2, k0=1e8, Au=1e8).model_dump(exclude={"name"})},
+    "clay": {"soil": SoilTable(name="lete_sand", rebound=0.5).model_dump(exclude={"name"})},
+}
+SIZES = ("heightmap.heights", "heightmap.range", "rough.band", "rough.period")  # part of the shape, or of a file
+
+
+def sled(ground):
+    """Kind and config of four links that are let go over a ground of GROUNDS."""
+    kind, config = config_of("chain", "shear_sled", "rigid")
+    track = {key: value for key, value in config["track"].items() if key != "soil"}
+    return kind, {**config, "parameters": {"start": "polygon"}, "track": {**track, **GROUNDS[ground]}}
+
+
+def bare_wheels(ground):
+    """Kind and config of a chassis whose wheels have no tracks, on a ground of GROUNDS."""
+    kind, config = parts("straight", "rigid")["chassis"][1:3]
+    contacts = {"hull": True, "bare": ["left", "right"], **GROUNDS[ground]}
+    return kind, {**config, "chassis": {**config["chassis"], "ground": contacts}}
+
+
+ON_GROUND = [*((sled, ground) for ground in GROUNDS), (bare_wheels, "terrain"), (bare_wheels, "bump")]
+
+
+def of_ground(config):
+    """Numbers of the ground, each a little changed."""
+    found = {name: value for name, value in numbers.values(config).items() if name.startswith("ground.")}
+    return {name: value * 0.99 + 1e-3 * (value == 0.0) for name, value in found.items()}
+
+
+def seen(config):
+    """Regions of friction of a ground and its heights on a grid, its bump, or the law of its soil."""
+    table = config["track"] if "track" in config else config["chassis"]["ground"]
+    if soil := table.get("soil"):
+        return [*soil_law(soil, config["vehicle"]["track"])]
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(-4.0, 4.0, 0.01), [-0.9, -0.301, 0.0, 0.31]))
+    if bump := table.get("bump"):
+        return [*bumpy_ground(0.0, **bump)]
+    shape = terrain(table["terrain"])
+    return [table["terrain"]["level"], *shape.regions.ravel(), *heights_of(shape, x, y)]
+
+
+@pytest.mark.parametrize(("of", "ground"), ON_GROUND)
+def test_numbers_of_the_ground_are_no_shape_and_have_an_effect(of, ground):
+    usual = packed_config(*of(ground))
+    changed = of_ground(usual)
+    assert len(changed) == {"terrain": 50, "bump": 5, "sand": 11, "clay": 11}[ground]
+    for name, value in changed.items():
+        other = numbers.with_values(usual, {name: value})
+        assert numbers.shape(other) == numbers.shape(usual), name
+        assert seen(other) != seen(usual), name
+
+
+@pytest.mark.parametrize(
+    "longer",
+    [{"heightmap": {"heights": [[0.0, 1.0]] * 4}}, {"rough": {"period": 21.0}}, {"rough": {"seed": 2}},
+     {"step": {"x": [1.0]}}, {"kerb": {"start": None}}, {"friction": EVERYTHING["friction"][:1]}],
+    ids=json.dumps,
+)  # fmt: skip
+def test_sizes_and_kinds_of_the_ground_are_shape(longer):
+    ((key, other),) = longer.items()
+    table = {**EVERYTHING, key: {**EVERYTHING[key], **other} if isinstance(other, dict) else other}
+    shapes = [numbers.shape({"track": {"terrain": each}}) for each in (EVERYTHING, table)]
+    assert shapes[0] != shapes[1]
+
+
+def test_numbers_of_the_ground_that_exclude_each_other_are_refused_in_a_sentence():
+    kind, config = sled("terrain")
+    model = model_of(kind)(numbers.with_values(config, {"ground.half_round.x[2]": 1.51}))
+    with pytest.raises(InvalidParameter, match=r"^ground: half_round begins at x = 1\.\d+ m, before half_round ends"):
+        model.initialise(parameters(model))
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings", "others"),
+    [
+        ("shear_sled", (), ("ground.soil.name=lete_sand", "ground.soil.cohesion=2 kPa")),
+        ("soft_ground", ("ground.step={x=[3],rise=0.1}",), ("ground.step.rise=0.2", "ground.soil.kphi=3e6")),
+        ("step", (), ("ground.step.rise=0.3", "ground.step.radius=0.03")),
+        ("rough", (), ("ground.rough.start=2", "ground.rough.length=4")),
+        ("straight", ("ground.friction=[{x=[0,1],factor=0.5}]",), ("ground.friction=[{x=[1,3],factor=0.9}]",)),
+    ],
+)
+def test_scenes_with_other_numbers_of_the_ground_share_their_fmus(scene, settings, others):
+    usual, other = (assemble(load(scene, "rigid", [*each])).parts for each in (settings, (*settings, *others)))
+    for part, another in zip(usual, other, strict=True):
+        configs = [packed_config(each.kind, each.config) for each in (part, another)]
+        assert numbers.shape(configs[0]) == numbers.shape(configs[1])
+        assert (configs[0] != configs[1]) == bool(of_ground(configs[0]))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("of", "ground", "native"),
+    [*((*each, False) for each in ON_GROUND), *((*ON_GROUND[k], True) for k in (0, 3, 5))],  # each compiles a library
+)
+def test_an_fmu_with_a_number_of_the_ground_is_one_of_another_ground(of, ground, native):
+    """It is the same FMU, with the bits of a model of the other ground; most numbers change the first steps."""
+    kind, usual = of(ground)
+
+    def course(config):
+        (built,) = build_parts([Part("part", kind, config, {}, 0)], native)
+        with Component(built.fmu, "part", resources=built.resources, starts=built.starts) as component:
+            component.initialise(built.parameters)
+            for k in range(5):
+                component.write()
+                component.step(k * H, H)
+            component.read()
+            return built.fmu, component.y.tolist()
+
+    def of_model(config):
+        model = model_of(kind)(config)
+        model.initialise({**parameters(model), **config.get("parameters", {})})
+        u = np.array([float(port.start) for port in model.ports[: model.inputs]])
+        for k in range(5):
+            model.step(k * H, H, u)
+        return [*named_ports.outputs(model, links=False).values()]
+
+    fmu, y = course(usual)
+    moved = 0
+    for name, value in of_ground(usual).items():
+        other = numbers.with_values(usual, {name: value})
+        same, found = course(other)
+        assert (same, found) == (fmu, of_model(packed_config(kind, other))), name
+        moved += found != y
+    assert 2 * moved >= len(of_ground(usual))
+
+
 @given(st.recursive(LEAVES, lambda at: st.lists(at, max_size=3) | st.dictionaries(KEYS, at, max_size=3)))
 def test_numbers_are_the_floats_and_nothing_else(table):
     config = {"vehicle": {"t": table}}
@@ -231,6 +381,8 @@ OF_NAMES = {  # unit by the end of a name without indices and axis
     "road_wheel.x": "m", "idler.x": "m", "velocity": "m/s", "friction_velocity": "m/s", "angular_velocity": "rad/s",
     "roll": "rad", "heading": "rad", "force": "N", "tension": "N", "push": "N", "preload": "N", "torque": "N.m",
     "mass": "kg", r"\w*inertia": "kg.m2", "work": "J", "orientation": "1", "friction": "1", "ratio": "1",
+    r"soil\.(n|kc|kphi)": "1", r"soil\.(k0|elastic)": "Pa/m", r"soil\.Au": "Pa/m2", r"soil\.damping": "Pa.s/m",
+    "cohesion": "Pa", "friction_angle": "rad", "shear_deformation_modulus": "m",  # kc and kphi have a unit for each n
     "grip": "1", "yaw.gain": "1", "spectral_radius": "1", r"adams\.[ar]tol": "1", "link_outputs.interval": "1",
 }  # fmt: skip
 

@@ -20,8 +20,8 @@ import pytest
 
 from fmus import components
 from fmus.fmi.slave import BUILD, Slave
+from fmus.ground.tables import number_meanings
 from fmus.track.choices import TRACKS
-from fmus.vehicles.vehicle import number_meanings
 from mirror import chassis_checks, drive_checks, driver_checks, joined_checks, runs, track_checks
 from mirror.check import FAULTS, Check, View
 from orchestrator.scene.assembly import assemble

@@ -10,9 +10,9 @@ import pytest
 from fmus.ahead import component_ports
 from fmus.cache.sources import source_hash
 from fmus.fmi.build import KINDS
+from fmus.ground.tables import number_meanings
 from fmus.track.choices import TRACKS
 from fmus.track.link_outputs import INTERVAL
-from fmus.vehicles.vehicle import number_meanings
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
 from orchestrator.execution.loading import load_components

@@ -10,11 +10,11 @@ import pytest
 from PIL import Image
 
 from fmus.ground.keys import is_terrain
+from fmus.ground.tables import GroundTable
 from fmus.ground.terrain import heights, terrain
 from fmus.vehicles.tables import BadInput
 from orchestrator.scene.data_files import OF_DRIVER, UNITS, read_files
 from orchestrator.scene.drive_tables import DriverTable, HitchTable, VehicleDriveTable
-from orchestrator.scene.ground_tables import GroundTable
 from orchestrator.scene.height_files import read_heights
 from orchestrator.scene.scene import load
 

@@ -8,15 +8,16 @@ start leave the ground level behind it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, NamedTuple
+from functools import cache
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from fmus.ground.keys import is_plane, is_terrain
 from fmus.ground.soils import SoilTable
-from fmus.vehicles.tables import GIVEN, Distance, FrozenTable, In, Length, When, ratio
-from orchestrator.scene.values import Angle, Place
+from fmus.interface.numbers import Meaning
+from fmus.vehicles.tables import GIVEN, Angle, Distance, FrozenTable, In, Length, Place, When, meanings, ratio
+from fmus.vehicles.vehicle import VehicleTable
 
 Slope = Annotated[float, In("1", ge=-2.0, le=2.0)]
 Radius = Annotated[float, In("m", ge=1e-3)]  # below, a link's penetration is larger than its edge
@@ -25,9 +26,7 @@ Height = Annotated[float, Field(allow_inf_nan=False, ge=-1e4, le=1e4, json_schem
 MOST_HEIGHTS = 200_000  # of a map: a log holds them as text
 STEEPEST = 10.0  # 84 degrees, between neighbours of a map: beyond is no ground, but a gap in the data or another unit
 MOST_WAVES = 6000  # of a rough profile: the time to add them grows with the square
-NOTHING = 1e-12  # rounding errors of heights and slopes under a vehicle, m
 EVERYWHERE = (-1e6, 1e6)  # from and to, m
-PLACES = 50  # along each track, between its first and its last road wheel
 EVEN = 1e-9  # largest distance of the ground from a plane that counts as one, m
 
 
@@ -240,15 +239,6 @@ class LevelGroundTable(FrozenTable):
     """soil under the tracks that gives way; without it the ground is hard"""
 
 
-class Footing(NamedTuple):
-    """Plane of least squares through the ground under the tracks, and whether the ground differs from it."""
-
-    rise: float  # height under the middle of the sprocket axle line over the level part, m
-    ahead: float  # gradient along x, world
-    left: float  # gradient along y
-    uneven: bool  # the ground under the tracks is not that plane
-
-
 class GroundTable(FrozenTable):
     """Ground beyond its level, and contacts beyond those of the tracks."""
 
@@ -321,25 +311,11 @@ class GroundTable(FrozenTable):
         }
         return next((key for key in self.shaped_by() if key != "bump" and (heading or not is_own.get(key))), None)
 
-    def footing(self, position: Sequence[float], heading: float, wheels: Sequence[float], lateral: float) -> Footing:
-        """Plane under a vehicle whose drawn sprocket axle is at ``position``, m, world, with this heading, rad.
 
-        ``wheels``: places of its road wheels along its x axis, m; ``lateral``: of its tracks to either side, m.
-        """
-        ground, (x, y) = self.model_dump(exclude_none=True), position[:2]
-        if not is_terrain(ground):
-            return Footing(0.0, 0.0, 0.0, False)
-        if is_plane(ground):
-            ahead, left = ground.get("grade") or 0.0, ground.get("bank") or 0.0
-            return Footing(ahead * x + left * y, ahead, left, False)
-        from fmus.ground.terrain import heights  # loads the terrain's kernels
+@cache
+def number_meanings() -> dict[str, Meaning]:
+    """Meanings of the numbers of vehicles and grounds, by their keys without indices, see ``interface.numbers``.
 
-        along = np.linspace(min(wheels), max(wheels), PLACES)
-        a, b = (part.ravel() for part in np.meshgrid(along, [lateral, -lateral]))
-        c, s = np.cos(heading), np.sin(heading)
-        h = heights(ground, x + c * a - s * b, y + s * a + c * b)
-        design = np.stack([np.ones(a.size), c * a - s * b, s * a + c * b], axis=1)
-        plane = np.linalg.lstsq(design, h, rcond=None)[0]
-        plane[abs(plane) < NOTHING] = 0.0
-        rise, ahead, left = plane.tolist()
-        return Footing(rise, ahead, left, bool(abs(h - design @ plane).max() > EVEN))
+    A key of a seat has no name of the seat: ``seat.position``.
+    """
+    return dict(meanings(VehicleTable)) | dict(meanings(GroundTable, "ground."))
