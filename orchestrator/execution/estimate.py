@@ -87,19 +87,28 @@ class _NoEstimate(Exception):
     """The reason why a run has no estimate."""
 
 
-def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun) -> dict[str, Any]:
-    """Estimate the relative errors of a recorded run, in total and by observable, or give the reason."""
+def estimate(
+    scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun, in_parts: bool = True
+) -> dict[str, Any]:
+    """Estimate the relative errors of a recorded run, in total and by observable, or give the reason.
+
+    Not ``in_parts``: without the run that tells coupling and integration, whose errors are None.
+    """
     start = time.perf_counter()
     try:
         tracks = {part.name for part in assemble(scene).parts if part.stage == TRACK}
         coarser_runs = _coarser_runs(scene, summary, _steps(tracks, summary))
+        in_parts = in_parts or coarser_runs.coupling in (None, coarser_runs.total)
+        wanted: dict[str, Scene | None] = coarser_runs._asdict() if in_parts else {"total": coarser_runs.total}
         with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-            logs = _record_coarser(scene, summary, tracks, coarser_runs, record, Path(folder))
-            parts, without = _with_differences(*_differences(log, logs, coarser_runs))
+            logs = _record_coarser(scene, summary, tracks, coarser_runs, wanted, record, Path(folder))
+            parts, without = _with_differences(*_differences(log, logs))
     except _NoEstimate as reason:
         return without_estimate(str(reason), time.perf_counter() - start)
     errors: dict[str, float | None] = {part: SHARE * worst(found) if found else 0.0 for part, found in parts.items()}
-    not_separable = {"integration": None} if coarser_runs.total == coarser_runs.coupling else {}
+    not_separable: dict[str, None] = {"integration": None} if coarser_runs.total == coarser_runs.coupling else {}
+    if not in_parts:
+        not_separable = {"coupling": None, "integration": None}
     estimates = {
         name: {
             "unit": difference.unit,
@@ -133,12 +142,13 @@ def _record_coarser(
     summary: dict[str, Any],
     tracks: set[str],
     coarser_runs: Companions,
+    wanted: dict[str, Scene | None],
     record: RecordRun,
     folder: Path,
 ) -> dict[str, Path]:
-    """Record the coarser runs, which have the same tracks; return their logs by name."""
+    """Record the ``wanted`` ones of the coarser runs, which have the same tracks; return their logs by name."""
     logs: dict[str, Path] = {}
-    for name, companion in zip(coarser_runs._fields, coarser_runs, strict=True):
+    for name, companion in wanted.items():
         if companion is None:
             continue
         if name == "total" and companion == coarser_runs.coupling:
@@ -158,9 +168,7 @@ def _record_coarser(
     return logs
 
 
-def _differences(
-    log: Path, logs: dict[str, Path], coarser_runs: Companions
-) -> tuple[dict[str, Differences], list[str]]:
+def _differences(log: Path, logs: dict[str, Path]) -> tuple[dict[str, Differences], list[str]]:
     """Differences by part, those of parts that a run does not have are empty; observables of this kind of run."""
     try:
         with (
@@ -170,7 +178,7 @@ def _differences(
         ):
             fine, coupling, coarsest = (RunData(opened) for opened in (fine_log, coupling_log, coarsest_log))
             total, names = differences(coarsest, fine), [name for name, _ in observables(fine)]
-            if coarser_runs.coupling is None:
+            if "coupling" not in logs:
                 return {"coupling": {}, "integration": total, "total": total}, names
             first, second = differences(coupling, fine), differences(coarsest, coupling)
             return {"coupling": first, "integration": second, "total": total}, names

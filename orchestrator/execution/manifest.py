@@ -243,7 +243,7 @@ class ObservableError(BaseModel):
 
     unit: str
     absolute: float
-    coupling: float
+    coupling: float | None
     integration: float | None
     total: float
     decisive: bool

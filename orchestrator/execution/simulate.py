@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from textwrap import shorten
-from typing import Any
+from typing import Any, Literal
 
 from fmus.fmi.build import BuildFailed
 from fmus.vehicles.tables import BadInput
@@ -50,7 +50,7 @@ def simulate(
     path: Path,
     logger: Logger | None = None,
     narration: Narration | None = None,
-    estimated: bool = False,
+    estimated: bool | Literal["total"] = False,
     native: bool = False,
     continuation: Continuation | None = None,
     answer: bool = False,
@@ -58,8 +58,8 @@ def simulate(
     """Build, run, record and evaluate a scene; return the summary (``summary.empty``).
 
     ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take twice
-    the run's own time. ``native``: use native FMUs, which give the same numbers. ``continuation``: checkpoint of an
-    earlier run (``resume``).
+    the run's own time; "total" makes one of them, which does not tell the parts. ``native``: use native FMUs, which
+    give the same numbers. ``continuation``: checkpoint of an earlier run (``resume``).
     ``answer``: raise what is no answer of the model: KeyboardInterrupt, and OSError for a log that cannot be written.
 
     Before the first step raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt
@@ -85,7 +85,7 @@ def _simulate(
     path: Path,
     logger: Logger | None,
     narration: Narration | None,
-    estimated: bool,
+    estimated: bool | Literal["total"],
     interrupt: Interrupt,
     native: bool = False,
     continuation: Continuation | None = None,
@@ -137,7 +137,7 @@ def _simulate(
                         result |= entries
                         if estimated:
                             companion = partial(record_companion, interrupt, native=native)
-                            _estimate_error(run.scene, recorder.file, result, companion, announce)
+                            _estimate_error(run.scene, recorder.file, result, companion, announce, estimated != "total")
                     if interrupt.requested and not before and outcome.status == "ok":  # in a coarser run
                         raise KeyboardInterrupt
                 except KeyboardInterrupt:
@@ -166,11 +166,12 @@ def _estimate_error(
     result: dict[str, Any],
     companion: estimate.RecordRun,
     announce: Callable[[str], object],
+    in_parts: bool,
 ) -> None:
     """Add the error of a run that ended well to its summary, by coarser runs (``companion``)."""
     if result["status"] == "ok" and isinstance(scene, Scene):
         announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
-        result["error"] = estimate.estimate(scene, file, result, companion)
+        result["error"] = estimate.estimate(scene, file, result, companion, in_parts)
 
 
 def _shared_parameters(run: PreparedRun, assembly: Assembly) -> Iterator[str]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from orchestrator.execution import summary
+from orchestrator.execution.estimate import PARTS
 from orchestrator.results.energy import KINDS
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.run_data import SHOWN
@@ -27,12 +28,12 @@ def _error(error: dict[str, Any]) -> str:
         (name for name, observable in error["observables"].items() if observable["decisive"]),
         key=lambda name: error["observables"][name]["total"],
     )
-    integration = "not known" if error["integration"] is None else _percent(error["integration"])
-    parts = f"coupling {_percent(error['coupling'])}, integration {integration}; took {error['wall_time']:.3g} s more"
+    parts = [f"{part} {'not known' if error[part] is None else _percent(error[part])}" for part in PARTS[:2]]
+    took = f"{', '.join(parts)}; took {error['wall_time']:.3g} s more"
     worst = decisive.replace("_", " ")
     without = f", not known of {', '.join(error['without']).replace('_', ' ')}" if error["without"] else ""
     return (
-        f"estimated error: {_percent(error['total'])} of the {worst}, less of all other observables{without} ({parts})"
+        f"estimated error: {_percent(error['total'])} of the {worst}, less of all other observables{without} ({took})"
     )
 
 

@@ -149,7 +149,8 @@ def run_case(
     """Row of a run, whose log is deleted unless it has a path. Raises as ``simulate`` does."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = log or Path(folder) / "run.mcap"
-        result = simulate(scene, path, estimated=estimated, native=native, answer=True)
+        # a row has no parts of an error
+        result = simulate(scene, path, estimated=estimated and (log is not None or "total"), native=native, answer=True)
         further, missing = figures_of_log(result["log"], wanted) if wanted and "log" in result else ({}, [])
     energy, error = result["energy"], result["error"] or {"message": ""}
     unknown = f"estimated error: not known, {error['message']}" if error["message"] else ""

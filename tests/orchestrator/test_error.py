@@ -33,6 +33,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.scene import load
 from orchestrator.studies import Case, Row, error_runtime
+from orchestrator.studies.parameter_sweep import run_case
 from orchestrator.studies.runs import record
 
 SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.064 s", "run.links=1")
@@ -249,13 +250,20 @@ def test_the_estimate_of_a_native_run_is_native_and_the_same(tmp_path, monkeypat
         return load_scene(*given, **named)
 
     monkeypatch.setattr(simulation, "load_scene", loaded)
+    scene = load("sprocket_bench", "rigid", ["run.stop=0.02 s", "run.step=1 ms", "expect={}"])
     for native in (False, True):
-        own = simulate(short("run.step=1 ms"), tmp_path / "run.mcap", estimated=True, native=native)["error"]
+        own = simulate(scene, tmp_path / "run.mcap", estimated=True, native=native)["error"]
         errors.append({name: value for name, value in own.items() if name != "wall_time"})
     assert errors[0] == errors[1]
     assert errors[0]["total"] > 0.0
-    assert natives == [False] * (len(natives) // 2) + [True] * (len(natives) // 2)
-    assert len(natives) >= 4
+    assert natives == [False] * 3 + [True] * 3
+    alone = simulate(scene, tmp_path / "run.mcap", estimated="total", native=True)["error"]
+    assert len(natives) == 8
+    assert (alone["coupling"], alone["integration"], alone["total"]) == (None, None, errors[0]["total"])
+    totals = [{name: each["total"] for name, each in own["observables"].items()} for own in (alone, errors[0])]
+    assert totals[0] == totals[1]
+    run_case(scene, True, True, None)
+    assert len(natives) == 10  # a row of a sweep has no parts of an error
 
 
 # --- the cost of precision --------------------------------------------------------------------------
