@@ -1,14 +1,16 @@
 """Packs of compiled kernels, in the folder ``fmus`` of an installation or of an FMU: ``fmus/*.pack``.
 
-A pack is a zip of files of the cache, without their checksums, under their names there. ``cotrack warm --pack`` makes
-it for all processors of a LEVEL; others, for other versions of Python, may lie beside it. It is code, trusted as
-the sources beside it. A file that no pack has, and a damaged pack, cost a compilation and nothing else.
+A pack is a zip of files of the cache, without their checksums, each compressed by LZMA, under their names there.
+``cotrack warm --pack`` makes it for all processors of a LEVEL; others, for other versions of Python, may lie beside
+it. It is code, trusted as the sources beside it. A file that no pack has, and a damaged pack, cost a compilation and
+nothing else.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
+import lzma
 import os
 import zipfile
 from collections.abc import Collection, Iterator
@@ -53,17 +55,24 @@ def names() -> Iterator[str]:
 
 def read(name: str) -> bytes | None:
     """Content of a file by its name in the cache; None if no pack has it, or a damaged one."""
+    compressed = _compressed(name)
+    with suppress(lzma.LZMAError):
+        return None if compressed is None else lzma.decompress(compressed)
+    return None
+
+
+def _compressed(name: str) -> bytes | None:
     for folder in _folders:
         for packed in _packs(folder):
             if name in packed.NameToInfo:
-                with suppress(Exception):  # zipfile and lzma each raise errors of their own for damage
+                with suppress(Exception):  # zipfile raises several errors of its own for damage
                     return packed.read(name)
     return None
 
 
 def part(modules: Collection[str]) -> bytes | None:
     """Pack of the kernels of modules, for an FMU that has these; None if there are none."""
-    files = {name: read(name) for name in names() if name.split("/")[1].rpartition("-")[0] in modules}
+    files = {name: _compressed(name) for name in names() if name.split("/")[1].rpartition("-")[0] in modules}
     whole = {name: content for name, content in files.items() if content is not None}
     return _zip(whole) if whole else None
 
@@ -76,13 +85,13 @@ def identity() -> str:
 
 def of_cache(cache: Path) -> bytes:
     """Pack of the kernels that a cache holds, of those that Python calls; the same for the same kernels."""
-    files = (file for file in (cache / KERNELS).rglob("*") if file.is_file() and INNER not in file.name)
-    return _zip({file.relative_to(cache).as_posix(): file.read_bytes()[:-CHECKSUM] for file in files})
+    files = (f for f in (cache / KERNELS).rglob("*") if f.is_file() and INNER not in f.name)
+    return _zip({f.relative_to(cache).as_posix(): lzma.compress(f.read_bytes()[:-CHECKSUM]) for f in files})
 
 
 def _zip(files: dict[str, bytes]) -> bytes:
     packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_LZMA) as target:
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_STORED) as target:
         for name in sorted(files):
-            target.writestr(zipfile.ZipInfo(name), files[name], zipfile.ZIP_LZMA)
+            target.writestr(zipfile.ZipInfo(name), files[name])
     return packed.getvalue()
