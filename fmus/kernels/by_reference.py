@@ -154,8 +154,15 @@ def refer(typing: Any, parts: Any) -> Any:
     """Reference to a tuple that a kernel has made, as long as that kernel runs."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        memory = cgutils.alloca_once(builder, context.get_data_type(parts))
+        with builder.goto_entry_block():
+            memory = builder.alloca(context.get_data_type(parts))
         context.pack_value(builder, parts, args[0], memory)
         return builder.bitcast(memory, cgutils.voidptr_t)
 
     return ReferenceType(parts)(parts), emit
+
+
+@intrinsic
+def after(typing: Any, pointer: Any, count: Any) -> Any:
+    """Pointer to the entry that follows ``count`` entries."""
+    return pointer(pointer, count), lambda context, builder, signature, args: builder.gep(args[0], [args[1]])

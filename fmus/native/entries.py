@@ -19,7 +19,7 @@ from numba import carray, types
 
 from fmus.interface.model import ComponentModel
 from fmus.interface.ports import Port
-from fmus.kernels.by_reference import refer
+from fmus.kernels.by_reference import after, refer
 from fmus.native.freeze import NUMBERED, DerivedNumber, Frozen
 
 FLOATS, WHOLE, TRUTHS = (types.CPointer(each) for each in (types.float64, types.int64, types.boolean))
@@ -31,11 +31,11 @@ SHOW = types.int64(*BLOCKS, FLOATS)
 SOURCE = """
 def start(X, N, F, K, Z, P, C, T):
     {blocks}
-    return start_kernel({parts}, carray(T, {messages}).reshape({rows}), {start_parameters})
+    return start_kernel({parts}, carray(T, {rows}), {start_parameters})
 
 def step(X, N, F, K, Z, P, C, T, t, h, U):
     {blocks}
-    return step_kernel({parts}, carray(T, {messages}).reshape({rows}), t, h, carray(U, {inputs}))
+    return step_kernel({parts}, carray(T, {rows}), t, h, carray(U, {inputs}))
 
 def show(X, N, F, K, Z, P, C, Y):
     {blocks}
@@ -112,14 +112,13 @@ def entries(
         parts=parts,
         output_parts=output_parts,
         link_output_parts=link_output_parts,
-        messages=messages.size,
         rows=messages.shape,
         start_parameters=f"({', '.join(known[name] for name in model.start_parameters)},)",
         inputs=model.inputs,
         outputs=outputs,
         links=model.link_ports,
     )
-    space: dict[str, Any] = {**frozen.classes, "carray": carray, "refer": refer}
+    space: dict[str, Any] = {**frozen.classes, "after": after, "carray": carray, "refer": refer}
     for name in ("start_kernel", "step_kernel", "output_kernel", "link_output_kernel"):
         space[name] = getattr(model, name) if model.link_ports or name != "link_output_kernel" else None
     return Entries(source, space, frozen)

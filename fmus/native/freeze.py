@@ -106,8 +106,7 @@ class Frozen:
         if not scratch:
             self._scratch.pop((letter, first), None)
         first += (array.ctypes.data - root.ctypes.data) // array.itemsize if array.size else 0
-        text = f"{letter}[{first}:{first + array.size}]"
-        return text if array.ndim == 1 else f"{text}.reshape({array.shape})"
+        return f"carray(after({letter.upper()}, {first}), {array.shape})"
 
 
 def _root(array: NDArray[Any]) -> NDArray[Any]:

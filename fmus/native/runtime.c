@@ -1,4 +1,4 @@
-/* Functions of numba's runtime that kernels call: reference-counted memory, laid out as by numba 0.6x, and reshape. */
+/* Functions of numba's runtime that kernels call: reference-counted memory, laid out as by numba 0.6x. */
 #include <stdint.h>
 #include <stdlib.h>
 
@@ -24,21 +24,4 @@ HIDDEN Block *NRT_MemInfo_alloc_aligned(size_t size, unsigned align) {
 HIDDEN void NRT_MemInfo_call_dtor(Block *b) {
     if (b->end) b->end(b->data, b->size, b->end_of);
     free(b);
-}
-
-/* For contiguous arrays, the only ones that kernels reshape; 0 makes numba raise. */
-HIDDEN int numba_attempt_nocopy_reshape(intptr_t n, const intptr_t *shape, const intptr_t *strides, intptr_t wanted_n,
-                                        const intptr_t *wanted, intptr_t *to, intptr_t item, int columns_first) {
-    intptr_t size = 1, wanted_size = 1, step = item;
-    for (intptr_t i = 0; i < wanted_n; i++) wanted_size *= wanted[i];
-    for (intptr_t i = n - 1; i >= 0; i--) {
-        if (shape[i] != 1 && strides[i] != item * size && wanted_size) return 0;
-        size *= shape[i];
-    }
-    if (size != wanted_size || columns_first) return 0;
-    for (intptr_t i = wanted_n - 1; i >= 0; i--) {
-        to[i] = step;
-        step *= wanted[i];
-    }
-    return 1;
 }

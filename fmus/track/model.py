@@ -220,7 +220,7 @@ class TrackModel(LaidChain, ComponentModel):
                 work=self.work,
                 report=self.report,
             ),
-            steps.OutputData(self.frame, self.s.mean[: len(self.rows)], self.report),
+            steps.OutputData(self.frame, self.s.mean[: len(self.rows)].reshape(-1, 3), self.report),
             steps.LinkOutputData(
                 self.frame,
                 self.own_links,

@@ -19,7 +19,8 @@ from fmus.physics.chain.interface import fibres, observe_links, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT
 from fmus.physics.chain.state import FORGOTTEN
-from fmus.physics.wheels import WIDTH, to_world
+from fmus.physics.vector import put, vector
+from fmus.physics.wheels import WIDTH, from_frame, to_world
 from fmus.start import AFTER_POSE, FRAME, lay_frame
 from fmus.track.failures import FORGOTTEN_RUT, HALVED, OF_EXPLICIT, OF_IMPLICIT, WARNINGS
 from fmus.track.link_outputs import (
@@ -102,7 +103,7 @@ class OutputData(NamedTuple):
     """Data behind the outputs of a track without its link outputs."""
 
     frame: np.ndarray  # (12)
-    mean: np.ndarray  # (wheels, 6) mean wrenches
+    mean: np.ndarray  # (2 wheels, 3) mean wrenches: force, torque
     report: np.ndarray
 
 
@@ -229,13 +230,11 @@ def write_outputs(c: OutputData, y: Floats) -> None:
 
     c: ``OutputData``.
     """
-    n = c.mean.shape[0]
-    for k in range(n):
-        to_world(c.mean[k].reshape(2, 3), c.frame, y[6 * k : 6 * k + 6])
+    n = c.mean.size
+    to_world(c.mean, c.frame, y[:n])
     for i in range(REPORT):
-        y[6 * n + i] = c.report[i]
-    first = 6 * n + ON_GROUND
-    to_world(c.report[ON_GROUND : ON_GROUND + 3].reshape(1, 3), c.frame, y[first : first + 3])
+        y[n + i] = c.report[i]
+    put(y, n + ON_GROUND, from_frame(c.frame, vector(c.report, ON_GROUND)))
 
 
 @allocating
@@ -281,7 +280,8 @@ def _write_extra_groups(extra: int | None, c: LinkOutputData, y: Floats, index: 
             index = _copy_numbers(1, fibre_stress.ravel(), y, index)
         if c.group_flags[SLOPES]:
             slopes(c.link, c.s, c.work, ends)
-            index = _copy_vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, index)
+            for i in range(2 * c.links):
+                index = _copy_vectors(1, ends[i // 2 : i // 2 + 1, i % 2 * 3 :][:, :3], c.frame, y, index)
         if c.group_flags[TURNED]:
             index = _copy_numbers(1, c.s.turned[:, 0], y, index)
         if c.group_flags[RUBBED]:

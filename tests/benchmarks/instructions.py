@@ -1,7 +1,8 @@
-"""``python -m tests.benchmarks.instructions LINKS [STEPS]``: instructions of the steps of a native track.
+"""``python -m tests.benchmarks.instructions [STEPS]``: instructions of the steps of a native track and of the vehicle.
 
-The vehicle of ``straight`` runs in the host in C under callgrind (Debian package valgrind), which counts
-``fmi2DoStep`` of the left track: a number for each step that no load of the machine changes. Some minutes for 30,000.
+The vehicle of ``straight`` runs with both kinds of links in the host in C under callgrind (Debian package valgrind),
+which counts ``fmi2DoStep``: numbers that no load of the machine changes. Callgrind counts each byte of a large block
+that is copied or zeroed at once (``rep movsb``) as an instruction.
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 from tests.c_host import HOST, built, order_text
 
-STEP, COUNTED = 1e-3, "left_track"
-FIGURES = "median", "99 %", "99.9 %", "most"
+STEP, TRACK = 1e-3, "left_track"
+FIGURES = "mean", "median", "99 %", "99.9 %", "most"
 
 
 def counts(links: str, steps: int, folder: Path) -> np.ndarray:
-    """Instructions of each step; raises CalledProcessError, FileNotFoundError without valgrind.
+    """Instructions (2, steps) of the left track and of the vehicle; raises CalledProcessError, FileNotFoundError.
 
     The code is that for any processor: valgrind 3.19 does not know an instruction of the other.
     """
@@ -35,25 +36,28 @@ def counts(links: str, steps: int, folder: Path) -> np.ndarray:
     LEVELS.update(dict.fromkeys(LEVELS, ANY))
     settings = [f"run.step={STEP!r} s", f"track.step={STEP!r} s", f"run.stop={STEP * (steps + 1000)!r} s"]
     assembly = assemble(placed(load("straight", links, settings)))
-    number = [part.name for part in assembly.parts].index(COUNTED)
+    names = [part.name for part in sorted(assembly.parts, key=lambda part: part.stage)]  # as they step
     program = folder / "host"
-    subprocess.run(["gcc", "-std=gnu11", "-O2", f"-DCOUNTED={number}", "-o", program, HOST, "-ldl"], check=True)
+    subprocess.run(["gcc", "-std=gnu11", "-O2", "-DCOUNTED", "-o", program, HOST, "-ldl"], check=True)
     order = order_text(assembly, built(assembly), STEP, steps)
     callgrind = ["valgrind", "-q", "--tool=callgrind", "--collect-atstart=no", f"--callgrind-out-file={folder}/out"]
     subprocess.run([*callgrind, program], input=order, text=True, check=True, stdout=subprocess.DEVNULL)
-    dumps = [(folder / f"out.{k}").read_text() for k in range(1, steps + 1)]
-    return np.array([int(re.search(r"^summary: (\d+)", dump, re.M)[1]) for dump in dumps])  # type: ignore[index]
+    dumps = ((folder / f"out.{k}").read_text() for k in range(1, steps * len(names) + 1))
+    each = np.array([int(re.search(r"^summary: (\d+)", dump, re.M)[1]) for dump in dumps])  # type: ignore[index]
+    each = each.reshape(steps, len(names))
+    return np.array([each[:, names.index(TRACK)], each.sum(axis=1)])
 
 
 def main() -> None:
     """Print a table: thousands of instructions, and their ratio to the median."""
-    links, steps = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 30_000
+    steps, rows = int(sys.argv[1]) if len(sys.argv) > 1 else 8_000, []
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        n = counts(links, steps, Path(folder))
-    figures = [np.median(n), np.quantile(n, 0.99), np.quantile(n, 0.999), n.max()]
-    shown = [f"{each / 1e3:.0f} ({each / figures[0]:.2f})" for each in figures]
+        for links in ("flexible", "rigid"):
+            for name, n in zip(("track", "vehicle"), counts(links, steps, Path(folder)), strict=True):
+                figures = [n.mean(), np.median(n), np.quantile(n, 0.99), np.quantile(n, 0.999), n.max()]
+                rows.append([f"{name}, {links}", *(f"{each / 1e3:.0f} ({each / figures[1]:.2f})" for each in figures)])
     columns = [(name, "") for name in ("links", *FIGURES)]
-    print(Table.of("Instructions of a step, thousands (over the median)", columns, [[links, *shown]]).markdown())
+    print(Table.of("Instructions of a step, thousands (over the median)", columns, rows).markdown())
 
 
 if __name__ == "__main__":

@@ -18,10 +18,9 @@
 #include <dlfcn.h>
 #endif
 #include "resources.h"
-#if defined COUNTED /* number of the instance whose steps callgrind counts, one dump a step */
+#if defined COUNTED /* callgrind counts the steps, one dump for each of an instance */
 #include <valgrind/callgrind.h>
 #else
-enum { COUNTED = -1 };
 #define CALLGRIND_TOGGLE_COLLECT
 #define CALLGRIND_DUMP_STATS
 #endif
@@ -101,10 +100,10 @@ static int ascending(const void *a, const void *b) {
 }
 
 static int make_step(Instance *a, double t, double h) {
-    int is_counted = a - all == COUNTED, status;
-    if (is_counted) { CALLGRIND_TOGGLE_COLLECT; }
-    status = a->step(a->c, t, h, 1);
-    if (is_counted) { CALLGRIND_TOGGLE_COLLECT; CALLGRIND_DUMP_STATS; }
+    CALLGRIND_TOGGLE_COLLECT;
+    int status = a->step(a->c, t, h, 1);
+    CALLGRIND_TOGGLE_COLLECT;
+    CALLGRIND_DUMP_STATS;
     return status;
 }
 

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.kernels.jit import kernel
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Vector
+from fmus.physics.vector import add, dot, scale
 
 if TYPE_CHECKING:
     from fmus.physics.chain.state import Carrier
@@ -69,39 +70,33 @@ def chain_speed(x: Floats, v: Floats, closed: bool, carrier: Carrier) -> float:
     """
     nodes = x.shape[0]
     links = nodes if closed else nodes - 1
-    (p0, p1, p2), (c0, c1, c2), (w0, w1, w2), _ = carrier
+    point, (c0, c1, c2), (w0, w1, w2), _ = carrier
     total = weight = 0.0
+    here = _chord(x, 0, 1)
+    before = _chord(x, nodes - 1, 0) if closed else here
     for i in range(links):
-        if closed:
-            a, j, b = (
-                i - 1 if i > 0 else nodes - 1,
-                i + 1 if i + 1 < nodes else 0,
-                i + 2 if i + 2 < nodes else i + 2 - nodes,
-            )
-        else:
-            a, j, b = max(i - 1, 0), i + 1, min(i + 2, nodes - 1)
-        # cosine of the angle between the neighbours
-        dot = size_before = size_after = size = speed = 0.0
-        for k in range(x.shape[1]):
-            before, after, here = x[i, k] - x[a, k], x[b, k] - x[j, k], x[j, k] - x[i, k]
-            if a == i:
-                before = here
-            if b == j:
-                after = here
-            dot += before * after
-            size_before += before * before
-            size_after += after * after
-            size += here * here
-            speed += 0.5 * (v[i, k] + v[j, k]) * here
-        cosine = dot / np.sqrt(size_before * size_after)
+        j = i + 1 if i + 1 < nodes else 0
+        after = _chord(x, j, j + 1 if j + 1 < nodes else 0) if closed or j < links else here
+        cosine = dot(before, after) / np.sqrt(dot(before, before) * dot(after, after))
         angle_squared = max(2.0 * (1.0 - cosine), 0.0) / (BEND * BEND)
         share = 1.0 / (1.0 + angle_squared * angle_squared)
-        # the carrier's velocity at the middle of the link, along the link
-        h0, h1, h2 = x[j, 0] - x[i, 0], 0.0, x[j, -1] - x[i, -1]
-        r0, r1, r2 = 0.5 * (x[i, 0] + x[j, 0]) - p0, -p1, 0.5 * (x[i, -1] + x[j, -1]) - p2
-        if x.shape[1] == 3:
-            h1, r1 = x[j, 1] - x[i, 1], 0.5 * (x[i, 1] + x[j, 1]) - p1
-        speed -= h0 * (c0 + w1 * r2 - w2 * r1) + h1 * (c1 + w2 * r0 - w0 * r2) + h2 * (c2 + w0 * r1 - w1 * r0)
-        total += share * speed / np.sqrt(size)
+        # the carrier's velocity at the middle of the link
+        r0, r1, r2 = add(scale(0.5, add(_row(x, i), _row(x, j))), scale(-1.0, point))
+        carried = c0 + w1 * r2 - w2 * r1, c1 + w2 * r0 - w0 * r2, c2 + w0 * r1 - w1 * r0
+        speed = dot(scale(0.5, add(_row(v, i), _row(v, j))), here) - dot(here, carried)
+        total += share * speed / np.sqrt(dot(here, here))
         weight += share
+        before, here = here, after
     return total / weight
+
+
+@kernel
+def _row(x: Floats, i: int) -> Vector:
+    """Vector in row ``i`` of ``x`` (nodes, 3, or 2 for x and z)."""
+    return (x[i, 0], x[i, 1], x[i, 2]) if x.shape[1] == 3 else (x[i, 0], 0.0, x[i, 1])
+
+
+@kernel
+def _chord(x: Floats, i: int, j: int) -> Vector:
+    """Vector from row ``i`` to row ``j``."""
+    return add(_row(x, j), scale(-1.0, _row(x, i)))

@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.kernels.jit import allocating, kernel
+from fmus.kernels.jit import allocating, kernel, noalias
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.bushing import book, hold_forces
 from fmus.physics.chain.integration import DONE, IntegrationOutcome
 from fmus.physics.chain.interface import commit_contacts, end_work, first_speed, newton, newton_joints, observe, speed
-from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, accumulate
+from fmus.physics.chain.report import REJECTED, SPEED, STEPS, TRAVEL, WORK, accumulate
 from fmus.physics.chain.state import copy, copy_rows, store_evaluation
 from fmus.physics.integrate.generalized_alpha import WITHOUT_MEMORY, GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
@@ -80,6 +80,7 @@ class ImplicitMethod(NamedTuple):
 
 
 @kernel
+@noalias
 def add_step_mean(c: GeneralizedAlpha, share: float, before: Floats, now: Floats, aux: Floats, total: Floats) -> None:
     """Add ``share`` times the step mean of rows ``before`` to ``now`` to ``total``.
 
@@ -149,7 +150,10 @@ def advance(
             keep_auxiliary_values(w.before, s, dt)
         else:
             set_length(s.lengths, dt)
-        before, along = along, speed(links, env, s, w)
-        report[TRAVEL] += 0.5 * dt * (before + along)
+        if done < h * (1.0 - 1e-12):
+            before, along = along, speed(links, env, s, w)
+            report[TRAVEL] += 0.5 * dt * (before + along)
     observe(links, env, s, w, report)
+    if not failure:  # the last step, whose end ``observe`` has reported
+        report[TRAVEL] += 0.5 * dt * (along + report[SPEED])
     return IntegrationOutcome(failure, done, link, residual)

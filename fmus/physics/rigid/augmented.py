@@ -181,12 +181,14 @@ def factor(half: float, ends: Ends, s: AugmentedSystem, bush: Floats, scale: flo
     n, p = s.iteration_matrix.shape[0], s.gap.shape[0]
     S, rows, P = s.schur_complement, s.factors.size, s.scratch
     SA, SU, SL = S[0], S[1], S[2]
-    SA[:] = 0.0
+    SA[0] = 0.0
     for i in range(n):
         A, K = s.rotation[i], s.iteration_matrix[i]
         if not invert(K, P[0], SIX):
             return i
         j = (i + 1) % p
+        if j > 0:
+            SA[j] = 0.0
         _multiply_inverse(half, A, K, s.axes_after[i], s.axes_before[j], P, rows)
         _add_complement(half, A, s.axes_after[i], s.axes_before[j], P, SA[i], SU[i], SL[j], SA[j], rows)
     if len(rows) > 5:

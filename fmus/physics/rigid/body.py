@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.kernels.jit import kernel
+from fmus.kernels.jit import kernel, noalias
 from fmus.physics.arrays import Floats, Matrix, Nine, Vector, VectorLike
 from fmus.physics.elementary import cos, sin
 from fmus.physics.vector import add, scale, vector
 
 
 @kernel
+@noalias
 def rotation(q: Floats, A: Matrix) -> None:
     """Rotation matrix of the pose ``q`` (7) into ``A``; columns are the body axes in the world."""
     w, x, y, z = q[3], q[4], q[5], q[6]
@@ -116,6 +117,7 @@ def rate(A: Matrix, v: Floats, lx: float, ly: float, lz: float) -> Vector:
 
 
 @kernel
+@noalias
 def add_force(
     A: Matrix, l: Vector, share: float, f: Vector, g: Nine, tangent: bool, N: Matrix, r: Floats, K: Floats
 ) -> None:

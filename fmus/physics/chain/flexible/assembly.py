@@ -74,7 +74,7 @@ def evaluate(
         inertia_and_weight(links, x, w, weight, r)
         if fresh:
             tangent(c, w.coordinates, w.rates, by.v, w.iteration_matrix)
-            add_mass(rows, dims, w.mass, by.vdot, w.iteration_matrix)
+            add_mass(c, w.mass, by.vdot, w.iteration_matrix)
             couple_inertia(links, w, by.vdot)
         add_lateral_bending(links, w, r, fresh)
         add_bushes(links.bushing, links, w, i, r, fresh)
@@ -108,7 +108,7 @@ def totals(links: FlexibleLinks, env: Environment, x: State, w: Work) -> tuple[F
         gather(links, q, first, second, w.coordinates)
         gather(links, x.v, first, second, w.rates)
         absolute_rates(links, x, w)
-        kinetic = add_kinetic(kinetic, w.mass, w.rates)
+        kinetic = add_kinetic(c, kinetic, w.mass, w.rates)
         strain_energy += energy(c, w.coordinates) + lateral_bending_energy(links, w)
         gravity -= dot(weight, centre_of_mass(links, x, w))
         pull, fibre = axial(links, w)

@@ -43,8 +43,9 @@ def clear(w: Work, tangent: bool) -> None:
     w.wrench[:] = 0.0
     if tangent:
         w.diagonal[:] = 0.0
-        w.upper[:] = 0.0
-        w.lower[:] = 0.0
+        if w.upper.shape[0] > w.residual.shape[0]:  # else each block is of one link
+            w.upper[:] = 0.0
+            w.lower[:] = 0.0
 
 
 @kernel
@@ -104,31 +105,30 @@ def condense(links: FlexibleLinks, w: Work, link: int, i: int, j: int) -> None:
 @kernel
 @noalias
 def _scatter(indices: LinkLayout, rest: Floats, i: int, j: int, diagonal: Floats, upper: Floats, lower: Floats) -> None:
-    """Add one link's ``rest`` to the blocks (nodes, m, m) of its pins ``i`` and ``j``."""
+    """Add one link's ``rest`` to the blocks (nodes, m, m) of its pins ``i`` and ``j``, which no other couples."""
     m = len(indices.shared)
     for a in range(m):
         for b in range(m):
             diagonal[i, a, b] += rest[a, b]
-            upper[i, a, b] += rest[a, m + b]
-            lower[j, a, b] += rest[m + a, b]
+            upper[i, a, b] = 0.0 + rest[a, m + b]  # no negative zero
+            lower[j, a, b] = 0.0 + rest[m + a, b]
             diagonal[j, a, b] += rest[m + a, m + b]
 
 
 @kernel
 @noalias
 def _spread(indices: LinkLayout, R: Floats, inner: Floats, own: Floats, b: Floats, x: Floats) -> tuple[float, int]:
-    """Add the residuals ``R`` (links, rows, axes) to the pins ``b`` (nodes, m); solve the own parts into ``own``.
+    """Add the residuals ``R`` (links, rows axes) to the pins ``b`` (nodes, m); solve the own parts into ``own``.
 
     ``inner`` (links, n, n), ``own`` (links, n). Returns the largest entry of the own parts, N, and its link; ``x`` (n)
     is scratch.
     """
     links, nodes, m, n = R.shape[0], b.shape[0], placed(indices), len(indices.own)
     second_pin = len(indices.shared)
-    flat = R.reshape(links, R.shape[1] * R.shape[2])
     worst, where = 0.0, 0
     for i in range(links):
         first, second = ends(indices, nodes, i)
-        r = flat[i]
+        r = R[i]
         for k in range(n):
             x[k] = r[indices.inner[k]]
             worst, where = (abs(x[k]), i) if abs(x[k]) > worst else (worst, where)
@@ -182,7 +182,7 @@ def reduce(
     ``by_rate``, 1/s, is d velocity / d position.
     """
     indices = layout(links)
-    worst, where = _spread(indices, w.residual, w.inner, w.own, w.right_side, w.scratch)
+    worst, where = _spread(indices, w.residual_rows, w.inner, w.own, w.right_side, w.scratch)
     pin_loads(links, env, x, w, by_rate, tangent)
     add_spring(links.closing, indices, axis_count(links.element), x, w, by_rate, tangent)
     if tangent:

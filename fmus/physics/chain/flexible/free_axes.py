@@ -85,7 +85,7 @@ def inertia_and_weight(links: TurningCables, x: Motion, w: TurningWork, weight: 
     """Adds their moment to the balance."""
     f, a, l = x.axes, w.axes, links.element.l
     _add_frame_accelerations(f, w)
-    inertia.inertia(4, 3, w.mass, w.accelerations, r)
+    inertia.inertia(links.element, w.mass, w.accelerations, r)
     about_x = about_z = 0.0
     inertia.weigh(to_axes(f, weight), l, 2, 3, r)
     for n in range(4):
@@ -308,7 +308,7 @@ def solve_accelerations(links: TurningCables, x: Motion, w: TurningWork) -> None
         j = i + 1 if i + 1 < nodes else 0
         gather(links, x.q, i, j, w.coordinates)
         w.iteration_matrix[:] = 0.0
-        inertia.add_mass(4, 3, w.mass, 1.0, w.iteration_matrix)
+        inertia.add_mass(links.element, w.mass, 1.0, w.iteration_matrix)
         couple_inertia(links, w, 1.0)
         eliminate(links, w, i)
         assemble_border(links, w, i, j)

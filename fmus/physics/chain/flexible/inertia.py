@@ -19,8 +19,14 @@ be refused below 0.93 of a rod's.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.kernels.jit import kernel, noalias
+from fmus.physics.ancf.element import axis_count, vector_count
 from fmus.physics.arrays import Floats, Vector
+
+if TYPE_CHECKING:
+    from fmus.physics.ancf.element import Element
 
 LEAST_SHARE = 1e-6  # part of an element's own second moment below which rounding makes its mass matrix singular
 
@@ -33,10 +39,11 @@ def second_moments(inertia: tuple[float, float, float]) -> tuple[float, float, f
 
 @kernel
 @noalias
-def inertia(rows: int, axes: int, M: Floats, a: Floats, r: Floats) -> None:
+def inertia(c: Element, M: Floats, a: Floats, r: Floats) -> None:
     """Write M a, with ``M`` (rows, rows), kg, and accelerations ``a`` (rows, axes), to ``r`` (rows, axes), N, N m."""
+    rows = vector_count(c)  # constant where it is compiled, so that loops unroll; so are the axes
     for i in range(rows):
-        for k in range(axes):
+        for k in range(axis_count(c)):
             r[i, k] = 0.0
             for j in range(rows):
                 r[i, k] += M[i, j] * a[j, k]
@@ -44,10 +51,11 @@ def inertia(rows: int, axes: int, M: Floats, a: Floats, r: Floats) -> None:
 
 @kernel
 @noalias
-def add_mass(rows: int, axes: int, M: Floats, factor: float, K: Floats) -> None:
+def add_mass(c: Element, M: Floats, factor: float, K: Floats) -> None:
     """Add ``factor``, 1/s2, times the mass ``M`` (rows, rows), kg, to ``K`` (rows axes, rows axes)."""
-    for i in range(rows):
-        for j in range(rows):
+    axes = axis_count(c)
+    for i in range(vector_count(c)):
+        for j in range(vector_count(c)):
             for k in range(axes):
                 K[axes * i + k, axes * j + k] += factor * M[i, j]
 
@@ -73,12 +81,12 @@ def centre(l: float, last: int, k: int, e: Floats) -> float:
 
 
 @kernel
-def add_kinetic(energy: float, M: Floats, v: Floats) -> float:
+def add_kinetic(c: Element, energy: float, M: Floats, v: Floats) -> float:
     """Sum of ``energy``, J, and that of a link with mass ``M`` (rows, rows), kg, and rates ``v`` (rows, axes)."""
-    for a in range(M.shape[0]):
-        for b in range(M.shape[0]):
+    for a in range(vector_count(c)):
+        for b in range(vector_count(c)):
             s = 0.0
-            for k in range(v.shape[1]):
+            for k in range(axis_count(c)):
                 s += v[a, k] * v[b, k]
             energy += 0.5 * M[a, b] * s
     return energy

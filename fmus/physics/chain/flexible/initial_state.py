@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.kernels.jit import allocating, kernel
-from fmus.physics.ancf.element import axis_count, mass, vector_count
+from fmus.physics.ancf.element import mass
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.bushes import leave_out_torques
@@ -113,12 +113,11 @@ class Rest(NamedTuple):
 @kernel
 def condense_mass(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
     """Condense the mass of a chain to its pins into ``w``, without stiffness and contacts."""
-    c, rows, dims = links.element, vector_count(links.element), axis_count(links.element)
     clear(w, True)
-    mass(c, w.mass)
+    mass(links.element, w.mass)
     for i in range(links.n):
         w.iteration_matrix[:] = 0.0
-        add_mass(rows, dims, w.mass, 1.0, w.iteration_matrix)
+        add_mass(links.element, w.mass, 1.0, w.iteration_matrix)
         condense(links, w, i, *ends(layout(links), s.q.shape[0], i))
     pin_loads(links, env, Motion(s.q, w.still, w.still, s.axes), w, 0.0, True)
     leave_out_torques(links.bushing, links, w)

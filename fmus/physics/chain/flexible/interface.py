@@ -116,9 +116,8 @@ def wrenches_from_axes(links: FlexibleLinks, x: Motion, w: Work) -> None:
 @dispatch("axes", default=True)
 def inertia_and_weight(links: FlexibleLinks, x: Motion, w: Work, weight: Vector, r: Floats) -> None:
     """Write inertia forces less ``weight``, N, of the link to its residual ``r`` (rows, axes), N and N m."""
-    rows, dims = vector_count(links.element), axis_count(links.element)
-    inertia.inertia(rows, dims, w.mass, w.accelerations, r)
-    inertia.weigh(weight, links.element.l, rows // 2, dims, r)
+    inertia.inertia(links.element, w.mass, w.accelerations, r)
+    inertia.weigh(weight, links.element.l, vector_count(links.element) // 2, axis_count(links.element), r)
 
 
 @dispatch("elements", default=True)

@@ -102,6 +102,7 @@ class Work(NamedTuple):
         np.ndarray
     )  # (whole, whole) of one link; whole = rows axes + c + 2 t, c unknowns common to all, t torques a pin
     residual: np.ndarray  # (links, rows, axes) residual of each link: inertia + internal - external, N and N m
+    residual_rows: np.ndarray  # (links, rows axes) the same numbers
     inner: np.ndarray  # (links, n, n) inverse of its own part
     right: np.ndarray  # (links, n, 2 m + c) inner^-1 times the coupling to pins and common unknowns
     left: np.ndarray  # (links, 2 m + c, n) coupling of these to its own part
@@ -166,11 +167,11 @@ def work(
     m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common) + 2 * len(at.torques)
     sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces, ground=ground._replace(rut=0), bushed=bushed)
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
-    wheel_rows = z((wheels, 15))
+    wheel_rows, residual = z((wheels, 15)), z((links, *vectors))
     return by_reference(Work(
         before=views(State, sizes, z(size(sizes))),
         diagonal=z(block), upper=z(block), lower=z(block), factors=workspace(nodes, m), right_side=z((nodes, m)),
-        iteration_matrix=z((whole, whole)), residual=z((links, *vectors)),
+        iteration_matrix=z((whole, whole)), residual=residual, residual_rows=residual.reshape(links, -1),
         inner=z((links, n, n)), right=z((links, n, outer)), left=z((links, outer, n)),
         coupling=z((n, outer)), rest=z((outer, outer)), own=z((links, n)), scratch=z(n),
         coordinates=z(vectors), rates=z(vectors), accelerations=z(vectors), mass=z((rows, rows)),

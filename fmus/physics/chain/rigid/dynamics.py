@@ -174,6 +174,7 @@ def first_speed(links: RigidLinks, env: Environment, s: State, w: Work, report: 
 def observe(links: RigidLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
     n = s.q.shape[0]
     copy_rows(w.along, s.along)
+    along = speed(links, env, s, w)  # sets the rotations
     low, high, mean, kinetic, place = np.inf, -np.inf, 0.0, 0.0, (0.0, 0.0, 0.0)
     for i in range(n):
         pull = tension(links, env, s, w, i)
@@ -182,7 +183,7 @@ def observe(links: RigidLinks, env: Environment, s: State, w: Work, report: Floa
         place = add(place, vector(s.q[i], 0))
     strain = strain_energy(links, s, w) + bush_energy(links.bushing, links, s, w)
     energy = kinetic, strain, -dot(scale(links.mass, env.gravity), place)
-    write(report, w, s.mean, speed(links, env, s, w), carrier(w.wheels, env.mount)[3], (low, mean, high, 0.0), energy)
+    write(report, w, s.mean, along, carrier(w.wheels, env.mount)[3], (low, mean, high, 0.0), energy)
 
 
 @kernel

@@ -15,7 +15,7 @@ from fmus.physics.chain.link_columns import GROUND
 from fmus.physics.chain.on_links import add_link_force, add_part
 from fmus.physics.rigid import body
 from fmus.physics.rigid.body import add_force, axis, joined, lever, rate
-from fmus.physics.vector import add, cross, dot, scale, vector
+from fmus.physics.vector import add, cross, dot, scale, to_body, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.contacts import ContactPoint
@@ -92,7 +92,7 @@ def add_rate_matrix(links: RigidLinks, w: Work, i: int, force: ContactForce, sin
     """Add K -= (r, N^T r) (d rate / d link), r = df / d rate, with N of the last pushed point."""
     by_rate, foot, normal = sinking
     A, K, N, r = w.system.rotation[i], w.system.iteration_matrix[i], w.rotation_jacobian, force.by_rate
-    place = (2.0 * foot - 1.0) * links.half
+    place, torque = (2.0 * foot - 1.0) * links.half, to_body(N, r)
     for j in range(6):
         # d rate / d velocity = -side . (1, axis cross lever), the lever along the link's x axis
         if j < 3:
@@ -104,7 +104,7 @@ def add_rate_matrix(links: RigidLinks, w: Work, i: int, force: ContactForce, sin
             by = -sign * place * (normal[0] * A[0, column] + normal[1] * A[1, column] + normal[2] * A[2, column])
         for k in range(3):
             K[k, j] -= by_rate * by * r[k]
-            K[3 + k, j] -= by_rate * by * (N[0, k] * r[0] + N[1, k] * r[1] + N[2, k] * r[2])
+            K[3 + k, j] -= by_rate * by * torque[k]
 
 
 @namesake
