@@ -108,6 +108,15 @@ def test_only_its_own_mirror_image_is_symmetric(key, fault, twin):
         ({"right": {"idler": {"x": 4.0}}}, "right.idler.x = 4.0 m: must be on the side of the sprocket that idler.x"),
         ({"right": {"sprocket": {"teeth": 9}}}, "unknown key 'right.sprocket'"),
         ({"return_roller": {**ROLLERS, "radius": -1.0}}, "return_roller.radius = -1.0"),
+        (
+            {"road_wheel": {**M113["road_wheel"], "radius": [0.25, 0.3]}},
+            "road_wheel.radius: has 2 values, must have one for all wheels or 5, one for each",
+        ),
+        ({"return_roller": {**ROLLERS, "mass": [90.0, 80.0]}}, "return_roller.mass: has 2 values, must have one for"),
+        (
+            {"road_wheel": {**M113["road_wheel"], "mass": [1.0, 0.0, 1.0, 1.0, 1.0]}},
+            "wheel 2: must be greater than 0 kg",
+        ),
         ({"return_roller": {"mass": 1.0}}, "key 'return_roller.spin_inertia' is missing"),
     ],
 )

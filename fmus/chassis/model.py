@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from fmus.interface.sentences import GAPS, Sentence, format_sentence
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.start import FRAME, KEYS, roll_pitch_quaternion, stance
-from fmus.vehicles.sides import SIDES, of_side, return_rollers
+from fmus.vehicles.sides import SIDES, of_side, smooth_wheels
 
 RESOLVED = 0.5  # largest product of the default internal step and a rate
 SPRING = ("stiffness", "damping", "preload")
@@ -34,29 +34,28 @@ def default_step(tree: VehicleTree, vehicle: Mapping[str, Any], ground: Mapping[
     if ground and ground["bare"]:
         wheel, law = vehicle["road_wheel"], vehicle["contact"]["ground"]
         load = tree.masses[WHOLE] * tree.gravity[0] / (2 * len(wheel["x"]))
-        slowing = law["friction"] * load * wheel["radius"] ** 2 / wheel["spin_inertia"]  # of a sliding wheel, m/s2
+        force = law["friction"] * load
+        slowing = float(np.max(force * np.square(wheel["radius"]) / wheel["spin_inertia"]))  # of a sliding wheel, m/s2
         rate = max(rate, slowing / law["friction_velocity"])
     return max(LEAST_STEP, min(most, RESOLVED / max(rate, 1.0)))
 
 
 def stations(vehicle: Mapping[str, Any]) -> list[str]:
     """Names of the places of a side on which a track acts: road wheels, idler, return rollers, sprocket."""
-    wheels, rollers = len(vehicle["road_wheel"]["x"]), len(return_rollers(vehicle)["x"])
-    return [
-        *(f"road_wheel[{i + 1}]" for i in range(wheels)),
-        "idler",
-        *(f"return_roller[{i + 1}]" for i in range(rollers)),
-        "sprocket",
-    ]
+    return [*(wheel["name"] for wheel in smooth_wheels(vehicle)), "sprocket"]
 
 
-def spring_ports(tree: VehicleTree, side: str, first: int, wheels: int) -> list[Port]:
+def spring_ports(tree: VehicleTree, side: str, first: int, every: Sequence[Mapping[str, Any]]) -> list[Port]:
     """Outputs of the arms and springs of a side, whose leaves begin with ``first``."""
     ports, springs = [], tree.suspension
     has_elements = not isinstance(springs, LinearSprings)
     if has_elements:
         from fmus.chassis.suspension.elements import output_ports
-    for k in range(first, first + wheels):
+    for k, wheel in enumerate(every, first):
+        if wheel["kind"] == "idler":
+            push = f"push of the {side} tensioner on its idler, away from the sprocket"
+            ports.append(Port(f"{side}.tensioner.force", "output", "N", push))
+            ports += output_ports(springs, f"{side}.idler") if has_elements else []
         if not tree.is_arm[k]:
             continue
         arm, spring = f"{side}.road_arm[{k - first + 1}]", f"{side}.suspension[{k - first + 1}]"
@@ -67,9 +66,7 @@ def spring_ports(tree: VehicleTree, side: str, first: int, wheels: int) -> list[
                 Port(f"{spring}.length", "output", "m", f"length of {spring}"),
             ]
         ports += output_ports(springs, arm) if has_elements else []
-    push = f"push of the {side} tensioner on its idler, away from the sprocket"
-    ports.append(Port(f"{side}.tensioner.force", "output", "N", push))
-    return ports + (output_ports(springs, f"{side}.idler") if has_elements else [])
+    return ports
 
 
 def spring_names(vehicle: Mapping[str, Any]) -> list[tuple[str | None, ...]]:
@@ -85,8 +82,8 @@ def spring_names(vehicle: Mapping[str, Any]) -> list[tuple[str | None, ...]]:
                 index = f"[{k}]" if isinstance(table.get(key), list | tuple) else ""
                 names.append(None if table.get(key) is None else f"{above}suspension.{key}{index}")
             found.append(tuple(names))
-        found.append(tuple(f"tensioner.{key}" for key in SPRING))
-        found += [(None, None, None)] * len(return_rollers(vehicle)["x"])
+        for wheel in smooth_wheels(vehicle)[len(vehicle["road_wheel"]["x"]) :]:
+            found.append(tuple(f"tensioner.{key}" if wheel["kind"] == "idler" else None for key in SPRING))
     return found
 
 
@@ -181,7 +178,7 @@ class Model(ComponentModel):
         vehicle, sides = config["vehicle"], list(config["chassis"]["sides"])
         if sides not in (["left", "right"], ["left"]):
             raise InvalidParameter(f"chassis.sides = {sides} must be ['left', 'right'] or ['left']")
-        self.sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
+        self.sides = sides
         self.tree = tree(vehicle, len(sides))
         self._vehicle, self._ground = vehicle, config["chassis"].get("ground")
         self._set_numbers(config)
@@ -198,7 +195,7 @@ class Model(ComponentModel):
             *(
                 port
                 for k, side in enumerate(sides)
-                for port in spring_ports(self.tree, side, k * (len(self._springs) // 2), self._wheels)
+                for port in spring_ports(self.tree, side, k * (len(self._springs) // 2), smooth_wheels(vehicle))
             ),
             Port("energy.kinetic", "output", "J", "kinetic energy"),
             Port("energy.gravity", "output", "J", "gravity energy since the start"),
@@ -250,7 +247,7 @@ class Model(ComponentModel):
             x, y, z = self._centre
             y += start.get("lateral", 0.0)
             self._hull = stance((x, y, z + start["height"], *roll_pitch_quaternion(start["roll"], start["pitch"])))
-            self._leaves.reshape(2, -1)[:, : self._wheels + 1] = start["left"], start["right"]
+            self._leaves.reshape(2, -1)[:, : len(start["left"])] = start["left"], start["right"]
         state = np.zeros_like(self.integrated)
         state[:7], state[ROOT : ROOT + self._leaves.size] = self._hull, self._leaves
         return state

@@ -73,7 +73,7 @@ def set_masses(tree: VehicleTree, p: Sequence[float]) -> None:
     mounts, centre, inertia = tree.sprocket, tree.centre, tree.inertia
     mass = with_sprockets(p[MASS], moments, p[SPROCKET], p[SPROCKET + 1], mounts, centre, inertia)
     tree.gravity[0], tree.masses[BODY] = p[GRAVITY], mass
-    tree.masses[WHOLE] = with_leaves(mass, tree.suspension.wheels, tree.leaf_mass)
+    tree.masses[WHOLE] = with_leaves(mass, tree.leaf_mass)
 
 
 @kernel

@@ -48,7 +48,7 @@ from fmus.rest.tensioning import without_motion
 from fmus.start import LEVEL, Stance, StartPose, ground_level, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.track_rigid.model import Model as RigidLinks
-from fmus.vehicles.sides import lopsided
+from fmus.vehicles.sides import lopsided, lowest_wheel
 from fmus.vehicles.tables import BadInput
 
 FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
@@ -241,7 +241,7 @@ class VehicleOnChains:
         self._table = chassis["vehicle"]
         self.pose = 0.0, 0.0  # last height, m, and pitch, rad, of the hull
         self._plane = chassis["vehicle"]["track"]["lateral"]
-        self._hang = chassis["vehicle"]["road_wheel"]["z"] - chassis["vehicle"]["chassis"]["centre"][2]
+        self._hang = lowest_wheel(chassis["vehicle"])["z"] - chassis["vehicle"]["chassis"]["centre"][2]
         self.chains = {
             sides.index(side): _ChainOnWheels(kind, track, self.gravity)
             for side, track in tracks.items()

@@ -159,9 +159,11 @@ ABOUT = ("torsion_bar", "rotary_damper", "bump_stop", "rebound_stop")  # element
 
 
 def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence for each contradiction in arms, suspension and tensioner of a vehicle table."""
+    """Yield a sentence for each contradiction in wheels, arms, suspension and tensioner of a vehicle table."""
     if vehicle["tensioner"]["recoil"] and not vehicle["tensioner"]["stiffness"]:
         yield "tensioner.recoil: needs a tensioner.stiffness above 0, in line with which its spring is"
+    for name in ("road_wheel", "return_roller"):
+        yield from _lengths(vehicle[name] or {}, name, len((vehicle[name] or {"x": ()})["x"]))
     for side in SIDES:
         above = "right." if side == "right" and vehicle.get("right") else ""
         yield from (f"{above}{text}" for text in _of_side(of_side(vehicle, side)))

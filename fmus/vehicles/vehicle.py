@@ -15,7 +15,7 @@ from pydantic import AfterValidator, Field, ValidationError, ValidationInfo
 from fmus.vehicles import life_tables, suspension_tables
 from fmus.vehicles.life_tables import LifeTable
 from fmus.vehicles.ranges import Mistake, contradictions
-from fmus.vehicles.sides import SIDES, of_side
+from fmus.vehicles.sides import SIDES, of_side, smooth_wheels
 from fmus.vehicles.suspension_tables import (
     Place,
     RoadArmTable,
@@ -26,6 +26,7 @@ from fmus.vehicles.tables import (
     BadInput,
     Damping,
     Distance,
+    Each,
     EachPlace,
     Force,
     FrozenTable,
@@ -106,37 +107,22 @@ class IdlerTable(FrozenTable):  # noqa: D101
     """position above the sprocket axle"""
 
 
-class RoadWheelTable(FrozenTable):  # noqa: D101
-    mass: Mass
-    """mass of a road wheel"""
-    spin_inertia: Inertia
+class WheelsTable(FrozenTable):
+    """Wheels of one kind of each side: a number of all of them, or a list with that of each."""
+
+    mass: Annotated[Each, OrEach(Mass)]
+    """mass of a wheel"""
+    spin_inertia: Annotated[Each, OrEach(Inertia)]
     """moment of inertia about the axle"""
-    transverse_inertia: Inertia
+    transverse_inertia: Annotated[Each, OrEach(Inertia)]
     """moment of inertia across the axle"""
-    radius: Distance
+    radius: Annotated[Each, OrEach(Distance)]
     """radius of the rim"""
-    width: Distance
+    width: Annotated[Each, OrEach(Distance)]
     """width of the rim"""
     x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
     """positions forward of the sprocket axle, front to rear; their number is that of the wheels of a side"""
-    z: Length
-    """position above the sprocket axle"""
-
-
-class ReturnRollerTable(FrozenTable):  # noqa: D101
-    mass: Mass
-    """mass of a return roller"""
-    spin_inertia: Inertia
-    """moment of inertia about the axle"""
-    transverse_inertia: Inertia
-    """moment of inertia across the axle"""
-    radius: Distance
-    """radius of the rim"""
-    width: Distance
-    """width of the rim"""
-    x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
-    """positions forward of the sprocket axle, front to rear; their number is that of the rollers of a side"""
-    z: Length
+    z: Annotated[Each, OrEach(Length)]
     """position above the sprocket axle"""
 
 
@@ -314,10 +300,10 @@ class VehicleTable(FrozenTable):
     """driving wheel of each side; the middle of the axle line is the origin of all positions"""
     idler: IdlerTable
     """wheel of each side at the other end, which tensions the track"""
-    road_wheel: RoadWheelTable
-    """wheels of each side that run on the track; all are alike"""
-    return_roller: ReturnRollerTable | None = None
-    """rollers of each side, on fixed axles, that carry the upper run of the track; all are alike"""
+    road_wheel: WheelsTable
+    """wheels of each side that run on the track; each number is that of all wheels or a list with that of each"""
+    return_roller: WheelsTable | None = None
+    """rollers of each side, on fixed axles, that carry the upper run of the track; numbers as of road wheels"""
     road_arm: RoadArmTable | None = None
     """arms between hull and road wheels; without them the wheels turn on axles fixed to the hull, a roller frame"""
     suspension: SuspensionTable | None = None
@@ -345,10 +331,8 @@ class VehicleTable(FrozenTable):
 
     def total_mass(self, tracks: Sequence[str] = SIDES) -> float:
         """Mass of all bodies with tracks on these sides, kg."""
-        arm = self.road_arm.mass if self.road_arm else 0.0
-        wheels = len(self.road_wheel.x) * (self.road_wheel.mass + arm)
-        rollers = len(self.return_roller.x) * self.return_roller.mass if self.return_roller else 0.0
-        wheels_of_side = self.sprocket.mass + self.idler.mass + wheels + rollers
+        arms = len(self.road_wheel.x) * self.road_arm.mass if self.road_arm else 0.0
+        wheels_of_side = self.sprocket.mass + arms + sum(wheel["mass"] for wheel in smooth_wheels(self.model_dump()))
         links = sum(self.of_side(side).track.links for side in tracks)
         return self.chassis.mass + 2.0 * wheels_of_side + links * self.track.mass
 
