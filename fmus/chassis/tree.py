@@ -1,9 +1,8 @@
 """Vehicle without tracks as a star-shaped tree: a free body, and leaves with one coordinate each.
 
-A leaf is a road arm with its wheel (turns about a pin), an idler (slides along the chassis), or a return roller or road
+A leaf is a road arm with its wheel (turns about a pin), an idler or further wheel on a slide along the chassis, or a
 wheel on a fixed axle (a slide without travel, whose coordinate stays 0); its wheel has a separate spin. The two arms of
-a bogie share one coordinate. Leaves are ordered side by side, left first: road wheels from the front, the idler, return
-rollers from the front.
+a bogie share one coordinate. Leaves are ordered side by side, left first: road wheels, idler, further wheels, rollers.
 Frame B is the chassis' own, axes x forward, y left, z up in the drawn position, origin O in the chassis'
 centre of mass. Pins and slides lie along B's y and x axes, so a leaf moves in a plane y = const of B.
 """
@@ -57,7 +56,7 @@ class VehicleTree(NamedTuple):
     stiffness: Floats  # (n,) N/m
     damping: Floats  # (n,) N s/m
     preload: Floats  # (n,) push of the spring in the drawn position, N
-    travel: Floats  # (n,) largest motion of an idler on its slide, m; 0 for a return roller
+    travel: Floats  # (n,) largest motion of a wheel on a slide, m; 0 on a fixed axle
     sprocket: Floats  # (2, 3) centres of the sprocket mounts, left and right, m
     input_index: Integers  # (n + 2,) index of the wrench input that acts on a unit: leaves, left mount, right mount
     suspension: Any  # LinearSprings, or ``suspension.elements.Elements``
@@ -113,19 +112,15 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
 
 def has_elements(sides: Sequence[Mapping[str, Any]]) -> bool:
     """Whether the tables of sides have more than linear spring-dampers."""
-    return any(
-        isinstance(part, Mapping)
-        for table in sides for name in ("suspension", "tensioner") for part in (table[name] or {}).values()
-    )  # fmt: skip
+    tables = [(table["suspension"], *(wheel["tensioner"] for wheel in smooth_wheels(table))) for table in sides]
+    return any(isinstance(part, Mapping) for each in tables for table in each for part in (table or {}).values())
 
 
 def _leaves(table: Mapping[str, Any]) -> dict[str, Any]:
     """Arrays of the leaves of a side from its vehicle table, but hinges in the vehicle frame, at the left."""
     every, lateral, wheels = smooth_wheels(table), table["track"]["lateral"], len(table["road_wheel"]["x"])
     others = every[wheels:]  # without a tensioner on fixed axles
-    mass, transverse, spin = (
-        np.array([wheel[key] for wheel in every]) for key in ("mass", "transverse_inertia", "spin_inertia")
-    )
+    mass = np.array([wheel["mass"] for wheel in every])
     arm = table["road_arm"] or {"mass": 0.0, "pin_inertia": 0.0, "long_inertia": 0.0, "pivot": (0.0, 0.0)}
     spring = table["suspension"] or {}
     pivot = np.array(places_of_wheels(arm["pivot"], wheels))  # from the wheel centre, as all points
@@ -148,7 +143,7 @@ def _leaves(table: Mapping[str, Any]) -> dict[str, Any]:
         along = (arm["pin_inertia"] - arm["long_inertia"]) / length_squared + reduced
     places = np.array([(wheel["x"], lateral, wheel["z"]) for wheel in every])
     joined = np.arange(wheels) % 2 if arm.get("pairs") else np.zeros(wheels)
-    slides = [wheel["tensioner"] or dict.fromkeys(("stiffness", "damping", "preload"), 0.0) for wheel in others]
+    slides = [wheel["tensioner"] or {} for wheel in others]
     sense = [(-1.0 if wheel["x"] > 0.0 else 1.0) if wheel["tensioner"] else 0.0 for wheel in others]
     return {
         "is_arm": leaves([1 if table["road_arm"] else 0] * wheels).astype(np.int64),
@@ -159,15 +154,13 @@ def _leaves(table: Mapping[str, Any]) -> dict[str, Any]:
         "leaf_mass": leaves(leaf_mass, mass[wheels:]),
         "across": leaves(arm["pin_inertia"] + reduced * length_squared),
         "along": leaves(along),
-        "transverse": transverse,
-        "spin_inertia": spin,
+        "transverse": np.array([wheel["transverse_inertia"] for wheel in every]),
+        "spin_inertia": np.array([wheel["spin_inertia"] for wheel in every]),
         "on_arm": leaves(on_arm, [(towards, 0.0) for towards in sense]),
         "on_chassis": leaves(on_chassis),
         "drawn_length": leaves([hypot(*line) for line in (on_chassis - on_arm).tolist()]),
         **{
-            key: leaves(
-                of_wheels(0.0 if spring.get(key) is None else spring[key], wheels), [slide[key] for slide in slides]
-            )
+            key: leaves(of_wheels(spring.get(key) or 0.0, wheels), [slide.get(key, 0.0) for slide in slides])
             for key in ("stiffness", "damping", "preload")
         },
         "travel": leaves([0.0] * wheels, [wheel["radius"] if wheel["tensioner"] else 0.0 for wheel in others]),

@@ -23,7 +23,7 @@ import numpy as np
 from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.elementary import asin, atan2, hypot, sin
-from fmus.vehicles.sides import SIDES, lowest_wheel, of_side, places_of_wheels, smooth_wheels
+from fmus.vehicles.sides import lowest_wheel, of_side, places_of_wheels, smooth_wheels, wheel_places
 
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
@@ -101,13 +101,9 @@ def _bodies(v: Mapping[str, Any]) -> Any:
 
 def _bearing(v: Mapping[str, Any]) -> list[tuple[float, Mapping[str, Any]]]:
     """Road wheels that stand on the ground, raised by less than half a link, with the mean of their x on both sides."""
-    left, right = (smooth_wheels(of_side(v, side)) for side in SIDES)
-    low, most = lowest_wheel(v), v["track"]["face"]
-    return [
-        (0.5 * (float(a["x"]) + float(b["x"])), a)
-        for a, b in zip(left, right, strict=True)
-        if a["kind"] == "road_wheel" and (a["z"] - a["radius"]) - (low["z"] - low["radius"]) <= most
-    ]
+    low, wheels = lowest_wheel(v), zip(wheel_places(v), smooth_wheels(v), strict=False)  # road wheels come first
+    most = low["z"] - low["radius"] + v["track"]["face"]
+    return [(x, wheel) for x, wheel in wheels if wheel["z"] - wheel["radius"] <= most]
 
 
 def _shares(v: Mapping[str, Any], bear: list[tuple[float, Mapping[str, Any]]], wheels: Floats, load: float) -> Floats:

@@ -24,7 +24,7 @@ from fmus.physics.chain.layout import (
 )
 from fmus.physics.elementary import hypot, sin
 from fmus.start import StartPose, ground_level
-from fmus.vehicles.sides import smooth_wheels
+from fmus.vehicles.sides import KINDS, smooth_wheels
 
 
 def drawn(vehicle: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -41,7 +41,8 @@ def drawn(vehicle: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> li
 def drawn_keys(wheels: Sequence[Mapping[str, Any]]) -> list[str]:
     """Keys of the vehicle table that ``drawn`` reads."""
     tables = {wheel["name"].partition("[")[0] for wheel in wheels if "position" not in wheel}
-    return [f"{table}.{key}" for table in sorted(tables - {"sprocket"}) for key in ("radius", "x", "z")]
+    tables = {table if table in KINDS else f"wheel.{table}" for table in tables - {"sprocket"}}
+    return [f"{table}.{key}" for table in sorted(tables) for key in ("radius", "x", "z")]
 
 
 # Rotary inertia of links that sink, over their own: deep soil holds a link up far below its centre, so that its level

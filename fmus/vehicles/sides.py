@@ -13,8 +13,11 @@ def of_side(vehicle: Mapping[str, Any], side: str) -> Mapping[str, Any]:
     """Vehicle table of a side."""
     table = dict(vehicle)
     for name, differences in ((vehicle.get("right") or {}) if side == "right" else {}).items():
+        own = vehicle.get(name) or {}
         if given := {key: value for key, value in (differences or {}).items() if value is not None}:
-            table[name] = {**(vehicle.get(name) or {}), **given}
+            if name == "wheel":  # tables by names
+                given = {key: of_side({"": own.get(key), "right": {"": new}}, side)[""] for key, new in given.items()}
+            table[name] = {**own, **given}
     return table
 
 
@@ -65,6 +68,9 @@ def smooth_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
             own = {key: value[k] if isinstance(value, list | tuple) else value for key, value in given.items()}
             slide = table.get("tensioner") if kind == "idler" else None
             found.append({"name": f"{kind}[{k + 1}]" if numbered else kind, "kind": kind, "tensioner": slide, **own})
+        if kind == "idler":
+            further = (table.get("wheel") or {}).items()
+            found += [{"name": name, "kind": "wheel", "tensioner": None, **own} for name, own in further]
     return found
 
 

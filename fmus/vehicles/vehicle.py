@@ -15,10 +15,11 @@ from pydantic import AfterValidator, Field, ValidationError, ValidationInfo
 from fmus.vehicles import life_tables, suspension_tables
 from fmus.vehicles.life_tables import LifeTable
 from fmus.vehicles.ranges import Mistake, contradictions
-from fmus.vehicles.sides import SIDES, of_side, smooth_wheels
+from fmus.vehicles.sides import KINDS, SIDES, of_side, smooth_wheels
 from fmus.vehicles.suspension_tables import (
     Place,
     RoadArmTable,
+    SlideTable,
     SuspensionTable,
     TensionerTable,
 )
@@ -91,7 +92,7 @@ class SprocketTable(FrozenTable):  # noqa: D101
 
 class IdlerTable(FrozenTable):  # noqa: D101
     mass: Mass
-    """mass of an idler"""
+    """mass of the wheel"""
     spin_inertia: Inertia
     """moment of inertia about the axle"""
     transverse_inertia: Inertia
@@ -101,8 +102,8 @@ class IdlerTable(FrozenTable):  # noqa: D101
     width: Distance
     """width of the rim"""
     x: Length
-    """position forward of the sprocket axle, as drawn; the idler is moved until the track has its tension. Positive:
-    the sprocket is at the rear"""
+    """position forward of the sprocket axle, as drawn; the wheel of tensioner.wheel is moved until the track has its
+    tension. Positive for the idler: the sprocket is at the rear"""
     z: Length
     """position above the sprocket axle"""
 
@@ -124,6 +125,11 @@ class WheelsTable(FrozenTable):
     """positions forward of the sprocket axle, front to rear; their number is that of the wheels of a side"""
     z: Annotated[Each, OrEach(Length)]
     """position above the sprocket axle"""
+
+
+class FurtherWheelTable(IdlerTable):  # noqa: D101
+    tensioner: SlideTable | None = None
+    """spring-damper between hull and wheel; without it the axle is fixed to the hull"""
 
 
 class BushingTable(FrozenTable):  # noqa: D101
@@ -183,6 +189,13 @@ class RightIdlerTable(FrozenTable):  # noqa: D101
     """position forward of the sprocket axle, as drawn; moved like that of the left idler"""
 
 
+class RightFurtherWheelTable(FrozenTable):  # noqa: D101
+    x: Length | None = None
+    """position forward of the sprocket axle, as drawn"""
+    tensioner: SlideTable | None = None
+    """spring-damper of the right wheel, instead of that of the left one"""
+
+
 class RightArmTable(FrozenTable):  # noqa: D101
     pivot: Annotated[EachPlace, OrEach(Place)]
     """(x, z) of the pivot from the wheel centre, of all wheels or a list with that of each"""
@@ -202,6 +215,8 @@ class RightTable(FrozenTable):  # noqa: D101
     """return rollers of the right side"""
     idler: RightIdlerTable | None = None
     """idler of the right side"""
+    wheel: dict[str, RightFurtherWheelTable] | None = None
+    """further wheels of the right side, by their names"""
     tensioner: RightTensionerTable | None = None
     """spring-damper of the right idler"""
     road_arm: RightArmTable | None = None
@@ -262,15 +277,24 @@ class GuideTable(FrozenTable):  # noqa: D101
     """lateral play of a guide horn, on each side, between the discs of a wheel; of rigid links and beams"""
 
 
+TAKEN = (  # names with which ports and parameters of tracks, and those of a side of a chassis, begin
+    *KINDS, "adams", "bump_stop", "closure", "contact", "energy", "ground", "joint", "link", "link_outputs", "material",
+    "penetration", "rebound_stop", "recoil", "rest", "road_arm", "solver", "sprocket", "start", "stress", "suspension",
+    "tension", "tensioner", "torsion_bar",
+)  # fmt: skip
+
+
 def _check_consistency(vehicle: Vehicle, info: ValidationInfo | None) -> Vehicle:
     table = vehicle.model_dump()
     for rule in (contradictions, suspension_tables.contradictions, life_tables.contradictions):
         for complaint in rule(table):
             if not (is_logged(info) and isinstance(complaint, Mistake)):
                 raise ValueError(complaint)
-    for name in vehicle.seat:
+    for above, name in (*(("seat", name) for name in vehicle.seat), *(("wheel", name) for name in vehicle.wheel)):
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name):
-            raise ValueError(f"seat.{name}: a name has small letters, digits and _ alone, a letter first")
+            raise ValueError(f"{above}.{name}: a name has small letters, digits and _ alone, a letter first")
+        if above == "wheel" and name in TAKEN:
+            raise ValueError(f"wheel.{name}: is the name of another part of a side or of its ports, take a new one")
     left, right = (of_side(table, side) for side in SIDES)
     for name in ("road_wheel", "return_roller"):
         here, there = (len((table[name] or {}).get("x", ())) for table in (left, right))
@@ -304,6 +328,8 @@ class VehicleTable(FrozenTable):
     """wheels of each side that run on the track; each number is that of all wheels or a list with that of each"""
     return_roller: WheelsTable | None = None
     """rollers of each side, on fixed axles, that carry the upper run of the track; numbers as of road wheels"""
+    wheel: dict[str, FurtherWheelTable] = {}  # noqa: RUF012 - pydantic copies it
+    """further smooth wheels of each side inside its track, by names as of seats: a second idler, say"""
     road_arm: RoadArmTable | None = None
     """arms between hull and road wheels; without them the wheels turn on axles fixed to the hull, a roller frame"""
     suspension: SuspensionTable | None = None
@@ -344,7 +370,7 @@ Vehicle = Annotated[VehicleTable, AfterValidator(_check_consistency)]
 def number_meanings() -> dict[str, tuple[str, float | str, float | str, str, str]]:
     """Meanings of the numbers of a vehicle file, by their keys without indices, see ``interface.numbers``.
 
-    A key of a seat has no name of the seat: ``seat.position``.
+    A key of a seat or wheel has no name: ``seat.position``, ``wheel.tensioner.stiffness``.
     """
     schema = VehicleTable.model_json_schema()
     return dict(_meanings(schema, schema["$defs"], ""))

@@ -237,11 +237,13 @@ def closed_track_config(scene: RigScene | VehicleScene, side: Side = "left") -> 
     if isinstance(scene, RigScene):
         idler = scene.vehicle.idler.model_copy(update={"x": -scene.rig.axle_distance, "z": 0.0})
         vehicle = scene.vehicle.model_copy(update={"idler": idler})
-        wheels = [SPROCKET, _rim("idler")]
+        wheels = [SPROCKET, {"name": "idler", "kind": "rim"}]
         return _track_config(vehicle, outputs, links=scene.rig.links, closed=True, wheels=wheels, gravity=0.0)
     vehicle = scene.vehicle.of_side(side)
-    wheels = [SPROCKET, *(_rim(wheel["name"]) for wheel in smooth_wheels(vehicle.model_dump()))]
-    config = _track_config(vehicle, outputs, links=vehicle.track.links, closed=True, wheels=wheels, ground=True)
+    rims = [{"name": wheel["name"], "kind": "rim"} for wheel in smooth_wheels(vehicle.model_dump())]
+    config = _track_config(
+        vehicle, outputs, links=vehicle.track.links, closed=True, wheels=[SPROCKET, *rims], ground=True
+    )
     config["track"] |= _ground_shape(scene)
     if scene.ground.soil is not None:
         config["track"]["soil"] = scene.ground.soil.model_dump()
@@ -352,11 +354,6 @@ def _drive_parameters(drive: DriveTable) -> Parameters:
 
 
 SPROCKET = {"name": "sprocket", "kind": "teeth"}  # in the config of a track
-
-
-def _rim(name: str) -> dict[str, Any]:
-    """Smooth wheel in the config of a track."""
-    return {"name": name, "kind": "rim"}
 
 
 def _wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:

@@ -141,8 +141,9 @@ def _light_spins(vehicle: Mapping[str, Any], step: float) -> Iterator[str]:
         "road_wheel": vehicle["chassis"]["mass"] * vehicle["gravity"] / count,
         "idler": math.pi * max(vehicle["track"]["tension"], 0.0),
     }
+    loads |= {f"wheel.{name}": loads["idler"] for name in vehicle.get("wheel", ())}
     for name, load in loads.items():
-        wheels = [wheel for wheel in smooth_wheels(vehicle) if wheel["kind"] == name]
+        wheels = [wheel for wheel in smooth_wheels(vehicle) if name in (wheel["kind"], f"wheel.{wheel['name']}")]
         lightest = min(wheels, key=lambda wheel: wheel["spin_inertia"] / wheel["radius"] ** 2)
         radius, spin = lightest["radius"], lightest["spin_inertia"]
         needed = 0.5 * step * law["friction"] * load * radius**2 / law["friction_velocity"]
@@ -183,7 +184,8 @@ def _wheels(table: Mapping[str, Any], above: str) -> Iterator[_Wheel]:
     outer = table["sprocket"]["outer_radius"]
     yield _Wheel("the sprocket's place", "vehicle.sprocket.outer_radius", 0.0, 0.0, outer)
     for wheel in smooth_wheels(table):
-        key, index = wheel["kind"], wheel["name"].removeprefix(wheel["kind"])
+        name, bracket, number = wheel["name"].partition("[")
+        key, index = f"wheel.{name}" if wheel["kind"] == "wheel" else name, bracket + number
         yield _Wheel(f"{above}{key}.x{index}", f"vehicle.{key}.radius", wheel["x"], wheel["z"], wheel["radius"])
 
 

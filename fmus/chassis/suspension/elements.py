@@ -194,18 +194,18 @@ def _put_arm(
 
 @kernel
 def _put_recoil(spring: Any, tree: VehicleTree, k: int, q: float, y: Floats, i: int) -> int:
-    if spring is not None and tree.travel[k] > 0.0:
+    if spring is not None and spring.stiffness[k] > 0.0:
         y[i] = recoil.stroke(spring, tree, k, compression(tree, k, q)[0])
         i += 1
     return i
 
 
 def output_ports(suspension: Elements, wheel: str) -> list[Port]:
-    """Outputs of a leaf: of the arm ``wheel``, ``left.road_arm[1]``, or of the idler, ``left.idler``."""
+    """Outputs of a leaf: of the arm ``wheel``, ``left.road_arm[1]``, or of a wheel with a recoil, ``left.idler``."""
     side, _, place = wheel.partition(".")
     if not place.startswith("road_arm["):
         text, above = f"how far the recoil spring of the {side} {place} gives", "" if place == "idler" else f"{place}."
-        return [Port(f"{side}.{above}recoil.stroke", "output", "m", text)] if suspension.recoil else []
+        return [Port(f"{side}.{above}recoil.stroke", "output", "m", text)]
     index = place.removeprefix("road_arm")
     texts = {
         "torsion_bar": ("moment", "N.m", f"moment of the torsion bar on {wheel}, pushing its wheel down is positive"),

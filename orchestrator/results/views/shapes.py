@@ -31,7 +31,7 @@ def _table(name: str, **keys: Any) -> Any:
 
 
 # Lengths in m, angles in rad; the centre and the corners of a hull are in the vehicle frame.
-_WHEEL = _table("DrawnRim", radius=Size, width=Size)
+_WHEEL: Any = _table("DrawnRim", radius=Size, width=Size)
 _SIZES, _PLACES = Size | list[Size], Number | list[Number]  # of all wheels, or of each
 _WHEELS = _table("DrawnRims", radius=_SIZES, width=_SIZES, z=_PLACES)
 _HULL = _table("DrawnHull", centre=Place, hull=(Annotated[list[Place], Field(max_length=1000)], []))
@@ -42,6 +42,7 @@ _VEHICLE = _table(
     road_wheel=_WHEELS,
     idler=_WHEEL,
     return_roller=(_WHEELS | None, None),
+    wheel=(dict[str, _WHEEL], {}),
     chassis=(_HULL | None, None),
     guide=(_table("DrawnGuide", clearance=SizeOrNone) | None, None),
 )
@@ -169,7 +170,8 @@ def wheel_body(name: str, kind: str, track: str, vehicle: Mapping[str, Any]) -> 
     gap = HORN_SIZE[1] * vehicle["track"]["width"] + 2.0 * guide["clearance"] if guide else 0.0
     if kind != "sprocket":
         k = int(name.rpartition("[")[2].removesuffix("]")) if name.endswith("]") else 1
-        radius, width = (of_wheels(vehicle[kind][key], k)[k - 1] for key in ("radius", "width"))
+        table, kind = (vehicle["wheel"][kind], "idler") if kind in vehicle["wheel"] else (vehicle[kind], kind)
+        radius, width = (of_wheels(table[key], k)[k - 1] for key in ("radius", "width"))
         return WheelBody(name, kind, track, radius, width, gap if gap < width else 0.0, np.empty((0, 2)))
     radius = pitch_radius(vehicle) - vehicle["sprocket"]["pin_radius"]
     return WheelBody(name, kind, track, radius, vehicle["track"]["width"], gap, teeth(vehicle))
