@@ -172,7 +172,7 @@ def put_part_at_rest(p: Sequence[float], s: Stance, out: Floats, i: int) -> None
 def ground_level(vehicle: Mapping[str, Any]) -> float:
     """Height of level ground in the frame of the drawn vehicle, m: its pads just touch it under the road wheels."""
     wheel, face = vehicle["road_wheel"], vehicle["track"]["face"]
-    return float(wheel["z"] - wheel["radius"] - 2.0 * face)
+    return float(np.min(np.subtract(wheel["z"], wheel["radius"])) - 2.0 * face)
 
 
 def hull_clearance(vehicle: Mapping[str, Any], height: float, roll: float, pitch: float) -> float:

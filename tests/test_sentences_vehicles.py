@@ -1,7 +1,7 @@
 """Sentences about scenes of vehicles: drives, drivers, slopes, soil, symmetric halves, layouts, tensions."""
 
 import pytest
-from test_vehicle_layouts import M113, ROLLERS
+from test_vehicle_layouts import M113, REAR, ROLLERS, SPRING
 
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import vehicle
@@ -100,6 +100,9 @@ def test_only_its_own_mirror_image_is_symmetric(key, fault, twin):
     assert key in str(refused.value)
 
 
+RECOIL = {"preload": 9e4, "stiffness": 4e5}
+
+
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
@@ -108,6 +111,35 @@ def test_only_its_own_mirror_image_is_symmetric(key, fault, twin):
         ({"right": {"idler": {"x": 4.0}}}, "right.idler.x = 4.0 m: must be on the side of the sprocket that idler.x"),
         ({"right": {"sprocket": {"teeth": 9}}}, "unknown key 'right.sprocket'"),
         ({"return_roller": {**ROLLERS, "radius": -1.0}}, "return_roller.radius = -1.0"),
+        (
+            {"road_wheel": {**M113["road_wheel"], "radius": [0.25, 0.3]}},
+            "road_wheel.radius: has 2 values, must have one for all wheels or 5, one for each",
+        ),
+        ({"return_roller": {**ROLLERS, "mass": [90.0, 80.0]}}, "return_roller.mass: has 2 values, must have one for"),
+        (
+            {"road_wheel": {**M113["road_wheel"], "mass": [1.0, 0.0, 1.0, 1.0, 1.0]}},
+            "wheel 2: must be greater than 0 kg",
+        ),
+        (
+            {"tensioner": {**M113["tensioner"], "wheel": "front"}, "wheel": {"rear": REAR}},
+            "tensioner.wheel = 'front': must be one of ['idler', 'rear']",
+        ),
+        ({"wheel": {"idler": REAR}}, "wheel.idler: is the name of another part of a side or of its ports, take"),
+        ({"wheel": {"ground": REAR}}, "wheel.ground: is the name of another part of a side or of its ports, take"),
+        ({"wheel": {"Rear": REAR}}, "wheel.Rear: a name has small letters, digits and _ alone, a letter first"),
+        ({"wheel": {"rear": {**REAR, "mass": 1e-9}}}, "wheel.rear.mass = 1e-09 kg: must be 1e-06 to 1e+07 kg"),
+        (
+            {"wheel": {"rear": {**REAR, "tensioner": {**SPRING, "wheel": "idler"}}}},
+            "unknown key 'wheel.rear.tensioner.wheel'",
+        ),
+        (
+            {"wheel": {"rear": REAR}, "right": {"wheel": {"front": {"x": -3.8}}}},
+            "right.wheel.front: has no wheel.front from which it differs",
+        ),
+        (
+            {"wheel": {"rear": {**REAR, "tensioner": {**SPRING, "stiffness": 0.0, "recoil": RECOIL}}}},
+            "wheel.rear.tensioner.recoil: needs a wheel.rear.tensioner.stiffness above 0, in line with which its",
+        ),
         ({"return_roller": {"mass": 1.0}}, "key 'return_roller.spin_inertia' is missing"),
     ],
 )

@@ -1,18 +1,34 @@
 """Layouts of vehicles beside that of the m113: sprocket at the rear, return rollers, sides that differ."""
 
 import copy
+import re
+from importlib import resources
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from vehicle_in_process import InProcess
 
+from fmus.chassis.tree import WHOLE, tree
+from fmus.components import model_of
+from fmus.driver.skid import Footing, footing
+from fmus.ground.tables import number_meanings
+from fmus.interface import numbers
+from fmus.interface.model import InvalidParameter
+from fmus.interface.numbers import packed
 from fmus.rest.equilibrium import is_asymmetric
-from fmus.vehicles.sides import lopsided
-from fmus.vehicles.vehicle import VehicleTable, read_table, vehicle
+from fmus.start import ground_level
+from fmus.vehicles.sides import lopsided, of_wheels
+from fmus.vehicles.tables import BadInput
+from fmus.vehicles.vehicle import TAKEN, VehicleTable, read_table, vehicle
+from orchestrator.results.views.shapes import wheel_body
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
-from orchestrator.scene.settings import entries
+from orchestrator.scene.settings import entries, toml_text
+from orchestrator.scene.values import overlapping_wheels
+from orchestrator.studies.mobility.theory import centre_of_mass, largest_step
+from orchestrator.studies.step_limits import pairs
 
 M113 = vehicle(*read_table("m113")).model_dump(mode="json", exclude_none=True)
 ROLLERS = {
@@ -71,12 +87,16 @@ def unbalanced(running, table):
         of_side, track = table.of_side(side), f"{side}_track"
         weigh(table.sprocket.mass, vector("chassis", f"{side}.sprocket.position"))
         weigh(table.idler.mass, vector("chassis", f"{side}.idler.position"))
-        for i in range(len(table.return_roller.x) if table.return_roller else 0):
-            weigh(table.return_roller.mass, vector("chassis", f"{side}.return_roller[{i + 1}].position"))
+        for name, further in table.wheel.items():
+            weigh(further.mass, vector("chassis", f"{side}.{name}.position"))
+        for i in range(1, 1 + len(table.return_roller.x if table.return_roller else ())):
+            mass = of_wheels(table.return_roller.mass, i)[i - 1]
+            weigh(mass, vector("chassis", f"{side}.return_roller[{i}].position"))
         for i, x in enumerate(of_side.road_wheel.x, 1):
             wheel = vector("chassis", f"{side}.road_wheel[{i}].position")
-            drawn = np.array([x, sign * table.track.lateral, table.road_wheel.z]) - table.chassis.centre
-            weigh(table.road_wheel.mass, wheel)
+            z, mass = (of_wheels(getattr(table.road_wheel, key), i)[i - 1] for key in ("z", "mass"))
+            drawn = np.array([x, sign * table.track.lateral, z]) - table.chassis.centre
+            weigh(mass, wheel)
             if table.road_arm is None:
                 np.testing.assert_allclose(wheel, centre + hull.apply(drawn), atol=1e-12)  # on an axle of the hull
                 continue
@@ -90,21 +110,66 @@ def unbalanced(running, table):
     return force, moment
 
 
-def pull_on_idler(running, table, side):
-    """Horizontal force of the chain on the idler, N, from the pin forces where its strands leave the idler."""
-    track, end = running[f"{side}_track"], np.sign(table.idler.x)
+def strands(running, side, name, wheel):
+    """Places of the pins (n, 2), m, and of each strand that leaves a wheel the pins beside it and one further."""
+    track, chassis, table = running[f"{side}_track"], running["chassis"], running.scene.vehicle.track
     values = dict(zip(track.links, track.link_outputs(), strict=True))
-    pins = np.array([[values[f"joint[{i + 1}].position.{axis}"] for axis in "xz"] for i in range(table.track.links)])
-    beyond = end * (pins[:, 0] - running["chassis"][f"{side}.idler.position.x"]) > -0.5 * table.idler.radius
-    cut = np.flatnonzero(beyond != np.roll(beyond, 1))  # pins between a link of the wrap and one of a strand
-    assert len(cut) == 2
-    return sum(abs(values[f"joint[{i + 1}].force.x"]) for i in cut)
+    count = max(int(key[6:].partition("]")[0]) for key in values if key.startswith("joint["))
+    pins = np.array([[values[f"joint[{i + 1}].position.{axis}"] for axis in "xz"] for i in range(count)])
+    centre = [chassis[f"{side}.{name}.position.{axis}"] for axis in "xz"]
+    near = np.linalg.norm(pins - centre, axis=1) < np.hypot(wheel.radius + table.face, 1.3 * table.pitch)
+    ends = [(i, i - 1) if near[i] else (i - 1, i) for i in np.flatnonzero(near != np.roll(near, 1))]
+    assert len(ends) == 2
+    return pins, ends, [values[f"joint[{inside % count + 1}].force.x"] for inside, _ in ends]
 
 
+def pull_on(running, side, name, wheel):
+    """Horizontal force of the chain on a wheel, N, from the pin forces where its strands leave it."""
+    pins, ends, forces = strands(running, side, name, wheel)
+    ahead = [np.sign(pins[outside, 0] - pins[inside, 0]) for inside, outside in ends]
+    return abs(np.dot(ahead, np.abs(forces)))
+
+
+def pull_of_tension(running, side, name, wheel):
+    """The same from the mean tension of the chain, which is larger higher up by the weight between, and directions."""
+    pins, ends, _ = strands(running, side, name, wheel)
+    vehicle = running.scene.vehicle
+    weight, mean = vehicle.track.mass * vehicle.gravity / vehicle.track.pitch, running[f"{side}_track"]["tension.mean"]
+    pulls = []
+    for inside, outside in ends:
+        way, height = pins[outside] - pins[inside], pins[inside, 1] - pins[:, 1].mean()
+        pulls.append((mean + weight * height) * way[0] / np.linalg.norm(way))
+    return abs(sum(pulls))
+
+
+UNLIKE = {  # raised end wheels, each of another radius
+    "radius": [0.25, 0.305, 0.305, 0.305, 0.27], "z": [-0.19, -0.215, -0.215, -0.215, -0.21],
+    "mass": [377.0, 561.07, 561.07, 561.07, 440.0], "spin_inertia": [11.8, 26.06, 26.06, 26.06, 16.0],
+}  # fmt: skip
+RAISED = changed(road_wheel={**M113["road_wheel"], **UNLIKE})
+REAR = {
+    "mass": 200.0,
+    "spin_inertia": 4.0,
+    "transverse_inertia": 4.0,
+    "radius": 0.2,
+    "width": 0.381,
+    "x": -3.9,
+    "z": 0.35,
+}
+SPRING = {"stiffness": 1e6, "damping": 1e4, "preload": 0.0}
+LONGER = {**M113["track"], "links": 66}
+SECOND = changed(wheel={"rear_idler": {**REAR, "tensioner": SPRING}}, track=LONGER)
 TABLES = {
     "m113": M113,
+    "second idler": SECOND,
+    "fixed second idler": changed(wheel={"rear_idler": REAR}, track=LONGER, return_roller=ROLLERS),
     "rollers": changed(return_roller=ROLLERS),
     "staggered": changed(return_roller=ROLLERS, right=STAGGERED),
+    "raised": RAISED,
+    "raised rollers": changed(
+        road_wheel=RAISED["road_wheel"],
+        return_roller={**ROLLERS, "radius": [0.1, 0.118, 0.13], "mass": [70.0, 90.0, 120.0]},
+    ),
     **{
         name: vehicle(*read_table(name)).model_dump(mode="json", exclude_none=True)
         for name in ("marder", "robot", "leopard2", "dozer")
@@ -130,11 +195,90 @@ def test_a_vehicle_starts_in_balance_by_hand(name):
     assert np.abs(force[[0, 2]]).max() < more * 1e-4 * weight
     assert np.abs(moment[:2]).max() < more * 5e-4 * weight  # rigid links; the search has cables
     for side in ("left", "right"):
-        pull = pull_on_idler(running, known.of_side(side), side)
+        pull = pull_on(running, side, "idler", known.idler)
         assert abs(running[f"{side}_track"]["idler.force.x"]) == pytest.approx(pull, rel=1e-6)
         assert running["chassis"][f"{side}.tensioner.force"] == pytest.approx(pull, rel=more * 5e-3)
     ground = sum(running[f"{side}_track"]["ground.force.z"] for side in ("left", "right"))
     assert ground == pytest.approx(weight, rel=more * 1e-4)
+
+
+def reach(running, side, name):
+    """Distance from the centre of a wheel to the line of the pins, m."""
+    track = running[f"{side}_track"]
+    values = dict(zip(track.links, track.link_outputs(), strict=True))
+    count = sum(key.endswith("].position.x") and key.startswith("joint") for key in values)
+    a = np.array([[values[f"joint[{i}].position.{axis}"] for axis in "xz"] for i in range(1, count + 1)])
+    way = np.roll(a, -1, axis=0) - a
+    to = np.array([running["chassis"][f"{side}.{name}.position.{axis}"] for axis in "xz"]) - a
+    share = np.clip((to * way).sum(1) / (way * way).sum(1), 0.0, 1.0)
+    return np.linalg.norm(to - share[:, None] * way, axis=1).min()
+
+
+def test_a_vehicle_stands_on_wheels_that_differ_as_asked():
+    """Its tracks carry the tension asked, links lie on the rims of raised wheels, and both sides are alike.
+
+    The twins: a mass that is 5 % off is out of balance by hand, a radius that is 3 % off is no rim that links touch.
+    """
+    scene = at_rest(RAISED, ("track.link_outputs", ["position", "force"]))
+    left, right = scene.standing.tracks
+    assert (left.tension, right.tension) == pytest.approx([scene.vehicle.track.tension] * 2, rel=1e-3)
+    assert left.loads == pytest.approx(right.loads, rel=1e-9)
+    assert max(left.loads[0], left.loads[4]) < 0.2 * min(left.loads[1:4])
+    running, face = InProcess(scene), scene.vehicle.track.face
+    for side in ("left", "right"):
+        for i in (1, 5):  # hardly loaded, they sink by less than 5 mm
+            away, radius = reach(running, side, f"road_wheel[{i}]") - face, UNLIKE["radius"][i - 1]
+            assert [0.0 < part * radius - away < 5e-3 for part in (1.0, 0.97, 1.03)] == [True, False, False]
+    weight = scene.vehicle.total_mass() * scene.vehicle.gravity
+    heavier = {**RAISED["road_wheel"], "mass": [*UNLIKE["mass"][:4], 1.05 * UNLIKE["mass"][4]]}
+    for table, sign in ((RAISED, -1.0), (changed(road_wheel=heavier), 1.0)):
+        force, _ = unbalanced(running, vehicle(table, "raised"))
+        assert sign * (abs(force[2]) - 1e-4 * weight) > 0.0
+
+
+def read_by_others(table):
+    """Wheels of a vehicle as its readers other than a chassis take them: driver, theory, limits, pictures, ground."""
+    known = vehicle(table, "own")
+    scene = load("straight", "rigid", {"vehicle": table})
+    shapes = [
+        wheel_body(f"left_track/{name}[2]", name, "left_track", table) for name in ("road_wheel", "return_roller")
+    ]
+    return (
+        [np.array(part).tolist() for part in footing(table)[0]], largest_step(known), centre_of_mass(known),
+        pairs(scene), [(shape.radius, shape.width) for shape in shapes], ground_level(table), known.total_mass(),
+        list(overlapping_wheels(table)),
+    )  # fmt: skip
+
+
+def test_a_list_of_equal_numbers_is_that_number():
+    one = changed(return_roller=ROLLERS)
+    each = copy.deepcopy(one)
+    for name in ("road_wheel", "return_roller"):
+        count = len(one[name]["x"])
+        each[name] |= {key: [value] * count for key, value in one[name].items() if key != "x"}
+    assert read_by_others(each) == read_by_others(one)
+    trees = [tree(vehicle(table, "own").model_dump(), 2) for table in (each, one)]
+    for key in ("hinge", "leaf_mass", "across", "along", "transverse", "spin_inertia", "fraction", "masses", "travel"):
+        np.testing.assert_array_equal(*(getattr(each, key) for each in trees))
+
+
+def test_readers_take_the_number_of_each_wheel():
+    """Raised wheels carry no load in the driver's footing; the lowest one stands on the ground, the last one hangs."""
+    low, raised = (read_by_others(changed(road_wheel=wheel, return_roller=ROLLERS))
+                   for wheel in (M113["road_wheel"], {**M113["road_wheel"], **UNLIKE}))  # fmt: skip
+    wheels = Footing._fields.index("wheels")
+    assert (len(low[0][wheels]), len(raised[0][wheels])) == (5, 3)
+    assert raised[5] == low[5]  # the ground
+    assert low[6] - raised[6] == pytest.approx(2.0 * (2.0 * 561.07 - 377.0 - 440.0))
+    assert raised[3]["road wheel on its link"].m2 < low[3]["road wheel on its link"].m2 - 180.0
+    heavy = [*UNLIKE["mass"][:4], 2.0 * UNLIKE["mass"][4]]
+    moved = centre_of_mass(vehicle(changed(road_wheel={**M113["road_wheel"], **UNLIKE, "mass": heavy}), "own"))
+    assert moved[0] < centre_of_mass(vehicle(RAISED, "own"))[0] - 0.05  # the last wheel is behind it
+    for known in (vehicle(table, "own") for table in (RAISED, SECOND)):
+        chains = 2.0 * known.track.links * known.track.mass
+        assert tree(known.model_dump(), 2).masses[WHOLE] == pytest.approx(known.total_mass() - chains, rel=1e-12)
+    shape = wheel_body("left_track/road_wheel[5]", "road_wheel", "left_track", RAISED)
+    assert shape.radius == 0.27
 
 
 def test_a_vehicle_with_its_sprocket_at_the_rear_is_a_mirror_image():
@@ -191,3 +335,127 @@ def test_every_point_of_a_vehicle_is_compared_with_its_mirror_image():
         assert lopsided(moved) == f"chassis.{key}"
     assert is_asymmetric({"vehicle": moved, "chassis": {"ground": {"hull": True}}}, ("left", "right"))
     assert not is_asymmetric({"vehicle": moved, "chassis": {}}, ("left", "right"))
+
+
+def second(**parts):
+    """Table of the m113 with a second idler, whose own table has other parts."""
+    return {**SECOND, "wheel": {"rear_idler": {**SECOND["wheel"]["rear_idler"], **parts}}}
+
+
+OF_PINS = ("track.link_outputs", ["position", "force"])
+
+
+def test_a_second_idler_is_held_by_its_own_spring():
+    """Its push is that of its spring, and the chain's tension times the directions of its strands.
+
+    The twins: a stiffness that is 3 % off, and a tension.
+    """
+    running = InProcess(at_rest(SECOND, OF_PINS))
+    vehicle, chassis = running.scene.vehicle, running["chassis"]
+    wheel, push = vehicle.wheel["rear_idler"], chassis["left.rear_idler.tensioner.force"]
+    hull = Rotation.from_quat([chassis[f"chassis.orientation.{part}"] for part in "wxyz"], scalar_first=True)
+    place, centre = (
+        np.array([chassis[f"{name}.position.{axis}"] for axis in "xyz"]) for name in ("left.rear_idler", "chassis")
+    )
+    slide = hull.inv().apply(place - centre)[0] - (wheel.x - vehicle.chassis.centre[0])
+    assert slide == pytest.approx(-1.41e-3, rel=0.01)
+    of_spring = [wheel.tensioner.preload + part * wheel.tensioner.stiffness * slide for part in (1.0, 1.03)]
+    assert push == pytest.approx(of_spring[0], rel=1e-6)
+    assert push != pytest.approx(of_spring[1], rel=3e-3)
+    pull = pull_of_tension(running, "left", "rear_idler", wheel)
+    assert push == pytest.approx(pull, rel=0.01)
+    assert push != pytest.approx(1.03 * pull, rel=0.01)
+    for side in ("left", "right"):
+        assert chassis[f"{side}.rear_idler.tensioner.force"] == pytest.approx(push, rel=1e-9)
+        pulled = pull_on(running, side, "rear_idler", wheel)
+        assert running[f"{side}_track"]["rear_idler.force.x"] == pytest.approx(pulled, rel=1e-6)
+
+
+@pytest.mark.long
+def test_the_wheel_that_is_moved_for_the_tension():
+    """Either idler is moved to the tension asked; the other one stays as drawn, and both springs balance the chain."""
+    for name, stays in (("idler", ("wheel", "rear_idler", -3.9)), ("rear_idler", ("idler", None, -3.991))):
+        table = {**SECOND, "idler": {**M113["idler"], "x": -3.991}, "tensioner": {**M113["tensioner"], "wheel": name}}
+        scene = at_rest(table)
+        x = scene.vehicle.idler.x, scene.vehicle.wheel["rear_idler"].x
+        assert (x[0] == -3.991, x[1] == -3.9) == (name != "idler", name == "idler"), stays
+        for tracks in (scene.standing.tracks, scene.start.equilibrium.tracks):
+            assert [each.tension for each in tracks] == pytest.approx([14380.0] * 2, rel=1e-3)
+    with pytest.raises(BadInput, match=r"within 60 mm of x = -3\.9 m, .*vehicle\.track\.links = 67"):
+        at_rest({**table, "track": {**LONGER, "links": 67}})
+
+
+@pytest.mark.long
+def test_further_wheels_of_sides_that_differ():
+    """A right wheel elsewhere, on a stiffer spring, is in balance; an equal one is the left one."""
+    other = {"x": -3.89, "tensioner": {**SPRING, "stiffness": 2e6}}
+    table = {**SECOND, "right": {"wheel": {"rear_idler": other}}}
+    assert lopsided(VehicleTable.model_validate(table).model_dump()) == "wheel.rear_idler"
+    running = InProcess(at_rest(table, OF_PINS))
+    known = running.scene.vehicle
+    force, moment = unbalanced(running, known)
+    weight = known.total_mass() * known.gravity
+    assert np.abs(force[[0, 2]]).max() < 1e-4 * weight
+    assert np.abs(moment[:2]).max() < 5e-4 * weight
+    pushes = [running["chassis"][f"{side}.rear_idler.tensioner.force"] for side in ("left", "right")]
+    pulls = [pull_on(running, side, "rear_idler", known.wheel["rear_idler"]) for side in ("left", "right")]
+    assert pushes == pytest.approx(pulls, rel=5e-3)
+    assert pushes[0] != pytest.approx(pushes[1], rel=0.01)
+    assert [each.tension for each in running.scene.standing.tracks] == pytest.approx([14380.0] * 2, rel=1e-3)
+    same = at_rest({**SECOND, "right": {"wheel": {"rear_idler": {"x": -3.9}}}}).start.equilibrium
+    assert (*same.left, *same.right) == pytest.approx(2 * at_rest(SECOND).start.equilibrium.left, abs=1e-7)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_further_wheel_without_a_track_lacks_its_push(side):
+    running = InProcess(at_rest(SECOND, ("tracks", [side]), ("start.state", "drawn")))
+    pushes = {each: running["chassis"][f"{each}.rear_idler.tensioner.force"] for each in ("left", "right")}
+    assert pushes.pop(side) == pytest.approx(11343.5, rel=1e-3)
+    assert [*pushes.values()] == [0.0]
+
+
+@pytest.mark.long
+def test_a_recoil_below_the_push_of_a_further_wheel_is_refused():
+    for preload, start in (9e3, "drawn"), (11e3, "equilibrium"):
+        table = second(tensioner={**SPRING, "recoil": {"preload": preload, "stiffness": 4e5}})
+        with pytest.raises(
+            (InvalidParameter, BadInput),
+            match=rf"wheel\.rear_idler\.tensioner\.recoil\.preload = {preload:g} N must be",
+        ):
+            InProcess(at_rest(table, ("start.state", start)))
+    kept = second(tensioner={**SPRING, "recoil": {"preload": 12e3, "stiffness": 4e5}})
+    assert InProcess(at_rest(kept))["chassis"]["left.rear_idler.recoil.stroke"] == 0.0
+
+
+@pytest.mark.parametrize(("name", "links"), [("straight", "rigid"), ("straight", "flexible"), ("tank", "rigid")])
+def test_no_further_wheel_takes_the_name_of_a_port(name, links):
+    """Ports and parameters of a track, and of a side of a chassis, that begin with a name and a point."""
+    first = set()
+    for part in assemble(load(name, links, ["track.link_outputs=true", "start.state=drawn"])).parts:
+        for port in model_of(part.kind)(part.config).ports if part.stage != "drive" else ():
+            above, *rest = re.sub(r"\[.*?\]", "", port.name).split(".")
+            if rest and part.kind.startswith("Track"):
+                first.add(above)
+            elif above in ("left", "right"):
+                first.add(rest[0])
+    assert first <= {*TAKEN}
+    assert {"tensioner", "energy", "ground"} <= first
+
+
+def test_settings_name_further_wheels(tmp_path):
+    """A vehicle with a base takes its wheels by name; ports and parameters have the names of the tables."""
+    scene = (resources.files("orchestrator.gallery") / "straight.toml").read_text(encoding="utf-8")
+    scene = scene.replace('vehicle = "m113"\n', "") + '[vehicle]\nbase = "own.toml"\nwheel.rear_idler.x = "-3.89 m"\n'
+    (tmp_path / "scene.toml").write_text(scene)
+    (tmp_path / "own.toml").write_text("".join(f"{key} = {toml_text(value)}\n" for key, value in SECOND.items()))
+    scene = load(str(tmp_path / "scene.toml"), "rigid", ["vehicle.wheel.rear_idler.tensioner.stiffness=2 MN/m"])
+    wheel = scene.vehicle.wheel["rear_idler"]
+    assert (wheel.x, wheel.z, wheel.tensioner.stiffness, wheel.tensioner.damping) == (-3.89, 0.35, 2e6, 1e4)
+    (chassis,) = (part for part in assemble(scene).parts if part.kind == "Chassis")
+    model = model_of(chassis.kind)(chassis.config)
+    config = packed(chassis.config, model.reads(chassis.config))
+    ports = {port.name: port for port in (*model.ports, *numbers.ports(config, number_meanings(), model.ports))}
+    assert {"left.rear_idler.position.x", "right.rear_idler.force.z", "left.rear_idler.tensioner.force"} <= ports.keys()
+    assert ports["wheel.rear_idler.tensioner.stiffness"].start == 2e6
+    assert ports["wheel.rear_idler.radius"].unit == "m"
+    assert "wheel.rear_idler.tensioner.travel" not in ports  # a limit of results

@@ -22,7 +22,7 @@ from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 from fmus.physics.wheels import from_frame, into_frame
 from fmus.start import FRAME
-from fmus.vehicles.sides import return_rollers
+from fmus.vehicles.sides import smooth_wheels
 
 STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbers
 
@@ -47,20 +47,22 @@ def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: 
     ``ground``: {"hull": bool, "bare": sides without a track}, and the keys of ``ground_shape``. Raises
     InvalidParameter.
     """
-    wheel, idler, origin = vehicle["road_wheel"], vehicle["idler"], np.array(vehicle["chassis"]["centre"])
+    origin = np.array(vehicle["chassis"]["centre"])
     hull = vehicle["chassis"]["hull"] if ground["hull"] else []
     bare = [1.0 if side in ground["bare"] else 0.0 for side in ("left", "right")]
-    count, rollers, z = len(wheel["x"]), len(return_rollers(vehicle)["x"]), np.zeros
-    leaves = 2 * (count + 1 + rollers)
+    radius, width = (  # return rollers touch no ground
+        [0.0 if wheel["kind"] == "return_roller" else wheel[key] for wheel in smooth_wheels(vehicle)]
+        for key in ("radius", "width")
+    )
     return ChassisContacts(
         ground_shape(vehicle, ground, parameters),
         contact_law("ground", parameters, vehicle["contact"]["ground"]),
         np.zeros(FRAME),
         np.array(hull, dtype=float).reshape(-1, 3) - origin,
-        np.kron(bare, [*[wheel["radius"]] * count, idler["radius"], *[0.0] * rollers]),
-        0.5 * np.kron(bare, [*[wheel["width"]] * count, idler["width"], *[0.0] * rollers]),
-        z(6 * leaves + 6),
-        z(5),
+        np.kron(bare, radius),
+        0.5 * np.kron(bare, width),
+        np.zeros(12 * len(radius) + 6),
+        np.zeros(5),
         memory(),
     )
 

@@ -20,7 +20,7 @@ from fmus.interface.sentences import GAPS, Sentence, format_sentence
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.start import FRAME, KEYS, roll_pitch_quaternion, stance
-from fmus.vehicles.sides import SIDES, of_side, return_rollers
+from fmus.vehicles.sides import SIDES, of_side, smooth_wheels
 
 RESOLVED = 0.5  # largest product of the default internal step and a rate
 SPRING = ("stiffness", "damping", "preload")
@@ -34,29 +34,29 @@ def default_step(tree: VehicleTree, vehicle: Mapping[str, Any], ground: Mapping[
     if ground and ground["bare"]:
         wheel, law = vehicle["road_wheel"], vehicle["contact"]["ground"]
         load = tree.masses[WHOLE] * tree.gravity[0] / (2 * len(wheel["x"]))
-        slowing = law["friction"] * load * wheel["radius"] ** 2 / wheel["spin_inertia"]  # of a sliding wheel, m/s2
+        force = law["friction"] * load
+        slowing = float(np.max(force * np.square(wheel["radius"]) / wheel["spin_inertia"]))  # of a sliding wheel, m/s2
         rate = max(rate, slowing / law["friction_velocity"])
     return max(LEAST_STEP, min(most, RESOLVED / max(rate, 1.0)))
 
 
 def stations(vehicle: Mapping[str, Any]) -> list[str]:
-    """Names of the places of a side on which a track acts: road wheels, idler, return rollers, sprocket."""
-    wheels, rollers = len(vehicle["road_wheel"]["x"]), len(return_rollers(vehicle)["x"])
-    return [
-        *(f"road_wheel[{i + 1}]" for i in range(wheels)),
-        "idler",
-        *(f"return_roller[{i + 1}]" for i in range(rollers)),
-        "sprocket",
-    ]
+    """Names of the places of a side on which a track acts: its smooth wheels, then the sprocket."""
+    return [*(wheel["name"] for wheel in smooth_wheels(vehicle)), "sprocket"]
 
 
-def spring_ports(tree: VehicleTree, side: str, first: int, wheels: int) -> list[Port]:
+def spring_ports(tree: VehicleTree, vehicle: Mapping[str, Any], side: str, first: int) -> list[Port]:
     """Outputs of the arms and springs of a side, whose leaves begin with ``first``."""
     ports, springs = [], tree.suspension
     has_elements = not isinstance(springs, LinearSprings)
     if has_elements:
         from fmus.chassis.suspension.elements import output_ports
-    for k in range(first, first + wheels):
+    for k, wheel in enumerate(smooth_wheels(of_side(vehicle, side)), first):
+        if wheel["tensioner"]:
+            name = wheel["name"]
+            push = f"push of the {side} tensioner on its {name}, away from the sprocket"
+            ports.append(Port(f"{side}.{name}.tensioner.force".replace(".idler.", "."), "output", "N", push))
+            ports += output_ports(springs, f"{side}.{name}") if wheel["tensioner"].get("recoil") else []
         if not tree.is_arm[k]:
             continue
         arm, spring = f"{side}.road_arm[{k - first + 1}]", f"{side}.suspension[{k - first + 1}]"
@@ -67,9 +67,7 @@ def spring_ports(tree: VehicleTree, side: str, first: int, wheels: int) -> list[
                 Port(f"{spring}.length", "output", "m", f"length of {spring}"),
             ]
         ports += output_ports(springs, arm) if has_elements else []
-    push = f"push of the {side} tensioner on its idler, away from the sprocket"
-    ports.append(Port(f"{side}.tensioner.force", "output", "N", push))
-    return ports + (output_ports(springs, f"{side}.idler") if has_elements else [])
+    return ports
 
 
 def spring_names(vehicle: Mapping[str, Any]) -> list[tuple[str | None, ...]]:
@@ -85,8 +83,11 @@ def spring_names(vehicle: Mapping[str, Any]) -> list[tuple[str | None, ...]]:
                 index = f"[{k}]" if isinstance(table.get(key), list | tuple) else ""
                 names.append(None if table.get(key) is None else f"{above}suspension.{key}{index}")
             found.append(tuple(names))
-        found.append(tuple(f"tensioner.{key}" for key in SPRING))
-        found += [(None, None, None)] * len(return_rollers(vehicle)["x"])
+        for wheel in smooth_wheels(of_side(vehicle, side))[len(vehicle["road_wheel"]["x"]) :]:
+            own = (((vehicle.get("right") or {}).get("wheel") or {}).get(wheel["name"]) or {}).get("tensioner")
+            above = "" if wheel["kind"] == "idler" else f"wheel.{wheel['name']}."
+            above = f"right.{above}" if own and side == "right" else above
+            found.append(tuple(f"{above}tensioner.{key}" if wheel["tensioner"] else None for key in SPRING))
     return found
 
 
@@ -159,17 +160,19 @@ class Model(ComponentModel):
         ground = chassis.get("ground") or {}
         hull = bool(ground.get("hull"))
         body, wheel = ("mass", "inertia", "centre"), ("mass", "spin_inertia", "transverse_inertia", "x", "z")
+        further = [f"wheel.{name}." for name in config["vehicle"].get("wheel") or ()]
+        width = ["width"] if ground else []
         return [
             "gravity",
             *(f"chassis.{key}" for key in (*body, *(["hull"] if hull else []))),
             "sprocket.mass",
             "sprocket.transverse_inertia",
-            *(f"idler.{key}" for key in (*wheel, "radius", *(["width"] if ground else []))),
-            *(f"road_wheel.{key}" for key in (*wheel, *(["radius", "width"] if ground else []))),
+            *(f"{above}{key}" for above in ("idler.", *further) for key in (*wheel, "radius", *width)),
+            *(f"road_wheel.{key}" for key in (*wheel, *(["radius", *width] if ground else []))),
             *(f"return_roller.{key}" for key in wheel if config["vehicle"].get("return_roller")),
             "road_arm",
             "suspension",
-            *(f"tensioner.{key}" for key in (*SPRING, "recoil")),
+            *(f"{above}tensioner.{key}" for above in ("", *further) for key in (*SPRING, "recoil")),
             "track.lateral",
             "right",
             *(["contact.ground", "track.face"] if ground else []),
@@ -181,7 +184,7 @@ class Model(ComponentModel):
         vehicle, sides = config["vehicle"], list(config["chassis"]["sides"])
         if sides not in (["left", "right"], ["left"]):
             raise InvalidParameter(f"chassis.sides = {sides} must be ['left', 'right'] or ['left']")
-        self.sides, self._wheels = sides, len(vehicle["road_wheel"]["x"])
+        self.sides = sides
         self.tree = tree(vehicle, len(sides))
         self._vehicle, self._ground = vehicle, config["chassis"].get("ground")
         self._set_numbers(config)
@@ -198,7 +201,7 @@ class Model(ComponentModel):
             *(
                 port
                 for k, side in enumerate(sides)
-                for port in spring_ports(self.tree, side, k * (len(self._springs) // 2), self._wheels)
+                for port in spring_ports(self.tree, vehicle, side, k * (len(self._springs) // 2))
             ),
             Port("energy.kinetic", "output", "J", "kinetic energy"),
             Port("energy.gravity", "output", "J", "gravity energy since the start"),
@@ -250,7 +253,7 @@ class Model(ComponentModel):
             x, y, z = self._centre
             y += start.get("lateral", 0.0)
             self._hull = stance((x, y, z + start["height"], *roll_pitch_quaternion(start["roll"], start["pitch"])))
-            self._leaves.reshape(2, -1)[:, : self._wheels + 1] = start["left"], start["right"]
+            self._leaves.reshape(2, -1)[:, : len(start["left"])] = start["left"], start["right"]
         state = np.zeros_like(self.integrated)
         state[:7], state[ROOT : ROOT + self._leaves.size] = self._hull, self._leaves
         return state
@@ -268,12 +271,15 @@ class Model(ComponentModel):
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at rest at the start pose; raises InvalidParameter."""
         values = self._numbers | parameter_values(self.ports, parameters)
-        recoil, push = self._vehicle["tensioner"].get("recoil"), values["tensioner.preload"]
-        if recoil and recoil["preload"] < push:
-            raise InvalidParameter(
-                f"tensioner.recoil.preload = {recoil['preload']:.6g} N must be {push:.6g} N at least, the push that"
-                " the idler needs at the start: the recoil spring gives beyond its preload only"
-            )
+        wheels = [wheel for side in SIDES for wheel in smooth_wheels(of_side(self._vehicle, side))]
+        for wheel, (_, _, key) in zip(wheels, spring_names(self._vehicle), strict=True):
+            recoil = (wheel["tensioner"] or {}).get("recoil")
+            if recoil and key and recoil["preload"] < (push := values[key]):
+                raise InvalidParameter(
+                    f"{key.removesuffix('preload')}recoil.preload = {recoil['preload']:.6g} N must be {push:.6g} N at"
+                    f" least, the push that the {wheel['name']} needs at the start: the recoil spring gives beyond its"
+                    " preload only"
+                )
         if self._ground:
             from fmus.chassis.contacts import contacts
 

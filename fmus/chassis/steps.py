@@ -53,7 +53,8 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
         if damping >= 0:
             tree.damping[k] = p[damping]
         if preload >= 0:
-            tree.preload[k] = p[preload] - (0.0 if tree.is_arm[k] == 1 else c.missing_preload[2 * k // n])
+            is_idler = k % (n // 2) == tree.suspension.wheels
+            tree.preload[k] = p[preload] - (c.missing_preload[2 * k // n] if is_idler else 0.0)
         x[ROOT + k] = c.leaves[k]
     hull = part_at_rest(p, c.hull)
     for i in range(7):
@@ -73,7 +74,7 @@ def set_masses(tree: VehicleTree, p: Sequence[float]) -> None:
     mounts, centre, inertia = tree.sprocket, tree.centre, tree.inertia
     mass = with_sprockets(p[MASS], moments, p[SPROCKET], p[SPROCKET + 1], mounts, centre, inertia)
     tree.gravity[0], tree.masses[BODY] = p[GRAVITY], mass
-    tree.masses[WHOLE] = with_leaves(mass, tree.suspension.wheels, tree.leaf_mass)
+    tree.masses[WHOLE] = with_leaves(mass, tree.leaf_mass)
 
 
 @kernel
@@ -117,8 +118,8 @@ def warn_of_unrest(message: Floats, c: Parts, hitch: Any, u: Floats, h: float) -
     """
     tree, x = c.tree, c.state
     acceleration, lack, n = abs(x[9]) / h, 0.0, tree.is_arm.size
-    for k in (tree.suspension.wheels, n // 2 + tree.suspension.wheels):  # idlers
-        if tree.preload[k] > 0.0:
+    for k in range(n):
+        if tree.is_arm[k] == 0 and tree.preload[k] > 0.0:  # idlers
             lack = max(lack, tree.leaf_mass[k] * abs(x[ROOT + 2 * n + k]) / h / tree.preload[k])
     if acceleration > LEAST_UNREST or lack > LEAST_LACK:
         message[0], message[1], message[2], A = 1.0, acceleration, 100.0 * lack, tree.rotation

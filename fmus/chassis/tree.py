@@ -1,9 +1,8 @@
 """Vehicle without tracks as a star-shaped tree: a free body, and leaves with one coordinate each.
 
-A leaf is a road arm with its wheel (turns about a pin), an idler (slides along the chassis), or a return roller or road
+A leaf is a road arm with its wheel (turns about a pin), an idler or further wheel on a slide along the chassis, or a
 wheel on a fixed axle (a slide without travel, whose coordinate stays 0); its wheel has a separate spin. The two arms of
-a bogie share one coordinate. Leaves are ordered side by side, left first: road wheels from the front, the idler, return
-rollers from the front.
+a bogie share one coordinate. Leaves are ordered side by side, left first: road wheels, idler, further wheels, rollers.
 Frame B is the chassis' own, axes x forward, y left, z up in the drawn position, origin O in the chassis'
 centre of mass. Pins and slides lie along B's y and x axes, so a leaf moves in a plane y = const of B.
 """
@@ -19,7 +18,7 @@ from fmus.kernels.by_reference import by_reference
 from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Integers, Matrix, Vector
 from fmus.physics.elementary import hypot
-from fmus.vehicles.sides import SIDES, of_side, of_wheels, places_of_wheels, return_rollers
+from fmus.vehicles.sides import SIDES, of_side, of_wheels, places_of_wheels, smooth_wheels
 
 BODY, WHOLE = range(2)  # indices into ``VehicleTree.masses``
 
@@ -49,15 +48,15 @@ class VehicleTree(NamedTuple):
     along: Floats  # (n,) kg
     transverse: Floats  # (n,) wheel's transverse inertia, kg m2
     spin_inertia: Floats  # (n,) kg m2
-    # (n, 2) x and z of the spring's end on the arm, from the pin, drawn position, m; of an idler 1 behind the sprocket
-    # and -1 ahead of it, then 0: the sense of x in which it compresses its spring; 0 for a return roller
+    # (n, 2) x and z of the spring's end on the arm, from the pin, drawn position, m; of a wheel on a slide 1 behind the
+    # sprocket and -1 ahead of it, then 0: the sense of x in which it compresses its spring; 0 on a fixed axle
     on_arm: Floats
     on_chassis: Floats  # (n, 2) x and z of the spring's end on the chassis, from the pin, m
     drawn_length: Floats  # (n,) of the spring-damper in the drawn position, m; 0 without one
     stiffness: Floats  # (n,) N/m
     damping: Floats  # (n,) N s/m
     preload: Floats  # (n,) push of the spring in the drawn position, N
-    travel: Floats  # (n,) largest motion of an idler on its slide, m; 0 for a return roller
+    travel: Floats  # (n,) largest motion of a wheel on a slide, m; 0 on a fixed axle
     sprocket: Floats  # (2, 3) centres of the sprocket mounts, left and right, m
     input_index: Integers  # (n + 2,) index of the wrench input that acts on a unit: leaves, left mount, right mount
     suspension: Any  # LinearSprings, or ``suspension.elements.Elements``
@@ -93,7 +92,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     input_index, mirror = _inputs(count, sides)
     whole = VehicleTree(
         gravity=np.array([float(vehicle["gravity"])]),
-        masses=np.array([mass, plain(with_leaves)(mass, wheels, each["leaf_mass"])]),
+        masses=np.array([mass, plain(with_leaves)(mass, each["leaf_mass"])]),
         centre=centre,
         inertia=inertia,
         **each,
@@ -113,20 +112,17 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
 
 def has_elements(sides: Sequence[Mapping[str, Any]]) -> bool:
     """Whether the tables of sides have more than linear spring-dampers."""
-    return any(
-        isinstance(part, Mapping)
-        for table in sides for name in ("suspension", "tensioner") for part in (table[name] or {}).values()
-    )  # fmt: skip
+    tables = [(table["suspension"], *(wheel["tensioner"] for wheel in smooth_wheels(table))) for table in sides]
+    return any(isinstance(part, Mapping) for each in tables for table in each for part in (table or {}).values())
 
 
 def _leaves(table: Mapping[str, Any]) -> dict[str, Any]:
     """Arrays of the leaves of a side from its vehicle table, but hinges in the vehicle frame, at the left."""
-    wheel, idler, roller = table["road_wheel"], table["idler"], return_rollers(table)
-    tensioner, lateral = table["tensioner"], table["track"]["lateral"]
-    wheels, rollers = len(wheel["x"]), len(roller["x"])
+    every, lateral, wheels = smooth_wheels(table), table["track"]["lateral"], len(table["road_wheel"]["x"])
+    others = every[wheels:]  # without a tensioner on fixed axles
+    mass = np.array([wheel["mass"] for wheel in every])
     arm = table["road_arm"] or {"mass": 0.0, "pin_inertia": 0.0, "long_inertia": 0.0, "pivot": (0.0, 0.0)}
     spring = table["suspension"] or {}
-    moving = 1 if table["road_arm"] else 0
     pivot = np.array(places_of_wheels(arm["pivot"], wheels))  # from the wheel centre, as all points
     has_line = spring.get("on_arm") is not None
     on_arm, on_chassis = (
@@ -134,42 +130,40 @@ def _leaves(table: Mapping[str, Any]) -> dict[str, Any]:
         for key in ("on_arm", "on_chassis")
     )
 
-    def leaves(road: Any, idling: Any, rolling: Any) -> Floats:
-        """Array over the leaves from that of the wheels, or one value for them, and values of the others."""
-        own = np.array(road, dtype=float)
-        own = np.broadcast_to(own, (wheels, *np.shape(idling))) if own.shape == np.shape(idling) else own
-        return np.array([*own, np.array(idling, dtype=float), *[np.array(rolling, dtype=float)] * rollers])
+    def leaves(road: Any, other: Any = 0.0) -> Floats:
+        """Array over the leaves from that of the road wheels and that of the others, or one value for these."""
+        return np.array([*road, *np.broadcast_to(other, (len(others), *np.shape(road)[1:]))], dtype=float)
 
-    leaf_mass = wheel["mass"] + arm["mass"]
+    leaf_mass = mass[:wheels] + arm["mass"]
     # arm and wheel: point masses at a distance of half an arm, on the line of the arm
-    reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
+    reduced = 0.25 * mass[:wheels] * arm["mass"] / leaf_mass
     length_squared = (pivot * pivot).sum(axis=1)
     along = np.zeros(wheels)
-    if moving:
+    if table["road_arm"]:
         along = (arm["pin_inertia"] - arm["long_inertia"]) / length_squared + reduced
-    hinges = [[x + ahead, lateral, wheel["z"] + up] for x, (ahead, up) in zip(wheel["x"], pivot, strict=True)]
-    rolls = ([x, lateral, roller["z"]] for x in roller["x"])
-    joined = np.arange(wheels) % 2 if arm.get("pairs") else 0
-    drawn = [hypot(*line) for line in (on_chassis - on_arm).tolist()]
+    places = np.array([(wheel["x"], lateral, wheel["z"]) for wheel in every])
+    joined = np.arange(wheels) % 2 if arm.get("pairs") else np.zeros(wheels)
+    slides = [wheel["tensioner"] or {} for wheel in others]
+    sense = [(-1.0 if wheel["x"] > 0.0 else 1.0) if wheel["tensioner"] else 0.0 for wheel in others]
     return {
-        "is_arm": leaves(moving, 0, 0).astype(np.int64),
-        "joined": leaves(joined, 0, 0).astype(np.int64),
-        "hinge": np.array([*hinges, [idler["x"], lateral, idler["z"]], *rolls]),
-        "arm": leaves(-pivot, (0.0, 0.0), (0.0, 0.0)),
-        "fraction": leaves((wheel["mass"] + 0.5 * arm["mass"]) / leaf_mass, 1.0, 1.0),
-        "leaf_mass": leaves(leaf_mass, idler["mass"], roller["mass"]),
-        "across": leaves(arm["pin_inertia"] + reduced * length_squared, 0.0, 0.0),
-        "along": leaves(along, 0.0, 0.0),
-        "transverse": leaves(wheel["transverse_inertia"], idler["transverse_inertia"], roller["transverse_inertia"]),
-        "spin_inertia": leaves(wheel["spin_inertia"], idler["spin_inertia"], roller["spin_inertia"]),
-        "on_arm": leaves(on_arm, (-1.0 if idler["x"] > 0.0 else 1.0, 0.0), (0.0, 0.0)),
-        "on_chassis": leaves(on_chassis, (0.0, 0.0), (0.0, 0.0)),
-        "drawn_length": leaves(drawn, 0.0, 0.0),
+        "is_arm": leaves([1 if table["road_arm"] else 0] * wheels).astype(np.int64),
+        "joined": leaves(joined).astype(np.int64),
+        "hinge": places + np.insert(leaves(pivot), 1, 0.0, axis=1),
+        "arm": leaves(-pivot),
+        "fraction": leaves((mass[:wheels] + 0.5 * arm["mass"]) / leaf_mass, 1.0),
+        "leaf_mass": leaves(leaf_mass, mass[wheels:]),
+        "across": leaves(arm["pin_inertia"] + reduced * length_squared),
+        "along": leaves(along),
+        "transverse": np.array([wheel["transverse_inertia"] for wheel in every]),
+        "spin_inertia": np.array([wheel["spin_inertia"] for wheel in every]),
+        "on_arm": leaves(on_arm, [(towards, 0.0) for towards in sense]),
+        "on_chassis": leaves(on_chassis),
+        "drawn_length": leaves([hypot(*line) for line in (on_chassis - on_arm).tolist()]),
         **{
-            key: leaves(of_wheels(0.0 if spring.get(key) is None else spring[key], wheels), tensioner[key], 0.0)
+            key: leaves(of_wheels(spring.get(key) or 0.0, wheels), [slide.get(key, 0.0) for slide in slides])
             for key in ("stiffness", "damping", "preload")
         },
-        "travel": leaves(0.0, idler["radius"], 0.0),
+        "travel": leaves([0.0] * wheels, [wheel["radius"] if wheel["tensioner"] else 0.0 for wheel in others]),
     }
 
 
@@ -234,11 +228,14 @@ def with_sprockets(
 
 
 @kernel
-def with_leaves(mass: float, wheels: int, leaf_mass: Floats) -> float:
+def with_leaves(mass: float, leaf_mass: Floats) -> float:
     """Mass of the vehicle, kg, from that of the chassis with sprockets and those of the leaves (n).
 
-    ``wheels``: road wheels of a side.
+    Neighbours of one mass count by a product, and both sides are alike.
     """
-    leaves = leaf_mass.size // 2  # of a side: road wheels, the idler, rollers
-    side = wheels * leaf_mass[0] + leaf_mass[wheels] + (leaves - 1 - wheels) * leaf_mass[leaves - 1]
+    side, first, count = 0.0, 0, leaf_mass.size // 2
+    for k in range(1, count + 1):
+        if k == count or leaf_mass[k] != leaf_mass[first]:
+            side += (k - first) * leaf_mass[first]
+            first = k
     return mass + 2 * side

@@ -98,6 +98,7 @@ class Model(ComponentModel):
             *(f"sprocket.{key}" for key in ("mass", "transverse_inertia", "teeth")),
             *(f"{table}.{key}" for table in ("idler", "road_wheel") for key in (*wheel, "radius")),
             *(f"return_roller.{key}" for key in wheel if config["vehicle"].get("return_roller")),
+            *(f"wheel.{name}.{key}" for name in config["vehicle"].get("wheel") or () for key in wheel),
             *(f"road_arm.{key}" for key in ("mass", "pin_inertia", "pivot")),
             *(f"track.{key}" for key in ("links", "lateral", "pitch", "mass", "face", "width", "tension")),
             "right",

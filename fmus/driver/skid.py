@@ -23,7 +23,7 @@ import numpy as np
 from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.elementary import asin, atan2, hypot, sin
-from fmus.vehicles.sides import of_side, places_of_wheels, return_rollers, wheel_places
+from fmus.vehicles.sides import lowest_wheel, of_side, places_of_wheels, smooth_wheels, wheel_places
 
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
@@ -57,10 +57,10 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
     mass = masses.sum()
     ahead, up = (masses * x).sum() / mass, (masses * z).sum() / mass
     inertia = own_inertia.sum() + (masses * ((x - ahead) ** 2 + y**2)).sum()
-    track, wheel, gravity = vehicle["track"], vehicle["road_wheel"], float(vehicle["gravity"])
-    places = wheel_places(vehicle)
-    wheels = np.array(places) - ahead
-    shares = _shares({**vehicle, "road_wheel": {**wheel, "x": places}}, wheels, 0.5 * mass * gravity)
+    track, wheel, gravity = vehicle["track"], lowest_wheel(vehicle), float(vehicle["gravity"])
+    bear = _bearing(vehicle)
+    wheels = np.array([x for x, _ in bear]) - ahead
+    shares = _shares(vehicle, bear, wheels, 0.5 * mass * gravity)
     middle = float((shares * wheels).sum())
     edge = 0.25 * track["width"]
     unshifted = Footing(
@@ -86,31 +86,35 @@ def _bodies(v: Mapping[str, Any]) -> Any:
     yield v["chassis"]["mass"], *v["chassis"]["centre"], v["chassis"]["inertia"][2]
     for side, sign in (("right", -1.0), ("left", 1.0)):
         table = of_side(v, side)
-        sprocket, idler, wheel, arm, track = (
-            table[name] for name in ("sprocket", "idler", "road_wheel", "road_arm", "track")
-        )
-        y, roller, loop = sign * track["lateral"], return_rollers(table), track["links"] * track["mass"]
+        sprocket, idler, arm, track = (table[name] for name in ("sprocket", "idler", "road_arm", "track"))
+        y, loop, low = sign * track["lateral"], track["links"] * track["mass"], lowest_wheel(table)
         yield sprocket["mass"], 0.0, y, 0.0, sprocket["transverse_inertia"]
-        yield idler["mass"], idler["x"], y, idler["z"], idler["transverse_inertia"]
-        for x in roller["x"]:
-            yield roller["mass"], x, y, roller["z"], roller["transverse_inertia"]
-        pivots = places_of_wheels(arm["pivot"], len(wheel["x"])) if arm else [(0.0, 0.0)] * len(wheel["x"])
-        for x, (ahead, up) in zip(wheel["x"], pivots, strict=True):
-            yield wheel["mass"], x, y, wheel["z"], wheel["transverse_inertia"]
-            if arm:
-                yield arm["mass"], x + 0.5 * ahead, y, wheel["z"] + 0.5 * up, arm["pin_inertia"]
-        yield loop, 0.5 * idler["x"], y, 0.5 * (wheel["z"] - wheel["radius"]), loop * idler["x"] * idler["x"] / 12.0
+        wheels, road = smooth_wheels(table), len(table["road_wheel"]["x"])
+        pivots = iter(places_of_wheels(arm["pivot"], road) if arm else ())
+        for wheel in (*wheels[road:], *wheels[:road]):
+            yield wheel["mass"], wheel["x"], y, wheel["z"], wheel["transverse_inertia"]
+            if arm and wheel["kind"] == "road_wheel":
+                ahead, up = next(pivots)
+                yield arm["mass"], wheel["x"] + 0.5 * ahead, y, wheel["z"] + 0.5 * up, arm["pin_inertia"]
+        yield loop, 0.5 * idler["x"], y, 0.5 * (low["z"] - low["radius"]), loop * idler["x"] * idler["x"] / 12.0
 
 
-def _shares(v: Mapping[str, Any], wheels: Floats, load: float) -> Floats:
+def _bearing(v: Mapping[str, Any]) -> list[tuple[float, Mapping[str, Any]]]:
+    """Road wheels that stand on the ground, raised by less than half a link, with the mean of their x on both sides."""
+    low, wheels = lowest_wheel(v), zip(wheel_places(v), smooth_wheels(v), strict=False)  # road wheels come first
+    most = low["z"] - low["radius"] + v["track"]["face"]
+    return [(x, wheel) for x, wheel in wheels if wheel["z"] - wheel["radius"] <= most]
+
+
+def _shares(v: Mapping[str, Any], bear: list[tuple[float, Mapping[str, Any]]], wheels: Floats, load: float) -> Floats:
     """Shares (n) of a track's ground load under each wheel: equal springs, less what the strands lift."""
-    track, wheel, idler = v["track"], v["road_wheel"], v["idler"]
-    under = wheel["radius"] + track["face"]
+    track, idler, places = v["track"], v["idler"], np.array([x for x, _ in bear])
     pins = v["sprocket"]["teeth"] * track["pitch"] / (2.0 * np.pi)
     lifts = np.zeros(len(wheels))
     for x, z, radius in ((0.0, 0.0, pins), (idler["x"], idler["z"], idler["radius"] + track["face"])):
-        k = int(np.argmin(np.abs(np.array(wheel["x"]) - x)))
-        dx, dz = abs(wheel["x"][k] - x), z - wheel["z"]
+        k = int(np.argmin(np.abs(places - x)))
+        wheel = bear[k][1]
+        dx, dz, under = abs(float(places[k]) - x), z - wheel["z"], wheel["radius"] + track["face"]
         slant = atan2(dz, dx) + asin(float(np.clip((under - radius) / hypot(dx, dz), -1.0, 1.0)))
         lifts[k] += max(track.get("tension") or 0.0, 0.0) * max(sin(slant), 0.0)
     distance = wheels - wheels.mean()

@@ -316,6 +316,6 @@ class GroundTable(FrozenTable):
 def number_meanings() -> dict[str, Meaning]:
     """Meanings of the numbers of vehicles and grounds, by their keys without indices, see ``interface.numbers``.
 
-    A key of a seat has no name of the seat: ``seat.position``.
+    A key of a seat or wheel has no name: ``seat.position``, ``wheel.tensioner.stiffness``.
     """
     return dict(meanings(VehicleTable)) | dict(meanings(GroundTable, "ground."))

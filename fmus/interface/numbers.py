@@ -27,6 +27,7 @@ another library, because arrays are longer; Python FMUs make their model anew.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -46,8 +47,8 @@ OF_SCENES: dict[str, tuple[str, str]] = {  # unit ("": see _unit) and descriptio
     "rest.lateral": ("m", "way of the hull to the left at the start"),
     "rest.roll": ("rad", "roll of the hull at the start"),
     "rest.pitch": ("rad", "pitch of the hull at the start"),
-    "rest.left": ("", "left arm from the front, rad, then slide of the idler, m, at the start"),
-    "rest.right": ("", "right arm from the front, rad, then slide of the idler, m, at the start"),
+    "rest.left": ("", "left arm from the front, rad, then slides of idler and further wheels, m, at the start"),
+    "rest.right": ("", "right arm from the front, rad, then slides of idler and further wheels, m, at the start"),
     "rest.wrench": ("", "force, N, then torque, N m, of the left, then the right track on its sprocket at rest"),
     "rest.": ("", "place at the start in the vehicle, m, or quaternion"),
     "ground.level": ("m", "height of the level part of the ground in the world"),
@@ -132,7 +133,7 @@ def _port(name: str, config: Mapping[str, Any], path: Path, meanings: Mapping[st
     value = _at(config, path)
     key = name.removeprefix("rest.contact.").partition("[")[0]
     key = f"contact.{key}" if name.startswith("rest.contact.") else key
-    key = "seat.position" if name.startswith("seat.") else key
+    key = re.sub(r"\b(seat|wheel)\.\w+\.", r"\1.", key)
     if key in meanings:
         unit, least, most, allowed, text = meanings[key]
         text += ", without influence: contact.* counts" if name.startswith("rest.") else ""
@@ -147,7 +148,7 @@ def _unit(config: Mapping[str, Any], path: Path) -> str:
     """Unit of an entry of a list whose entries have several: arms and a slide, wrenches, a place and a quaternion."""
     match path:
         case ("chassis", "start", _, int(k)):
-            return "m" if k == len(_at(config, path[:-1])) - 1 else "rad"
+            return "rad" if k < len(config["vehicle"]["road_wheel"]["x"]) else "m"
         case ("drive", "wrench", int(k)):
             return "N" if k % 6 < 3 else "N.m"
         case ("track", "ends", *_):

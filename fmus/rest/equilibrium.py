@@ -48,7 +48,7 @@ from fmus.rest.tensioning import without_motion
 from fmus.start import LEVEL, Stance, StartPose, ground_level, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.track_rigid.model import Model as RigidLinks
-from fmus.vehicles.sides import lopsided
+from fmus.vehicles.sides import lopsided, lowest_wheel, smooth_wheels
 from fmus.vehicles.tables import BadInput
 
 FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
@@ -80,7 +80,7 @@ class VehicleEquilibrium(NamedTuple):
     height: float  # of the hull's centre of mass, m
     roll: float  # rad
     pitch: float  # rad
-    left: Sequence[float]  # arm angles from the front, rad, then the idler's slide, m
+    left: Sequence[float]  # arm angles from the front, rad, then the slides of idler and further wheels, m
     right: Sequence[float]  # likewise
     lateral: float = 0.0  # of the hull, m: on a side slope it has slid until guides touch
     # force, N, and torque, N m, of each track on its sprocket, left and right, in the vehicle; 0 without a track
@@ -237,11 +237,12 @@ class VehicleOnChains:
         sides = ["left"] if self.half else ["left", "right"]
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})
-        self.leaves = len(chassis["vehicle"]["road_wheel"]["x"]) + 1  # with a coordinate, on a side
+        wheels = smooth_wheels(chassis["vehicle"])
+        self.leaves = sum(wheel["kind"] != "return_roller" for wheel in wheels)  # that may move, of a side
         self._table = chassis["vehicle"]
         self.pose = 0.0, 0.0  # last height, m, and pitch, rad, of the hull
         self._plane = chassis["vehicle"]["track"]["lateral"]
-        self._hang = chassis["vehicle"]["road_wheel"]["z"] - chassis["vehicle"]["chassis"]["centre"][2]
+        self._hang = lowest_wheel(chassis["vehicle"])["z"] - chassis["vehicle"]["chassis"]["centre"][2]
         self.chains = {
             sides.index(side): _ChainOnWheels(kind, track, self.gravity)
             for side, track in tracks.items()

@@ -49,8 +49,8 @@ class DoesNotStand(BadInput):
 class StandingVehicle(NamedTuple):
     """Idlers of the sides that have tables of their own, left first, and the equilibrium on level, hard ground."""
 
-    places: Sequence[float]  # x, m
-    pushes: Sequence[float]  # that balance the tracks as drawn, N
+    places: Sequence[float]  # x of the wheel that is moved, m
+    pushes: Sequence[Mapping[str, float]]  # on the wheels, by name, that balance the tracks as drawn, N
     drawn: Sequence[float]  # mean tension of the tracks as drawn, N
     rest: VehicleEquilibrium
 
@@ -70,7 +70,7 @@ def standing_vehicle(
     build. Raises DoesNotStand, and BadInput where the tension is not reached to 0.1 %.
     """
     chassis, tracks = motionless(chassis, tracks)
-    request = [*read_by_search(chassis, tracks), tension]
+    request = [*read_by_search(chassis, tracks), tension, chassis["vehicle"]["tensioner"]["wheel"]]
 
     def found(links: str) -> StandingVehicle:
         """On rigid links what it is on cables, unless these stretch."""
@@ -136,12 +136,12 @@ class _Search:
 
     def _standing(self, drawn: Floats) -> StandingVehicle:
         links: Links = CABLES if self.cables is None else ("TrackRigid", self.tracks["left"].parameters)
-        found = []
+        found, moved = [], self.chassis["vehicle"]["tensioner"]["wheel"]
         for side, tension in zip(self.sides, drawn.tolist(), strict=True):
             keys = "vehicle.track" if side == "left" else "vehicle.right.track"
-            found.append(tension_wheel(self.tracks[side].config, "idler", tension, keys, links))
+            found.append(tension_wheel(self.tracks[side].config, moved, tension, keys, links))
             self.missed = found[-1].missed or self.missed
-        places, pushes, tensions = [x.x for x in found], [x.push for x in found], [x.tension for x in found]
+        places, pushes, tensions = [x.x for x in found], [x.pushes for x in found], [x.tension for x in found]
         vehicle = self._vehicle(places, pushes)
         try:
             self.guess = vehicle.come_to_rest(vehicle.start() if self.guess is None else self.guess)
@@ -151,26 +151,36 @@ class _Search:
         rest = vehicle.as_equilibrium(self.guess)._replace(tracks=vehicle.tracks_at_rest())
         return StandingVehicle(places, pushes, tensions, rest)
 
-    def _vehicle(self, places: Sequence[float], pushes: Sequence[float]) -> VehicleOnChains:
+    def _vehicle(self, places: Sequence[float], pushes: Sequence[Mapping[str, float]]) -> VehicleOnChains:
         moved = with_idlers(self.chassis["vehicle"], places, pushes)
         tracks = {}
         for side, track in self.tracks.items():
-            table = {**track.config["vehicle"], "idler": of_side(moved, side)["idler"]}
+            table = track.config["vehicle"] | {key: of_side(moved, side)[key] for key in ("idler", "wheel")}
             tracks[side] = track._replace(config={**track.config, "vehicle": table})
         kind = Cables if self.cables is None else RigidLinks
         return VehicleOnChains(kind, {**self.chassis, "vehicle": moved}, tracks, (0.0, 0.0))
 
 
-def with_idlers(vehicle: Mapping[str, Any], places: Sequence[float], pushes: Sequence[float]) -> dict[str, Any]:
-    """Vehicle table with its idlers at ``places`` x, m, and further ``pushes`` of their tensioners, N.
+def with_idlers(
+    vehicle: Mapping[str, Any], places: Sequence[float], pushes: Sequence[Mapping[str, float]], bare: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Vehicle table with the wheels that are moved at ``places`` x, m, and further ``pushes`` of its tensioners, N.
 
-    One of each for both sides, or left and right those of a vehicle with a table ``right``.
+    One of each for both sides, or left and right those of a vehicle with a table ``right``. ``bare``: sides without a
+    track, whose further wheels lack the push; a chassis takes it from their idlers.
     """
-    moved = dict(vehicle)
-    for table, side, x, push in zip((moved, dict(vehicle.get("right") or {})), SIDES, places, pushes, strict=False):
-        preload = of_side(vehicle, side)["tensioner"]["preload"] + push
-        table["idler"] = {**(table.get("idler") or {}), "x": x}
-        table["tensioner"] = {**(table.get("tensioner") or {}), "preload": preload}
-        if side == "right":
-            moved["right"] = table
-    return moved
+    moved, right, name = dict(vehicle), dict(vehicle.get("right") or {}), vehicle["tensioner"]["wheel"]
+    for k, (side, table) in enumerate(zip(SIDES, (moved, right), strict=True)):
+        own, at, wheels = of_side(vehicle, side), min(k, len(places) - 1), {}
+        for key, wheel in own["wheel"].items():
+            if slide := wheel["tensioner"]:
+                slide = {**slide, "preload": slide["preload"] + (0.0 if side in bare else pushes[at][key])}
+            place = {"x": places[at] if key == name else wheel["x"], "tensioner": slide}
+            wheels[key] = place if table is right else {**wheel, **place}
+        if wheels and (k == at or bare):
+            table["wheel"] = wheels
+        if k == at:
+            preload = own["tensioner"]["preload"] + pushes[at]["idler"]
+            table["tensioner"] = {**(table.get("tensioner") or {}), "preload": preload}
+            table["idler"] = {**(table.get("idler") or {}), "x": places[at] if name == "idler" else own["idler"]["x"]}
+    return {**moved, "right": right} if right else moved

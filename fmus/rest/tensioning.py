@@ -35,7 +35,7 @@ class WheelPlace(NamedTuple):
     """Place of a wheel of a chain at rest, and what it carries there."""
 
     x: float  # m
-    push: float  # away from the sprocket at the origin, which holds the wheel there against the chain, N
+    pushes: Mapping[str, float]  # by wheel, away from the sprocket at the origin: they hold it against the chain, N
     tension: float  # mean of the chain, N
     missed: str  # why this is not the tension asked, in words; "" if it is
 
@@ -73,9 +73,10 @@ class Track:
     def __init__(self, config: Mapping[str, Any], name: str, links: Links) -> None:
         self.config, self.links = config, links
         self.index = next(i for i, wheel in enumerate(config["track"]["wheels"]) if wheel["name"] == name)
-        self.drawn, self.height = drawn(config["vehicle"], config["track"]["wheels"])[self.index]["position"]
+        self.places = [wheel["position"] for wheel in drawn(config["vehicle"], config["track"]["wheels"])]
+        self.drawn, self.height = self.places[self.index]
         self.outwards = 1.0 if self.drawn > 0.0 else -1.0  # away from the sprocket
-        self.found: dict[float, tuple[float, float]] = {}  # by place: mean tension, push outwards, N
+        self.found: dict[float, tuple[float, dict[str, float]]] = {}  # by place: mean tension, pushes outwards, N
 
     def tension(self, x: float) -> float:
         """Mean tension, N, of the chain laid out with the wheel at x; raises InvalidParameter, StepFailed."""
@@ -87,7 +88,9 @@ class Track:
             model = model_of(kind)({**self.config, "track": {**track, "wheels": wheels}, "link_outputs": False})
             defaults = {port.name: port.start for port in model.ports if port.causality == "parameter"}
             model.initialise({**defaults, **parameters})
-            self.found[x] = float(model.report[T_MEAN]), -self.outwards * float(model.s.mean[self.index, 0])
+            pulls = zip(wheels, self.places, model.s.mean[:, 0].tolist(), strict=False)
+            pushes = {wheel["name"]: round(-pull if at[0] > 0.0 else pull, 3) for wheel, at, pull in pulls}
+            self.found[x] = float(model.report[T_MEAN]), pushes
         return self.found[x][0]
 
     def end(self, way: float) -> float:
@@ -147,6 +150,7 @@ class Track:
             x = float(scipy.optimize.brentq(excess, 0.0, self.outwards * length, xtol=1e-6))
         except ValueError:  # other wheels alone need a longer belt
             return ""
+        name = name if name == "idler" else f"wheel.{name}"
         key = f"rig.axle_distance = {-x:.4g}" if keys == "rig" else f"{keys.replace('track', name)}.x = {x:.4g}"
         return f"; {key} m would fit"
 
@@ -170,7 +174,7 @@ def search(config: Mapping[str, Any], name: str, tension: float, keys: str, link
     except (InvalidParameter, StepFailed) as error:
         raise BadInput(f"{where}: with the {name} near its drawn x = {chain.drawn:.4g} m {error}") from None
     at = chain.tension(x)
-    place = WheelPlace(x, round(chain.found[x][1], 3), at, "")
+    place = WheelPlace(x, chain.found[x][1], at, "")
     if chain.carries(x, tension):
         return place
     tensions = [found for found, _ in chain.found.values()]

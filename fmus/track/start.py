@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from math import ceil
 from typing import Any
@@ -25,8 +24,7 @@ from fmus.physics.chain.layout import (
 )
 from fmus.physics.elementary import hypot, sin
 from fmus.start import StartPose, ground_level
-
-_NUMBERED = re.compile(r"(road_wheel|return_roller)\[(\d+)\]")
+from fmus.vehicles.sides import KINDS, smooth_wheels
 
 
 def drawn(vehicle: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -34,26 +32,17 @@ def drawn(vehicle: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> li
 
     The sprocket is at the origin. What a wheel of the config gives itself comes before the vehicle table.
     """
-    return [{**_from_table(vehicle, wheel["name"]), **wheel} for wheel in wheels]
+    known: dict[str, dict[str, Any]] = {"sprocket": {"position": [0.0, 0.0]}}
+    for wheel in (wheel for wheel in smooth_wheels(vehicle) if "x" in wheel):
+        known[wheel["name"]] = {"position": [wheel["x"], wheel["z"]], "radius": wheel["radius"]}
+    return [{**known.get(wheel["name"], {}), **wheel} for wheel in wheels]
 
 
 def drawn_keys(wheels: Sequence[Mapping[str, Any]]) -> list[str]:
     """Keys of the vehicle table that ``drawn`` reads."""
     tables = {wheel["name"].partition("[")[0] for wheel in wheels if "position" not in wheel}
-    return [f"{table}.{key}" for table in sorted(tables - {"sprocket"}) for key in ("radius", "x", "z")]
-
-
-def _from_table(vehicle: Mapping[str, Any], name: str) -> dict[str, Any]:
-    if name == "sprocket":
-        return {"position": [0.0, 0.0]}
-    if match := _NUMBERED.fullmatch(name):
-        table = vehicle.get(match[1])
-        places = (table or {}).get("x", ())
-        x = places[int(match[2]) - 1] if len(places) >= int(match[2]) else None
-    else:
-        table = vehicle.get(name)
-        x = table and table.get("x")
-    return {} if table is None or x is None else {"position": [x, table["z"]], "radius": table["radius"]}
+    tables = {table if table in KINDS else f"wheel.{table}" for table in tables - {"sprocket"}}
+    return [f"{table}.{key}" for table in sorted(tables) for key in ("radius", "x", "z")]
 
 
 # Rotary inertia of links that sink, over their own: deep soil holds a link up far below its centre, so that its level

@@ -34,20 +34,21 @@ MACHINE = "from a robot of some kilograms to the crawlers of open-cast mines"
 PART = "parts of such machines"
 ROUNDED = 1.01  # moments of inertia of a flat body, one of which is the sum of the others, rounded to two digits
 CONTACT = "pads, rubber and steel under a link give way by 0.1 to 30 mm"
+WHEELS = ("idler", "road_wheel", "return_roller", "wheel.NAME")  # NAME: each further wheel
 VEHICLE = (
     PlausibleRange("gravity", "m/s^2", (0.0, 25.0), (0.0, 1e3), "Jupiter has 24.8 m/s^2"),
     PlausibleRange("chassis.mass", "kg", (5.0, 2e6), (1e-3, 1e8), MACHINE),
     *(
         PlausibleRange(f"{part}.mass", "kg", (0.01, 2e4), (1e-6, 1e7), PART)
-        for part in ("sprocket", "idler", "road_wheel", "return_roller", "road_arm")
+        for part in ("sprocket", *WHEELS, "road_arm")
     ),
     *(
         PlausibleRange(f"{part}.spin_inertia", "kg m^2", (1e-6, 2e4), (1e-12, 1e8), PART)
-        for part in ("sprocket", "idler", "road_wheel", "return_roller")
+        for part in ("sprocket", *WHEELS)
     ),
     *(
         PlausibleRange(f"{part}.radius", "m", (0.01, 2.0), (1e-3, 50.0), PART)
-        for part in ("idler", "road_wheel", "return_roller")
+        for part in WHEELS
     ),
     PlausibleRange("suspension.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13),
                    "stiffer than the contacts, a spring is rigid"),
@@ -143,7 +144,8 @@ def range_violations(
 
     ``which``: the range, "plausible" or "possible"; ``above``: prefix of the keys in the sentence.
     """
-    for number_range in ranges:
+    names = {one.key: (table.get("wheel") or ()) if "NAME" in one.key else ("",) for one in ranges}
+    for number_range in (one._replace(key=one.key.replace("NAME", name)) for one in ranges for name in names[one.key]):
         found: Any = table
         for part in number_range.key.split("."):
             found = found.get(part) if isinstance(found, Mapping) else None

@@ -1,7 +1,4 @@
-"""Tables of the sides of a vehicle: the right side is the left one with the differences in ``right``.
-
-A side may have return rollers, wheels on fixed axles that carry the upper run of a track.
-"""
+"""Tables of the sides of a vehicle: the right side is the left one with the differences in ``right``; its wheels."""
 
 from __future__ import annotations
 
@@ -9,15 +6,18 @@ from collections.abc import Mapping
 from typing import Any
 
 SIDES = ("left", "right")
-NO_ROLLERS = dict.fromkeys(("mass", "spin_inertia", "transverse_inertia", "radius", "width", "z"), 0.0) | {"x": ()}
+KINDS = ("road_wheel", "idler", "return_roller")  # of smooth wheels, in the order of their ports
 
 
 def of_side(vehicle: Mapping[str, Any], side: str) -> Mapping[str, Any]:
     """Vehicle table of a side."""
     table = dict(vehicle)
     for name, differences in ((vehicle.get("right") or {}) if side == "right" else {}).items():
+        own = vehicle.get(name) or {}
         if given := {key: value for key, value in (differences or {}).items() if value is not None}:
-            table[name] = {**(vehicle.get(name) or {}), **given}
+            if name == "wheel":  # tables by names
+                given = {key: of_side({"": own.get(key), "right": {"": new}}, side)[""] for key, new in given.items()}
+            table[name] = {**own, **given}
     return table
 
 
@@ -58,6 +58,23 @@ def wheel_places(vehicle: Mapping[str, Any]) -> list[float]:
     return [0.5 * (float(a) + float(b)) for a, b in zip(left, right, strict=True)]
 
 
-def return_rollers(vehicle: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Table of the return rollers of a side; without places ``x`` if the vehicle has none."""
-    return vehicle.get("return_roller") or NO_ROLLERS
+def smooth_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Smooth wheels of a side in the order of their ports, each with ``name``, ``kind``, ``tensioner``, own numbers."""
+    found = []
+    for kind in KINDS:
+        given = table.get(kind) or {}
+        numbered = isinstance(x := given.get("x", ()), list | tuple)
+        for k in range(len(x) if numbered else 1):
+            own = {key: value[k] if isinstance(value, list | tuple) else value for key, value in given.items()}
+            slide = table.get("tensioner") if kind == "idler" else None
+            found.append({"name": f"{kind}[{k + 1}]" if numbered else kind, "kind": kind, "tensioner": slide, **own})
+        if kind == "idler":
+            further = (table.get("wheel") or {}).items()
+            found += [{"name": name, "kind": "wheel", "tensioner": None, **own} for name, own in further]
+    return found
+
+
+def lowest_wheel(table: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The road wheel of a side, as drawn, whose rim is lowest: it stands on level ground."""
+    wheels = smooth_wheels(table)[: len(table["road_wheel"]["x"])]
+    return min(wheels, key=lambda wheel: wheel["z"] - wheel["radius"])

@@ -136,22 +136,29 @@ class SuspensionTable(FrozenTable):  # noqa: D101
 
 class RecoilTable(FrozenTable):  # noqa: D101
     preload: Force
-    """push of the idler at which the recoil spring begins to give; it must exceed the push at the start"""
+    """push of the wheel at which the recoil spring begins to give; it must exceed the push at the start"""
     stiffness: Annotated[float, In("N/m", gt=0)]
     """stiffness of the recoil spring, in line with the stiffness of the tensioner"""
 
 
-class TensionerTable(FrozenTable):  # noqa: D101
+class SlideTable(FrozenTable):
+    """Spring-damper of a wheel on a slide."""
+
     stiffness: Stiffness
-    """stiffness of the idler's spring, along x"""
+    """stiffness of the wheel's spring, along x"""
     damping: Damping
-    """damping of the idler, along x"""
+    """damping of the wheel, along x"""
     preload: Force
-    """push on the idler, away from the sprocket, besides the one that balances the track at the start"""
+    """push on the wheel, away from the sprocket, besides the one that balances the track at the start"""
     travel: Distance = 0.1
-    """displacement of the idler, either way from its place at the start, beyond which a run warns"""
+    """displacement of the wheel, either way from its place at the start, beyond which a run warns of an idler"""
     recoil: RecoilTable | None = None
-    """preloaded spring in line with the idler's, which gives beyond its preload only"""
+    """preloaded spring in line with the wheel's, which gives beyond its preload only"""
+
+
+class TensionerTable(SlideTable):  # noqa: D101
+    wheel: str = "idler"
+    """wheel that is moved until the track has its tension: the idler, or the name of a further wheel"""
 
 
 ALONG = ("spring", "gas_spring", "damper")  # elements along the line of the spring-damper
@@ -159,9 +166,17 @@ ABOUT = ("torsion_bar", "rotary_damper", "bump_stop", "rebound_stop")  # element
 
 
 def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence for each contradiction in arms, suspension and tensioner of a vehicle table."""
-    if vehicle["tensioner"]["recoil"] and not vehicle["tensioner"]["stiffness"]:
-        yield "tensioner.recoil: needs a tensioner.stiffness above 0, in line with which its spring is"
+    """Yield a sentence for each contradiction in wheels, arms, suspension and tensioner of a vehicle table."""
+    for name in (vehicle["right"] or {}).get("wheel") or ():
+        if name not in vehicle["wheel"]:
+            yield f"right.wheel.{name}: has no wheel.{name} from which it differs"
+    for name, wheel in {"": vehicle, **{f"wheel.{name}.": wheel for name, wheel in vehicle["wheel"].items()}}.items():
+        if (slide := wheel["tensioner"]) and slide["recoil"] and not slide["stiffness"]:
+            yield f"{name}tensioner.recoil: needs a {name}tensioner.stiffness above 0, in line with which its spring is"
+    if (moved := vehicle["tensioner"]["wheel"]) not in (known := ["idler", *vehicle["wheel"]]):
+        yield f"tensioner.wheel = {moved!r}: must be one of {known}"
+    for name in ("road_wheel", "return_roller"):
+        yield from _lengths(vehicle[name] or {}, name, len((vehicle[name] or {"x": ()})["x"]))
     for side in SIDES:
         above = "right." if side == "right" and vehicle.get("right") else ""
         yield from (f"{above}{text}" for text in _of_side(of_side(vehicle, side)))

@@ -13,10 +13,11 @@ from pydantic import AfterValidator, Field, ValidationError, ValidationInfo
 from fmus.vehicles import life_tables, suspension_tables
 from fmus.vehicles.life_tables import LifeTable
 from fmus.vehicles.ranges import Mistake, contradictions
-from fmus.vehicles.sides import SIDES, of_side
+from fmus.vehicles.sides import KINDS, SIDES, of_side, smooth_wheels
 from fmus.vehicles.suspension_tables import (
     Place,
     RoadArmTable,
+    SlideTable,
     SuspensionTable,
     TensionerTable,
 )
@@ -24,6 +25,7 @@ from fmus.vehicles.tables import (
     BadInput,
     Damping,
     Distance,
+    Each,
     EachPlace,
     Force,
     FrozenTable,
@@ -88,7 +90,7 @@ class SprocketTable(FrozenTable):  # noqa: D101
 
 class IdlerTable(FrozenTable):  # noqa: D101
     mass: Mass
-    """mass of an idler"""
+    """mass of the wheel"""
     spin_inertia: Inertia
     """moment of inertia about the axle"""
     transverse_inertia: Inertia
@@ -98,44 +100,34 @@ class IdlerTable(FrozenTable):  # noqa: D101
     width: Distance
     """width of the rim"""
     x: Length
-    """position forward of the sprocket axle, as drawn; the idler is moved until the track has its tension. Positive:
-    the sprocket is at the rear"""
+    """position forward of the sprocket axle, as drawn; the wheel of tensioner.wheel is moved until the track has its
+    tension. Positive for the idler: the sprocket is at the rear"""
     z: Length
     """position above the sprocket axle"""
 
 
-class RoadWheelTable(FrozenTable):  # noqa: D101
-    mass: Mass
-    """mass of a road wheel"""
-    spin_inertia: Inertia
+class WheelsTable(FrozenTable):
+    """Wheels of one kind of each side: a number of all of them, or a list with that of each."""
+
+    mass: Annotated[Each, OrEach(Mass)]
+    """mass of a wheel"""
+    spin_inertia: Annotated[Each, OrEach(Inertia)]
     """moment of inertia about the axle"""
-    transverse_inertia: Inertia
+    transverse_inertia: Annotated[Each, OrEach(Inertia)]
     """moment of inertia across the axle"""
-    radius: Distance
+    radius: Annotated[Each, OrEach(Distance)]
     """radius of the rim"""
-    width: Distance
+    width: Annotated[Each, OrEach(Distance)]
     """width of the rim"""
     x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
     """positions forward of the sprocket axle, front to rear; their number is that of the wheels of a side"""
-    z: Length
+    z: Annotated[Each, OrEach(Length)]
     """position above the sprocket axle"""
 
 
-class ReturnRollerTable(FrozenTable):  # noqa: D101
-    mass: Mass
-    """mass of a return roller"""
-    spin_inertia: Inertia
-    """moment of inertia about the axle"""
-    transverse_inertia: Inertia
-    """moment of inertia across the axle"""
-    radius: Distance
-    """radius of the rim"""
-    width: Distance
-    """width of the rim"""
-    x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
-    """positions forward of the sprocket axle, front to rear; their number is that of the rollers of a side"""
-    z: Length
-    """position above the sprocket axle"""
+class FurtherWheelTable(IdlerTable):  # noqa: D101
+    tensioner: SlideTable | None = None
+    """spring-damper between hull and wheel; without it the axle is fixed to the hull"""
 
 
 class BushingTable(FrozenTable):  # noqa: D101
@@ -195,6 +187,13 @@ class RightIdlerTable(FrozenTable):  # noqa: D101
     """position forward of the sprocket axle, as drawn; moved like that of the left idler"""
 
 
+class RightFurtherWheelTable(FrozenTable):  # noqa: D101
+    x: Length | None = None
+    """position forward of the sprocket axle, as drawn"""
+    tensioner: SlideTable | None = None
+    """spring-damper of the right wheel, instead of that of the left one"""
+
+
 class RightArmTable(FrozenTable):  # noqa: D101
     pivot: Annotated[EachPlace, OrEach(Place)]
     """(x, z) of the pivot from the wheel centre, of all wheels or a list with that of each"""
@@ -214,6 +213,8 @@ class RightTable(FrozenTable):  # noqa: D101
     """return rollers of the right side"""
     idler: RightIdlerTable | None = None
     """idler of the right side"""
+    wheel: dict[str, RightFurtherWheelTable] | None = None
+    """further wheels of the right side, by their names"""
     tensioner: RightTensionerTable | None = None
     """spring-damper of the right idler"""
     road_arm: RightArmTable | None = None
@@ -274,15 +275,24 @@ class GuideTable(FrozenTable):  # noqa: D101
     """lateral play of a guide horn, on each side, between the discs of a wheel; of rigid links and beams"""
 
 
+TAKEN = (  # names with which ports and parameters of tracks, and those of a side of a chassis, begin
+    *KINDS, "adams", "bump_stop", "closure", "contact", "energy", "ground", "joint", "link", "link_outputs", "material",
+    "penetration", "rebound_stop", "recoil", "rest", "road_arm", "solver", "sprocket", "start", "stress", "suspension",
+    "tension", "tensioner", "torsion_bar",
+)  # fmt: skip
+
+
 def _check_consistency(vehicle: Vehicle, info: ValidationInfo | None) -> Vehicle:
     table = vehicle.model_dump()
     for rule in (contradictions, suspension_tables.contradictions, life_tables.contradictions):
         for complaint in rule(table):
             if not (is_logged(info) and isinstance(complaint, Mistake)):
                 raise ValueError(complaint)
-    for name in vehicle.seat:
+    for above, name in (*(("seat", name) for name in vehicle.seat), *(("wheel", name) for name in vehicle.wheel)):
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name):
-            raise ValueError(f"seat.{name}: a name has small letters, digits and _ alone, a letter first")
+            raise ValueError(f"{above}.{name}: a name has small letters, digits and _ alone, a letter first")
+        if above == "wheel" and name in TAKEN:
+            raise ValueError(f"wheel.{name}: is the name of another part of a side or of its ports, take a new one")
     left, right = (of_side(table, side) for side in SIDES)
     for name in ("road_wheel", "return_roller"):
         here, there = (len((table[name] or {}).get("x", ())) for table in (left, right))
@@ -312,10 +322,12 @@ class VehicleTable(FrozenTable):
     """driving wheel of each side; the middle of the axle line is the origin of all positions"""
     idler: IdlerTable
     """wheel of each side at the other end, which tensions the track"""
-    road_wheel: RoadWheelTable
-    """wheels of each side that run on the track; all are alike"""
-    return_roller: ReturnRollerTable | None = None
-    """rollers of each side, on fixed axles, that carry the upper run of the track; all are alike"""
+    road_wheel: WheelsTable
+    """wheels of each side that run on the track; each number is that of all wheels or a list with that of each"""
+    return_roller: WheelsTable | None = None
+    """rollers of each side, on fixed axles, that carry the upper run of the track; numbers as of road wheels"""
+    wheel: dict[str, FurtherWheelTable] = {}  # noqa: RUF012 - pydantic copies it
+    """further smooth wheels of each side inside its track, by names as of seats: a second idler, say"""
     road_arm: RoadArmTable | None = None
     """arms between hull and road wheels; without them the wheels turn on axles fixed to the hull, a roller frame"""
     suspension: SuspensionTable | None = None
@@ -343,10 +355,8 @@ class VehicleTable(FrozenTable):
 
     def total_mass(self, tracks: Sequence[str] = SIDES) -> float:
         """Mass of all bodies with tracks on these sides, kg."""
-        arm = self.road_arm.mass if self.road_arm else 0.0
-        wheels = len(self.road_wheel.x) * (self.road_wheel.mass + arm)
-        rollers = len(self.return_roller.x) * self.return_roller.mass if self.return_roller else 0.0
-        wheels_of_side = self.sprocket.mass + self.idler.mass + wheels + rollers
+        arms = len(self.road_wheel.x) * self.road_arm.mass if self.road_arm else 0.0
+        wheels_of_side = self.sprocket.mass + arms + sum(wheel["mass"] for wheel in smooth_wheels(self.model_dump()))
         links = sum(self.of_side(side).track.links for side in tracks)
         return self.chassis.mass + 2.0 * wheels_of_side + links * self.track.mass
 

@@ -181,6 +181,7 @@ def _size(scene: Scene, part: Part) -> str:
     sides = len(part.config["chassis"]["sides"])
     mirrored = ", their mirror images" if sides == 1 else ""
     rollers = f"{len(roller['x']) * sides} return rollers, " if (roller := vehicle["return_roller"]) else ""
+    rollers += f"{len(further) * sides} further wheels, " if (further := vehicle["wheel"]) else ""
     elements = "".join(f", {SUSPENSION[key]}" for key in _suspension(vehicle))
     return f"1 hull, {count * sides} {axles}, {sides} idlers, {rollers}{sides} mounts{elements}{mirrored}"
 

@@ -94,7 +94,7 @@ def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
     up = ground_axes(run, np.stack([run.signal(name, window)[1] for name in pose_signals(run)], axis=1)).up
     rise = np.mean([component(wheel - place, up) for wheel in above], axis=0)
     vehicle = run.scene["vehicle"]
-    return mean(t, rise) - (vehicle["road_wheel"]["z"] - vehicle["chassis"]["centre"][2])
+    return mean(t, rise) - (float(np.mean(vehicle["road_wheel"]["z"])) - vehicle["chassis"]["centre"][2])
 
 
 def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
@@ -196,7 +196,7 @@ def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
     for track in (track_of(run, of),) if of else run.tracks:
         vehicle = of_side(run.scene["vehicle"], track.removesuffix("_track"))
         first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
-        sample, height = min(RUN_REACH, 2.0 * vehicle["track"]["pitch"]), vehicle["road_wheel"]["z"]
+        sample, height = min(RUN_REACH, 2.0 * vehicle["track"]["pitch"]), np.max(vehicle["road_wheel"]["z"])
         middle, reach = {
             "top": (idler / 2, abs(idler) / 2 - 2 * sample),
             "rear": ((last + min(idler, 0.0)) / 2, sample),

@@ -11,7 +11,8 @@ from fmus.rest.equilibrium import stances
 from fmus.start import Stance, ground_level
 from fmus.track.choices import HHT, TRACKS
 from fmus.track.link_outputs import INTERVAL
-from fmus.vehicles.vehicle import ReturnRollerTable, RoadWheelTable, VehicleTable
+from fmus.vehicles.sides import smooth_wheels
+from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, points_text
 from orchestrator.scene.fmu_table import FmuTable
@@ -237,12 +238,13 @@ def closed_track_config(scene: RigScene | VehicleScene, side: Side = "left") -> 
     if isinstance(scene, RigScene):
         idler = scene.vehicle.idler.model_copy(update={"x": -scene.rig.axle_distance, "z": 0.0})
         vehicle = scene.vehicle.model_copy(update={"idler": idler})
-        wheels = [SPROCKET, _rim("idler")]
+        wheels = [SPROCKET, {"name": "idler", "kind": "rim"}]
         return _track_config(vehicle, outputs, links=scene.rig.links, closed=True, wheels=wheels, gravity=0.0)
     vehicle = scene.vehicle.of_side(side)
-    wheels = [SPROCKET, *_rims("road_wheel", vehicle.road_wheel), _rim("idler")]
-    wheels += _rims("return_roller", vehicle.return_roller)
-    config = _track_config(vehicle, outputs, links=vehicle.track.links, closed=True, wheels=wheels, ground=True)
+    rims = [{"name": wheel["name"], "kind": "rim"} for wheel in smooth_wheels(vehicle.model_dump())]
+    config = _track_config(
+        vehicle, outputs, links=vehicle.track.links, closed=True, wheels=[SPROCKET, *rims], ground=True
+    )
     config["track"] |= _ground_shape(scene)
     if scene.ground.soil is not None:
         config["track"]["soil"] = scene.ground.soil.model_dump(exclude={"name"})
@@ -353,16 +355,6 @@ def _drive_parameters(drive: DriveTable) -> Parameters:
 
 
 SPROCKET = {"name": "sprocket", "kind": "teeth"}  # in the config of a track
-
-
-def _rim(name: str) -> dict[str, Any]:
-    """Smooth wheel in the config of a track."""
-    return {"name": name, "kind": "rim"}
-
-
-def _rims(name: str, wheels: RoadWheelTable | ReturnRollerTable | None) -> list[dict[str, Any]]:
-    """Smooth wheels of one kind, numbered from the front."""
-    return [_rim(f"{name}[{i + 1}]") for i in range(len(wheels.x))] if wheels else []
 
 
 def _wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:

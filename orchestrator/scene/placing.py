@@ -65,7 +65,7 @@ def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
     if scene.vehicle.right is not None:
         laid.append(_laid_idler(scene, tension, "vehicle.right.track", "right"))
     standing = StandingTable(drawn=tuple(each.tension for each in laid), why=why)
-    return _with_idlers(scene, [each.x for each in laid], [each.push for each in laid], standing)
+    return _with_idlers(scene, [each.x for each in laid], [each.pushes for each in laid], standing)
 
 
 def track_tension(scene: Mapping[str, Any]) -> dict[str, Any]:
@@ -92,11 +92,12 @@ def track_tension(scene: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _with_idlers(
-    scene: VehicleScene, places: Sequence[float], pushes: Sequence[float], standing: StandingTable
+    scene: VehicleScene, places: Sequence[float], pushes: Sequence[Mapping[str, float]], standing: StandingTable
 ) -> VehicleScene:
     """The scene with idlers at ``places``, m, and ``pushes`` of the tensioners, N, that balance the tracks as drawn."""
-    vehicle = VehicleTable.model_validate(with_idlers(scene.vehicle.model_dump(), places, pushes))
-    return scene.model_copy(update={"push": pushes[0], "standing": standing, "vehicle": vehicle})
+    bare = [side for side in SIDES if side not in scene.tracks]
+    vehicle = VehicleTable.model_validate(with_idlers(scene.vehicle.model_dump(), places, pushes, bare))
+    return scene.model_copy(update={"push": pushes[0]["idler"], "standing": standing, "vehicle": vehicle})
 
 
 def _standing_vehicle(scene: VehicleScene) -> StandingVehicle:
@@ -212,7 +213,8 @@ def _laid_idler(scene: RigScene | VehicleScene, tension: float, keys: str, side:
     """Place of the idler of a track as drawn for a tension, N; ``keys``: its table. Raises BadInput."""
     config = closed_track_config(scene, side)
     level = {key: value for key, value in config["track"].items() if key != "terrain"}
-    problem = json.dumps([{**config, "track": level}, _links_that_start(scene)], sort_keys=True)
+    moved = scene.vehicle.tensioner.wheel if isinstance(scene, VehicleScene) else "idler"
+    problem = json.dumps([{**config, "track": level}, moved, _links_that_start(scene)], sort_keys=True)
     place = _solved_idler(problem, tension, keys)
     if place.missed:
         raise BadInput(
@@ -231,5 +233,5 @@ def _links_that_start(scene: Scene) -> Links:
 
 @cache
 def _solved_idler(problem: str, tension: float, keys: str) -> WheelPlace:
-    config, (kind, parameters) = json.loads(problem)
-    return tension_wheel(config, "idler", tension, keys, (kind, parameters))
+    config, name, (kind, parameters) = json.loads(problem)
+    return tension_wheel(config, name, tension, keys, (kind, parameters))

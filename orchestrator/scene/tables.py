@@ -62,7 +62,7 @@ class EquilibriumTable(FrozenTable):
     pitch: Angle
     """pitch of the hull"""
     left: tuple[Joint, ...]
-    """on the left side: angles of the arms, front to rear, rad, and slide of the idler, m"""
+    """on the left side: angles of the arms, front to rear, rad, and slides of idler and further wheels, m"""
     right: tuple[Joint, ...]
     """the same on the right side"""
     lateral: Length = 0.0

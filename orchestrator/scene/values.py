@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field
 
 from fmus.track.choices import TRACKS
 from fmus.vehicles.ranges import VEHICLE, PlausibleRange, impossible_sections, range_violations
-from fmus.vehicles.sides import of_side
+from fmus.vehicles.sides import of_side, smooth_wheels
 from fmus.vehicles.tables import In
 from orchestrator.log.message_records import MOST_STEPS
 
@@ -133,20 +133,23 @@ def _light_spins(vehicle: Mapping[str, Any], step: float) -> Iterator[str]:
     Wrenches are held over a step H: a spin of mass J/r2 with the friction mu N (v / velocity) grows from H mu N r2 /
     (J velocity) = 2 on. A road wheel has N of its share of the hull, an idler, half wrapped, of pi times the tension.
     """
-    law, wheels = vehicle["contact"]["wheel"], 2 * len(vehicle["road_wheel"]["x"])
+    law, count = vehicle["contact"]["wheel"], 2 * len(vehicle["road_wheel"]["x"])
     loads = {
-        "road_wheel": vehicle["chassis"]["mass"] * vehicle["gravity"] / wheels,
+        "road_wheel": vehicle["chassis"]["mass"] * vehicle["gravity"] / count,
         "idler": math.pi * max(vehicle["track"]["tension"], 0.0),
     }
+    loads |= {f"wheel.{name}": loads["idler"] for name in vehicle.get("wheel", ())}
     for name, load in loads.items():
-        radius, spin = vehicle[name]["radius"], vehicle[name]["spin_inertia"]
+        wheels = [wheel for wheel in smooth_wheels(vehicle) if name in (wheel["kind"], f"wheel.{wheel['name']}")]
+        lightest = min(wheels, key=lambda wheel: wheel["spin_inertia"] / wheel["radius"] ** 2)
+        radius, spin = lightest["radius"], lightest["spin_inertia"]
         needed = 0.5 * step * law["friction"] * load * radius**2 / law["friction_velocity"]
         if spin < needed:
             yield (
                 f"vehicle.{name}.radius = {radius:g} m with spin_inertia = {spin:g} kg m^2: friction turns the wheel's"
                 f" spin round within run.step = {1e3 * step:g} ms, so tension and energy may be wrong; plausible"
                 f" is at least {needed:.3g} kg m^2, or a shorter step. A full disc of this mass and radius has"
-                f" {0.5 * vehicle[name]['mass'] * radius**2:.3g} kg m^2"
+                f" {0.5 * lightest['mass'] * radius**2:.3g} kg m^2"
             )
 
 
@@ -175,12 +178,12 @@ def overlapping_wheels(vehicle: Mapping[str, Any]) -> Iterator[str]:
 
 def _wheels(table: Mapping[str, Any], above: str) -> Iterator[_Wheel]:
     """Wheels of a side with this vehicle table; ``above``: prefix of the keys of their positions."""
-    sprocket, idler = table["sprocket"], table["idler"]
-    yield _Wheel("the sprocket's place", "vehicle.sprocket.outer_radius", 0.0, 0.0, sprocket["outer_radius"])
-    for name in ("road_wheel", "return_roller"):
-        for k, x in enumerate((wheels := table.get(name) or {"x": ()})["x"], 1):
-            yield _Wheel(f"{above}{name}.x[{k}]", f"vehicle.{name}.radius", x, wheels["z"], wheels["radius"])
-    yield _Wheel(f"{above}idler.x", "vehicle.idler.radius", idler["x"], idler["z"], idler["radius"])
+    outer = table["sprocket"]["outer_radius"]
+    yield _Wheel("the sprocket's place", "vehicle.sprocket.outer_radius", 0.0, 0.0, outer)
+    for wheel in smooth_wheels(table):
+        name, bracket, number = wheel["name"].partition("[")
+        key, index = f"wheel.{name}" if wheel["kind"] == "wheel" else name, bracket + number
+        yield _Wheel(f"{above}{key}.x{index}", f"vehicle.{key}.radius", wheel["x"], wheel["z"], wheel["radius"])
 
 
 def _overlap(wheels: Sequence[_Wheel]) -> Iterator[str]:

@@ -259,7 +259,7 @@ def _over_ground(part: Part) -> Part:
     if part.stage != TRACK:
         return part
     vehicle = part.config["vehicle"]  # the ground lies where road wheels would stand
-    wheel = {**vehicle["road_wheel"], "z": vehicle["road_wheel"]["z"] - DEPTH}
+    wheel = {**vehicle["road_wheel"], "z": np.subtract(vehicle["road_wheel"]["z"], DEPTH).tolist()}
     track = {**part.config["track"], "ground": True}
     return part._replace(config={**part.config, "track": track, "vehicle": {**vehicle, "road_wheel": wheel}})
 

@@ -200,10 +200,10 @@ def pairs(scene: VehicleScene) -> dict[str, Oscillator]:
     stiffness, damping = (
         max(of_wheels(getattr(v.suspension, key, None) or 0.0, count)) for key in ("stiffness", "damping")
     )
-    spin = v.road_wheel.spin_inertia / v.road_wheel.radius**2
+    spin = float(np.min(v.road_wheel.spin_inertia / np.square(v.road_wheel.radius)))
     return {
         "road wheel on its link": Oscillator(
-            k=contact.stiffness, c=contact.damping, m1=link, m2=v.road_wheel.mass + 0.5 * arm,
+            k=contact.stiffness, c=contact.damping, m1=link, m2=float(np.min(v.road_wheel.mass)) + 0.5 * arm,
             k1=ground.stiffness, c1=ground.damping, k2=stiffness, c2=damping,
         ),
         "idler in its bend": Oscillator(

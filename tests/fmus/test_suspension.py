@@ -187,6 +187,24 @@ def test_recoil_gives_beyond_its_preload_only():
         assert probe.energy + probe["energy.dissipated"] - probe["port.work"] == pytest.approx(start, rel=1e-3)
 
 
+@pytest.mark.long
+def test_a_further_wheel_has_a_recoil_of_its_own():
+    """On a vehicle with no other element; the idler is without it. The push of the spring is as of an idler."""
+    spring = {"stiffness": 8e5, "damping": 4e4, "preload": 20e3, "recoil": {"preload": 60e3, "stiffness": 3e5}}
+    further = {**TABLE["idler"], "x": -3.9, "z": 0.35, "tensioner": spring}
+    probe = Probe({**HELD, "wheel": {"rear_idler": further}})
+    assert [port.name for port in probe.model.ports if port.causality == "output" and "recoil" in port.name] == [
+        "left.rear_idler.recoil.stroke", "right.rear_idler.recoil.stroke"
+    ]  # fmt: skip
+    probe["left.rear_idler.force.x"] = 90e3
+    probe.run(4.0, 0.01)
+    stroke = 30e3 / 3e5
+    assert probe["left.rear_idler.recoil.stroke"] == pytest.approx(stroke, rel=1e-5)
+    assert probe["left.rear_idler.position"][0] + 3.9 == pytest.approx((90e3 - 20e3) / 8e5 + stroke, rel=1e-4)
+    assert probe["left.rear_idler.tensioner.force"] == pytest.approx(90e3, rel=1e-6)
+    assert probe["right.rear_idler.tensioner.force"] == pytest.approx(0.0, abs=60.0)  # it is out by its preload
+
+
 def test_wheels_on_fixed_axles_are_a_part_of_the_hull():
     """Without arms and suspension a force on a wheel moves the whole vehicle, and a torque spins the wheel alone."""
     probe = Probe({"suspension": None, "road_arm": None, "gravity": 0.0})

@@ -154,7 +154,7 @@ def _inertia_force(view: View, k: int) -> Floats:
     if not h.is_road(k):  # rearward, along the slide
         rear = mean(h.output_attitude.apply([-1.0, 0.0, 0.0]))
         return at_instants(((h.vehicle["idler"]["mass"] * (aw - weight(view)) - force) * rear).sum(1))
-    table, wheel = h.vehicle["road_arm"], h.vehicle["road_wheel"]
+    table, wheel = h.vehicle["road_arm"], h.wheel(k)
     arm, y = h.output_attitude.apply(h.pins[k]), h.output_attitude.apply(Y)
     pin, pin_rate = x + arm, u + np.cross(w, arm)
     am = np.diff(0.5 * (pin_rate + uw), axis=0) / part.h[:, None]

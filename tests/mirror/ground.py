@@ -24,7 +24,7 @@ class Ground:
         vehicle, table, start = scene.vehicle, scene.ground, scene.start
         wheel = vehicle.road_wheel
         # pads under the drawn road wheels just touch the level part
-        self.level = start.position[2] + wheel.z - wheel.radius - 2.0 * vehicle.track.face
+        self.level = start.position[2] + np.min(np.subtract(wheel.z, wheel.radius)) - 2.0 * vehicle.track.face
         self.slopes = np.array([table.grade or 0.0, table.bank or 0.0])
         self.waves = table.washboard
 

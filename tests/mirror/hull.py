@@ -21,6 +21,11 @@ Y = np.array([0.0, 1.0, 0.0])
 MOMENT = 1e-5  # s, for differences
 
 
+def number(value: float | list[float], i: int) -> float:
+    """Number of wheel ``i``, from 0 at the front, of a table in which it is that of all or a list."""
+    return value[i] if isinstance(value, list | tuple) else value
+
+
 class PlaceMotion(NamedTuple):
     """The 13 quantities of a place at T instants."""
 
@@ -57,7 +62,8 @@ class Hull:
         self.pivot = np.array(v["road_arm"]["pivot"])
         self.drawn, self.pins = [], []
         for s in sign:
-            wheels = [[x, s * v["track"]["lateral"], v["road_wheel"]["z"]] for x in v["road_wheel"]["x"]]
+            road, y = v["road_wheel"], s * v["track"]["lateral"]
+            wheels = [[x, y, number(road["z"], i)] for i, x in enumerate(road["x"])]
             wheels.append([v["idler"]["x"], s * v["track"]["lateral"], v["idler"]["z"]])
             for k, wheel in enumerate(wheels):
                 self.drawn.append(np.array(wheel) - centre)
@@ -138,7 +144,7 @@ class Hull:
             J = v["sprocket"]["transverse_inertia"]
             bodies.append(self.body(v["sprocket"]["mass"], [J, 0.0, J], *self.output_motion(f"{side}.sprocket")))
         for k in self.shown_leaves:
-            table = v["road_wheel" if self.is_road(k) else "idler"]
+            table = self.wheel(k)
             J = table["transverse_inertia"]
             xw, uw, ww = self.output_motion(self.names[k])
             bodies.append(self.body(table["mass"], [J, table["spin_inertia"], J], xw, uw, ww))
@@ -158,6 +164,11 @@ class Hull:
         body_rates = self.output_attitude.inv().apply(w)
         L = np.asarray(inertia) * body_rates
         return Body(mass, x, u, self.output_attitude.apply(L), 0.5 * (L * body_rates).sum(1))
+
+    def wheel(self, k: int) -> dict[str, float]:
+        """Numbers of the wheel of a leaf."""
+        table = self.vehicle["road_wheel" if self.is_road(k) else "idler"]
+        return {key: number(value, k % (self.arms + 1)) for key, value in table.items()}
 
     def is_road(self, k: int) -> bool:
         """Whether a leaf is a road arm with its wheel; else it is an idler."""
@@ -228,10 +239,10 @@ def ground_contacts(hull: Hull) -> tuple[Floats, Push, Floats]:
     for corner in vehicle["chassis"]["hull"] if ground["hull"] else []:
         arm = body.attitude.apply(np.array(corner) - vehicle["chassis"]["centre"])
         points.append((1.0, body.position + arm, body.velocity + np.cross(body.spin, arm)))
-    for name in hull.names:
+    for k, name in enumerate(hull.names):
         if name.split(".")[0] not in ground["bare"]:
             continue
-        table, wheel = vehicle["idler" if "idler" in name else "road_wheel"], hull.motion_of(name)
+        table, wheel = hull.wheel(k), hull.motion_of(name)
         axle = body.attitude.apply(Y)
         normal = below.under(wheel.position)[1]
         down = -normal + (normal * axle).sum(1, keepdims=True) * axle

@@ -14,7 +14,7 @@ from fmus.interface.ports import Port
 from fmus.kernels.jit import implemented_in, kernel
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.exponential import power
-from fmus.vehicles.sides import of_wheels
+from fmus.vehicles.sides import of_wheels, smooth_wheels
 
 
 @implemented_in(suspension=".elements")
@@ -42,7 +42,7 @@ def elements(sides: Sequence[Mapping[str, Any]], rollers: int, sense: Floats) ->
     """
     wheels = len(sides[0]["road_wheel"]["x"])
     tables = {name: [(side["suspension"] or {}).get(name) for side in sides] for name in NAMES}
-    recoils = [side["tensioner"].get("recoil") for side in sides]
+    recoils = [(wheel.get("tensioner") or {}).get("recoil") for side in sides for wheel in smooth_wheels(side)]
 
     def each(name: str, key: str) -> Floats:
         """Number (leaves) of the wheels that have an element, 0 for the others."""
@@ -60,8 +60,7 @@ def elements(sides: Sequence[Mapping[str, Any]], rollers: int, sense: Floats) ->
 
     bars = made(torsion_bar.TorsionBar, "torsion_bar", ("sense", sense))
     resistance = np.array([
-        0.0 if leaf != wheels or not table else float(table[key])
-        for key in ("preload", "stiffness") for table in recoils for leaf in range(wheels + 1 + rollers)
+        float(table[key]) if table else 0.0 for key in ("preload", "stiffness") for table in recoils
     ]).reshape(2, -1)  # fmt: skip
     return Elements(
         wheels,
@@ -195,18 +194,18 @@ def _put_arm(
 
 @kernel
 def _put_recoil(spring: Any, tree: VehicleTree, k: int, q: float, y: Floats, i: int) -> int:
-    if spring is not None and tree.travel[k] > 0.0:
+    if spring is not None and spring.stiffness[k] > 0.0:
         y[i] = recoil.stroke(spring, tree, k, compression(tree, k, q)[0])
         i += 1
     return i
 
 
 def output_ports(suspension: Elements, wheel: str) -> list[Port]:
-    """Outputs of a leaf: of the arm ``wheel``, ``left.road_arm[1]``, or of the idler, ``left.idler``."""
+    """Outputs of a leaf: of the arm ``wheel``, ``left.road_arm[1]``, or of a wheel with a recoil, ``left.idler``."""
     side, _, place = wheel.partition(".")
-    if place == "idler":
-        text = f"how far the recoil spring of the {side} idler gives"
-        return [Port(f"{side}.recoil.stroke", "output", "m", text)] if suspension.recoil else []
+    if not place.startswith("road_arm["):
+        text, above = f"how far the recoil spring of the {side} {place} gives", "" if place == "idler" else f"{place}."
+        return [Port(f"{side}.{above}recoil.stroke", "output", "m", text)]
     index = place.removeprefix("road_arm")
     texts = {
         "torsion_bar": ("moment", "N.m", f"moment of the torsion bar on {wheel}, pushing its wheel down is positive"),

@@ -79,7 +79,7 @@ def wheels(run: RunData, track: str) -> list[str]:
     """Names of a track's wheels with rims."""
     topic = run.log.topics.get(f"/{track}/in")
     names = [name.removesuffix(".position.x") for name in topic.names] if topic else []
-    rims = "idler", "road_wheel[", "return_roller["
+    rims = "idler", "road_wheel[", "return_roller[", *(run.scene.get("vehicle", {}).get("wheel") or ())
     return [name for name in dict.fromkeys(names) if name.startswith(rims) and "." not in name]
 
 

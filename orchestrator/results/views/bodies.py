@@ -282,9 +282,9 @@ class Bodies:
         names = self._log.topics[topic].names
         for body in dict.fromkeys(name.removesuffix(".position.x") for name in names):
             wheel = body.removeprefix(prefix)
-            kind = wheel.partition("[")[0]
-            if body.startswith(prefix) and kind in WHEELS and "." not in wheel and has_motion(names, body):
-                vehicle = self.scene["vehicle"]
+            kind, vehicle = wheel.partition("[")[0], self.scene["vehicle"]
+            known = kind in WHEELS or kind in vehicle["wheel"]
+            if body.startswith(prefix) and known and "." not in wheel and has_motion(names, body):
                 yield shapes.wheel_body(f"{owner}/{body}", kind, owner, vehicle), self._columns.motion(topic, body)
 
     def _at_rate(self, recorded: Floats, rate: float) -> Floats:

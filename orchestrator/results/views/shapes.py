@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, ValidationError, create_model
 
+from fmus.vehicles.sides import of_wheels
 from fmus.vehicles.tables import BadInput, first_error
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import RunData, pitch_radius
@@ -30,15 +31,18 @@ def _table(name: str, **keys: Any) -> Any:
 
 
 # Lengths in m, angles in rad; the centre and the corners of a hull are in the vehicle frame.
-_WHEEL = _table("DrawnRim", radius=Size, width=Size)
+_WHEEL: Any = _table("DrawnRim", radius=Size, width=Size)
+_SIZES, _PLACES = Size | list[Size], Number | list[Number]  # of all wheels, or of each
+_WHEELS = _table("DrawnRims", radius=_SIZES, width=_SIZES, z=_PLACES)
 _HULL = _table("DrawnHull", centre=Place, hull=(Annotated[list[Place], Field(max_length=1000)], []))
 _VEHICLE = _table(
     "DrawnVehicle",
     track=_table("DrawnLinks", pitch=Size, width=Size, face=SizeOrNone),
     sprocket=_table("DrawnSprocket", teeth=Annotated[int, Field(ge=1, le=1000)], outer_radius=Size, pin_radius=Size),
-    road_wheel=_table("DrawnRoadWheel", radius=Size, width=Size, z=Number),
+    road_wheel=_WHEELS,
     idler=_WHEEL,
-    return_roller=(_WHEEL | None, None),
+    return_roller=(_WHEELS | None, None),
+    wheel=(dict[str, _WHEEL], {}),
     chassis=(_HULL | None, None),
     guide=(_table("DrawnGuide", clearance=SizeOrNone) | None, None),
 )
@@ -165,10 +169,10 @@ def wheel_body(name: str, kind: str, track: str, vehicle: Mapping[str, Any]) -> 
     guide = vehicle.get("guide")
     gap = HORN_SIZE[1] * vehicle["track"]["width"] + 2.0 * guide["clearance"] if guide else 0.0
     if kind != "sprocket":
-        width = vehicle[kind]["width"]
-        return WheelBody(
-            name, kind, track, vehicle[kind]["radius"], width, gap if gap < width else 0.0, np.empty((0, 2))
-        )
+        k = int(name.rpartition("[")[2].removesuffix("]")) if name.endswith("]") else 1
+        table, kind = (vehicle["wheel"][kind], "idler") if kind in vehicle["wheel"] else (vehicle[kind], kind)
+        radius, width = (of_wheels(table[key], k)[k - 1] for key in ("radius", "width"))
+        return WheelBody(name, kind, track, radius, width, gap if gap < width else 0.0, np.empty((0, 2)))
     radius = pitch_radius(vehicle) - vehicle["sprocket"]["pin_radius"]
     return WheelBody(name, kind, track, radius, vehicle["track"]["width"], gap, teeth(vehicle))
 

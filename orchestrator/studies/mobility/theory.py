@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.ground.soils import work_of_pressure
-from fmus.vehicles.sides import places_of_wheels
+from fmus.vehicles.sides import lowest_wheel, places_of_wheels, smooth_wheels
 from fmus.vehicles.vehicle import VehicleTable
 
 if TYPE_CHECKING:
@@ -51,17 +51,14 @@ def compaction_resistance(soil: Soil, pressure: float) -> float:
 
 def centre_of_mass(vehicle: VehicleTable) -> tuple[float, float]:
     """Place x, z, m, of the centre of mass as drawn; tracks count in the middle between sprocket, idler and wheels."""
-    v, wheels = vehicle, vehicle.road_wheel
+    v, wheels = vehicle, smooth_wheels(vehicle.model_dump())
     sprocket, idler = np.zeros(2), np.array([v.idler.x, v.idler.z])
-    road = [np.array([x, wheels.z]) for x in wheels.x]
-    parts = [(v.chassis.mass, np.array([v.chassis.centre[0], v.chassis.centre[2]]))]
-    parts += [(2.0 * v.sprocket.mass, sprocket), (2.0 * v.idler.mass, idler)]
-    parts += [(2.0 * wheels.mass, place) for place in road]
+    road = [np.array([wheel["x"], wheel["z"]]) for wheel in wheels if wheel["kind"] == "road_wheel"]
+    parts = [(v.chassis.mass, np.array([v.chassis.centre[0], v.chassis.centre[2]])), (2.0 * v.sprocket.mass, sprocket)]
+    parts += [(2.0 * wheel["mass"], np.array([wheel["x"], wheel["z"]])) for wheel in wheels]
     if arm := v.road_arm:
         pivots = places_of_wheels(arm.pivot, len(road))
         parts += [(2.0 * arm.mass, place + np.array(pivot) / 2.0) for place, pivot in zip(road, pivots, strict=True)]
-    if v.return_roller:
-        parts += [(2.0 * v.return_roller.mass, np.array([x, v.return_roller.z])) for x in v.return_roller.x]
     loop = (sprocket + idler + np.mean(road, axis=0)) / 3.0
     parts.append((2.0 * v.track.links * v.track.mass, loop))
     x, z = np.average([place for _, place in parts], axis=0, weights=[mass for mass, _ in parts])
@@ -86,7 +83,8 @@ def passed_step(vehicle: VehicleTable, wheel: tuple[float, float, float]) -> flo
     """
     x, z = centre_of_mass(vehicle)
     thick = 2.0 * vehicle.track.face
-    h = z - vehicle.road_wheel.z + vehicle.road_wheel.radius + thick
+    low = lowest_wheel(vehicle.model_dump())
+    h = z - low["z"] + low["radius"] + thick
     back, up, radius = x - wheel[0], wheel[1] - z, wheel[2] + thick
     pitch = np.linspace(0.0, 1.4, 2000)
     edge = -h / np.cos(pitch)
@@ -96,9 +94,9 @@ def passed_step(vehicle: VehicleTable, wheel: tuple[float, float, float]) -> flo
 
 def largest_step(vehicle: VehicleTable) -> Bracket:
     """Highest step, m, without slip: standing on the hindmost road wheels, and on the hindmost wheel of the chain."""
-    wheels = vehicle.road_wheel
+    last = smooth_wheels(vehicle.model_dump())[len(vehicle.road_wheel.x) - 1]
     limits = (
-        passed_step(vehicle, (min(wheels.x), wheels.z, wheels.radius)),
+        passed_step(vehicle, (last["x"], last["z"], last["radius"])),
         passed_step(vehicle, ends(vehicle)[0]),
     )
     return Bracket(min(limits), max(limits))
