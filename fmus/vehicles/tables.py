@@ -351,6 +351,8 @@ def allowed(entry: Schema, words: Mapping[str, str]) -> str:
             return f"table with the key{'s' * (len(known) > 1)} {', '.join(known)}"
         case {"unit": _, "anyOf": [number, _]}:  # the other one is the same as a text
             return within(number)
+        case {"anyOf": [{"type": "number"} as number, {"pattern": _}, *more]}:  # alone or in a list
+            return " or ".join(map(within, (number, *more)))
         case {"enum": values} if len(values) > MOST_NAMES:
             return f"one of {len(values)} names"
         case {"enum": values}:
