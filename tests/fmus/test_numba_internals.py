@@ -47,7 +47,6 @@ INTERNALS = [
     (f"{CODEGEN}.serialize_using_bitcode", "self", "linking: stores code that was not"),
     (f"{CODEGEN}.get_llvm_str", "self", "native: intermediate code of an entry"),
     ("numba.core.codegen.JITCPUCodegen.set_env", "self env_name env", "linking: later, where code is not there yet"),
-    ("numba.core.cgutils.alloca_once", "builder ty size name zfill", "by_reference: a kernel's tuple"),
     ("numba.core.cgutils.gep_inbounds", "builder ptr inds kws", "by_reference: a field"),
     ("numba.core.cgutils.voidptr_t", "", "by_reference: an address"),
     ("numba.core.imputils.impl_ret_borrowed", "ctx builder retty ret", "by_reference: a field, not counted"),
