@@ -11,7 +11,7 @@ from m113 import MASS, VEHICLE, P
 from fmus.ground.soils import SoilTable, named
 from fmus.interface.model import StepFailed
 from fmus.physics.chain import sums
-from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN
+from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN, WORK
 from fmus.physics.contact.soil.memory import CELL, DEEPEST, FIRST, INSIDE, MADE, TILE, TILES
 from fmus.physics.contact.soil.pressure import compaction
 from fmus.track_flexible.model import Model as Flexible
@@ -46,11 +46,11 @@ def test_a_plate_of_any_weight_starts_at_its_sinkage(kind, name):
         assert places == pytest.approx(-P * np.arange(3), abs=1e-9)
 
 
-def free(kind, links, numbers, vehicle):
-    """A free chain on soil, and the parameter of its kind."""
+def free(kind, links, numbers, vehicle, first=(0.0, 0.0), last=(0.0, 0.0)):
+    """A free chain on soil with pulls on its ends, N, and the parameter of its kind."""
     config = {
         "links": links, "closed": False, "wheels": [], "ground": True, "gravity": G, "soil": numbers,
-        "ends": {"kind": "pulled", "first": [0.0, 0.0], "last": [0.0, 0.0]},
+        "ends": {"kind": "pulled", "first": list(first), "last": list(last)},
     }  # fmt: skip
     model = (Rigid if kind == "rigid" else Flexible)({"vehicle": vehicle, "track": config, "link_outputs": False})
     return model, {} if kind == "rigid" else {"element": kind}
@@ -94,6 +94,20 @@ def run(model, steps, h=1e-3, start=0):
     for k in range(start, start + steps):
         model.advance(h * k, h)
     return model
+
+
+@pytest.mark.parametrize("kind", ["rigid", "cable"])
+def test_the_work_of_pulls_is_force_times_way(kind):
+    model, parameters = free(kind, N, SAND, VEHICLE, (300.0, 60.0), (-90.0, 0.0))
+    model.read(parameters)
+    model.settle(np.stack([-P * np.arange(N + 1), np.full(N + 1, LEVEL + FACE)], axis=1), rest=False)
+    model.begin_run()
+    start = model.pins()
+    way = run(model, 200).pins() - start
+    work = 300.0 * way[0, 0] + 60.0 * way[0, 2] - 90.0 * way[-1, 0]
+    assert work > 5.0
+    assert model.report[WORK] == pytest.approx(work, rel=1e-4)
+    assert model.report[WORK] != pytest.approx(1.02 * work, rel=1e-3)
 
 
 # planar cables and beams on soil have kernels of their own, a minute to compile

@@ -33,6 +33,7 @@ class SoilPoint:
         self.soil, self.share, self.n = soil, share, tuple(map(float, n))
         n0, _, n2 = self.n
         self.u = tuple(np.array([n2, 0.0, -n0]) / np.hypot(n0, n2))
+        self.curvature = 0.0  # 1/m, along u
         self.memory, self.pending = np.zeros((1, MEMORY)), np.zeros((1, PENDING))
         self.rut, self.lost = np.zeros(RUT), np.zeros(2)
 
@@ -44,7 +45,7 @@ class SoilPoint:
         if depth <= 0.0:
             return ContactForce(NOTHING, NO_MATRIX, NOTHING, 0.0, 0.0, 0.0, 0.0)
         point = GroundPoint(self.share, depth, place, (PITCH, 0.0, 0.0), 0.0, 0, 0)
-        face = Face(self.n, self.u, 0.0, tuple(map(float, v)), (0.0, 0.0, 0.0))
+        face = Face(self.n, self.u, self.curvature, tuple(map(float, v)), (0.0, 0.0, 0.0))
         return soil_force(self.soil, point, face, by_rate, tangent, self.memory[0], self.rut, self.pending[0])
 
     def accept(self) -> None:

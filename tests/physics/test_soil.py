@@ -285,6 +285,18 @@ def test_the_matrix_is_the_derivative_of_the_force(n, depth, kind):
     assert 1.01 * g != pytest.approx(numeric, abs=1e-6 * abs(numeric).max())
 
 
+def test_the_matrix_of_a_curved_face_turns_the_normal_with_the_place():
+    """By its force times the curvature, in the direction of the curvature alone."""
+    point, x = SoilPoint(law(**SAND), 0.25, NORMAL), -0.03 * NORMAL
+    u = np.array([0.5, 0.9, 0.0]) - NORMAL * (NORMAL @ [0.5, 0.9, 0.0])
+    point.u = tuple(u / np.linalg.norm(u))
+    flat = point.force(x, tangent=True)
+    point.curvature = 0.8
+    turned = np.reshape(np.subtract(point.force(x, tangent=True).g, flat.g), (3, 3))
+    assert turned == pytest.approx(0.8 * flat.normal * np.outer(point.u, point.u), rel=1e-9)
+    assert turned != pytest.approx(0.82 * flat.normal * np.outer(point.u, point.u), rel=1e-2)
+
+
 def test_a_step_that_is_not_accepted_leaves_no_trace():
     point = SoilPoint(law())
     point.go((0.0, 0.0, -0.02))
