@@ -51,7 +51,8 @@ ELSEWHERE = {  # numbers of a vehicle file that are parameters of no FMU, and wh
     "seat.position": "of a scene with a seat",
     "chassis.hull": "of a scene whose hull touches the ground",
     "track.bushing.wear": "of an analysis", "track.bushing.bearing": "of an analysis",
-    "idler.width": "of a wheel without a track", "road_wheel.width": "of a wheel without a track",
+    **dict.fromkeys(("idler.width", "road_wheel.width", "wheel.width"), "of a wheel without a track"),
+    "wheel.tensioner.travel": "a limit that results are held against",
 }  # fmt: skip
 MOVED = {"SprocketDrive": {"mode": "torque", "torque.drive": 100.0}}
 IDLE = {  # numbers that change nothing in the first steps, and why
@@ -90,9 +91,10 @@ def test_every_number_of_a_vehicle_file_is_a_parameter_of_a_component():
     known = own_keys("straight", "flexible") | own_keys("straight", "rigid") | own_keys("turn", "rigid")
     known |= own_keys("serpentine", "rigid") | own_keys("marder", "rigid") | own_keys("robot", "rigid")
     kind, config = parts("straight", "rigid")["chassis"][1:3]
-    elements = {"suspension": {**config["vehicle"]["suspension"], **LAST}, "tensioner": FAR}
+    further = {**config["vehicle"]["idler"], "tensioner": FAR}
+    elements = {"suspension": {**config["vehicle"]["suspension"], **LAST}, "tensioner": FAR, "wheel": {"rear": further}}
     packed = packed_config(kind, {**config, "vehicle": {**config["vehicle"], **elements}})
-    known |= {name.partition("[")[0] for name in numbers.places(packed)}
+    known |= {name.partition("[")[0].replace("wheel.rear.", "wheel.") for name in numbers.places(packed)}
     known |= own_keys("straight", "rigid", BUSHED, WORN)
     known |= {name.partition("[")[0] for ground in GROUNDS for name in of_ground(sled(ground)[1])}
     known |= {f"ground.{key}" for key in SIZES}
