@@ -192,7 +192,10 @@ TABLES = {
 STIFF = {"leopard2": 2.0, "dozer": 4.0, "highdrive": 4.0}
 
 
-@pytest.mark.parametrize("name", [*TABLES])
+OWN_KERNELS = {"groomer": pytest.mark.long}  # of belts
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=OWN_KERNELS.get(name, ())) for name in TABLES])
 def test_a_vehicle_starts_in_balance_by_hand(name):
     """Weights of all bodies and wrenches of the tracks balance on the chassis, and tracks carry their own weight.
 
