@@ -156,9 +156,10 @@ def arm_motion(assembly, wheel_x, lateral, leaf, k):
     )
 
 
-def add_arm(assembly, arm):
-    """Add an arm on its pin; return its number."""
-    data, A = assembly.table["road_arm"], assembly.frame.axes
+def add_arm(assembly, arm, k):
+    """Add the arm of wheel k on its pin; return its number."""
+    table, A = assembly.table["road_arm"], assembly.frame.axes
+    data = {key: of_wheel(table, key, k) for key in ("mass", "pin_inertia", "long_inertia")}
     long = arm.to_wheel / np.linalg.norm(arm.to_wheel)
     axes = arm.axes @ np.column_stack([long, [0, 1, 0], np.cross(long, [0, 1, 0])])
     inertia = (data["long_inertia"], data["pin_inertia"], data["pin_inertia"])
@@ -248,14 +249,16 @@ def add_side(assembly, lateral, leaves, suspension):
     """Add road wheels on their arms, idler, return rollers and sprocket of one side."""
     count = len(assembly.table["road_wheel"]["x"])
     of_arms, of_idler, of_rollers = leaves[:count], leaves[count], leaves[count + 1 :]
-    before = None
+    before, arms = None, assembly.table["road_arm"]
+    beams = [(k, k + 1) for k in range(1, count, 2)] if arms["pairs"] else arms["beams"] or ()
+    further = {k - 1 for beam in beams for k in beam[1:]}
     for k, (wheel_x, leaf) in enumerate(zip(assembly.table["road_wheel"]["x"], of_arms, strict=True)):
         arm = arm_motion(assembly, wheel_x, lateral, leaf, k)
-        on = add_arm(assembly, arm)
+        on = add_arm(assembly, arm, k)
         add_road_wheel(assembly, arm, on, leaf.spin)
         if suspension:
             add_suspension(assembly, arm, on, suspension, k)
-        if assembly.table["road_arm"]["pairs"] and k % 2:  # one piece with the arm before
+        if k in further:  # one piece with the arm before
             row = np.concatenate([np.zeros(3), assembly.frame.axes[:, 1]])
             assembly.constraints.add({on: row, before: -row}, 0.0)
         before = on
