@@ -134,6 +134,8 @@ LONE = {
         (7, ROLLERS, -4.0, BEAMS),
         (8, None, -4.0, FREE_BEAMS),
         (9, None, -4.0, LONE),
+        (10, None, -4.0, {"tensioner": {"angle": 0.4}}),
+        (11, ROLLERS, 0.9, {"tensioner": {"angle": -0.7}}),
     ],
 )
 def test_accelerations_agree_with_maximal_coordinates(seed, rollers, idler_x, changes):
