@@ -86,9 +86,9 @@ class Track:
         self.ahead, self.up = self.ways[self.index].tolist()
         self.found: dict[float, tuple[float, dict[str, float]]] = {}  # by place: mean tension, pushes outwards, N
 
-    def place_on_slide(self, x: float) -> list[float]:
+    def place_on_slide(self, x: float) -> tuple[float, float]:
         """Place x, z, m, of the wheel on its slide."""
-        return [x, self.height + (x - self.drawn) * self.up / self.ahead]
+        return x, self.height + (x - self.drawn) * self.up / self.ahead
 
     def tension(self, x: float) -> float:
         """Mean tension, N, of the chain laid out with the wheel at x; raises InvalidParameter, StepFailed."""
