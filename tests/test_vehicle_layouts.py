@@ -164,6 +164,7 @@ BEAMS = {  # of three and two wheels; each arm has a mass of its own
     "pin_inertia": [3.0, 0.5, 5.0, 1.0, 0.6], "long_inertia": [0.4, 0.2, 0.5, 0.3, 0.1],
     "pivot": [[-0.717, 0.15], [-0.05, 0.15], [0.617, 0.15], [-0.3, 0.15], [0.366, 0.15]],
 }  # fmt: skip
+ARMS = [0.5 * ahead for ahead, _ in BEAMS["pivot"]]  # x of their middles from the wheels, m
 ON_BEAMS = {key: value for key, value in changed(road_arm=BEAMS).items() if key != "suspension"}
 ANGLED = changed(tensioner={**M113["tensioner"], "angle": 0.3})
 TABLES = {
@@ -285,9 +286,16 @@ def test_readers_take_the_number_of_each_wheel():
     heavy = [*UNLIKE["mass"][:4], 2.0 * UNLIKE["mass"][4]]
     moved = centre_of_mass(vehicle(changed(road_wheel={**M113["road_wheel"], **UNLIKE, "mass": heavy}), "own"))
     assert moved[0] < centre_of_mass(vehicle(RAISED, "own"))[0] - 0.05  # the last wheel is behind it
-    for known in (vehicle(table, "own") for table in (RAISED, SECOND)):
+    for known in (vehicle(table, "own") for table in (RAISED, SECOND, ON_BEAMS)):
         chains = 2.0 * known.track.links * known.track.mass
         assert tree(known.model_dump(), 2).masses[WHOLE] == pytest.approx(known.total_mass() - chains, rel=1e-12)
+        assert footing(known.model_dump())[0].mass == pytest.approx(known.total_mass(), rel=1e-12)
+    behind = changed(road_arm={**BEAMS, "mass": BEAMS["mass"][::-1]})
+    places = [centre_of_mass(vehicle(table, "own"))[0] for table in (changed(road_arm=BEAMS), behind)]
+    ways = [footing(table)[1] for table in (changed(road_arm=BEAMS), behind)]
+    moment = 2.0 * np.dot(np.subtract(BEAMS["mass"][::-1], BEAMS["mass"]), np.add(M113["road_wheel"]["x"], ARMS))
+    assert np.diff(places)[0] == pytest.approx(moment / known.total_mass(), rel=1e-9)
+    assert np.diff(ways)[0] == pytest.approx(moment / known.total_mass(), rel=1e-9)
     shape = wheel_body("left_track/road_wheel[5]", "road_wheel", "left_track", RAISED)
     assert shape.radius == 0.27
 

@@ -214,6 +214,24 @@ def test_a_beam_with_three_wheels_swings_as_a_physical_pendulum():
     assert probe.energy - probe["port.work"] - energy == pytest.approx(0.0, abs=1e-4 * moving)
 
 
+def test_a_wheel_at_the_pivot_of_its_beam():
+    """An arm without length is a body alike about all axes: one of no length to speak of with equal moments."""
+
+    def accelerations(height, inertia):
+        moments = {"pin_inertia": (3.0, 0.5, 5.0, 1.0, 0.6), "long_inertia": (0.4, inertia, 0.5, 0.3, 0.1)}
+        pivot = {"pivot": ((-0.6, height), (0.0, height), (0.7, height), *BEAMS["road_arm"]["pivot"][3:])}
+        parts = {"road_wheel": BEAMS["road_wheel"], "road_arm": {**BEAMS["road_arm"], **moments, **pivot}}
+        probe = Probe({f"{name}.{key}": value for name, part in parts.items() for key, value in part.items()})
+        x = stir(probe.model)
+        out = np.zeros_like(x)
+        rates(probe.model.tree, None, None, x, probe.u, out)
+        return out[7:-2]
+
+    at_pivot = accelerations(0.0, 0.2)
+    np.testing.assert_allclose(at_pivot, accelerations(1e-9, 0.5), rtol=1e-6, atol=1e-5)
+    assert np.abs(at_pivot - accelerations(1e-9, 0.2)).max() > 1e-4
+
+
 # --- manners ---
 
 
