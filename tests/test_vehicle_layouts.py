@@ -211,6 +211,32 @@ def test_a_vehicle_starts_in_balance_by_hand(name):
     assert ground == pytest.approx(weight, rel=more * 1e-4)
 
 
+def test_the_track_loads_a_beam_in_balance_about_its_pivot():
+    """Wheels of a beam turn with it; their loads, and the weights of wheels and arms, have no moment about its pivot.
+
+    The twin: the masses of the arms from rear to front.
+    """
+    running = InProcess(at_rest(ON_BEAMS))
+    known, chassis, track = running.scene.vehicle, running["chassis"], running["left_track"]
+    pitch = chassis["pitch"]
+
+    def moment(beam, masses):
+        total, angle = 0.0, chassis[f"left.road_arm[{beam[0]}].angle"]
+        assert [chassis[f"left.road_arm[{k}].angle"] for k in beam] == [angle] * len(beam)
+        for k in beam:
+            ahead, up = -np.array(BEAMS["pivot"][k - 1])  # of the wheel centre from the pivot
+            c, s = np.cos(angle + pitch), np.sin(angle + pitch)
+            x, z = c * ahead + s * up, c * up - s * ahead
+            weight = known.gravity * np.array([known.road_wheel.mass, 0.5 * masses[k - 1]]).sum()
+            total += z * track[f"road_wheel[{k}].force.x"] - x * (track[f"road_wheel[{k}].force.z"] - weight)
+        return total
+
+    for beam in BEAMS["beams"]:
+        assert abs(chassis[f"left.road_arm[{beam[0]}].angle"]) > 1e-4
+        assert moment(beam, BEAMS["mass"]) == pytest.approx(0.0, abs=10.0)  # rigid links; the search has cables
+        assert abs(moment(beam, BEAMS["mass"][::-1])) > 80.0
+
+
 def reach(running, side, name):
     """Distance from the centre of a wheel to the line of the pins, m."""
     track = running[f"{side}_track"]
