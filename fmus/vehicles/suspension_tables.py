@@ -44,7 +44,7 @@ class RoadArmTable(FrozenTable):  # noqa: D101
     pivot: Annotated[EachPlace, OrEach(Place)]
     """(x, z) of the pivot from the wheel centre, of all wheels or a list with that of each"""
     pairs: bool = False
-    """whether the arms of wheels 1 and 2, 3 and 4, ... of an even number of wheels are one of the beams each"""
+    """whether the wheels of a side, of an even number, are on beams of two each: [[1, 2], [3, 4], ...]"""
     beams: Annotated[tuple[Beam, ...] | None, When(pairs=(False, None))] = None
     """lists of wheels, neighbours from 1 at the front, whose arms are one beam, a bogie: their pivots are at one place,
     an arm is its wheel's part of the beam, and they need no suspension; a suspension acts on each arm"""
