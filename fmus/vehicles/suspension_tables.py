@@ -205,7 +205,7 @@ def _of_side(table: Mapping[str, Any]) -> Iterator[str]:
         )
     else:
         z = of_wheels(table["road_wheel"]["z"], len(x))
-        places = [(at + ahead, height + up) for at, height, (ahead, up) in zip(x, z, pivots, strict=True)]
+        places = [(at + ahead, height + up) for at, height, (ahead, up) in zip(x, z, pivots, strict=False)]
         for k, after in joined:
             if max(abs(a - b) for a, b in zip(places[k - 1], places[k], strict=True)) > 1e-9:
                 first, second = (f"({at:g}, {up:g})" for at, up in places[k - 1 : after])
