@@ -25,7 +25,7 @@ STOREYS = (
 )  # fmt: skip
 # Rooms of fmus from the lowest: each imports only from those before its own, anywhere in its modules.
 ROOMS = (
-    "cache", "kernels", "physics", "interface", "start", "vehicles", "ground", "track", "components", "fmi", "drives",
+    "cache", "kernels", "physics", "interface", "vehicles", "start", "ground", "track", "components", "fmi", "drives",
     *("track_rigid", "track_flexible", "chassis", "sprocket_drive", "steering_differential", "driver"),
     *("ahead", "native", "monolith", "rest"),
 )  # fmt: skip

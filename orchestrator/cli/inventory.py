@@ -10,7 +10,7 @@ import numpy as np
 
 from fmus.ahead import loaded_contents
 from fmus.track.choices import TRACKS
-from fmus.vehicles.sides import SIDES, of_side
+from fmus.vehicles.sides import SIDES, beams, of_side
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import summary_text
 from orchestrator.scene.assembly import assemble
@@ -177,7 +177,7 @@ def _size(scene: Scene, part: Part) -> str:
         return "pure pursuit of a path" if {"path.arcs", "path.points"} & {*part.parameters} else "holds a heading"
     vehicle = part.config["vehicle"]
     count, arms = len(vehicle["road_wheel"]["x"]), vehicle["road_arm"]
-    axles = ("arms of bogies" if arms["pairs"] else "arms with wheels") if arms else "wheels on axles"
+    axles = ("arms of bogies" if beams(arms, count) else "arms with wheels") if arms else "wheels on axles"
     sides = len(part.config["chassis"]["sides"])
     mirrored = ", their mirror images" if sides == 1 else ""
     rollers = f"{len(roller['x']) * sides} return rollers, " if (roller := vehicle["return_roller"]) else ""

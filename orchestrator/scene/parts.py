@@ -237,7 +237,8 @@ def closed_track_config(scene: RigScene | VehicleScene, side: Side = "left") -> 
     outputs = scene.track.link_outputs
     if isinstance(scene, RigScene):
         idler = scene.vehicle.idler.model_copy(update={"x": -scene.rig.axle_distance, "z": 0.0})
-        vehicle = scene.vehicle.model_copy(update={"idler": idler})
+        tensioner = scene.vehicle.tensioner.model_copy(update={"angle": 0.0})
+        vehicle = scene.vehicle.model_copy(update={"idler": idler, "tensioner": tensioner})
         wheels = [SPROCKET, {"name": "idler", "kind": "rim"}]
         return _track_config(vehicle, outputs, links=scene.rig.links, closed=True, wheels=wheels, gravity=0.0)
     vehicle = scene.vehicle.of_side(side)

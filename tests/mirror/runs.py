@@ -38,6 +38,12 @@ UNLIKE = tuple(  # wheels
         "spin_inertia": [11.8, 26.1, 27.0, 21.0, 16.0], "transverse_inertia": [9.0, 20.0, 21.0, 16.0, 12.0],
     }.items()
 )  # fmt: skip
+BEAMS = (  # of three and two wheels, whose arms differ, and idlers on slides at an angle
+    "vehicle.road_arm.beams=[[1, 2, 3], [4, 5]]",
+    "vehicle.road_arm.mass=[90, 40, 120, 60, 30]", "vehicle.road_arm.pin_inertia=[3, 0.5, 5, 1, 0.6]",
+    "vehicle.road_arm.long_inertia=[0.4, 0.2, 0.5, 0.3, 0.1]", "vehicle.tensioner.angle=0.3",
+    "vehicle.road_arm.pivot=[[-0.717, 0.3], [-0.05, 0.3], [0.617, 0.3], [-0.3, 0.1], [0.366, 0.1]]",
+)  # fmt: skip
 # the left drive is slower and controlled, or braked
 TURN = {"left_drive": {"mode": "controller", "speed.end": 2.0}, "right_drive": {"speed.end": 16.0}}
 BRAKED = {
@@ -152,6 +158,7 @@ class Run(NamedTuple):
 
 
 SIDE = ("left_track", "left_drive", "right_drive", "chassis")  # the right track is checked
+ALONE = ("left_track", "right_track", "left_drive", "right_drive")  # the chassis is checked
 RUNS = {
     "rigid": Run(lambda: vehicle("rigid", overrides=TURN), ("left_track",)),
     "cable": Run(lambda: vehicle("flexible", overrides={"left_drive": {"speed.end": 10.0}}), ("right_track",)),
@@ -168,6 +175,7 @@ RUNS = {
     "sloping turning": Run(partial(sloping, "flexible", "track.axes=free", duration=0.65), ("left_track", "chassis")),
     "waving": Run(waving, SIDE),
     "sinking": Run(partial(sinking, "rigid"), SIDE),
+    "beams": Run(lambda: vehicle("rigid", *BEAMS, overrides=TURN), ALONE),
     "joined": Run(joined, ("left_track", "right_track", "chassis")),
     "driven": Run(  # without friction, slip follows from the width alone
         partial(driven, "driver.friction=0"), ("left_track", "right_track", "left_drive", "right_drive", "chassis")
