@@ -187,7 +187,7 @@ STUDIES = {
        for name in ("general", "engineering")},
     "waving hunt_crossley": Run(partial(waving, *HUNT_CROSSLEY), SIDE),
     # with cohesion, the last correction decides whether a point that hardly touches has shear or none
-    "sinking refined": Run(partial(sinking, "rigid", "ground.refinement=[2, 3]", "ground.soil.cohesion=0 Pa"), SIDE),
+    "sinking refined": Run(partial(sinking, "rigid", "ground.refinement=[2, 2]", "ground.soil.cohesion=0 Pa"), SIDE),
     "sinking turning": Run(partial(sinking, "flexible", "track.axes=free", "ground.soil.cohesion=0 Pa"), SIDE),
 }  # fmt: skip
 
