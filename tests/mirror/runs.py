@@ -128,9 +128,9 @@ def sinking(model: str, *settings: str, duration: float = 0.3) -> Record:
 
 
 def waving(*settings: str) -> Record:
-    """A vehicle on waves that end beneath it, other ones on its right side."""
+    """A vehicle on waves that end beneath it, other ones on its right side; links have 6 and 4 points."""
     waves = 'ground.washboard={amplitude=0.005, wavelength=0.9, phase="70 deg", start=7.0, end=11.6}'
-    place = "start.position=[12.0, 1.0, 0.4]", "start.height=2 mm"
+    place = "start.position=[12.0, 1.0, 0.4]", "start.height=2 mm", "ground.refinement=[3, 2]"
     return vehicle("rigid", waves, *place, "ground.grade=0.05", *settings, duration=0.2)
 
 
@@ -195,6 +195,7 @@ STUDIES = {
        for name in ("general", "engineering")},
     "waving hunt_crossley": Run(partial(waving, *HUNT_CROSSLEY), SIDE),
     # with cohesion, the last correction decides whether a point that hardly touches has shear or none
+    "sinking refined": Run(partial(sinking, "rigid", "ground.refinement=[2, 2]", "ground.soil.cohesion=0 Pa"), SIDE),
     "sinking turning": Run(partial(sinking, "flexible", "track.axes=free", "ground.soil.cohesion=0 Pa"), SIDE),
 }  # fmt: skip
 
