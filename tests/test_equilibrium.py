@@ -443,7 +443,7 @@ def test_a_vehicle_that_cannot_rest_is_refused_in_an_engineer_s_words(monkeypatc
     scene = load("straight", "flexible", {"vehicle": table})
     config = {**closed_track_config(scene), "link_outputs": False}
     idler = tension_wheel(config, "idler", scene.vehicle.track.tension)
-    vehicle = standing.with_idlers(scene.vehicle.model_dump(), [idler.x], [idler.pushes])
+    vehicle = standing.with_idlers(scene.vehicle.model_dump(), [idler[:2]], [idler.pushes])
     parts = {part.name: part for part in own_parts(load("straight", "flexible", {"vehicle": vehicle})).parts}
     track = equilibrium.FlexibleTrack({**parts["left_track"].config, "link_outputs": False}, {})
     sentence = r"it has sagged by (\d+) mm .*: the sprocket, whose track is (\d+) mm above"

@@ -25,7 +25,7 @@ STOREYS = (
 )  # fmt: skip
 # Rooms of fmus from the lowest: each imports only from those before its own, anywhere in its modules.
 ROOMS = (
-    "cache", "kernels", "physics", "interface", "start", "vehicles", "ground", "track", "components", "fmi", "drives",
+    "cache", "kernels", "physics", "interface", "vehicles", "start", "ground", "track", "components", "fmi", "drives",
     *("track_rigid", "track_flexible", "chassis", "sprocket_drive", "steering_differential", "driver"),
     *("ahead", "native", "monolith", "rest"),
 )  # fmt: skip
@@ -47,7 +47,7 @@ GENERIC = [
 ]
 DOORS = {
     "fmus.ahead", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.cache.pack", "fmus.fmi.build",
-    "fmus.fmi.saved", "fmus.ground.keys", "fmus.ground.soils", "fmus.ground.tables",
+    "fmus.fmi.saved", "fmus.ground.keys", "fmus.ground.refinement", "fmus.ground.soils", "fmus.ground.tables",
     "fmus.ground.terrain", "fmus.interface.defaults",
     "fmus.interface.ports", "fmus.interface.units", "fmus.monolith.model", "fmus.native.pack",
     "fmus.rest.equilibrium", "fmus.rest.standing", "fmus.rest.tensioning",

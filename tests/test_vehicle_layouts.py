@@ -20,7 +20,7 @@ from fmus.interface.model import InvalidParameter
 from fmus.interface.numbers import packed
 from fmus.rest.equilibrium import is_asymmetric
 from fmus.start import ground_level
-from fmus.vehicles.sides import lopsided, of_wheels
+from fmus.vehicles.sides import lopsided, of_wheels, places_of_wheels
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import TAKEN, VehicleTable, read_table, vehicle
 from orchestrator.results.views.shapes import wheel_body
@@ -102,9 +102,9 @@ def unbalanced(running, table):
             if table.road_arm is None:
                 np.testing.assert_allclose(wheel, centre + hull.apply(drawn), atol=1e-12)  # on an axle of the hull
                 continue
-            px, pz = table.road_arm.pivot
+            px, pz = places_of_wheels(table.road_arm.pivot, i)[i - 1]
             pin = centre + hull.apply(drawn + np.array([px, 0.0, pz]))
-            weigh(table.road_arm.mass, 0.5 * (wheel + pin))
+            weigh(of_wheels(table.road_arm.mass, i)[i - 1], 0.5 * (wheel + pin))
         wheels = [name.removesuffix(".force.x") for name in running[track].outputs if name.endswith(".force.x")]
         for name in (name for name in wheels if name != "ground"):
             place = vector("chassis", f"{side}.{name}.position")
@@ -169,9 +169,18 @@ REAR = {
 SPRING = {"stiffness": 1e6, "damping": 1e4, "preload": 0.0}
 LONGER = {**M113["track"], "links": 66}
 SECOND = changed(wheel={"rear_idler": {**REAR, "tensioner": SPRING}}, track=LONGER)
+BEAMS = {  # of three and two wheels; each arm has a mass of its own
+    "beams": [[1, 2, 3], [4, 5]], "mass": [90.0, 40.0, 120.0, 60.0, 30.0],
+    "pin_inertia": [3.0, 0.5, 5.0, 1.0, 0.6], "long_inertia": [0.4, 0.2, 0.5, 0.3, 0.1],
+    "pivot": [[-0.717, 0.15], [-0.05, 0.15], [0.617, 0.15], [-0.3, 0.15], [0.366, 0.15]],
+}  # fmt: skip
+ARMS = [0.5 * ahead for ahead, _ in BEAMS["pivot"]]  # x of their middles from the wheels, m
+ON_BEAMS = {key: value for key, value in changed(road_arm=BEAMS).items() if key != "suspension"}
+ANGLED = changed(tensioner={**M113["tensioner"], "angle": 0.3})
 TABLES = {
     "m113": M113,
     "second idler": SECOND,
+    "beams": ON_BEAMS,
     "fixed second idler": changed(wheel={"rear_idler": REAR}, track=LONGER, return_roller=ROLLERS),
     "rollers": changed(return_roller=ROLLERS),
     "staggered": changed(return_roller=ROLLERS, right=STAGGERED),
@@ -214,6 +223,32 @@ def test_a_vehicle_starts_in_balance_by_hand(name):
         assert running["chassis"][f"{side}.tensioner.force"] == pytest.approx(pull, rel=more * 5e-3)
     ground = sum(running[f"{side}_track"]["ground.force.z"] for side in ("left", "right"))
     assert ground == pytest.approx(weight, rel=more * 1e-4)
+
+
+def test_the_track_loads_a_beam_in_balance_about_its_pivot():
+    """Wheels of a beam turn with it; their loads, and the weights of wheels and arms, have no moment about its pivot.
+
+    The twin: the masses of the arms from rear to front.
+    """
+    running = InProcess(at_rest(ON_BEAMS))
+    known, chassis, track = running.scene.vehicle, running["chassis"], running["left_track"]
+    pitch = chassis["pitch"]
+
+    def moment(beam, masses):
+        total, angle = 0.0, chassis[f"left.road_arm[{beam[0]}].angle"]
+        assert [chassis[f"left.road_arm[{k}].angle"] for k in beam] == [angle] * len(beam)
+        for k in beam:
+            ahead, up = -np.array(BEAMS["pivot"][k - 1])  # of the wheel centre from the pivot
+            c, s = np.cos(angle + pitch), np.sin(angle + pitch)
+            x, z = c * ahead + s * up, c * up - s * ahead
+            weight = known.gravity * np.array([known.road_wheel.mass, 0.5 * masses[k - 1]]).sum()
+            total += z * track[f"road_wheel[{k}].force.x"] - x * (track[f"road_wheel[{k}].force.z"] - weight)
+        return total
+
+    for beam in BEAMS["beams"]:
+        assert abs(chassis[f"left.road_arm[{beam[0]}].angle"]) > 1e-4
+        assert moment(beam, BEAMS["mass"]) == pytest.approx(0.0, abs=10.0)  # rigid links; the search has cables
+        assert abs(moment(beam, BEAMS["mass"][::-1])) > 80.0
 
 
 def reach(running, side, name):
@@ -271,6 +306,9 @@ def test_a_list_of_equal_numbers_is_that_number():
         count = len(one[name]["x"])
         each[name] |= {key: [value] * count for key, value in one[name].items() if key != "x"}
     assert read_by_others(each) == read_by_others(one)
+    for key in ("mass", "pin_inertia", "long_inertia", "pivot"):
+        each["road_arm"][key] = [one["road_arm"][key]] * len(one["road_wheel"]["x"])
+    assert read_by_others(each) == read_by_others(one)
     trees = [tree(vehicle(table, "own").model_dump(), 2) for table in (each, one)]
     for key in ("hinge", "leaf_mass", "across", "along", "transverse", "spin_inertia", "fraction", "masses", "travel"):
         np.testing.assert_array_equal(*(getattr(each, key) for each in trees))
@@ -288,9 +326,16 @@ def test_readers_take_the_number_of_each_wheel():
     heavy = [*UNLIKE["mass"][:4], 2.0 * UNLIKE["mass"][4]]
     moved = centre_of_mass(vehicle(changed(road_wheel={**M113["road_wheel"], **UNLIKE, "mass": heavy}), "own"))
     assert moved[0] < centre_of_mass(vehicle(RAISED, "own"))[0] - 0.05  # the last wheel is behind it
-    for known in (vehicle(table, "own") for table in (RAISED, SECOND)):
+    for known in (vehicle(table, "own") for table in (RAISED, SECOND, ON_BEAMS)):
         chains = 2.0 * known.track.links * known.track.mass
         assert tree(known.model_dump(), 2).masses[WHOLE] == pytest.approx(known.total_mass() - chains, rel=1e-12)
+        assert footing(known.model_dump())[0].mass == pytest.approx(known.total_mass(), rel=1e-12)
+    behind = changed(road_arm={**BEAMS, "mass": BEAMS["mass"][::-1]})
+    places = [centre_of_mass(vehicle(table, "own"))[0] for table in (changed(road_arm=BEAMS), behind)]
+    ways = [footing(table)[1] for table in (changed(road_arm=BEAMS), behind)]
+    moment = 2.0 * np.dot(np.subtract(BEAMS["mass"][::-1], BEAMS["mass"]), np.add(M113["road_wheel"]["x"], ARMS))
+    assert np.diff(places)[0] == pytest.approx(moment / known.total_mass(), rel=1e-9)
+    assert np.diff(ways)[0] == pytest.approx(moment / known.total_mass(), rel=1e-9)
     shape = wheel_body("left_track/road_wheel[5]", "road_wheel", "left_track", RAISED)
     assert shape.radius == 0.27
 
@@ -383,6 +428,77 @@ def test_a_second_idler_is_held_by_its_own_spring():
         assert chassis[f"{side}.rear_idler.tensioner.force"] == pytest.approx(push, rel=1e-9)
         pulled = pull_on(running, side, "rear_idler", wheel)
         assert running[f"{side}_track"]["rear_idler.force.x"] == pytest.approx(pulled, rel=1e-6)
+
+
+def along(running, side, name, wheel, slide):
+    """Forward force of the chain along a ``slide`` x, z on a wheel, N, from its pins, weight of its links included."""
+    track = running[f"{side}_track"]
+    pins, ends, _ = strands(running, side, name, wheel)
+    values, count = dict(zip(track.links, track.link_outputs(), strict=True)), running.scene.vehicle.track.links
+    forces = []
+    for inside, outside in ends:
+        force = np.array([values[f"joint[{inside % count + 1}].force.{axis}"] for axis in "xz"])
+        forces.append(force * np.sign(force @ (pins[outside] - pins[inside])))
+    table, (one, other) = running.scene.vehicle, (inside for inside, _ in ends)
+    links = min((one - other) % count, (other - one) % count)
+    return (np.sum(forces, axis=0) - [0.0, links * table.track.mass * table.gravity]) @ slide
+
+
+def test_an_idler_on_a_slope_is_moved_and_held_along_it():
+    """The standing track carries its tension; the push is that of the spring, of the chain and of the idler's weight.
+
+    The twins: the slide at the other angle, and the weight left out.
+    """
+    running = InProcess(at_rest(ANGLED, OF_PINS))
+    known, chassis, track = running.scene.vehicle, running["chassis"], running["left_track"]
+    idler, way = known.idler, np.array([np.cos(0.3), 0.0, np.sin(0.3)])
+    assert [each.tension for each in running.scene.standing.tracks] == pytest.approx([14380.0] * 2, rel=1e-3)
+    from_drawn = np.array([idler.x - M113["idler"]["x"], idler.z - M113["idler"]["z"]])
+    assert abs(from_drawn[0]) > 1e-3
+    assert from_drawn[1] / from_drawn[0] == pytest.approx(np.tan(0.3), rel=1e-9)
+    hull = Rotation.from_quat([chassis[f"chassis.orientation.{part}"] for part in "wxyz"], scalar_first=True)
+    place, centre = (
+        np.array([chassis[f"{name}.position.{axis}"] for axis in "xyz"]) for name in ("left.idler", "chassis")
+    )
+    moved = hull.inv().apply(place - centre) - (
+        [idler.x, known.track.lateral, idler.z] - np.array(known.chassis.centre)
+    )
+    assert moved == pytest.approx((moved @ way) * way, abs=1e-12)
+    push, spring = chassis["left.tensioner.force"], known.tensioner
+    assert push == pytest.approx(spring.preload + spring.stiffness * (moved @ way), rel=1e-6)
+    force = np.array([track[f"idler.force.{axis}"] for axis in "xyz"])
+
+    def held(way, weight=idler.mass * known.gravity):
+        return (force - [0.0, 0.0, weight]) @ hull.apply(way)
+
+    assert push == pytest.approx(held(way), rel=5e-3)  # rigid links; the search has cables
+    assert push != pytest.approx(held(way * [1.0, 1.0, -1.0]), rel=0.05)
+    assert push != pytest.approx(held(way, 0.0), rel=0.02)
+    slide = hull.apply(way)[[0, 2]]
+    assert force[[0, 2]] @ slide == pytest.approx(along(running, "left", "idler", idler, slide), rel=1e-6)
+
+
+@pytest.mark.long
+def test_sides_whose_slides_are_elsewhere():
+    """Right wheels with a place of their own are moved along the slide too; a further wheel has its own angle."""
+    wheel = {"rear_idler": {**REAR, "tensioner": {**SPRING, "angle": -0.2}}}
+    right = {"idler": {"x": -3.97}}
+    running = InProcess(at_rest({**ANGLED, "track": LONGER, "wheel": wheel, "right": right}, OF_PINS))
+    known = running.scene.vehicle
+    force, moment = unbalanced(running, known)
+    weight = known.total_mass() * known.gravity
+    assert np.abs(force[[0, 2]]).max() < 1e-4 * weight
+    assert np.abs(moment[:2]).max() < 5e-4 * weight
+    sides = {side: known.of_side(side).idler for side in ("left", "right")}
+    for (side, idler), drawn in zip(sides.items(), (M113["idler"]["x"], -3.97), strict=True):
+        assert (idler.z - M113["idler"]["z"]) / (idler.x - drawn) == pytest.approx(np.tan(0.3), rel=1e-6)
+        for name, angle, mass in (("idler.", 0.3, idler.mass), ("rear_idler.", -0.2, REAR["mass"])):
+            at = angle - running["chassis"]["pitch"]
+            ahead, up = (running[f"{side}_track"][f"{name}force.{axis}"] for axis in "xz")
+            held = ahead * np.cos(at) + (up - mass * known.gravity) * np.sin(at)
+            named = f"{side}.{name}tensioner.force".replace(".idler.", ".")
+            assert running["chassis"][named] == pytest.approx(held, rel=2e-3)
+    assert [each.tension for each in running.scene.standing.tracks] == pytest.approx([14380.0] * 2, rel=1e-3)
 
 
 @pytest.mark.long

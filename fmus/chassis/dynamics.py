@@ -1,7 +1,7 @@
 """Equations of motion of the tree, exact and O(n), and their integration over one communication step.
 
 State x, flat: position of O (3, world), quaternion of B (4), velocity of O (3, world), angular velocity (3,
-in B), then for n leaves: coordinates (arm angle about +y, or slide along +x; 0 in the drawn position), spin angles
+in B), then for n leaves: coordinates (arm angle about +y, or way on the slide; 0 in the drawn position), spin angles
 (relative to B), coordinate rates, spin rates (absolute, about B's y axis); then the states of hitch and seats, where
 there are any; then dissipated energy, work of the wrenches (J).
 Derivation and symbols: README.md of this folder; its equation numbers stand at the lines.
@@ -64,7 +64,8 @@ def is_fixed(tree: VehicleTree, k: int) -> bool:
 def wheel_offset(tree: VehicleTree, k: int, d: float) -> tuple[Vector, Vector]:
     """Wheel centre of leaf k from its hinge, m, and the derivative by its coordinate d, in B. (1)"""
     if tree.is_arm[k] == 0:
-        return (d, 0.0, 0.0), (1.0, 0.0, 0.0)
+        way = tree.arm[k, 0], 0.0, tree.arm[k, 1]
+        return scale(d, way), way
     x, z, c, s = tree.arm[k, 0], tree.arm[k, 1], cos(d), sin(d)
     r = (c * x + s * z, 0.0, c * z - s * x)
     return r, (r[2], 0.0, -r[0])
@@ -185,9 +186,9 @@ def eliminate(M: Floats, b: Floats, Q: Floats, k: int, g: float, generalized_mas
 
 @kernel
 def reduce_leaf(tree: VehicleTree, k: int, own: tuple[float, float], first: tuple[float, float]) -> tuple[float, float]:
-    """Eliminate leaf k with its generalized force and mass ``own``, a bogie with its second arm. (10)
+    """Eliminate leaf k with its generalized force and mass ``own``, a bogie with its last arm. (10)
 
-    Returns those of a first arm, which come with the second one as ``first``.
+    Returns the sums of a bogie's arms up to this one, which come with the next one as ``first``.
     """
     (force, mass), Q, g = own, tree.coupling, tree.leaf_force
     if tree.joined[k] == 1:
@@ -201,10 +202,11 @@ def reduce_leaf(tree: VehicleTree, k: int, own: tuple[float, float], first: tupl
         return force, mass
     else:
         eliminate(tree.root_mass, tree.root_force, Q, k, g[k], mass)
-        if tree.joined[k] == 1:
+        while tree.joined[k] == 1:
             g[k - 1] = g[k]
             for i in range(6):
                 Q[k - 1, i] = Q[k, i]
+            k -= 1
     return 0.0, 0.0
 
 

@@ -172,7 +172,7 @@ class Model(ComponentModel):
             *(f"return_roller.{key}" for key in wheel if config["vehicle"].get("return_roller")),
             "road_arm",
             "suspension",
-            *(f"{above}tensioner.{key}" for above in ("", *further) for key in (*SPRING, "recoil")),
+            *(f"{above}tensioner.{key}" for above in ("", *further) for key in (*SPRING, "angle", "recoil")),
             "track.lateral",
             "right",
             *(["contact.ground", "track.face"] if ground else []),

@@ -1,10 +1,10 @@
 """Vehicle without tracks as a star-shaped tree: a free body, and leaves with one coordinate each.
 
 A leaf is a road arm with its wheel (turns about a pin), an idler or further wheel on a slide along the chassis, or a
-wheel on a fixed axle (a slide without travel, whose coordinate stays 0); its wheel has a separate spin. The two arms of
-a bogie share one coordinate. Leaves are ordered side by side, left first: road wheels, idler, further wheels, rollers.
+wheel on a fixed axle (a slide without travel, whose coordinate stays 0); its wheel has a separate spin. The arms of a
+bogie share one coordinate. Leaves are ordered side by side, left first: road wheels, idler, further wheels, rollers.
 Frame B is the chassis' own, axes x forward, y left, z up in the drawn position, origin O in the chassis'
-centre of mass. Pins and slides lie along B's y and x axes, so a leaf moves in a plane y = const of B.
+centre of mass. Pins lie along B's y axis and slides across it, so a leaf moves in a plane y = const of B.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 from fmus.kernels.by_reference import by_reference
 from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Integers, Matrix, Vector
-from fmus.physics.elementary import hypot
-from fmus.vehicles.sides import SIDES, of_side, of_wheels, places_of_wheels, smooth_wheels
+from fmus.physics.elementary import cos, hypot, sin
+from fmus.vehicles.sides import SIDES, beams, of_side, of_wheels, places_of_wheels, road_arms, smooth_wheels
 
 BODY, WHOLE = range(2)  # indices into ``VehicleTree.masses``
 
@@ -37,9 +37,10 @@ class VehicleTree(NamedTuple):
     centre: Floats  # (3,) centre of mass of chassis with sprockets, m
     inertia: Floats  # (3, 3) of chassis with sprockets about that centre, without the sprockets' spin, kg m2
     is_arm: Integers  # (n,) 1 for a road arm, 0 for the others
-    joined: Integers  # (n,) 1 for the second arm of a bogie, which has the coordinate of the leaf before it
+    joined: Integers  # (n,) 1 for a further arm of a bogie, which has the coordinate of the leaf before it
     hinge: Floats  # (n, 3) pin of the arm, or drawn wheel centre of the others, m
-    arm: Floats  # (n, 2) x and z of the wheel centre from the pin in the drawn position, m; 0 for the others
+    # (n, 2) x and z of the wheel centre from the pin in the drawn position, m; of the others the direction of the slide
+    arm: Floats
     fraction: Floats  # (n,) centre of mass of arm and wheel on the line from pin to wheel centre; 1 for the others
     leaf_mass: Floats  # (n,) arm and wheel, kg
     # Inertia of a leaf about its centre of mass: J w = across w - along (r.w) r + transverse (w_x, 0, w_z), r
@@ -49,7 +50,7 @@ class VehicleTree(NamedTuple):
     transverse: Floats  # (n,) wheel's transverse inertia, kg m2
     spin_inertia: Floats  # (n,) kg m2
     # (n, 2) x and z of the spring's end on the arm, from the pin, drawn position, m; of a wheel on a slide 1 behind the
-    # sprocket and -1 ahead of it, then 0: the sense of x in which it compresses its spring; 0 on a fixed axle
+    # sprocket and -1 ahead of it, then 0: the sense in which its way compresses its spring; 0 on a fixed axle
     on_arm: Floats
     on_chassis: Floats  # (n, 2) x and z of the spring's end on the chassis, from the pin, m
     drawn_length: Floats  # (n,) of the spring-damper in the drawn position, m; 0 without one
@@ -121,9 +122,9 @@ def _leaves(table: Mapping[str, Any]) -> dict[str, Any]:
     every, lateral, wheels = smooth_wheels(table), table["track"]["lateral"], len(table["road_wheel"]["x"])
     others = every[wheels:]  # without a tensioner on fixed axles
     mass = np.array([wheel["mass"] for wheel in every])
-    arm = table["road_arm"] or {"mass": 0.0, "pin_inertia": 0.0, "long_inertia": 0.0, "pivot": (0.0, 0.0)}
-    spring = table["suspension"] or {}
-    pivot = np.array(places_of_wheels(arm["pivot"], wheels))  # from the wheel centre, as all points
+    arms = road_arms(table) or [{"mass": 0.0, "pin_inertia": 0.0, "long_inertia": 0.0, "pivot": (0.0, 0.0)}] * wheels
+    arm = {key: np.array([each[key] for each in arms]) for key in arms[0]}
+    spring, pivot = table["suspension"] or {}, arm["pivot"]  # from the wheel centre, as all points
     has_line = spring.get("on_arm") is not None
     on_arm, on_chassis = (
         (np.array(places_of_wheels(spring[key], wheels)) if has_line else pivot) - pivot
@@ -138,18 +139,17 @@ def _leaves(table: Mapping[str, Any]) -> dict[str, Any]:
     # arm and wheel: point masses at a distance of half an arm, on the line of the arm
     reduced = 0.25 * mass[:wheels] * arm["mass"] / leaf_mass
     length_squared = (pivot * pivot).sum(axis=1)
-    along = np.zeros(wheels)
-    if table["road_arm"]:
-        along = (arm["pin_inertia"] - arm["long_inertia"]) / length_squared + reduced
+    slender = arm["pin_inertia"] - arm["long_inertia"]  # a wheel at the pivot of its beam has an arm without direction
+    along = np.divide(slender, length_squared, out=np.zeros(wheels), where=length_squared > 0.0) + reduced
     places = np.array([(wheel["x"], lateral, wheel["z"]) for wheel in every])
-    joined = np.arange(wheels) % 2 if arm.get("pairs") else np.zeros(wheels)
+    further = {k for beam in beams(table["road_arm"] or {}, wheels) for k in beam[1:]}
     slides = [wheel["tensioner"] or {} for wheel in others]
     sense = [(-1.0 if wheel["x"] > 0.0 else 1.0) if wheel["tensioner"] else 0.0 for wheel in others]
     return {
         "is_arm": leaves([1 if table["road_arm"] else 0] * wheels).astype(np.int64),
-        "joined": leaves(joined).astype(np.int64),
+        "joined": leaves([k in further for k in range(1, wheels + 1)]).astype(np.int64),
         "hinge": places + np.insert(leaves(pivot), 1, 0.0, axis=1),
-        "arm": leaves(-pivot),
+        "arm": leaves(-pivot, [way(wheel) for wheel in others]),
         "fraction": leaves((mass[:wheels] + 0.5 * arm["mass"]) / leaf_mass, 1.0),
         "leaf_mass": leaves(leaf_mass, mass[wheels:]),
         "across": leaves(arm["pin_inertia"] + reduced * length_squared),
@@ -165,6 +165,12 @@ def _leaves(table: Mapping[str, Any]) -> dict[str, Any]:
         },
         "travel": leaves([0.0] * wheels, [wheel["radius"] if wheel["tensioner"] else 0.0 for wheel in others]),
     }
+
+
+def way(wheel: Mapping[str, Any]) -> tuple[float, float]:
+    """Direction x, z of the slide of a wheel of ``smooth_wheels``; forward without one."""
+    angle = (wheel["tensioner"] or {}).get("angle", 0.0)
+    return cos(angle), sin(angle)
 
 
 def _inputs(leaves: int, sides: int) -> tuple[Integers, Floats]:

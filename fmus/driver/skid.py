@@ -23,7 +23,7 @@ import numpy as np
 from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.elementary import asin, atan2, hypot, sin
-from fmus.vehicles.sides import lowest_wheel, of_side, places_of_wheels, smooth_wheels, wheel_places
+from fmus.vehicles.sides import lowest_wheel, of_side, road_arms, smooth_wheels, wheel_places
 
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
@@ -86,15 +86,14 @@ def _bodies(v: Mapping[str, Any]) -> Any:
     yield v["chassis"]["mass"], *v["chassis"]["centre"], v["chassis"]["inertia"][2]
     for side, sign in (("right", -1.0), ("left", 1.0)):
         table = of_side(v, side)
-        sprocket, idler, arm, track = (table[name] for name in ("sprocket", "idler", "road_arm", "track"))
+        sprocket, idler, track = (table[name] for name in ("sprocket", "idler", "track"))
         y, loop, low = sign * track["lateral"], track["links"] * track["mass"], lowest_wheel(table)
         yield sprocket["mass"], 0.0, y, 0.0, sprocket["transverse_inertia"]
-        wheels, road = smooth_wheels(table), len(table["road_wheel"]["x"])
-        pivots = iter(places_of_wheels(arm["pivot"], road) if arm else ())
+        wheels, road, arms = smooth_wheels(table), len(table["road_wheel"]["x"]), iter(road_arms(table))
         for wheel in (*wheels[road:], *wheels[:road]):
             yield wheel["mass"], wheel["x"], y, wheel["z"], wheel["transverse_inertia"]
-            if arm and wheel["kind"] == "road_wheel":
-                ahead, up = next(pivots)
+            if wheel["kind"] == "road_wheel" and (arm := next(arms, None)):
+                ahead, up = arm["pivot"]
                 yield arm["mass"], wheel["x"] + 0.5 * ahead, y, wheel["z"] + 0.5 * up, arm["pin_inertia"]
         yield loop, 0.5 * idler["x"], y, 0.5 * (low["z"] - low["radius"]), loop * idler["x"] * idler["x"] / 12.0
 

@@ -36,9 +36,12 @@ def memory(points: int = 1) -> Memory:
     return Memory(np.zeros(1, dtype=np.int64), np.zeros((points, 7)))
 
 
-def points(wheels: int, nodes: int) -> int:
-    """Number of contact points of a chain of ``nodes`` pins with ``wheels`` wheels and the ground."""
-    return POINTS * (wheels + 1) * nodes
+def points(wheels: int, nodes: int, on_ground: int = ON_FACE) -> int:
+    """Number of contact points of a chain of ``nodes`` pins with ``wheels`` wheels and the ground.
+
+    ``on_ground``: most points of a link on the ground.
+    """
+    return (POINTS * wheels + max(POINTS, on_ground)) * nodes
 
 
 @kernel

@@ -39,6 +39,7 @@ JUMP = 20.0  # slope of the tension over that as drawn beyond which the vehicle 
 FARTHEST = 2.0  # largest change of the tension as drawn from one to the next, as a factor
 
 
+Places = Sequence[Sequence[float]]
 JUMPS = ", and it jumps: the vehicle rests in two ways"
 
 
@@ -49,7 +50,7 @@ class DoesNotStand(BadInput):
 class StandingVehicle(NamedTuple):
     """Idlers of the sides that have tables of their own, left first, and the equilibrium on level, hard ground."""
 
-    places: Sequence[float]  # x of the wheel that is moved, m
+    places: Places  # x, z of the wheel that is moved, m
     pushes: Sequence[Mapping[str, float]]  # on the wheels, by name, that balance the tracks as drawn, N
     drawn: Sequence[float]  # mean tension of the tracks as drawn, N
     rest: VehicleEquilibrium
@@ -141,7 +142,7 @@ class _Search:
             keys = "vehicle.track" if side == "left" else "vehicle.right.track"
             found.append(tension_wheel(self.tracks[side].config, moved, tension, keys, links))
             self.missed = found[-1].missed or self.missed
-        places, pushes, tensions = [x.x for x in found], [x.pushes for x in found], [x.tension for x in found]
+        places, pushes, tensions = zip(*((place[:2], place.pushes, place.tension) for place in found), strict=True)
         vehicle = self._vehicle(places, pushes)
         try:
             self.guess = vehicle.come_to_rest(vehicle.start() if self.guess is None else self.guess)
@@ -151,7 +152,7 @@ class _Search:
         rest = vehicle.as_equilibrium(self.guess)._replace(tracks=vehicle.tracks_at_rest())
         return StandingVehicle(places, pushes, tensions, rest)
 
-    def _vehicle(self, places: Sequence[float], pushes: Sequence[Mapping[str, float]]) -> VehicleOnChains:
+    def _vehicle(self, places: Places, pushes: Sequence[Mapping[str, float]]) -> VehicleOnChains:
         moved = with_idlers(self.chassis["vehicle"], places, pushes)
         tracks = {}
         for side, track in self.tracks.items():
@@ -162,9 +163,9 @@ class _Search:
 
 
 def with_idlers(
-    vehicle: Mapping[str, Any], places: Sequence[float], pushes: Sequence[Mapping[str, float]], bare: Sequence[str] = ()
+    vehicle: Mapping[str, Any], places: Places, pushes: Sequence[Mapping[str, float]], bare: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Vehicle table with the wheels that are moved at ``places`` x, m, and further ``pushes`` of its tensioners, N.
+    """Vehicle table with the wheels that are moved at ``places`` x, z, m, and further ``pushes`` of its tensioners, N.
 
     One of each for both sides, or left and right those of a vehicle with a table ``right``. ``bare``: sides without a
     track, whose further wheels lack the push; a chassis takes it from their idlers.
@@ -172,15 +173,17 @@ def with_idlers(
     moved, right, name = dict(vehicle), dict(vehicle.get("right") or {}), vehicle["tensioner"]["wheel"]
     for k, (side, table) in enumerate(zip(SIDES, (moved, right), strict=True)):
         own, at, wheels = of_side(vehicle, side), min(k, len(places) - 1), {}
+        found = {key: {"x": it["x"], "z": it["z"]} for key, it in {**own["wheel"], "idler": own["idler"]}.items()}
+        found[name] = dict(zip("xz", places[at], strict=True))
         for key, wheel in own["wheel"].items():
             if slide := wheel["tensioner"]:
                 slide = {**slide, "preload": slide["preload"] + (0.0 if side in bare else pushes[at][key])}
-            place = {"x": places[at] if key == name else wheel["x"], "tensioner": slide}
+            place = {**found[key], "tensioner": slide}
             wheels[key] = place if table is right else {**wheel, **place}
         if wheels and (k == at or bare):
             table["wheel"] = wheels
         if k == at:
             preload = own["tensioner"]["preload"] + pushes[at]["idler"]
             table["tensioner"] = {**(table.get("tensioner") or {}), "preload": preload}
-            table["idler"] = {**(table.get("idler") or {}), "x": places[at] if name == "idler" else own["idler"]["x"]}
+            table["idler"] = {**(table.get("idler") or {}), **found["idler"]}
     return {**moved, "right": right} if right else moved

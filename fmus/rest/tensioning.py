@@ -11,16 +11,19 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+import numpy as np
 import scipy  # loads its parts when they are used
 
 from fmus.cache.files import cached_result
 from fmus.cache.sources import source_hash
+from fmus.chassis.tree import way
 from fmus.components import model_of
 from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.interface.numbers import packed
 from fmus.physics.chain.layout import belt_length
 from fmus.physics.chain.report import T_MEAN
 from fmus.track.start import drawn
+from fmus.vehicles.sides import smooth_wheels
 from fmus.vehicles.tables import BadInput
 
 REACH, PITCH = 0.06, 0.1524  # m: largest distance of the wheel from its drawn place, for links of this pitch
@@ -35,6 +38,7 @@ class WheelPlace(NamedTuple):
     """Place of a wheel of a chain at rest, and what it carries there."""
 
     x: float  # m
+    z: float  # m
     pushes: Mapping[str, float]  # by wheel, away from the sprocket at the origin: they hold it against the chain, N
     tension: float  # mean of the chain, N
     missed: str  # why this is not the tension asked, in words; "" if it is
@@ -51,7 +55,8 @@ def tension_wheel(
     in proportion). The result is cached for this build. Raises BadInput for a chain that cannot be laid round its
     wheels.
     """
-    read = packed(config, model_of(CABLES[0]).reads(config))
+    slides = ["tensioner.angle", *(f"wheel.{key}.tensioner.angle" for key in config["vehicle"].get("wheel") or ())]
+    read = packed(config, [*model_of(CABLES[0]).reads(config), *slides])
     read["vehicle"] = without_motion(read["vehicle"])
     request = [source_hash(), read, name, tension, links]
     return WheelPlace(*cached_result("places", "place", request, lambda: search(read, name, tension, keys, links)))
@@ -76,19 +81,27 @@ class Track:
         self.places = [wheel["position"] for wheel in drawn(config["vehicle"], config["track"]["wheels"])]
         self.drawn, self.height = self.places[self.index]
         self.outwards = 1.0 if self.drawn > 0.0 else -1.0  # away from the sprocket
+        slides = {wheel["name"]: way(wheel) for wheel in smooth_wheels(config["vehicle"])}
+        self.ways = np.array([slides.get(wheel["name"], (1.0, 0.0)) for wheel in config["track"]["wheels"]])
+        self.ahead, self.up = self.ways[self.index].tolist()
         self.found: dict[float, tuple[float, dict[str, float]]] = {}  # by place: mean tension, pushes outwards, N
+
+    def place_on_slide(self, x: float) -> tuple[float, float]:
+        """Place x, z, m, of the wheel on its slide."""
+        return x, self.height + (x - self.drawn) * self.up / self.ahead
 
     def tension(self, x: float) -> float:
         """Mean tension, N, of the chain laid out with the wheel at x; raises InvalidParameter, StepFailed."""
         if x not in self.found:
             track = self.config["track"]
             wheels = [dict(wheel) for wheel in track["wheels"]]
-            wheels[self.index]["position"] = [x, self.height]
+            wheels[self.index]["position"] = self.place_on_slide(x)
             kind, parameters = self.links
             model = model_of(kind)({**self.config, "track": {**track, "wheels": wheels}, "link_outputs": False})
             defaults = {port.name: port.start for port in model.ports if port.causality == "parameter"}
             model.initialise({**defaults, **parameters})
-            pulls = zip(wheels, self.places, model.s.mean[:, 0].tolist(), strict=False)
+            along = (self.ways * model.s.mean[: len(wheels), [0, 2]]).sum(axis=1)
+            pulls = zip(wheels, self.places, along.tolist(), strict=True)
             pushes = {wheel["name"]: round(-pull if at[0] > 0.0 else pull, 3) for wheel, at, pull in pulls}
             self.found[x] = float(model.report[T_MEAN]), pushes
         return self.found[x][0]
@@ -143,7 +156,7 @@ class Track:
         length, (centres, radii, _) = model.links_count * model.pitch, model.circles()
 
         def excess(x: float) -> float:
-            centres[self.index, 0] = x
+            centres[self.index] = self.place_on_slide(x)
             return belt_length(centres, radii) - length
 
         try:
@@ -157,7 +170,8 @@ class Track:
 
 def search(config: Mapping[str, Any], name: str, tension: float, keys: str, links: Links) -> WheelPlace:
     """Find the place of ``tension_wheel``, which is not kept; raises BadInput."""
-    chain, reach = Track(config, name, CABLES), REACH * (config["vehicle"]["track"]["pitch"] / PITCH)
+    chain = Track(config, name, CABLES)
+    reach = chain.ahead * REACH * (config["vehicle"]["track"]["pitch"] / PITCH)  # along x
     where = f"{keys}.tension = {tension:.6g} N"
     pitch = config["vehicle"]["track"]["pitch"]
     loop = f"{keys}.links = {config['track']['links']}, vehicle.track.pitch = {pitch:g} m"
@@ -174,7 +188,7 @@ def search(config: Mapping[str, Any], name: str, tension: float, keys: str, link
     except (InvalidParameter, StepFailed) as error:
         raise BadInput(f"{where}: with the {name} near its drawn x = {chain.drawn:.4g} m {error}") from None
     at = chain.tension(x)
-    place = WheelPlace(x, chain.found[x][1], at, "")
+    place = WheelPlace(*chain.place_on_slide(x), chain.found[x][1], at, "")
     if chain.carries(x, tension):
         return place
     tensions = [found for found, _ in chain.found.values()]

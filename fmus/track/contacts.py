@@ -32,8 +32,9 @@ def contacts(
 ) -> Contacts:
     """Contact partners from the vehicle table, the wheels of a track's config and the FMI parameters.
 
-    ``ground`` as in ``ground_shape``, None without one; it is hard, or the ``soil`` of these numbers
-    (``physics.contact.soil.parameters``). Raises InvalidParameter with the key, the value and what is allowed.
+    ``ground`` as in ``ground_shape``, with a "refinement" of its points (``ground.refinement``), None without one; it
+    is hard, or the ``soil`` of these numbers (``physics.contact.soil.parameters``). Raises InvalidParameter with the
+    key, the value and what is allowed.
     """
     laws = {pair: contact_law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")}
     s, track = vehicle["sprocket"], vehicle["track"]
@@ -62,6 +63,7 @@ def contacts(
         laws["sprocket"],
         laws["wheel"],
         laws["ground"] if soil is None else soil_law(soil, track),
+        *((ground or {}).get("refinement") or (1, 1)),
     )
 
 

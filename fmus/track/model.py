@@ -26,6 +26,7 @@ from fmus.physics.chain.layout import ovalling
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.integrate.adams import adams
 from fmus.physics.integrate.dormand_prince import dormand_prince
+from fmus.physics.point import ON_FACE
 from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.start import FRAME, HEIGHT, KEYS, LEVEL, StartPose, part_at_rest, start_pose
@@ -112,17 +113,18 @@ class TrackModel(LaidChain, ComponentModel):
         names = [wheel["name"] for wheel in self.wheel_list]
         self.failures = failure_sentences(names)
         self.ground_memory = self._ground_memory()
-        self.warning_sentences = warning_sentences(names, self.ground_memory != state.HARD)
+        self.warning_sentences = warning_sentences(names, self.ground_memory.rut > 0)
         self.allocate()
 
     def _ground_memory(self) -> state.GroundMemory:
         """Sizes of what the ground remembers under the chain."""
+        along, across = self.config.get("refinement", (1, 1))
+        points = ON_FACE * along * across * self.links_count
         if not self.config.get("soil"):
-            return state.HARD
+            return state.HARD._replace(points=points)
         from fmus.physics.contact.soil.memory import MEMORY, PENDING, RUT
-        from fmus.physics.point import ON_FACE
 
-        return state.GroundMemory(ON_FACE * self.links_count, MEMORY, PENDING, RUT)
+        return state.GroundMemory(points, MEMORY, PENDING, RUT)
 
     def allocate(self) -> None:
         """Allocate the zeroed state and its views; again where a parameter changes the size of the chain."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 SIDES = ("left", "right")
@@ -63,11 +63,11 @@ def smooth_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
     found = []
     for kind in KINDS:
         given = table.get(kind) or {}
-        numbered = isinstance(x := given.get("x", ()), list | tuple)
-        for k in range(len(x) if numbered else 1):
+        count = max((len(value) for value in given.values() if isinstance(value, list | tuple)), default=bool(given))
+        for k in range(count):  # a track has no x of road wheels whose places are its own
             own = {key: value[k] if isinstance(value, list | tuple) else value for key, value in given.items()}
-            slide = table.get("tensioner") if kind == "idler" else None
-            found.append({"name": f"{kind}[{k + 1}]" if numbered else kind, "kind": kind, "tensioner": slide, **own})
+            name, slide = (kind, table.get("tensioner")) if kind == "idler" else (f"{kind}[{k + 1}]", None)
+            found.append({"name": name, "kind": kind, "tensioner": slide, **own})
         if kind == "idler":
             further = (table.get("wheel") or {}).items()
             found += [{"name": name, "kind": "wheel", "tensioner": None, **own} for name, own in further]
@@ -76,5 +76,18 @@ def smooth_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def lowest_wheel(table: Mapping[str, Any]) -> Mapping[str, Any]:
     """The road wheel of a side, as drawn, whose rim is lowest: it stands on level ground."""
-    wheels = smooth_wheels(table)[: len(table["road_wheel"]["x"])]
+    wheels = (wheel for wheel in smooth_wheels(table) if wheel["kind"] == "road_wheel")
     return min(wheels, key=lambda wheel: wheel["z"] - wheel["radius"])
+
+
+def road_arms(table: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Numbers of the road arm of each road wheel of a side; none without arms."""
+    given, count = table["road_arm"] or {}, len(table["road_wheel"]["x"])
+    own = {key: of_wheels(given[key], count) for key in ("mass", "pin_inertia", "long_inertia") if key in given}
+    own["pivot"] = places_of_wheels(given.get("pivot"), count)
+    return [{key: values[k] for key, values in own.items()} for k in range(count)] if given else []
+
+
+def beams(arm: Mapping[str, Any], wheels: int) -> Sequence[Sequence[int]]:
+    """Wheels of a side, from 1, whose arms are one beam with one coordinate; ``arm``: its table ``road_arm``."""
+    return [(k, k + 1) for k in range(1, wheels, 2)] if arm.get("pairs") else arm.get("beams") or ()

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from fmus.vehicles.ranges import Mistake
-from fmus.vehicles.sides import SIDES, of_side, of_wheels, places_of_wheels
+from fmus.vehicles.sides import SIDES, beams, of_side, of_wheels, places_of_wheels
 from fmus.vehicles.tables import (
     Damping,
     Distance,
@@ -23,48 +23,55 @@ from fmus.vehicles.tables import (
     Mass,
     OrEach,
     Stiffness,
+    When,
     ratio,
 )
 
 Place = tuple[Length, Length]
+Beam = Annotated[tuple[Annotated[int, Field(ge=1, le=12)], ...], Field(min_length=2)]
 Wheels = Annotated[tuple[Annotated[int, Field(ge=1, le=12)], ...], Field(min_length=1)]
 Torsion = Annotated[float, In("N m/rad", ge=0)]
 Angle = Annotated[float, In("rad", gt=-6.3, lt=6.3)]
 
 
 class RoadArmTable(FrozenTable):  # noqa: D101
-    mass: Mass
-    """mass of a road arm, whose centre of mass is in its middle"""
-    pin_inertia: Inertia
+    mass: Annotated[Each, OrEach(Mass)]
+    """mass of a road arm, whose centre of mass is in its middle, of all wheels or a list with that of each"""
+    pin_inertia: Annotated[Each, OrEach(Inertia)]
     """moment of inertia about the pivot's axis, through the centre of mass"""
-    long_inertia: Inertia
-    """moment of inertia about the long axis of the arm"""
+    long_inertia: Annotated[Each, OrEach(Inertia)]
+    """moment of inertia about the long axis of the arm; an arm without length has pin_inertia about all axes"""
     pivot: Annotated[EachPlace, OrEach(Place)]
     """(x, z) of the pivot from the wheel centre, of all wheels or a list with that of each"""
     pairs: bool = False
-    """whether the arms of wheels 1 and 2, 3 and 4, ... are one beam each, a bogie, of an even number of wheels: their
-    pivots are at one place, an arm is half of the beam, and they need no suspension; a suspension acts on each arm"""
+    """whether the wheels of a side, of an even number, are on beams of two each: [[1, 2], [3, 4], ...]"""
+    beams: Annotated[tuple[Beam, ...] | None, When(pairs=(False, None))] = None
+    """lists of wheels, neighbours from 1 at the front, whose arms are one beam, a bogie: their pivots are at one place,
+    an arm is its wheel's part of the beam, and they need no suspension; a suspension acts on each arm"""
 
 
-class TorsionBarTable(FrozenTable):  # noqa: D101
+class ElementTable(FrozenTable):
+    """Element of a suspension."""
+
+    wheels: Wheels | None = None
+    """wheels that have it, from 1 at the front; without this key all"""
+
+
+class TorsionBarTable(ElementTable):  # noqa: D101
     stiffness: Annotated[Each, OrEach(Torsion)]
     """stiffness about the pivot, of all wheels or a list with that of each"""
     preset: Annotated[Each, OrEach(Angle)] = 0.0
     """angle by which the bar is twisted in the drawn position; positive pushes the wheel down"""
-    wheels: Wheels | None = None
-    """wheels that have it, from 1 at the front; without this key all"""
 
 
-class SpringCurveTable(FrozenTable):  # noqa: D101
+class SpringCurveTable(ElementTable):  # noqa: D101
     compression: tuple[Length, ...]
     """compressions along the spring-damper since the drawn position, rising, two at least"""
     force: tuple[Force, ...]
     """push of the spring at these compressions, straight lines between and beyond, besides stiffness and preload"""
-    wheels: Wheels | None = None
-    """wheels that have it, from 1 at the front; without this key all"""
 
 
-class GasSpringTable(FrozenTable):  # noqa: D101
+class GasSpringTable(ElementTable):  # noqa: D101
     pressure: Annotated[Each, OrEach(Annotated[float, In("Pa", gt=0)])]
     """absolute pressure of the gas in the drawn position"""
     area: Annotated[Each, OrEach(Annotated[float, In("m^2", gt=0)])]
@@ -75,36 +82,28 @@ class GasSpringTable(FrozenTable):  # noqa: D101
     """polytropic exponent: 1 is slow (isothermal), 1.4 fast (adiabatic)"""
     ambient: Annotated[float, In("Pa", ge=0)] = 101325.0
     """pressure of the air on the other side of the piston"""
-    wheels: Wheels | None = None
-    """wheels that have it, from 1 at the front; without this key all"""
 
 
-class DamperCurveTable(FrozenTable):  # noqa: D101
+class DamperCurveTable(ElementTable):  # noqa: D101
     speed: tuple[Annotated[float, In("m/s")], ...]
     """speeds of compression along the spring-damper, rising, 0 among them; negative is rebound"""
     force: tuple[Force, ...]
     """push of the damper at these speeds, of the sign of the speed, straight lines between and beyond, besides
     damping"""
-    wheels: Wheels | None = None
-    """wheels that have it, from 1 at the front; without this key all"""
 
 
-class RotaryDamperTable(FrozenTable):  # noqa: D101
+class RotaryDamperTable(ElementTable):  # noqa: D101
     damping: Annotated[Each, OrEach(Annotated[float, In("N m s/rad", ge=0)])]
     """damping about the pivot of the arm, of all wheels or a list with that of each"""
-    wheels: Wheels | None = None
-    """wheels that have it, from 1 at the front; without this key all"""
 
 
-class StopTable(FrozenTable):  # noqa: D101
+class StopTable(ElementTable):  # noqa: D101
     gap: Annotated[Each, OrEach(Annotated[float, In("m", ge=0)])]
     """vertical way of the wheel centre in the hull from the drawn position to the stop"""
     stiffness: Annotated[Each, OrEach(Annotated[float, In("N/m", gt=0)])]
     """stiffness of the stop at the wheel centre"""
     damping: Annotated[Each, OrEach(Damping)] = 0.0
     """damping of the stop at the wheel centre"""
-    wheels: Wheels | None = None
-    """wheels that have it, from 1 at the front; without this key all"""
 
 
 class SuspensionTable(FrozenTable):  # noqa: D101
@@ -145,11 +144,13 @@ class SlideTable(FrozenTable):
     """Spring-damper of a wheel on a slide."""
 
     stiffness: Stiffness
-    """stiffness of the wheel's spring, along x"""
+    """stiffness of the wheel's spring, along its slide"""
     damping: Damping
-    """damping of the wheel, along x"""
+    """damping of the wheel, along its slide"""
     preload: Force
     """push on the wheel, away from the sprocket, besides the one that balances the track at the start"""
+    angle: Annotated[float, In("rad", gt=-1.4, lt=1.4)] = 0.0
+    """angle of the slide in the hull from x towards z: with a positive one the wheel rises as it moves forward"""
     travel: Distance = 0.1
     """displacement of the wheel, either way from its place at the start, beyond which a run warns of an idler"""
     recoil: RecoilTable | None = None
@@ -188,20 +189,28 @@ def _of_side(table: Mapping[str, Any]) -> Iterator[str]:
         if suspension is not None:
             yield "suspension: needs the table road_arm; without both the wheels turn on axles fixed to the hull"
         return
-    pivots = places_of_wheels(arm["pivot"], len(x))
-    if suspension is None and not arm["pairs"]:
-        yield "road_arm: needs the table suspension, or pairs = true for bogies"
+    pivots, every, found = places_of_wheels(arm["pivot"], len(x)), {*range(1, len(x) + 1)}, beams(arm, len(x))
+    named, joined = [k for beam in found for k in beam], [pair for beam in found for pair in pairwise(beam)]
+    if suspension is None and not every <= {*named}:
+        yield "road_arm: needs the table suspension, or pairs = true or beams with all wheels: bogies"
+    yield from _lengths(arm, "road_arm", len(x))
     if len(pivots) != len(x):
         yield _count("road_arm.pivot", len(pivots), len(x))
     elif arm["pairs"] and len(x) % 2:
         yield f"road_arm.pairs: {len(x)} wheels of a side must be an even number"
-    elif arm["pairs"]:
-        places = [(at + ahead, up) for at, (ahead, up) in zip(x, pivots, strict=True)]
-        for k in range(0, len(x), 2):
-            if max(abs(a - b) for a, b in zip(places[k], places[k + 1], strict=True)) > 1e-9:
-                first, second = (f"({at:g}, {up:g})" for at, up in places[k : k + 2])
+    elif named != sorted(every & {*named}) or any(after - k > 1 for k, after in joined):
+        yield (
+            f"road_arm.beams = {[[*beam] for beam in found]}: must be lists of neighbours of the wheels 1 to {len(x)},"
+            " front to rear, each in one list at most"
+        )
+    else:
+        z = of_wheels(table["road_wheel"]["z"], len(x))
+        places = [(at + ahead, height + up) for at, height, (ahead, up) in zip(x, z, pivots, strict=False)]
+        for k, after in joined:
+            if max(abs(a - b) for a, b in zip(places[k - 1], places[k], strict=True)) > 1e-9:
+                first, second = (f"({at:g}, {up:g})" for at, up in places[k - 1 : after])
                 yield (
-                    f"road_arm.pivot: the pivots of wheels {k + 1} and {k + 2}, a pair, must be at one place, not at"
+                    f"road_arm.pivot: the pivots of wheels {k} and {after}, on one beam, must be at one place, not at"
                     f" {first} and {second} m: each is counted from its own wheel"
                 )
     if suspension is not None:
@@ -256,7 +265,7 @@ def _lengths(table: Mapping[str, Any], name: str, wheels: int) -> Iterator[str]:
             yield _count(f"{name}.{key}", len(values), wheels)
 
 
-NO_LISTS = ("wheels", "compression", "speed", "force", "on_arm", "on_chassis")  # their lists have other lengths
+NO_LISTS = ("wheels", "compression", "speed", "force", "on_arm", "on_chassis", "pivot", "beams")  # of other lengths
 
 
 def _count(name: str, given: int, wheels: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -13,7 +14,7 @@ from pydantic import AfterValidator, Field, ValidationError, ValidationInfo
 from fmus.vehicles import life_tables, suspension_tables
 from fmus.vehicles.life_tables import LifeTable
 from fmus.vehicles.ranges import Mistake, contradictions
-from fmus.vehicles.sides import KINDS, SIDES, of_side, smooth_wheels
+from fmus.vehicles.sides import KINDS, SIDES, of_side, road_arms, smooth_wheels
 from fmus.vehicles.suspension_tables import (
     Place,
     RoadArmTable,
@@ -183,13 +184,13 @@ class RightWheelTable(FrozenTable):  # noqa: D101
 
 
 class RightIdlerTable(FrozenTable):  # noqa: D101
-    x: Length
-    """position forward of the sprocket axle, as drawn; moved like that of the left idler"""
-
-
-class RightFurtherWheelTable(FrozenTable):  # noqa: D101
     x: Length | None = None
-    """position forward of the sprocket axle, as drawn"""
+    """position forward of the sprocket axle, as drawn; moved like that of the left wheel"""
+    z: Length | None = None
+    """position above the sprocket axle"""
+
+
+class RightFurtherWheelTable(RightIdlerTable):  # noqa: D101
     tensioner: SlideTable | None = None
     """spring-damper of the right wheel, instead of that of the left one"""
 
@@ -355,8 +356,9 @@ class VehicleTable(FrozenTable):
 
     def total_mass(self, tracks: Sequence[str] = SIDES) -> float:
         """Mass of all bodies with tracks on these sides, kg."""
-        arms = len(self.road_wheel.x) * self.road_arm.mass if self.road_arm else 0.0
-        wheels_of_side = self.sprocket.mass + arms + sum(wheel["mass"] for wheel in smooth_wheels(self.model_dump()))
+        table = self.model_dump()
+        arms = math.fsum(arm["mass"] for arm in road_arms(table))
+        wheels_of_side = self.sprocket.mass + arms + sum(wheel["mass"] for wheel in smooth_wheels(table))
         links = sum(self.of_side(side).track.links for side in tracks)
         return self.chassis.mass + 2.0 * wheels_of_side + links * self.track.mass
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from fmus.ahead import loaded_contents
+from fmus.ground.refinement import LEVEL, gaps
 from fmus.track.choices import TRACKS
-from fmus.vehicles.sides import SIDES, of_side
+from fmus.vehicles.sides import SIDES, beams, of_side
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import summary_text
 from orchestrator.scene.assembly import assemble
@@ -177,7 +178,7 @@ def _size(scene: Scene, part: Part) -> str:
         return "pure pursuit of a path" if {"path.arcs", "path.points"} & {*part.parameters} else "holds a heading"
     vehicle = part.config["vehicle"]
     count, arms = len(vehicle["road_wheel"]["x"]), vehicle["road_arm"]
-    axles = ("arms of bogies" if arms["pairs"] else "arms with wheels") if arms else "wheels on axles"
+    axles = ("arms of bogies" if beams(arms, count) else "arms with wheels") if arms else "wheels on axles"
     sides = len(part.config["chassis"]["sides"])
     mirrored = ", their mirror images" if sides == 1 else ""
     rollers = f"{len(roller['x']) * sides} return rollers, " if (roller := vehicle["return_roller"]) else ""
@@ -250,13 +251,22 @@ def contact_pairs(scene: Scene, part: Part) -> list[str]:
     pins, rims = links + (0 if track["closed"] else 1), kinds.count("rim")
     wide = scene.track.kind.wide(scene.track.choices())
     points = 4 if wide else 2  # two pairs of points across a link
+    refined = track.get("refinement", LEVEL)
+    on_ground = points * refined[0] * (refined[1] if wide else 1)
+    apart = _gaps_of_points(part, refined, wide) if track["ground"] else ""
     possible_pairs = {
         f"teeth: {kinds.count('teeth')} sprocket x {pins} pins": "teeth" in kinds,
         f"rims: {rims} wheels x {links} links, {points} points where they touch": rims,
         f"guides: {rims} wheels x {links} links": rims and wide,
-        f"ground: {links} links, {points} points each": track["ground"],
+        f"ground: {links} links, {on_ground} points each{apart}": track["ground"],
     }
     return [pair for pair, is_there in possible_pairs.items() if is_there]
+
+
+def _gaps_of_points(part: Part, refined: tuple[int, int], wide: bool) -> str:
+    """Distances of the points of a link on the ground, in mm."""
+    along, across = gaps(part.config["vehicle"]["track"], refined)
+    return f", up to {1e3 * along:.3g} mm apart along it" + (f" and {1e3 * across:.3g} mm across" if wide else "")
 
 
 def _by_folder(modules: Iterable[str]) -> Iterator[str]:

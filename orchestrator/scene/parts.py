@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from fmus.ground.keys import is_plane, is_terrain
+from fmus.ground.refinement import LEVEL, refinement
 from fmus.interface.ports import TORQUE_LIMIT, motion_ports, wrench_ports
 from fmus.rest.equilibrium import stances
 from fmus.start import Stance, ground_level
@@ -225,7 +226,7 @@ def _ground_config(scene: VehicleScene) -> dict[str, Any]:
 
 def _ground_shape(scene: VehicleScene) -> dict[str, Any]:
     """Ground as a config has it (``contacts.ground_shape``); a slope everywhere is level in the start's frame."""
-    ground = scene.ground.model_dump(exclude_none=True, exclude={"hull", "soil"})
+    ground = scene.ground.model_dump(exclude_none=True, exclude={"hull", "soil", "refinement"})
     vehicle = scene.vehicle.model_dump()
     if is_terrain(ground) and not is_plane(ground):
         return {"terrain": {**ground, "level": scene.start.position[2] + ground_level(vehicle)}}
@@ -237,7 +238,8 @@ def closed_track_config(scene: RigScene | VehicleScene, side: Side = "left") -> 
     outputs = scene.track.link_outputs
     if isinstance(scene, RigScene):
         idler = scene.vehicle.idler.model_copy(update={"x": -scene.rig.axle_distance, "z": 0.0})
-        vehicle = scene.vehicle.model_copy(update={"idler": idler})
+        tensioner = scene.vehicle.tensioner.model_copy(update={"angle": 0.0})
+        vehicle = scene.vehicle.model_copy(update={"idler": idler, "tensioner": tensioner})
         wheels = [SPROCKET, {"name": "idler", "kind": "rim"}]
         return _track_config(vehicle, outputs, links=scene.rig.links, closed=True, wheels=wheels, gravity=0.0)
     vehicle = scene.vehicle.of_side(side)
@@ -246,6 +248,9 @@ def closed_track_config(scene: RigScene | VehicleScene, side: Side = "left") -> 
         vehicle, outputs, links=vehicle.track.links, closed=True, wheels=[SPROCKET, *rims], ground=True
     )
     config["track"] |= _ground_shape(scene)
+    refined = refinement(scene.ground.model_dump(exclude_none=True), vehicle.track.model_dump(), scene.start.heading)
+    if refined != LEVEL:
+        config["track"]["refinement"] = refined
     if scene.ground.soil is not None:
         config["track"]["soil"] = scene.ground.soil.model_dump(exclude={"name"})
     return config

@@ -9,7 +9,7 @@ from typing import Any
 
 from fmus.ground.tables import GroundTable
 from fmus.rest.equilibrium import FlexibleTrack, VehicleEquilibrium, equilibrium
-from fmus.rest.standing import DoesNotStand, StandingVehicle, standing_vehicle, with_idlers
+from fmus.rest.standing import DoesNotStand, Places, StandingVehicle, standing_vehicle, with_idlers
 from fmus.rest.tensioning import Links, WheelPlace, tension_wheel
 from fmus.start import hull_clearance
 from fmus.vehicles.tables import BadInput
@@ -65,7 +65,7 @@ def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
     if scene.vehicle.right is not None:
         laid.append(_laid_idler(scene, tension, "vehicle.right.track", "right"))
     standing = StandingTable(drawn=tuple(each.tension for each in laid), why=why)
-    return _with_idlers(scene, [each.x for each in laid], [each.pushes for each in laid], standing)
+    return _with_idlers(scene, [each[:2] for each in laid], [each.pushes for each in laid], standing)
 
 
 def track_tension(scene: Mapping[str, Any]) -> dict[str, Any]:
@@ -92,9 +92,9 @@ def track_tension(scene: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _with_idlers(
-    scene: VehicleScene, places: Sequence[float], pushes: Sequence[Mapping[str, float]], standing: StandingTable
+    scene: VehicleScene, places: Places, pushes: Sequence[Mapping[str, float]], standing: StandingTable
 ) -> VehicleScene:
-    """The scene with idlers at ``places``, m, and ``pushes`` of the tensioners, N, that balance the tracks as drawn."""
+    """The scene with idlers at ``places`` x, z, m, and ``pushes``, N, of tensioners that balance tracks as drawn."""
     bare = [side for side in SIDES if side not in scene.tracks]
     vehicle = VehicleTable.model_validate(with_idlers(scene.vehicle.model_dump(), places, pushes, bare))
     return scene.model_copy(update={"push": pushes[0]["idler"], "standing": standing, "vehicle": vehicle})

@@ -27,7 +27,8 @@ COMPUTED = (
 # which earlier ones asked for another tension (``vehicle.track.tension``). Belts of rigid links, which do not
 # stretch, have a standing vehicle of their own, with other results.
 SEARCHED = {
-    **dict.fromkeys(("vehicle.idler.x", "vehicle.right.idler.x", "rig.axle_distance"), 1e-5),
+    **{f"vehicle.{right}idler.{axis}": 1e-5 for right in ("", "right.") for axis in "xz"},
+    "rig.axle_distance": 1e-5,
     **dict.fromkeys(("vehicle.tensioner.preload", "vehicle.right.tensioner.preload"), 1e-3),
 }
 

@@ -196,14 +196,14 @@ def pairs(scene: VehicleScene) -> dict[str, Oscillator]:
     contact, ground, link = v.contact.wheel, v.contact.ground, v.track.mass
     wrapped = math.pi * v.idler.radius / v.track.pitch  # links on half of the idler
     load = summary.weight(scene) / (2.0 * len(v.road_wheel.x))
-    arm, count = v.road_arm.mass if v.road_arm else 0.0, len(v.road_wheel.x)
+    arm, count = np.array(v.road_arm.mass if v.road_arm else 0.0), len(v.road_wheel.x)
     stiffness, damping = (
         max(of_wheels(getattr(v.suspension, key, None) or 0.0, count)) for key in ("stiffness", "damping")
     )
     spin = float(np.min(v.road_wheel.spin_inertia / np.square(v.road_wheel.radius)))
     return {
         "road wheel on its link": Oscillator(
-            k=contact.stiffness, c=contact.damping, m1=link, m2=float(np.min(v.road_wheel.mass)) + 0.5 * arm,
+            k=contact.stiffness, c=contact.damping, m1=link, m2=float(np.min(np.add(v.road_wheel.mass, 0.5 * arm))),
             k1=ground.stiffness, c1=ground.damping, k2=stiffness, c2=damping,
         ),
         "idler in its bend": Oscillator(

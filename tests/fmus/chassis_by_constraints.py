@@ -156,9 +156,10 @@ def arm_motion(assembly, wheel_x, lateral, leaf, k):
     )
 
 
-def add_arm(assembly, arm):
-    """Add an arm on its pin; return its number."""
-    data, A = assembly.table["road_arm"], assembly.frame.axes
+def add_arm(assembly, arm, k):
+    """Add the arm of wheel k on its pin; return its number."""
+    table, A = assembly.table["road_arm"], assembly.frame.axes
+    data = {key: of_wheel(table, key, k) for key in ("mass", "pin_inertia", "long_inertia")}
     long = arm.to_wheel / np.linalg.norm(arm.to_wheel)
     axes = arm.axes @ np.column_stack([long, [0, 1, 0], np.cross(long, [0, 1, 0])])
     inertia = (data["long_inertia"], data["pin_inertia"], data["pin_inertia"])
@@ -202,14 +203,15 @@ def add_idler(assembly, lateral, leaf):
     """Add an idler on its slide, with the force of its tensioner."""
     frame, idler = assembly.frame, assembly.table["idler"]
     a_x, a_y, a_z = frame.axes.T
-    r = frame.axes @ (assembly.from_centre([idler["x"], lateral, idler["z"]]) + np.array([leaf.position, 0, 0]))
+    tensioner, turn = assembly.table["tensioner"], Rotation.from_rotvec([0, -assembly.table["tensioner"]["angle"], 0])
+    slide, across = frame.axes @ turn.as_matrix()[:, 0], frame.axes @ turn.as_matrix()[:, 2]
+    r = frame.axes @ assembly.from_centre([idler["x"], lateral, idler["z"]]) + leaf.position * slide
     inertia = (idler["transverse_inertia"], idler["spin_inertia"], idler["transverse_inertia"])
-    velocity, omega = frame.velocity_at(r) + leaf.rate * a_x, assembly.wheel_omega(leaf.spin)
+    velocity, omega = frame.velocity_at(r) + leaf.rate * slide, assembly.wheel_omega(leaf.spin)
     body = assembly.bodies.add(idler["mass"], inertia, frame.axes, frame.centre + r, velocity, omega)
     assembly.constraints.same_rotation(CHASSIS, body, [a_x, a_z])
-    assembly.constraints.same_distance(CHASSIS, body, r, [a_y, a_z])
-    tensioner = assembly.table["tensioner"]
-    away = np.sign(idler["x"]) * a_x  # from the sprocket
+    assembly.constraints.same_distance(CHASSIS, body, r, [a_y, across])
+    away = np.sign(idler["x"]) * slide  # from the sprocket
     inwards = -np.sign(idler["x"])
     push = tensioner["preload"] + inwards * (tensioner["stiffness"] * leaf.position + tensioner["damping"] * leaf.rate)
     assembly.bodies.load(body, frame.centre + r, push * away)
@@ -248,14 +250,16 @@ def add_side(assembly, lateral, leaves, suspension):
     """Add road wheels on their arms, idler, return rollers and sprocket of one side."""
     count = len(assembly.table["road_wheel"]["x"])
     of_arms, of_idler, of_rollers = leaves[:count], leaves[count], leaves[count + 1 :]
-    before = None
+    before, arms = None, assembly.table["road_arm"]
+    beams = [(k, k + 1) for k in range(1, count, 2)] if arms["pairs"] else arms["beams"] or ()
+    further = {k - 1 for beam in beams for k in beam[1:]}
     for k, (wheel_x, leaf) in enumerate(zip(assembly.table["road_wheel"]["x"], of_arms, strict=True)):
         arm = arm_motion(assembly, wheel_x, lateral, leaf, k)
-        on = add_arm(assembly, arm)
+        on = add_arm(assembly, arm, k)
         add_road_wheel(assembly, arm, on, leaf.spin)
         if suspension:
             add_suspension(assembly, arm, on, suspension, k)
-        if assembly.table["road_arm"]["pairs"] and k % 2:  # one piece with the arm before
+        if k in further:  # one piece with the arm before
             row = np.concatenate([np.zeros(3), assembly.frame.axes[:, 1]])
             assembly.constraints.add({on: row, before: -row}, 0.0)
         before = on
@@ -301,12 +305,13 @@ def solve(bodies, constraints):
 def along_slide(assembly, acceleration, idler, rate):
     """Acceleration of an idler along its slide, m/s2."""
     frame, bodies = assembly.frame, assembly.bodies
-    w, a_x = frame.omega, frame.axes[:, 0]
+    w, angle = frame.omega, assembly.table["tensioner"]["angle"]
+    slide = frame.axes @ [np.cos(angle), 0.0, np.sin(angle)]
     r, v = bodies.place[idler] - frame.centre, bodies.velocity[idler] - frame.velocity
-    assert np.allclose(v, np.cross(w, r) + rate * a_x)
+    assert np.allclose(v, np.cross(w, r) + rate * slide)
     at_chassis = acceleration[CHASSIS]
     relative = acceleration[idler, :3] - at_chassis[:3] - np.cross(at_chassis[3:], r) - np.cross(w, np.cross(w, r))
-    return a_x @ (relative - 2 * np.cross(w, rate * a_x))
+    return slide @ (relative - 2 * np.cross(w, rate * slide))
 
 
 def accelerations_by_constraints(table, x, u):

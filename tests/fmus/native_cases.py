@@ -34,6 +34,11 @@ ELEMENTS = (  # of the suspension, one of each sort
     "vehicle.suspension.damper={speed=[-1, 0, 1], force=[-1e4, 0, 3e3]}",
     "vehicle.suspension.bump_stop={gap=0.02, stiffness=5e5}", "vehicle.tensioner.recoil={preload=6e4, stiffness=3e5}",
 )  # fmt: skip
+BOGIES = (
+    "vehicle.road_arm.beams=[[1, 2, 3], [4, 5]]", "vehicle.road_arm.mass=[90, 40, 120, 60, 30]",
+    "vehicle.road_arm.pivot=[[-0.717, 0.15], [-0.05, 0.15], [0.617, 0.15], [-0.3, 0.15], [0.366, 0.15]]",
+    "vehicle.tensioner.angle=0.2",
+)  # fmt: skip
 BUSHED = "vehicle.track.bushing={stiffness=500, preset=0.1, damping=5, friction=0.3, radius=0.02}"
 PARTS = ('track.link_outputs=["force", "wheels", "teeth", "rims", "horns", "moment"]',)
 RELEASED = "track.start=displaced"
@@ -73,7 +78,7 @@ STRAIGHT = (  # links, part, settings
     ("rigid", "left_track", (*MOVING, "track.closure=spring")), ("flexible", "left_track", (*MOVING, BUSHED)),
     ("flexible", "right_track", (*QUICK, "drive.speed=0")), ("rigid", "left_track", (*QUICK, "drive.speed=0")),
     ("rigid", "chassis", (*MOVING, "hitch.force=1e4", "hitch.drag_points=[[-1, -1e4], [1, 1e4]]", "seats=['driver']")),
-    ("rigid", "chassis", (*MOVING, *BELLY)), ("rigid", "chassis", (*MOVING, *ELEMENTS)),
+    ("rigid", "chassis", (*MOVING, *BELLY)), ("rigid", "chassis", (*MOVING, *ELEMENTS, *BOGIES)),
     ("rigid", "right_track", (*MOVING, *WAVES)), ("rigid", "chassis", (*MOVING, *WAVES, *BELLY)),
 )  # fmt: skip
 MANY = [

@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from fmus.chassis.dynamics import ROOT, rates
 from fmus.chassis.model import Model, default_step
-from fmus.chassis.tree import tree
+from fmus.chassis.tree import WHOLE, tree
 
+WHEEL = TABLE["road_wheel"]["mass"]
 BODY_MASS = 15891.58 - 128 * 18.02
 
 
@@ -103,6 +104,21 @@ PAIRS = {
     "road_arm": {"pairs": True, "pivot": ((-0.3, 0.1), (0.3, 0.1), (-0.2, 0.1), (0.4, 0.1))},
 }
 FREE_PAIRS = {**PAIRS, "suspension": None}
+BEAMS = {  # of three and two wheels, the second one below the pivot; each arm has a mass of its own
+    "road_wheel": {"x": (-0.6, -1.2, -1.9, -2.6, -3.2)},
+    "road_arm": {
+        "beams": ((1, 2, 3), (4, 5)),
+        "pivot": ((-0.6, 0.3), (0.0, 0.3), (0.7, 0.3), (-0.2, 0.1), (0.4, 0.1)),
+        "mass": (90.0, 40.0, 120.0, 60.0, 30.0),
+        "pin_inertia": (3.0, 0.5, 5.0, 1.0, 0.6),
+        "long_inertia": (0.4, 0.2, 0.5, 0.3, 0.1),
+    },
+}
+FREE_BEAMS = {**BEAMS, "suspension": None}
+LONE = {
+    **BEAMS,
+    "road_arm": {**BEAMS["road_arm"], "beams": ((2, 3, 4),), "pivot": (*3 * [(0.3, 0.1)], (1.0, 0.1), (0.4, 0.1))},
+}
 
 
 @pytest.mark.parametrize(
@@ -115,6 +131,11 @@ FREE_PAIRS = {**PAIRS, "suspension": None}
         (4, ROLLERS, -4.0, EACH),
         (5, ROLLERS, -4.0, PAIRS),
         (6, None, -4.0, FREE_PAIRS),
+        (7, ROLLERS, -4.0, BEAMS),
+        (8, None, -4.0, FREE_BEAMS),
+        (9, None, -4.0, LONE),
+        (10, None, -4.0, {"tensioner": {"angle": 0.4}}),
+        (11, ROLLERS, 0.9, {"tensioner": {"angle": -0.7}}),
     ],
 )
 def test_accelerations_agree_with_maximal_coordinates(seed, rollers, idler_x, changes):
@@ -129,10 +150,9 @@ def test_accelerations_agree_with_maximal_coordinates(seed, rollers, idler_x, ch
     model = Model({"vehicle": table, "chassis": {"sides": ["left", "right"]}})
     model.initialise({})
     x = stir(model, seed=seed)
-    if table["road_arm"]["pairs"]:
-        for k in np.flatnonzero(model.tree.joined):
-            for first in (ROOT, ROOT + 2 * len(model.tree.is_arm)):
-                x[first + k] = x[first + k - 1]
+    for k in np.flatnonzero(model.tree.joined):
+        for first in (ROOT, ROOT + 2 * len(model.tree.is_arm)):
+            x[first + k] = x[first + k - 1]
     u = 1e4 * np.random.default_rng(seed).normal(size=model.inputs)
     linear, angular, rate, spin = accelerations_by_constraints(table, x, u)
     n = len(model.tree.is_arm)
@@ -155,6 +175,61 @@ def test_accelerations_agree_with_maximal_coordinates(seed, rollers, idler_x, ch
     springs = ("stiffness", "damping") if table["suspension"] else ()
     for name in ("across", "along", "transverse", "spin_inertia", "leaf_mass", *springs, "inertia"):
         assert not agrees(numbers._replace(**{name: 1.03 * getattr(numbers, name)}), 1e-6), name
+
+
+# --- beams ---
+
+
+def levers(spread=1.0):
+    """Places x, z, m, of the wheels of the first beam of BEAMS from its pivot."""
+    return np.array([(-spread * ahead, -up) for ahead, up in BEAMS["road_arm"]["pivot"][:3]])
+
+
+def test_a_beam_with_three_wheels_swings_as_a_physical_pendulum():
+    """Below a hull that nothing moves: about its place of rest, with the period of parallel axes, without loss.
+
+    Wheels on their bearings do not turn with the beam. The twin: a beam 1 % longer.
+    """
+    hull = {"chassis.mass": 1e12, "chassis.inertia": 3 * (1e12,), "chassis.centre": 3 * (0.0,), "suspension": None}
+    probe = Probe(hull | {f"{name}.{key}": value for name, part in BEAMS.items() for key, value in part.items()})
+    tree, x = probe.model.tree, probe.model.state
+    for side in ("left", "right"):
+        probe[f"{side}.sprocket.force.z"] = 0.5 * tree.masses[WHOLE] * TABLE["gravity"]
+
+    def pendulum(spread):
+        places, arms = levers(spread), BEAMS["road_arm"]
+        mass, square = np.array(arms["mass"][:3]), (places**2).sum(1)
+        inertia = sum(arms["pin_inertia"][:3]) + (0.25 * mass + WHEEL) @ square
+        down, ahead = -((0.5 * mass + WHEEL) @ places)[1], ((0.5 * mass + WHEEL) @ places)[0]
+        return np.arctan2(ahead, down), 2.0 * np.pi * np.sqrt(inertia / (TABLE["gravity"] * np.hypot(ahead, down)))
+
+    n, speed, (rest, period) = len(tree.is_arm), 0.05, pendulum(1.0)
+    x[ROOT : ROOT + 3], x[ROOT + 2 * n : ROOT + 2 * n + 3] = rest, speed
+    energy, moving = probe.energy, probe["energy.kinetic"]
+    probe.run(3.0 * period, period / 1000)
+    late = (probe["left.road_arm[1].angle"] - rest) / speed
+    assert abs(late) < 1e-4 * 3.0 * period
+    assert abs(3.0 * (pendulum(1.01)[1] - period)) > 1e-3 * 3.0 * period
+    assert np.ptp([probe[f"left.road_arm[{k}].angle"] for k in (1, 2, 3)]) == 0.0
+    assert probe.energy - probe["port.work"] - energy == pytest.approx(0.0, abs=1e-4 * moving)
+
+
+def test_a_wheel_at_the_pivot_of_its_beam():
+    """An arm without length is a body alike about all axes: one of no length to speak of with equal moments."""
+
+    def accelerations(height, inertia):
+        moments = {"pin_inertia": (3.0, 0.5, 5.0, 1.0, 0.6), "long_inertia": (0.4, inertia, 0.5, 0.3, 0.1)}
+        pivot = {"pivot": ((-0.6, height), (0.0, height), (0.7, height), *BEAMS["road_arm"]["pivot"][3:])}
+        parts = {"road_wheel": BEAMS["road_wheel"], "road_arm": {**BEAMS["road_arm"], **moments, **pivot}}
+        probe = Probe({f"{name}.{key}": value for name, part in parts.items() for key, value in part.items()})
+        x = stir(probe.model)
+        out = np.zeros_like(x)
+        rates(probe.model.tree, None, None, x, probe.u, out)
+        return out[7:-2]
+
+    at_pivot = accelerations(0.0, 0.2)
+    np.testing.assert_allclose(at_pivot, accelerations(1e-9, 0.5), rtol=1e-6, atol=1e-5)
+    assert np.abs(at_pivot - accelerations(1e-9, 0.2)).max() > 1e-4
 
 
 # --- manners ---

@@ -1,4 +1,4 @@
-"""Contacts of all chains: their power is stored, dissipated or lost by covering."""
+"""Contacts of all chains: their power is stored, dissipated or lost by covering; what passes between their points."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import pytest
 import rigid_track
 from named_ports import parameters
 
+from fmus.ground.refinement import LEVEL, refinement
 from fmus.physics.chain.flexible.interface import flatten
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.rolling import evaluate_contacts
@@ -96,3 +97,39 @@ def test_what_contacts_absorb_is_stored_dissipated_or_covered(kind):
     assert abs(left) < allowed
     assert abs(left - 0.03 * grown) > 100.0 * allowed, "a twin that stores 3 % more passed"
     assert abs(left + 0.03 * covered) > allowed, "a twin whose covered parts lose 3 % less passed"
+
+
+PITCH, WIDTH = 0.1524, 0.378
+SPACES = (0.0, 0.25, 0.5, 0.75)  # places of an obstacle, in pitches
+
+
+def pushes_on_a_half_round(radius, refinement):
+    """Vertical force of a half round on level links at SPACES, faces half a radius above the ground, over stiffness, m.
+
+    The ground is 10 m below the chain as it is laid out, so that nothing touches there.
+    """
+    ground = {"half_round": {"x": [20.0], "radius": radius, "fillet": 1e-3}, "level": -10.0}
+    model = rigid_track.hanging(ground=True, gravity=0.0, terrain=ground, refinement=refinement)
+    model.initialise(parameters(model))
+    s, w = model.s, model.work
+    s.v[:] = 0.0
+    for place in SPACES:
+        for i, (pose, rotation) in enumerate(zip(s.q, w.system.rotation, strict=True)):
+            x = 20.0 + (i - place - 1.0) * PITCH
+            pose[:] = x, 0.0, 0.5 * radius + model.link.face - 10.0, 0.0, 1.0, 0.0, 0.0  # the outer face is below
+            rotation[:] = np.diag([1.0, -1.0, -1.0])
+        w.wrench[:], w.sums[:] = 0.0, 0.0
+        evaluate_contacts(model.link, model.contacts, s, w, w.wheels, 0.0, False)
+        yield -w.wrench[-1, 2] / model.contacts.soil.k
+
+
+@pytest.mark.parametrize("radius", [0.02, 0.05])
+def test_links_feel_an_obstacle_as_a_bed_of_springs_does(radius):
+    """Exact: k / pitch times the integral of the depth, upwards; without a refinement it passes between the points."""
+    x = np.linspace(-radius, radius, 20001)
+    distance = np.hypot(x, 0.5 * radius)
+    bed = np.trapezoid(np.maximum(radius - distance, 0.0) * 0.5 * radius / distance, x) / PITCH
+    refined = refinement({"half_round": {"radius": radius}}, {"pitch": PITCH, "width": WIDTH}, 0.0)
+    felt, level = (np.array([*pushes_on_a_half_round(radius, r)]) for r in (refined, LEVEL))
+    np.testing.assert_allclose(felt, bed, rtol=0.1)
+    assert abs(level / bed - 1.0).max() > 0.9

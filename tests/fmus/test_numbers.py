@@ -109,6 +109,12 @@ def test_every_number_of_a_vehicle_file_is_a_parameter_of_a_component():
 
 BUSHED = "vehicle.track.bushing={stiffness=500, preset=0.1, damping=20, friction=0.3, radius=0.02, slow=2.0}"
 WORN = "vehicle.sprocket.pitch=0.1523"
+BEAMS = (  # arms with numbers of their own, and an idler on a slope
+    "vehicle.road_arm.beams=[[1, 2, 3], [4, 5]]", "vehicle.tensioner.angle=0.2",
+    "vehicle.road_arm.mass=[90, 40, 120, 60, 30]", "vehicle.road_arm.pin_inertia=[3, 0.5, 5, 1, 0.6]",
+    "vehicle.road_arm.long_inertia=[0.4, 0.2, 0.5, 0.3, 0.1]",
+    "vehicle.road_arm.pivot=[[-0.717, 0.15], [-0.05, 0.15], [0.617, 0.15], [-0.3, 0.15], [0.366, 0.15]]",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -118,6 +124,7 @@ WORN = "vehicle.sprocket.pitch=0.1523"
         ("left_track", ()),
         ("left_drive", ()),
         pytest.param("left_track", (BUSHED, WORN), marks=pytest.mark.long),
+        pytest.param("chassis", BEAMS, marks=pytest.mark.long),
     ],
 )
 def test_every_number_is_read(part_name, settings):

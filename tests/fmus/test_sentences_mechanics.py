@@ -234,7 +234,20 @@ CONTRADICTIONS = [
     ({"suspension": {"damping": [1.0, 2.0, 3.0, 4.0, -5.0]}}, "wheel 5: must be 0 or more, in N s/m"),
     ({"road_arm": None}, "suspension: needs the table road_arm"),
     ({"suspension": None}, "road_arm: needs the table suspension, or pairs = true"),
+    ({"suspension": None, "road_arm": {"beams": ((1, 2, 3),)}}, "pairs = true or beams with all wheels: bogies"),
     ({"road_arm": {"pairs": True}}, "road_arm.pairs: 5 wheels of a side must be an even number"),
+    ({"road_arm": {"pairs": True, "beams": ((1, 2),)}}, "road_arm: beams = ((1, 2),) excludes pairs"),
+    ({"road_arm": {"beams": ((1, 2), (3,))}}, "road_arm.beams[2] = (3,): must be a list of whole number, 1 to 12, at"),
+    ({"road_arm": {"beams": ((0, 1),)}}, "road_arm.beams[1][1] = 0"),
+    *(({"road_arm": {"beams": beams}}, f"road_arm.beams = {[[*beam] for beam in beams]}: must be lists of neighbours of"
+       " the wheels 1 to 5, front to rear, each in one list at most")
+      for beams in (((1, 3),), ((2, 1),), ((1, 2), (2, 3)), ((4, 5, 6),), ((3, 4), (1, 2)))),
+    ({"road_arm": {"beams": ((1, 2, 3),)}}, "road_arm.pivot: the pivots of wheels 1 and 2, on one beam, must be at one"
+     " place, not at (-0.367, -0.081) and (-1.034, -0.081) m"),
+    ({"road_arm": {"mass": [70.0, 80.0]}}, "road_arm.mass: has 2 values, must have one for all wheels or 5"),
+    ({"road_arm": {"pin_inertia": [1.0, 1.0, 1.0, 1.0, 0.0]}}, "wheel 5: must be greater than 0 kg m^2"),
+    ({"road_arm": {"mass": [70.0, 80.0, 1e9, 80.0, 80.0]}}, "road_arm.mass = 1e+09 kg: must be 1e-06 to 1e+07 kg"),
+    ({"tensioner": {"angle": 1.5}}, "tensioner.angle = 1.5: must be greater than -1.4, less than 1.4 rad"),
     ({"suspension": {"on_arm": None}}, "suspension.on_arm: is missing; stiffness acts between both ends"),
     ({"suspension": {"spring": {**CURVE, "force": (1.0, 2.0)}}}, "spring.force: has 2 numbers, must have 4"),
     ({"suspension": {"spring": {"compression": (0.0, 0.0), "force": (1.0, 2.0)}}}, "or more, rising"),

@@ -28,7 +28,7 @@ def test_a_place_is_computed_once_for_a_track_and_a_tension(monkeypatch, fresh_c
 
     def search(config, name, tension, keys, links):
         searched.append(tension)
-        return -4.0 + 1e-17 * tension / 3.0, tension / 7.0, tension, ""
+        return -4.0 + 1e-17 * tension / 3.0, 0.4, tension / 7.0, tension, ""
 
     monkeypatch.setattr(tensioning, "search", search)
     lighter = CONFIG | {"vehicle": CONFIG["vehicle"] | {"track": CONFIG["vehicle"]["track"] | {"mass": 1.0}}}

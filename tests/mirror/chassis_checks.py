@@ -121,15 +121,15 @@ def arm_angles(view: View, names: Sequence[str]) -> Floats:
 
 def lengths(view: View, names: Sequence[str]) -> Floats:
     h = view.hull
-    return np.stack([h.spring(h.arm_angle(leaf(view, name)))[0] for name in names], axis=1)
+    return np.stack([h.spring(k, h.arm_angle(k))[0] for k in (leaf(view, name) for name in names)], axis=1)
 
 
 def leaf_forces(view: View, k: int) -> tuple[Floats, Floats]:
     """Forces of the spring and of the damper of a leaf, N."""
     h, p = view.hull, view.part.parameters
     if h.is_road(k):
-        table, (length, lever) = h.vehicle["suspension"], h.spring(h.arm_angle(k))
-        free, _ = h.spring(np.zeros(1))
+        table, (length, lever) = h.vehicle["suspension"], h.spring(k, h.arm_angle(k))
+        free, _ = h.spring(k, np.zeros(1))
         spring = float(p["suspension.preload"]) + table["stiffness"] * (free - length)
         return spring, table["damping"] * lever * h.arm_rate(k)
     table, (way, rate) = h.vehicle["tensioner"], h.idler_travel(k)
@@ -146,15 +146,27 @@ def inertia_forces(view: View, names: Sequence[str]) -> Floats:
 
 
 def _inertia_force(view: View, k: int) -> Floats:
+    """On the spring of a leaf; of a beam all springs but this one have their share already."""
+    h, part = view.hull, view.part
+    if not h.is_road(k):  # rearward, along the slide
+        aw = np.diff(h.output_motion(h.names[k])[1], axis=0) / part.h[:, None]
+        force = next(f for name, f, _ in h.wrenches if name == h.names[k])
+        rear = mean(h.output_attitude.apply(-h.slide))
+        return at_instants(((h.vehicle["idler"]["mass"] * (aw - weight(view)) - force) * rear).sum(1))
+    about = sum(_about_pivot(view, leaf) for leaf in h.beam(k))
+    levers = {leaf: h.spring(leaf, h.arm_angle(leaf))[1] for leaf in h.beam(k)}
+    about += sum(mean(sum(leaf_forces(view, leaf)) * lever) for leaf, lever in levers.items() if leaf != k)
+    return at_instants(-about / mean(levers[k]))
+
+
+def _about_pivot(view: View, k: int) -> Floats:
+    """Moment about its pivot that the motion of an arm needs in addition to its wheel's wrench and weights, N m."""
     h, part = view.hull, view.part
     x, u, w = h.output_motion("chassis")
     xw, uw, _ = h.output_motion(h.names[k])
     force = next(f for name, f, _ in h.wrenches if name == h.names[k])
     aw = np.diff(uw, axis=0) / part.h[:, None]
-    if not h.is_road(k):  # rearward, along the slide
-        rear = mean(h.output_attitude.apply([-1.0, 0.0, 0.0]))
-        return at_instants(((h.vehicle["idler"]["mass"] * (aw - weight(view)) - force) * rear).sum(1))
-    table, wheel = h.vehicle["road_arm"], h.wheel(k)
+    table, wheel = h.arm(k), h.wheel(k)
     arm, y = h.output_attitude.apply(h.pins[k]), h.output_attitude.apply(Y)
     pin, pin_rate = x + arm, u + np.cross(w, arm)
     am = np.diff(0.5 * (pin_rate + uw), axis=0) / part.h[:, None]
@@ -162,8 +174,7 @@ def _inertia_force(view: View, k: int) -> Floats:
     spin = (w * y).sum(1) + h.arm_rate(k)
     moment = np.cross(reach, wheel["mass"] * (aw - weight(view)) - force)
     moment += np.cross(0.5 * reach, table["mass"] * (am - weight(view)))
-    about = (moment * mean(y)).sum(1) + table["pin_inertia"] * np.diff(spin) / part.h
-    return at_instants(-about / mean(h.spring(h.arm_angle(k))[1]))
+    return (moment * mean(y)).sum(1) + table["pin_inertia"] * np.diff(spin) / part.h
 
 
 # --- energies --------------------------------------------------------------------------------------

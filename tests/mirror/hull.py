@@ -59,7 +59,11 @@ class Hull:
         self.q, self.angle, self.rate, self.spin = x[:, 13 : 13 + 4 * n].reshape(T, 4, n).transpose(1, 0, 2)
         centre = np.array(v["chassis"]["centre"])
         sign = [1.0, -1.0]  # sign of y, left and right
-        self.pivot = np.array(v["road_arm"]["pivot"])
+        pivot, beams = v["road_arm"]["pivot"], v["road_arm"]["beams"] or ()
+        self.pivots = [np.array(pivot[k] if isinstance(pivot[0], list) else pivot) for k in range(self.arms)]
+        self.beams = [[k - 1 + side * (self.arms + 1) for k in beam] for side in range(2) for beam in beams]
+        angle = v["tensioner"]["angle"]
+        self.slide = np.array([np.cos(angle), 0.0, np.sin(angle)])
         self.drawn, self.pins = [], []
         for s in sign:
             road, y = v["road_wheel"], s * v["track"]["lateral"]
@@ -67,7 +71,7 @@ class Hull:
             wheels.append([v["idler"]["x"], s * v["track"]["lateral"], v["idler"]["z"]])
             for k, wheel in enumerate(wheels):
                 self.drawn.append(np.array(wheel) - centre)
-                arm = [self.pivot[0], 0.0, self.pivot[1]] if k < self.arms else [0.0, 0.0, 0.0]
+                arm = [self.pivots[k][0], 0.0, self.pivots[k][1]] if k < self.arms else [0.0, 0.0, 0.0]
                 self.pins.append(self.drawn[-1] + arm)
         self.mounts = [np.array([0.0, s * v["track"]["lateral"], 0.0]) - centre for s in sign]
         self.points = {f"seat.{name}": np.array(v["seat"][name]["position"]) - centre for name in v["seat"]}
@@ -89,10 +93,11 @@ class Hull:
         origin, attitude = self.pose(tau)
         q = self.q[:, k] + tau * self.rate[:, k]
         if self.is_road(k):
-            arm = Rotation.from_rotvec(q[:, None] * Y).apply([-self.pivot[0], 0.0, -self.pivot[1]])
+            x, z = self.pivot(k)
+            arm = Rotation.from_rotvec(q[:, None] * Y).apply([-x, 0.0, -z])
             local = self.pins[k] + arm
         else:
-            local = self.drawn[k] + q[:, None] * [1.0, 0.0, 0.0]
+            local = self.drawn[k] + q[:, None] * self.slide
         spun = self.angle[:, k] + tau * (self.spin[:, k] - self.turning[:, 1])
         return origin + attitude.apply(local), attitude * Rotation.from_rotvec(spun[:, None] * Y)
 
@@ -149,7 +154,7 @@ class Hull:
             xw, uw, ww = self.output_motion(self.names[k])
             bodies.append(self.body(table["mass"], [J, table["spin_inertia"], J], xw, uw, ww))
             if self.is_road(k):
-                arm, e = v["road_arm"], self.arm_direction(k)
+                arm, e = self.arm(k), self.arm_direction(k)
                 rate = self.arm_rate(k, u, w)
                 pin = x + R.apply(self.pins[k])
                 middle, speed = 0.5 * (pin + xw), 0.5 * (u + np.cross(w, pin - x) + uw)
@@ -169,6 +174,19 @@ class Hull:
         """Numbers of the wheel of a leaf."""
         table = self.vehicle["road_wheel" if self.is_road(k) else "idler"]
         return {key: number(value, k % (self.arms + 1)) for key, value in table.items()}
+
+    def arm(self, k: int) -> dict[str, float]:
+        """Numbers of the road arm of a leaf."""
+        table = self.vehicle["road_arm"]
+        return {key: number(table[key], k % (self.arms + 1)) for key in ("mass", "pin_inertia", "long_inertia")}
+
+    def pivot(self, k: int) -> Floats:
+        """(x, z) of the pivot of a leaf from its wheel centre, m."""
+        return self.pivots[k % (self.arms + 1)]
+
+    def beam(self, k: int) -> list[int]:
+        """Leaves that are one piece with a leaf, itself among them."""
+        return next((beam for beam in self.beams if k in beam), [k])
 
     def is_road(self, k: int) -> bool:
         """Whether a leaf is a road arm with its wheel; else it is an idler."""
@@ -196,19 +214,20 @@ class Hull:
         """Angle of an arm from its drawn position, up positive, from position outputs, rad."""
         x, _, _ = self.output_motion("chassis")
         local = self.output_attitude.inv().apply(self.output_motion(self.names[k])[0] - x) - self.pins[k]
-        return np.arctan2(self.pivot[1], self.pivot[0]) - np.arctan2(-local[:, 2], -local[:, 0])
+        x, z = self.pivot(k)
+        return np.arctan2(z, x) - np.arctan2(-local[:, 2], -local[:, 0])
 
     def idler_travel(self, k: int) -> tuple[Floats, Floats]:
-        """Forward displacement of an idler on its slide (m) and its rate (m/s), from outputs."""
+        """Way of an idler forward on its slide (m) and its rate (m/s), from outputs."""
         x, u, w = self.output_motion("chassis")
         xw, uw, _ = self.output_motion(self.names[k])
         back = self.output_attitude.inv()
-        return (back.apply(xw - x) - self.drawn[k])[:, 0], back.apply(uw - u - np.cross(w, xw - x))[:, 0]
+        way, rate = back.apply(xw - x) - self.drawn[k], back.apply(uw - u - np.cross(w, xw - x))
+        return way @ self.slide, rate @ self.slide
 
-    def spring(self, angle: Floats) -> tuple[Floats, Floats]:
-        """Length of a suspension spring at an arm's angle, m, and its moment arm -d(length)/d(angle), m."""
-        table = self.vehicle["suspension"]
-        pivot = np.array(self.pivot)
+    def spring(self, k: int, angle: Floats) -> tuple[Floats, Floats]:
+        """Length of the suspension spring of a leaf at its angle, m, and its moment arm -d(length)/d(angle), m."""
+        table, pivot = self.vehicle["suspension"], self.pivot(k)
         a, b = np.array(table["on_arm"]) - pivot, np.array(table["on_chassis"]) - pivot
         c, s = np.cos(angle), np.sin(angle)
         end = np.stack([c * a[0] + s * a[1], c * a[1] - s * a[0]], axis=-1)  # rotation about +y: x to -z

@@ -38,6 +38,12 @@ UNLIKE = tuple(  # wheels
         "spin_inertia": [11.8, 26.1, 27.0, 21.0, 16.0], "transverse_inertia": [9.0, 20.0, 21.0, 16.0, 12.0],
     }.items()
 )  # fmt: skip
+BEAMS = (  # of three and two wheels, whose arms differ, and idlers on slides at an angle
+    "vehicle.road_arm.beams=[[1, 2, 3], [4, 5]]",
+    "vehicle.road_arm.mass=[90, 40, 120, 60, 30]", "vehicle.road_arm.pin_inertia=[3, 0.5, 5, 1, 0.6]",
+    "vehicle.road_arm.long_inertia=[0.4, 0.2, 0.5, 0.3, 0.1]", "vehicle.tensioner.angle=0.3",
+    "vehicle.road_arm.pivot=[[-0.717, 0.3], [-0.05, 0.3], [0.617, 0.3], [-0.3, 0.1], [0.366, 0.1]]",
+)  # fmt: skip
 # the left drive is slower and controlled, or braked
 TURN = {"left_drive": {"mode": "controller", "speed.end": 2.0}, "right_drive": {"speed.end": 16.0}}
 BRAKED = {
@@ -122,9 +128,9 @@ def sinking(model: str, *settings: str, duration: float = 0.3) -> Record:
 
 
 def waving(*settings: str) -> Record:
-    """A vehicle on waves that end beneath it, other ones on its right side."""
+    """A vehicle on waves that end beneath it, other ones on its right side; links have 6 and 4 points."""
     waves = 'ground.washboard={amplitude=0.005, wavelength=0.9, phase="70 deg", start=7.0, end=11.6}'
-    place = "start.position=[12.0, 1.0, 0.4]", "start.height=2 mm"
+    place = "start.position=[12.0, 1.0, 0.4]", "start.height=2 mm", "ground.refinement=[3, 2]"
     return vehicle("rigid", waves, *place, "ground.grade=0.05", *settings, duration=0.2)
 
 
@@ -152,6 +158,7 @@ class Run(NamedTuple):
 
 
 SIDE = ("left_track", "left_drive", "right_drive", "chassis")  # the right track is checked
+ALONE = ("left_track", "right_track", "left_drive", "right_drive")  # the chassis is checked
 RUNS = {
     "rigid": Run(lambda: vehicle("rigid", overrides=TURN), ("left_track",)),
     "cable": Run(lambda: vehicle("flexible", overrides={"left_drive": {"speed.end": 10.0}}), ("right_track",)),
@@ -168,6 +175,7 @@ RUNS = {
     "sloping turning": Run(partial(sloping, "flexible", "track.axes=free", duration=0.65), ("left_track", "chassis")),
     "waving": Run(waving, SIDE),
     "sinking": Run(partial(sinking, "rigid"), SIDE),
+    "beams": Run(lambda: vehicle("rigid", *BEAMS, overrides=TURN), ALONE),
     "joined": Run(joined, ("left_track", "right_track", "chassis")),
     "driven": Run(  # without friction, slip follows from the width alone
         partial(driven, "driver.friction=0"), ("left_track", "right_track", "left_drive", "right_drive", "chassis")
@@ -187,6 +195,7 @@ STUDIES = {
        for name in ("general", "engineering")},
     "waving hunt_crossley": Run(partial(waving, *HUNT_CROSSLEY), SIDE),
     # with cohesion, the last correction decides whether a point that hardly touches has shear or none
+    "sinking refined": Run(partial(sinking, "rigid", "ground.refinement=[2, 2]", "ground.soil.cohesion=0 Pa"), SIDE),
     "sinking turning": Run(partial(sinking, "flexible", "track.axes=free", "ground.soil.cohesion=0 Pa"), SIDE),
 }  # fmt: skip
 

@@ -83,6 +83,7 @@ class Points(NamedTuple):
     share: float  # of a link that each point has
     pitch: float  # m
     width: float  # of a link, m
+    parts: int = 1  # of a link along it, each with points at two places
 
 
 class Soft(NamedTuple):
@@ -125,18 +126,19 @@ def march(law: Law, points: Points) -> Soft:
         for k in np.flatnonzero(inside & ~now):
             _press(rut, place[k, :2] + points.part[k] * along[k], along[k], points, deepest[k])
         place[bears], along[bears] = points.place[t, bears], points.along[t, bears]
+        along[~now] = 0.0  # a point that comes down again and never bears presses nothing
         deepest, pressure, m = np.where(now, reached, 0.0), pressed, after
         inside = now
     return found
 
 
 def _press(rut: dict[tuple[int, int], float], middle: Floats, along: Floats, points: Points, deepest: float) -> None:
-    """Press a rectangle of half a link's length into the rut: the cells whose middles lie in it."""
+    """Press a rectangle of half a part of a link into the rut: the cells whose middles lie in it."""
     length = np.linalg.norm(along)
     if length == 0.0:  # it passed the surface into a rut, and never bore
         return
     e = along / length
-    reach = 0.25 * length, points.share * points.width
+    reach = 0.25 * length / points.parts, points.share * points.parts * points.width
     corner = np.floor((middle - sum(reach)) / CELL).astype(int)
     for i, j in np.ndindex(*(2 * int(np.ceil(sum(reach) / CELL)) + 2,) * 2):
         cell = int(corner[0] + i), int(corner[1] + j)

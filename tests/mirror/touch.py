@@ -228,21 +228,41 @@ def guides(sums: _ContactSums, law: Law, m: int, radius: float, play: float) -> 
         sums.add(t[on], i[on], x[on], w[on], depth[on], push, m, GUIDE, (xi[on], 0.0, -chain.face))
 
 
+class _GroundPoint(NamedTuple):
+    """Point of a link on the ground: two Gauss points along each of its parts, one in the middle of each strip."""
+
+    xi: float  # fraction of the link
+    y: float  # m
+    to_middle: float  # from the point to the middle of its part, of the link
+
+
+def _ground_points(chain: Chain) -> tuple[list[_GroundPoint], float, int]:
+    """Points of a link, the share of each, and the number of parts along it."""
+    parts, strips = chain.part.config["track"].get("refinement", (1, 1))
+    points = [
+        _GroundPoint((k + 0.5 + side * SPREAD) / parts, y * (2 * strip + 1) / strips, side * (0.25 - SPREAD) / parts)
+        for k in range(parts)
+        for side in (-1.0, 1.0)
+        for strip in range(strips)
+        for y in chain.lateral
+    ]
+    return points, 1.0 / len(points), parts
+
+
 def hard_ground(sums: _ContactSums, law: Law, ground: Ground) -> None:
     chain = sums.chain
     heights = [end[..., 2] - ground.height(end[..., 0], end[..., 1]) for end in chain.ends[:2]]
     near = np.minimum(*heights) < 2.0 * chain.pitch
     t, i = np.nonzero(near)
     lie = np.zeros(near.shape)
-    for side in (-1.0, 1.0):
-        for y in chain.lateral:
-            x, u = chain.point(t, i, 0.5 + side * SPREAD, y, chain.face)
-            depth, n = ground.under(x)
-            on = depth > 0.0
-            push = press(law, 0.5 / len(chain.lateral), depth[on], n[on], u[on])
-            place = np.full(on.sum(), 0.5 + side * SPREAD), y, chain.face
-            sums.add(t[on], i[on], x[on], u[on], depth[on], push, None, GROUND, place)
-            lie += sums.lie(t[on], i[on], u[on], depth[on], push)
+    points, share, _ = _ground_points(chain)
+    for xi, y, _ in points:
+        x, u = chain.point(t, i, xi, y, chain.face)
+        depth, n = ground.under(x)
+        on = depth > 0.0
+        push = press(law, share, depth[on], n[on], u[on])
+        sums.add(t[on], i[on], x[on], u[on], depth[on], push, None, GROUND, (np.full(on.sum(), xi), y, chain.face))
+        lie += sums.lie(t[on], i[on], u[on], depth[on], push)
     sums.t.sliding[:] /= np.maximum(lie, 1.0)[..., None]
 
 
@@ -253,23 +273,22 @@ def soft_ground(sums: _ContactSums, law: soft.Law, ground: Ground) -> None:
     t, i = (each.ravel() for each in np.indices((T, chain.n)))
     axes = ground_frame(chain.part.parameters).inv()
     ahead = axes.apply((chain.ends[1] - chain.ends[0])[t, i])[:, :2].reshape(T, chain.n, 2)
-    share = 0.5 / len(chain.lateral)
+    points, share, parts = _ground_points(chain)
     x, u, depth, part, places = [], [], [], [], []
-    for side in (-1.0, 1.0):
-        for y in chain.lateral:
-            place, velocity = chain.point(t, i, 0.5 + side * SPREAD, y, chain.face)
-            x.append(place.reshape(T, chain.n, 3))
-            u.append(velocity.reshape(T, chain.n, 3))
-            depth.append(ground.under(place)[0].reshape(T, chain.n))
-            part += [side * (0.25 - SPREAD)] * chain.n
-            places += [(0.5 + side * SPREAD, y)] * chain.n
+    for xi, y, to_middle in points:
+        place, velocity = chain.point(t, i, xi, y, chain.face)
+        x.append(place.reshape(T, chain.n, 3))
+        u.append(velocity.reshape(T, chain.n, 3))
+        depth.append(ground.under(place)[0].reshape(T, chain.n))
+        part += [to_middle] * chain.n
+        places += [(xi, y)] * chain.n
     x, u, depth = (np.concatenate(each, axis=1) for each in (x, u, depth))
     start, _ = start_frame(chain.part.parameters)
     local = axes.apply(x.reshape(-1, 3) - start).reshape(x.shape)
     rows = len(part) // chain.n
     along, link = np.concatenate([ahead] * rows, axis=1), np.tile(np.arange(chain.n), rows)
-    points = soft.Points(local, depth, along, part, share, chain.pitch, chain.vehicle["track"]["width"])
-    found = soft.march(law, points)
+    width = chain.vehicle["track"]["width"]
+    found = soft.march(law, soft.Points(local, depth, along, part, share, chain.pitch, width, parts))
     t, k = np.nonzero(depth > 0.0)
     force = axes.inv().apply(found.shear[t, k] + found.normal[t, k][:, None] * UP)
     none = np.zeros(len(t))

@@ -203,9 +203,9 @@ def _teeth(
 def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_rate: float, tangent: bool) -> None:
     """Contact of the ground with the outer faces."""
     (n, nodes), (points_across, lateral) = count(links, x), lateral_points(links)
-    ground, shape = len(contacts.teeth), contacts.shape
+    ground, shape, along, across = len(contacts.teeth), contacts.shape, contacts.along, contacts.across
     begin_ground(contacts.soil, w)
-    first = POINTS * ground * nodes
+    first, on_link, share = POINTS * ground * nodes, ON_FACE * along * across, 0.5 / (points_across * along * across)
     for i in range(n):
         a, b = pin_positions(links, x, w, i)
         first_pin, _ = to_ground(links, x, w, a, a)
@@ -214,26 +214,28 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
             continue
         begin_link(links, x, w, i)
         hits = 0
-        for g in range(2):
-            xi = 0.5 + (2.0 * g - 1.0) * GAUSS
+        for row in range(2 * along * across):  # rows of points of one distance from the middle of the link
+            g, strip = row // across, row % across
+            half = 2.0 * (g % 2) - 1.0
+            xi = (g // 2 + 0.5 + half * GAUSS) / along
             section = locate_section(links, x, w, i, xi, links.face)
             for m in range(points_across):
-                y = (2.0 * m - 1.0) * lateral
+                y = (2.0 * m - 1.0) * lateral * (2 * strip + 1) / across
                 along_axes = locate(links, x, w, i, section, y)
                 p, v = to_ground(links, x, w, *along_axes)
                 v = add(v, scale(-1.0, contacts.belt))
                 depth, face = ground_face(shape, p, v)
                 if depth <= 0.0:
                     continue
-                k = points_across * g + m
+                k = points_across * row + m
                 point = GroundPoint(
-                    0.5 / points_across,
+                    share,
                     depth,
                     p,
                     add(last_pin, scale(-1.0, first_pin)),
-                    (1.0 - 2.0 * g) * (GAUSS - 0.25),
-                    first + POINTS * i + k,
-                    ON_FACE * i + k,
+                    half * (0.25 - GAUSS) / along,
+                    first + on_link * i + k,
+                    on_link * i + k,
                 )
                 force = ground_force(ground_law(shape, contacts.soil, p), point, face, by_rate, tangent, w)
                 add_contact(w.sums, GROUND_FRICTION, GROUND_DAMPING, penetration(contacts.soil, depth), force)
@@ -257,6 +259,7 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
 @namesake
 def commit_contacts(links: FacedLinks, contacts: Contacts, s: ChainState, w: ChainWork, report: Floats) -> None:
     points_across, _ = lateral_points(links)
-    compacted, sheared = commit_ground(contacts.soil, 0.5 / points_across, s, w)
+    share = 0.5 / (points_across * contacts.along * contacts.across)
+    compacted, sheared = commit_ground(contacts.soil, share, contacts.along, s, w)
     add_loss(report, GROUND_DAMPING, compacted)
     add_loss(report, GROUND_FRICTION, sheared)

@@ -43,10 +43,10 @@ Shapes = dict[str, tuple[int, ...]]  # shapes of the views, in order
 
 
 class GroundMemory(NamedTuple):
-    """Sizes of what the ground remembers under a chain; all 0 on hard ground."""
+    """Sizes of what the ground remembers under a chain; hard ground remembers nothing."""
 
-    points: int  # rows, of the contact points
-    memory: int  # width of a row
+    points: int  # rows: contact points of all links on the ground
+    memory: int  # width of a row, 0 on hard ground
     pending: int  # width of a row that an evaluation writes
     rut: int  # length of the rut
 

@@ -77,8 +77,10 @@ def begin_ground(law: Any, w: ChainWork) -> None:
 
 
 @dispatch("ground")
-def commit_ground(law: Any, share: float, s: ChainState, w: ChainWork) -> tuple[float, float]:
-    """Remember an accepted step, whose last evaluation is in ``w``; a point has ``share`` of its link.
+def commit_ground(law: Any, share: float, along: int, s: ChainState, w: ChainWork) -> tuple[float, float]:
+    """Remember an accepted step, whose last evaluation is in ``w``.
+
+    A point has ``share`` of its link, which has ``along`` parts with two points each along it.
 
     Returns the losses of the step by normal forces and by shear that the powers of the evaluations have not, J.
     """

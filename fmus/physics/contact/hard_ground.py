@@ -31,6 +31,6 @@ def begin_ground(law: Law, w: ChainWork) -> None:
 
 
 @kernel
-def commit_ground(law: Law, share: float, s: ChainState, w: ChainWork) -> tuple[float, float]:
+def commit_ground(law: Law, share: float, along: int, s: ChainState, w: ChainWork) -> tuple[float, float]:
     """See ``grounds``."""
     return 0.0, 0.0

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.ground.soils import work_of_pressure
-from fmus.vehicles.sides import lowest_wheel, places_of_wheels, smooth_wheels
+from fmus.vehicles.sides import lowest_wheel, road_arms, smooth_wheels
 from fmus.vehicles.vehicle import VehicleTable
 
 if TYPE_CHECKING:
@@ -56,9 +56,8 @@ def centre_of_mass(vehicle: VehicleTable) -> tuple[float, float]:
     road = [np.array([wheel["x"], wheel["z"]]) for wheel in wheels if wheel["kind"] == "road_wheel"]
     parts = [(v.chassis.mass, np.array([v.chassis.centre[0], v.chassis.centre[2]])), (2.0 * v.sprocket.mass, sprocket)]
     parts += [(2.0 * wheel["mass"], np.array([wheel["x"], wheel["z"]])) for wheel in wheels]
-    if arm := v.road_arm:
-        pivots = places_of_wheels(arm.pivot, len(road))
-        parts += [(2.0 * arm.mass, place + np.array(pivot) / 2.0) for place, pivot in zip(road, pivots, strict=True)]
+    arms = zip(road, road_arms(vehicle.model_dump()), strict=False)
+    parts += [(2.0 * arm["mass"], place + np.array(arm["pivot"]) / 2.0) for place, arm in arms]
     loop = (sprocket + idler + np.mean(road, axis=0)) / 3.0
     parts.append((2.0 * v.track.links * v.track.mass, loop))
     x, z = np.average([place for _, place in parts], axis=0, weights=[mass for mass, _ in parts])

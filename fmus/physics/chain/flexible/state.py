@@ -180,7 +180,7 @@ def work(
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
         wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
         bushes=bush_arrays(bushed),
-        contact=memory(points(wheels, nodes)),
+        contact=memory(points(wheels, nodes, ground.points // links)),
         points=_contact_points(contacts, nodes, kit.NODE) if contacts else None,
         near=near(links),
         axes=axes_arrays(nodes, m, whole) if kit.FREE else None,

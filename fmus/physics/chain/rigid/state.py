@@ -124,7 +124,7 @@ def work(
             before=views(State, sizes, z(size(sizes))),
             system=augmented.system(links, closed, bushed),
             articulated=recursive.articulated_bodies(links if joints else 0),
-            contact=memory(points(wheels, pins)),
+            contact=memory(points(wheels, pins, ground.points // links)),
             points=_contact_points(contacts, links) if contacts else None,
             near=near(links),
             increment=z((links, 6)),

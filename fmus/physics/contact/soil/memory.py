@@ -141,10 +141,10 @@ def clear(pending: Floats) -> None:
 
 
 @kernel
-def commit(soil: Soil, share: float, memory: Floats, pending: Floats, rut: Floats) -> tuple[float, float]:
+def commit(soil: Soil, share: float, along: int, memory: Floats, pending: Floats, rut: Floats) -> tuple[float, float]:
     """Make ``pending`` (points, PENDING) the ``memory`` (points, MEMORY); points that leave press the ``rut`` (RUT).
 
-    A point has ``share`` of its link. Returns the losses of the step by compaction and by shear, J.
+    A point has ``share`` of its link, see ``grounds``. Returns the losses of the step by compaction and by shear, J.
     """
     area = share * soil.length * soil.width
     compacted = sheared = 0.0
@@ -158,7 +158,7 @@ def commit(soil: Soil, share: float, memory: Floats, pending: Floats, rut: Float
                 old[k] = new[k]
         elif old[INSIDE] > 0.0:
             sheared += area * _strength(soil, old) * stored(soil.K, vector(old, SHEAR))
-            press_part(soil, share, old, rut)
+            press_part(soil, share, along, old, rut)
             for k in range(MEMORY):
                 old[k] = 0.0
     return compacted, sheared
@@ -179,8 +179,12 @@ def _shear_loss(soil: Soil, old: Floats, new: Floats) -> float:
 
 
 @kernel
-def press_part(soil: Soil, share: float, row: Floats, rut: Floats) -> None:
-    """Press the part of a link that belongs to a point with this ``row`` (MEMORY) into the ``rut`` (RUT)."""
+def press_part(soil: Soil, share: float, parts: int, row: Floats, rut: Floats) -> None:
+    """Press the part of a link that belongs to a point with this ``row`` (MEMORY) into the ``rut`` (RUT).
+
+    A point has ``share`` of its link, which has ``parts`` with two points each along it.
+    """
     along, part = (row[ALONG], row[ALONG + 1]), row[MIDDLE]
     middle = row[PLACE] + part * along[0], row[PLACE + 1] + part * along[1]
-    press(rut, middle, (0.25 * along[0], 0.25 * along[1]), share * soil.width, row[DEEPEST])
+    half_length = 0.25 / parts
+    press(rut, middle, (half_length * along[0], half_length * along[1]), share * parts * soil.width, row[DEEPEST])

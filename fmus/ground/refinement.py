@@ -1,0 +1,116 @@
+"""How many contact points a link needs on a ground, so that no obstacle passes between them.
+
+On level ground a link has two Gauss points along it and, where it is wide, two across: ``LEVEL``. A refinement of
+(n, m) gives n times as many along it and m times as many across, at equal parts of the link. What a ground asks for is
+the mean distance of points at which the rise of a wheel over it is within 5 % of that with many points: half a radius
+of a half round, a quarter of a wave, the radius of an edge. It is measured in ``tests/test_ground_refinement.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import ceil, inf
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.physics.arrays import Floats
+from fmus.physics.elementary import cos, sin
+
+LEVEL = (1, 1)
+MOST = (8, 4)  # that is chosen by itself: the cost of a step grows with the points
+LOWEST_PEAK = 5e-3  # of a map of heights that counts, m
+Table = Mapping[str, Any]
+
+
+class Feature(NamedTuple):
+    """Narrowest part of a primitive of the ground."""
+
+    key: str  # of the number, under ``ground``
+    what: str
+    length: float  # its own, m
+    along: float  # largest mean distance of points along x, m
+    across: float  # and along y, m
+
+
+def refinement(ground: Table, track: Table, heading: float) -> tuple[int, int]:
+    """Refinement for the links of a vehicle's ``track`` on a ``ground``: its own, or as its features ask, up to MOST.
+
+    ``heading``, rad: of the vehicle at the start.
+    """
+    if ground.get("refinement"):
+        return tuple(ground["refinement"])
+    along, across = LEVEL
+    for feature in features(ground, track["pitch"]):
+        a, b = _distances(feature, heading)
+        along = max(along, ceil(0.5 * track["pitch"] / a - 1e-9))
+        across = max(across, ceil(0.5 * track["width"] / b - 1e-9))
+    return min(along, MOST[0]), min(across, MOST[1])
+
+
+def gaps(track: Table, refined: tuple[int, int]) -> tuple[float, float]:
+    """Largest distances of neighbouring points of a link, along it and across, m."""
+    from fmus.physics.contact.wheel import GAUSS  # kernels
+
+    return 2.0 * GAUSS * track["pitch"] / refined[0], 0.5 * track["width"] / refined[1]
+
+
+def passed_over(ground: Table, track: Table, heading: float) -> list[str]:
+    """One sentence for each feature of the ground that is narrower than the points of a link allow."""
+    refined = refinement(ground, track, heading)
+    (gap, side), sentences = gaps(track, refined), []
+    for key, what, length, *_ in (
+        feature
+        for feature in features(ground, track["pitch"])
+        for a, b in [_distances(feature, heading)]
+        if 0.5 * track["pitch"] / refined[0] > a * (1 + 1e-9) or 0.5 * track["width"] / refined[1] > b * (1 + 1e-9)
+    ):
+        sentences.append(
+            f"ground.{key}: {what} of {length:.3g} m may pass between the contact points of a link, which are up to"
+            f" {gap:.3g} m apart along it and {side:.3g} m across; ground.refinement = [{refined[0]}, {refined[1]}] may"
+            " be larger"
+        )
+    return sentences
+
+
+def features(ground: Table, pitch: float) -> Iterator[Feature]:
+    """Yield the narrowest feature of each primitive of a ``ground`` table under links of ``pitch`` m."""
+    if one := ground.get("half_round"):
+        yield Feature("half_round.radius", "half rounds with a width", 2.0 * one["radius"], 0.5 * one["radius"], inf)
+    for key in ("bump", "step", "trench"):
+        if one := ground.get(key):
+            yield Feature(f"{key}.radius", "edges with a radius", one["radius"], one["radius"], inf)
+    if one := ground.get("kerb"):
+        yield Feature("kerb.radius", "edges with a radius", one["radius"], inf, one["radius"])
+    if one := ground.get("washboard"):
+        yield Feature("washboard.wavelength", "waves", one["wavelength"], 0.25 * one["wavelength"], inf)
+    if one := ground.get("rough"):
+        wave = 1.0 / one["band"][1]
+        yield Feature("rough.band", "waves", wave, 0.25 * wave, 0.25 * wave if one["isotropic"] else inf)
+    if one := ground.get("heightmap"):
+        heights = np.asarray(one["heights"], dtype=float)
+        x, y = (_narrowest_peak(each, d, pitch) for each, d in zip((heights, heights.T), one["spacing"], strict=True))
+        if min(x, y) < inf:
+            yield Feature("heightmap.heights", "peaks with a width", min(x, y), 0.25 * x, 0.25 * y)
+
+
+def _distances(feature: Feature, heading: float) -> tuple[float, float]:
+    """Largest mean distances of points along and across a vehicle with this ``heading``, rad; m."""
+    c, s = abs(cos(heading)), abs(sin(heading))
+    (x, y), turned = (feature.along, feature.across), s > 1e-9
+    return (min(x / c, y / s), min(x / s, y / c)) if turned and c > 1e-9 else (y, x) if turned else (x, y)
+
+
+def _narrowest_peak(heights: Floats, spacing: float, reach: float) -> float:
+    """Least width of the peaks of a map along its first axis, m; inf without peaks.
+
+    A peak counts if it stands LOWEST_PEAK above lower ground within ``reach`` m on both sides. Its width is that of a
+    parabola with its height over the higher of both and its curvature.
+    """
+    from scipy.ndimage import minimum_filter1d
+
+    half = ceil(0.5 * reach / spacing)
+    before, after = (minimum_filter1d(heights, 2 * half + 1, 0, mode="nearest", origin=at) for at in (half, -half))
+    rise, bend = (heights - np.maximum(before, after))[1:-1], 2.0 * heights[1:-1] - heights[:-2] - heights[2:]
+    peaks = (rise >= LOWEST_PEAK) & (heights[1:-1] >= np.maximum(heights[:-2], heights[2:]))
+    return float(2.0 * spacing * np.sqrt(2.0 * rise[peaks] / bend[peaks]).min()) if peaks.any() else inf
