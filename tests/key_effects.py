@@ -54,6 +54,7 @@ CASES = {
     "tank": Case("tank", (*VEHICLE, "vehicle.suspension.bump_stop.gap=1e-4",
         "vehicle.suspension.rebound_stop.gap=1e-4")),
     "crawler": Case("crawler", (*VEHICLE, "vehicle.tensioner.recoil.preload=10")),
+    "further wheel": Case("elevated_sprocket", (*VEHICLE, "tracks=['left']", "start.height=-0.05", "start.pitch=-0.1")),
     "bushed": Case("hanging_chain", ("chain.links=8", "track.start=displaced", BUSHED)),
     "joined": Case("differential", (*STEERED, *JOINED, "drive.speed=20")),
     "joined and stopped": Case("differential", (*STEERED, *JOINED, "drive.steering.stop=0.02",
@@ -150,6 +151,7 @@ KEYS: dict[str, Acts] = {
     "vehicle.tensioner.recoil.*": Acts("crawler"),
     "vehicle.return_roller.*": Acts("two sides", ("rigid",)),
     "vehicle.right.*": Acts("two sides", ("rigid",)),
+    "vehicle.wheel.*": Acts("further wheel"),
     "vehicle.*.width": Acts("on one track"),
     "vehicle.track.*": Acts("vehicle", ALL),
     "vehicle.section.lateral_bending": Acts("vehicle", ("beam",)),  # a cable bends alike about both axes

@@ -115,7 +115,7 @@ def test_the_place_of_another_spring_is_not_that_of_this_one():
     assert share > LOAD
 
 
-STANDING = ("m113", "robot", "dozer", pytest.param("leopard2", marks=pytest.mark.long))
+STANDING = ("m113", "robot", "dozer", "highdrive", pytest.param("leopard2", marks=pytest.mark.long))
 SOFT = "vehicle.material.youngs_modulus=5 GPa"  # a belt of the m113's shape
 
 

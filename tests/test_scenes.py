@@ -21,10 +21,10 @@ from orchestrator.scene.scene import load, scene_names
 MODELS = tuple(TRACKS)
 STEERED = "pivot", "serpentine", "brake_turn", "differential"  # in full only as studies: ``turn`` represents them
 OTHERS = "marder", "robot", "rear_drive"  # in full only as studies: ``test_vehicle_layouts`` represents them
-SUSPENDED = "tank", "crawler"  # suspensions of their own: with flexible links only as studies
+SUSPENDED = "tank", "crawler", "elevated_sprocket"  # wheels of their own: with flexible links only as studies
 SLOW = "settle", "turn", "rig", "sprocket_bench"  # seconds of run time
 # rigid: others compile their kernels too
-UNEVEN = "half_round", "washboard", "rough", "step", "trench", "soft_ground", "treadmill"
+UNEVEN = "half_round", "washboard", "rough", "step", "trench", "soft_ground", "snow", "treadmill"
 SLOPES = "climb", "side_slope", "hold"
 ON_SOIL = "plate_press", "shear_sled"  # kernels of their own
 WARNED = {"half_round": {"penetration", "lift"}, "step": {"penetration", "lift"}}  # wheels that hang, or carry it all
@@ -208,6 +208,8 @@ TWINS = [
     ("soft_ground", "thrust", ("hitch.force=15.4 kN",)),
     ("soft_ground", "sinkage", ("ground.soil.kphi=1.2e6",)),
     ("soft_ground", "rut", ("ground.soil.kphi=1.2e6",)),
+    ("elevated_sprocket", "thrust", ("hitch.force=30.9 kN",)),
+    ("snow", "rut", ("ground.soil.kphi=175e3",)),
     ("soft_ground", "slip", ("ground.soil.shear_deformation_modulus=27 mm",)),
     ("treadmill", "pull", ("ground.soil.shear_deformation_modulus=27 mm",)),
     ("treadmill", "speed", ("hitch.drag_points=[[1.6, 0], [1.8, 155896]]",)),
@@ -230,7 +232,7 @@ TWINS = [
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "check", "settings"), TWINS)
 def test_expectations_can_fail(ran, name, check, settings):
-    model = "rigid" if name in UNEVEN else "flexible"
+    model = "rigid" if name in (*UNEVEN, *SUSPENDED) else "flexible"
     assert ran(name, model, *settings)["checks"][check]["ok"] is False
 
 

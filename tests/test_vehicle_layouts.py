@@ -2,7 +2,9 @@
 
 import copy
 import re
+import tomllib
 from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -142,6 +144,14 @@ def pull_of_tension(running, side, name, wheel):
     return abs(sum(pulls))
 
 
+def of_recipe(name):
+    """Table of the vehicle of a scene that the recipes show."""
+    page = (Path(__file__).parents[1] / "orchestrator" / "recipes.md").read_text(encoding="utf-8")
+    shown = re.search(rf"`{name}.toml`:\n\n```toml\n(.*?)```", page, re.DOTALL)[1]
+    own = load("straight", "rigid", {"vehicle": tomllib.loads(shown)["vehicle"]}).vehicle
+    return own.model_dump(mode="json", exclude_none=True)
+
+
 UNLIKE = {  # raised end wheels, each of another radius
     "radius": [0.25, 0.305, 0.305, 0.305, 0.27], "z": [-0.19, -0.215, -0.215, -0.215, -0.21],
     "mass": [377.0, 561.07, 561.07, 561.07, 440.0], "spin_inertia": [11.8, 26.06, 26.06, 26.06, 16.0],
@@ -181,16 +191,20 @@ TABLES = {
     ),
     **{
         name: vehicle(*read_table(name)).model_dump(mode="json", exclude_none=True)
-        for name in ("marder", "robot", "leopard2", "dozer")
+        for name in ("marder", "robot", "leopard2", "dozer", "highdrive", "groomer")
     },
+    "triangle": of_recipe("triangle"),
 }
 
 
 # Tensioners of 4 and 8 MN/m and axles without springs make more force of the 0.2 mm between rigid links and cables.
-STIFF = {"leopard2": 2.0, "dozer": 4.0}
+STIFF = {"leopard2": 2.0, "dozer": 4.0, "highdrive": 4.0}
 
 
-@pytest.mark.parametrize("name", [*TABLES])
+OWN_KERNELS = {"groomer": pytest.mark.long}  # of belts
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=OWN_KERNELS.get(name, ())) for name in TABLES])
 def test_a_vehicle_starts_in_balance_by_hand(name):
     """Weights of all bodies and wrenches of the tracks balance on the chassis, and tracks carry their own weight.
 

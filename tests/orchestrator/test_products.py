@@ -23,9 +23,16 @@ from orchestrator.scene.scene import load, scene_names
 
 SCENES = scene_names()
 VARIANTS = {**dict.fromkeys(TRACKS, ()), "beam": ("track.element=beam",)}
-OTHERS = ("robot", "rear_drive")  # other vehicles, whose equilibria take seconds
+OTHERS = ("robot", "rear_drive", "elevated_sprocket")  # other vehicles, whose equilibria take seconds
 OTHERS += ("climb", "side_slope", "hold", "half_round", "washboard", "rough", "step", "trench")  # or other ground
-LONG = ("soft_ground", "treadmill", "plate_press", "shear_sled", "marder")  # on soil; the equilibrium of most wheels
+LONG = (
+    "soft_ground",
+    "snow",
+    "treadmill",
+    "plate_press",
+    "shear_sled",
+    "marder",
+)  # soil; the equilibrium of most wheels
 
 
 CASES = [
