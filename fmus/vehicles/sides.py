@@ -78,3 +78,13 @@ def lowest_wheel(table: Mapping[str, Any]) -> Mapping[str, Any]:
     """The road wheel of a side, as drawn, whose rim is lowest: it stands on level ground."""
     wheels = smooth_wheels(table)[: len(table["road_wheel"]["x"])]
     return min(wheels, key=lambda wheel: wheel["z"] - wheel["radius"])
+
+
+RAISED = 0.05  # of a pitch; chosen: a wheel whose rim is less than that above the lowest one stands on level ground
+
+
+def ground_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Smooth wheels of a side that stand on level ground as drawn, the foremost one first; no raised end wheels."""
+    wheels = sorted(smooth_wheels(table), key=lambda wheel: -wheel["x"])
+    level = min(wheel["z"] - wheel["radius"] for wheel in wheels) + RAISED * table["track"]["pitch"]
+    return [wheel for wheel in wheels if wheel["z"] - wheel["radius"] < level]

@@ -13,7 +13,7 @@ from orchestrator.results.analyses import hull
 from orchestrator.results.analyses import slip as slips
 from orchestrator.results.energy import ports
 from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
-from orchestrator.results.run_data import BLOCK, EVER, RunData, Window, drive_of, mean, track_of, vectors
+from orchestrator.results.run_data import BLOCK, EVER, RunData, Window, drive_of, mean, sprocket_end, track_of, vectors
 
 RUN_REACH = 0.2  # m: half length of the sample in the middle between two wheels, or two pitches of short links
 LOWER = -0.1  # m over the sprocket axle: the lower run is below it, or below half the height of small road wheels
@@ -146,7 +146,8 @@ def stop_force(run: RunData, of: str, window: Window) -> float:
 
 def recoil_stroke(run: RunData, of: str, window: Window) -> float:
     """Largest way that a recoil spring gives, m; raises Missing for a vehicle without one."""
-    names = [f"chassis.{side}.recoil.stroke" for side in ([of] if of else SIDES)]
+    owners = ("", *(f"{name}." for name in run.scene["vehicle"].get("wheel") or ()))
+    names = [f"chassis.{side}.{owner}recoil.stroke" for side in ([of] if of else SIDES) for owner in owners]
     strokes = [float(run.signal(name, window)[1].max()) for name in names if run.has(name)]
     if not strokes:
         raise Missing("the vehicle has no recoil")
@@ -195,6 +196,8 @@ def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
     means = []
     for track in (track_of(run, of),) if of else run.tracks:
         vehicle = of_side(run.scene["vehicle"], track.removesuffix("_track"))
+        if vehicle.get("wheel") or not sprocket_end(run.scene):
+            raise Missing("the parts of this circuit have other names: the analysis envelope has the tension in each")
         first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
         sample, height = min(RUN_REACH, 2.0 * vehicle["track"]["pitch"]), np.max(vehicle["road_wheel"]["z"])
         middle, reach = {

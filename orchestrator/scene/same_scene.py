@@ -23,13 +23,18 @@ COMPUTED = (
 )  # fmt: skip
 
 
-# Results of the search for the static tension, and their relative tolerances: last digits differ between versions, of
-# which earlier ones asked for another tension (``vehicle.track.tension``). Belts of rigid links, which do not
-# stretch, have a standing vehicle of their own, with other results.
-SEARCHED = {
-    **dict.fromkeys(("vehicle.idler.x", "vehicle.right.idler.x", "rig.axle_distance"), 1e-5),
-    **dict.fromkeys(("vehicle.tensioner.preload", "vehicle.right.tensioner.preload"), 1e-3),
-}
+def _searched(scene: Mapping[str, Any]) -> dict[str, float]:
+    """Results of the search for the static tension, and their relative tolerances.
+
+    Last digits differ between versions, of which earlier ones asked for another tension (``vehicle.track.tension``).
+    Belts of rigid links, which do not stretch, have a standing vehicle of their own, with other results.
+    """
+    vehicle = scene.get("vehicle") or {}
+    moved = (vehicle.get("tensioner") or {}).get("wheel") or "idler"
+    found = {f"{moved}.x": 1e-5, f"wheel.{moved}.x": 1e-5, "tensioner.preload": 1e-3}
+    found |= {f"wheel.{name}.tensioner.preload": 1e-3 for name in vehicle.get("wheel") or ()}
+    both = {f"vehicle.{right}{key}": tolerance for right in ("", "right.") for key, tolerance in found.items()}
+    return {**both, "rig.axle_distance": 1e-5}
 
 
 def require_same_scene(
@@ -65,7 +70,7 @@ def _of_one_search(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple
     if first["vehicle"]["track"]["tension"] != second["vehicle"]["track"]["tension"]:
         return first, second
     changed = json.loads(json.dumps(first))
-    for above, key in (name.rsplit(".", 1) for name in SEARCHED):
+    for above, key in (name.rsplit(".", 1) for name in _searched(second)):
         source, target = second, changed
         for name in above.split("."):
             source, target = (table.get(name) or {} for table in (source, target))
@@ -76,18 +81,21 @@ def _of_one_search(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple
     return changed, second
 
 
-def scene_difference(first: Mapping[str, Any], second: Mapping[str, Any], above: str = "") -> str | None:
+def scene_difference(
+    first: Mapping[str, Any], second: Mapping[str, Any], above: str = "", searched: Mapping[str, float] | None = None
+) -> str | None:
     """First difference of two resolved, placed scenes, "key = value and value"; None for one scene."""
+    searched = _searched(first) if searched is None else searched
     for name in sorted({*first, *second}):
         key, a, b = f"{above}{name}", first.get(name), second.get(name)
-        if key in COMPUTED or a == b or (key in SEARCHED and _close(a, b, SEARCHED[key])):
+        if key in COMPUTED or a == b or (key in searched and _close(a, b, searched[key])):
             continue
         if key == "vehicle.hitch" and None in (a, b):  # a log of an older version; a scene that tows has it
             continue
         if isinstance(a, Mapping) and isinstance(b, Mapping) and above.count(".") < 9:
             if a and b and a.keys().isdisjoint(b):
                 return f"{key} says {', '.join(sorted(a))} and {', '.join(sorted(b))}"
-            if (difference := scene_difference(a, b, f"{key}.")) is not None:
+            if (difference := scene_difference(a, b, f"{key}.", searched)) is not None:
                 return difference
         else:
             return f"{key} = {' and '.join('not given' if value is None else value_text(value) for value in (a, b))}"

@@ -8,6 +8,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.vehicles.sides import ground_wheels
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
@@ -43,8 +44,8 @@ def creep(piece: Piece) -> Iterator[Exceedance]:
     run, friction = piece.run, least_friction(piece.run)
     t, yaw = piece.signal(YAW)
     fades = hull.vehicle_number(run, "contact", "ground", "friction_velocity")
-    wheels, gravity = run.scene["vehicle"]["road_wheel"]["x"], hull.vehicle_number(run, "gravity")
-    pace = 0.4 * np.sqrt(gravity * (max(wheels) - min(wheels)))
+    wheels, gravity = ground_wheels(run.scene["vehicle"]), hull.vehicle_number(run, "gravity")
+    pace = 0.4 * np.sqrt(gravity * (wheels[0]["x"] - wheels[-1]["x"]))
     slow = limits.SLOW * pace
     circle = hull.vehicle_number(run, "sprocket", "teeth") * hull.vehicle_number(run, "track", "pitch")
     axes = ground_axes(run, piece.columns([*pose_signals(run)])[1])
