@@ -323,7 +323,7 @@ def _average(t: Floats, values: Floats, mask: Mask, axis: int | None) -> Any:
 
 
 def sprocket_end(scene: Mapping[str, Any]) -> float:
-    """Return -1 for a scene whose sprocket is at the rear, 0 with wheels ahead of it and behind it, and 1 for others."""
+    """Return -1 for a scene whose sprocket is at the rear, 0 with wheels ahead of it and behind it, 1 for others."""
     x = [wheel["x"] for wheel in smooth_wheels(scene["vehicle"])] if scene.get("assembly") == "vehicle" else [-1.0]
     return 1.0 if max(x) <= 0.0 else 0.0 if min(x) < 0.0 else -1.0
 

@@ -84,17 +84,13 @@ def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
 
     The rise counts from the drawn position, along the normal of the ground under the vehicle.
     """
-    wheels = [
-        f"{side}.road_wheel[{i}].position"
-        for side in run.sides
-        for i in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
-    ]
+    vehicle, drawn = run.scene["vehicle"], run.scene["vehicle"]["road_wheel"]
+    wheels = [f"{side}.road_wheel[{i + 1}].position" for side in run.sides for i in range(len(drawn["x"]))]
     t, _ = run.signal("chassis.yaw", window)
     place, *above = (run.vectors("chassis", "out", name, window=window)[1] for name in ("chassis.position", *wheels))
     up = ground_axes(run, np.stack([run.signal(name, window)[1] for name in pose_signals(run)], axis=1)).up
     rise = np.mean([component(wheel - place, up) for wheel in above], axis=0)
-    vehicle = run.scene["vehicle"]
-    return mean(t, rise) - (float(np.mean(vehicle["road_wheel"]["z"])) - vehicle["chassis"]["centre"][2])
+    return mean(t, rise) - (float(np.mean(drawn["z"])) - vehicle["chassis"]["centre"][2])
 
 
 def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
@@ -146,7 +142,7 @@ def stop_force(run: RunData, of: str, window: Window) -> float:
 
 def recoil_stroke(run: RunData, of: str, window: Window) -> float:
     """Largest way that a recoil spring gives, m; raises Missing for a vehicle without one."""
-    owners = ("", *(f"{name}." for name in run.scene["vehicle"].get("wheel") or ()))
+    owners = ("", *(f"{name}." for name in run.scene.get("vehicle", {}).get("wheel", ())))
     names = [f"chassis.{side}.{owner}recoil.stroke" for side in ([of] if of else SIDES) for owner in owners]
     strokes = [float(run.signal(name, window)[1].max()) for name in names if run.has(name)]
     if not strokes:

@@ -14,6 +14,8 @@ from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.scene.scene import from_table
 from orchestrator.scene.track_table import TrackModelTable
 
+Table = Mapping[str, Any]
+
 # Keys of name, computation, recording, checks and FMUs: runs that differ in these alone are runs of one scene.
 COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "fmu", "seats",
@@ -23,13 +25,13 @@ COMPUTED = (
 )  # fmt: skip
 
 
-def _searched(scene: Mapping[str, Any]) -> dict[str, float]:
+def _searched(scene: Table) -> dict[str, float]:
     """Results of the search for the static tension, and their relative tolerances.
 
     Last digits differ between versions, of which earlier ones asked for another tension (``vehicle.track.tension``).
     Belts of rigid links, which do not stretch, have a standing vehicle of their own, with other results.
     """
-    vehicle = scene.get("vehicle") or {}
+    vehicle = scene["vehicle"] if isinstance(scene.get("vehicle"), Mapping) else {}
     moved = (vehicle.get("tensioner") or {}).get("wheel") or "idler"
     found = {f"{moved}.x": 1e-5, f"wheel.{moved}.x": 1e-5, "tensioner.preload": 1e-3}
     found |= {f"wheel.{name}.tensioner.preload": 1e-3 for name in vehicle.get("wheel") or ()}
@@ -37,9 +39,7 @@ def _searched(scene: Mapping[str, Any]) -> dict[str, float]:
     return {**both, "rig.axle_distance": 1e-5}
 
 
-def require_same_scene(
-    first: tuple[str, Mapping[str, Any]], second: tuple[str, Mapping[str, Any]], remedy: str = ""
-) -> None:
+def require_same_scene(first: tuple[str, Table], second: tuple[str, Table], remedy: str = "") -> None:
     """Raise BadInput unless two runs, each given as place and logged scene, are of one scene.
 
     The message ends with ``remedy``.
@@ -54,16 +54,16 @@ def require_same_scene(
         raise BadInput(f"{' and '.join(named)} are runs of different scenes: {difference}{remedy}")
 
 
-def _with_current_keys(table: Mapping[str, Any]) -> Mapping[str, Any]:
+def _with_current_keys(table: Table) -> Table:
     """A logged scene with the keys of this version; a log of an older one lacks later keys."""
     try:
-        resolved: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json", logged=True).resolved()))
+        resolved: Table = json.loads(json.dumps(from_table(table, "scene.json", logged=True).resolved()))
         return resolved
     except BadInput:
         return table
 
 
-def _of_one_search(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+def _of_one_search(first: Table, second: Table) -> tuple[Table, Table]:
     """Both scenes, the first with the idlers of the second if other links have standing vehicles of their own."""
     if not (first.get("standing") and second.get("standing")) or first["track"]["model"] == second["track"]["model"]:
         return first, second
@@ -81,9 +81,7 @@ def _of_one_search(first: Mapping[str, Any], second: Mapping[str, Any]) -> tuple
     return changed, second
 
 
-def scene_difference(
-    first: Mapping[str, Any], second: Mapping[str, Any], above: str = "", searched: Mapping[str, float] | None = None
-) -> str | None:
+def scene_difference(first: Table, second: Table, above: str = "", searched: Table | None = None) -> str | None:
     """First difference of two resolved, placed scenes, "key = value and value"; None for one scene."""
     searched = _searched(first) if searched is None else searched
     for name in sorted({*first, *second}):

@@ -119,7 +119,8 @@ def stretches(scene: dict[str, Any], place: Floats, middle: Floats, track: str =
         end, near = sprocket_end(scene), min(NEAR, NEAR_SHORT * float(vehicle["track"]["pitch"]))
         wrap = pitch_radius(vehicle) + near
         radius = float(vehicle["idler"]["radius"]) + float(vehicle["track"]["face"])
-    except (LookupError, TypeError, ValueError):  # another scene, or a table of another version
+        by_wheels = bool(ground_wheels(vehicle)) if vehicle.get("wheel") or not end else False
+    except (AttributeError, LookupError, TypeError, ValueError):  # another scene, or a table of another version
         return []
     round_sprocket = np.linalg.norm(middle, axis=1) < wrap
     idler = middle[(end * middle[:, 0]).argmin()] + [end * radius, 0.0]
@@ -127,8 +128,8 @@ def stretches(scene: dict[str, Any], place: Floats, middle: Floats, track: str =
     level = 0.5 * (middle[:, 1].max() + middle[:, 1].min())
     runs = np.where(middle[:, 1] > level, "upper run", "lower run")
     names = np.where(round_sprocket, "sprocket", np.where(round_idler, "idler", runs))
-    if vehicle.get("wheel") or not end:
-        names = _between_wheels(vehicle, middle, near, np.where(round_sprocket, "sprocket", "").astype(object))
+    if by_wheels:
+        names = _by_wheels(vehicle, middle, near, np.where(round_sprocket, "sprocket", "").astype(object))
     edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1), len(names)]
     half_pitch = 0.5 * float(np.median(np.diff(place))) if len(place) > 1 else 0.0
     return [
@@ -138,20 +139,19 @@ def stretches(scene: dict[str, Any], place: Floats, middle: Floats, track: str =
     ]
 
 
-def _between_wheels(vehicle: Mapping[str, Any], middle: Floats, near: float, names: np.ndarray) -> np.ndarray:
-    """Names of the parts that hold links (n), in the order of their places, of which some have the name of a wheel."""
+def _by_wheels(vehicle: Mapping[str, Any], middle: Floats, near: float, names: np.ndarray) -> np.ndarray:
+    """Names (links,) of the parts of links by wheels; ``names``: "sprocket" for those on it, else empty."""
     for wheel in (each for each in smooth_wheels(vehicle) if each["kind"] in ("idler", "wheel")):
         distance = np.linalg.norm(middle - [wheel["x"], wheel["z"]], axis=1)
         names[(names == "") & (distance < wheel["radius"] + vehicle["track"]["face"] + near)] = wheel["name"]
-    front, rear = (ground_wheels(vehicle)[k] for k in (0, -1))
-    x, z = middle.T
-    grounded = np.flatnonzero((names == "") & (rear["x"] < x) & (x < front["x"]) & (z < front["z"]))
-    names[grounded] = np.where(2.0 * x[grounded] > front["x"] + rear["x"], front["name"], rear["name"])
+    (front, rear), (x, z) = (ground_wheels(vehicle)[k] for k in (0, -1)), middle.T
+    low = np.flatnonzero((names == "") & (rear["x"] < x) & (x < front["x"]) & (z < front["z"]))
+    names[low] = np.where(2.0 * x[low] > front["x"] + rear["x"], front["name"], rear["name"])
     known = np.flatnonzero(names != "")
     for k in np.flatnonzero(names == "") if known.size else ():
         after = np.searchsorted(known, k) % known.size
         names[k] = " to ".join(dict.fromkeys(names[known[[after - 1, after]]]))
-    names[grounded] = "ground run"
+    names[low] = "ground run"
     return names
 
 

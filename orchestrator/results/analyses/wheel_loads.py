@@ -151,12 +151,13 @@ class WheelLoads(NamedTuple):
 
 def names(run: RunData) -> tuple[str, ...]:
     """Names of road wheels and others on the ground whose forces were recorded, "left_track.road_wheel[1]"."""
+    grounded = _on_level_ground(run)
     return tuple(
         f"{track}.{wheel}"
         for track in run.tracks
         for name in run.log.topics[f"/{track}/out"].names
         if (wheel := name.removesuffix(".force.x")) != name
-        if wheel.startswith("road_wheel[") or f"{track}.{wheel}" in _on_level_ground(run)
+        if wheel.startswith("road_wheel[") or f"{track}.{wheel}" in grounded
     )
 
 
@@ -165,7 +166,7 @@ def _on_level_ground(run: RunData) -> set[str]:
     try:
         tables = {track: of_side(run.scene["vehicle"], track.removesuffix("_track")) for track in run.tracks}
         return {f"{track}.{wheel['name']}" for track, table in tables.items() for wheel in ground_wheels(table)}
-    except (LookupError, TypeError, ValueError):
+    except (AttributeError, LookupError, TypeError, ValueError):
         return set()
 
 
@@ -187,7 +188,7 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[tuple[Floats, Floats
 
 
 def lifted(run: RunData, window: Window = EVER) -> UnloadedIntervals:
-    """Intervals in which wheels are lifted, by wheel, none of raised ones that carry nothing at rest; raises Missing."""
+    """Intervals in which wheels are lifted; none of raised ones that carry nothing at rest, or if none was recorded."""
     found = _lifted(run, window)
     raised = {*found.by_member}.difference(_on_level_ground(run) or found.by_member)
     raised = raised and raised & hang_at_rest(run)
@@ -195,13 +196,16 @@ def lifted(run: RunData, window: Window = EVER) -> UnloadedIntervals:
 
 
 def _lifted(run: RunData, window: Window = EVER) -> UnloadedIntervals:
-    return run.compute_once(
-        f"lifted wheels, {window}", lambda run: unloaded_intervals(names(run), lambda: blocks(run, window))
-    )
+    try:
+        return run.compute_once(
+            f"lifted wheels, {window}", lambda run: unloaded_intervals(names(run), lambda: blocks(run, window))
+        )
+    except Missing:
+        return UnloadedIntervals(0.0, {})
 
 
 def hang_at_rest(run: RunData) -> set[str]:
-    """Road wheels that carry nothing at rest, as raised end wheels, of tracks on the ground; raises Missing."""
+    """Road wheels that carry nothing at rest, as raised end wheels, of tracks on the ground."""
     hang = {
         name
         for name, intervals in (off_ground(run).by_member | _lifted(run).by_member).items()
@@ -218,9 +222,6 @@ def of(run: RunData, window: Window = EVER) -> WheelLoads:
     mean = means(t, load)
     rms = np.sqrt(means(t, (load - mean) ** 2))
     unloaded = lifted(run, window)
-    intervals = (unloaded.by_member.get(name) for name in names(run))
-    share = (
-        np.array([np.nan if each is None else sum(interval.time for interval in each) for each in intervals])
-        / record_durations(t).sum()
-    )
+    time = {name: sum(interval.time for interval in intervals) for name, intervals in unloaded.by_member.items()}
+    share = np.array([time.get(name, np.nan) for name in names(run)]) / record_durations(t).sum()
     return WheelLoads(names(run), mean, load.min(axis=0), load.max(axis=0), rms, share, unloaded.threshold)

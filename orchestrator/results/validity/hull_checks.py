@@ -91,8 +91,11 @@ def idler_travel(piece: Piece) -> Iterator[Exceedance]:
 
 def _sliding(run: RunData) -> dict[str, dict[str, Any]]:
     """Numbers of the wheels that slide on springs and whose motion was recorded, by name, "left.idler"."""
-    tables = {side: of_side(run.scene.get("vehicle") or {}, side) for side in SIDES}
-    found = {f"{side}.{wheel['name']}": wheel for side, table in tables.items() for wheel in smooth_wheels(table)}
+    try:
+        tables = {side: of_side(run.scene.get("vehicle") or {}, side) for side in SIDES}
+        found = {f"{side}.{wheel['name']}": wheel for side, table in tables.items() for wheel in smooth_wheels(table)}
+    except (AttributeError, TypeError, ValueError):  # a table of another version
+        return {}
     return {name: found[name] for name in found if found[name]["tensioner"] and run.has(f"chassis.{name}.position.x")}
 
 
@@ -111,8 +114,7 @@ def lanes(piece: Piece) -> Iterator[Exceedance]:
     if not rough and not lanes:
         return
     t, pose = piece.columns([*POSE])
-    grounded = [wheel["x"] for wheel in ground_wheels(scene["vehicle"])]
-    reach = np.abs(np.subtract(grounded, scene["vehicle"]["chassis"]["centre"][0])).max()
+    reach = max(abs(wheel["x"] - scene["vehicle"]["chassis"]["centre"][0]) for wheel in ground_wheels(scene["vehicle"]))
     askew, y, x = np.abs(np.sin(pose[:, 0])), np.abs(pose[:, 2]), pose[:, 1] + reach  # x of the foremost wheels along x
     found = []
     if rough:

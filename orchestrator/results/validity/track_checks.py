@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,13 +135,10 @@ def _crossing(run: RunData) -> Exceedance | None:
 def lift(piece: Piece) -> Iterator[Exceedance]:
     """Entries for members that lose their load at rest for longer than LIFT, within the piece."""
     run = piece.run
-    intervals_by_member = dict(off_ground(run).by_member)
-    with suppress(Missing):
-        wheels, hanging = wheel_loads.lifted(run).by_member, wheel_loads.hang_at_rest(run)
-        intervals_by_member |= {name: each for name, each in wheels.items() if name not in hanging}
-    for name, intervals in intervals_by_member.items():
+    hanging = wheel_loads.hang_at_rest(run)
+    for name, intervals in (off_ground(run).by_member | wheel_loads.lifted(run).by_member).items():
         component, _, place = name.partition(".")
-        for interval in intervals:
+        for interval in intervals if name not in hanging else ():
             inside = interval.start <= piece.window.end and interval.end >= piece.window.start
             if inside and interval.time > limits.LIFT and not is_settling(run, interval.end):
                 yield Exceedance("lift", component, interval.start, place, interval.time, limits.LIFT, WARNING)

@@ -98,15 +98,13 @@ def passed_step(vehicle: VehicleTable, wheel: tuple[float, float, float]) -> flo
 def largest_step(vehicle: VehicleTable) -> Bracket:
     """Highest step, m, without slip: standing on the hindmost wheels on the ground, and on that of the chain."""
     last = ground_wheels(vehicle.model_dump())[-1]
-    limits = (
-        passed_step(vehicle, (last["x"], last["z"], last["radius"])),
-        passed_step(vehicle, ends(vehicle)[0]),
-    )
+    hind = (last["x"], last["z"], last["radius"]), ends(vehicle)[0]
+    limits = [passed_step(vehicle, wheel) for wheel in hind]
     return Bracket(min(limits), max(limits))
 
 
 def largest_gap(vehicle: VehicleTable) -> Bracket:
-    """Widest gap, m: from the centre of mass to the outer wheels on the ground, and to the axles of the chain's ends."""
+    """Widest gap, m: from the centre of mass to the outer wheels on the ground, and to the axles of both ends."""
     x, _ = centre_of_mass(vehicle)
     hind, front = ends(vehicle)
     wheels = ground_wheels(vehicle.model_dump())
