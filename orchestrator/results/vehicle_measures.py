@@ -151,7 +151,7 @@ def recoil_stroke(run: RunData, of: str, window: Window) -> float:
 
 
 def tension_top(run: RunData, of: str, window: Window) -> float:
-    """Mean tension of the upper run, N; of one side or of all tracks."""
+    """Mean tension of the upper run, N; of one side or of all tracks; raises Missing with further wheels in them."""
     return _run_tension(run, of, window, "top")
 
 
