@@ -83,8 +83,11 @@ def test_pins_pass_the_top_of_an_elevated_sprocket():
     turned = np.linspace(0.1, 0.1 + 2 * np.pi * 1.7, 400)
     t, forward, up, tension = on_the_sprocket(turned, half=0.5)
     speed = {"track.speed": (t, np.full_like(turned, 1.7 * TEETH * PITCH))}
-    for place, right in ((-2.0, True), (2.0, False)):
-        vehicle = {**RESTING, "idler": {"x": 2.0}, "wheel": {"rear": {"x": place}}}
+    for wheels, right in (
+        ({"wheel": {"rear": {"x": -2.0}}}, True), ({"road_wheel": {"x": [1.0, -2.0]}}, True),
+        ({"wheel": {"rear": {"x": 2.0}}}, False),
+    ):  # fmt: skip
+        vehicle = {**RESTING, "idler": {"x": 2.0}, **wheels}
         signals = {"drive.angle": (t, turned), **speed}
         run = Record(Links(t, -up, forward, tension), signals, assembly="vehicle", vehicle=vehicle)
         with np.errstate(invalid="ignore"):
