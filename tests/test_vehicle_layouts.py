@@ -20,7 +20,7 @@ from fmus.interface.model import InvalidParameter
 from fmus.interface.numbers import packed
 from fmus.rest.equilibrium import is_asymmetric
 from fmus.start import ground_level
-from fmus.vehicles.sides import lopsided, of_wheels, places_of_wheels
+from fmus.vehicles.sides import ground_wheels, lopsided, of_wheels, places_of_wheels
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import TAKEN, VehicleTable, read_table, vehicle
 from orchestrator.results.views.shapes import wheel_body
@@ -29,7 +29,7 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 from orchestrator.scene.settings import entries, toml_text
 from orchestrator.scene.values import overlapping_wheels
-from orchestrator.studies.mobility.theory import centre_of_mass, largest_step
+from orchestrator.studies.mobility.theory import centre_of_mass, largest_gap, largest_step
 from orchestrator.studies.step_limits import pairs
 
 M113 = vehicle(*read_table("m113")).model_dump(mode="json", exclude_none=True)
@@ -338,6 +338,19 @@ def test_readers_take_the_number_of_each_wheel():
     assert np.diff(ways)[0] == pytest.approx(moment / known.total_mass(), rel=1e-9)
     shape = wheel_body("left_track/road_wheel[5]", "road_wheel", "left_track", RAISED)
     assert shape.radius == 0.27
+
+
+def test_ends_of_the_theory_are_wheels_on_level_ground():
+    """Raised end wheels bear no gap; a second idler on the ground is the last one, one 20 mm higher (twin) is not."""
+    raised, road = vehicle(RAISED, "own"), M113["road_wheel"]["x"]
+    x, _ = centre_of_mass(raised)
+    assert largest_gap(raised).low == pytest.approx(min(x - road[3], road[1] - x))
+    assert largest_step(raised).low < largest_step(vehicle(M113, "own")).low
+    for z, more in ((-0.32, [-4.6]), (-0.30, [])):
+        known = vehicle({**RAISED, "wheel": {"rear_idler": {**REAR, "x": -4.6, "z": z}}}, "own")
+        places, (x, _) = [*road[1:4], *more], centre_of_mass(known)
+        assert [wheel["x"] for wheel in ground_wheels(known.model_dump())] == places
+        assert largest_gap(known) == pytest.approx((min(x - places[-1], places[0] - x), min(x + 4.6, -x)))
 
 
 def test_a_vehicle_with_its_sprocket_at_the_rear_is_a_mirror_image():

@@ -91,3 +91,13 @@ def road_arms(table: Mapping[str, Any]) -> list[dict[str, Any]]:
 def beams(arm: Mapping[str, Any], wheels: int) -> Sequence[Sequence[int]]:
     """Wheels of a side, from 1, whose arms are one beam with one coordinate; ``arm``: its table ``road_arm``."""
     return [(k, k + 1) for k in range(1, wheels, 2)] if arm.get("pairs") else arm.get("beams") or ()
+
+
+RAISED = 0.05  # of a pitch; chosen: a wheel whose rim is less than that above the lowest one stands on level ground
+
+
+def ground_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Smooth wheels of a side that stand on level ground as drawn, the foremost one first; no raised end wheels."""
+    wheels = sorted(smooth_wheels(table), key=lambda wheel: -wheel["x"])
+    level = min(wheel["z"] - wheel["radius"] for wheel in wheels) + RAISED * table["track"]["pitch"]
+    return [wheel for wheel in wheels if wheel["z"] - wheel["radius"] < level]

@@ -294,7 +294,8 @@ def _names(scene: SystemScene) -> list[str]:
         own = [table.suspension for table in (scene.vehicle, scene.vehicle.right) if table and table.suspension]
         if any(suspension.bump_stop or suspension.rebound_stop for suspension in own):
             names.append("stop_force")
-        if scene.vehicle.tensioner.recoil:
+        slides = scene.vehicle.tensioner, *(wheel.tensioner for wheel in scene.vehicle.wheel.values())
+        if any(slide and slide.recoil for slide in slides):
             names.append("recoil_stroke")
         if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
             names.append("path_error")

@@ -86,14 +86,14 @@ def behind_free_fall(run: RunData, of: str, window: Window) -> float:
 
 
 def pins_passed(run: RunData, of: str, window: Window) -> float:
-    """Pins that pass the outer end of the sprocket, forward positive, counted with the fraction of a pitch."""
+    """Pins that pass the outer end of the sprocket, or its top, forward positive, with the fraction of a pitch."""
     links, end = run.links(track_of(run, of), window), sprocket_end(run.scene)
+    outwards, across, end = (end * links.forward, links.up, end) if end else (links.up, -links.forward, 1.0)
     way = abs(run.mean(f"{track_of(run, of)}.speed", window)) * np.diff(links.t).max(initial=0.0)
     if way >= 0.5 * links.forward.shape[1] * run.scene["vehicle"]["track"]["pitch"]:
         raise Unrecorded("more than half a circuit passes between two records of links: a smaller run.links")
-    outwards = end * links.forward
-    angle = np.arctan2(links.up, outwards)
-    radius = np.hypot(links.up, outwards)
+    angle = np.arctan2(across, outwards)
+    radius = np.hypot(across, outwards)
     near = (outwards > 0) & (radius < 1.5 * pitch_radius(run.scene["vehicle"]))
     above = np.where(near & (angle >= 0), angle, np.inf).argmin(axis=1)  # next pin
     below = np.where(near & (angle < 0), angle, -np.inf).argmax(axis=1)  # last pin

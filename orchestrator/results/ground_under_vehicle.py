@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmus.vehicles.sides import smooth_wheels
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
@@ -41,7 +42,8 @@ def ground_axes(run: RunData, pose: Floats) -> GroundAxes:
     surface, vehicle = run.compute_once("ground", lambda _: ground(run.scene)), run.scene["vehicle"]
     if surface is None:
         raise LookupError(f"{run.log.path} holds no vehicle on the ground")
-    wheels = np.array([0.0, *vehicle["road_wheel"]["x"], vehicle["idler"]["x"]]) - vehicle["chassis"]["centre"][0]
+    places = [wheel["x"] for wheel in smooth_wheels(vehicle) if wheel["kind"] != "return_roller"]
+    wheels = np.array([0.0, *places]) - vehicle["chassis"]["centre"][0]
     a, b = (part.ravel() for part in np.meshgrid(wheels, [vehicle["track"]["lateral"], -vehicle["track"]["lateral"]]))
     under = np.zeros((len(pose), len(a), 3))
     under[..., :2] = pose[:, None, 1:] + a[:, None] * ahead[:, None, :2] + b[:, None] * left[:, None, :2]

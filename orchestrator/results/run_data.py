@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.vehicles.sides import smooth_wheels
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.command import pass_over
 from orchestrator.log.container import LogUnreadable
@@ -322,8 +323,9 @@ def _average(t: Floats, values: Floats, mask: Mask, axis: int | None) -> Any:
 
 
 def sprocket_end(scene: Mapping[str, Any]) -> float:
-    """Return -1 for the scene of a vehicle with its sprocket at the rear, and 1 for others."""
-    return -1.0 if scene.get("assembly") == "vehicle" and scene["vehicle"]["idler"]["x"] > 0.0 else 1.0
+    """Return -1 for a scene whose sprocket is at the rear, 0 with wheels ahead of it and behind it, 1 for others."""
+    x = [wheel["x"] for wheel in smooth_wheels(scene["vehicle"])] if scene.get("assembly") == "vehicle" else [-1.0]
+    return 1.0 if max(x) <= 0.0 else 0.0 if min(x) < 0.0 else -1.0
 
 
 def pitch_radius(vehicle: Mapping[str, Any]) -> float:

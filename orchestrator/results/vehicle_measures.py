@@ -13,7 +13,7 @@ from orchestrator.results.analyses import hull
 from orchestrator.results.analyses import slip as slips
 from orchestrator.results.energy import ports
 from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
-from orchestrator.results.run_data import BLOCK, EVER, RunData, Window, drive_of, mean, track_of, vectors
+from orchestrator.results.run_data import BLOCK, EVER, RunData, Window, drive_of, mean, sprocket_end, track_of, vectors
 
 RUN_REACH = 0.2  # m: half length of the sample in the middle between two wheels, or two pitches of short links
 LOWER = -0.1  # m over the sprocket axle: the lower run is below it, or below half the height of small road wheels
@@ -84,17 +84,13 @@ def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
 
     The rise counts from the drawn position, along the normal of the ground under the vehicle.
     """
-    wheels = [
-        f"{side}.road_wheel[{i}].position"
-        for side in run.sides
-        for i in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
-    ]
+    vehicle, drawn = run.scene["vehicle"], run.scene["vehicle"]["road_wheel"]
+    wheels = [f"{side}.road_wheel[{i + 1}].position" for side in run.sides for i in range(len(drawn["x"]))]
     t, _ = run.signal("chassis.yaw", window)
     place, *above = (run.vectors("chassis", "out", name, window=window)[1] for name in ("chassis.position", *wheels))
     up = ground_axes(run, np.stack([run.signal(name, window)[1] for name in pose_signals(run)], axis=1)).up
     rise = np.mean([component(wheel - place, up) for wheel in above], axis=0)
-    vehicle = run.scene["vehicle"]
-    return mean(t, rise) - (float(np.mean(vehicle["road_wheel"]["z"])) - vehicle["chassis"]["centre"][2])
+    return mean(t, rise) - (float(np.mean(drawn["z"])) - vehicle["chassis"]["centre"][2])
 
 
 def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
@@ -146,7 +142,8 @@ def stop_force(run: RunData, of: str, window: Window) -> float:
 
 def recoil_stroke(run: RunData, of: str, window: Window) -> float:
     """Largest way that a recoil spring gives, m; raises Missing for a vehicle without one."""
-    names = [f"chassis.{side}.recoil.stroke" for side in ([of] if of else SIDES)]
+    owners = ("", *(f"{name}." for name in run.scene.get("vehicle", {}).get("wheel", ())))
+    names = [f"chassis.{side}.{owner}recoil.stroke" for side in ([of] if of else SIDES) for owner in owners]
     strokes = [float(run.signal(name, window)[1].max()) for name in names if run.has(name)]
     if not strokes:
         raise Missing("the vehicle has no recoil")
@@ -154,7 +151,7 @@ def recoil_stroke(run: RunData, of: str, window: Window) -> float:
 
 
 def tension_top(run: RunData, of: str, window: Window) -> float:
-    """Mean tension of the upper run, N; of one side or of all tracks."""
+    """Mean tension of the upper run, N; of one side or of all tracks; raises Missing with further wheels in them."""
     return _run_tension(run, of, window, "top")
 
 
@@ -195,6 +192,8 @@ def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
     means = []
     for track in (track_of(run, of),) if of else run.tracks:
         vehicle = of_side(run.scene["vehicle"], track.removesuffix("_track"))
+        if vehicle.get("wheel") or not sprocket_end(run.scene):
+            raise Missing("the parts of this circuit have other names: the analysis envelope has the tension in each")
         first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
         sample, height = min(RUN_REACH, 2.0 * vehicle["track"]["pitch"]), np.max(vehicle["road_wheel"]["z"])
         middle, reach = {

@@ -8,11 +8,13 @@ import pytest
 from made_logs import made
 
 from fmus.track.link_outputs import STANDARD
+from orchestrator.execution import summary
 from orchestrator.log.reader import Log, Missing
 from orchestrator.results import chain_measures, measures
 from orchestrator.results.largest_forces import FORCES, largest
 from orchestrator.results.measures import NAMES, OBSERVABLES
 from orchestrator.results.run_data import EVER, Links, RunData, Window, mean, means, within
+from orchestrator.scene.scene import load
 from orchestrator.studies.wanted_figures import recording_settings, wanted_figures
 
 TEETH, PITCH = 10, 0.1524
@@ -44,8 +46,8 @@ class Record:
         return float(self.signal(name, window)[1].mean())
 
 
-def on_the_sprocket(turned, reverse_numbers=False, pins=40):
-    """Links of a chain on half of the sprocket with straight spans, turned by an angle at each time."""
+def on_the_sprocket(turned, reverse_numbers=False, pins=40, half=np.pi / 2):
+    """Links of a chain on the sprocket, by ``half`` to either side, with straight spans, turned at each time."""
     t = np.linspace(0.0, 1.0, len(turned))
     order = np.arange(pins)[::-1] if reverse_numbers else np.arange(pins)
     forward, up = np.empty((len(t), pins)), np.empty((len(t), pins))
@@ -53,10 +55,10 @@ def on_the_sprocket(turned, reverse_numbers=False, pins=40):
     for k, angle in enumerate(turned):
         place = (order - angle / step * 1.0) % pins  # in pitches, 0 at the front, growing against forward motion
         place = np.where(place > pins / 2, place - pins, place)
-        bend = np.clip(place * step, -np.pi / 2, np.pi / 2)
-        span = np.sign(place) * np.maximum(np.abs(place) - TEETH / 4, 0.0) * PITCH
-        forward[k] = RADIUS * np.cos(bend) - np.abs(span)
-        up[k] = RADIUS * np.sin(bend)
+        bend = np.clip(place * step, -half, half)
+        span = np.sign(place) * np.maximum(np.abs(place) - half / step, 0.0) * PITCH
+        forward[k] = RADIUS * np.cos(bend) - span * np.sin(bend)
+        up[k] = RADIUS * np.sin(bend) + span * np.cos(bend)
     return Links(t, forward, up, np.full((len(t), pins), 15e3))
 
 
@@ -74,6 +76,43 @@ def test_pins_are_counted_with_fractions(revolutions, reverse_numbers):
         assert chain_measures.pins_per_revolution(one, "", window) == pytest.approx(TEETH, rel=5e-3)
     slipping = Record(links, {"drive.angle": (links.t, turned * 1.02), **speed})
     assert chain_measures.pins_per_revolution(slipping, "", window) != pytest.approx(TEETH, rel=1e-2)
+
+
+def test_pins_pass_the_top_of_an_elevated_sprocket():
+    """The twin takes the sprocket for one at the end of its track, where no pin of a wrap of 57 degrees is."""
+    turned = np.linspace(0.1, 0.1 + 2 * np.pi * 1.7, 400)
+    t, forward, up, tension = on_the_sprocket(turned, half=0.5)
+    speed = {"track.speed": (t, np.full_like(turned, 1.7 * TEETH * PITCH))}
+    for wheels, right in (
+        ({"wheel": {"rear": {"x": -2.0}}}, True), ({"road_wheel": {"x": [1.0, -2.0]}}, True),
+        ({"wheel": {"rear": {"x": 2.0}}}, False),
+    ):  # fmt: skip
+        vehicle = {**RESTING, "idler": {"x": 2.0}, **wheels}
+        signals = {"drive.angle": (t, turned), **speed}
+        run = Record(Links(t, -up, forward, tension), signals, assembly="vehicle", vehicle=vehicle)
+        with np.errstate(invalid="ignore"):
+            pins = chain_measures.pins_per_revolution(run, "", Window(0.0, 1.0))
+        assert (pins == pytest.approx(TEETH, rel=5e-3)) == right
+        for measure in ("tension_top", "tension_rear", "tension_front"):
+            with pytest.raises(Missing, match="the analysis envelope has the tension in each"):
+                NAMES[measure](run, "", EVER)
+
+
+def test_the_recoil_of_a_further_wheel_counts(tmp_path):
+    t = np.linspace(0.0, 1.0, 11)
+    names = ["left.recoil.stroke", "right.rear.recoil.stroke"]
+    rows = {"/chassis/out": (t, np.stack([0.01 * t, 0.03 * t], axis=1)), "/left_track/out": (t, t[:, None])}
+    topics = {"/chassis/out": [(name, "m") for name in names], "/left_track/out": [("travel", "m")]}
+    spring = {"stiffness": 1e6, "damping": 1e4, "preload": 0.0}
+    wheel = {**load("straight").vehicle.idler.model_dump(), "x": -3.9, "z": 0.35, "radius": 0.2}
+    for recoil in (None, {"preload": 1e5, "stiffness": 1e6}):
+        settings = {"vehicle.wheel": {"rear": {**wheel, "tensioner": {**spring, "recoil": recoil}}}}
+        scene = load("straight", "rigid", settings)
+        with Log(made(tmp_path / "r.mcap", topics, rows, scene.resolved(), ("chassis", "left_track"))) as log:
+            run = RunData(log)
+            for of, most in (("", 0.03), ("right", 0.03), ("left", 0.01)):
+                assert NAMES["recoil_stroke"](run, of, EVER) == pytest.approx(most)
+            assert summary.observables(run, scene, 1.0).get("recoil_stroke") == (0.03 if recoil else None)
 
 
 @pytest.mark.parametrize(("every", "seldom"), [(199, True), (120, False)])

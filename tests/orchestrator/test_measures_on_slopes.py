@@ -1,5 +1,7 @@
 """Measures along the ground: on a slope those of level ground, with gravity tilted; slips either way, any heading."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from made_logs import made
@@ -11,6 +13,7 @@ from orchestrator.log.reader import Log
 from orchestrator.results import turning, vehicle_measures
 from orchestrator.results.analyses import phases, slip
 from orchestrator.results.analyses.validity import of as validity
+from orchestrator.results.ground_under_vehicle import ground_axes
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.units import finite
 from orchestrator.results.validity import track_checks
@@ -97,6 +100,22 @@ def test_settlement_on_a_slope_is_that_on_level_ground_and_none_where_the_ground
     for ground, known in ((plane, True), (plane | step, False)):
         slope.scene["ground"] = ground
         assert (summary.observables(slope, scene, STOP)["settlement"] > 0.0) == known
+
+
+@pytest.mark.parametrize("further", [{}, {"rear": {"x": -9.0}}])
+def test_the_plane_under_a_vehicle_is_that_under_all_its_wheels(further):
+    """On a ground with the height of a parabola; return rollers do not touch it. The twin has no further wheel."""
+    table = {
+        "chassis": {"centre": [-2.0, 0.0, 0.0]}, "track": {"lateral": 1.0}, "road_wheel": {"x": [-1.0, -3.0]},
+        "idler": {"x": -4.5}, "wheel": further, "return_roller": {"x": [-2.0]},
+    }  # fmt: skip
+    surface = SimpleNamespace(height_under=lambda places: 0.01 * places[..., 0] ** 2)
+    run = SimpleNamespace(
+        scene={"ground": {"washboard": {"start": 0.0}}, "vehicle": table}, compute_once=lambda *_: surface
+    )
+    along, _, _ = ground_axes(run, np.zeros((1, 3)))
+    x = np.array([0.0, -1.0, -3.0, -4.5, *(wheel["x"] for wheel in further.values())]) + 2.0
+    assert along[0, 2] / along[0, 0] == pytest.approx(np.polyfit(x, 0.01 * x**2, 1)[0])
 
 
 def test_creep_counts_where_the_least_friction_could_hold(runs):

@@ -60,7 +60,8 @@ def test_resistance_of_a_link_under_each_wheel(m113):
 def test_a_step_that_the_centre_of_mass_passes(m113, radius):
     """On hind wheels whose tread is on the chain's line: a sin(t) - h (1/cos(t) - cos(t)) + r (1 - cos(t)) at most."""
     wheels = m113.table.road_wheel.model_copy(update={"radius": radius})
-    table = m113.table.model_copy(update={"road_wheel": wheels})
+    idler = m113.table.idler.model_copy(update={"radius": radius})  # the road wheels stay the lowest ones
+    table = m113.table.model_copy(update={"road_wheel": wheels, "idler": idler})
     (x, z), r, t = theory.centre_of_mass(table), radius + 2.0 * table.track.face, np.linspace(0.0, 1.2, 5000)
     a, h, c = x - min(wheels.x), z - wheels.z + r, np.cos(t)
     height = (a * np.sin(t) - h * (1.0 / c - c) + r * (1.0 - c)).max()

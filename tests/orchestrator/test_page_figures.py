@@ -402,7 +402,12 @@ def test_a_lifted_wheel_is_told_with_its_times_as_the_analyses_have_them(tmp_pat
     path = written(tmp_path / "a.mcap", columns, t, {"assembly": "vehicle"}, warnings=warnings)
     with Log(path) as log:
         run = RunData(log)
-        intervals, rows, analysis, loads = happened.lifted(run), event_rows(run), happened.of(run), wheel_loads.of(run)
+        intervals, rows, analysis, loads = (
+            wheel_loads.lifted(run).by_member,
+            event_rows(run),
+            happened.of(run),
+            wheel_loads.of(run),
+        )
     early, first, second = intervals["a.road_wheel[1]"]
     assert [*first[:2], *second[:2]] == pytest.approx([0.501, 0.7, 1.201, 1.21])
     assert intervals["a.road_wheel[2]"] == []

@@ -1,6 +1,8 @@
 """Scenes: the gallery, settings, units, names of logs, runs of one scene, settings of tracks."""
 
+import copy
 import json
+import re
 from contextlib import nullcontext
 from functools import reduce
 from typing import Annotated, Literal, get_args, get_origin
@@ -223,6 +225,31 @@ def test_runs_of_one_scene():
     looser = placed(load("settle", None, ["vehicle.tensioner.preload=1 kN"])).resolved()
     with pytest.raises(BadInput, match=r"vehicle\.tensioner\.preload = "):
         require_same_scene(("a", looser), ("b", rigid))
+
+
+@pytest.mark.parametrize("moved", ["idler", "rear"])
+def test_runs_of_one_scene_whose_further_wheel_was_placed(moved):
+    """The place of the wheel that was moved, and pushes, are results of the search; that of the other wheel is not."""
+    spring = {"stiffness": 1e6, "damping": 1e4, "preload": 0.0}
+    wheel = {**load("straight").vehicle.idler.model_dump(), "x": -3.9, "z": 0.35, "radius": 0.2, "tensioner": spring}
+    settings = {"vehicle.wheel": {"rear": wheel}, "vehicle.tensioner.wheel": moved}
+    standing = {"standing": {"tracks": []}, "push": 0.0}
+    rigid, flexible = ({**load("straight", each, settings).resolved(), **standing} for each in ("rigid", "flexible"))
+
+    def changed(**parts):
+        """Rigid links with another place or preload of a wheel."""
+        vehicle = copy.deepcopy(rigid["vehicle"])
+        vehicle["idler"]["x"] += parts.get("idler", 0.0)
+        vehicle["wheel"]["rear"]["x"] += parts.get("rear", 0.0)
+        vehicle["wheel"]["rear"]["tensioner"]["preload"] += parts.get("preload", 0.0)
+        return {**rigid, "vehicle": vehicle}
+
+    require_same_scene(("a", changed(**{moved: 2e-3}, preload=300.0)), ("b", flexible))
+    require_same_scene(("a", changed(**{moved: 1e-6})), ("b", rigid))
+    for wheel, run in ((moved, rigid), ("rear" if moved == "idler" else "idler", flexible)):
+        key = re.escape("idler" if wheel == "idler" else "wheel.rear")
+        with pytest.raises(BadInput, match=rf"vehicle\.{key}\.x = "):
+            require_same_scene(("a", changed(**{wheel: 2e-3})), ("b", run))
 
 
 def test_a_scene_takes_a_step_that_suits_its_vehicle():

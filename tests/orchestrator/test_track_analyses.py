@@ -8,6 +8,7 @@ import pytest
 from analysis_logs import driven_log
 from made_logs import STEP, made
 from mcap.reader import make_reader
+from scipy.spatial import ConvexHull
 
 from orchestrator.log.message_records import WARNINGS
 from orchestrator.log.reader import Log
@@ -401,6 +402,75 @@ def test_places_have_the_names_of_parts_of_the_circuit():
     assert circuit.stretches({}, along, middle) == []
     rear_drive = {"assembly": "vehicle", "vehicle": {**vehicle, "idler": {"radius": 0.5, "x": 3.0}}}
     assert circuit.stretches(rear_drive, along, middle * [-1.0, 1.0]) == parts
+
+
+TRIANGLE = {  # a sprocket above two idlers, one of them raised, and two road wheels on the ground
+    "sprocket": {"teeth": 10}, "track": {"pitch": 0.6 * np.sin(np.pi / 10), "face": 0.0},
+    "idler": {"x": 1.5, "z": -1.0, "radius": 0.3}, "wheel": {"rear": {"x": -1.2, "z": -0.9, "radius": 0.3}},
+    "road_wheel": {"x": [0.6, -0.4], "z": -1.2, "radius": 0.1},
+}  # fmt: skip
+
+
+def round_the_triangle():
+    """Places (n,) m and middles (n, 2) m, from the top of the sprocket on, of a belt round TRIANGLE."""
+    centres = np.array([[0.0, 0.0], [1.5, -1.0], [0.6, -1.2], [-0.4, -1.2], [-1.2, -0.9]])
+    radii = np.array([0.3, 0.3, 0.1, 0.1, 0.3])
+    angle = np.linspace(0.0, 2 * np.pi, 20000)
+    points = (centres[:, None] + radii[:, None, None] * np.stack([np.sin(angle), np.cos(angle)], axis=1)).reshape(-1, 2)
+    corners = points[ConvexHull(points).vertices[::-1]]
+    corners = np.roll(corners, -np.hypot(corners[:, 0], corners[:, 1] - 0.3).argmin(), axis=0)
+    sides = np.append(0.0, np.linalg.norm(np.diff(corners, axis=0), axis=1).cumsum())
+    place = np.linspace(0.0, sides[-1], 2000)
+    return place, np.stack([np.interp(place, sides, each) for each in corners.T], axis=1)
+
+
+def test_parts_between_further_wheels_have_the_names_of_both():
+    """A straight part is as long as the way of its ends' centres, of equal wheels, less what is near either rim."""
+    place, middle = round_the_triangle()
+    parts = circuit.stretches({"assembly": "vehicle", "vehicle": TRIANGLE}, place, middle)
+    assert [one.name for one in parts] == [
+        "sprocket", "sprocket to idler", "idler", "ground run", "road_wheel[2] to rear", "rear", "rear to sprocket",
+        "sprocket",
+    ]  # fmt: skip
+    near = np.sqrt((0.3 + min(circuit.NEAR, circuit.NEAR_SHORT * TRIANGLE["track"]["pitch"])) ** 2 - 0.3**2)
+    length = {one.name: one.end - one.start for one in parts}
+    for name, ends in (("sprocket to idler", (1.5, 1.0)), ("rear to sprocket", (1.2, 0.9))):
+        assert length[name] == pytest.approx(np.hypot(*ends) - 2.0 * near, abs=2.0 * place[1])
+    assert length["ground run"] == pytest.approx(1.9 - near, abs=2.0 * place[1])
+    moved = {**TRIANGLE, "right": {"wheel": {"rear": {"x": -1.1}}}}  # the twins: another place; a side of its own
+    for track, same in (("left_track", True), ("right_track", False)):
+        others = circuit.stretches({"assembly": "vehicle", "vehicle": moved}, place, middle, track)
+        assert (others == parts) == same
+    above = {**TRIANGLE, "wheel": {}}  # its last road wheel ends the track
+    names = [one.name for one in circuit.stretches({"assembly": "vehicle", "vehicle": above}, place, middle)]
+    assert names[3:5] == ["ground run", "road_wheel[2] to sprocket"]
+
+
+def test_loads_are_of_all_wheels_on_the_ground_and_raised_ones_are_not_lifted(tmp_path):
+    """An idler on the ground has its load, and is lifted for 0.3 s; a raised wheel without load at rest never is."""
+    t = np.arange(1000) * STEP
+    loads = {
+        "road_wheel[1]": np.where((t < 0.2) | (t > 0.6), 0.0, 4e3), "road_wheel[2]": np.full_like(t, 8e3),
+        "idler": np.where((t > 0.4995) & (t < 0.7995), 0.0, 6e3), "rear": np.full_like(t, 1e3),
+    }  # fmt: skip
+    names = [f"{wheel}.force.{axis}" for wheel in loads for axis in "xyz"]
+    values = np.stack([t, *(load * (axis == "z") for load in loads.values() for axis in "xyz")], axis=1)
+    topics = {"/left_track/out": [("travel", "m"), *((name, "N") for name in names)]}
+    road = {"x": [0.6, -0.4], "z": [-1.1, -1.2], "radius": 0.1}
+    idler = {**TRIANGLE["idler"], "x": -1.5, "z": -0.998}  # 2 mm over the last road wheel
+    found = []
+    for raised in (road, {**road, "z": -1.2}):  # the twin: the first wheel is on the ground
+        scene = {"assembly": "vehicle", "vehicle": {**TRIANGLE, "road_wheel": raised, "idler": idler}}
+        rows = {"/left_track/out": (t, values)}
+        with Log(made(tmp_path / "w.mcap", topics, rows, scene, ("left_track",))) as log:
+            run = RunData(log)
+            found.append((wheel_loads.of(run), [event.component for event in events.of(run).of("lifted")]))
+    for (result, lifted), share, first in zip(found, (np.nan, 0.6), ((), ("left_track.road_wheel[1]",)), strict=True):
+        assert result.wheels == tuple(f"left_track.{name}" for name in ("road_wheel[1]", "road_wheel[2]", "idler"))
+        np.testing.assert_allclose(result.mean, [1.6e3, 8e3, 4.2e3], rtol=3e-3)
+        np.testing.assert_allclose(result.lifted, [share, 0.0, 0.3], atol=2e-3)
+        assert lifted == ["left_track.idler", *first]
+        assert result.table().title == "Load of wheels, up in the hull"
 
 
 def test_an_envelope_shows_what_links_feel_where_they_are(tmp_path):

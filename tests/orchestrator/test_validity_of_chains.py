@@ -116,7 +116,71 @@ def test_an_idler_beyond_its_travel(settled, scaled):
             scaled(log, "/chassis/out", "left.idler.position.x", 1.0 / (1.0 + moved / x))
 
 
+SPRING = {"stiffness": 1e6, "damping": 1e4, "preload": 0.0, "travel": 0.03}
+REAR = {**vehicle()["idler"], "x": -3.9, "z": 0.35, "radius": 0.2, "mass": 200.0, "tensioner": SPRING}
+
+
+@pytest.mark.parametrize(("moved", "angle", "passes"), [
+    (0.029, 0.0, False), (0.031, 0.0, True), (0.031, 0.5, True), (0.029, 0.5, False),
+])  # fmt: skip
+def test_a_further_wheel_beyond_its_own_travel(tmp_path, moved, angle, passes):
+    """The right wheel slides by ``moved`` from its own place; the idler by more, within its own travel."""
+    t, spring = 1e-2 * np.arange(300), {**SPRING, "angle": angle}
+    table = {**vehicle(), "wheel": {"rear": {**REAR, "tensioner": spring}, "fixed": {**REAR, "tensioner": None}}}
+    table["right"] = {"wheel": {"rear": {"x": -3.8}}}
+    way = np.linspace(0.0, moved, len(t))
+    places = {"right.rear": -3.8 + way * np.cos(angle), "left.rear": -3.9 + 0.0 * t, "left.fixed": 9.0 + 0.0 * t}
+    places["right.idler"] = table["idler"]["x"] - 0.09 + 0.0 * t
+    columns = {f"chassis.{name}.position.x": x - table["chassis"]["centre"][0] for name, x in places.items()}
+    columns |= {f"chassis.{name}.position.{axis}": 0.0 * t for name in places for axis in "yz"}
+    columns |= {f"chassis.chassis.position.{axis}": 2.0 * (axis == "z") + 0.0 * t for axis in "xyz"}
+    columns |= {f"chassis.chassis.orientation.{part}": (part == "w") + 0.0 * t for part in "wxyz"}
+    scene = {"assembly": "vehicle", "vehicle": table, "ground": {}, "run": {"step": 1e-3}}
+    scene["start"] = {"position": [0.0, 0.0, 2.0], "heading": 0.0}
+    entries = entries_of(of_columns(tmp_path / "log.mcap", columns, t, scene))
+    assert [(each.what, each.place) for each in entries] == [("idler_travel", "right.rear")] * passes
+    if passes:
+        assert (entries[0].value, entries[0].limit) == (pytest.approx(moved), 0.03)
+
+
+def test_the_radius_of_each_wheel_counts_in_its_depth(settled):
+    """A list of equal radii is one radius; that of the fourth wheel, 3 mm larger, is 3 mm deeper."""
+    with Log(settled) as log:
+        run = RunData(log)
+        road, alike = run.scene["vehicle"]["road_wheel"], depths(run, "left_track", 0.5)
+        for more in (0.0, 3e-3):
+            radius = [road["radius"] + more * (k == 3) for k in range(5)]
+            run.scene["vehicle"]["road_wheel"] = {**road, "radius": radius}
+            expected = {name: depth + more * (name == "road_wheel[4]") for name, depth in alike.items()}
+            assert depths(run, "left_track", 0.5) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(("z", "places"), [(-0.258, [-4.6, -3.322]), (-0.2, [-0.655, -1.322])])
+def test_links_that_push_lie_between_all_wheels_on_the_ground(tmp_path, z, places):
+    """The widest gap is that to a second idler on the ground, 1.278 m; without it (twin) that of road wheels."""
+    t = np.arange(3) * 1e-2
+    table = {**vehicle(), "wheel": {"rear": {**REAR, "x": -4.6, "z": z, "radius": 0.262}}}
+    path = of_columns(tmp_path / "log.mcap", {"left_track.travel": t}, t, {"assembly": "vehicle", "vehicle": table})
+    with Log(path) as log:
+        limit = chain_checks.thrust(RunData(log))
+    assert limit == pytest.approx(18.02 * 9.81 / 0.1524 * np.ptp(places) ** 2 / 0.08, rel=1e-6)
+
+
 # known before the run
+
+
+@pytest.mark.parametrize(
+    ("share", "slides", "place"), [(2.0, True, "idler"), (0.9, True, "rear"), (0.9, False, "idler")]
+)
+def test_a_step_that_is_long_for_the_lightest_wheel_that_slides(share, slides, place):
+    """A further wheel with a share of the idler's mass; on a fixed axle it moves with the hull."""
+    scene = load("settle", "rigid", ["run.step=8 ms", "track.step=1 ms", "run.stop=1 s"]).resolved()
+    table, idler = scene["vehicle"], scene["vehicle"]["idler"]["mass"]
+    rear = {**REAR, "mass": share * idler, "tensioner": SPRING if slides else None}
+    (found,) = chain_checks.contact_steps_of_scene({**scene, "vehicle": {**table, "wheel": {"rear": rear}}})
+    wrapped = 0.5 * TEETH * table["contact"]["wheel"]["stiffness"]
+    lightest = idler * (share if place == "rear" else 1.0)
+    assert (found.place, found.value) == (place, pytest.approx(np.sqrt(wrapped / lightest) * 8e-3))
 
 
 @pytest.mark.parametrize("name", scene_names())

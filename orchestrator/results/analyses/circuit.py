@@ -8,12 +8,13 @@ run; from one at the rear forwards along the upper run first.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from fmus.vehicles.sides import ground_wheels, of_side, smooth_wheels
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
@@ -35,11 +36,12 @@ class PlacedRecords(NamedTuple):
     pins: Floats  # (m, joints, 3) m, world; define the axes of forces as in ``record_blocks.py``
     axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, in world
     values: tuple[Floats, ...]  # one per signal, (m, n) or (m, n, 3)
+    track: str = ""
 
     def stretches(self, scene: dict[str, Any], k: int = 0) -> list[Stretch]:
         """Parts of the circuit in the k-th record (``stretches``)."""
         order = np.argsort(self.links[k])
-        return stretches(scene, self.links[k, order], self.centres[k, order])
+        return stretches(scene, self.links[k, order], self.centres[k, order], self.track)
 
 
 class Stretch(NamedTuple):
@@ -47,7 +49,7 @@ class Stretch(NamedTuple):
 
     start: float
     end: float
-    name: str  # "sprocket", "lower run", "idler" or "upper run"
+    name: str  # "sprocket", "lower run", "idler" or "upper run", of some vehicles others (``stretches``)
 
     @property
     def middle(self) -> float:
@@ -75,7 +77,7 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
             raise Missing(f"{run.log.path}: '{track}' {problem} between {block.t[0]:g} and {block.t[-1]:g} s") from None
         centres = 0.5 * (flat + np.roll(flat, -1, axis=1))
         yield PlacedRecords(
-            block.t, block.record_durations, length, links, joints, centres, block.pins, axes, block.values[1:]
+            block.t, block.record_durations, length, links, joints, centres, block.pins, axes, block.values[1:], track
         )
 
 
@@ -104,18 +106,21 @@ def places(pins: Floats, ray: Floats) -> tuple[Floats, Floats, Floats]:
     return *(((distances - zero[:, None]) % length[:, None]) for distances in (middle, along)), length  # type: ignore[return-value]
 
 
-def stretches(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Stretch]:
+def stretches(scene: dict[str, Any], place: Floats, middle: Floats, track: str = "") -> list[Stretch]:
     """Parts of the circuit by the scene's sprocket and idler; none without them.
 
     ``middle`` (links, 2) m: centres of the links ahead of and above the sprocket's axle. The idler touches the link
-    farthest from the sprocket's end. A part of a single link is left out.
+    farthest from the sprocket's end. With further wheels, at their places in the table, or with an elevated sprocket a
+    part between two wheels has the names of both, "rear_idler to sprocket", but that on the ground "ground run". A part
+    of a single link is left out.
     """
     try:
-        vehicle = scene["vehicle"]
+        vehicle = of_side(scene["vehicle"], track.removesuffix("_track"))
         end, near = sprocket_end(scene), min(NEAR, NEAR_SHORT * float(vehicle["track"]["pitch"]))
         wrap = pitch_radius(vehicle) + near
         radius = float(vehicle["idler"]["radius"]) + float(vehicle["track"]["face"])
-    except (LookupError, TypeError, ValueError):  # another scene, or a table of another version
+        by_wheels = bool(ground_wheels(vehicle)) if vehicle.get("wheel") or not end else False
+    except (AttributeError, LookupError, TypeError, ValueError):  # another scene, or a table of another version
         return []
     round_sprocket = np.linalg.norm(middle, axis=1) < wrap
     idler = middle[(end * middle[:, 0]).argmin()] + [end * radius, 0.0]
@@ -123,6 +128,8 @@ def stretches(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Stre
     level = 0.5 * (middle[:, 1].max() + middle[:, 1].min())
     runs = np.where(middle[:, 1] > level, "upper run", "lower run")
     names = np.where(round_sprocket, "sprocket", np.where(round_idler, "idler", runs))
+    if by_wheels:
+        names = _by_wheels(vehicle, middle, near, np.where(round_sprocket, "sprocket", "").astype(object))
     edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1), len(names)]
     half_pitch = 0.5 * float(np.median(np.diff(place))) if len(place) > 1 else 0.0
     return [
@@ -130,6 +137,22 @@ def stretches(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Stre
         for first, last in pairwise(edges)
         if last - first > 1
     ]
+
+
+def _by_wheels(vehicle: Mapping[str, Any], middle: Floats, near: float, names: np.ndarray) -> np.ndarray:
+    """Names (links,) of the parts of links by wheels; ``names``: "sprocket" for those on it, else empty."""
+    for wheel in (each for each in smooth_wheels(vehicle) if each["kind"] in ("idler", "wheel")):
+        distance = np.linalg.norm(middle - [wheel["x"], wheel["z"]], axis=1)
+        names[(names == "") & (distance < wheel["radius"] + vehicle["track"]["face"] + near)] = wheel["name"]
+    (front, rear), (x, z) = (ground_wheels(vehicle)[k] for k in (0, -1)), middle.T
+    low = np.flatnonzero((names == "") & (rear["x"] < x) & (x < front["x"]) & (z < front["z"]))
+    names[low] = np.where(2.0 * x[low] > front["x"] + rear["x"], front["name"], rear["name"])
+    known = np.flatnonzero(names != "")
+    for k in np.flatnonzero(names == "") if known.size else ():
+        after = np.searchsorted(known, k) % known.size
+        names[k] = " to ".join(dict.fromkeys(names[known[[after - 1, after]]]))
+    names[low] = "ground run"
+    return names
 
 
 def part(place: float, parts: Sequence[Stretch]) -> str:

@@ -27,7 +27,7 @@ class Envelope(NamedTuple):
     records: Floats  # (bins,) number of link records
     forward: Floats  # (bins,) m, mean place ahead of the sprocket axle, in hull axes
     up: Floats  # (bins,) m, above the axle
-    part: tuple[str, ...]  # (bins,) part of the circuit: "sprocket", "lower run", "idler", "upper run"
+    part: tuple[str, ...]  # (bins,) part of the circuit (``circuit.stretches``)
 
     def table(self) -> Table:
         """Table with a row for each place."""
@@ -105,6 +105,6 @@ def of(
         raise Missing(f"{run.log.path} holds no links of '{track}'")
     place = statistics.place
     forward, up = statistics.of(1)[1], statistics.of(2)[1]
-    parts = circuit.stretches(run.scene, place, np.stack([forward, up], axis=1))
+    parts = circuit.stretches(run.scene, place, np.stack([forward, up], axis=1), track)
     names = tuple(circuit.part(each, parts) for each in place)
     return Envelope(f"{track}.{signal}", unit, place, *statistics.of(0), statistics.count, forward, up, names)

@@ -11,9 +11,9 @@ import numpy as np
 from orchestrator.log.message_records import Event
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, wheel_loads
+from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.validity import of as validity
-from orchestrator.results.analyses.wheel_loads import UnloadedInterval, is_settling, off_ground, switches
+from orchestrator.results.analyses.wheel_loads import is_settling, lifted, off_ground, switches
 from orchestrator.results.energy import WrenchPort, ports
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.table import Table
@@ -78,18 +78,10 @@ def _signals(run: RunData) -> Iterator[str]:
             yield f"stats.{name}.{REJECTED}"
 
 
-def lifted(run: RunData, window: Window = EVER) -> dict[str, list[UnloadedInterval]]:
-    """Intervals in which road wheels are lifted, by wheel; none if their loads were not recorded."""
-    try:
-        return wheel_loads.lifted(run, window).by_member
-    except Missing:
-        return {}
-
-
 def _contact_events(run: RunData, window: Window) -> Iterator[Event]:
     """Events of wheels and tracks that lose and regain contact."""
     for by_name, off, on, verb in (
-        (lifted(run, window), "lifted", "touches", "lifts off"),
+        (lifted(run, window).by_member, "lifted", "touches", "lifts off"),
         (off_ground(run, window).by_member, "airborne", "lands", "leaves the ground"),
     ):
         for name, intervals in by_name.items():

@@ -18,7 +18,6 @@ from orchestrator.results.table import Table
 from orchestrator.results.views.bodies import EVERY, Bodies
 
 GAUSS = 0.5 / np.sqrt(3.0)  # offset of the two Gauss points on a unit interval from its middle
-KINDS = ("road_wheel", "idler", "return_roller")  # smooth wheels
 
 
 class Patches(NamedTuple):
@@ -68,7 +67,7 @@ def patch(pins: Floats, normals: Floats, centre: Floats, radius: float, face: fl
 def of(run: RunData, window: Window = EVER) -> Patches:
     """Contact patches of all smooth wheels; raises Missing."""
     bodies = Bodies(run, EVERY, window=window)
-    wheels = [wheel for wheel in bodies.wheels if wheel.kind in KINDS and wheel.track in run.tracks]
+    wheels = [wheel for wheel in bodies.wheels if wheel.kind != "sprocket" and wheel.track in run.tracks]
     if not wheels or not bodies.tracks:
         raise Missing(f"{run.log.path} holds no links on wheels")
     face = hull.vehicle_number(run, "track", "face")

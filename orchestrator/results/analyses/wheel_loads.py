@@ -1,4 +1,4 @@
-"""Loads of road wheels: upward force of the track on each, in hull axes.
+"""Loads of road wheels, and of others on the ground: upward force of the track on each, in hull axes.
 
 Intervals without load: one rule for lifted wheels and tracks off the ground.
 
@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.vehicles.sides import ground_wheels, of_side
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import record_blocks
@@ -131,7 +132,7 @@ class WheelLoads(NamedTuple):
     least: Floats  # (wheels,) N
     most: Floats  # (wheels,) N
     rms: Floats  # (wheels,) N, deviation from the mean
-    lifted: Floats  # (wheels,) share of time without load
+    lifted: Floats  # (wheels,) share of time without load; NaN for raised wheels that carry nothing at rest
     threshold: float  # N, a smaller load counts as lifted
 
     def table(self) -> Table:
@@ -144,17 +145,29 @@ class WheelLoads(NamedTuple):
         )  # fmt: skip
         least = self.threshold / 1e3
         note = f"a wheel is lifted from where it carries less than {least:.3g} kN to more than {TOUCHES * least:.3g} kN"
-        return Table.of("Load of road wheels, up in the hull", columns, rows, (note,))
+        road = "road " * all("road_wheel[" in name for name in self.wheels)
+        return Table.of(f"Load of {road}wheels, up in the hull", columns, rows, (note,))
 
 
 def names(run: RunData) -> tuple[str, ...]:
-    """Names of the road wheels whose forces were recorded, "left_track.road_wheel[1]"."""
+    """Names of road wheels and others on the ground whose forces were recorded, "left_track.road_wheel[1]"."""
+    grounded = _on_level_ground(run)
     return tuple(
-        f"{track}.{name.removesuffix('.force.x')}"
+        f"{track}.{wheel}"
         for track in run.tracks
         for name in run.log.topics[f"/{track}/out"].names
-        if name.startswith("road_wheel[") and name.endswith(".force.x")
+        if (wheel := name.removesuffix(".force.x")) != name
+        if wheel.startswith("road_wheel[") or f"{track}.{wheel}" in grounded
     )
+
+
+def _on_level_ground(run: RunData) -> set[str]:
+    """Names of the wheels that stand on level ground as drawn; none in a log that does not say."""
+    try:
+        tables = {track: of_side(run.scene["vehicle"], track.removesuffix("_track")) for track in run.tracks}
+        return {f"{track}.{wheel['name']}" for track, table in tables.items() for wheel in ground_wheels(table)}
+    except (AttributeError, LookupError, TypeError, ValueError):
+        return set()
 
 
 def blocks(run: RunData, window: Window = EVER) -> Iterator[tuple[Floats, Floats]]:
@@ -175,17 +188,27 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[tuple[Floats, Floats
 
 
 def lifted(run: RunData, window: Window = EVER) -> UnloadedIntervals:
-    """Intervals in which road wheels are lifted, by wheel; raises Missing."""
-    return run.compute_once(
-        f"lifted wheels, {window}", lambda run: unloaded_intervals(names(run), lambda: blocks(run, window))
-    )
+    """Intervals in which wheels are lifted; none of raised ones that carry nothing at rest, or if none was recorded."""
+    found = _lifted(run, window)
+    raised = {*found.by_member}.difference(_on_level_ground(run) or found.by_member)
+    raised = raised and raised & hang_at_rest(run)
+    return found._replace(by_member={name: each for name, each in found.by_member.items() if name not in raised})
+
+
+def _lifted(run: RunData, window: Window = EVER) -> UnloadedIntervals:
+    try:
+        return run.compute_once(
+            f"lifted wheels, {window}", lambda run: unloaded_intervals(names(run), lambda: blocks(run, window))
+        )
+    except Missing:
+        return UnloadedIntervals(0.0, {})
 
 
 def hang_at_rest(run: RunData) -> set[str]:
-    """Road wheels that carry nothing at rest, as raised end wheels, of tracks on the ground; raises Missing."""
+    """Road wheels that carry nothing at rest, as raised end wheels, of tracks on the ground."""
     hang = {
         name
-        for name, intervals in (off_ground(run).by_member | lifted(run).by_member).items()
+        for name, intervals in (off_ground(run).by_member | _lifted(run).by_member).items()
         if any(not each.begins and not is_settling(run, each.end) for each in intervals)
     }
     return {name for name in hang if "." in name and name.partition(".")[0] not in hang}
@@ -199,8 +222,6 @@ def of(run: RunData, window: Window = EVER) -> WheelLoads:
     mean = means(t, load)
     rms = np.sqrt(means(t, (load - mean) ** 2))
     unloaded = lifted(run, window)
-    share = (
-        np.array([sum(interval.time for interval in unloaded.by_member[name]) for name in names(run)])
-        / record_durations(t).sum()
-    )
+    time = {name: sum(interval.time for interval in intervals) for name, intervals in unloaded.by_member.items()}
+    share = np.array([time.get(name, np.nan) for name in names(run)]) / record_durations(t).sum()
     return WheelLoads(names(run), mean, load.min(axis=0), load.max(axis=0), rms, share, unloaded.threshold)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from orchestrator.results.analyses import events
 from orchestrator.results.analyses.validity import of as validity
-from orchestrator.results.analyses.wheel_loads import LIFTED, SETTLING, TOUCHES, UnloadedInterval, is_settling
+from orchestrator.results.analyses.wheel_loads import LIFTED, SETTLING, TOUCHES, UnloadedInterval, is_settling, lifted
 from orchestrator.results.page.embedded import instance, quantity, text, wheel, wheel_name
 from orchestrator.results.page.heading import PEAKS
 from orchestrator.results.page.motion import AT_REST
@@ -38,7 +38,7 @@ def event_section(pair: Pair) -> PageSection:
     loaded = any(name.endswith(".load") for name in pair.run.signals)
     early = [
         name
-        for name, intervals in events.lifted(run).items()
+        for name, intervals in lifted(run).by_member.items()
         if any(is_settling(run, interval.end) for interval in intervals)
     ]
     if absences := _absences(run, event_rows, loaded, bool(early)):
@@ -94,7 +94,7 @@ def _unloaded_rows(run: RunData) -> list[EventRow]:
     """Rows of wheels and tracks without contact, without those of a vehicle that settles."""
     rows_of_members = []
     for what, where, by_name in (
-        ("Road wheel is lifted off", wheel, events.lifted(run)),
+        ("Road wheel is lifted off", wheel, lifted(run).by_member),
         ("Track is off the ground", instance, events.off_ground(run).by_member),
     ):
         for name, intervals in by_name.items():

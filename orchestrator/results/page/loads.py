@@ -7,9 +7,8 @@ from functools import partial
 import numpy as np
 
 from orchestrator.results.analyses import contact, wheel_loads
-from orchestrator.results.analyses.events import lifted
 from orchestrator.results.analyses.profile import Profile
-from orchestrator.results.analyses.wheel_loads import SETTLING, is_settling, starts_as_drawn
+from orchestrator.results.analyses.wheel_loads import SETTLING, is_settling, lifted, starts_as_drawn
 from orchestrator.results.approximations import Curve
 from orchestrator.results.page.chain import profiles
 from orchestrator.results.page.embedded import instance, plain, quantity, text, wheel, wheel_name
@@ -22,8 +21,8 @@ from orchestrator.vocabulary import and_list
 
 TOUCHED = 1e-3  # of the largest pressure
 WHEELS = (
-    "Force of the chain on each wheel, along the hull's own upward axis, mean over each step. Wheel 1 is next to"
-    " the sprocket. The chain's tension pulls the hull down: the loads add up to more than it weighs."
+    "Force of the chain on each wheel, along the hull's own upward axis, mean over each step. Wheel 1 is the first of"
+    " road_wheel.x. The chain's tension pulls the hull down: the loads add up to more than it weighs."
 )
 
 
@@ -55,7 +54,7 @@ def _lifted(evaluation: Evaluation, track: str) -> str:
     """Sentences on the wheels of a track that were lifted off, HTML."""
     lifted_wheels = {
         name: intervals
-        for name, intervals in lifted(evaluation.run).items()
+        for name, intervals in lifted(evaluation.run).by_member.items()
         if name.partition(".")[0] == track and intervals
     }
     late = [

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fmus.vehicles.sides import ground_wheels, of_side, smooth_wheels
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
@@ -59,10 +60,11 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
     pose = hull.poses(run, track, times[nearest : nearest + 1])
     axes, face = pose.axes[0][:, [0, 2]], hull.vehicle_number(run, "track", "face")
     depth_by_name = {}
-    for name in wheels(run, track):
-        centre = run.vector_at(track, "in", f"{name}.position", float(times[nearest]))
-        radius = hull.vehicle_number(run, name.partition("[")[0], "radius")
-        depth_by_name[name] = radius + face - _distance((pins - centre) @ axes)
+    moved = run.log.topics[f"/{track}/in"].names if f"/{track}/in" in run.log.topics else ()
+    for wheel in smooth_wheels(of_side(run.scene["vehicle"], track.removesuffix("_track"))):
+        if f"{wheel['name']}.position.x" in moved:
+            centre = run.vector_at(track, "in", f"{wheel['name']}.position", float(times[nearest]))
+            depth_by_name[wheel["name"]] = wheel["radius"] + face - _distance((pins - centre) @ axes)
     floor = None if gives_way(run.scene) else run.compute_once("ground", lambda _: ground(run.scene))
     if floor is not None:
         places = pins
@@ -73,14 +75,6 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
             under = under * floor.normals(places)[:, 2]
         depth_by_name["ground"] = float(under.max()) + face
     return depth_by_name
-
-
-def wheels(run: RunData, track: str) -> list[str]:
-    """Names of a track's wheels with rims."""
-    topic = run.log.topics.get(f"/{track}/in")
-    names = [name.removesuffix(".position.x") for name in topic.names] if topic else []
-    rims = "idler", "road_wheel[", "return_roller[", *(run.scene.get("vehicle", {}).get("wheel") or ())
-    return [name for name in dict.fromkeys(names) if name.startswith(rims) and "." not in name]
 
 
 def _distance(pins: Floats) -> float:
@@ -107,16 +101,16 @@ def compression(piece: Piece) -> Iterator[Exceedance]:
 
 
 def thrust(run: RunData) -> float:
-    """Thrust that links between two road wheels bear without lifting, N; raises Missing."""
+    """Thrust that links between two wheels on the ground bear without lifting, N; raises Missing."""
     weight = (
         hull.vehicle_number(run, "track", "mass")
         * hull.vehicle_number(run, "gravity")
         / hull.vehicle_number(run, "track", "pitch")
     )
-    x = run.scene["vehicle"]["road_wheel"]["x"]
-    if run.scene.get("assembly") != "vehicle" or len(x) < 2:
+    vehicle = run.scene["vehicle"]
+    if run.scene.get("assembly") != "vehicle" or len(x := vehicle["road_wheel"]["x"]) < 2:
         raise Missing("links that push lie between road wheels")
-    span = float(np.abs(np.diff(x)).max())
+    span = float(np.diff(sorted([*x, *(wheel["x"] for wheel in ground_wheels(vehicle))])).max())
     return weight * span**2 / (8.0 * limits.RISE)
 
 
@@ -152,7 +146,8 @@ def contact_steps_of_scene(scene: Mapping[str, Any]) -> Iterator[Exceedance]:
     link = sqrt((stiffness["wheel"] + stiffness["ground"]) / vehicle["track"]["mass"]) * internal
     # lightest body on the exchanged wrenches, in contact with the pins or links of its wrap
     wrap = 0.5 * vehicle["sprocket"]["teeth"]
-    wheel = sqrt(wrap * stiffness["wheel"] / vehicle["idler"]["mass"]) * run["step"]
-    for place, value in (("link", link if track.get("integrator") in IMPLICIT else 0.0), ("idler", wheel)):
+    lightest = min((each for each in smooth_wheels(vehicle) if each["tensioner"]), key=lambda each: each["mass"])
+    wheel = sqrt(wrap * stiffness["wheel"] / lightest["mass"]) * run["step"]
+    for place, value in (("link", link if track.get("integrator") in IMPLICIT else 0.0), (lightest["name"], wheel)):
         if value > limits.STEP:
             yield Exceedance("contact_step", "tracks", 0.0, place, value, limits.STEP, WARNING)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import cos
+from typing import Any
 
 import numpy as np
 
-from fmus.vehicles.sides import of_side
+from fmus.vehicles.sides import SIDES, ground_wheels, of_side, smooth_wheels
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
@@ -69,35 +71,32 @@ TRAVEL = 0.1  # m, for older vehicle tables without this key
 
 
 def idler_travel_signals(run: RunData) -> Iterator[str]:
-    """Signals: positions of the idlers, pose of the hull."""
+    """Signals: positions of the wheels that slide, pose of the hull."""
     yield from (f"{HULL}.{part}" for part in "wxyz")
-    for name in ("chassis.chassis.position", *_idlers(run)):
+    for name in (PLACE, *(f"chassis.{name}.position" for name in _sliding(run))):
         yield from (f"{name}.{axis}" for axis in "xyz")
 
 
 def idler_travel(piece: Piece) -> Iterator[Exceedance]:
     """Entries for idlers that are further from their start position than the travel; raises Missing."""
-    run = piece.run
-    try:
-        travel = hull.vehicle_number(run, "tensioner", "travel")
-    except Missing:
-        travel = TRAVEL
-    if "vehicle" not in run.scene:
+    if "vehicle" not in piece.run.scene:
         raise Missing("the log has no vehicle")
-    for name in _idlers(run):
-        vehicle = of_side(run.scene["vehicle"], name.split(".")[1])
-        drawn = vehicle.get("idler", {}).get("x", np.nan)
-        t, place = piece.vector(name)
-        ahead = body_axis(piece.vector(HULL, "wxyz")[1], 0)
-        x = np.einsum("mi,mi->m", place - piece.vector("chassis.chassis.position")[1], ahead)
-        travelled = np.abs(x + run.scene["vehicle"]["chassis"]["centre"][0] - drawn)
-        idler = name.removeprefix("chassis.").removesuffix(".position")
-        yield from exceedance("idler_travel", "chassis", idler, t, travelled, travel)
+    for name, wheel in _sliding(piece.run).items():
+        t, place = piece.vector(f"chassis.{name}.position")
+        ahead, slide = body_axis(piece.vector(HULL, "wxyz")[1], 0), wheel["tensioner"]
+        x = np.einsum("mi,mi->m", place - piece.vector(PLACE)[1], ahead)
+        way = np.abs(x + piece.run.scene["vehicle"]["chassis"]["centre"][0] - wheel["x"]) / cos(slide.get("angle", 0.0))
+        yield from exceedance("idler_travel", "chassis", name, t, way, slide.get("travel", TRAVEL))
 
 
-def _idlers(run: RunData) -> list[str]:
-    names = [f"chassis.{side}.idler.position" for side in ("left", "right")]
-    return [name for name in names if run.has(f"{name}.x")]
+def _sliding(run: RunData) -> dict[str, dict[str, Any]]:
+    """Numbers of the wheels that slide on springs and whose motion was recorded, by name, "left.idler"."""
+    try:
+        tables = {side: of_side(run.scene.get("vehicle") or {}, side) for side in SIDES}
+        found = {f"{side}.{wheel['name']}": wheel for side, table in tables.items() for wheel in smooth_wheels(table)}
+    except (AttributeError, TypeError, ValueError):  # a table of another version
+        return {}
+    return {name: found[name] for name in found if found[name]["tensioner"] and run.has(f"chassis.{name}.position.x")}
 
 
 def lanes_signals(run: RunData) -> Iterator[str]:
@@ -115,7 +114,7 @@ def lanes(piece: Piece) -> Iterator[Exceedance]:
     if not rough and not lanes:
         return
     t, pose = piece.columns([*POSE])
-    reach = np.abs(np.subtract(scene["vehicle"]["road_wheel"]["x"], scene["vehicle"]["chassis"]["centre"][0])).max()
+    reach = max(abs(wheel["x"] - scene["vehicle"]["chassis"]["centre"][0]) for wheel in ground_wheels(scene["vehicle"]))
     askew, y, x = np.abs(np.sin(pose[:, 0])), np.abs(pose[:, 2]), pose[:, 1] + reach  # x of the foremost wheels along x
     found = []
     if rough:

@@ -10,8 +10,6 @@ import numpy as np
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
-from orchestrator.results.energy import WrenchPort
-from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import RunData, pitch_radius
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance, exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
@@ -27,13 +25,9 @@ def tracks_on_sprockets(run: RunData) -> tuple[str, ...]:
 
 
 def pin_signals(run: RunData) -> Iterator[str]:
-    """Signals: positions of the axles, sprocket angles, chain travel, pose of the hull."""
-    yield from (f"{HULL}.{part}" for part in "wxyz")
+    """Signals: sprocket angles, chain travel; poses of hull and axles are read on demand."""
     for track in tracks_on_sprockets(run):
-        port = _port(run, track)
-        yield f"{track}.travel"
-        yield f"{shaft(run, track)}angle"
-        yield from (f"{port.taker}.{port.taker_connector}.position.{axis}" for axis in "xyz")
+        yield from (f"{track}.travel", f"{shaft(run, track)}angle")
 
 
 def drift(piece: Piece, track: str) -> tuple[Floats, Floats]:
@@ -67,13 +61,10 @@ def polar(piece: Piece, track: str) -> Polar:
 
 
 def _polar(piece: Piece, track: str) -> Polar:
-    port = _port(piece.run, track)
     t, pins = piece.pins(track)
-    axle = _interpolated(t, *piece.vector(f"{port.taker}.{port.taker_connector}.position"))
-    turned = _interpolated(t, *piece.columns([f"{shaft(piece.run, track)}angle"]))[:, 0]
-    ahead, up = _axes(piece, t)
-    offset = pins - axle[:, None]
-    x, z = np.einsum("mni,mi->mn", offset, ahead), np.einsum("mni,mi->mn", offset, up)
+    axle, axes = hull.poses(piece.run, track, t)
+    turned = np.interp(t, *piece.signal(f"{shaft(piece.run, track)}angle"))
+    x, z = (np.einsum("mni,mi->mn", pins - axle[:, None], axes[..., k]) for k in (0, 2))
     reach = REACH * hull.vehicle_number(piece.run, "sprocket", "outer_radius")
     record, pin = np.nonzero((np.abs(x) < reach) & (np.abs(z) < reach))
     near_x, near_z = x[record, pin], z[record, pin]
@@ -85,37 +76,9 @@ def _polar(piece: Piece, track: str) -> Polar:
     return Polar(t, distance, angle)
 
 
-def _port(run: RunData, track: str) -> WrenchPort:
-    """Port between a track and its sprocket; raises Missing."""
-    port = hull.sprocket(run, track)
-    if port is None:
-        raise Missing(f"'{track}' runs on no sprocket")
-    return port
-
-
 def shaft(run: RunData, track: str) -> str:
     """Prefix of the shaft variables of a track's sprocket; raises Missing."""
-    port = _port(run, track)
-    return f"{port.taker}.{port.taker_connector.removesuffix('sprocket')}"
-
-
-def _axes(piece: Piece, t: Floats) -> tuple[Floats, Floats]:
-    """Unit vectors ahead and up of the hull, (m, 3) each; without a hull those of the start."""
-    try:
-        q = _interpolated(t, *piece.vector(HULL, "wxyz"))
-    except Missing:
-        heading = float(piece.run.scene.get("start", {}).get("heading", 0.0))
-        ahead = np.tile([np.cos(heading), np.sin(heading), 0.0], (len(t), 1))
-        return ahead, np.tile([0.0, 0.0, 1.0], (len(t), 1))
-    axes = matrices(q / np.linalg.norm(q, axis=1, keepdims=True))
-    return axes[..., 0], axes[..., 2]
-
-
-def _interpolated(t: Floats, times: Floats, values: Floats) -> Floats:
-    """Values (m, k) at times (m,), s, linearly interpolated; raises Missing."""
-    if not len(times):
-        raise Missing("nothing was recorded in this window")
-    return np.stack([np.interp(t, times, column) for column in values.T], axis=1)
+    return hull.sprocket_speed(run, track).removesuffix("speed")
 
 
 def seats(piece: Piece) -> Iterator[Exceedance]:

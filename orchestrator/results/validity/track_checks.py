@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.vehicles.sides import ground_wheels
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
@@ -43,8 +43,8 @@ def creep(piece: Piece) -> Iterator[Exceedance]:
     run, friction = piece.run, least_friction(piece.run)
     t, yaw = piece.signal(YAW)
     fades = hull.vehicle_number(run, "contact", "ground", "friction_velocity")
-    wheels, gravity = run.scene["vehicle"]["road_wheel"]["x"], hull.vehicle_number(run, "gravity")
-    pace = 0.4 * np.sqrt(gravity * (max(wheels) - min(wheels)))
+    wheels, gravity = ground_wheels(run.scene["vehicle"]), hull.vehicle_number(run, "gravity")
+    pace = 0.4 * np.sqrt(gravity * (wheels[0]["x"] - wheels[-1]["x"]))
     slow = limits.SLOW * pace
     circle = hull.vehicle_number(run, "sprocket", "teeth") * hull.vehicle_number(run, "track", "pitch")
     axes = ground_axes(run, piece.columns([*pose_signals(run)])[1])
@@ -135,13 +135,10 @@ def _crossing(run: RunData) -> Exceedance | None:
 def lift(piece: Piece) -> Iterator[Exceedance]:
     """Entries for members that lose their load at rest for longer than LIFT, within the piece."""
     run = piece.run
-    intervals_by_member = dict(off_ground(run).by_member)
-    with suppress(Missing):
-        wheels, hanging = wheel_loads.lifted(run).by_member, wheel_loads.hang_at_rest(run)
-        intervals_by_member |= {name: each for name, each in wheels.items() if name not in hanging}
-    for name, intervals in intervals_by_member.items():
+    hanging = wheel_loads.hang_at_rest(run)
+    for name, intervals in (off_ground(run).by_member | wheel_loads.lifted(run).by_member).items():
         component, _, place = name.partition(".")
-        for interval in intervals:
+        for interval in intervals if name not in hanging else ():
             inside = interval.start <= piece.window.end and interval.end >= piece.window.start
             if inside and interval.time > limits.LIFT and not is_settling(run, interval.end):
                 yield Exceedance("lift", component, interval.start, place, interval.time, limits.LIFT, WARNING)

@@ -23,6 +23,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fmus.ground.soils import law_of, named
+from fmus.vehicles.sides import ground_wheels
 from orchestrator.results import output_files, turning, vehicle_measures
 from orchestrator.results.analyses import circuit
 from orchestrator.results.analyses.contact import SIGNAL, pad_area, pressure
@@ -166,7 +167,7 @@ def maxima(scene: str, ground: str) -> list[Row]:
 
 
 def _pressure_row(vehicle: Vehicle, run: RunData, window: Window) -> Row:
-    area, wheels = pad_area(run), sorted(vehicle.table.road_wheel.x, reverse=True)
+    area, wheels = pad_area(run), [wheel["x"] for wheel in ground_wheels(vehicle.table.model_dump())]
     edges = np.array([np.inf, *(0.5 * (a + b) for a, b in pairwise(wheels)), -np.inf])
     found, peak = [], 0.0
     for block in circuit.records(run, run.tracks[0], window, SIGNAL):

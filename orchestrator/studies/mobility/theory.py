@@ -12,11 +12,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.ground.soils import work_of_pressure
-from fmus.vehicles.sides import lowest_wheel, road_arms, smooth_wheels
+from fmus.vehicles.sides import ground_wheels, road_arms, smooth_wheels
 from fmus.vehicles.vehicle import VehicleTable
 
 if TYPE_CHECKING:
     from fmus.ground.soils import Soil
+
+
+BENDS = ("idler", "wheel")  # kinds of wheels at which a chain turns, beside its sprocket
 
 
 class Bracket(NamedTuple):
@@ -50,24 +53,24 @@ def compaction_resistance(soil: Soil, pressure: float) -> float:
 
 
 def centre_of_mass(vehicle: VehicleTable) -> tuple[float, float]:
-    """Place x, z, m, of the centre of mass as drawn; tracks count in the middle between sprocket, idler and wheels."""
+    """Place x, z, m, of the centre of mass as drawn; tracks count in the middle between sprocket, idlers and wheels."""
     v, wheels = vehicle, smooth_wheels(vehicle.model_dump())
-    sprocket, idler = np.zeros(2), np.array([v.idler.x, v.idler.z])
+    bends = [np.zeros(2), *(np.array([wheel["x"], wheel["z"]]) for wheel in wheels if wheel["kind"] in BENDS)]
     road = [np.array([wheel["x"], wheel["z"]]) for wheel in wheels if wheel["kind"] == "road_wheel"]
-    parts = [(v.chassis.mass, np.array([v.chassis.centre[0], v.chassis.centre[2]])), (2.0 * v.sprocket.mass, sprocket)]
+    parts = [(v.chassis.mass, np.array([v.chassis.centre[0], v.chassis.centre[2]])), (2.0 * v.sprocket.mass, bends[0])]
     parts += [(2.0 * wheel["mass"], np.array([wheel["x"], wheel["z"]])) for wheel in wheels]
     arms = zip(road, road_arms(vehicle.model_dump()), strict=False)
     parts += [(2.0 * arm["mass"], place + np.array(arm["pivot"]) / 2.0) for place, arm in arms]
-    loop = (sprocket + idler + np.mean(road, axis=0)) / 3.0
-    parts.append((2.0 * v.track.links * v.track.mass, loop))
+    parts.append((2.0 * v.track.links * v.track.mass, np.mean([*bends, np.mean(road, axis=0)], axis=0)))
     x, z = np.average([place for _, place in parts], axis=0, weights=[mass for mass, _ in parts])
     return float(x), float(z)
 
 
 def ends(vehicle: VehicleTable) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Place x, z and radius, m, of the hindmost wheel of the chain and of its foremost one."""
-    ends = sorted([(0.0, 0.0, _sprocket_radius(vehicle)), (vehicle.idler.x, vehicle.idler.z, vehicle.idler.radius)])
-    return ends[0], ends[1]
+    smooth = (wheel for wheel in smooth_wheels(vehicle.model_dump()) if wheel["kind"] in BENDS)
+    places = [(0.0, 0.0, _sprocket_radius(vehicle)), *((wheel["x"], wheel["z"], wheel["radius"]) for wheel in smooth)]
+    return min(places), max(places)
 
 
 def _sprocket_radius(vehicle: VehicleTable) -> float:
@@ -78,11 +81,11 @@ def _sprocket_radius(vehicle: VehicleTable) -> float:
 def passed_step(vehicle: VehicleTable, wheel: tuple[float, float, float]) -> float:
     """Highest step, m, whose edge the centre of mass passes while the vehicle stands on a hind ``wheel`` x, z, radius.
 
-    The lower run of the chain lies on the edge; its line is below the road wheels.
+    The lower run of the chain lies on the edge; its line is below the wheels on level ground.
     """
     x, z = centre_of_mass(vehicle)
     thick = 2.0 * vehicle.track.face
-    low = lowest_wheel(vehicle.model_dump())
+    low = min(ground_wheels(vehicle.model_dump()), key=lambda wheel: wheel["z"] - wheel["radius"])
     h = z - low["z"] + low["radius"] + thick
     back, up, radius = x - wheel[0], wheel[1] - z, wheel[2] + thick
     pitch = np.linspace(0.0, 1.4, 2000)
@@ -92,31 +95,29 @@ def passed_step(vehicle: VehicleTable, wheel: tuple[float, float, float]) -> flo
 
 
 def largest_step(vehicle: VehicleTable) -> Bracket:
-    """Highest step, m, without slip: standing on the hindmost road wheels, and on the hindmost wheel of the chain."""
-    last = smooth_wheels(vehicle.model_dump())[len(vehicle.road_wheel.x) - 1]
-    limits = (
-        passed_step(vehicle, (last["x"], last["z"], last["radius"])),
-        passed_step(vehicle, ends(vehicle)[0]),
-    )
+    """Highest step, m, without slip: standing on the hindmost wheels on the ground, and on that of the chain."""
+    last = ground_wheels(vehicle.model_dump())[-1]
+    hind = (last["x"], last["z"], last["radius"]), ends(vehicle)[0]
+    limits = [passed_step(vehicle, wheel) for wheel in hind]
     return Bracket(min(limits), max(limits))
 
 
 def largest_gap(vehicle: VehicleTable) -> Bracket:
-    """Widest gap, m: from the centre of mass to the outer road wheels, and to the axles of the chain's ends."""
+    """Widest gap, m: from the centre of mass to the outer wheels on the ground, and to the axles of both ends."""
     x, _ = centre_of_mass(vehicle)
     hind, front = ends(vehicle)
-    wheels = vehicle.road_wheel.x
-    return Bracket(min(x - min(wheels), max(wheels) - x), min(x - hind[0], front[0] - x))
+    wheels = ground_wheels(vehicle.model_dump())
+    return Bracket(min(x - wheels[-1]["x"], wheels[0]["x"] - x), min(x - hind[0], front[0] - x))
 
 
 def drawbar(vehicle: VehicleTable, soil: Soil, weight: float, slip: float) -> Bracket:
     """Bracket of the drawbar pull at a slip, N.
 
-    Least: one link under each road wheel bears, and shear begins anew at it; largest: both tracks bear and shear evenly
-    between the outer wheels.
+    Least: one link under each wheel on the ground bears, and shear begins anew at it; largest: both tracks bear and
+    shear evenly between the outer wheels.
     """
-    wheels, track = vehicle.road_wheel.x, vehicle.track
-    length = max(wheels) - min(wheels)
+    wheels, track = ground_wheels(vehicle.model_dump()), vehicle.track
+    length = wheels[0]["x"] - wheels[-1]["x"]
     areas = [2.0 * track.width * part for part in (len(wheels) * track.pitch, length)]
     resistances = [2.0 * compaction_resistance(soil, weight / area) for area in areas]
     thrusts = [traction(soil, weight, *part, slip) for part in zip(areas, (track.pitch, length), strict=True)]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-from fmus.vehicles.sides import lopsided
+from fmus.vehicles.sides import ground_wheels, lopsided
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.log.reader import Log
@@ -119,8 +119,8 @@ def vehicle_of(scene: str) -> Vehicle:
     for name in FITTINGS:
         if not getattr(table, name):
             raise BadInput(f"study mobility: {loaded.where}: vehicle.{name}: {table.name} has none, and trials need it")
-    length = max(table.road_wheel.x) - min(table.road_wheel.x)
-    return Vehicle(loaded, table, length, table.gravity * table.total_mass())
+    wheels = ground_wheels(table.model_dump())
+    return Vehicle(loaded, table, wheels[0]["x"] - wheels[-1]["x"], table.gravity * table.total_mass())
 
 
 def trial_scene(
