@@ -110,9 +110,8 @@ def test_the_plane_under_a_vehicle_is_that_under_all_its_wheels(further):
         "idler": {"x": -4.5}, "wheel": further, "return_roller": {"x": [-2.0]},
     }  # fmt: skip
     surface = SimpleNamespace(height_under=lambda places: 0.01 * places[..., 0] ** 2)
-    run = SimpleNamespace(
-        scene={"ground": {"washboard": {"start": 0.0}}, "vehicle": table}, compute_once=lambda *_: surface
-    )
+    scene = {"ground": {"washboard": {"start": 0.0}}, "vehicle": table}
+    run = SimpleNamespace(scene=scene, compute_once=lambda *_: surface)
     along, _, _ = ground_axes(run, np.zeros((1, 3)))
     x = np.array([0.0, -1.0, -3.0, -4.5, *(wheel["x"] for wheel in further.values())]) + 2.0
     assert along[0, 2] / along[0, 0] == pytest.approx(np.polyfit(x, 0.01 * x**2, 1)[0])
