@@ -205,9 +205,11 @@ def test_a_brake_that_fades_lets_go_where_the_load_exceeds_it():
     assert probe["energy.work"] == pytest.approx(probe["energy.dissipated"] + probe["energy.kinetic"], rel=1e-9)
 
 
-@pytest.mark.parametrize(("torque", "holds"), [(1000.0, True), (10.0, False)])
-def test_a_braked_sprocket_on_a_mount_that_turns_is_a_locked_one(torque, holds):
-    """Motion and reactions are those of the prescribed speed 0; the load is the chain's torque and J times a.w'."""
+@pytest.mark.parametrize(
+    ("torque", "chain", "holds"), [(1000.0, 40.0, True), (45.0, 40.0, True), (45.0, -40.0, False), (10.0, 40.0, False)]
+)
+def test_a_braked_sprocket_on_a_mount_that_turns_is_a_locked_one(torque, chain, holds):
+    """Motion and reactions are those of the prescribed speed 0; the load is the chain's less J a.w', 11 N m at last."""
 
     def swaying(t):
         turned = Rotation.from_rotvec([0.0, 2.0 / 3.0 * t**3, 0.0])
@@ -216,7 +218,7 @@ def test_a_braked_sprocket_on_a_mount_that_turns_is_a_locked_one(torque, holds):
     braked, locked = Probe(mode="torque", **{"brake.torque": torque}), Probe()
     for _ in range(200):
         for probe in (braked, locked):
-            probe.step(1e-3, chain=(5.0, 40.0, 0.0), mount=swaying)
+            probe.step(1e-3, chain=(5.0, chain, 0.0), mount=swaying)
     equal = [
         np.allclose(braked[name], locked[name], rtol=1e-9, atol=1e-9)
         for name in ("speed", "angle", "mount.torque", "sprocket.angular_velocity", "energy.kinetic")
