@@ -80,6 +80,23 @@ def test_locked_sprockets_let_the_vehicle_creep(slope):
     assert expected != pytest.approx(creeping(1.02 * slope), rel=1e-2)  # twin
 
 
+@pytest.mark.parametrize(("torque", "holds"), [(5.0e3, True), (2.5e3, False)])
+def test_a_parking_brake_holds_below_its_torque(torque, holds):
+    """On 20 % the weight asks 3.7 kN m of each side: the vehicle creeps as on locked sprockets, or rolls away.
+
+    Rolling, all of the brake's heat is its torque times the angle.
+    """
+    parked = ("ground.grade=0.2", HALVES[0], "drive.mode=torque", f"drive.brake={torque}")
+    vehicle = InProcess(placed(load("straight", "rigid", (*STANDING[1:], *parked)))).run(1.0)
+    drive, slips = vehicle["left_drive"], []
+    for _ in range(40):  # the hull swings on its springs
+        slips.append(vehicle.run(0.05)["left_track"]["slip"])
+    assert (abs(drive["speed"]) < 1e-9) == holds
+    assert (abs(drive["angle"]) < 1e-9) == holds
+    assert (np.mean(slips) == pytest.approx(creeping(0.2), rel=0.01)) == holds
+    assert drive["energy.dissipated"] == pytest.approx(torque * abs(drive["angle"]), rel=1e-9, abs=1e-6)
+
+
 def test_the_start_is_an_equilibrium():
     """Loads of wheels at the start of a slope are those to which they settle; those of level ground are not (twin)."""
 

@@ -29,12 +29,11 @@ class DriveParameters(NamedTuple):
     ramp_end: float  # s
     torque: float  # of the motor in mode TORQUE, N m
     brake: float  # largest torque of the brake, N m
-    brake_speed: float  # below which the brake fades, rad/s
     proportional: float  # gain of the controller, N m s/rad
     integral: float  # gain of the controller, N m/rad
     limit: float  # largest torque of the motor, N m
     with_acceleration: int  # 1: the mount's acceleration is extrapolated from its last two velocities; 0: it is 0
-    stages: np.ndarray  # (5, INTEGRATED) work array: rates of a shaft at the stages of a step, and its quantities
+    stages: np.ndarray  # (6, INTEGRATED) scratch: rates at the stages of a step, quantities there and before it
     stop_start: float = -1.0  # time at which the stop begins, after the ramp, s; below 0: no stop
     stop_time: float = 1e-3  # duration of the stop, s
     speeds: Course = NONE  # replaces the ramp and the stop

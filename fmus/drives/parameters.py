@@ -20,7 +20,7 @@ MODES = ("speed", "torque", "controller")
 EXTRAPOLATIONS = ("velocity", "acceleration")
 FREE = dict(  # numbers of the ``DriveParameters`` that are parameters of every motor -> their names
     start_speed="speed.start", ramp_start="ramp.start", ramp_end="ramp.end", torque="torque.drive",
-    brake_speed="brake.speed", proportional="controller.proportional", integral="controller.integral",
+    proportional="controller.proportional", integral="controller.integral",
     limit="torque.limit", stop_time="stop.time", gear="gear.ratio",
 )  # fmt: skip
 POINTS = "'time value; time value; ...', straight lines between: the"
@@ -85,9 +85,8 @@ def motor_ports(prefix: str = "", body: str = "the sprocket", speed: str = "spee
         Port("engine.points", "parameter", "1", "'speed torque; speed torque; ...', straight lines between: largest "
              "torque of the engine's shaft, N m, over its speed, rad/s, not in mode speed", ""),
         Port("gear.ratio", "parameter", "1", f"turns of the engine to one of {body}", 1.0, allowed=POSITIVE),
-        Port("brake.torque", "parameter", "N.m", "torque of the brake against rotation, not in mode speed",
+        Port("brake.torque", "parameter", "N.m", "largest torque of the brake against rotation, not in mode speed",
              allowed=BRAKE),
-        Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1, allowed=POSITIVE),
         Port("controller.proportional", "parameter", "N.m.s/rad", "torque per speed error", 6000.0,
              allowed=NOT_NEGATIVE),
         Port("controller.integral", "parameter", "N.m", "torque per rad of accumulated speed error", 20000.0,
@@ -182,7 +181,7 @@ def drive_parameters(
         end_speed=float(values_of["speed.end"]),
         brake=float(brakes.value.max()) if brakes.value.size else float(values_of["brake.torque"]),
         with_acceleration=EXTRAPOLATIONS.index(values["extrapolation"]),
-        stages=np.zeros((len(RK4.b) + 1, INTEGRATED)),
+        stages=np.zeros((len(RK4.b) + 2, INTEGRATED)),
         stop_start=float(values_of["stop.start"]),
         speeds=speeds,
         torques=torques,

@@ -20,6 +20,7 @@ from fmus.drives.motor import TORQUE, DriveParameters
 from fmus.kernels.jit import allocating
 from fmus.monolith.spins import Spins, write_motions, write_powers, write_reactions
 from fmus.monolith.spins import accumulate as accumulate_spins
+from fmus.monolith.spins import hold as hold_shafts
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.interface import derivative, project, speed, stage_joints
 from fmus.physics.chain.report import TRAVEL, WORK
@@ -53,14 +54,27 @@ class PortMap(NamedTuple):
 
 
 @allocating
+def _move(drives: Any, tree: Any, ports: PortMap, t: float, x: Floats) -> None:
+    """Write the motions of wheels and sprockets in the state x."""
+    if tree is not None:
+        put_sides(tree, x[ports.body : ports.shafts], ports.sides, ports.motion, 0)
+    if drives is not None:
+        write_motions(drives, ports.spins, ports.motion, t, x)
+
+
+@allocating
+def _hold(drives: Any, tree: Any, ports: PortMap, t: float, x: Floats) -> bool:
+    """Let brakes hold or release their shafts from t on; whether one does."""
+    _move(drives, tree, ports, t, x)
+    return False if drives is None else hold_shafts(drives, ports.spins, t, x)
+
+
+@allocating
 def rates(chains: Sequence[Any], drives: Any, tree: Any, ports: PortMap, t: float, x: Floats, k: Floats) -> int:
     """Write dx/dt into ``k``. Returns -1, or the link of a chain whose accelerations do not exist."""
     motion, wrench, u = ports.motion, ports.wrench, ports.u
     failed = -1
-    if tree is not None:
-        put_sides(tree, x[ports.body : ports.shafts], ports.sides, motion, 0)
-    if drives is not None:
-        write_motions(drives, ports.spins, motion, t, x)
+    _move(drives, tree, ports, t, x)
     for c in chains:
         p = c.slot
         m = p.motions.size
@@ -119,6 +133,7 @@ def march(
     for n, c in enumerate(chains):
         before[n] = speed(c.links, c.env, c.s, c.w)
     for step in range(steps):
+        _hold(drives, tree, ports, t + step * dt, x)
         for i in range(RK4.b.size):
             stage(RK4, i, dt, x, k, y)
             failed = rates(chains, drives, tree, ports, t + (step + RK4.c[i]) * dt, y, k[i])
@@ -172,13 +187,14 @@ def march_adaptively(
     t, h, steps = interval
     longest, done = h / steps, 0.0
     copy(sums, m.x[m.controlled :])
-    if fresh:
-        copy(m.x, m.y)
-        failed = _evaluate(chains, drives, tree, ports, m, sums, t)
-        if failed >= 0:
-            return CHAIN_FAILED, done, failed
-        restart(m, longest)
     while done < h * (1.0 - 1e-12):
+        if _hold(drives, tree, ports, t + done, m.x[: m.controlled]) or fresh:
+            fresh = False
+            copy(m.x, m.y)
+            failed = _evaluate(chains, drives, tree, ports, m, sums, t + done)
+            if failed >= 0:
+                return CHAIN_FAILED, done, failed
+            restart(m, longest)
         dt = length(m, h - done, longest)
         if dt < LEAST:
             return STEP_TOO_SHORT, done, 0

@@ -136,6 +136,8 @@ def lay_out(
         about_axis=np.zeros((fixed, 2)),
         acceleration=np.zeros(fixed),
         own_rate=np.zeros(fixed),
+        direction=np.ones(fixed),
+        growth=np.zeros(fixed),
         reaction=sums.take(fixed, 3),
         force=sums.take(fixed, 3),
     )

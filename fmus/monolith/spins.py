@@ -12,8 +12,9 @@ import numpy as np
 
 from fmus.drives.motor import SPEED, speed_profile, speed_profile_slope
 from fmus.drives.mount import SPROCKET, put_sprocket_motion
-from fmus.drives.shaft import ANGLE, BRAKE_WORK, IMPULSE, INTEGRAL, INTEGRATED, PORT_WORK, RATE, WORK
+from fmus.drives.shaft import ANGLE, BRAKE_WORK, HELD, IMPULSE, INTEGRAL, INTEGRATED, PORT_WORK, RATE, WORK
 from fmus.drives.shaft import rates as spin_rates
+from fmus.drives.shaft import slip_direction as spin_direction
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.rotation import quat_rotate
@@ -39,6 +40,8 @@ class Spins(NamedTuple):
     about_axis: np.ndarray  # (D, 2) scratch: ABOUT, rad/s, and PULL, N m
     acceleration: np.ndarray  # (D) scratch: angular acceleration of each shaft, rad/s2
     own_rate: np.ndarray  # (D) scratch: rate of each shaft without the part that the chassis' inertia holds, rad/s
+    direction: np.ndarray  # (D) of each shaft against its brake over a step, see ``drives.shaft``
+    growth: np.ndarray  # (D) scratch: angular acceleration of the mounts about each shaft, rad/s2
     reaction: np.ndarray  # (D, 3) angular impulse of the chain over the step, world axes, N m s
     force: np.ndarray  # (D, 3) impulse of the chain over the step, world axes, N s
 
@@ -80,13 +83,14 @@ def _axis(p: Spins, motion: Floats, d: int) -> tuple[Vector, Vector]:
 
 @allocating
 def write_motions(drives: Any, p: Spins, motion: Floats, t: float, x: Floats) -> None:
-    """Write the sprockets' motions, and the rates of shafts with prescribed speed into x. (1)"""
+    """Write the sprockets' motions, and the rates of shafts with prescribed speed or held by brakes into x. (1)"""
     for d in range(p.mount.size):
         axis, w = _axis(p, motion, d)
         p.about_axis[d, ABOUT] = dot(axis, w)
     for d in range(p.mount.size):
-        if drives[d].mode == SPEED:
-            x[p.start + SPIN * d + RATE] = speed_profile(drives[d], t)[0] + _shaft(p, d, ABOUT, 0.5)
+        if drives[d].mode == SPEED or p.direction[d] == HELD:
+            speed = speed_profile(drives[d], t)[0] if drives[d].mode == SPEED else 0.0
+            x[p.start + SPIN * d + RATE] = speed + _shaft(p, d, ABOUT, 0.5)
     for d in range(p.mount.size):
         state, m = p.drive_states[d], 13 * p.mount[d]
         state[ANGLE], state[RATE] = _of(p, x, d, ANGLE), _of(p, x, d, RATE)
@@ -95,6 +99,21 @@ def write_motions(drives: Any, p: Spins, motion: Floats, t: float, x: Floats) ->
         )
         m = 13 * (p.stations + p.mount.size + d)
         motion[m : m + 13] = state[SPROCKET : SPROCKET + 13]
+
+
+@allocating
+def hold(drives: Any, p: Spins, t: float, x: Floats) -> bool:
+    """Let brakes stop, hold or release shafts from t on, by the loads of the last evaluation; whether one does. (9)"""
+    changed = False
+    for d in range(p.mount.size):
+        drive, before, start = drives[d], p.direction[d], p.start + SPIN * d
+        if drive.mode != SPEED and drive.brake > 0.0:
+            pull, about, y = _shaft(p, d, PULL, 1.0), _shaft(p, d, ABOUT, 0.5), x[start : start + INTEGRATED]
+            if before * (y[RATE] - about) < 0.0:
+                y[RATE] = about
+            p.direction[d] = spin_direction(drive, t, y, (pull, about, p.growth[d]))
+            changed |= p.direction[d] != before
+    return changed
 
 
 @allocating
@@ -111,7 +130,7 @@ def write_reactions(drives: Any, p: Spins, motion: Floats, wrench: Floats, t: fl
             out[:] = 0.0
         else:  # (2)
             pull, about = _shaft(p, d, PULL, 1.0), _shaft(p, d, ABOUT, 0.5)
-            spin_rates(drive, t, x[start : start + INTEGRATED], pull, about, out)
+            spin_rates(drive, t, x[start : start + INTEGRATED], (pull, about, p.growth[d]), p.direction[d], out)
             p.own_rate[d], p.acceleration[d] = x[start + RATE], out[RATE]
     last = p.mount.size - 1
     for d in range(p.mount.size):
@@ -133,10 +152,10 @@ def write_powers(drives: Any, p: Spins, t: float, x: Floats, k: Floats) -> None:
         drive, start = drives[d], p.start + SPIN * d
         pull, about = _shaft(p, d, PULL, 1.0), _shaft(p, d, ABOUT, 0.5)
         relative, out = x[start + RATE] - about, k[start : start + SPIN]
+        on_hull = p.mount[d] < p.stations and (p.differential == 0 or d == 0)  # both mounts turn alike
+        p.growth[d] = k[p.body + 11] if on_hull else 0.0
         if drive.mode == SPEED:
-            p.acceleration[d] = speed_profile_slope(drive, t)
-            if p.mount[d] < p.stations and (p.differential == 0 or d == 0):  # both mounts turn alike
-                p.acceleration[d] += k[p.body + 11]
+            p.acceleration[d] = speed_profile_slope(drive, t) + p.growth[d]
             motor = drive.inertia * p.acceleration[d] - pull
             out[ANGLE], out[INTEGRAL], out[BRAKE_WORK] = relative, 0.0, 0.0
             out[WORK], out[IMPULSE] = motor * relative, motor

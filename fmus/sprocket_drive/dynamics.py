@@ -90,7 +90,7 @@ def advance(p: DriveParameters, x: Floats, t: float, h: float, steps: int, u: Fl
         if p.mode == SPEED:
             x[shaft.RATE] = speed_profile(p, t)[0] + m.start_rate
         mount.set_start_momentum(p.inertia, x, m)
-    shaft.advance_shaft(p, x, t, h, steps, m.chain_torque, m.start_rate, m.end_rate)
+    shaft.advance_shaft(p, x, shaft.ShaftStep(t, h, steps, m.chain_torque, m.start_rate, m.end_rate))
     mount.finish_step(p.inertia, x, h, u, 0, m)
 
 

@@ -62,8 +62,8 @@ class Model(ComponentModel):
         Sentence(""),
         Sentence(NO_ROTATION, ("mount",)),
         Sentence(
-            "at t = {0:.6g} s brake.speed is too small, or the controller's gains too large: {1:d} internal steps in"
-            " one of {2:.3g} s"
+            "at t = {0:.6g} s the engine's curve is too steep, or the controller's gains are too large: {1:d} internal"
+            " steps in one of {2:.3g} s"
         ),
         Sentence("at t = {0:.6g} s the sprocket's spin is not finite"),
     )

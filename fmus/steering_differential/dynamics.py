@@ -164,9 +164,10 @@ def advance(g: Gearbox, x: Floats, t: float, h: float, propulsion_steps: int, st
         mount.set_start_momentum(g.inertia, left, left_mount)
         mount.set_start_momentum(g.inertia, right, right_mount)
     torque, end_rate = left_mount.chain_torque + right_mount.chain_torque, left_mount.end_rate + right_mount.end_rate
-    shaft.advance_shaft(g.propulsion, propulsion, t, h, propulsion_steps, torque, rate, 0.5 * end_rate)  # (2)
+    propelled = shaft.ShaftStep(t, h, propulsion_steps, torque, rate, 0.5 * end_rate)
+    shaft.advance_shaft(g.propulsion, propulsion, propelled)  # (2)
     torque, end_rate = right_mount.chain_torque - left_mount.chain_torque, right_mount.end_rate - left_mount.end_rate
-    shaft.advance_shaft(g.steering, steering, t, h, steering_steps, 0.5 * torque, twist, end_rate)
+    shaft.advance_shaft(g.steering, steering, shaft.ShaftStep(t, h, steering_steps, 0.5 * torque, twist, end_rate))
     set_side(g.inertia, left, -1.0, propulsion, steering, h, left_mount, p - 0.5 * d)
     set_side(g.inertia, right, 1.0, propulsion, steering, h, right_mount, p + 0.5 * d)
     mount.finish_step(g.inertia, left, h, u, 0, left_mount)

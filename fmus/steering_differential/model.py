@@ -41,8 +41,8 @@ SIDES = {"left": 1.0, "right": -1.0}  # sign of y
 DEMAND = "left.speed.demand"
 RELATIVE = "against its mount"
 STIFF = (
-    "at t = {{0:.6g}} s {} has its brake too sharp for its brake.speed, its engine's curve too steep, or its gains too"
-    " large: {{1:d}} internal steps in one of {{2:.3g}} s"
+    "at t = {{0:.6g}} s {} has its engine's curve too steep, or its gains too large: {{1:d}} internal steps in one of"
+    " {{2:.3g}} s"
 )
 
 

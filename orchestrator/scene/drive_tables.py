@@ -51,9 +51,7 @@ class DriveTable(FrozenTable):
     """largest torque of the motor, either way, without the brake; torque and torque_points are cut by a given one
     only"""
     brake: Annotated[float, In("N m", ge=0), When(mode=MOTOR, brake_points=(None,))] = 0.0
-    """torque of the brake"""
-    brake_speed: Annotated[Annotated[float, In("rad/s", gt=0)] | None, WITH_MOTOR] = None
-    """speed below which the brake fades, by default 0.1: under a fifth of its torque it creeps at a fifth of it"""
+    """largest torque of the brake: below it the brake holds, at it the sprocket slips"""
     speed_points: Annotated[
         tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None, When(mode=FOLLOWED, demand=(False,))
     ] = None

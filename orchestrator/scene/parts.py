@@ -353,7 +353,7 @@ def _drive_parameters(drive: DriveTable) -> Parameters:
     if drive.mode == "torque":  # without a limit of its own what is asked for is not cut
         asked = max(abs(torque) for _, torque in drive.torque_points or ((0.0, drive.torque),))
         parameters["torque.limit"] = max(asked, TORQUE_LIMIT)
-    for key in ("brake_speed", "gear_ratio", "torque_limit", "demand_lag"):
+    for key in ("gear_ratio", "torque_limit", "demand_lag"):
         if (value := getattr(drive, key)) is not None:
             parameters[key.replace("_", ".")] = value
     return parameters

@@ -302,6 +302,8 @@ def _validation_sentence(error: ValidationError, where: str, model: type[SystemS
     if first["type"] != "extra_forbidden":
         return text
     key = ".".join(map(str, first["loc"]))
+    if key.endswith(".brake_speed"):  # of scenes and logs of former versions
+        return f"{text}: a brake holds below its torque and fades at no speed, leave the key out"
     if others := [name for name, kind in KINDS.items() if key in keys(kind)]:
         return f"{text}: it needs assembly = {' or '.join(map(repr, others))}"
     near = near_keys(key, keys(model))[:NEAREST]

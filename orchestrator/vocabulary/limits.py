@@ -27,7 +27,6 @@ KINDS = {
     "slide": LimitKind("the vehicle slides, faster than its track runs: speed of its pads", "m/s"),
     "fast": LimitKind("it goes ten times as fast as a vehicle of this length goes at a walk", "m/s"),
     "creep": LimitKind("the standing vehicle creeps where it should stick", "mm/s"),
-    "brake": LimitKind("the brake of the standing vehicle turns, a smaller brake_speed lets it hold: chain", "mm/s"),
     "lift": LimitKind("without load", "s"),
     "belly": LimitKind("the hull is in the soil, which bears tracks only", "mm", fails=True),
     "hull": LimitKind("the hull is in hard ground, held by springs of a link, or by none without ground.hull", "mm"),
@@ -58,8 +57,6 @@ RISE = 0.01  # m
 # s^2) at the share s of its limit; 0.01 m/s is 36 m an hour. At CREEPS times that speed, or with s above 1, the contact
 # really slides, which is physical.
 CREEP, CREEPS, STANDING = 0.01, 3.0, 1.0
-# Speed of a chain under a brake that has torque left but fades, m/s, mean over STANDING seconds: 3.6 m an hour.
-BRAKE = 1e-3
 # Slip of pads over STANDING seconds: beyond SPIN a track digs in and hardly pulls more. A vehicle slides where its pads
 # are faster than its chain. Slower than SLOW of a walking pace, 0.4 sqrt(gravity length), neither matters; FAST of them
 # are 70 km/h for the m113.

@@ -29,9 +29,9 @@ KINDS = [  # model, parameters, and the relative difference from rigid links tha
 ]
 
 
-def chain(model, links: int, bushing: dict, ends: dict, changes: dict, gravity: float = G, **more):
+def chain(model, links: int, bushing: dict, ends: dict, changes: dict, gravity: float = G, track=TRACK, **more):
     """An open chain without wheels, initialised."""
-    vehicle = VEHICLE | {"track": TRACK | {"bushing": NONE | bushing}}
+    vehicle = VEHICLE | {"track": track | {"bushing": NONE | bushing}}
     config = {"links": links, "closed": False, "wheels": [], "ground": False, "gravity": gravity, "ends": ends}
     made = model({"vehicle": vehicle, "track": config | more, "link_outputs": ["position", "force", "moment"]})
     made.initialise(parameters(made, **changes))
@@ -88,6 +88,31 @@ def test_hanging_chain_with_bushes(model, changes, tolerance):
     assert np.abs(moments).max() < 1e-6  # a torque about a pin is no moment across it
     stored = 200.0 * ((turned(hung) - 0.1) ** 2).sum()
     assert outputs(hung)["energy.strain"] == pytest.approx(stored, rel=10.0 * tolerance)
+
+
+@pytest.mark.parametrize("model", [Rigid, Flexible])
+@pytest.mark.parametrize(("bending", "agrees"), [(20.0, True), (20.1, False)])
+def test_short_links_with_stiff_bushes_rest_as_an_elastica(model, bending, agrees):
+    """Pinned ends at the distance D of a rod of length L and EI = 20 N m2: 2 E(m) / K(m) - 1 = D / L, m = k^2.
+
+    Push 4 K^2 EI / L^2 = 207.85 N, sag k L / K = 0.19492 m; both at the start, and while it rests.
+    """
+    links, distance = 64, 0.9
+    m = scipy.optimize.brentq(
+        lambda m: 2.0 * scipy.special.ellipe(m) / scipy.special.ellipk(m) - 1.0 - distance, 1e-4, 0.9
+    )
+    K, p = scipy.special.ellipk(m), 1.0 / links
+    rod = 8.0 * p**3 / 12.0  # 8 kg/m
+    track = TRACK | {"pitch": p, "mass": 8.0 * p, "face": 0.01, "inertia": [0.005, rod + 1e-4, rod + 0.005]}
+    ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [distance, 0.0]}
+    belt = chain(model, links, {"stiffness": bending / p}, ends, {}, gravity=1e-3, track=track)
+    for k in range(6):
+        y = outputs(belt)
+        push = np.array([y[f"joint[{i}].force.x"] for i in range(1, links + 2)])
+        assert (push[[0, -1]] == pytest.approx(4.0 * K**2 * 20.0, rel=1e-3)) == agrees
+        assert np.ptp(push) < 0.01  # no weight, no acceleration
+        assert places(belt)[:, 1].min() == pytest.approx(-np.sqrt(m) / K, rel=1e-3)
+        belt.step(k * 1e-3, 1e-3, np.zeros(0))
 
 
 def motion(model, changes: dict, h: float, bushing: dict) -> float:

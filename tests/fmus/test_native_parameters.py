@@ -36,7 +36,7 @@ PLACE = {
 }  # fmt: skip
 MOTOR = {
     "speed.start": 1.5, "speed.end": 3.5, "ramp.start": 0.01, "ramp.end": 0.05, "stop.start": 0.06, "stop.time": 0.02,
-    "torque.drive": 700.0, "gear.ratio": 1.3, "brake.torque": 900.0, "brake.speed": 0.2,
+    "torque.drive": 700.0, "gear.ratio": 1.3, "brake.torque": 900.0,
     "controller.proportional": 5000.0, "controller.integral": 9000.0, "torque.limit": 4000.0,
 }  # fmt: skip
 LAWS = {f"contact.{pair}.{key}": value for pair in ("sprocket", "wheel", "ground")

@@ -178,7 +178,7 @@ def test_a_constant():
 @pytest.mark.parametrize(
     ("case", "parameters", "sentence"),
     [
-        (DRIVE, {"brake.speed": 0.0}, "brake.speed = 0: must be greater than 0"),
+        (DRIVE, {"gear.ratio": 0.0}, "gear.ratio = 0: must be greater than 0"),
         (DRIVE, {"ramp.start": 0.5, "ramp.end": 0.2}, "ramp.end = 0.2 s must not be before ramp.start"),
         (DRIVE, {"ramp.end": -1.0}, "ramp.end = -1: must be 0 or more"),
         (DRIVE, {"start.angle": float("inf")}, "start.angle = inf: must be a finite number"),

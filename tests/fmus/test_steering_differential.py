@@ -87,6 +87,23 @@ def test_free_spins_under_constant_torques_are_exact():
         assert given / J * 0.4 != pytest.approx(speed, rel=0.03)
 
 
+@pytest.mark.parametrize(("brake", "holds"), [(500.0, True), (300.0, False)])
+def test_a_brake_on_a_shaft_holds_the_mean_or_the_difference_of_both_speeds(brake, holds):
+    """CHAINS turn the mean by -400 N m and the difference by 700 N m; the other shaft turns freely."""
+    open_ = {"propulsion.mode": "torque", "steering.mode": "torque"}
+    mean = run(0.4, **open_, **{"propulsion.brake.torque": brake})
+    assert (abs(mean["propulsion.speed"]) < 1e-12) == holds
+    assert (mean["right.speed"] == pytest.approx(700.0 / J * 0.4, rel=1e-9)) == holds
+    assert (mean["left.speed"] == pytest.approx(-700.0 / J * 0.4, rel=1e-9)) == holds
+    difference = run(0.4, **open_, **{"steering.brake.torque": 3.0 * brake - 600.0})
+    assert (abs(difference["steering.speed"]) < 1e-12) == holds
+    assert difference["propulsion.speed"] == pytest.approx(-200.0 / J * 0.4, rel=1e-9)
+    for probe in (mean, difference):
+        lost = probe["energy.dissipated"]
+        assert (lost < 1e-12) == holds
+        assert probe["energy.work"] + probe["port.work"] == pytest.approx(lost + probe["energy.kinetic"], rel=1e-9)
+
+
 MOTORS = {
     "speeds": {"propulsion.speed.end": 10.0, "steering.speed.end": 4.0},
     "controllers": {"propulsion.mode": "controller", "propulsion.speed.end": 10.0, "steering.mode": "controller",

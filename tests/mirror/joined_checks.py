@@ -15,7 +15,7 @@ from mirror.spin import Spin
 
 SIDES = {"left": -1.0, "right": 1.0}
 # parameters of a half shaft: it turns its sprocket by any given torque
-PASSIVE = {"mode": "torque", "brake.torque": 0.0, "brake.speed": 1.0, "stop.start": -1.0, "ramp.start": 0.0,
+PASSIVE = {"mode": "torque", "brake.torque": 0.0, "stop.start": -1.0, "ramp.start": 0.0,
            "ramp.end": 1.0, "speed.start": 0.0, "speed.end": 0.0}  # fmt: skip
 
 
@@ -96,11 +96,10 @@ def side_sum(view: View, what: str, sign: float) -> Floats:
 
 
 def motor_torque(view: View, spin: Spin, name: str) -> Floats:
-    """Motor torque: half shafts plus the shaft's brake, mean over the step."""
+    """Motor torque: half shafts plus the shaft's brake, mean over the step; NaN where it may hold."""
     steering = name.startswith("steering")
     half_shafts = (0.5 if steering else 1.0) * side_sum(view, "torque", -1.0 if steering else 1.0)
-    brake = spin.brake_torque(spin.part["speed"])
-    return half_shafts + np.concatenate([[0.0], 0.5 * (brake[1:] + brake[:-1])])
+    return half_shafts + np.concatenate([[0.0], spin.braked()])
 
 
 def shaft_angle(view: View, name: str) -> Floats:

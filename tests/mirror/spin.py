@@ -89,11 +89,16 @@ class Spin:
     def profile(self, t: Floats) -> Floats:
         return np.array([self.profile_speed(time) for time in t])
 
-    def brake_torque(self, s: Floats) -> Floats:
-        """Torque of the brake, N m, at speeds ``s``, rad/s."""
-        if self.p["mode"] == "speed":
-            return 0.0 * s
-        return self.p["brake.torque"] * s / np.hypot(s, self.p["brake.speed"])
+    @property
+    def brake(self) -> float:
+        """Largest torque of the brake, N m."""
+        return 0.0 if self.p["mode"] == "speed" else float(self.p["brake.torque"])
+
+    def braked(self) -> Floats:
+        """Torque of the brake against the recorded speed, mean over each step (K), N m; NaN where it may hold."""
+        s = self.part["speed"]
+        slips = (s[1:] * s[:-1] > 0.0) | (self.brake == 0.0)
+        return np.where(slips, self.brake * np.sign(s[1:]), np.nan)
 
     def integrated(self, rates: Floats) -> Floats:
         """Integral of a quantity at instants, by the trapezium rule."""
@@ -106,10 +111,12 @@ class Spin:
         part = self.part
         if self.p["mode"] == "speed":
             return self.profile(part.t)
-        braked = self.brake_torque((part.vector("sprocket.angular_velocity") * self.axle).sum(1) - self.mount_rate)
-        gained = part.h * (self.chain_torque + part["torque"][1:] - 0.5 * (braked[1:] + braked[:-1])) / self.J
-        start = self.profile_speed(0.0) + self.mount_rate[0]
-        return start + np.concatenate([[0.0], np.cumsum(gained)]) - self.mount_rate
+        gained = part.h * (self.chain_torque + part["torque"][1:]) / self.J - np.diff(self.mount_rate)
+        speeds = [self.profile_speed(0.0)]
+        for h, gain in zip(part.h, gained, strict=True):  # the brake takes what is there, at most its own impulse
+            free = speeds[-1] + gain
+            speeds.append(np.sign(free) * max(abs(free) - h * self.brake / self.J, 0.0))
+        return np.array(speeds)
 
     def angle(self) -> Floats:
         part = self.part
@@ -152,7 +159,7 @@ class Spin:
         return np.concatenate([[0.0], np.cumsum(part["torque"][1:] * np.diff(part["angle"]))])
 
     def dissipated(self) -> Floats:
-        return self.integrated(self.brake_torque(self.part["speed"]) * self.part["speed"])
+        return self.integrated(self.brake * abs(self.part["speed"]))
 
     def port_work(self) -> Floats:
         """Work of the chain's wrench on the sprocket less that of the wrench on the mount, J."""
@@ -172,13 +179,11 @@ class Spin:
         return np.vstack([np.full(3, np.nan), part.input_vectors("sprocket.torque") - spin_torque])
 
     def steps(self) -> Floats:
-        """Number of internal steps, each at most half the time constant of brake and controller."""
+        """Number of internal steps, each at most half the time constant of the controller."""
         p, part = self.p, self.part
         counts = np.ones(len(part.h))
-        if p["mode"] != "speed":
-            fastest = p["brake.torque"] / (p["brake.speed"] * self.J)
-            if p["mode"] == "controller":
-                fastest += p["controller.proportional"] / self.J + np.sqrt(p["controller.integral"] / self.J)
+        if p["mode"] == "controller":
+            fastest = p["controller.proportional"] / self.J + np.sqrt(p["controller.integral"] / self.J)
             counts = np.maximum(1.0, np.ceil(2.0 * part.h * fastest))
         return np.concatenate([[0.0], np.cumsum(counts)])
 

@@ -97,6 +97,7 @@ REFUSED = {  # by scene: settings, and words of their sentence
         ("seats=['driver', 'driver']", "seats names a seat twice"),
         ("drive.torque_limit=100", "torque_limit = 100.0 needs mode = 'torque' or 'controller', not 'speed'"),
         ("drive.brake=5", "drive: brake = 5.0 needs mode = 'torque' or 'controller', not 'speed'"),
+        ("drive={mode='torque', brake=5, brake_speed=0.1}", "unknown key 'drive.brake_speed': a brake holds below its"),
         ("drive.torque=5", "torque = 5.0 needs mode = 'torque', not 'speed'"),
         ("drive={mode='torque', ramp_time=2}", "ramp_time = 2.0 needs mode = 'speed' or 'controller', not 'torque'"),
         ("drive={speed=3, speed_points=[[0, 1]]}", "speed = 3.0 excludes speed_points"),

@@ -94,9 +94,6 @@ def test_drive_profile_reaches_the_parameters():
     assert (drive["speed.end"], drive["ramp.start"], drive["ramp.end"]) == (20.0, 2.0, 6.0)
     brake = parts("rig")["idler_drive"].parameters
     assert (brake["mode"], brake["brake.torque"]) == ("torque", 500.0)
-    for more, speed in ((("drive.brake_speed=1e-3",), 1e-3), ((), None)):  # without it the drive has its own default
-        motor = parts("hold", "drive.mode=torque", "drive.brake=25e3", *more, track="rigid")["left_drive"]
-        assert motor.parameters.get("brake.speed") == speed
 
 
 def test_products_are_distinct_and_named():

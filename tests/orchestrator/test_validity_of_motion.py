@@ -68,23 +68,6 @@ def test_a_vehicle_that_comes_to_a_stop_does_not_creep(tmp_path, push, creeps):
     assert [e.what for e in standing(tmp_path, **moved)] == ["creep"] * creeps
 
 
-@pytest.mark.parametrize(("drive", "turned", "warned"), [
-    ({"brake": 2e4}, 0.018, True), ({"brake": 2e4}, -0.018, True),  # a parking brake on 20 %
-    ({"brake": 2e4}, 0.0041, False), ({"brake": 2e4}, 0.0042, True),  # the chain runs at 1 mm/s for 0.004123 rad/s
-    ({"brake": 2e4}, 0.12, False),  # it slips at its torque
-    ({"brake": 2e4, "brake_speed": 0.01}, 0.018, False), ({"brake": 0.0}, 0.018, False),
-    ({"brake": 0.0, "brake_points": [[0.0, 0.0], [1.0, 2e4]]}, 0.018, True),
-    ({"brake": 0.0, "brake_points": [[0.0, 2e4], [1.9, 2e4], [2.0, 0.0]]}, 0.018, True),
-    ({"brake": 0.0, "brake_points": [[0.0, 2e4], [0.9, 0.0]]}, 0.018, False),  # for less than a second
-    ({"brake": 2e4, "right": {"brake": 2e4}, "left": {"brake": 0.0}}, 0.018, False),  # of the other side
-    ({"brake": 0.0, "right": {"brake": 0.0}, "left": {"brake": 2e4}}, 0.018, True),
-])  # fmt: skip
-def test_a_brake_that_should_hold_turns(tmp_path, drive, turned, warned):
-    entries = standing(tmp_path, drive, left_drive__speed=turned)
-    radius = 10 * 0.1524 / (2.0 * np.pi)
-    assert [(e.what, e.value) for e in entries] == [("brake", pytest.approx(abs(turned) * radius))] * warned
-
-
 @pytest.mark.parametrize(("chain", "pads", "yaw", "what", "value"), [
     (2.0, 1.04, 0.0, "spin", 0.52), (2.0, 0.96, 0.0, "", 0.0),
     (2.0, 1.04, 0.05, "", 0.0),  # it turns

@@ -271,6 +271,22 @@ def whole(scene, *settings, steps, h=1e-3):
     return outputs(monolith.models)
 
 
+@pytest.mark.study
+@pytest.mark.parametrize(("brake", "holds"), [(25e3, True), (2.5e3, False)])
+def test_a_brake_holds_or_slips(brake, holds):
+    """On 20 %: a sprocket at rest; or heat of torque times angle, a closed ledger, and the co-simulation's angle."""
+    settings = "drive.mode=torque", f"drive.brake={brake}"
+    y = whole("hold", *settings, steps=60)
+    drive = {name.removeprefix("left_drive."): value for name, value in y.items() if name.startswith("left_drive.")}
+    assert (drive["speed"] == drive["angle"] == 0.0) == holds
+    assert drive["energy.dissipated"] == pytest.approx(brake * abs(drive["angle"]), rel=1e-9)
+    assert drive["port.work"] == pytest.approx(drive["energy.dissipated"] + drive["energy.kinetic"], abs=1e-8)
+    if not holds:
+        steps = "run.step=0.25 ms", "track.step=0.25 ms"
+        coupled = InProcess(load("hold", "rigid", (*settings, *steps))).run(0.06)["left_drive"]
+        assert coupled["angle"] == pytest.approx(drive["angle"], rel=4e-3)
+
+
 @pytest.mark.study  # compiles two monoliths
 def test_a_differential_with_prescribed_speeds_is_two_drives():
     joined, apart = whole("differential", *JOINED, steps=50), whole("turn", *AT_ONCE, steps=50)

@@ -18,7 +18,7 @@ from orchestrator.results.energy import WrenchPort, ports
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.table import Table
 
-STANDS = 0.1  # rad/s: a slower sprocket stands; default speed below which brakes fade
+STANDS = 0.1  # rad/s: a slower sprocket stands
 TURNS = 0.2  # rad/s: a faster sprocket is released
 
 

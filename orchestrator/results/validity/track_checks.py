@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.vehicles.sides import ground_wheels
 from orchestrator.log.reader import Missing
-from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.slip import towards
 from orchestrator.results.analyses.wheel_loads import is_settling, off_ground
@@ -21,7 +19,7 @@ from orchestrator.results.validity.piece import Piece
 from orchestrator.results.validity.sprocket_checks import shaft, tracks_on_sprockets
 from orchestrator.vocabulary import limits
 
-STANDS = 0.1  # rad/s of a sprocket: brakes fade below, unless drive.brake_speed is given
+STANDS = 0.1  # rad/s of a sprocket
 TURNS = 0.02  # rad/s of the hull: a turning vehicle slides sideways, and its tracks slip by nature
 YAW, VELOCITY = "chassis.chassis.angular_velocity.z", "chassis.chassis.velocity"
 
@@ -46,7 +44,6 @@ def creep(piece: Piece) -> Iterator[Exceedance]:
     wheels, gravity = ground_wheels(run.scene["vehicle"]), hull.vehicle_number(run, "gravity")
     pace = 0.4 * np.sqrt(gravity * (wheels[0]["x"] - wheels[-1]["x"]))
     slow = limits.SLOW * pace
-    circle = hull.vehicle_number(run, "sprocket", "teeth") * hull.vehicle_number(run, "track", "pitch")
     axes = ground_axes(run, piece.columns([*pose_signals(run)])[1])
     hull_ahead, hull_left, _ = (component(piece.vector(VELOCITY)[1], axis) for axis in axes)
     end = np.flatnonzero(t - t[:1] > limits.STANDING - 1e-9)
@@ -61,18 +58,15 @@ def creep(piece: Piece) -> Iterator[Exceedance]:
         way, forces = towards(chain, pads), (component(force, axis) for axis in axes)
         turns = np.abs(yaw) >= TURNS
         moves, grips = turns | (np.abs(turned) >= STANDS), -pads * way <= np.maximum(chain * way, slow)
-        free = ~_brakes(run, track, t, turned)
-        columns = chain * way, pads * way, pads, hull_left, turns, moves, grips, free, turned, *forces
+        columns = chain * way, pads * way, pads, hull_left, turns, moves, grips, *forces
         sums = np.cumsum(np.stack(columns) * record_durations(t), axis=1)
         means = (sums[:, end] - sums[:, begin]) / (t[end] - t[begin])
-        speed, lag, back, left, turning, moving, gripping, loose, rate, *thrust, load = means
+        speed, lag, back, left, turning, moving, gripping, *thrust, load = means
         gained = ((v[end] - v[begin]) / (gravity * (t[end] - t[begin])) for v in (hull_ahead, hull_left))
         pulled = (f / np.maximum(load, 1.0) - a for f, a in zip(thrust, gained, strict=True))
         share, creep = np.hypot(*pulled) / friction, np.hypot(back, left)
         creeps = (moving == 0.0) & (creep**2 * np.maximum(1.0 - share**2, 0.0) < (limits.CREEPS * fades * share) ** 2)
-        braked = np.where((moving == 0.0) & (loose == 0.0), np.abs(rate) * circle / (2.0 * np.pi), 0.0)
         for what, values, limit in (
-            ("brake", braked, limits.BRAKE),
             ("creep", np.where(creeps & (share < 1.0), creep, 0.0), limits.CREEP),
             ("spin", np.where(turning == 0.0, lag / np.maximum(speed, slow), 0.0), limits.SPIN),
             ("slide", np.where(gripping == 0.0, -lag, 0.0), slow),
@@ -80,17 +74,7 @@ def creep(piece: Piece) -> Iterator[Exceedance]:
         ):
             if first_and_worst := excess(t[begin], values, float(limit)):
                 yield Exceedance(what, track, first_and_worst[0], "", first_and_worst[1], float(limit), WARNING)
-                if what != "brake":
-                    break
-
-
-def _brakes(run: RunData, track: str, t: Floats, turned: Floats) -> NDArray[np.bool_]:
-    """At which times t, s, the brake of a track's sprocket is on and fades at its speed ``turned``, rad/s."""
-    drive = run.scene.get("drive") or {}
-    drive = drive.get(track.removesuffix("_track")) or drive
-    torque = np.interp(t, *np.transpose(drive.get("brake_points") or [(0.0, drive.get("brake") or 0.0)]))
-    fading = np.abs(turned) < (drive.get("brake_speed") or STANDS)
-    return fading & (torque > 0.0) & (not drive.get("steering"))
+                break
 
 
 def least_friction(run: RunData) -> float:

@@ -8,7 +8,8 @@ after the correction gives the sum of its own forces, D. With F, E a link's resi
     =>   x_(i+1) = x_i - b_(i+1) - (D_i - F_i - E_i)
 
 so forces on links and pins balance to rounding. A force common to all pins is not determined: in a loop the x are given
-zero mean (a uniform tension has no mean either), and the closure error is spread over the pins.
+zero mean (a uniform tension has no mean either), and the closure error is spread over the pins. Between two pinned ends
+a uniform tension has a mean, so there the residual of the first link is evaluated again.
 
 Moments follow from the gradient that two links share at their pin, g, and from a link's residual there, G, which is
 evaluated again: M = g x G. Cables share one component of their slope, beams the gradient along the pin.
@@ -142,10 +143,13 @@ def newton_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
         x = add(x, scale(-1.0, in_space(links, t)))
     if links.closed == 1:
         base, slope = scale(1.0 / n, add(total, scale(-0.5 * (n - 1.0), x))), scale(-1.0 / n, x)
-    elif env.ends == PINNED:
-        base, slope = scale(1.0 / (n + 1.0), add(total, x)), (0.0, 0.0, 0.0)
     else:
         base, slope = x, (0.0, 0.0, 0.0)
+    if env.ends == PINNED:
+        base = in_space(links, R[0, 0])
+        _evaluate_again(links, env, s, w, 0)
+        base = add(base, scale(-1.0, in_space(links, R[0, 0])))
+        put(forces[0], JOINT, base)
     for i in range(n):
         shift = add(vector(forces[i], JOINT), add(scale(1.0 * i, slope), scale(-1.0, base)))
         put(forces[i], JOINT, start_frame_vector(links, s, add(in_space(links, R[i, 0]), shift)))
@@ -174,26 +178,35 @@ def stage_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> N
 
 
 @kernel
+def _evaluate_again(links: FlexibleLinks, env: Environment, s: State, w: Work, i: int) -> None:
+    """Write the residual of link ``i`` in its present motion, with the contact forces in ``w``."""
+    c, r, (first, second) = links.element, w.residual[i], ends(layout(links), s.q.shape[0], i)
+    gather(links, s.q, first, second, w.coordinates)
+    gather(links, s.v, first, second, w.rates)
+    gather(links, s.vdot, first, second, w.accelerations)
+    inertia_and_weight(links, Motion(s.q, s.v, s.vdot, s.axes), w, scale(total_mass(c), env.gravity), r)
+    add_lateral_bending(links, w, r, False)
+    force(c, w.coordinates, w.rates, r)
+    if w.touched[i]:
+        for row in range(vector_count(c)):
+            for k in range(axis_count(c)):
+                r[row, k] += w.load[i, row, k]
+
+
+@kernel
 def _moments(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
     """Moment of each pin, N m, into ``w.on_links``, if it has them: it overwrites the residuals of the links."""
     if w.on_links.shape[1] <= MOMENT:
         return
-    indices, c, x = layout(links), links.element, Motion(s.q, s.v, s.vdot, s.axes)
-    rows, axes, weight = vector_count(c), axis_count(c), scale(total_mass(c), env.gravity)
+    indices, rows, axes = layout(links), vector_count(links.element), axis_count(links.element)
     for i in range(links.n):
-        r, (first, second) = w.residual[i], ends(indices, s.q.shape[0], i)
-        gather(links, s.q, first, second, w.coordinates)
-        gather(links, s.v, first, second, w.rates)
-        gather(links, s.vdot, first, second, w.accelerations)
-        inertia_and_weight(links, x, w, weight, r)
-        add_lateral_bending(links, w, r, False)
-        force(c, w.coordinates, w.rates, r)
+        r = w.residual[i]
+        _evaluate_again(links, env, s, w, i)
         for end in range(2 if i == links.n - 1 and links.closed != 1 else 1):
             moment = (0.0, 0.0, 0.0)
             for k in range(axes, placed(indices)):
                 row, a = indices.outer[k] // axes + end * (rows // 2), indices.outer[k] % axes
-                G = r[row, a] + (w.load[i, row, a] if w.touched[i] else 0.0)
-                along = (G if a == 0 else 0.0, G if a == 1 else 0.0, G if a == 2 else 0.0)
+                along = (r[row, a] if a == 0 else 0.0, r[row, a] if a == 1 else 0.0, r[row, a] if a == 2 else 0.0)
                 moment = add(moment, cross(vector(w.coordinates[row], 0), along))
             put(w.on_links[i + end], MOMENT, start_frame_vector(links, s, scale(1.0 - 2.0 * end, moment)))
 
