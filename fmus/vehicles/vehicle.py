@@ -75,6 +75,8 @@ class SprocketTable(FrozenTable):  # noqa: D101
     """moment of inertia across the axle"""
     teeth: Annotated[int, Field(ge=6, le=40)]
     """number of teeth"""
+    gaps_per_pin: Annotated[int, Field(ge=1, le=4)] = 1
+    """gaps between teeth from a pin to the next one: with 2, 25 teeth take 12.5 pins a turn, one in every second gap"""
     pitch: Distance | None = None
     """pitch of the chain that the teeth were made for; without it that of the track, which grows by wear"""
     outer_radius: Distance

@@ -46,7 +46,7 @@ def creep(piece: Piece) -> Iterator[Exceedance]:
     wheels, gravity = run.scene["vehicle"]["road_wheel"]["x"], hull.vehicle_number(run, "gravity")
     pace = 0.4 * np.sqrt(gravity * (max(wheels) - min(wheels)))
     slow = limits.SLOW * pace
-    circle = hull.vehicle_number(run, "sprocket", "teeth") * hull.vehicle_number(run, "track", "pitch")
+    circle = hull.pins_of_sprocket(run) * hull.vehicle_number(run, "track", "pitch")
     axes = ground_axes(run, piece.columns([*pose_signals(run)])[1])
     hull_ahead, hull_left, _ = (component(piece.vector(VELOCITY)[1], axis) for axis in axes)
     end = np.flatnonzero(t - t[:1] > limits.STANDING - 1e-9)
