@@ -110,6 +110,10 @@ RECOIL = {"preload": 9e4, "stiffness": 4e5}
         ({"right": {"return_roller": {"x": [-1.0]}}}, "right.return_roller.x: has 1 positions, must have 0"),
         ({"right": {"idler": {"x": 4.0}}}, "right.idler.x = 4.0 m: must be on the side of the sprocket that idler.x"),
         ({"right": {"sprocket": {"teeth": 9}}}, "unknown key 'right.sprocket'"),
+        (
+            {"sprocket": {**M113["sprocket"], "outer_radius": 0.4, "gaps_per_pin": 2}},
+            "sprocket.gaps_per_pin = 2: 10 teeth take 5 pins a turn, it must be 6 or more",
+        ),
         ({"return_roller": {**ROLLERS, "radius": -1.0}}, "return_roller.radius = -1.0"),
         (
             {"road_wheel": {**M113["road_wheel"], "radius": [0.25, 0.3]}},

@@ -53,7 +53,7 @@ class Slip(NamedTuple):
     t: Floats  # (m,) s
     chain: Floats  # (m, tracks) m/s, speed of the chain
     pads: Floats  # (m, tracks) m/s, velocity of links over the ground, rearwards positive
-    pitched: Floats  # (m, tracks) m/s, a pitch a tooth of the sprocket
+    pitched: Floats  # (m, tracks) m/s, a pitch a pin of the sprocket
     lag: Floats  # (m, tracks) m/s, that less the speed of the hull over the track
     thrust: Floats  # (m, tracks) N, forward ground force
     lateral: Floats  # (m, tracks) N, to the left
