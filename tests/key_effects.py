@@ -41,6 +41,9 @@ CASES = {
     "vehicle": Case("straight", VEHICLE, overrides=SLOWER),
     "guided": Case("straight", (*VEHICLE, "vehicle.guide.clearance=1e-5"), overrides=SLOWER),
     "eleven teeth": Case("straight", (*VEHICLE, "vehicle.sprocket.outer_radius=0.285"), overrides=SLOWER),
+    "dense teeth": Case("straight", (*VEHICLE, "vehicle.sprocket.teeth=20", "vehicle.sprocket.gaps_per_pin=2",
+        "vehicle.sprocket.seat_clearance=0.006", "vehicle.sprocket.tip_radius=0.004",
+        "vehicle.sprocket.flank_angle=0.05", "vehicle.idler.x=-4.043"), overrides=SLOWER),
     "tensioned": Case("straight", ("track.link_outputs=false",), 0.002, "vehicle.track.tension"),
     "worn": Case("straight", (*VEHICLE, "vehicle.sprocket.pitch=0.1523"), overrides=SLOWER),
     "stopped": Case("straight", (*VEHICLE, "drive.stop=0.02", "drive.stop_time=5e-3"), 0.03),
@@ -163,6 +166,7 @@ KEYS: dict[str, Acts] = {
     "vehicle.contact.*": Acts("vehicle", ALL),
     "vehicle.guide.clearance": Acts("guided", WIDE, 2e-5),  # cables stay in their plane
     "vehicle.sprocket.teeth": Acts("eleven teeth", ALL),
+    "vehicle.sprocket.gaps_per_pin": Acts("dense teeth", ("rigid",), 3),
     "vehicle.sprocket.*radius": Acts("vehicle", ALL),
     "vehicle.sprocket.seat_clearance": Acts("vehicle", ALL),
     "vehicle.sprocket.flank_angle": Acts("vehicle", ALL),

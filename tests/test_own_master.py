@@ -39,7 +39,10 @@ def of(vehicle, model, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize(  # the sides of marder differ
     ("vehicle", "model", "kind"),
-    [("m113", "flexible", "TrackFlexible"), *((name, "rigid", "TrackRigid") for name in ("m113", "marder", "robot", "highdrive"))],
+    [
+        ("m113", "flexible", "TrackFlexible"),
+        *((name, "rigid", "TrackRigid") for name in ("m113", "marder", "robot", "highdrive")),
+    ],
 )
 def test_a_master_of_ones_own_does_what_cotrack_does(vehicle, model, kind, environment, tmp_path):
     scene, fmus = of(vehicle, model, tmp_path)

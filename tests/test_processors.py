@@ -92,11 +92,11 @@ def depends_on_the_processor(source: str) -> list[str]:
 
 
 # Bounds of frequencies, of which nine digits enter the longest stable step (``chain/flexible/explicit.py``); a radius
-# that is checked, not used; powers of 2: products in a kernel, constants of the functions; whether a sum of squares is
-# finite; the spline of a path, whose tridiagonal solve calls no BLAS (above).
+# that tables check, for which components give their sine; powers of 2: products in a kernel, constants of the
+# functions; whether a sum of squares is finite; the spline of a path, whose tridiagonal solve calls no BLAS (above).
 EXEMPT = {
     "physics/ancf/element.py", "physics/chain/flexible/turning.py", "physics/chain/flexible/closing.py",
-    "physics/integrate/adams.py", "physics/integrate/dormand_prince.py", "vehicles/ranges.py", "physics/elementary.py",
+    "physics/integrate/adams.py", "physics/integrate/dormand_prince.py", "vehicles/sides.py", "physics/elementary.py",
     "interface/model.py", "driver/path.py",
 }  # fmt: skip
 

@@ -237,6 +237,28 @@ def test_expectations_can_fail(ran, name, check, settings):
 
 
 @pytest.mark.long
+def test_a_pin_in_every_second_gap_makes_a_polygon_of_half_the_teeth(ran):
+    """21 teeth take 10.5 pins a turn, whose ripple is 2 / (10.5^2 - 1); the free span swings, to 3 % of that."""
+    shape = ("vehicle.sprocket.teeth=21", "vehicle.sprocket.gaps_per_pin=2", "vehicle.sprocket.outer_radius=0.272 m")
+    seen = {name: check["value"] for name, check in ran("sprocket_bench", "rigid", *shape)["checks"].items()}
+    assert seen["pins_per_revolution"] == pytest.approx(10.5, rel=2e-3)
+    assert seen["polygon"] == pytest.approx(2.0 / (10.5**2 - 1.0), rel=0.03)
+    assert abs(seen["polygon"] * (10.0**2 - 1.0) / 2.0 - 1.0) > 0.05, "the twin"
+
+
+@pytest.mark.long
+def test_a_crawler_drives_on_a_tooth_between_every_second_gap(ran):
+    """25 teeth, as many crawlers have: 12.5 pins a turn, no tooth jumped, a pitch a pin but for the pads' slip."""
+    shape = ("vehicle.sprocket.teeth=25", "vehicle.sprocket.gaps_per_pin=2", "vehicle.sprocket.outer_radius=0.4256 m")
+    result = ran("crawler", "rigid", *shape)
+    checks = result["checks"]
+    assert {name for name, check in checks.items() if not check["ok"]} == {"pins_left"}
+    assert checks["pins_left"]["value"] == pytest.approx(12.5, abs=0.03)
+    assert abs(checks["speed_excess"]["value"]) < 4e-3
+    assert (result["status"], result["validity"]) == ("ok", [])
+
+
+@pytest.mark.long
 def test_folded_chain_of_other_length(ran):
     """The fall times of a folded chain scale with the root of its length."""
     result = ran("folded_chain", "rigid", "chain.links=17", "run.stop=0.63 s")

@@ -110,6 +110,10 @@ RECOIL = {"preload": 9e4, "stiffness": 4e5}
         ({"right": {"return_roller": {"x": [-1.0]}}}, "right.return_roller.x: has 1 positions, must have 0"),
         ({"right": {"idler": {"x": 4.0}}}, "right.idler.x = 4.0 m: must be on the side of the sprocket that idler.x"),
         ({"right": {"sprocket": {"teeth": 9}}}, "unknown key 'right.sprocket'"),
+        (
+            {"sprocket": {**M113["sprocket"], "outer_radius": 0.4, "gaps_per_pin": 2}},
+            "sprocket.gaps_per_pin = 2: 10 teeth take 5 pins a turn, it must be 6 or more",
+        ),
         ({"return_roller": {**ROLLERS, "radius": -1.0}}, "return_roller.radius = -1.0"),
         (
             {"road_wheel": {**M113["road_wheel"], "radius": [0.25, 0.3]}},
@@ -141,6 +145,18 @@ RECOIL = {"preload": 9e4, "stiffness": 4e5}
             "wheel.rear.tensioner.recoil: needs a wheel.rear.tensioner.stiffness above 0, in line with which its",
         ),
         ({"return_roller": {"mass": 1.0}}, "key 'return_roller.spin_inertia' is missing"),
+        (
+            {"track": {**M113["track"], "belt": {"bending": 20.0, "length": "10 m"}}},
+            "track: pitch = 0.1524: track.belt makes it 0.15625, leave it out",
+        ),
+        (
+            {"track": {**M113["track"], "belt": {"bending": 15.24}, "bushing": {"stiffness": 101.0}}},
+            "track: bushing.stiffness = 101.0: track.belt makes it 100.0, leave it out",
+        ),
+        ({"track": {**M113["track"], "belt": {"bending": -1.0}}}, "track.belt.bending = -1.0: must be greater than 0"),
+        ({"track": {**M113["track"], "belt": {"length": 1.0}}}, "key 'track.belt.bending' is missing"),
+        ({"track": {**M113["track"], "pitch": "m", "belt": {"bending": 1.0}}}, "track.pitch = 'm': must be a"),
+        ({"track": {**M113["track"], "links": 0, "belt": {"bending": 1.0, "length": 1.0}}}, "track.links = 0: must be"),
     ],
 )
 def test_a_wrong_layout(parts, said):

@@ -61,6 +61,29 @@ def mirrored(table):
     return table
 
 
+def test_a_belt_is_the_numbers_of_its_links():
+    """They are in the resolved table, which is read again as it is."""
+    track = {key: value for key, value in M113["track"].items() if key not in ("pitch", "mass", "inertia", "face")}
+    belt = {
+        "bending": "20 N m^2",
+        "relaxation_time": "2 ms",
+        "length": "9.6 m",
+        "mass": "640 kg",
+        "thickness": "0.06 m",
+    }
+    made = vehicle(
+        changed(track={**track, "links": 64, "width": 0.38, "belt": belt, "bushing": {"preset": 0.1}}), "own"
+    )
+    links = made.track
+    assert (links.pitch, links.mass, links.face) == pytest.approx((0.15, 10.0, 0.03), rel=1e-14)
+    sizes = [size * size for size in (0.15, 0.38, 0.06)]
+    assert links.inertia == pytest.approx([10.0 / 12.0 * (sum(sizes) - size) for size in sizes], rel=1e-12)
+    assert links.bushing.model_dump(exclude_defaults=True) == pytest.approx(
+        {"stiffness": 20.0 / 0.15, "damping": 0.04 / 0.15, "preset": 0.1}, rel=1e-14
+    )
+    assert vehicle(made.model_dump(), "own") == made
+
+
 def at_rest(table, *settings):
     """Scene `straight` with this vehicle, which rests for two seconds."""
     return placed(load("straight", "rigid", {"vehicle": table, "track.link_outputs": False, **dict(settings)}))

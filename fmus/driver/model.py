@@ -18,7 +18,7 @@ from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, mot
 from fmus.interface.sentences import Sentence
 from fmus.physics.arrays import Floats
 from fmus.start import KEYS, start_pose
-from fmus.vehicles.sides import wheel_places
+from fmus.vehicles.sides import way_a_turn, wheel_places
 
 SHARE = Range(0.05, 0.9, "between 0.05 and 0.9")
 LAW = dict(  # numbers of the ``ControlLaw`` that are parameters -> their names
@@ -95,7 +95,7 @@ class Model(ComponentModel):
         return [
             "gravity",
             *(f"chassis.{key}" for key in ("mass", "inertia", "centre")),
-            *(f"sprocket.{key}" for key in ("mass", "transverse_inertia", "teeth")),
+            *(f"sprocket.{key}" for key in ("mass", "transverse_inertia", "teeth", "gaps_per_pin")),
             *(f"{table}.{key}" for table in ("idler", "road_wheel") for key in (*wheel, "radius")),
             *(f"return_roller.{key}" for key in wheel if config["vehicle"].get("return_roller")),
             *(f"wheel.{name}.{key}" for name in config["vehicle"].get("wheel") or () for key in wheel),
@@ -113,7 +113,7 @@ class Model(ComponentModel):
         self._ahead = float(np.mean(wheel_places(vehicle))) - x
         self._footing, _ = footing(vehicle)
         self._creep = float(vehicle["contact"]["ground"]["friction_velocity"])
-        self._radius = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] / (2.0 * np.pi)
+        self._radius = way_a_turn(vehicle) / (2.0 * np.pi)
         parameters = configured_ports(parameter_ports(vehicle), config)
         start_motion = self._start_motion({port.name: port.start for port in parameters})
         self.ports: tuple[Port, ...] = (

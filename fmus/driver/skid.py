@@ -23,7 +23,7 @@ import numpy as np
 from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.elementary import asin, atan2, hypot, sin
-from fmus.vehicles.sides import lowest_wheel, of_side, road_arms, smooth_wheels, wheel_places
+from fmus.vehicles.sides import lowest_wheel, of_side, road_arms, smooth_wheels, way_a_turn, wheel_places
 
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
@@ -108,7 +108,7 @@ def _bearing(v: Mapping[str, Any]) -> list[tuple[float, Mapping[str, Any]]]:
 def _shares(v: Mapping[str, Any], bear: list[tuple[float, Mapping[str, Any]]], wheels: Floats, load: float) -> Floats:
     """Shares (n) of a track's ground load under each wheel: equal springs, less what the strands lift."""
     track, idler, places = v["track"], v["idler"], np.array([x for x, _ in bear])
-    pins = v["sprocket"]["teeth"] * track["pitch"] / (2.0 * np.pi)
+    pins = way_a_turn(v) / (2.0 * np.pi)
     lifts = np.zeros(len(wheels))
     for x, z, radius in ((0.0, 0.0, pins), (idler["x"], idler["z"], idler["radius"] + track["face"])):
         k = int(np.argmin(np.abs(places - x)))

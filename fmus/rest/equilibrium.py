@@ -48,7 +48,7 @@ from fmus.rest.tensioning import without_motion
 from fmus.start import LEVEL, Stance, StartPose, ground_level, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.track_rigid.model import Model as RigidLinks
-from fmus.vehicles.sides import lopsided, lowest_wheel, smooth_wheels
+from fmus.vehicles.sides import lopsided, lowest_wheel, pitch_radius, smooth_wheels
 from fmus.vehicles.tables import BadInput
 
 FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
@@ -212,8 +212,7 @@ def _reason(vehicle: Mapping[str, Any], height: float, pitch: float) -> str:
         beyond = max(ahead - max(wheels), min(wheels) - ahead)
         return f"its centre of mass is {beyond:.2f} m {which} road wheel, so it tips over"
     text = f"it has sagged by {-1e3 * height:.0f} mm and pitched by {pitch * 180.0 / np.pi:.1f} degrees"
-    made_for = vehicle["sprocket"].get("pitch") or vehicle["track"]["pitch"]
-    radius = 0.5 * made_for / sin(np.pi / vehicle["sprocket"]["teeth"]) - vehicle["track"]["face"]
+    radius = pitch_radius(vehicle, sin) - vehicle["track"]["face"]
     for name, x, bottom in ("sprocket", 0.0, -radius), ("idler", idler["x"], idler["z"] - idler["radius"]):
         room = bottom - 2.0 * vehicle["track"]["face"] - ground_level(vehicle)
         if height - sin(pitch) * (x - vehicle["chassis"]["centre"][0]) < -room:

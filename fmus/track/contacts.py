@@ -16,7 +16,8 @@ from fmus.physics.arrays import Vector
 from fmus.physics.chain.contacts import Contacts
 from fmus.physics.contact.ground import GroundShape
 from fmus.physics.contact.teeth import teeth
-from fmus.physics.elementary import hypot
+from fmus.physics.elementary import hypot, sin
+from fmus.vehicles.sides import pitch_radius
 
 STANDING = (0.0, 0.0, 0.0)
 # Losses with which chains come to rest, those of the m113: damping over stiffness, s, friction, its velocity, m/s.
@@ -40,7 +41,7 @@ def contacts(
     s, track = vehicle["sprocket"], vehicle["track"]
     shape = (
         s["teeth"],
-        s.get("pitch") or track["pitch"],
+        pitch_radius(vehicle, sin),
         s["pin_radius"],
         s["outer_radius"],
         s["seat_clearance"],

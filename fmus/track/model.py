@@ -71,11 +71,20 @@ class TrackModel(LaidChain, ComponentModel):
         """See ``ComponentModel``."""
         track = config["track"]
         wheels, ground = track["wheels"], bool(track["ground"])
-        shaped = ["teeth", "pitch", "pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"]
+        shaped = [
+            "teeth",
+            "gaps_per_pin",
+            "pitch",
+            "pin_radius",
+            "outer_radius",
+            "seat_clearance",
+            "flank_angle",
+            "tip_radius",
+        ]
         return [
             *(f"track.{key}" for key in ("pitch", "mass", "inertia", "face", "width", "lateral")),
             *(f"track.bushing.{key}" for key in ("stiffness", "preset", "damping", "friction", "radius", "slow")),
-            *(f"sprocket.{key}" for key in (shaped if wheels or ground else shaped[:1])),
+            *(f"sprocket.{key}" for key in (shaped if wheels or ground else shaped[:2])),
             *drawn_keys(wheels),
             *(("road_wheel.radius", "road_wheel.z") if ground or not wheels else ()),
             "guide.clearance",

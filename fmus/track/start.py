@@ -24,7 +24,7 @@ from fmus.physics.chain.layout import (
 )
 from fmus.physics.elementary import hypot, sin
 from fmus.start import StartPose, ground_level
-from fmus.vehicles.sides import KINDS, smooth_wheels
+from fmus.vehicles.sides import KINDS, pins_a_turn, pitch_radius, smooth_wheels
 
 
 def drawn(vehicle: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -91,7 +91,7 @@ class LaidChain:
             if self.is_free_loop:
                 return regular_polygon(self.pitch, self.links_count)
             if self.closed:
-                return closed_polygon(*self.circles(), self.pitch, self.links_count)
+                return closed_polygon(*self.circles(), self.pitch, self.links_count, self.vehicle["sprocket"]["teeth"])
             if self.ends_kind == PINNED:
                 first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
                 return (catenary if rest else hanging_arc)(first, last, self.pitch, self.links_count)
@@ -99,17 +99,16 @@ class LaidChain:
                 level = ground_level(self.vehicle) + self.vehicle["track"]["face"]
                 return np.stack([-self.pitch * np.arange(self.nodes), np.full(self.nodes, level)], axis=1)
             centre = np.array(self.wheel_list[0]["position"], dtype=float)
-            return over_sprocket(centre, self.pitch, self.vehicle["sprocket"]["teeth"], self.links_count)
+            return over_sprocket(centre, self.pitch, pins_a_turn(self.vehicle), self.links_count)
         except ValueError as error:
             raise InvalidParameter(f"the track cannot be laid out: {error}") from None
 
     def circles(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Centres (wheels, 2) and radii (wheels) of the line of pins round the wheels, m; which wheels are rims."""
         wheels, face = self.wheel_list, self.vehicle["track"]["face"]
-        sprocket = self.vehicle["sprocket"]
-        pitch_radius = (sprocket.get("pitch") or self.pitch) / (2.0 * sin(np.pi / sprocket["teeth"]))
+        seated = pitch_radius(self.vehicle, sin)
         rims = np.array([w["kind"] != "teeth" for w in wheels])
-        radii = np.array([w["radius"] + face if rim else pitch_radius for w, rim in zip(wheels, rims, strict=True)])
+        radii = np.array([w["radius"] + face if rim else seated for w, rim in zip(wheels, rims, strict=True)])
         return np.array([w["position"] for w in wheels], dtype=float), radii, rims
 
     def lay_out(self, layout: str, spin: float) -> None:

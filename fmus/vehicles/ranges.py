@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from math import pi, sin
 from typing import Any, NamedTuple
 
+from fmus.vehicles.sides import pins_a_turn, pitch_radius
+
 Bounds = tuple[float, float]
+FEWEST_PINS = 6  # a turn, as the fewest teeth
 
 
 class Mistake(str):
@@ -84,11 +86,12 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
     """Yield a sentence for each number of a vehicle table, or of tables of it, that no vehicle can have."""
     sprocket, section, idler = (vehicle.get(name) or {} for name in ("sprocket", "section", "idler"))
     if {"outer_radius", "teeth"} <= {*sprocket} and "pitch" in (vehicle.get("track") or {}):
-        pitch_radius = (sprocket.get("pitch") or vehicle["track"]["pitch"]) / (2.0 * sin(pi / sprocket["teeth"]))
-        if sprocket["outer_radius"] <= pitch_radius:
+        if sprocket["outer_radius"] <= (radius := pitch_radius(vehicle)):
+            yield f"sprocket.outer_radius = {sprocket['outer_radius']} m must exceed the pitch radius {radius:.4f} m"
+        if (pins := pins_a_turn(vehicle)) < FEWEST_PINS:
             yield (
-                f"sprocket.outer_radius = {sprocket['outer_radius']} m"
-                f" must exceed the pitch radius {pitch_radius:.4f} m"
+                f"sprocket.gaps_per_pin = {sprocket['gaps_per_pin']}: {sprocket['teeth']} teeth take {pins:.4g} pins a"
+                f" turn, it must be {FEWEST_PINS} or more"
             )
     yield from range_violations(vehicle, VEHICLE, "possible")
     for part in ("chassis", "track"):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from math import pi, sin
 from typing import Any
 
 SIDES = ("left", "right")
@@ -72,6 +73,25 @@ def smooth_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
             further = (table.get("wheel") or {}).items()
             found += [{"name": name, "kind": "wheel", "tensioner": None, **own} for name, own in further]
     return found
+
+
+def pins_a_turn(vehicle: Mapping[str, Any]) -> float:
+    """Pins that the sprocket of a vehicle table takes in a turn, 12.5 with 25 teeth and a pin in every second gap."""
+    return float(vehicle["sprocket"]["teeth"] / (vehicle["sprocket"].get("gaps_per_pin") or 1))
+
+
+def way_a_turn(vehicle: Mapping[str, Any]) -> float:
+    """Way of the chain in a turn of the sprocket of a vehicle table, m: a pitch for each pin."""
+    return pins_a_turn(vehicle) * float(vehicle["track"]["pitch"])
+
+
+def pitch_radius(vehicle: Mapping[str, Any], sine: Callable[[float], float] = sin) -> float:
+    """Distance from the axle, m, at which the sprocket of a vehicle table seats its pins: they make a polygon.
+
+    Components give the ``sine`` that has the same bits on every processor.
+    """
+    made_for = vehicle["sprocket"].get("pitch") or vehicle["track"]["pitch"]
+    return float(made_for / (2.0 * sine(pi / pins_a_turn(vehicle))))
 
 
 def lowest_wheel(table: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -7,14 +7,16 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
+from operator import attrgetter
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationError, ValidationInfo
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
 from fmus.vehicles import life_tables, suspension_tables
+from fmus.vehicles.belt_table import BeltTable
 from fmus.vehicles.life_tables import LifeTable
 from fmus.vehicles.ranges import Mistake, contradictions
-from fmus.vehicles.sides import KINDS, SIDES, of_side, road_arms, smooth_wheels
+from fmus.vehicles.sides import KINDS, SIDES, of_side, of_wheels, road_arms, smooth_wheels
 from fmus.vehicles.suspension_tables import (
     Place,
     RoadArmTable,
@@ -39,6 +41,7 @@ from fmus.vehicles.tables import (
     first_error,
     is_logged,
     ratio,
+    to_si,
     value_text,
 )
 
@@ -75,6 +78,8 @@ class SprocketTable(FrozenTable):  # noqa: D101
     """moment of inertia across the axle"""
     teeth: Annotated[int, Field(ge=6, le=40)]
     """number of teeth"""
+    gaps_per_pin: Annotated[int, Field(ge=1, le=4)] = 1
+    """gaps between teeth from a pin to the next one: with 2, 25 teeth take 12.5 pins a turn, one in every second gap"""
     pitch: Distance | None = None
     """pitch of the chain that the teeth were made for; without it that of the track, which grows by wear"""
     outer_radius: Distance
@@ -171,6 +176,31 @@ class TrackTable(FrozenTable):  # noqa: D101
     drawn in by 60 mm (links of 152.4 mm; others in proportion), the farthest that the search goes"""
     bushing: BushingTable | None = None
     """bushes and friction of the pins"""
+    belt: BeltTable | None = None
+    """belt of one piece, in place of pitch, mass, face, inertia and bushes of the rigid links that it is cut into"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _cut(cls, data: Any) -> Any:
+        """Fill in the numbers of links that a belt gives; other faults of the table are found later."""
+        units = {"pitch": "m", "width": "m", "mass": "kg"}
+        try:
+            given = {key: to_si(unit)(data[key]) for key, unit in units.items() if key in data}
+            own = BeltTable.model_validate(data["belt"]).of_links(data["links"], **given)
+        except (KeyError, TypeError, ValueError, ArithmeticError):
+            return data
+        bushes = {key.removeprefix("bushing."): own.pop(key) for key in [*own] if key.startswith("bushing.")}
+        return {**own, **data, "bushing": {**bushes, **(data.get("bushing") or {})}}
+
+    @model_validator(mode="after")
+    def _one_belt(self) -> TrackTable:
+        """Refuse numbers of links that are not those of their belt."""
+        own = self.belt.of_links(self.links, self.width, self.pitch, self.mass) if self.belt else {}
+        for key, made in own.items():
+            given = attrgetter(key)(self)
+            if not all(math.isclose(*pair) for pair in zip(of_wheels(given, 1), of_wheels(made, 1), strict=True)):
+                raise ValueError(f"{key} = {value_text(given)}: track.belt makes it {value_text(made)}, leave it out")
+        return self
 
 
 class RightTrackTable(FrozenTable):  # noqa: D101

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fmus.vehicles.sides import pins_a_turn, pitch_radius, way_a_turn
 from orchestrator.log.reader import Missing
 from orchestrator.results.run_data import (
     EVER,
@@ -13,7 +14,6 @@ from orchestrator.results.run_data import (
     Window,
     drive_of,
     mean,
-    pitch_radius,
     sprocket_end,
     track_of,
 )
@@ -107,13 +107,13 @@ def pins_passed(run: RunData, of: str, window: Window) -> float:
 
 
 def pins_per_revolution(run: RunData, of: str, window: Window) -> float:
-    """Pins passed per revolution of the sprocket against its mount; raises Missing if it turns by less than a tooth."""
+    """Pins passed per revolution of the sprocket against its mount; raises Missing if it turns by less than a pin."""
     t = run.links(track_of(run, of), window).t
     times, angle = run.signal(f"{drive_of(run, of)}.angle", EVER)
     turned = np.interp(t[[0, -1]], times, angle)
     revolutions = float((turned[1] - turned[0]) / (2 * np.pi))
-    if abs(revolutions) * run.scene["vehicle"]["sprocket"]["teeth"] < 1.0:
-        raise Missing("the sprocket turns by less than a tooth")
+    if abs(revolutions) * pins_a_turn(run.scene["vehicle"]) < 1.0:
+        raise Missing("the sprocket turns by less than a pin")
     return pins_passed(run, of, window) / revolutions
 
 
@@ -135,7 +135,7 @@ def polygon_ripple(run: RunData, of: str, window: Window) -> float:
     s_1)|.
     """
     track = run.tracks[0]
-    w = run.scene["vehicle"]["sprocket"]["teeth"] * run.mean(f"{drive_of(run, '')}.speed", window)
+    w = pins_a_turn(run.scene["vehicle"]) * run.mean(f"{drive_of(run, '')}.speed", window)
     period = 2 * np.pi / abs(w)
     whole = np.floor((window.end - window.start) / period + 1e-9)
     links = run.links(track, window)
@@ -161,9 +161,8 @@ def span_tension(run: RunData, of: str, window: Window) -> float:
 
 
 def span_moment_ratio(run: RunData, of: str, window: Window) -> float:
-    """(T_upper - T_lower) x teeth x pitch / 2 pi over the mean torque of the drive on the sprocket."""
-    vehicle = run.scene["vehicle"]
-    arm = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] / (2 * np.pi)
+    """(T_upper - T_lower) x pins a turn x pitch / 2 pi over the mean torque of the drive on the sprocket."""
+    arm = way_a_turn(run.scene["vehicle"]) / (2 * np.pi)
     difference = span_tension(run, "upper", window) - span_tension(run, "lower", window)
     return difference * arm / run.mean(f"{drive_of(run, of)}.torque", window)
 

@@ -328,12 +328,6 @@ def sprocket_end(scene: Mapping[str, Any]) -> float:
     return 1.0 if max(x) <= 0.0 else 0.0 if min(x) < 0.0 else -1.0
 
 
-def pitch_radius(vehicle: Mapping[str, Any]) -> float:
-    """Pitch radius of the pins on the sprocket of a vehicle table, m."""
-    pitch = vehicle["sprocket"].get("pitch") or vehicle["track"]["pitch"]
-    return float(pitch / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"])))
-
-
 def vectors(series: Series, instance: str, prefix: str, parts: str = "xyz") -> Floats:
     """Values of ``prefix.{part}`` for each character of ``parts``, (m, len(parts)), without times; raises Missing."""
     return series.values[:, _columns(series.names, instance, prefix, parts)]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.ground.keys import is_plane
-from fmus.vehicles.sides import SIDES, of_side
+from fmus.vehicles.sides import SIDES, of_side, way_a_turn
 from orchestrator.log.reader import Missing
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses import slip as slips
@@ -43,7 +43,7 @@ def uphill_force(run: RunData, of: str, window: Window) -> float:
 
 
 def slip(run: RunData, of: str, window: Window) -> float:
-    """Slip 1 - v/V, V a pitch a tooth; positive where tracks drive, either way; raises Missing where they stand."""
+    """Slip 1 - v/V, V a pitch a pin; positive where tracks drive, either way; raises Missing where they stand."""
     found = slips.of(run, window, of)
     return _share(slips.ratio(found.t, found.pitched, found.lag))
 
@@ -55,10 +55,10 @@ def pad_slip(run: RunData, of: str, window: Window) -> float:
 
 
 def speed_excess(run: RunData, of: str, window: Window) -> float:
-    """Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1: the other sign of ``slip``; needs no yaw or pose.
+    """Mean vehicle speed over pins a turn x pitch x omega / 2 pi, less 1: minus ``slip``, without yaw or pose.
 
-    The sprocket is a polygon: its chain's speed rises and falls by some 2 % as each tooth passes, but the mean stays
-    one pitch a tooth. With pads on the line of the pins the hull runs at that mean less the slip, at -0.2 %. Pads lie
+    The sprocket is a polygon: its chain's speed rises and falls by some 2 % as each pin enters, but the mean stays
+    one pitch a pin. With pads on the line of the pins the hull runs at that mean less the slip, at -0.2 %. Pads lie
     29 mm below the pins, though, and road wheels rock each loaded link forward about its pad: the hull runs ahead, by
     1.4 % with contact spread along the link, by 2.4 % where two points bear it. So 0 to 5 % is that band and as much
     again: a vehicle below it spins its tracks, one beyond it is not driven by its teeth. It cannot tell contact models
@@ -66,7 +66,7 @@ def speed_excess(run: RunData, of: str, window: Window) -> float:
     """
     vehicle = run.scene["vehicle"]
     omega = np.mean([run.mean(f"{drive_of(run, side)}.speed", window) for side in run.sides])
-    kinematic = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] * omega / (2 * np.pi)
+    kinematic = way_a_turn(vehicle) * omega / (2 * np.pi)
     if abs(kinematic) < slips.SLOWEST:
         raise Missing("the sprockets stand")
     return run.mean("chassis.speed", window) / float(kinematic) - 1.0

@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, mo
 
 from fmus.ground.tables import GroundTable, LevelGroundTable
 from fmus.track.choices import TRACKS
-from fmus.vehicles.sides import lopsided
+from fmus.vehicles.sides import lopsided, pins_a_turn, pitch_radius
 from fmus.vehicles.tables import BadInput, Force, is_logged, path_text, value_text
 from fmus.vehicles.vehicle import Vehicle
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable, VehicleDriveTable
@@ -126,8 +126,8 @@ class Scene(SystemScene):
             raise ValueError(f"track.closure = '{self.track.closure}' needs a loop: this chain has {ends}")
 
     def _teeth_rate(self, speed: float | None) -> float:
-        """Teeth per second at a sprocket speed, rad/s."""
-        return self.vehicle.sprocket.teeth * (ASSUMED_SPEED if speed is None else speed) / (2.0 * math.pi)
+        """Pins per second at a sprocket speed, rad/s."""
+        return pins_a_turn(self.vehicle.model_dump()) * (ASSUMED_SPEED if speed is None else speed) / (2.0 * math.pi)
 
 
 class ChainScene(Scene):
@@ -166,7 +166,7 @@ class BenchScene(Scene):
 
     @property
     def teeth_rate(self) -> float:
-        """Teeth per second at the drive's top speed."""
+        """Pins per second at the drive's top speed."""
         return self._teeth_rate(self.drive.top_speed)
 
 
@@ -183,7 +183,7 @@ class RigScene(Scene):
 
     @property
     def teeth_rate(self) -> float:
-        """Teeth per second at the drive's top speed."""
+        """Pins per second at the drive's top speed."""
         return self._teeth_rate(self.drive.top_speed)
 
 
@@ -264,9 +264,9 @@ class VehicleScene(Scene):
 
     @property
     def teeth_rate(self) -> float:
-        """Teeth per second on the faster side; with a driver, in a turn of about ten metres radius."""
+        """Pins per second on the faster side; with a driver, in a turn of about ten metres radius."""
         if self.driver is not None:
-            radius = self.vehicle.track.pitch / (2.0 * math.sin(math.pi / self.vehicle.sprocket.teeth))
+            radius = pitch_radius(self.vehicle.model_dump())
             return self._teeth_rate(OUTER_TRACK * self.driver.top_speed / radius)
         speeds = [speed for side in SIDES if (speed := self.drive.of_side(side).top_speed) is not None]
         steering = self.drive.steering and self.drive.steering.top_speed

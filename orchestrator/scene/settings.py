@@ -126,7 +126,7 @@ def near_keys(key: str, known: Iterable[str]) -> list[str]:
 
 # Quantities that are no keys, by the words of their names, and what decides them.
 DERIVED = {
-    "sprocket pitch radius diameter": "vehicle.sprocket.teeth and vehicle.track.pitch: pitch / (2 sin(pi / teeth))",
+    "sprocket pitch radius diameter": "vehicle.sprocket.teeth, vehicle.track.pitch: pitch / (2 sin(pi / pins a turn))",
     "track chain length": "vehicle.track.links x vehicle.track.pitch",
     "vehicle total mass weight": "the keys mass of vehicle.chassis, vehicle.track and all other parts",
     "vehicle tread gauge": "2 x vehicle.track.lateral",

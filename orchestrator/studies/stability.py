@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fmus.vehicles.sides import way_a_turn
 from fmus.vehicles.tables import BadInput
 from orchestrator.results import output_files
 from orchestrator.results.table import Column, Table
@@ -81,7 +82,7 @@ def _heavy(factor: float) -> list[str]:
 
 def _fast(kmh: float) -> list[str]:
     v = load("straight").vehicle
-    omega = kmh / 3.6 * 2 * math.pi / (v.sprocket.teeth * v.track.pitch)
+    omega = kmh / 3.6 * 2 * math.pi / way_a_turn(v.model_dump())
     ramp = max(1.5, 0.7 * kmh / 3.6)  # keeps the peak of the half cosine below a friction of 0.3
     stop = math.ceil(ramp + 2.0)
     return [*HALF, f"run.stop={stop}", f"drive.speed={omega}", "drive.ramp_start=0.3", f"drive.ramp_time={ramp}"]

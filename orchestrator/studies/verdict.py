@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fmus.fmi.build import BuildFailed
+from fmus.vehicles.sides import way_a_turn
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution import summary
@@ -48,7 +49,7 @@ def afloat(run: RunData, scene: Scene) -> Expectation:
 
 
 def speed(run: RunData, scene: Scene) -> Expectation:
-    """Vehicle speed over teeth x pitch x omega / 2 pi, less 1, mean of the last half second."""
+    """Vehicle speed over pins a turn x pitch x omega / 2 pi, less 1, mean of the last half second."""
     return vehicle_measures.speed_excess(run, "", _last(run, 0.5)), 0.02, 0.04
 
 
@@ -107,8 +108,8 @@ def hoop(run: RunData, scene: ChainScene) -> Expectation:
 
 
 def rides(run: RunData, scene: RigScene) -> Expectation:
-    """Chain speed over teeth x pitch x omega / 2 pi, over the last ten teeth."""
-    pace = scene.vehicle.sprocket.teeth * scene.vehicle.track.pitch / (2.0 * math.pi)
+    """Chain speed over pins a turn x pitch x omega / 2 pi, over the last turn."""
+    pace = way_a_turn(scene.vehicle.model_dump()) / (2.0 * math.pi)
     window = _last(run, 2.0 * math.pi / scene.drive.speed)
     return run.mean("track.speed", window) / (pace * run.mean("drive.speed", window)), 1.0, 0.005
 
@@ -129,7 +130,7 @@ EXPECTATIONS: dict[str, tuple[Callable[[RunData, Any], Expectation], str]] = {  
     "at_rest": (at_rest, "ground reaction, last second, N: the weight, 6 %"),
     "sag": (sag, "sag, m: that of the discrete catenary, 0.2 %"),
     "hoop": (hoop, "force in the pins, N: m omega^2 Rc / (2 sin(pi/N)), 0.1 %"),
-    "rides": (rides, "chain speed over teeth x pitch x omega / 2 pi, last turn: 1, 0.5 %"),
+    "rides": (rides, "chain speed over pins a turn x pitch x omega / 2 pi, last turn: 1, 0.5 %"),
     "ledger": (ledger, "the energy ledger closes"),
 }
 

@@ -45,7 +45,7 @@ LINK_WARNING, LINK_FAILURE = 1.0, 2.0
 # Penetration of a pin into its seat, over ``sprocket.pin_radius``. A seated pin sinks 4.6 mm at 15 kN, 14 mm when
 # sprockets lock at 2.5 m/s. At 1 its centre is at the surface of the steel, at 2 the whole pin is inside the tooth.
 PIN_WARNING, PIN_FAILURE = 1.5, 2.0
-# Teeth between the chain and its first seat. There are no half jumps: the next seat is a pitch away.
+# Teeth between the chain and its first seat. There are no half jumps: the next seat is a tooth away.
 JUMP = 0.0
 # Compression of a link, N. The links between two road wheels lie on the ground; their joints rise by some 10 mm, the
 # depth to which wheels sink in. Their weight, q = 1160 N/m over the 0.67 m between wheels, keeps them down: an arch of

@@ -41,6 +41,9 @@ BOGIES = (
 )  # fmt: skip
 BUSHED = "vehicle.track.bushing={stiffness=500, preset=0.1, damping=5, friction=0.3, radius=0.02}"
 PARTS = ('track.link_outputs=["force", "wheels", "teeth", "rims", "horns", "moment"]',)
+DENSE = (  # a tooth between every second gap
+    "vehicle.sprocket.teeth=21", "vehicle.sprocket.gaps_per_pin=2", "vehicle.sprocket.outer_radius=0.272",
+)  # fmt: skip
 RELEASED = "track.start=displaced"
 THERE_AND_BACK = "drive.speed_points=[[0, 0], [0.1, 8], [0.25, 8], [0.35, -8], [1, -8]]"
 
@@ -86,7 +89,7 @@ MANY = [
     Case("straight", "flexible", "left_track", (*MOVING, *PARTS)),
     *(Case("straight", *each) for each in STRAIGHT),
     Case("turn", "flexible", "left_track", (*QUICK, *ROUND)),
-    Case("turn", "rigid", "right_track", (*QUICK, *ROUND, *PARTS)),
+    Case("turn", "rigid", "right_track", (*QUICK, *ROUND, *PARTS, *DENSE)),
     Case("soft_ground", "flexible", "left_track", MOVING),
     *(Case("hanging_chain", links, "chain", (*QUICK, *settings)) for links, settings in CHAINS),
 ]

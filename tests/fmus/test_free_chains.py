@@ -86,7 +86,7 @@ def test_a_belt_of_many_links_closes_to_rounding_in_a_few_corrections(links, mon
     radius = 0.25
     apart = (links * P - 2.0 * np.pi * radius) / 2.0
     centres, radii, grows = np.array([[0.0, 0.6], [apart, 0.6]]), np.full(2, radius), np.array([False, True])
-    pins = closed_polygon(centres, radii, grows, P, links)
+    pins = closed_polygon(centres, radii, grows, P, links, 10)
     misfit = abs(np.linalg.norm(np.roll(pins, -1, axis=0) - pins, axis=1) - P).max()
     assert misfit < 2.0 * np.finfo(float).eps * apart
     assert 0 < len(corrections) < 10

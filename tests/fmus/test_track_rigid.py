@@ -94,6 +94,38 @@ def test_sprocket_drives_the_chain_over_wheels_and_ground(track):
     assert worst < 1e-11
 
 
+def of_gaps(teeth, gaps, outer=VEHICLE["sprocket"]["outer_radius"], **places):
+    """A track whose sprocket takes a pin in one of so many gaps."""
+    shape = {"teeth": teeth, "gaps_per_pin": gaps, "outer_radius": outer}
+    return rolling(sprocket=VEHICLE["sprocket"] | shape, **places)
+
+
+def test_a_tooth_between_every_second_gap_leaves_the_bits(track):
+    """Twenty teeth with ten pins a turn do what ten teeth do, where no pin climbs a tooth."""
+    model, state = track
+    model.state[:] = state
+    dense = of_gaps(20, 2)
+    dense.initialise(parameters(dense))
+    for k in range(20):
+        for each in (model, dense):
+            each.step(k * 1e-3, 1e-3, inputs(each, k * 1e-3, 10.0))
+    assert np.array_equal(dense.state, model.state)
+    assert not np.array_equal(model.state, state)
+
+
+@pytest.mark.parametrize(("teeth", "gaps", "outer"), [(10, 1, 0.26), (21, 2, 0.272), (25, 2, 0.324)])
+def test_pins_lie_in_every_nth_gap(teeth, gaps, outer):
+    """On the circle of teeth / gaps pins; the first lies in any gap, the furthest from other wheels."""
+    model = of_gaps(teeth, gaps, outer, idler=-3.998 + 0.6 * (outer - 0.26) * np.pi)
+    pins = model.polygon(rest=False)
+    radius = 0.5 * P / np.sin(np.pi * gaps / teeth)
+    on = np.flatnonzero(abs(np.hypot(*pins.T) - radius) < 1e-6)
+    place = np.unwrap(np.sort(np.arctan2(pins[on, 1], pins[on, 0]))) * teeth / (2.0 * np.pi)
+    assert len(on) >= 4
+    assert abs(place - np.round(place)).max() < 1e-4
+    assert np.diff(np.round(place)) == pytest.approx(gaps)
+
+
 def along_the_whole_chain(q, A, axis):
     """Increments (n, 6) of all links that move the whole chain rigidly: along an axis, or (3 to 5) about one."""
     x = np.zeros((len(q), 6))

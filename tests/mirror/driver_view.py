@@ -31,7 +31,8 @@ class DriverView:
         nose = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=1)
         self.forward = (v[:, :2] * nose).sum(1)
         self.lateral_speed = v[:, 1] * nose[:, 0] - v[:, 0] * nose[:, 1]
-        self.radius = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] / (2.0 * np.pi)
+        pins = vehicle["sprocket"]["teeth"] / vehicle["sprocket"].get("gaps_per_pin", 1)
+        self.radius = pins * vehicle["track"]["pitch"] / (2.0 * np.pi)
         self._sample_path(centre, arm)
 
     def _sample_path(self, centre: Floats, arm: Floats) -> None:

@@ -28,6 +28,9 @@ DRIVE = (
 ALL = f"track.link_outputs={json.dumps(list(GROUPS))}"
 EVERY = "run.links=1"  # means of links over one communication step
 HUNT_CROSSLEY = tuple(f"vehicle.contact.{pair}.law=hunt_crossley" for pair in ("ground", "wheel", "sprocket"))
+DENSE = (  # a tooth between every second gap
+    "vehicle.sprocket.teeth=21", "vehicle.sprocket.gaps_per_pin=2", "vehicle.sprocket.outer_radius=0.272",
+)  # fmt: skip
 STEPS = "run.step=1 ms", "track.step=1 ms"  # the steps that the checks' tolerances assume
 RAISED = "start.height=5 cm", "start.pitch=2 deg"
 UNLIKE = tuple(  # wheels
@@ -178,11 +181,14 @@ RUNS = {
     "beams": Run(lambda: vehicle("rigid", *BEAMS, overrides=TURN), ALONE),
     "joined": Run(joined, ("left_track", "right_track", "chassis")),
     "driven": Run(  # without friction, slip follows from the width alone
-        partial(driven, "driver.friction=0"), ("left_track", "right_track", "left_drive", "right_drive", "chassis")
+        partial(driven, "driver.friction=0", *DENSE),
+        ("left_track", "right_track", "left_drive", "right_drive", "chassis"),
     ),
     "gripping": Run(partial(driven, "driver.ramp_time=1.5 s", "driver.speed=1.4 m/s", duration=1.8),
                     ("left_track", "right_track", "left_drive", "right_drive", "chassis")),
-    "hht rigid": Run(partial(drawn, "rigid", "track.integrator=hht", "track.spectral_radius=0.8", *HUNT_CROSSLEY)),
+    "hht rigid": Run(
+        partial(drawn, "rigid", "track.integrator=hht", "track.spectral_radius=0.8", *HUNT_CROSSLEY, *DENSE)
+    ),
     "explicit rigid": Run(partial(drawn, "rigid", *EXPLICIT, "bench.transverse_damping=0 N s/m", duration=0.02)),
     "explicit cable": Run(partial(swinging, *SOFT_LINKS["cable"], *EXPLICIT, *UNDAMPED, duration=0.05)),
     **{f"{name} {kind}": Run(partial(make, *settings))

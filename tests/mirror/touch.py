@@ -306,7 +306,8 @@ class Outline:
     def __init__(self, vehicle: dict[str, Any]) -> None:
         s = vehicle["sprocket"]
         self.count = s["teeth"]
-        seat = vehicle["track"]["pitch"] / (2.0 * np.sin(np.pi / self.count)) + s["seat_clearance"]
+        between_pins = 2.0 * np.pi * s.get("gaps_per_pin", 1) / self.count
+        seat = vehicle["track"]["pitch"] / (2.0 * np.sin(0.5 * between_pins)) + s["seat_clearance"]
         self.seat, self.gap = np.array([seat, 0.0]), s["seat_clearance"]
         self.top, self.round = s["outer_radius"] + s["pin_radius"], s["tip_radius"] + s["pin_radius"]
         d = np.array([np.cos(s["flank_angle"]), np.sin(s["flank_angle"])])  # up the flank

@@ -484,7 +484,7 @@ def test_a_check_says_why_its_bounds_are_what_they_are(tmp_path):
     assert checks.count("<tr>") > len(measures.NAMES)
     assert "`" not in checks
     assert not [why for why in re.findall(r'class="muted why">(.*?)</span>', checks, re.S) if "\n" in why]
-    subject = "Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1"
+    subject = "Mean vehicle speed over pins a turn x pitch x omega / 2 pi, less 1"
     for words in (subject, "The sprocket is a polygon", "So 0 to 5 % is", "It cannot tell contact models apart."):
         assert words in checks
     expected = load("straight").expect["speed_excess"]  # as these words say

@@ -344,15 +344,17 @@ def test_foxglove_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_
     assert missed(marked[2:], numbers(frame.translation) + vertices) < 1e-9
 
 
-def test_the_outline_of_a_sprocket_has_its_teeth_and_a_seat_ahead():
-    """Every tooth is the same, turned; pins seat straight ahead at the pitch circle."""
+@pytest.mark.parametrize(("own", "between"), [({}, 0.2 * np.pi), ({"teeth": 21, "gaps_per_pin": 2}, 4.0 * np.pi / 21)])
+def test_the_outline_of_a_sprocket_has_its_teeth_and_a_seat_ahead(own, between):
+    """Every tooth is the same, turned; pins seat straight ahead at the pitch circle, an angle apart."""
     table = vehicle(*read_table("m113")).model_dump()
+    table["sprocket"] |= own
     number, pin = table["sprocket"]["teeth"], table["sprocket"]["pin_radius"]
     outline = teeth(table)
     angle, radius = np.arctan2(outline[:, 1], outline[:, 0]), np.linalg.norm(outline, axis=1)
     turned = Rotation.from_euler("z", 360 / number, degrees=True).as_matrix()[:2, :2]
     np.testing.assert_allclose(outline @ turned.T, np.roll(outline, -4, axis=0), atol=1e-12)
-    root = table["track"]["pitch"] / (2.0 * np.sin(np.pi / number)) - pin
+    root = table["track"]["pitch"] / (2.0 * np.sin(0.5 * between)) - pin
     assert len(outline) == 4 * number
     np.testing.assert_allclose(np.sort(radius), np.repeat([root, table["sprocket"]["outer_radius"]], 2 * number))
     ahead = radius[np.abs(angle) < np.pi / number * 0.5]

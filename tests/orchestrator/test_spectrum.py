@@ -46,14 +46,15 @@ def test_between_bins_a_flat_top_reads_a_sine_and_a_hann_window_does_not():
     assert amplitude["hann"] == pytest.approx(3.0 * 0.8488, rel=5e-3)
 
 
-def test_orders_are_multiples_of_the_rate_of_teeth(tmp_path):
+@pytest.mark.parametrize("sprocket", [{"teeth": 10}, {"teeth": 30, "gaps_per_pin": 3}])
+def test_orders_are_multiples_of_the_rate_of_teeth(tmp_path, sprocket):
     t = np.arange(2000) * STEP
     speed = np.full(2000, 2 * np.pi * 1.25)  # 12.5 teeth a second
     joint = ["sprocket.force.x", "sprocket.torque.x"]
     connection = {"source": "track", "outputs": joint, "target": "drive", "inputs": joint}
     topics = {"/track/out": [("travel", "m")], "/drive/out": [("speed", "rad/s")]}
     rows = {"/track/out": (t, sines(t)[:, None]), "/drive/out": (t, speed[:, None])}
-    scene = {"vehicle": {"sprocket": {"teeth": 10}}}
+    scene = {"vehicle": {"sprocket": sprocket}}
     with Log(made(tmp_path / "s.mcap", topics, rows, scene, ("track", "drive"), [connection])) as log:
         order_spectrum = spectrum.of(RunData(log), "track.travel", orders=True)
     assert order_spectrum.teeth == pytest.approx(12.5, rel=1e-12)

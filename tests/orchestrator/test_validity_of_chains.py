@@ -47,19 +47,33 @@ def test_a_jump_is_found_where_and_when_it_is(tmp_path, turn, way):
     assert entry.value == 2.0
 
 
-@pytest.mark.parametrize(("teeth", "jumps_"), [(1.1, True), (0.6, False)])
-def test_travel_shows_a_jump_where_no_pins_were_recorded(tmp_path, teeth, jumps_):
+@pytest.mark.parametrize(("gaps", "found"), [(1, []), (2, [1.0])])
+def test_a_tooth_is_half_a_pitch_where_pins_lie_in_every_second_gap(tmp_path, gaps, found):
+    """Half a pitch is the next gap of a sprocket with as many teeth again; a chain cannot sit there without these."""
+    turned = np.linspace(0.0, 45.0, 1800)
+    off = 0.5 * (EVERY * np.arange(len(turned)) >= 7.0 - 1e-9)
+    entries = entries_of(running(tmp_path / "log.mcap", turned, off, gaps=gaps))
+    assert [entry.value for entry in entries if gaps > 1] == found
+    assert entries_of(running(tmp_path / "still.mcap", turned, 0.0 * off, gaps=gaps)) == ()
+
+
+@pytest.mark.parametrize("gaps", [1, 2])
+@pytest.mark.parametrize(("pitches", "jumps_"), [(1.1, True), (0.6, False)])
+def test_travel_shows_a_jump_where_no_pins_were_recorded(tmp_path, pitches, jumps_, gaps):
     t = EVERY * np.arange(400)
     pitch, turned = 0.1524, 3.0 * t
-    travel = -pitch * (turned * TEETH / (2.0 * np.pi) + teeth * np.clip((t - 1.0) / 0.05, 0.0, 1.0))
+    travel = -pitch * (turned * TEETH / (2.0 * np.pi) + pitches * np.clip((t - 1.0) / 0.05, 0.0, 1.0))
     columns = {
         "left_track.travel": travel, "left_drive.angle": turned, "left_track.sprocket.force.x": t,
         "left_drive.sprocket.position.x": t,
     }  # fmt: skip
-    scene = {"assembly": "rig", "vehicle": vehicle(), "run": {"step": EVERY}}
+    table = vehicle()
+    table["sprocket"] |= {"teeth": gaps * TEETH, "gaps_per_pin": gaps}
+    scene = {"assembly": "rig", "vehicle": table, "run": {"step": EVERY}}
     entries = entries_of(of_columns(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
     assert [(e.what, e.place) for e in entries] == [("tooth_jump", "sprocket")] * jumps_
     assert all(1.0 < entry.time <= 1.05 for entry in entries)
+    assert all(entry.value == pytest.approx(gaps * pitches) for entry in entries)
 
 
 # limits at altered logs

@@ -41,7 +41,7 @@ def vehicle(turned=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), turning=(0.0, 0.0,
     rows[:, 6:9] = w + spin * A[:, 1]
     rows[:, 9:12], rows[:, 12:15] = A[:, 1], A[:, 0]
     grows = np.arange(len(CENTRES)) > 0
-    pins = closed_polygon(CENTRES, RADII, grows, PITCH, LINKS)
+    pins = closed_polygon(CENTRES, RADII, grows, PITCH, LINKS, 10)
     chord = np.roll(pins, -1, axis=0) - pins
     along = chord / np.linalg.norm(chord, axis=1)[:, None]
     along = 0.5 * (along + np.roll(along, 1, axis=0))

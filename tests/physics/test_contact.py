@@ -14,7 +14,7 @@ from fmus.physics.contact.wheel import covered_part, end_rates_in_space, gauss_e
 from fmus.physics.wheels import WIDTH, add_reaction, move, slip_velocity
 
 PITCH = 0.1524
-TEETH = teeth(10, PITCH, 0.015, 0.26, 0.004, np.radians(25.0), 0.01)
+TEETH = teeth(10, PITCH / (2.0 * np.sin(np.pi / 10)), 0.015, 0.26, 0.004, np.radians(25.0), 0.01)
 BUMP = bumpy_ground(0.01, 0.4, 0.5, 0.6, 0.8, 0.3)  # from x = 0.4
 PLAY = 0.01
 

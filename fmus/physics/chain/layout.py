@@ -112,20 +112,21 @@ def _walk(path: Floats, pitch: float, links: int) -> tuple[Floats, float]:
     return pins[:links], travelled - start[k]  # type: ignore[return-value]
 
 
-def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int) -> Floats:
+def closed_polygon(
+    centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int, teeth: int
+) -> Floats:
     """Pins (links, 2) of a closed polygon of equal chords round circles.
 
     The circles have ``centres`` (m, 2) and ``radii`` (m). The first pin is the foremost one. Circles that ``grows`` (m)
     marks (rims, not teeth) are passed at a small distance, which makes up for the difference between the lengths of
-    belt and links. On teeth the pins lie in the gaps: pins on their flanks come to rest there too, at another tension.
+    belt and links. Between the ``teeth`` of others the pins lie in gaps: pins on flanks come to rest there too, at
+    another tension.
     Raises ValueError if that distance exceeds a third of the ``pitch``, m: the track cannot wrap its wheels.
     """
     start, samples = None, SAMPLES
     if not grows.all():
         toothed = int(np.argmin(grows))
-        radius = float(radii[toothed])
-        teeth = round(np.pi / atan2(0.5 * pitch, np.sqrt(radius * radius - 0.25 * pitch * pitch)))
-        start, samples = _seat(centres, toothed, radius, teeth), teeth * ceil(SAMPLES / teeth)
+        start, samples = _seat(centres, toothed, float(radii[toothed]), teeth), teeth * ceil(SAMPLES / teeth)
 
     def belt(distance: float) -> Floats:
         return _belt(centres, radii + distance * grows, start, samples)
@@ -266,14 +267,14 @@ def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
     return close_exactly(np.vstack([chain_of_angles(pins[0], factor * angles, pitch)[:-1], last]), pitch, closed=False)
 
 
-def over_sprocket(centre: Floats, pitch: float, teeth: int, links: int) -> Floats:
+def over_sprocket(centre: Floats, pitch: float, pins_a_turn: float, links: int) -> Floats:
     """Pins (links + 1, 2) of an open chain over half of a sprocket at ``centre`` (2).
 
     It enters along x above, is seated foremost, and leaves below.
     """
-    radius = pitch / (2.0 * sin(np.pi / teeth))
+    radius = pitch / (2.0 * sin(np.pi / pins_a_turn))
     foremost = (5 * links) // 8
-    step = 2.0 * np.pi / teeth
+    step = 2.0 * np.pi / pins_a_turn
     inclination = np.zeros(links)  # angle of each link below the x axis
     for i in range(links):
         turn = (i - foremost + 0.5) * step + np.pi / 2.0

@@ -5,7 +5,8 @@ between two teeth, a along the radius through its middle and b across, it consis
 radius ``clearance`` whose bottom is the pitch circle), a straight flank tangent to it that leans outward from the
 radius by ``flank``, a rounded tip, and the land of the tooth on the outer circle. The normal is continuous, and the
 profile is symmetric.
-A leaving pin swings about its seated neighbour, 180/z degrees off the radius; flanks that lean by more release it.
+A leaving pin swings about its seated neighbour, 180/z degrees off the radius with z pins a turn; flanks that lean by
+more release it.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class Teeth(NamedTuple):
 
 def teeth(
     number: int,
-    pitch: float,
+    pitch_radius: float,
     pin_radius: float,
     outer_radius: float,
     clearance: float,
@@ -51,7 +52,6 @@ def teeth(
 
     Raises ValueError if the numbers make no tooth.
     """
-    pitch_radius = pitch / (2.0 * sin(np.pi / number))
     seat_a = pitch_radius + clearance
     da, db = cos(flank), sin(flank)
     rounding = tip_radius + pin_radius

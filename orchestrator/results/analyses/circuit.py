@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.vehicles.sides import ground_wheels, of_side, smooth_wheels
+from fmus.vehicles.sides import ground_wheels, of_side, pitch_radius, smooth_wheels
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
-from orchestrator.results.run_data import EVER, RunData, Window, pitch_radius, sprocket_end
+from orchestrator.results.run_data import EVER, RunData, Window, sprocket_end
 
 NEAR = 0.06  # m: distance outside of a wheel's pitch circle within which the middle of a link lies on the wheel,
 NEAR_SHORT = 0.4  # or of short links this share of their pitch

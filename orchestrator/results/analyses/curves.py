@@ -116,9 +116,7 @@ def ripple(run: RunData, drives: Sequence[str], signals: Mapping[str, SignalCurv
     speeds = [abs(signals[name].largest.value) for prefix in drives if (name := f"{prefix}speed") in signals]
     speed = max(speeds, default=0.0)
     try:
-        passing = (
-            2.0 * np.pi / (hull.vehicle_number(run, "sprocket", "teeth") * speed) if speed > STANDS else np.inf
-        )  # s
+        passing = 2.0 * np.pi / (hull.pins_of_sprocket(run) * speed) if speed > STANDS else np.inf  # s
     except Missing:
         passing = np.inf
     if not 0.0 < passing <= 0.1 * duration:

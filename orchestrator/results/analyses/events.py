@@ -107,7 +107,7 @@ def _teeth_passed(run: RunData, window: Window) -> Iterator[tuple[str, Floats, F
         if port.giver_connector == "sprocket" and "vehicle" in run.scene:
             t, angle = run.signal(f"{prefix}angle", window)
             finite = np.isfinite(angle)
-            yield name, t[finite], angle[finite] * hull.vehicle_number(run, "sprocket", "teeth") / (2.0 * np.pi)
+            yield name, t[finite], angle[finite] * hull.pins_of_sprocket(run) / (2.0 * np.pi)
 
 
 def _tooth_events(name: str, t: Floats, passed: Floats, moves: Floats) -> Iterator[Event]:

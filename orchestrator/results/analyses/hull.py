@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fmus.vehicles.sides import pins_a_turn
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.energy import WrenchPort, ports
@@ -85,11 +86,22 @@ def tracks(run: RunData, name: str = "") -> tuple[str, ...]:
     return (name,) if name else run.tracks
 
 
-def vehicle_number(run: RunData, *keys: str) -> float:
-    """Positive number of the run's vehicle table, SI units; raises Missing."""
+def pins_of_sprocket(run: RunData) -> float:
+    """Pins that the sprocket takes in a turn; raises Missing."""
+    teeth, gaps = vehicle_number(run, "sprocket", "teeth"), gaps_per_pin(run)
+    return pins_a_turn({"sprocket": {"teeth": teeth, "gaps_per_pin": gaps}})
+
+
+def gaps_per_pin(run: RunData) -> float:
+    """Gaps of the sprocket from pin to pin, 1 in a log of an earlier version; raises Missing."""
+    return vehicle_number(run, "sprocket", "gaps_per_pin", default=1.0)
+
+
+def vehicle_number(run: RunData, *keys: str, default: float | None = None) -> float:
+    """Positive number of the run's vehicle table, SI units, or the ``default`` of a missing one; raises Missing."""
     value: Any = run.scene.get("vehicle")
     for key in keys:
-        value = value.get(key) if isinstance(value, dict) else None
+        value = value.get(key, default) if isinstance(value, dict) else None
     if not isinstance(value, int | float) or not 0.0 < value < np.inf:
         raise Missing(f"{run.log.path}: scene.json has no number above 0 at vehicle.{'.'.join(keys)}")
     return float(value)

@@ -53,7 +53,7 @@ class Slip(NamedTuple):
     t: Floats  # (m,) s
     chain: Floats  # (m, tracks) m/s, speed of the chain
     pads: Floats  # (m, tracks) m/s, velocity of links over the ground, rearwards positive
-    pitched: Floats  # (m, tracks) m/s, a pitch a tooth of the sprocket
+    pitched: Floats  # (m, tracks) m/s, a pitch a pin of the sprocket
     lag: Floats  # (m, tracks) m/s, that less the speed of the hull over the track
     thrust: Floats  # (m, tracks) N, forward ground force
     lateral: Floats  # (m, tracks) N, to the left
@@ -104,7 +104,7 @@ def of(run: RunData, window: Window = EVER, track: str = "") -> Slip:
     thrust, lateral, load = (
         np.stack([component(forces[:, k], axis) for k in range(len(names))], axis=1) for axis in axes
     )
-    pitched = turned * hull.vehicle_number(run, "sprocket", "teeth") * hull.vehicle_number(run, "track", "pitch") / TURN
+    pitched = turned * hull.pins_of_sprocket(run) * hull.vehicle_number(run, "track", "pitch") / TURN
     sides = np.array([1.0 if name.startswith("right") else -1.0 for name in names])
     aside = sides * hull.vehicle_number(run, "track", "lateral")
     over = component(motion[:, :3], axes.ahead)[:, None] + component(motion[:, 3:6], axes.up)[:, None] * aside

@@ -117,7 +117,7 @@ def tooth_passing_frequency(run: RunData, of: str, window: Window) -> float:
     """Mean tooth passing frequency of the sprocket of a signal, or the first, Hz; raises Missing."""
     signal = hull.sprocket_speed(run, of)
     t, speed = run.signal(signal, window)
-    rate = hull.vehicle_number(run, "sprocket", "teeth") * abs(mean(t, speed)) / (2.0 * np.pi)
+    rate = hull.pins_of_sprocket(run) * abs(mean(t, speed)) / (2.0 * np.pi)
     if not rate > 0.0:
         raise Missing(f"'{signal}' is 0 over the window: there are no tooth orders")
     return float(rate)

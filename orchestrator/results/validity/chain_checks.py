@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.vehicles.sides import ground_wheels, of_side, smooth_wheels
+from fmus.vehicles.sides import ground_wheels, of_side, pins_a_turn, smooth_wheels
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
@@ -145,7 +145,7 @@ def contact_steps_of_scene(scene: Mapping[str, Any]) -> Iterator[Exceedance]:
     # link between a road wheel and the ground: both springs act on its mass
     link = sqrt((stiffness["wheel"] + stiffness["ground"]) / vehicle["track"]["mass"]) * internal
     # lightest body on the exchanged wrenches, in contact with the pins or links of its wrap
-    wrap = 0.5 * vehicle["sprocket"]["teeth"]
+    wrap = 0.5 * pins_a_turn(vehicle)
     lightest = min((each for each in smooth_wheels(vehicle) if each["tensioner"]), key=lambda each: each["mass"])
     wheel = sqrt(wrap * stiffness["wheel"] / lightest["mass"]) * run["step"]
     for place, value in (("link", link if track.get("integrator") in IMPLICIT else 0.0), (lightest["name"], wheel)):

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmus.vehicles.sides import pitch_radius
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
-from orchestrator.results.run_data import RunData, pitch_radius
+from orchestrator.results.run_data import RunData
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance, exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
 from orchestrator.vocabulary import limits
@@ -33,10 +34,11 @@ def pin_signals(run: RunData) -> Iterator[str]:
 def drift(piece: Piece, track: str) -> tuple[Floats, Floats]:
     """Times (m,), s, and difference of chain travel and sprocket rotation in teeth (m,).
 
-    Stretch of the spans and motion of the idler make up to 0.4, sprockets that lock at speed 0.6, a jump 1. Raises
-    Missing.
+    Stretch of the spans and motion of the idler make up to 0.4 pitches, sprockets that lock at speed 0.6, a jump a
+    tooth or more. Raises Missing.
     """
-    pitch, teeth = hull.vehicle_number(piece.run, "track", "pitch"), hull.vehicle_number(piece.run, "sprocket", "teeth")
+    teeth = hull.vehicle_number(piece.run, "sprocket", "teeth")
+    pitch = hull.vehicle_number(piece.run, "track", "pitch") / hull.gaps_per_pin(piece.run)  # of the teeth
     t, travel = piece.signal(f"{track}.travel")
     _, angle = piece.signal(f"{shaft(piece.run, track)}angle")
     if len(travel) != len(angle) or not len(angle):
@@ -97,7 +99,7 @@ def seats(piece: Piece) -> Iterator[Exceedance]:
             yield entry._replace(place=f"sprocket, pin {pin}")
 
 
-SUSPECT, CERTAIN = 0.4, 1.0  # teeth, see ``drift``
+SUSPECT, CERTAIN = 0.4, 1.0  # a tooth, and a pitch: see ``drift``
 SEATED = 0.5  # of the height of a tooth above the pitch circle: closer pins sit in a gap
 
 
@@ -113,7 +115,8 @@ def tooth_jump(piece: Piece) -> Iterator[Exceedance]:
         if record_blocks.has(piece.run, track, "joint[*].position"):
             yield from _by_pins(piece, track)
         else:
-            found = exceedance("tooth_jump", track, "sprocket", t, np.abs(teeth), CERTAIN, FAILURE)
+            most = CERTAIN * hull.gaps_per_pin(piece.run)
+            found = exceedance("tooth_jump", track, "sprocket", t, np.abs(teeth), most, FAILURE)
             yield from (entry._replace(limit=limits.JUMP) for entry in found)
 
 
@@ -124,18 +127,19 @@ def _by_pins(piece: Piece, track: str) -> Iterator[Exceedance]:
         piece.run, "sprocket", "pin_radius"
     )
     t, distance, angle = polar(piece, track)
-    jumps_found = [*jumps(angle * teeth / (2.0 * np.pi), distance, circle + SEATED * (top - circle))]
+    gaps, seated = angle * teeth / (2.0 * np.pi), circle + SEATED * (top - circle)
+    jumps_found = [*jumps(gaps, distance, seated, hull.gaps_per_pin(piece.run))]
     for record, pin, shift in jumps_found[:1]:
         most = max(shift for _, _, shift in jumps_found)
         yield Exceedance("tooth_jump", track, float(t[record]), f"sprocket, pin {pin + 1}", most, limits.JUMP, FAILURE)
 
 
-def jumps(gaps: Floats, distance: Floats, seated: float) -> Iterator[tuple[int, int, float]]:
+def jumps(gaps: Floats, distance: Floats, seated: float, per_pin: float = 1.0) -> Iterator[tuple[int, int, float]]:
     """Record, deepest pin and shift in teeth after each jump of pins (m, n), given their gap numbers.
 
-    The number of a pin less that of its gap is equal for all seated pins, as a chain turns with its sprocket. In each
-    record the deepest pin decides, if its distance from the axle, m, is less than ``seated``. Pins are numbered round
-    the chain.
+    The number of a pin, times the gaps ``per_pin``, less that of its gap is equal for all seated pins, as a chain turns
+    with its sprocket. In each record the deepest pin decides, if its distance from the axle, m, is less than
+    ``seated``. Pins are numbered round the chain.
     """
     pins = gaps.shape[1]
     deepest = distance.argmin(axis=1)
@@ -145,7 +149,7 @@ def jumps(gaps: Floats, distance: Floats, seated: float) -> Iterator[tuple[int, 
     pin = deepest[rows]
     neighbours = gaps[rows[0], [(pin[0] + 1) % pins, pin[0] - 1]]
     along = np.sign(np.nanmean((neighbours - gaps[rows[0], pin[0]]) * [1.0, -1.0]))
-    pin_less_gap = gaps[rows, pin] - along * pin
-    number = np.unwrap(np.round(pin_less_gap - pin_less_gap[0]), period=pins)  # modulo the closed chain
+    pin_less_gap = gaps[rows, pin] - along * per_pin * pin
+    number = np.unwrap(np.round(pin_less_gap - pin_less_gap[0]), period=pins * per_pin)  # modulo the closed chain
     for k in np.flatnonzero(np.diff(number)) + 1:
         yield int(rows[k]), int(pin[k]), float(abs(number[k] - number[0]))

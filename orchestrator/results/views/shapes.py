@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, ValidationError, create_model
 
-from fmus.vehicles.sides import of_wheels
+from fmus.vehicles.sides import of_wheels, pitch_radius
 from fmus.vehicles.tables import BadInput, first_error
 from orchestrator.log.time_series import Floats
-from orchestrator.results.run_data import RunData, pitch_radius
+from orchestrator.results.run_data import RunData
 
 Number = Annotated[float, Field(ge=-1e6, le=1e6)]
 Size = Annotated[float, Field(gt=0, le=1e6)]
@@ -32,13 +32,21 @@ def _table(name: str, **keys: Any) -> Any:
 
 # Lengths in m, angles in rad; the centre and the corners of a hull are in the vehicle frame.
 _WHEEL: Any = _table("DrawnRim", radius=Size, width=Size)
+_COUNT = Annotated[int, Field(ge=1, le=1000)]
 _SIZES, _PLACES = Size | list[Size], Number | list[Number]  # of all wheels, or of each
 _WHEELS = _table("DrawnRims", radius=_SIZES, width=_SIZES, z=_PLACES)
 _HULL = _table("DrawnHull", centre=Place, hull=(Annotated[list[Place], Field(max_length=1000)], []))
 _VEHICLE = _table(
     "DrawnVehicle",
     track=_table("DrawnLinks", pitch=Size, width=Size, face=SizeOrNone),
-    sprocket=_table("DrawnSprocket", teeth=Annotated[int, Field(ge=1, le=1000)], outer_radius=Size, pin_radius=Size),
+    sprocket=_table(
+        "DrawnSprocket",
+        teeth=_COUNT,
+        gaps_per_pin=(_COUNT, 1),
+        pitch=(Size | None, None),
+        outer_radius=Size,
+        pin_radius=Size,
+    ),
     road_wheel=_WHEELS,
     idler=_WHEEL,
     return_roller=(_WHEELS | None, None),

@@ -260,7 +260,7 @@ DRAWBAR = Trial(
         Column("note", "note"),
     ),
     (
-        "Slip is 1 - v/V, V a pitch a tooth. Theory: (A c + W tan phi)(1 - K/(i L) (1 - exp(-i L/K))) less compaction,"
+        "Slip is 1 - v/V, V a pitch a pin. Theory: (A c + W tan phi)(1 - K/(i L) (1 - exp(-i L/K))) less compaction,"
         " for L and A of one link under each wheel, to those between the outer wheels.",
         "Shear length: the L with which the thrust is pull and resistance. Shear begins anew under each wheel.",
     ),

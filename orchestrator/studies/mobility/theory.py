@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.ground.soils import work_of_pressure
-from fmus.vehicles.sides import ground_wheels, road_arms, smooth_wheels
+from fmus.vehicles.sides import ground_wheels, pitch_radius, road_arms, smooth_wheels
 from fmus.vehicles.vehicle import VehicleTable
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def ends(vehicle: VehicleTable) -> tuple[tuple[float, float, float], tuple[float
 
 def _sprocket_radius(vehicle: VehicleTable) -> float:
     """Pitch radius less the chain's half thickness, m: as if a smooth wheel bore the links' faces."""
-    return vehicle.track.pitch / (2.0 * math.sin(math.pi / vehicle.sprocket.teeth)) - vehicle.track.face
+    return pitch_radius(vehicle.model_dump()) - vehicle.track.face
 
 
 def passed_step(vehicle: VehicleTable, wheel: tuple[float, float, float]) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-from fmus.vehicles.sides import ground_wheels, lopsided
+from fmus.vehicles.sides import ground_wheels, lopsided, way_a_turn
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.log.reader import Log
@@ -101,8 +101,8 @@ class Vehicle(NamedTuple):
         return next(iter(self.table.seat))
 
     def sprocket(self, speed: float) -> float:
-        """Speed of a sprocket, rad/s, whose chain runs at ``speed``, m/s: a pitch a tooth."""
-        return 2.0 * math.pi * speed / (self.table.sprocket.teeth * self.table.track.pitch)
+        """Speed of a sprocket, rad/s, whose chain runs at ``speed``, m/s: a pitch a pin."""
+        return 2.0 * math.pi * speed / way_a_turn(self.table.model_dump())
 
     def drive(self, speed: float, ramp: float) -> dict[str, Any]:
         """Table of a drive whose chains reach ``speed``, m/s, in a ``ramp``, s."""
