@@ -190,6 +190,7 @@ REFINED = [  # ground, heading, times as many points along and across
     ({"half_round": {"radius": 0.05}}, np.pi / 2, (1, 4)),  # the vehicle drives beside it
     ({"half_round": {"radius": 0.002}}, 0.0, (8, 1)),
     ({"step": {"radius": 0.02}}, 0.0, (4, 1)),
+    ({"bump": {"radius": 0.04}}, np.pi / 2, (2, 1)),  # it lies ahead of the start
     ({"kerb": {"radius": 0.1}}, 0.0, (1, 2)),
     ({"washboard": {"wavelength": 0.2}}, 0.0, (2, 1)),
     ({"rough": ROUGH | {"band": (0.011, 2.83)}}, 0.0, LEVEL),

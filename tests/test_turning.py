@@ -337,7 +337,7 @@ def test_cables_turn_where_the_vehicle_does(tmp_path):
     assert contact_pairs(scene, assemble(scene).parts[0])[1:] == [
         "rims: 6 wheels x 64 links, 4 points where they touch",
         "guides: 6 wheels x 64 links",
-        "ground: 64 links, 4 points each",
+        "ground: 64 links, 4 points each, up to 88 mm apart along it and 189 mm across",
     ]
     path = tmp_path / "turn.mcap"
     assert simulate(load("turn", "rigid", ("run.stop=0.02 s",)), path)["status"] == "ok"

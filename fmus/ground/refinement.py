@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.physics.arrays import Floats
-from fmus.physics.elementary import cos, sin
 
 LEVEL = (1, 1)
 MOST = (8, 4)  # that is chosen by itself: the cost of a step grows with the points
+BUMP = "bump.radius"
 LOWEST_PEAK = 5e-3  # of a map of heights that counts, m
 Table = Mapping[str, Any]
 
@@ -96,9 +96,13 @@ def features(ground: Table, pitch: float) -> Iterator[Feature]:
 
 def _distances(feature: Feature, heading: float) -> tuple[float, float]:
     """Largest mean distances of points along and across a vehicle with this ``heading``, rad; m."""
-    c, s = abs(cos(heading)), abs(sin(heading))
-    (x, y), turned = (feature.along, feature.across), s > 1e-9
-    return (min(x / c, y / s), min(x / s, y / c)) if turned and c > 1e-9 else (y, x) if turned else (x, y)
+    x, y = feature.along, feature.across
+    if heading == 0.0 or feature.key == BUMP:  # a bump lies ahead of the start
+        return x, y
+    from fmus.physics.elementary import cos, sin  # kernels
+
+    c, s = max(abs(cos(heading)), 1e-9), max(abs(sin(heading)), 1e-9)
+    return min(x / c, y / s), min(x / s, y / c)
 
 
 def _narrowest_peak(heights: Floats, spacing: float, reach: float) -> float:

@@ -314,7 +314,7 @@ def test_numbers_of_the_ground_that_exclude_each_other_are_refused_in_a_sentence
     [
         ("shear_sled", (), ("ground.soil.name=lete_sand", "ground.soil.cohesion=2 kPa")),
         ("soft_ground", ("ground.step={x=[3],rise=0.1}",), ("ground.step.rise=0.2", "ground.soil.kphi=3e6")),
-        ("step", (), ("ground.step.rise=0.3", "ground.step.radius=0.03")),
+        ("step", (), ("ground.step.rise=0.3", "ground.step.radius=0.025")),
         ("rough", (), ("ground.rough.start=2", "ground.rough.length=4")),
         ("straight", ("ground.friction=[{x=[0,1],factor=0.5}]",), ("ground.friction=[{x=[1,3],factor=0.9}]",)),
     ],

@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 from view_logs import STEP, bodies_of, decoded, driven_log, hanging_log, stretched, terrain_log
 
+from fmus.ground.refinement import refinement
 from fmus.physics.contact.guide import HORN
 from fmus.vehicles.vehicle import read_table, vehicle
 from orchestrator.log.reader import Log
@@ -76,20 +77,24 @@ def test_wheels_and_hull_stand_where_they_were_recorded(shown):
 def depths_apart(log, bodies, poses, model, surface):
     """Errors of the depths of links in contact, m, where the ground under them is the plane and on the obstacle.
 
-    Recorded depths are means over a step, of the deepest contact point of a link: two in the middle plane of cables,
-    four of rigid links. Distances from the surface are sought along the heading of the drawn line, or along x.
+    Recorded depths are means over a step, of the deepest contact point of a link: in the middle plane of cables,
+    on both sides of it of rigid links. Distances from the surface are sought along the heading of the drawn line, or
+    along x.
     """
     apart, even = [], []
     vehicle, aside = bodies.scene["vehicle"]["track"], np.linspace(-0.03, 0.03, 601)
     ways, bank = ((0.0,), 0.0) if model == "flexible" else ((-0.25, 0.25), -0.1)  # of the width
+    parts, strips = refinement(bodies.scene["ground"], vehicle, bodies.scene["start"]["heading"])
+    ways = [way * (2 * strip + 1) / strips for strip in range(strips) for way in ways]
+    places = [(k + 0.5 + side * GAUSS) / parts - 0.5 for k in range(parts) for side in (-1, 1)]
     search = aside[:, None] * (surface.ahead if model == "flexible" else [1.0, 0.0, 0.0])
     for track in bodies.tracks:
         links = poses.links[track.name]
         recorded = log.sample([f"{track.name}.link[{i + 1}].ground.depth" for i in range(track.links)], poses.t)
         points = np.stack([
-            links.centres + side * GAUSS * vehicle["pitch"] * links.axes[..., 0]
+            links.centres + along * vehicle["pitch"] * links.axes[..., 0]
             + way * vehicle["width"] * links.axes[..., 1] + track.half[2] * links.axes[..., 2]
-            for side in (-1, 1) for way in ways
+            for along in places for way in ways
         ])  # fmt: skip
         above = points[..., 2] - surface.height_under(points)
         deep = np.full(above.shape, -1.0)
