@@ -352,9 +352,10 @@ class VehicleTable(FrozenTable):
     sprocket: SprocketTable
     """driving wheel of each side; the middle of the axle line is the origin of all positions"""
     idler: IdlerTable
-    """wheel of each side at the other end, which tensions the track"""
+    """wheel of each side at the other end, which tensions the track; a second idler is a table wheel.NAME"""
     road_wheel: WheelsTable
-    """wheels of each side that run on the track; each number is that of all wheels or a list with that of each"""
+    """wheels of each side that run on the track, or a tractor's track rollers; each number is that of all wheels or a
+    list with that of each"""
     return_roller: WheelsTable | None = None
     """rollers of each side, on fixed axles, that carry the upper run of the track; numbers as of road wheels"""
     wheel: dict[str, FurtherWheelTable] = {}  # noqa: RUF012 - pydantic copies it
