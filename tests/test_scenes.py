@@ -27,7 +27,12 @@ SLOW = "settle", "turn", "rig", "sprocket_bench"  # seconds of run time
 UNEVEN = "half_round", "washboard", "rough", "step", "trench", "soft_ground", "snow", "treadmill"
 SLOPES = "climb", "side_slope", "hold"
 ON_SOIL = "plate_press", "shear_sled"  # kernels of their own
-WARNED = {"half_round": {"penetration", "lift"}, "step": {"penetration", "lift"}}  # wheels that hang, or carry it all
+# wheels that hang, or carry it all; an edge that links are pressed on, and pushed against
+WARNED = {
+    "half_round": {"penetration", "lift"},
+    "step": {"penetration", "lift", "compression"},
+    "trench": {"penetration"},
+}
 
 
 def marks(name, model):

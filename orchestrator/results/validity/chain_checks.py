@@ -20,6 +20,7 @@ from orchestrator.vocabulary import limits
 
 NEAR = 0.25  # s: longest interval between records of pins
 ALONG = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the way from pin to pin
+ACROSS = -0.4, 0.0, 0.4  # of the width of a link
 EXPLAINS = 0.85  # of a depth: a rim or the ground this deep at the nearest record of pins is its cause
 
 
@@ -68,8 +69,10 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
     floor = None if gives_way(run.scene) else run.compute_once("ground", lambda _: ground(run.scene))
     if floor is not None:
         places = pins
-        if floor.terrain:  # it may rise between pins
-            places = np.concatenate([pins + share * (np.roll(pins, -1, axis=0) - pins) for share in ALONG])
+        if floor.terrain:  # it may rise between pins, and under a side of the track
+            aside = hull.vehicle_number(run, "track", "width") * pose.axes[0][:, 1]
+            along = [pins + share * (np.roll(pins, -1, axis=0) - pins) for share in ALONG]
+            places = np.concatenate([each + share * aside for each in along for share in ACROSS])
         under = floor.height_under(places) - places[:, 2]
         if floor.terrain:
             under = under * floor.normals(places)[:, 2]
