@@ -67,8 +67,11 @@ def test_every_coupling_goes_on_as_if_nothing_had_been(tmp_path, coupling):
 @pytest.mark.long
 @pytest.mark.parametrize("estimate", ["doubling", "power"])
 def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
-    """A run with variable steps resumes with the same steps, from checkpoints where they allow it."""
-    variable = (f"run.variable.estimate={estimate}", "run.variable.tolerance=1e-5")
+    """A run with variable steps resumes with the same steps, from checkpoints where they allow it.
+
+    The brake slips: where it holds the idler, steps become as long as the time between checkpoints.
+    """
+    variable = (f"run.variable.estimate={estimate}", "run.variable.tolerance=1e-5", "idler_drive.brake=5 N m")
     whole = ran(tmp_path / "whole.mcap", "rig", "rigid", *RIG, *variable)
     with Log(whole) as log:
         numbers = sorted(step for name in log.attachments if (step := checkpoint_step(name)) is not None)
