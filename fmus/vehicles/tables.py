@@ -115,6 +115,8 @@ class When:
 
 
 def _toml(value: object) -> str:
+    if isinstance(value, int) and value.bit_length() > 1000:  # Python prints 4300 digits at most
+        return "so large a number"
     return str(value).lower() if isinstance(value, bool) else repr(value)
 
 

@@ -276,7 +276,7 @@ def test_a_log_of_another_version_can_be_drawn(log, tmp_path):
 
 
 def test_one_bit_of_an_input_is_named_where_it_is(tmp_path):
-    """A changed bit of an input is named: a sprocket that differs by one ULP at step 40.
+    """A changed bit of an input is named: a sprocket that differs by one ULP at step 50.
 
     The replay of the drive says so, and that of the track, which received it.
     """
@@ -287,12 +287,12 @@ def test_one_bit_of_an_input_is_named_where_it_is(tmp_path):
     with Log(whole) as log:
         names = log.topics["/drive/out"].names
     place = schema.layout(schema.places(names)).starts[names.index("sprocket.angular_velocity.y")]
-    content.nudge("/drive/out", int(place), 40)
+    content.nudge("/drive/out", int(place), 50)
     edited = content.write(tmp_path / "edited.mcap", old_seal=True)
     with pytest.raises(LogUnreadable):
         replayed(edited, "drive")
     nudged = content.hash_again().write(tmp_path / "nudged.mcap")
-    for component, step in (("drive", 40), ("track", 41)):
+    for component, step in (("drive", 50), ("track", 51)):
         assert replayed(whole, component, None, (0.03, 0.06)).equal
         with replay_model.open_replay(nudged, component, None) as again:
             verdict = again.verify()

@@ -225,7 +225,7 @@ CALLS = {
     "no recoil": (lambda p: called(NAMES["recoil_stroke"], of_track(p, [FORCE]), "", EVER), "no recoil"),
     "half a circuit": (lambda p: on_sprocket(chain_measures.pins_passed, 4.228, 199),
                        "more than half a circuit passes between two records of links"),
-    "stands": (lambda p: on_sprocket(chain_measures.pins_per_revolution, 0.05), "turns by less than a tooth"),
+    "stands": (lambda p: on_sprocket(chain_measures.pins_per_revolution, 0.05), "turns by less than a pin"),
     "no pin": (lambda p: on_sprocket(chain_measures.chain_speed_ratio, 0.05), "less than a pin passes"),
     "uneven": (lambda p: vehicle_measures.settlement(UNEVEN, "", EVER), "settlement is not known on uneven ground"),
     "weather": (lambda p: analyse(of_track(p, []), "weather"), "no analysis 'weather': one of power, spectrum"),
