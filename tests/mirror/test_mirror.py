@@ -271,7 +271,7 @@ def described() -> dict[str, set[str]]:
 # test_chassis.py tests their motion, test_suspension.py the elements. What pins with bushes turn and rub is the
 # energy that they lose in test_life.py.
 OF_OTHERS = re.compile(
-    r"(left\.|right\.)?(return_roller|torsion_bar|bump_stop|rebound_stop|recoil|(road_wheel|road_arm|suspension)\[[67]\])"
+    r"(left\.|right\.)?(return_roller|rear_idler|torsion_bar|bump_stop|rebound_stop|recoil|(road_wheel|road_arm|suspension)\[[67]\])"
     r"|(link|joint)\[(6[6-9]|7\d|8[0-3])\]|link\[65\]|joint\[\d+\]\.(turned|rubbed)"
 )
 
