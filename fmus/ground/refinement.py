@@ -3,7 +3,7 @@
 On level ground a link has two Gauss points along it and, where it is wide, two across: ``LEVEL``. A refinement of
 (n, m) gives n times as many along it and m times as many across, at equal parts of the link. What a ground asks for is
 the mean distance of points at which the rise of a wheel over it is within 5 % of that with many points: half a radius
-of a half round, a quarter of a wave, the radius of an edge. It is measured in ``tests/test_ground_refinement.py``.
+of a half round, a quarter of a wave, the radius of an edge. It is measured in ``tests/test_obstacles.py``.
 """
 
 from __future__ import annotations
@@ -59,17 +59,14 @@ def passed_over(ground: Table, track: Table, heading: float) -> list[str]:
     """One sentence for each feature of the ground that is narrower than the points of a link allow."""
     refined = refinement(ground, track, heading)
     (gap, side), sentences = gaps(track, refined), []
-    for key, what, length, *_ in (
-        feature
-        for feature in features(ground, track["pitch"])
-        for a, b in [_distances(feature, heading)]
-        if 0.5 * track["pitch"] / refined[0] > a * (1 + 1e-9) or 0.5 * track["width"] / refined[1] > b * (1 + 1e-9)
-    ):
-        sentences.append(
-            f"ground.{key}: {what} of {length:.3g} m may pass between the contact points of a link, which are up to"
-            f" {gap:.3g} m apart along it and {side:.3g} m across; ground.refinement = [{refined[0]}, {refined[1]}] may"
-            " be larger"
-        )
+    for feature in features(ground, track["pitch"]):
+        a, b = _distances(feature, heading)
+        if max(0.5 * track["pitch"] / refined[0] / a, side / b) > 1.0 + 1e-9:
+            sentences.append(
+                f"ground.{feature.key}: {feature.what} of {feature.length:.3g} m may pass between the contact points of"
+                f" a link, which are up to {gap:.3g} m apart along it and {side:.3g} m across;"
+                f" ground.refinement = [{refined[0]}, {refined[1]}] may be larger"
+            )
     return sentences
 
 
