@@ -32,7 +32,7 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.scene import changed_scene, from_table, with_track
-from orchestrator.scene.tables import RunTable
+from orchestrator.scene.tables import RETIRED, RunTable
 
 
 def resume(
@@ -54,6 +54,8 @@ def resume(
     with Log(source) as log:
         log.check_repeatable()
         scene = _scene(log, stop)
+        if (scheme := scene.run.coupling.scheme) in RETIRED:
+            raise BadInput(f"{source}: run.coupling.scheme = '{scheme}' has been retired, so its run cannot go on")
         scene.require_own_parts("a file that a log names is not run, so resume needs")
         number, reached = _last_checkpoint(log, at, scene.run)
         if scene.run.stop < reached - 1e-9:

@@ -5,9 +5,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
-from fmus.vehicles.tables import Distance, Force, FrozenTable, In, When, ratio, value_text
+from fmus.vehicles.tables import Distance, Force, FrozenTable, In, When, is_logged, ratio, value_text
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.scene.settings import hint
 from orchestrator.scene.values import OR_FALSE, Duration, Every, Time, TrackName
@@ -134,7 +143,8 @@ class VehicleStartTable(StartTable):
         return (self.heading + pi, pi - self.pitch) if over else (self.heading, self.pitch)
 
 
-SchemeName = Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"]
+SchemeName = Literal["tracks_first", "jacobi", "gauss_seidel", "iterative"]
+RETIRED = ("energy_corrected",)  # schemes of earlier versions, which logs may name
 
 
 class CouplingTable(FrozenTable):
@@ -148,6 +158,11 @@ class CouplingTable(FrozenTable):
     """relative change of inputs that ends the iteration"""
     iterations: Annotated[Annotated[int, Field(ge=1)] | None, When(scheme=("iterative",))] = None
     """most iterations in a step"""
+
+    @field_validator("scheme", mode="wrap")
+    @classmethod
+    def _check_scheme(cls, value: Any, check: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+        return value if is_logged(info) and value in RETIRED else check(value)
 
     def options(self) -> dict[str, Any]:
         """Given options, without the scheme."""

@@ -112,11 +112,11 @@ def _joined(
 
 
 def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> Floats:
-    """Matrix of a step of constant length, on (x_a, x_b, y_a, y_b, the last y_a and y_b, defect of a)."""
+    """Matrix of a step of constant length, on (x_a, x_b, y_a, y_b, the last y_a and y_b)."""
     a, b = sides(cut, o)
     (Pa, Qa, Ra, Sa), (Pb, Qb, Rb, Sb) = a.map(h), b.map(h)
-    sizes = [len(a.x), len(b.x), len(a.C), len(b.C), len(a.C), len(b.C), len(b.C)]
-    xa, xb, ya, yb, pa, pb, defect = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
+    sizes = [len(a.x), len(b.x), len(a.C), len(b.C), len(a.C), len(b.C)]
+    xa, xb, ya, yb, pa, pb = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
 
     def column(side: LinearComponent, value: float, mean: float, rate: float) -> Floats:
         """Weight of each input by what it carries; 0 for a state."""
@@ -134,8 +134,6 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
         return now + ahead[side] * slope
 
     ua, ub = foreseen(0, yb, pb), foreseen(1, ya, pa)
-    if scheme == "energy_corrected":
-        ua = ua + defect
     if scheme == "iterative":  # u_a = y_b + w (y_b' - y_b), where y_b' depends on u_a through y_a'
         gain = within[0] * (Sb @ (within[1] * Sa))
         rest = yb + within[0] * (Rb @ xb + Sb @ (ya + within[1] * (Ra @ xa - ya)) - yb)
@@ -143,9 +141,7 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
     if scheme != "jacobi":
         ub = ya + within[1] * (Ra @ xa + Sa @ ua - ya)
     ya_after, yb_after = Ra @ xa + Sa @ ua, Rb @ xb + Sb @ ub
-    is_corrected = np.array([[scheme == "energy_corrected" and kind == "value"] for kind in a.carries])
-    defect = is_corrected * (defect + yb + within[0] * (yb_after - yb) - ua)
-    return np.vstack([Pa @ xa + Qa @ ua, Pb @ xb + Qb @ ub, ya_after, yb_after, ya, yb, defect])
+    return np.vstack([Pa @ xa + Qa @ ua, Pb @ xb + Qb @ ub, ya_after, yb_after, ya, yb])
 
 
 def radius(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> float:

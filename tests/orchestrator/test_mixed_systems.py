@@ -213,7 +213,7 @@ def test_a_mixed_system_has_the_bits_of_an_own_loop(files, tmp_path, monkeypatch
 
 
 @pytest.mark.parametrize("run", [
-    *({"coupling": {"scheme": scheme}} for scheme in ("iterative", "energy_corrected")),
+    *({"coupling": {"scheme": scheme}} for scheme in ("iterative", "gauss_seidel")),
     {"variable": {"tolerance": 1e-3, "shortest": 1e-3}},
 ])  # fmt: skip
 def test_discrete_inputs_are_held_in_steps_that_are_repeated(files, tmp_path, run):
@@ -235,7 +235,7 @@ def test_discrete_inputs_are_held_in_steps_that_are_repeated(files, tmp_path, ru
             assert replay.verify().equal
 
 
-@pytest.mark.parametrize(("scheme", "tolerance"), [("energy_corrected", 1e-12), ("iterative", 1e-5)])
+@pytest.mark.parametrize(("scheme", "tolerance"), [("gauss_seidel", 1e-12), ("iterative", 1e-5)])
 def test_units_change_nothing_but_rounding(files, tmp_path, scheme, tolerance):
     """The same system with b in N and K; an iteration ends within its tolerance."""
     values = {}

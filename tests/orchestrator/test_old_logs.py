@@ -131,6 +131,20 @@ def test_old_inputs_give_the_old_outputs(old, cotrack, name, component, links, a
     assert np.isclose(signals[next(iter(forces))]["rms, now"], signals[next(iter(forces))]["rms, log"], rtol=1e-3)
 
 
+def test_a_run_with_a_retired_coupling_is_read_and_replayed_but_does_not_go_on(old, cotrack):
+    """The inputs of a replay are those of the log, whatever rule made them."""
+    log = old[0] / "energy_corrected.mcap"
+    replay = "replay", log, "--component", "track", "--with", "rigid", "-o", "answer.mcap"
+    assert cotrack(*replay)[::2] == (0, "")
+    status, _, err = cotrack("resume", log, "-o", "further.mcap")
+    assert status == 2
+    assert "run.coupling.scheme = 'energy_corrected' has been retired" in err
+    assert not Path("further.mcap").exists()
+    status, _, err = cotrack("run", "rig", "--coupling", "energy_corrected")
+    assert status == 2
+    assert 'must be "tracks_first" or "jacobi" or "gauss_seidel" or "iterative"' in err
+
+
 @pytest.mark.parametrize(
     ("command", "status", "says"),
     [

@@ -191,7 +191,6 @@ HANDED_ON = {
     "jacobi": {"state"},
     "gauss_seidel": {"state", "mean"},
     "iterative": {"state", "mean"},
-    "energy_corrected": {"state", "mean"},
 }
 
 

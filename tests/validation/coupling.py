@@ -38,7 +38,6 @@ VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {
     "gauss_seidel constant": ("gauss_seidel", {"hold": "constant"}),
     "gauss_seidel linear": ("gauss_seidel", {"hold": "linear"}),
     "iterative": ("iterative", {"tolerance": 1e-10}),
-    "energy_corrected": ("energy_corrected", {}),
 }
 MEMBERS = [
     (cut, variant) for cut in CUTS for variant in VARIANTS if (cut, variant) != ("wrench", "gauss_seidel constant")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from orchestrator.cosim.coupling.energy_corrected import EnergyCorrected
 from orchestrator.cosim.coupling.gauss_seidel import GaussSeidel
 from orchestrator.cosim.coupling.iterative import Iterative
 from orchestrator.cosim.coupling.jacobi import Jacobi
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 
-SCHEMES = {scheme.NAME: scheme for scheme in (TracksFirst, Jacobi, GaussSeidel, Iterative, EnergyCorrected)}
+SCHEMES = {scheme.NAME: scheme for scheme in (TracksFirst, Jacobi, GaussSeidel, Iterative)}

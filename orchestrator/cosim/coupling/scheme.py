@@ -31,7 +31,6 @@ class SavedPoint(NamedTuple):
 
     states: tuple[Any, ...]
     past: Past
-    memory: Any = None  # further memory of a coupling
 
 
 class Scheme:
