@@ -32,8 +32,8 @@ class Hitch(NamedTuple):
     drag: Course  # load over the speed of the hitch, m/s, N
     ramp_start: float  # s
     ramp_end: float  # s
-    start_speed: float = 0.0  # share of the load before the ramp; these two have the names of ``course.ramp``
-    end_speed: float = 1.0  # share of the load after the ramp
+    speed_start: float = 0.0  # share of the load before the ramp; these two have the names of ``course.ramp``
+    speed_end: float = 1.0  # share of the load after the ramp
 
 
 def input_ports() -> list[Port]:

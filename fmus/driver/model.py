@@ -14,19 +14,17 @@ from fmus.driver.skid import footing
 from fmus.interface.course import parse_course
 from fmus.interface.defaults import configured_ports, parameter_values
 from fmus.interface.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
-from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, motion_ports, start_pose_ports
+from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, field_of, motion_ports, start_pose_ports
 from fmus.interface.sentences import Sentence
 from fmus.physics.arrays import Floats
 from fmus.start import KEYS, start_pose
 from fmus.vehicles.sides import way_a_turn, wheel_places
 
 SHARE = Range(0.05, 0.9, "between 0.05 and 0.9")
-LAW = dict(  # numbers of the ``ControlLaw`` that are parameters -> their names
-    width="width", heading_gain="heading.gain", reach="reach", preview="preview", rate_gain="yaw.gain",
-    integral="yaw.integral", largest_curvature="curvature.largest", lateral="acceleration.lateral",
-    deceleration="deceleration", start_speed="speed.start", end_speed="speed.end", ramp_start="ramp.start",
-    ramp_end="ramp.end", friction="friction", grip="grip", lag="drive.lag", yaw_lag="yaw.lag",
-    tolerance="path.tolerance",
+LAW = (  # numbers of the ``ControlLaw`` that are free parameters
+    "width", "heading.gain", "reach", "preview", "yaw.gain", "yaw.integral", "curvature.largest",
+    "acceleration.lateral", "deceleration", "speed.start", "speed.end", "ramp.start", "ramp.end", "friction", "grip",
+    "drive.lag", "yaw.lag", "path.tolerance",
 )  # fmt: skip
 WIDTH_FACTOR = 1.4  # width that turns alike without slip, over the tracks' distance: 0.449 / 0.3142 rad/s in `turn`
 
@@ -152,7 +150,7 @@ class Model(ComponentModel):
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but the path and tables of points."""
-        numbers = {f"law.{field}": f"{{{name}}}" for field, name in LAW.items()}
+        numbers = {f"law.{field_of(name)}": f"{{{name}}}" for name in LAW}
         return FreeParameters({**numbers, "law.heading": "{heading} + {start.heading}"}, self.start_parameters)
 
     def _start_motion(self, values: Mapping[str, Any]) -> tuple[float, ...]:
@@ -179,5 +177,5 @@ class Model(ComponentModel):
             heading=float(values["heading"]) + float(values["start.heading"]),
             speeds=speeds,
             creep=self._creep,
-            **{field: float(values[name]) for field, name in LAW.items()},
+            **{field_of(name): float(values[name]) for name in LAW},
         )

@@ -45,7 +45,7 @@ LARGEST_FRICTION_SHARE = 0.95  # largest share of the friction that is demanded
 
 
 class ControlLaw(NamedTuple):
-    """Parameters of a driver, SI."""
+    """Parameters of a driver, SI; one that the FMU has too bears its name, with "_" for a dot."""
 
     radius: float  # way of the vehicle for a radian of its sprockets, m
     width: float  # distance of two tracks without slip that would turn the vehicle alike, m: for errors
@@ -54,22 +54,22 @@ class ControlLaw(NamedTuple):
     heading_gain: float  # yaw rate for an error of the heading, 1/s
     reach: float  # least distance over which errors decay, m
     preview: float  # the same as a time, s
-    rate_gain: float  # gain of the yaw rate's error
-    integral: float  # gain of its integral, 1/s
-    largest_curvature: float  # largest curvature, 1/m
-    lateral: float  # lateral acceleration that bounds speed on a curve and curvature at a speed, m/s2
+    yaw_gain: float  # gain of the yaw rate's error
+    yaw_integral: float  # gain of its integral, 1/s
+    curvature_largest: float  # largest curvature, 1/m
+    acceleration_lateral: float  # lateral acceleration that bounds speed on a curve and curvature at a speed, m/s2
     deceleration: float  # towards curves and the end of the path, m/s2
-    start_speed: float  # speed before the ramp, m/s
-    end_speed: float  # after the ramp
+    speed_start: float  # speed before the ramp, m/s
+    speed_end: float  # after the ramp
     ramp_start: float  # s
     ramp_end: float  # s
     speeds: Course  # replaces the ramp
     friction: float  # friction of tracks on the ground; 0: unknown, slip follows from ``width``
     creep: float  # regularisation velocity of the friction law, m/s
     grip: float  # share of the friction that the plan uses
-    lag: float  # time constant with which the drives follow their demands, s
+    drive_lag: float  # time constant with which the drives follow their demands, s
     yaw_lag: float  # further delay of the vehicle's yaw rate, s
-    tolerance: float  # distance of the planned line from the path where that bends, m
+    path_tolerance: float  # distance of the planned line from the path where that bends, m
 
 
 class Parts(NamedTuple):
@@ -111,17 +111,17 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
 @kernel
 def bounds(p: ControlLaw, footing: skid.Footing) -> planning.Bounds:
     """Bounds of the plan."""
-    speed = max(p.start_speed, p.end_speed)
+    speed = max(p.speed_start, p.speed_end)
     for i in range(p.speeds.value.size):
         speed = max(speed, p.speeds.value[i])
     grip = p.grip * friction_limit(p, footing)
     return planning.Bounds(
         speed,
-        p.lateral,
+        p.acceleration_lateral,
         grip,
         p.deceleration,
         PLANNED_YAW_SHARE * largest_yaw_acceleration(p, footing),
-        p.tolerance,
+        p.path_tolerance,
         turn_resistance(footing),
     )
 
@@ -325,8 +325,8 @@ def limit_speed_change(c: Parts, point: SteeredPoint, speed: float, yaw_accelera
 @kernel
 def largest_curvature(p: ControlLaw, footing: skid.Footing, speed: float) -> float:
     """Largest curvature at a speed, 1/m; corrections may use half of the friction that the plan leaves."""
-    across = min(1.1 * p.lateral, 0.5 * (1.0 + p.grip) * friction_limit(p, footing))
-    return min(p.largest_curvature, across / max(speed * speed, LEAST_SPEED * LEAST_SPEED))
+    across = min(1.1 * p.acceleration_lateral, 0.5 * (1.0 + p.grip) * friction_limit(p, footing))
+    return min(p.curvature_largest, across / max(speed * speed, LEAST_SPEED * LEAST_SPEED))
 
 
 @kernel
@@ -336,16 +336,17 @@ def set_demands(c: Parts, point: SteeredPoint, target: MotionTarget, pace: float
     rate_error = target.rate - point.rate
     if abs(point.ahead) > LEAST_SPEED:
         most = largest_curvature(p, f, point.ahead) * abs(point.ahead)
-        x[RATE_INTEGRAL] = min(max(x[RATE_INTEGRAL] + h * p.integral * rate_error, -most), most)
+        x[RATE_INTEGRAL] = min(max(x[RATE_INTEGRAL] + h * p.yaw_integral * rate_error, -most), most)
     share = 1.0 if is_turn_on_the_spot(c.path, int(x[PIECE])) else abs(target.speed) / hypot(target.speed, LEAST_SPEED)
-    correction = 0.5 * p.width * (p.rate_gain * rate_error + x[RATE_INTEGRAL]) * share
+    correction = 0.5 * p.width * (p.yaw_gain * rate_error + x[RATE_INTEGRAL]) * share
     if p.friction == 0.0:
         correction += 0.5 * p.width * target.rate * share
         left, right = -correction, correction
     else:
         largest = LARGEST_YAW_SHARE * largest_yaw_acceleration(p, f)
         yaw_acceleration = min(max(target.yaw_acceleration, -largest), largest)
-        rate, most = target.rate + (p.lag + p.yaw_lag) * yaw_acceleration, LARGEST_FRICTION_SHARE * friction_limit(p, f)
+        rate = target.rate + (p.drive_lag + p.yaw_lag) * yaw_acceleration
+        most = LARGEST_FRICTION_SHARE * friction_limit(p, f)
         across = min(max(point.ahead * rate, -most), most)
         most = np.sqrt(most * most - across * across)
         along = min(max(pace - rate * x[SLIPS + 2], -most), most)
@@ -354,7 +355,7 @@ def set_demands(c: Parts, point: SteeredPoint, target: MotionTarget, pace: float
         z, _ = skid.slips(f, (p.friction, p.creep), rate, along, across, yaw_acceleration, z)
         x[SLIPS], x[SLIPS + 1], x[SLIPS + 2] = z
         left, right = z[0] - f.half_gauge * rate - correction, z[1] + f.half_gauge * rate + correction
-    speed = target.speed + p.lag * pace
+    speed = target.speed + p.drive_lag * pace
     x[LEFT], x[RIGHT] = (speed + left) / p.radius, (speed + right) / p.radius
 
 

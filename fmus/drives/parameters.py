@@ -12,16 +12,15 @@ from fmus.drives.motor import DriveParameters
 from fmus.drives.shaft import INTEGRATED
 from fmus.interface.course import Course, parse_course
 from fmus.interface.model import InvalidParameter
-from fmus.interface.ports import BRAKE, NOT_NEGATIVE, POSITIVE, SPIN, TORQUE, TORQUE_LIMIT, Port
+from fmus.interface.ports import BRAKE, NOT_NEGATIVE, POSITIVE, SPIN, TORQUE, TORQUE_LIMIT, Port, field_of
 from fmus.interface.sentences import Sentence
 from fmus.physics.integrate.runge_kutta import RK4
 
 MODES = ("speed", "torque", "controller")
 EXTRAPOLATIONS = ("velocity", "acceleration")
-FREE = dict(  # numbers of the ``DriveParameters`` that are parameters of every motor -> their names
-    start_speed="speed.start", ramp_start="ramp.start", ramp_end="ramp.end", torque="torque.drive",
-    proportional="controller.proportional", integral="controller.integral",
-    limit="torque.limit", stop_time="stop.time", gear="gear.ratio",
+FREE = (  # numbers of the ``DriveParameters`` that are free parameters of every motor
+    "speed.start", "ramp.start", "ramp.end", "torque.drive", "controller.proportional", "controller.integral",
+    "torque.limit", "stop.time", "gear.ratio",
 )  # fmt: skip
 POINTS = "'time value; time value; ...', straight lines between: the"
 
@@ -113,21 +112,21 @@ def free_numbers(values: Mapping[str, Any], demands: tuple[bool, bool], path: st
     Place -> expression, see ``interface.model.FreeParameters``; ``values``: checked parameters; ``demands``: see
     ``demanded``.
     """
-    names = FREE
+    names: tuple[str, ...] = FREE
     if not demands[0]:
-        names = names | {"end_speed": "speed.end", "stop_start": "stop.start", "mode": "mode"}
+        names = (*names, "speed.end", "stop.start", "mode")
     if demands[1]:
-        names = {field: name for field, name in names.items() if field != "torque"} | {"mode": "mode"}
+        names = (*(name for name in names if name != "torque.drive"), "mode")
     if not values[f"{prefix}brake.points"]:
-        names = names | {"brake": "brake.torque"}
-    numbers = {f"{path}.{field}": f"{{{prefix}{name}}}" for field, name in names.items()}
+        names = (*names, "brake.torque")
+    numbers = {f"{path}.{field_of(name)}": f"{{{prefix}{name}}}" for name in names}
     engine = _engine(values, prefix)
     if engine.time.size:
         ratio = f"{{{prefix}gear.ratio}}"
         numbers[f"{path}.steepest_slope"] = f"{ratio} * {ratio} * <{_steepest_slope(engine)!r}>"
     numbers[f"{path}.with_acceleration"] = "{extrapolation}"
     if demands[0]:
-        numbers[f"{path}.lag"] = "{demand.lag}"
+        numbers[f"{path}.demand_lag"] = "{demand.lag}"
     return numbers
 
 
@@ -178,8 +177,8 @@ def drive_parameters(
     return DriveParameters(
         inertia=inertia,
         mode=MODES.index(values_of["mode"]),
-        end_speed=float(values_of["speed.end"]),
-        brake=float(brakes.value.max()) if brakes.value.size else float(values_of["brake.torque"]),
+        speed_end=float(values_of["speed.end"]),
+        brake_torque=float(brakes.value.max()) if brakes.value.size else float(values_of["brake.torque"]),
         with_acceleration=EXTRAPOLATIONS.index(values["extrapolation"]),
         stages=np.zeros((len(RK4.b) + 2, INTEGRATED)),
         stop_start=float(values_of["stop.start"]),
@@ -188,8 +187,8 @@ def drive_parameters(
         brakes=brakes,
         engine=engine,
         steepest_slope=gear * gear * _steepest_slope(engine),
-        lag=float(values["demand.lag"]) if demand else 0.0,
-        **{field: float(values_of[name]) for field, name in FREE.items()},
+        demand_lag=float(values["demand.lag"]) if demand else 0.0,
+        **{field_of(name): float(values_of[name]) for name in FREE},
     )
 
 

@@ -32,9 +32,9 @@ Axle = tuple[float, float, float]  # about the axis: torque of the chain, N m; r
 @kernel
 def start_shaft(p: DriveParameters, x: Floats, angle: float) -> None:
     """Set a shaft's state x (SHAFT) to its start on a mount at rest; ``angle``, rad."""
-    x[TARGET] = p.start_speed
-    if p.lag > 0.0:
-        set_line(p.speeds, 0.0, 0.0, p.start_speed, p.start_speed)
+    x[TARGET] = p.speed_start
+    if p.demand_lag > 0.0:
+        set_line(p.speeds, 0.0, 0.0, p.speed_start, p.speed_start)
         if p.mode == TORQUE:
             x[TARGET] = 0.0
     x[ANGLE], x[RATE] = angle, speed_profile(p, 0.0)[0]
@@ -43,7 +43,7 @@ def start_shaft(p: DriveParameters, x: Floats, angle: float) -> None:
 @kernel
 def brake_torque(p: DriveParameters, t: float) -> float:
     """Largest torque of the brake at t, N m."""
-    return evaluate(p.brakes, t)[0] if has_points(p.brakes) else p.brake
+    return evaluate(p.brakes, t)[0] if has_points(p.brakes) else p.brake_torque
 
 
 @kernel
@@ -51,7 +51,7 @@ def slip_direction(p: DriveParameters, t: float, y: Floats, axle: Axle) -> float
     """Direction of rotation against the brake, 1 or -1; HELD at rest with a load that the brake can bear. (3)"""
     speed = y[RATE] - axle[1]
     load = axle[0] + motor_torque(p, t, 0.0, y[INTEGRAL])[0] - p.inertia * axle[2]
-    if speed == 0.0 and p.brake > 0.0 and abs(load) <= brake_torque(p, t):
+    if speed == 0.0 and p.brake_torque > 0.0 and abs(load) <= brake_torque(p, t):
         return HELD
     return 1.0 if speed > 0.0 or (speed == 0.0 and load > 0.0) else -1.0
 
@@ -72,8 +72,9 @@ def substeps(p: DriveParameters, h: float) -> int:
     """Internal steps in ``h`` s, each half the time constant of controller and engine. (4)"""
     if p.mode == SPEED:
         return 1
-    gains = (p.proportional / p.inertia, np.sqrt(p.integral / p.inertia)) if p.mode == CONTROLLER else (0.0, 0.0)
-    fastest = gains[0] + gains[1] + p.steepest_slope / p.inertia
+    fastest = p.steepest_slope / p.inertia
+    if p.mode == CONTROLLER:
+        fastest += p.controller_proportional / p.inertia + np.sqrt(p.controller_integral / p.inertia)
     return max(1, int(np.ceil(min(2.0 * h * fastest, 1e9))))
 
 
@@ -112,7 +113,7 @@ def _integrate(p: DriveParameters, x: Floats, step: ShaftStep, begin: float, sha
     if direction == HELD:
         x[RATE] = end[1]
     after = x[RATE] - end[1]
-    return speed / (speed - after) if p.brake > 0.0 and speed * after < 0.0 else 1.0
+    return speed / (speed - after) if p.brake_torque > 0.0 and speed * after < 0.0 else 1.0
 
 
 @kernel
@@ -158,10 +159,10 @@ def advance_shaft(p: DriveParameters, x: Floats, step: ShaftStep) -> None:
 @kernel
 def warn_of_cut(p: DriveParameters, r: Floats, t: float, demand: float, message: Floats) -> None:
     """Warn once that a given torque or a ``demand``, N m, is cut; ``r``: memory of wrenches, with a flag for this."""
-    torque = demand if p.lag > 0.0 else given_torque(p, t)
-    if p.mode == TORQUE and abs(torque) > p.limit and r[WARNED] == 0.0:
+    torque = demand if p.demand_lag > 0.0 else given_torque(p, t)
+    if p.mode == TORQUE and abs(torque) > p.torque_limit and r[WARNED] == 0.0:
         r[WARNED] = message[0] = 1.0
-        message[1], message[2], message[3] = t, torque, p.limit
+        message[1], message[2], message[3] = t, torque, p.torque_limit
 
 
 @kernel
@@ -172,7 +173,7 @@ def follow_demand(p: DriveParameters, x: Floats, t: float, h: float, speed: floa
     """
     demand = speed
     if p.mode == TORQUE:
-        demand = min(max(torque, -p.limit), p.limit)
-    target = demand + (x[TARGET] - demand) * exp(-h / p.lag)
+        demand = min(max(torque, -p.torque_limit), p.torque_limit)
+    target = demand + (x[TARGET] - demand) * exp(-h / p.demand_lag)
     set_line(p.torques if p.mode == TORQUE else p.speeds, t, h, x[TARGET], target)
     x[TARGET] = target

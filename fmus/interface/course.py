@@ -89,15 +89,15 @@ def set_line(c: Course, t: float, h: float, now: float, then: float) -> None:
 def ramp(p: Any, t: float) -> tuple[float, float]:
     """Speed of a half-cosine ramp at t, rad/s or m/s, and its integral since the start of the ramp.
 
-    ``p`` has the fields ramp_start, ramp_end (s), start_speed and end_speed.
+    ``p`` has the fields ramp_start, ramp_end (s), speed_start and speed_end.
     """
     length, past = p.ramp_end - p.ramp_start, t - p.ramp_start
-    rise = p.end_speed - p.start_speed
-    angle = p.start_speed * past
+    rise = p.speed_end - p.speed_start
+    angle = p.speed_start * past
     if past <= 0.0:
-        return p.start_speed, angle
+        return p.speed_start, angle
     if past >= length:
-        return p.end_speed, angle + rise * (past - 0.5 * length)
+        return p.speed_end, angle + rise * (past - 0.5 * length)
     s = past / length
     shape = 0.5 * (s - sin(np.pi * s) / np.pi)
-    return p.start_speed + rise * 0.5 * (1.0 - cos(np.pi * s)), angle + rise * length * shape
+    return p.speed_start + rise * 0.5 * (1.0 - cos(np.pi * s)), angle + rise * length * shape

@@ -45,6 +45,11 @@ class Port(NamedTuple):
     allowed: Range = ANY  # values of a Real parameter
 
 
+def field_of(name: str) -> str:
+    """Field of a kernel's parameters that has the number of a parameter ``name``."""
+    return name.replace(".", "_")
+
+
 # Addresses of contiguous doubles in memory: named as in the packaging of the Open Simulation Interface (OSMP, "binary
 # variables") for FMI 2.0, which has no arrays.
 LINKS_ARRAY = (

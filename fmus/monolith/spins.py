@@ -107,7 +107,7 @@ def hold(drives: Any, p: Spins, t: float, x: Floats) -> bool:
     changed = False
     for d in range(p.mount.size):
         drive, before, start = drives[d], p.direction[d], p.start + SPIN * d
-        if drive.mode != SPEED and drive.brake > 0.0:
+        if drive.mode != SPEED and drive.brake_torque > 0.0:
             pull, about, y = _shaft(p, d, PULL, 1.0), _shaft(p, d, ABOUT, 0.5), x[start : start + INTEGRATED]
             if before * (y[RATE] - about) < 0.0:
                 y[RATE] = about

@@ -83,7 +83,7 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
 @kernel
 def advance(p: DriveParameters, x: Floats, t: float, h: float, steps: int, u: Floats) -> None:
     """Advance x in place by ``h`` s in ``steps`` internal steps."""
-    if p.lag > 0.0:
+    if p.demand_lag > 0.0:
         shaft.follow_demand(p, x, t, h, u[19], u[20] if u.size > 20 else 0.0)
     m = mount.extrapolate(p.with_acceleration, x, h, u, 0)
     if x[mount.BASE] == 0.0:

@@ -146,10 +146,10 @@ def advance(g: Gearbox, x: Floats, t: float, h: float, propulsion_steps: int, st
     """Advance x in place by ``h`` s; ``propulsion_steps``, ``steering_steps``: internal steps."""
     left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:SIZE]
     i = 2 * SIDE  # demands: speeds of both sides, then torques of the shafts that follow one
-    if g.propulsion.lag > 0.0:
+    if g.propulsion.demand_lag > 0.0:
         torque = u[i + 2] if u.size > i + 2 else 0.0
         shaft.follow_demand(g.propulsion, propulsion, t, h, 0.5 * (u[i] + u[i + 1]), torque)
-    if g.steering.lag > 0.0:
+    if g.steering.demand_lag > 0.0:
         torque = u[u.size - 1] if u.size > i + 2 else 0.0
         shaft.follow_demand(g.steering, steering, t, h, u[i + 1] - u[i], torque)
     left_mount = mount.extrapolate(g.propulsion.with_acceleration, left, h, u, 0)
