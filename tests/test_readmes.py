@@ -48,7 +48,7 @@ LISTS = {
     "analyses": Listed("orchestrator/commands.md", r"^cotrack analyse LOG (\S+)$", ANALYSES),
     "definitions of analyses": Listed("orchestrator/analyses.md", r"^## ([a-z-]+)$", ANALYSES),
     "commands of studies": Listed("orchestrator/commands.md", r"^cotrack study ([a-z-]+)", STUDIES),
-    "studies": Listed("orchestrator/README.md", r"lists the studies of a scene: (.*?)\. ", STUDIES),
+    "studies": Listed("orchestrator/studies.md", r"lists the studies of a scene: (.*?)\. ", STUDIES),
     "validations": Listed("orchestrator/commands.md", r"^python -m tests\.validation ([a-z-]+)", VALIDATIONS),
     "option --coupling": Listed(
         "orchestrator/commands.md",
@@ -56,7 +56,7 @@ LISTS = {
         {*SCHEMES} - {CouplingTable().scheme},
         r"\b(?!or\b)\w+",
     ),
-    "couplings": Listed("orchestrator/README.md", r"^\| coupling \| order \|.*\n\|.*\n((?:\|.*\n)+)", SCHEMES, ROW),
+    "couplings": Listed("orchestrator/runs.md", r"^\| coupling \| order \|.*\n\|.*\n((?:\|.*\n)+)", SCHEMES, ROW),
     "components": Listed(
         "fmus/README.md", r"^\| (.*) \| the components \|$", [components.folder(kind) for kind in components.KINDS]
     ),
@@ -78,6 +78,24 @@ def test_common_signals_are_those_of_a_vehicle():
 @pytest.mark.parametrize("name", LISTS)
 def test_a_list_names_what_there_is(name):
     assert LISTS[name].names() == set(LISTS[name].known)
+
+
+OF_USERS = (
+    "README", "logs/README", "orchestrator/gallery/README", "fmus/coupling", "fmus/tools", "orchestrator/tutorial",
+    "orchestrator/runs", "orchestrator/studies", "orchestrator/your_fmus", "orchestrator/accuracy",
+    "orchestrator/mobility", "orchestrator/analyses", "orchestrator/recipes", "orchestrator/commands",
+    "orchestrator/keys",
+)  # fmt: skip
+
+
+def test_pages_of_users_name_no_module():
+    modules = {
+        file.relative_to(ROOT).as_posix() for top in ("fmus", "orchestrator") for file in (ROOT / top).rglob("*.py")
+    }
+    assert len(modules) > 300
+    for page in OF_USERS:
+        for name in re.findall(r"[`(]((?:[\w.]+/)*\w+\.py)[`)]", (ROOT / f"{page}.md").read_text(encoding="utf-8")):
+            assert not any(module.endswith(name.lstrip("./")) for module in modules), (page, name)
 
 
 MADE_BY_THE_PAGE = {"ask.py", "MyDrive.py"}  # files that a recipe writes
