@@ -60,7 +60,9 @@ LISTS = {
     "components": Listed(
         "fmus/README.md", r"^\| (.*) \| the components \|$", [components.folder(kind) for kind in components.KINDS]
     ),
-    "standard FMUs": Listed("fmus/README.md", r"^`cotrack build -o FOLDER` writes (.*)$", STANDARD, r"(\w+)\.fmu"),
+    "standard FMUs": Listed(
+        "fmus/in_your_tool.md", r"^`cotrack build -o FOLDER` writes (.*)$", STANDARD, r"(\w+)\.fmu"
+    ),
     "laws": Listed("fmus/physics/README.md", r"^\| `contact/laws\.py` \| (.*) \|$", LAWS, r"`(\w+)\.py`"),
 }
 
@@ -81,7 +83,8 @@ def test_a_list_names_what_there_is(name):
 
 
 OF_USERS = (
-    "README", "logs/README", "orchestrator/gallery/README", "fmus/coupling", "fmus/tools", "orchestrator/tutorial",
+    "README", "logs/README", "orchestrator/gallery/README", "fmus/in_your_tool", "fmus/coupling", "fmus/tools",
+    "orchestrator/tutorial",
     "orchestrator/runs", "orchestrator/studies", "orchestrator/your_fmus", "orchestrator/accuracy",
     "orchestrator/mobility", "orchestrator/analyses", "orchestrator/recipes", "orchestrator/commands",
     "orchestrator/keys",
