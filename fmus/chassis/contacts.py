@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.chassis.dynamics import ROOT, wheel_offset
+from fmus.chassis.leaf import ROOT, wheel_offset
 from fmus.chassis.tree import VehicleTree
 from fmus.ground.contact import contact_law, ground_shape
 from fmus.kernels.jit import kernel

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts
+from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, Parts
 from fmus.chassis.fittings import Fittings
+from fmus.chassis.leaf import ROOT
 from fmus.chassis.observe import write_outputs
 from fmus.chassis.steps import NUMBERS, begin, step, step_failure
 from fmus.chassis.tree import WHOLE, LinearSprings, VehicleTree, fastest_rate, tree

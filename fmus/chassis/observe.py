@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from fmus.chassis.dynamics import ROOT, Parts, compression, energies, is_fixed, put_elements, spring_push, wheel_offset
+from fmus.chassis.dynamics import Parts, energies, put_elements, spring_push
 from fmus.chassis.fittings import put_hitch, put_seats, touch
+from fmus.chassis.leaf import ROOT, compression, is_fixed, wheel_offset
 from fmus.chassis.tree import VehicleTree
 from fmus.kernels.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Four, Matrix, Quaternion, Vector

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from fmus.chassis.dynamics import FINE, NOT_FINITE, OUT_OF_REACH, ROOT, Parts, advance, energies, unit_wrench
+from fmus.chassis.dynamics import FINE, NOT_FINITE, OUT_OF_REACH, Parts, advance, energies, unit_wrench
 from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time
+from fmus.chassis.leaf import ROOT
 from fmus.chassis.tree import BODY, WHOLE, VehicleTree, with_leaves, with_sprockets
 from fmus.interface import wrenches
 from fmus.interface.model import too_many_steps

@@ -28,7 +28,8 @@ import numpy as np
 
 from fmus.cache.files import cached_result
 from fmus.cache.sources import source_hash
-from fmus.chassis.dynamics import ROOT, is_fixed, rates
+from fmus.chassis.dynamics import rates
+from fmus.chassis.leaf import ROOT, is_fixed
 from fmus.chassis.model import Model as Chassis
 from fmus.chassis.model import stations
 from fmus.chassis.observe import put_sides

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fmus.chassis.dynamics import ROOT
+from fmus.chassis.leaf import ROOT
 
 SPRING = ("stiffness", "damping", "preload", "on_arm", "on_chassis")
 CHASSIS = 0  # number of the chassis among the bodies

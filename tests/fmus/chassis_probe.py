@@ -6,7 +6,7 @@ import named_ports
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fmus.chassis.dynamics import ROOT
+from fmus.chassis.leaf import ROOT
 from fmus.chassis.model import Model
 from fmus.vehicles.vehicle import read_table, vehicle
 

@@ -8,7 +8,8 @@ from chassis_by_constraints import accelerations_by_constraints
 from chassis_probe import LEAVES, ROLLERS, TABLE, Probe, stir
 from scipy.spatial.transform import Rotation
 
-from fmus.chassis.dynamics import ROOT, rates
+from fmus.chassis.dynamics import rates
+from fmus.chassis.leaf import ROOT
 from fmus.chassis.model import Model, default_step
 from fmus.chassis.tree import WHOLE, tree
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from named_ports import Probe
 
-from fmus.chassis.dynamics import ROOT
+from fmus.chassis.leaf import ROOT
 from fmus.chassis.model import Model
 from fmus.start import ground_level
 from fmus.vehicles.vehicle import read_table, vehicle

@@ -5,7 +5,8 @@ import pytest
 from chassis_probe import TABLE, Probe
 from scipy.integrate import quad
 
-from fmus.chassis.dynamics import ROOT, rates
+from fmus.chassis.dynamics import rates
+from fmus.chassis.leaf import ROOT
 from fmus.chassis.tree import WHOLE
 from fmus.physics.vector import vector
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fmus.chassis.dynamics import ROOT, compression, linear_spring, wheel_offset
+from fmus.chassis.leaf import ROOT, compression, linear_spring, wheel_offset
 from fmus.chassis.suspension import curve, gas_spring, recoil, rotary_damper, stop, torsion_bar
-from fmus.chassis.tree import VehicleTree
 from fmus.interface.ports import Port
 from fmus.kernels.jit import implemented_in, kernel
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.exponential import power
 from fmus.vehicles.sides import of_wheels, smooth_wheels
+
+if TYPE_CHECKING:
+    from fmus.chassis.tree import VehicleTree
 
 
 @implemented_in(suspension=".elements")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.chassis.tree import VehicleTree
 from fmus.kernels.jit import kernel
+
+if TYPE_CHECKING:
+    from fmus.chassis.tree import VehicleTree
 
 
 class Recoil(NamedTuple):

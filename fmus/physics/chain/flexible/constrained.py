@@ -17,14 +17,13 @@ is a compliant equation, B y - mu / k = 0.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmus.kernels.jit import implemented_in, namesake
 from fmus.physics import block_cyclic
 from fmus.physics.arrays import Floats
-from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain.carrier import chain_speed
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
@@ -76,32 +75,6 @@ def layout(links: ConstrainedCables) -> LinkLayout:
 
 
 AS_THEY_ARE = Slopes(0.0, 0.0, 0.0)  # corrections that change no rates
-
-
-class ConstrainedJoints(NamedTuple):
-    """Arrays for n links with m coordinates a pin.
-
-    Pin j joins link j - 1 to link j, pin 0 the last link to link 0.
-    """
-
-    inverse: np.ndarray  # (n, 2 m, 2 m) of each link's matrix
-    schur_complement: np.ndarray  # (3, n, m, m) diagonal, upper, lower
-    factors: Factors  # factors of these blocks
-    multipliers: np.ndarray  # (n, m) forces of the pins on the links that begin there, reversed, N
-    gap: np.ndarray  # (n, m) misfit of the equations
-    scratch: np.ndarray  # (2 m)
-    whole: tuple[int, ...]  # length 2 m
-    places: np.ndarray  # (n + 1, 3) positions of the pins, m, each pin once
-    rates: np.ndarray  # (n + 1, 3) their velocities, m/s
-
-
-def joints(links: int, m: int) -> ConstrainedJoints:
-    """Return zeroed arrays for ``links`` links with ``m`` coordinates a pin."""
-    z = np.zeros
-    return ConstrainedJoints(
-        z((links, 2 * m, 2 * m)), z((3, links, m, m)), workspace(links, m), z((links, m)), z((links, m)), z(2 * m),
-        (0,) * (2 * m), z((links + 1, 3)), z((links + 1, 3)),
-    )  # fmt: skip
 
 
 @namesake

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from fmus.physics.chain.contacts import ContactPoints
-    from fmus.physics.chain.flexible.constrained import ConstrainedJoints
 
 
 FIXED = np.zeros(0)  # state of axes that do not turn
@@ -84,6 +83,23 @@ def shapes(
         "span": (2,), "lengths": (2,), "sums": (SUMS,),
         "turned": (bushed, 2), "turning": (bushed, 2), **ground.shapes,
     }  # fmt: skip
+
+
+class ConstrainedJoints(NamedTuple):
+    """Arrays for n links with m coordinates a pin.
+
+    Pin j joins link j - 1 to link j, pin 0 the last link to link 0.
+    """
+
+    inverse: np.ndarray  # (n, 2 m, 2 m) of each link's matrix
+    schur_complement: np.ndarray  # (3, n, m, m) diagonal, upper, lower
+    factors: Factors  # factors of these blocks
+    multipliers: np.ndarray  # (n, m) forces of the pins on the links that begin there, reversed, N
+    gap: np.ndarray  # (n, m) misfit of the equations
+    scratch: np.ndarray  # (2 m)
+    whole: tuple[int, ...]  # length 2 m
+    places: np.ndarray  # (n + 1, 3) positions of the pins, m, each pin once
+    rates: np.ndarray  # (n + 1, 3) their velocities, m/s
 
 
 class Work(NamedTuple):
@@ -198,7 +214,9 @@ def _contact_points(most: int, nodes: int, width: int) -> ContactPoints:
 
 
 def _joints(links: int, m: int) -> ConstrainedJoints:
-    """Return the arrays of pin equations, see ``constrained.joints``."""
-    from fmus.physics.chain.flexible.constrained import joints
-
-    return joints(links, m)
+    """Return zeroed arrays for ``links`` links with ``m`` coordinates a pin."""
+    z = np.zeros
+    return ConstrainedJoints(
+        z((links, 2 * m, 2 * m)), z((3, links, m, m)), workspace(links, m), z((links, m)), z((links, m)), z(2 * m),
+        (0,) * (2 * m), z((links + 1, 3)), z((links + 1, 3)),
+    )  # fmt: skip
