@@ -35,7 +35,7 @@ from orchestrator.cosim import fmi2_library
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, inverse_factors
 from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, ComponentFailed, Floats, GuestTerms
 from orchestrator.cosim.guests.library import GuestLibrary, Opening
-from orchestrator.cosim.guests.room import Room
+from orchestrator.cosim.guests.supervisor import Room
 from orchestrator.cosim.messages import (
     DISCARD,
     ERROR,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.messages import ComponentWarning
+from orchestrator.log.time_series import Floats
 
-Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # Quantity that a connection carries, which decides the input hold: "value" at the communication point; "mean" over the
 # last step; "state" at the communication point, which the receiver extrapolates with its "rate", sent beside it;

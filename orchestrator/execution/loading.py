@@ -25,7 +25,7 @@ from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import power_residual
 from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System
-from orchestrator.cosim.guests.room import Room, RoomRequest, Rooms
+from orchestrator.cosim.guests.supervisor import Room, RoomRequest, Rooms
 from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.model_description import loadable
 from orchestrator.cosim.observers import statistics_names

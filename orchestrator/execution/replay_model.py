@@ -17,7 +17,7 @@ from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import GuestTerms, Instance, System
-from orchestrator.cosim.guests.room import Rooms
+from orchestrator.cosim.guests.supervisor import Rooms
 from orchestrator.cosim.messages import Logger
 from orchestrator.execution import replays
 from orchestrator.execution.loading import open_rooms
@@ -26,7 +26,7 @@ from orchestrator.files.budget import FMU, OverBudget, open_file
 from orchestrator.log.log_metadata import BRANCHED, path_text_of
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of, texts_of
-from orchestrator.log.time_series import EVER
+from orchestrator.log.time_series import ALL_TIME
 from orchestrator.scene.assembly import BuiltPart, assemble, build_parts
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Part
@@ -58,11 +58,11 @@ class Replay(NamedTuple):
     parameters: replays.Parameters
     model: ReplayModel
 
-    def verify(self, window: tuple[float, float] = EVER) -> replays.ReplayVerdict:
+    def verify(self, window: tuple[float, float] = ALL_TIME) -> replays.ReplayVerdict:
         """Compare bit by bit with the log, in a window, s."""
         return replays.verify(self.log, self.component, self.parameters, window)
 
-    def answer(self, path: Path, end: float = EVER[1]) -> int:
+    def answer(self, path: Path, end: float = ALL_TIME[1]) -> int:
         """Log the component's outputs until ``end``, s; return the number of steps (0: no log is written).
 
         The new log names the replayed log and its digest, hash and parameters of the FMU, and the scene if it is

@@ -16,7 +16,7 @@ from orchestrator.log.bitwise import BitDifference, first_difference
 from orchestrator.log.log_metadata import TEXTS
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.log.time_series import EVER, Floats, Series, within
+from orchestrator.log.time_series import ALL_TIME, Floats, Series, within
 
 Parameters = Mapping[str, float | int | str]
 
@@ -75,7 +75,9 @@ def step_recorded(component: Component, inputs: Series, parameters: Parameters) 
         yield k, float(ends[k - 1])
 
 
-def verify(log: Log, component: Component, parameters: Parameters, window: tuple[float, float] = EVER) -> ReplayVerdict:
+def verify(
+    log: Log, component: Component, parameters: Parameters, window: tuple[float, float] = ALL_TIME
+) -> ReplayVerdict:
     """Step the component again and compare all recorded outputs, bit by bit; raises UnfitLog.
 
     Link outputs are included. With a window, a closed time interval, s, the component is stepped to its end and
@@ -134,7 +136,7 @@ class LogHeader(NamedTuple):
 
 
 def answer(
-    log: Log, component: Component, parameters: Parameters, path: Path, header: LogHeader, end: float = EVER[1]
+    log: Log, component: Component, parameters: Parameters, path: Path, header: LogHeader, end: float = ALL_TIME[1]
 ) -> int:
     """Step another model with the inputs recorded until ``end``, s, and log its outputs to ``path``.
 

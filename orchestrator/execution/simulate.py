@@ -15,7 +15,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.guests.room import Rooms
+from orchestrator.cosim.guests.supervisor import Rooms
 from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint

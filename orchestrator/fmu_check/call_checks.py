@@ -15,9 +15,9 @@ from typing import NamedTuple
 from orchestrator.cosim.messages import WARNING
 from orchestrator.cosim.model_description import number_of_elements
 from orchestrator.fmu_check.instance import (
+    CallRefused,
     Instance,
     NotApplicable,
-    Refused,
     Subject,
     Verdict,
     listed,
@@ -94,7 +94,7 @@ def check_phases(subject: Subject) -> Verdict:
     for part in (_terminated, _reset):
         try:
             faults += part(subject)
-        except Refused as refusal:
+        except CallRefused as refusal:
             faults.append(str(refusal))
     words = f"{refused} calls outside their phase and another {subject.fmi.TOKEN} are refused"
     note = f"{words}; {subject.name('Reset')} makes a new start"
@@ -120,7 +120,7 @@ def _takes_foreign_token(subject: Subject) -> bool:
     try:
         with Instance(subject, GUID):
             return True
-    except Refused:
+    except CallRefused:
         return False
 
 

@@ -12,7 +12,16 @@ from lxml import etree
 
 from orchestrator.cosim.base_units import inverse_factors
 from orchestrator.fmu_check import fmi3
-from orchestrator.fmu_check.instance import Floats, Instance, NotApplicable, Refused, Subject, Verdict, listed, names_of
+from orchestrator.fmu_check.instance import (
+    CallRefused,
+    Floats,
+    Instance,
+    NotApplicable,
+    Subject,
+    Verdict,
+    listed,
+    names_of,
+)
 
 TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
 
@@ -106,18 +115,18 @@ def check_dependencies(subject: Subject) -> Verdict:
             instance.run(0, 2)
             try:
                 pairs = _dependent(subject, instance)
-            except Refused as refusal:  # FMI allows that: a host must step between setting and getting
+            except CallRefused as refusal:  # FMI allows that: a host must step between setting and getting
                 note = f"direct feedthrough cannot be seen: {refusal}"
             else:
                 faults += _undeclared("after a step", pairs, description.outputs, subject.owner)
                 note = f"direct feedthrough: {listed([f'{u} to {y}' for u, y in pairs]) or 'none'}"
-    except Refused as refusal:
+    except CallRefused as refusal:
         faults.append(str(refusal))
     return Verdict(note, tuple(faults))
 
 
 def _dependent(subject: Subject, instance: Instance) -> Pairs:
-    """Pairs of elements of an input and of an output that changes with it at once; raises Refused."""
+    """Pairs of elements of an input and of an output that changes with it at once; raises CallRefused."""
     pairs: Pairs = []
     values = subject.input_values(1, subject.amplitude)
 

@@ -13,7 +13,6 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.messages import FATAL, OK, WARNING, CallMessages, Logger
@@ -27,6 +26,7 @@ from orchestrator.cosim.model_description import (
     start_values,
 )
 from orchestrator.fmu_check import fmi2, fmi3
+from orchestrator.log.time_series import Floats
 
 SHOWN = 3  # faults in the sentence of a verdict
 
@@ -55,7 +55,7 @@ class NotApplicable(Exception):
     """The FMU does not offer what the check needs; the message is one sentence."""
 
 
-class Refused(Exception):
+class CallRefused(Exception):
     """A call that has to succeed was refused; the message is one sentence."""
 
 
@@ -64,7 +64,6 @@ def listed(names: list[str]) -> str:
     return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
 
 
-Floats = NDArray[np.float64]
 STATUS = "OK", "Warning", "Discard", "Error", "Fatal"
 VERSIONS = {"2.0": fmi2, "3.0": fmi3}
 STEP = 1e-3  # s, communication step of an FMU without a default
@@ -164,7 +163,7 @@ class Subject:
         if self.description.coSimulation.canBeInstantiatedOnlyOncePerProcess:
             return AMPLITUDES[-1]  # the instance may be in use
         for amplitude in AMPLITUDES:
-            with suppress(Refused), Instance(self) as trial:
+            with suppress(CallRefused), Instance(self) as trial:
                 trial.initialise()
                 for k in range(STEPS):
                     trial.step(k, amplitude)
@@ -207,7 +206,7 @@ class Instance(AbstractContextManager["Instance"]):
     """Instance of an FMU; freed at the end of its ``with``, but never after the status Fatal.
 
     One that can be instantiated once per process is reset for the next instance. Raises NotApplicable if the FMU cannot
-    be instantiated at all or only once at a time, Refused if it could before.
+    be instantiated at all or only once at a time, CallRefused if it could before.
     """
 
     def __init__(self, subject: Subject, token: str | None = None) -> None:
@@ -225,7 +224,7 @@ class Instance(AbstractContextManager["Instance"]):
         try:
             self._library, self._handle, self._close = instantiate(subject, token, self._hear)
         except ComponentFailed as failure:
-            raise (Refused if subject.instances or token else NotApplicable)(str(failure)) from None
+            raise (CallRefused if subject.instances or token else NotApplicable)(str(failure)) from None
         subject.instances += 1
 
     def _hear(self, name: str, status: int, message: str) -> None:
@@ -243,14 +242,14 @@ class Instance(AbstractContextManager["Instance"]):
         return status
 
     def must(self, function: str, *arguments: Any) -> None:
-        """Make a call that has to succeed; raises Refused."""
+        """Make a call that has to succeed; raises CallRefused."""
         self._require(function, self.call(function, *arguments))
 
     def _require(self, function: str, status: int) -> None:
         if status > WARNING:
             name = self._subject.name(STATUS[status]) if status <= FATAL else str(status)
             message = f": {self._messages[0]}" if self._messages else ""
-            raise Refused(f"{self._subject.name(function)} has the status {name}{message}")
+            raise CallRefused(f"{self._subject.name(function)} has the status {name}{message}")
 
     def set_reals(self, references: Sequence[int], values: Sequence[float] | Floats) -> int:
         """Set variables of the type Real or Float64, all elements of each; return the status."""
@@ -271,11 +270,11 @@ class Instance(AbstractContextManager["Instance"]):
         return self.set_reals([v.valueReference for v in self._subject.inputs], values) if len(values) else OK
 
     def set_inputs(self, values: Sequence[float] | Floats) -> None:
-        """Set all inputs that vary; raises Refused."""
+        """Set all inputs that vary; raises CallRefused."""
         self._require(f"Set{self._subject.fmi.REAL}", self.try_inputs(values))
 
     def outputs(self) -> Floats:
-        """Return all outputs, by element; raises Refused."""
+        """Return all outputs, by element; raises CallRefused."""
         parts = []
         for function, c_type, kinds in self._subject.fmi.GETTERS:
             variables = self._subject.variables("output", *kinds)
@@ -286,27 +285,27 @@ class Instance(AbstractContextManager["Instance"]):
         return np.concatenate(parts)
 
     def enter(self) -> None:
-        """Bring a new instance into initialisation mode; raises Refused."""
+        """Bring a new instance into initialisation mode; raises CallRefused."""
         for function, *arguments in self._subject.fmi.entry(self._subject.start):
             self.must(function, *arguments)
 
     def initialise(self) -> None:
-        """Bring a new instance to its first step; raises Refused."""
+        """Bring a new instance to its first step; raises CallRefused."""
         self.enter()
         self.must("ExitInitializationMode")
 
     def step(self, k: int, amplitude: float | None = None) -> Floats:
-        """Make step k of a run with varying inputs; return all outputs. Raises Refused."""
+        """Make step k of a run with varying inputs; return all outputs. Raises CallRefused."""
         subject, h = self._subject, self._subject.step
         self.set_inputs(subject.input_values(k, subject.amplitude if amplitude is None else amplitude))
         arguments = subject.fmi.step(subject.start + k * h, h)
         self.must("DoStep", *arguments)
         if wrong := subject.fmi.fault_of_step(arguments):
-            raise Refused(f"{subject.name('DoStep')} {wrong}")
+            raise CallRefused(f"{subject.name('DoStep')} {wrong}")
         return self.outputs()
 
     def run(self, first: int = 0, count: int = STEPS) -> Floats:
-        """Make steps; return the outputs after each, (steps, outputs). Raises Refused."""
+        """Make steps; return the outputs after each, (steps, outputs). Raises CallRefused."""
         return np.array([self.step(k) for k in range(first, first + count)])
 
     def attempt_step(self, t: float, h: float) -> tuple[bool, list[str]]:

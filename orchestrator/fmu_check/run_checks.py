@@ -16,7 +16,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchestrator.fmu_check.instance import STEPS, Floats, Instance, NotApplicable, Refused, Subject, Verdict, listed
+from orchestrator.fmu_check.instance import (
+    STEPS,
+    CallRefused,
+    Floats,
+    Instance,
+    NotApplicable,
+    Subject,
+    Verdict,
+    listed,
+)
 
 
 def check_repeatability(subject: Subject) -> Verdict:
@@ -35,7 +44,7 @@ def check_repeatability(subject: Subject) -> Verdict:
             names = dict.fromkeys(name for run in runs(subject) for name in subject.differing(expected, run))
         except NotApplicable:
             continue  # it takes two instances at once
-        except Refused as refusal:
+        except CallRefused as refusal:
             faults.append(f"{where}: {refusal}")
         else:
             faults += [f"{where} {listed([*names])} differ"] if names else []

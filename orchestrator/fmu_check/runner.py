@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 
 from orchestrator.cosim.model_description import BadDescription, describe
 from orchestrator.fmu_check import call_checks, description_checks, run_checks
-from orchestrator.fmu_check.instance import VERSIONS, NotApplicable, Refused, Subject, Verdict
+from orchestrator.fmu_check.instance import VERSIONS, CallRefused, NotApplicable, Subject, Verdict
 
 CHECKS: dict[str, Callable[[Subject], Verdict]] = {
     "description": description_checks.check_description,
@@ -110,7 +110,7 @@ def judged(name: str, subject: Subject) -> Verdict:
         return CHECKS[name](subject)._replace(**subject.unfinished)
     except NotApplicable as reason:
         return Verdict(str(reason), outcome="not applicable")
-    except Refused as refusal:
+    except CallRefused as refusal:
         return Verdict("", (str(refusal),))
 
 

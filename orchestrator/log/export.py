@@ -22,7 +22,7 @@ from orchestrator.log.log_file import LogFailed, error_text
 from orchestrator.log.reader import Log, Missing
 from orchestrator.log.schema import family
 from orchestrator.log.signal_names import Names
-from orchestrator.log.time_series import EVER, Floats, Series
+from orchestrator.log.time_series import ALL_TIME, Floats, Series
 
 BLOCK = 4000  # rows in memory at once
 GROUP = 64 << 20  # bytes of a row group of a Parquet file before compression
@@ -138,7 +138,7 @@ def export(
     out: str | os.PathLike[str],
     signals: str | Sequence[str] = (),
     topics: Sequence[str] = (),
-    window: tuple[float, float] = EVER,
+    window: tuple[float, float] = ALL_TIME,
     kind: str | None = None,
 ) -> list[Path]:
     """Write recorded values of a closed time interval ``window``, s, and return the files.
@@ -240,7 +240,7 @@ def _files(folder: Path, topics: Sequence[str], suffix: str) -> list[Path]:
 Named = dict[str, tuple[str, Floats]]  # signal -> unit and values (m,)
 
 
-def columns_of(log: Log, signals: Sequence[Names], window: tuple[float, float] = EVER) -> tuple[Floats, Named]:
+def columns_of(log: Log, signals: Sequence[Names], window: tuple[float, float] = ALL_TIME) -> tuple[Floats, Named]:
     """Return times (m,), s, and the signals; raises Missing if signals have different times."""
     log.require_window(*window)
     chosen = log.choose(signals)
@@ -252,7 +252,7 @@ def columns_of(log: Log, signals: Sequence[Names], window: tuple[float, float] =
     }
 
 
-def to_pandas(log: Log, *signals: Names, window: tuple[float, float] = EVER) -> Any:
+def to_pandas(log: Log, *signals: Names, window: tuple[float, float] = ALL_TIME) -> Any:
     """Return signals as a DataFrame indexed by ``t``, s, with units in ``attrs["units"]``.
 
     ``*`` in ``signals`` stands for any text; ``window``: closed time interval, s. Raises Missing, also for signals
@@ -265,7 +265,7 @@ def to_pandas(log: Log, *signals: Names, window: tuple[float, float] = EVER) -> 
     return frame
 
 
-def to_arrow(log: Log, *signals: Names, window: tuple[float, float] = EVER) -> Any:
+def to_arrow(log: Log, *signals: Names, window: tuple[float, float] = ALL_TIME) -> Any:
     """Return a table of ``t`` and the signals, units in the metadata; raises like ``to_pandas``."""
     arrow = library("pyarrow")
     t, columns = columns_of(log, signals, window)
@@ -276,13 +276,13 @@ def to_arrow(log: Log, *signals: Names, window: tuple[float, float] = EVER) -> A
     return arrow.table([t, *(values for _, values in columns.values())], schema=arrow.schema(fields))
 
 
-def to_polars(log: Log, *signals: Names, window: tuple[float, float] = EVER) -> Any:
+def to_polars(log: Log, *signals: Names, window: tuple[float, float] = ALL_TIME) -> Any:
     """Return a DataFrame with columns ``t`` and the signals; raises like ``to_pandas``."""
     t, columns = columns_of(log, signals, window)
     return library("polars").DataFrame({"t": t} | {name: values for name, (_, values) in columns.items()})
 
 
-def to_xarray(log: Log, *signals: Names, window: tuple[float, float] = EVER) -> Any:
+def to_xarray(log: Log, *signals: Names, window: tuple[float, float] = ALL_TIME) -> Any:
     """Return a Dataset over ``t``, families of signals as 2-D arrays; raises like ``to_pandas``.
 
     ``left_track.link[3].tension`` is ``left_track.link.tension`` at ``link`` = 3.

@@ -26,7 +26,7 @@ from orchestrator.log.container import KEPT, Container, LogUnreadable
 from orchestrator.log.message_records import Messages
 from orchestrator.log.signal_names import Names, recorded_texts
 from orchestrator.log.stream import NotInOrder, Stream
-from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series
+from orchestrator.log.time_series import ALL_TIME, Floats, Series, empty_series, join_series
 
 MOST_CHANGES = 3  # that a message names
 
@@ -155,7 +155,7 @@ class Log(AbstractContextManager["Log"]):
             raise NoSuchTime(f"{given}: the run is recorded from {first:g} to {last:g} s")
 
     def stream(
-        self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER
+        self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = ALL_TIME
     ) -> Iterator[dict[str, Series]]:
         """Yield columns of topics in a closed time interval, s, in one pass through the file.
 
@@ -168,7 +168,7 @@ class Log(AbstractContextManager["Log"]):
         self,
         wanted: Mapping[str, Sequence[int]],
         chunks: Iterable[int],
-        window: tuple[float, float] = EVER,
+        window: tuple[float, float] = ALL_TIME,
     ) -> Iterator[dict[str, Series]]:
         for topic in wanted:
             self.known_topic(topic)
@@ -183,7 +183,7 @@ class Log(AbstractContextManager["Log"]):
                 if piece:
                     yield piece
 
-    def select(self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER) -> dict[str, Series]:
+    def select(self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = ALL_TIME) -> dict[str, Series]:
         """Return columns of topics in a closed time interval, s; raises Missing, LogUnreadable."""
         by_topic = {topic: [self._empty_series(topic).columns(columns)] for topic, columns in wanted.items()}
         for piece in self.stream(wanted, window):
@@ -213,7 +213,7 @@ class Log(AbstractContextManager["Log"]):
         topics: Sequence[str] | Mapping[str, Sequence[int]],
         size: int,
         more: int = 0,
-        window: tuple[float, float] = EVER,
+        window: tuple[float, float] = ALL_TIME,
     ) -> Iterator[dict[str, Series]]:
         """Yield topics, or columns of topics, in blocks of equally many messages in a closed time interval, s.
 

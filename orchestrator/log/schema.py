@@ -22,7 +22,8 @@ from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorP
 from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from orchestrator.log.time_series import Floats
+
 Bytes = NDArray[np.uint8]
 FIRST_NUMBER = 16  # first field number of a variable: tags of 16 to 2047 take two bytes, so values are evenly spaced
 MOST_FIELDS = 8000  # per message: protobuf's decoder keeps a message in 65,535 bytes, 8 per field

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from orchestrator.log.log_metadata import RecordedChannel
 from orchestrator.log.message_records import Messages
 from orchestrator.log.time_series import (
-    EVER,
+    ALL_TIME,
     Floats,
     Series,
     Wire,
@@ -46,7 +46,7 @@ class Stream:
         self,
         recorded: Mapping[str, RecordedChannel],
         wanted: Mapping[str, Sequence[int]],
-        window: tuple[float, float] = EVER,
+        window: tuple[float, float] = ALL_TIME,
     ) -> None:
         self._names = {topic: [recorded[topic].about.names[k] for k in columns] for topic, columns in wanted.items()}
         self._wires = {topic: [*_wired(recorded[topic], names)] for topic, names in self._names.items()}
@@ -104,7 +104,7 @@ class Stream:
 class _Rows:
     """Recorded ones of selected variables of a topic, in a window of time; holds the rows that are still needed."""
 
-    def __init__(self, recorded: RecordedChannel, names: Sequence[str], window: tuple[float, float] = EVER) -> None:
+    def __init__(self, recorded: RecordedChannel, names: Sequence[str], window: tuple[float, float] = ALL_TIME) -> None:
         held = [name for name in names if name in recorded.names]
         self._columns, self._window = [recorded.names.index(name) for name in held], window
         self._last = -np.inf  # time of the last message, s

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Rule = Literal["start", "end", "middle"]
 RULES: tuple[Rule, ...] = get_args(Rule)
-EVER = (-np.inf, np.inf)
+ALL_TIME = (-np.inf, np.inf)
 
 
 class Wire(NamedTuple):

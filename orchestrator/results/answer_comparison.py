@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.reader import Log
-from orchestrator.log.time_series import EVER, Floats, within
+from orchestrator.log.time_series import ALL_TIME, Floats, within
 from orchestrator.results.output_files import new_figure, save_figure
 from orchestrator.results.run_data import mean
 
@@ -55,7 +55,7 @@ class Answer(NamedTuple):
         return dict(zip(names, (*rms, *self.peak, self.parting_time), strict=True))
 
 
-def answers(log: Log, answer: Log, component: str, window: tuple[float, float] = EVER) -> list[Answer]:
+def answers(log: Log, answer: Log, component: str, window: tuple[float, float] = ALL_TIME) -> list[Answer]:
     """Outputs of a component that both logs hold, without those that are zero or rounding in both.
 
     ``window``: closed interval of time, s. Raises Missing, LogUnreadable.

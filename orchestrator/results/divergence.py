@@ -15,7 +15,7 @@ import numpy as np
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.bitwise import BitDifference, bit_difference, bit_patterns
 from orchestrator.log.reader import Log
-from orchestrator.log.time_series import EVER, Floats, Series, join_series
+from orchestrator.log.time_series import ALL_TIME, Floats, Series, join_series
 from orchestrator.results.output_files import new_figure, save_figure
 
 POINTS = 40  # approximate number of points of a growth curve
@@ -40,7 +40,7 @@ class Divergence(NamedTuple):
     unmatched: tuple[str, ...]  # topics and variables of one log only
 
 
-def divergence(log: Log, reference: Log, window: tuple[float, float] = EVER) -> Divergence:
+def divergence(log: Log, reference: Log, window: tuple[float, float] = ALL_TIME) -> Divergence:
     """Compare all common values in a closed interval of time, s; raises LogUnreadable."""
     shared, unmatched = _common_columns(log, reference)
     before = {topic: _messages_before(reference, topic, window[0]) for topic in shared}
@@ -139,7 +139,11 @@ def _common_columns(log: Log, reference: Log) -> tuple[Shared, tuple[str, ...]]:
 
 def _messages_before(log: Log, topic: str, start: float) -> int:
     """Number of messages of a topic before a time, s."""
-    return 0 if start == EVER[0] else int((log.select({topic: []}, (EVER[0], start))[topic].t < start - 1e-9).sum())
+    return (
+        0
+        if start == ALL_TIME[0]
+        else int((log.select({topic: []}, (ALL_TIME[0], start))[topic].t < start - 1e-9).sum())
+    )
 
 
 def _side_by_side(

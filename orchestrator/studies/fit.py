@@ -33,8 +33,8 @@ from orchestrator.scene.scene import any_from_table, load, with_settings, with_t
 from orchestrator.scene.settings import toml_text
 from orchestrator.studies import pool
 from orchestrator.studies.free_numbers import free_numbers
-from orchestrator.studies.least_squares import Experiment, FitFailed, Objective, Part, Search, rms, search
-from orchestrator.studies.uncertainty import Answer, answer
+from orchestrator.studies.least_squares import Experiment, FitFailed, Objective, RecordedPart, Search, rms, search
+from orchestrator.studies.uncertainty import FittedNumbers, answer
 
 COLUMNS = (
     Column("key", "number"), Column("unit", "unit"), Column("start", "start", ".8g"), Column("fitted", "fitted", ".8g"),
@@ -57,7 +57,7 @@ class Fitted(NamedTuple):
     ok: bool
     table: Table
     residuals: Table
-    answer: Answer
+    answer: FittedNumbers
     files: tuple[Path, ...]
     scene: Scene  # with the fitted numbers
     runs: int
@@ -143,7 +143,7 @@ def _of_part(file: str, name: str, track: str | None, settings: Sequence[str] | 
         scene = with_track(any_from_table(log.table("scene.json"), f"{file}: scene.json", logged=True))
         if track is not None:
             scene = scene.model_copy(update={"planar": False, "track": scene.track.of_model(track)}).with_axes()
-        return Experiment(scene, Part(Path(file), name, track, log.digest()))
+        return Experiment(scene, RecordedPart(Path(file), name, track, log.digest()))
 
 
 def _measured(
@@ -202,7 +202,7 @@ def _check_found(run: RunData, signals: Sequence[MeasuredSignal], data: Measured
         )
 
 
-def _save(task: Objective, end: Search, found: Answer, folder: Path, origin: str, read: Sequence[str]) -> Fitted:
+def _save(task: Objective, end: Search, found: FittedNumbers, folder: Path, origin: str, read: Sequence[str]) -> Fitted:
     """Write the result; ``origin``: files of the data; ``read``: notes on them."""
     about = f"{len(task.free)} numbers by {sum(len(one.t) for one in task.signals)} samples of"
     about += f" {len(task.signals)} signals, chi2/n {found.chi2:.4g}, {task.runs} runs"
@@ -256,7 +256,9 @@ def _finite(value: Any) -> Any:
 PROFILES = 4  # in a row of the picture
 
 
-def _draw(task: Objective, end: Search, found: Answer, names: Sequence[str], units: Mapping[str, str]) -> Picture:
+def _draw(
+    task: Objective, end: Search, found: FittedNumbers, names: Sequence[str], units: Mapping[str, str]
+) -> Picture:
     """Data, first and fitted run of each signal; below, the profile of each number and the parabola of its error."""
     signals, rows = task.signals, -(-len(task.free) // PROFILES)
     heights = [2.2 * len(signals) + 0.6, 2.0 * rows]

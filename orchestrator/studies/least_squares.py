@@ -43,7 +43,7 @@ class FitFailed(Exception):
     """A fit cannot begin or go on: a run fails."""
 
 
-class Part(NamedTuple):
+class RecordedPart(NamedTuple):
     """Component that is stepped alone, with the inputs that a log has of it."""
 
     log: Path
@@ -56,7 +56,7 @@ class Experiment(NamedTuple):
     """Scene, or a part of one, and the signals that were measured in it."""
 
     scene: Scene
-    part: Part | None = None
+    part: RecordedPart | None = None
     native: bool = False
     signals: tuple[MeasuredSignal, ...] = ()  # on the clock of the run, without gaps
     files: tuple[str, ...] = ()  # of each signal

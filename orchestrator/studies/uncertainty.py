@@ -31,7 +31,7 @@ FLAT = AGREES[0] * 4.0  # rise two errors away below which a profile is followed
 NONE = 1e-12  # of the largest eigenvalue of J'J: a direction without information
 
 
-class Profile(NamedTuple):
+class ErrorProfile(NamedTuple):
     """Rise of the sum of squares along a number."""
 
     numbers: Floats  # (m,) SI
@@ -39,21 +39,21 @@ class Profile(NamedTuple):
     rises: Floats  # (m,); s^2 in linear theory
 
 
-class Answer(NamedTuple):
+class FittedNumbers(NamedTuple):
     """Fitted numbers with what is known about them."""
 
     numbers: tuple[float, ...]
     errors: tuple[float, ...]  # standard errors; infinite where nothing is known
     correlations: Floats  # (k, k)
     chi2: float  # sum of squares over samples minus numbers
-    profiles: tuple[Profile, ...]  # empty ones where nothing is known
+    profiles: tuple[ErrorProfile, ...]  # empty ones where nothing is known
     problems: tuple[str, ...]  # why it is no success
     notes: tuple[str, ...]
     exact: bool  # every residual is at the precision of record and search
 
 
-def answer(task: Objective, end: Search) -> Answer:
-    """Answer of a search; makes the runs of the profiles."""
+def answer(task: Objective, end: Search) -> FittedNumbers:
+    """Fitted numbers of a search; makes the runs of the profiles."""
     keys = [one.key for one in task.free]
     values, vectors = np.linalg.eigh(end.jacobian.T @ end.jacobian)
     none = values <= NONE * values[-1]
@@ -114,7 +114,7 @@ def answer(task: Objective, end: Search) -> Answer:
         )
     errors = (np.array([one.size for one in task.free]) * deviation).tolist()
     rest = tuple(problems), tuple(notes), not loose
-    return Answer(tuple(task.numbers(end.u)), tuple(errors), correlations, chi2, profiles, *rest)
+    return FittedNumbers(tuple(task.numbers(end.u)), tuple(errors), correlations, chi2, profiles, *rest)
 
 
 def _alike(residual: Floats) -> float:
@@ -137,7 +137,7 @@ def _inseparable(keys: list[str], directions: Floats, silent: set[str]) -> list[
     return found
 
 
-def _unfinished(task: Objective, end: Search, profiles: tuple[Profile, ...]) -> list[str]:
+def _unfinished(task: Objective, end: Search, profiles: tuple[ErrorProfile, ...]) -> list[str]:
     """Sentences on a search that did not end in a minimum inside of its ranges."""
     found = [] if end.converged else [f"the search has not converged after {MOST_STEPS} steps"]
     for one, v, a, b in zip(task.free, end.u, *task.bounds(), strict=True):
@@ -154,7 +154,7 @@ def _unfinished(task: Objective, end: Search, profiles: tuple[Profile, ...]) -> 
     return found
 
 
-def _profiles(task: Objective, end: Search, covariance: Floats, deviation: Floats) -> tuple[Profile, ...]:
+def _profiles(task: Objective, end: Search, covariance: Floats, deviation: Floats) -> tuple[ErrorProfile, ...]:
     """Profile of each number, followed up to 100 % where it is flat; numbers that are not known have empty ones."""
     known = deviation <= UNKNOWN
     directions = np.where(known, covariance / np.where(known, deviation, 1.0), 0.0)
@@ -172,7 +172,7 @@ def _profiles(task: Objective, end: Search, covariance: Floats, deviation: Float
             far = 2.0 * along[-1]
             flat = new and min(rise for _, s, rise in new if abs(s) == along[-1]) < FLAT
             along = (-far, far) if flat and far * error <= UNKNOWN else ()
-        found.append(Profile(*np.array(sorted(rows)).reshape(-1, 3).T))
+        found.append(ErrorProfile(*np.array(sorted(rows)).reshape(-1, 3).T))
     return tuple(found)
 
 
@@ -182,7 +182,7 @@ def _inside(task: Objective, u: Floats, direction: Floats, along: tuple[float, .
     return [(s, v) for s in along for v in [u + s * direction] if ((low <= v) & (v <= high)).all()]
 
 
-def _width(profile: Profile) -> float:
+def _width(profile: ErrorProfile) -> float:
     """Error by a profile over that by the derivative: 1 where it rises as soon; infinite where it never does."""
     outermost = np.abs(profile.errors) == np.abs(profile.errors).max(initial=0.0)
     rise = profile.rises[outermost].min(initial=math.inf)

@@ -16,7 +16,7 @@ import pytest
 from foreign_fmus import Variable
 
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.guests import process, room
+from orchestrator.cosim.guests import process, supervisor
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -102,13 +102,13 @@ def dies(*_):
 
 
 @pytest.mark.parametrize(("owner", "name", "broken", "error"), [
-    (room, "LONGEST", "no number", TypeError),  # of bytes that are heard at once
-    (room.Room, "has_ended", dies, KeyError),  # who watches
+    (supervisor, "LONGEST", "no number", TypeError),  # of bytes that are heard at once
+    (supervisor.Room, "has_ended", dies, KeyError),  # who watches
 ])  # fmt: skip
 def test_a_thread_that_dies_fails_the_run(guest, tmp_path, monkeypatch, owner, name, broken, error):
     """Who hears and who watches the guests."""
     monkeypatch.setattr(owner, name, broken)
-    monkeypatch.setattr(room, "PERIOD", 1e-4)
+    monkeypatch.setattr(supervisor, "PERIOD", 1e-4)
     with pytest.raises(error):
         run(tmp_path, {"a": entry(guest)}, stop=1024 * H)
 
@@ -137,15 +137,15 @@ def test_a_guest_cannot_move_print_or_round_for_others(guest, tmp_path, capfd, i
 @pytest.mark.parametrize(("alone", "shared"), [(True, False), (False, True)])
 def test_instances_share_a_process_only_where_there_are_too_many(guest, tmp_path, monkeypatch, alone, shared):
     """Their static variable tells."""
-    monkeypatch.setattr(room, "MOST", 8 if alone else 1)
+    monkeypatch.setattr(supervisor, "MOST", 8 if alone else 1)
     _, path = run(tmp_path, {"a": entry(guest), "b": entry(guest)})
     together = outputs(path, "b")[1]["together"][-1]
     assert together == (2.0 * STOP if shared else STOP)
 
 
 @pytest.mark.parametrize(("owner", "name", "value", "said"), [
-    (room, "MOST", 1, "2 FMUs need processes of their own, and a run has at most 1"),
-    (room.resource, "getrlimit", lambda which: (40, 4096),
+    (supervisor, "MOST", 1, "2 FMUs need processes of their own, and a run has at most 1"),
+    (supervisor.resource, "getrlimit", lambda which: (40, 4096),
      r"2 FMUs need (\d+) open files, 40 are allowed: ulimit -n \1$"),
 ])  # fmt: skip
 def test_too_many_fmus_are_refused(guest, tmp_path, monkeypatch, owner, name, value, said):
@@ -259,7 +259,7 @@ def test_a_bad_end_is_a_warning_and_the_results_are_whole(guest, tmp_path, manne
 
 
 def test_a_run_that_is_interrupted_at_the_end_of_a_guest_is_whole(guest, tmp_path, monkeypatch):
-    monkeypatch.setattr(room, "GRACE", 0.1)
+    monkeypatch.setattr(supervisor, "GRACE", 0.1)
 
     def told(line):
         if "fmi2Terminate has not returned" in line and not told.lines:
@@ -267,7 +267,7 @@ def test_a_run_that_is_interrupted_at_the_end_of_a_guest_is_whole(guest, tmp_pat
             os.kill(os.getpid(), signal.SIGINT)
 
     told.lines = []
-    monkeypatch.setattr(room, "PATIENCE", 0.2)
+    monkeypatch.setattr(supervisor, "PATIENCE", 0.2)
     scene = any_from_table(table({"a": entry(guest, HANGS_AT_END)}), "guests.toml")
     summary = simulate(scene, tmp_path / "guests.mcap", narration=Narration(told))
     assert (summary["status"], summary["message"], summary["simulated_time"]) == ("ok", "", STOP)
@@ -326,20 +326,20 @@ def test_messages_hold_no_code():
 ])  # fmt: skip
 def test_an_answer_that_is_none_ends_the_guest(guest, tmp_path, monkeypatch, reply):
     """Buffers of other sizes would be written over the memory of the run."""
-    replies = room.receive
+    replies = supervisor.receive
 
     def receive(connection, most):
         given = replies(connection, most)
         return reply if given[3] and isinstance(given[3], list) else given
 
-    monkeypatch.setattr(room, "receive", receive)
+    monkeypatch.setattr(supervisor, "receive", receive)
     with pytest.raises(ComponentFailed, match="was answered with what is no reply"):
         run(tmp_path, {"a": entry(guest)})
 
 
 def test_a_guest_cannot_shrink_the_memory_of_the_run(guest):
-    with room.Rooms() as rooms:
-        (one,) = rooms.open([room.RoomRequest("a", guest, False, 1.0)]).values()
+    with supervisor.Rooms() as rooms:
+        (one,) = rooms.open([supervisor.RoomRequest("a", guest, False, 1.0)]).values()
         one.memory(8)
         shared = [int(each.name) for each in Path("/proc/self/fd").iterdir() if "memfd:" in os.path.realpath(each)]
         assert shared

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.guests.room import Room
+from orchestrator.cosim.guests.supervisor import Room
 from orchestrator.cosim.messages import FATAL, Hear
 
 ENDINGS = ("fmi2Terminate", "fmi2FreeInstance")  # calls after the last step

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.log.time_series import EVER, Floats
+from orchestrator.log.time_series import ALL_TIME, Floats
 from orchestrator.results.ground_surface import GroundSurface, ground
 from orchestrator.results.rotation import body_axis, link_axes
 from orchestrator.results.run_data import POSITION, RunData, link_columns
@@ -81,7 +81,12 @@ class Bodies:
     """
 
     def __init__(
-        self, run: RunData, rate: float, colour: str | None = None, window: tuple[float, float] = EVER, track: str = ""
+        self,
+        run: RunData,
+        rate: float,
+        colour: str | None = None,
+        window: tuple[float, float] = ALL_TIME,
+        track: str = "",
     ) -> None:
         self.run = run
         self._log = log = run.log

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.reader import Missing
-from orchestrator.log.time_series import EVER, Floats
+from orchestrator.log.time_series import ALL_TIME, Floats
 from orchestrator.results.analyses import profile, record_blocks, wheel_loads
 from orchestrator.results.run_data import POSITION, TENSION, RunData, Window
 from orchestrator.results.units import size
@@ -73,7 +73,7 @@ def _load_columns(run: RunData) -> dict[str, int]:
 
 
 def curves(
-    run: RunData, chosen: list[Plot], window: tuple[float, float] = EVER
+    run: RunData, chosen: list[Plot], window: tuple[float, float] = ALL_TIME
 ) -> Iterator[tuple[Plot, str, Floats, Floats]]:
     """Yield plot, signal, times (m,), s, and values (m,) in the unit of the title: all records, in blocks."""
     plot_of_signal = {signal: plot for plot in chosen for signal in plot.signals}

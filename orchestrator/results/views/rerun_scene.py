@@ -22,7 +22,7 @@ from orchestrator.log.extra import library
 from orchestrator.log.log_file import growing_log
 from orchestrator.log.message_records import WARNINGS, Event
 from orchestrator.log.reader import Log, LogUnreadable
-from orchestrator.log.time_series import EVER, Floats
+from orchestrator.log.time_series import ALL_TIME, Floats
 from orchestrator.results.analyses import events
 from orchestrator.results.ground_mesh import GroundHole
 from orchestrator.results.output_files import atomic_write, check_name
@@ -139,7 +139,7 @@ class RerunRecording:
             self._recording.set_time(TIMELINE, duration=t)
             self._send([rut], static=False)
 
-    def send_curves(self, run: RunData, side_plots: list[Plot], window: tuple[float, float] = EVER) -> None:
+    def send_curves(self, run: RunData, side_plots: list[Plot], window: tuple[float, float] = ALL_TIME) -> None:
         """Send all records of the plots' signals in a window, s."""
         rerun = self._rerun
         for plot, signal, t, values in curves(run, side_plots, window):

@@ -109,8 +109,8 @@ ENDLESS = 1e9  # length of the level lines at both ends, m
 LINE = 0.0
 
 
-class Part(NamedTuple):
-    """Part of an obstacle: a line of ``length``, m, or an arc that turns by ``angle``, rad, with ``radius``, m."""
+class Piece(NamedTuple):
+    """Piece of an obstacle: a line of ``length``, m, or an arc that turns by ``angle``, rad, with ``radius``, m."""
 
     length: float
     angle: float = 0.0  # upwards positive
@@ -122,11 +122,11 @@ class Obstacle(NamedTuple):
 
     name: str
     start: float
-    parts: Sequence[Part]
+    parts: Sequence[Piece]
 
 
-def _arc(angle: float, radius: float) -> Part:
-    return Part(radius * abs(angle), angle, radius)
+def _arc(angle: float, radius: float) -> Piece:
+    return Piece(radius * abs(angle), angle, radius)
 
 
 def step(name: str, x: float, rise: float, radius: float) -> Obstacle:
@@ -136,7 +136,7 @@ def step(name: str, x: float, rise: float, radius: float) -> Obstacle:
     """
     size, side = abs(rise), 1.0 if rise > 0.0 else -1.0
     angle, wall = (0.5 * PI, size - 2.0 * radius) if size >= 2.0 * radius else (acos(1.0 - 0.5 * size / radius), 0.0)
-    parts = _arc(side * angle, radius), Part(wall), _arc(-side * angle, radius)
+    parts = _arc(side * angle, radius), Piece(wall), _arc(-side * angle, radius)
     return Obstacle(name, x - radius * sin(angle), parts)
 
 
@@ -153,9 +153,9 @@ def half_round(name: str, x: float, radius: float, fillet: float) -> Obstacle:
 
 def bump(start: float, rise: float, slope: float, length: float, radius: float) -> Obstacle:
     """Trapezoid with rounded edges, as in ``ground.bumpy_ground``, which raises ValueError for edges too round."""
-    ramp = Part((rise - 2.0 * radius * (1.0 - cos(slope))) / sin(slope))
+    ramp = Piece((rise - 2.0 * radius * (1.0 - cos(slope))) / sin(slope))
     up, over = _arc(slope, radius), _arc(-slope, radius)
-    return Obstacle("bump", start, (up, ramp, over, Part(length), over, ramp, up))
+    return Obstacle("bump", start, (up, ramp, over, Piece(length), over, ramp, up))
 
 
 def profile(obstacles: Iterable[Obstacle]) -> Floats:
@@ -168,7 +168,7 @@ def profile(obstacles: Iterable[Obstacle]) -> Floats:
     for each in sorted(obstacles, key=lambda obstacle: obstacle.start):
         if each.start < x:
             raise ValueError(f"{each.name} begins at x = {each.start:.4g} m, before {last} ends at {x:.4g} m")
-        parts = [Part(each.start - x), *each.parts] if rows else each.parts
+        parts = [Piece(each.start - x), *each.parts] if rows else each.parts
         if not rows:
             x = each.start
             rows.append([-ENDLESS, way, way, x, z, 1.0, 0.0, 0.0, -ENDLESS, x, z])
@@ -193,7 +193,7 @@ def _tangent(angle: float) -> tuple[float, float]:
     return (0.0 if abs(tx) < 1e-15 else tx), (0.0 if abs(tz) < 1e-15 else tz)
 
 
-def _end(x: float, z: float, angle: float, part: Part) -> tuple[float, float, float]:
+def _end(x: float, z: float, angle: float, part: Piece) -> tuple[float, float, float]:
     """End of a part from (x, z) at ``angle``, and its largest height."""
     tx, tz = _tangent(angle)
     if part.radius == LINE:
