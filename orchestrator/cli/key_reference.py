@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import groupby
 
-from orchestrator.results.measures import NAMES
+from orchestrator.results.measures import FIGURES
 from orchestrator.results.table import Table
 from orchestrator.scene.keys import REQUIRED, Key, facts, table_of
-from orchestrator.vocabulary.analyses import MEASURES
 
 ASSEMBLY = Key._fields.index("assembly")
 PAGE = """# Keys of scenes and vehicles
@@ -20,11 +19,8 @@ scene with assembly = "fmus" has the keys name, title, assembly, run, expect, fm
 
 
 def measure_keys() -> list[Key]:
-    """All measures; their meaning is the first sentence of their docstring."""
-    return [
-        Key(name, about.unit, "", "", (NAMES[name].__doc__ or "").partition("\n")[0].rstrip("."))
-        for name, about in MEASURES.items()
-    ]
+    """All figures that checks may name."""
+    return [Key(one.name, one.unit, "", "", one.meaning) for one in FIGURES.values()]
 
 
 def key_text(key: Key) -> str:

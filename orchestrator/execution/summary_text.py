@@ -68,7 +68,7 @@ def _observables(r: dict[str, Any]) -> list[str]:
     lines: dict[str, list[str]] = {}
     whole = next((one for one in r["windows"].values() if not one["from"]), {"from": 0.0}) | {"to": r["simulated_time"]}
     for key, value in r["observables"].items():
-        observable = OBSERVABLES[key]
+        observable = OBSERVABLES[key].shown
         other = r["observables"].get(INSTEAD.get(key, ""), float("nan"))
         if value == value and other != other and not (r["phases"] and key in OF_PHASES):
             place = r["places"].get(key, "")

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -13,8 +14,8 @@ from orchestrator.execution import summary, summary_text
 from orchestrator.execution.log_report import summary_of
 from orchestrator.execution.summary_text import MOST, lines
 from orchestrator.log.tools import WHOLE, verify
-from orchestrator.results import measures
 from orchestrator.results.analyses.phases import Phase
+from orchestrator.results.measures import FIGURES
 from orchestrator.results.units import figure
 from orchestrator.scene.scene import load
 
@@ -119,7 +120,7 @@ def test_a_measure_that_breaks_is_a_crash_when_all_else_is_written(cotrack, monk
             raise error
         return 1.0
 
-    monkeypatch.setitem(measures.NAMES, "sag", sag)
+    monkeypatch.setitem(FIGURES, "sag", replace(FIGURES["sag"], value=sag))
     check = "--no-estimate", "--set", "expect={}", "--set", 'expect.x={measure="sag", expected=1, tolerance=1}'
     status, out, err = cotrack(*SHORT, *check)
     said = f"cotrack: internal error: {type(error).__name__}: {error}; run 'cotrack --debug ...' to see where\n"
