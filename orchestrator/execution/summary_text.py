@@ -11,7 +11,7 @@ from orchestrator.results.energy import KINDS
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.run_data import SHOWN
 from orchestrator.results.table import without_rounding
-from orchestrator.results.units import figure, scaled, size
+from orchestrator.results.units import figure, scaled
 from orchestrator.results.validity.exceedance import Exceedance, alike_as_one
 
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
@@ -66,18 +66,15 @@ def _pace(r: dict[str, Any]) -> str:
 def _observables(r: dict[str, Any]) -> list[str]:
     """Return a line per averaging window with its finite observables; OF_PHASES only without phases."""
     lines: dict[str, list[str]] = {}
-    whole = next((one for one in r["windows"].values() if not one["from"]), {"from": 0.0}) | {"to": r["simulated_time"]}
     for key, value in r["observables"].items():
-        observable = OBSERVABLES[key].shown
+        label, unit, digits, *_ = OBSERVABLES[key].shown
         other = r["observables"].get(INSTEAD.get(key, ""), float("nan"))
         if value == value and other != other and not (r["phases"] and key in OF_PHASES):
             place = r["places"].get(key, "")
             where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else f" {place}" if place else ""
-            window = _window(r["windows"].get(key, whole), r["simulated_time"])
-            shown = without_rounding(value / size(observable.unit), observable.unit)
-            lines.setdefault(window, []).append(
-                f"{observable.label} {figure(shown, observable.digits)} {observable.unit}{where}"
-            )
+            window = _window(r["windows"][key], r["simulated_time"])
+            number = figure(without_rounding(value / OBSERVABLES[key].size, unit), digits)
+            lines.setdefault(window, []).append(f"{label} {number} {unit}{where}")
     return [f"{window}: {', '.join(texts)}" for window, texts in lines.items()]
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import NamedTuple
 
+from fmus.interface.units import conversion
 from orchestrator.results.run_data import EVER, RunData, Unrecorded, Window
 
 Value = Callable[[RunData, str, Window], float]
@@ -77,6 +78,11 @@ class Observable(NamedTuple):
 
     figure: Figure
     shown: Shown
+
+    @property
+    def size(self) -> float:
+        """Size, in SI units, of the unit in which it is shown; raises ValueError for one of another quantity."""
+        return conversion(self.shown.unit, self.figure.unit)[0]
 
     def value(self, run: RunData, window: Window) -> float:
         """Value over a window, which those of the whole run do not need; raises as the figure."""

@@ -25,7 +25,6 @@ from orchestrator.results import output_files
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.output_files import atomic_write
 from orchestrator.results.table import Column, Table
-from orchestrator.results.units import in_si
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import SHORT_KEYS, load
@@ -40,7 +39,7 @@ NOT_MET = "checks not met"
 TOLD = "distance", "speed", "settlement", "ground_force", "tension_max", "tension_mean", "pin_force"
 MOST_TOLD = 3  # of these are said of a case as it finishes, the first that it has
 HIDDEN = ("log", "warnings", "wall_time", "estimated error of ")  # in the whole table alone
-UNITS = {"wall_time": "s", **{name: in_si(one.shown.unit) for name, one in OBSERVABLES.items()}}
+UNITS = {"wall_time": "s"} | {name: one.figure.unit for name, one in OBSERVABLES.items() if one.figure.unit != "1"}
 
 
 def sweep(  # noqa: PLR0913, the options of the command
