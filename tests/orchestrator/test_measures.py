@@ -324,6 +324,9 @@ def test_the_first_paragraph_is_the_meaning_and_further_ones_are_the_reasons():
     assert own(None, "right", Window(1.0, 2.0)) == 3.0
     assert own.wrong_part("") == "own must be of 'left' or 'right'"
     assert own.wrong_part("left") == ""
+    assert Observable(own, own.shown[0]).size == 0.01
+    assert Observable(own, own.shown[0]).value(None, Window(1.0, 2.0)) == 2.0
+    assert Observable(FIGURES["yaw_rate"], Shown("yaw rate", "mrad/s")).size == pytest.approx(1e-3)
 
 
 # largest forces

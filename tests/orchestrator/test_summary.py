@@ -111,6 +111,17 @@ def test_checks_that_cannot_be_made_say_why(cotrack):
     assert last(out)["observables"]["tension_max"] > 0
 
 
+def test_a_check_may_name_any_figure_that_a_summary_shows(cotrack):
+    names = "tension_max", "tension_mean", "sag", "weight"
+    given = [f'expect.{name}={{measure="{name}", expected=1, tolerance=1}}' for name in names]
+    status, out, err = cotrack(*SHORT, "--no-estimate", *(text for one in given for text in ("--set", one)))
+    assert status == 1, err
+    checks, shown = last(out)["checks"], last(out)["observables"]
+    assert {name: checks[name]["value"] for name in names[:3]} == {name: shown[name] for name in names[:3]}
+    assert checks["weight"]["note"] == "there is nothing to measure in this scene and window"
+    assert "weight" not in shown
+
+
 @pytest.mark.parametrize("error", [None, KeyError("ours"), TypeError("ours")])
 def test_a_measure_that_breaks_is_a_crash_when_all_else_is_written(cotrack, monkeypatch, error):
     """Log, other figures and page are whole; the status is 1, which a sweep does not keep as an answer."""
