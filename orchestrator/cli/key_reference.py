@@ -20,7 +20,8 @@ scene with assembly = "fmus" has the keys name, title, assembly, run, expect, fm
 
 def measure_keys() -> list[Key]:
     """All figures that checks may name."""
-    return [Key(one.name, one.unit, "", "", one.meaning) for one in FIGURES.values()]
+    told = FIGURES.values()
+    return [Key(one.name, one.unit, "", "", f"{one.meaning}{one.none and '; none '}{one.none}") for one in told]
 
 
 def key_text(key: Key) -> str:

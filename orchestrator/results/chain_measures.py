@@ -116,7 +116,7 @@ def pins_passed(run: RunData, of: str, window: Window) -> float:
     return float(-end * towards[0] * (path[-1] - path[0]))
 
 
-@figure("1", of=SIDE)
+@figure("1", of=SIDE, none="if it turns by less than a pin")
 def pins_per_revolution(run: RunData, of: str, window: Window) -> float:
     """Pins passed per revolution of the sprocket against its mount."""
     t = run.links(track_of(run, of), window).t
@@ -128,7 +128,7 @@ def pins_per_revolution(run: RunData, of: str, window: Window) -> float:
     return pins_passed(run, of, window) / revolutions
 
 
-@figure("1", of=SIDE)
+@figure("1", of=SIDE, none="if less than a pin passes")
 def chain_speed_ratio(run: RunData, of: str, window: Window) -> float:
     """Mean chain speed over pins passed times pitch over time."""
     track = track_of(run, of)

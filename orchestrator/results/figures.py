@@ -16,8 +16,9 @@ from fmus.interface.units import conversion
 from orchestrator.results.run_data import EVER, RunData, Unrecorded, Window
 
 Value = Callable[[RunData, str, Window], float]
+Parts = tuple[str, ...]
 
-ANY: tuple[str, ...] = ()
+ANY: Parts = ()
 SIDE, BOTH_SIDES, SPAN = ("", "left", "right"), ("left", "right"), ("upper", "lower")
 
 
@@ -27,7 +28,7 @@ class Shown(NamedTuple):
     label: str  # in a sentence
     unit: str  # in which it is shown
     digits: int = 4  # that are shown
-    on: str = "tracks"  # trait of the scenes that show it: ``execution/summary.traits``
+    on: str = "tracks"  # trait of the scenes that show it: ``execution/summary.traits``; empty: none does
     of: str = ""
     name: str = ""  # empty: that of the figure
     whole: bool = False  # of the whole run: largest value, or difference from start to end; others are means
@@ -48,10 +49,11 @@ class Figure:
     meaning: str  # a sentence without a full stop
     value: Value
     shown: tuple[Shown, ...] = ()
-    of: tuple[str, ...] = ("",)  # parts of which it can be, "" of all or none; ANY for any component
+    of: Parts = ("",)  # parts of which it can be, "" of all or none; ANY for any component
     every_step: bool = False  # it needs outputs and inputs of every step
     whole: bool = False  # it is of the whole run: a check's from is not read, and to is where the run must have been
     group: str = ""  # of link outputs from which it is read, beside the standard ones
+    none: str = ""  # words for where a run has none, as "on hard ground"
     reasons: tuple[str, ...] = ()  # paragraphs
 
     def __call__(self, run: RunData, of: str, window: Window) -> float:
@@ -90,14 +92,14 @@ class Observable(NamedTuple):
 
 
 def figure(
-    unit: str, *shown: Shown, of: tuple[str, ...] = ("",), every_step: bool = False, whole: bool = False
+    unit: str, *shown: Shown, of: Parts = ("",), every_step: bool = False, whole: bool = False, none: str = ""
 ) -> Callable[[Value], Figure]:
     """Declare a function as a figure, with the fields of ``Figure``."""
 
     def declare(value: Value) -> Figure:
         meaning, *reasons = (" ".join(part.replace("``", "").split()) for part in str(value.__doc__).split("\n\n"))
-        meaning = meaning.rstrip(".")
-        return Figure(value.__name__, unit, meaning, value, shown, of, every_step, whole, reasons=tuple(reasons))
+        meaning, name = meaning.rstrip("."), value.__name__
+        return Figure(name, unit, meaning, value, shown, of, every_step, whole, none=none, reasons=tuple(reasons))
 
     return declare
 

@@ -21,7 +21,7 @@ SLOWEST = 1e-4  # rad/s: a slower turn has no radius
 STRAIGHT = 1e3  # half track distances: a larger radius is none
 
 
-@figure("m", Shown("largest distance from the path", "m", 3, on="path", whole=True))
+@figure("m", Shown("largest distance from the path", "m", 3, on="path", whole=True), none="without a path")
 def path_error(run: RunData, of: str, window: Window) -> float:
     """Largest distance of the vehicle from the driver's path, m."""
     driver = run.scene.get("driver") or {}
@@ -109,7 +109,7 @@ def drive_power(run: RunData, of: str, window: Window) -> float:
     return run.rate(f"differential.{of}.work" if joined else f"{of}_drive.energy.work", window)
 
 
-@figure("W", Shown("power from side to side", "kW", on="steering", name="power_regenerated"))
+@figure("W", Shown("power from side to side", "kW", on="steering", name="power_regenerated"), none="without one")
 def regenerated_power(run: RunData, of: str, window: Window) -> float:
     """Power that a steering differential transfers between the sides, W."""
     if "differential" not in run.instances:

@@ -34,7 +34,7 @@ def speed(run: RunData, of: str, window: Window) -> float:
     return run.mean("chassis.speed" if run.scene.get("assembly") == "vehicle" else f"{run.tracks[0]}.speed", window)
 
 
-@figure("m", Shown("settlement", "mm", on="vehicle"))
+@figure("m", Shown("settlement", "mm", on="vehicle"), none="on uneven ground, as it counts from the first")
 def settlement(run: RunData, of: str, window: Window) -> float:
     """How far the hull is below its drawn place, m."""
     if not is_plane(run.scene.get("ground") or {}):
@@ -57,7 +57,7 @@ def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
     return mean(t, rise) - (float(np.mean(drawn["z"])) - vehicle["chassis"]["centre"][2])
 
 
-@figure("m")
+@figure("m", none="on uneven ground")
 def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
     """Share of the contacts in the settlement: wheels into the chain, chain into the ground, m."""
     return settlement(run, of, window) - settlement_of_springs(run, of, window)
@@ -70,7 +70,7 @@ def ground_force(run: RunData, of: str, window: Window) -> float:
     return sum(run.copies(name) * run.mean(f"{name}.ground.force.z", window) for name in touching)
 
 
-@figure("N")
+@figure("N", none="on level ground")
 def uphill_force(run: RunData, of: str, window: Window) -> float:
     """Mean force of the ground on all tracks up the slope of ``ground.grade`` and ``ground.bank``, N.
 
@@ -95,7 +95,7 @@ def weight(run: RunData, of: str, window: Window) -> float:
     return table.gravity * table.total_mass(sides)
 
 
-@figure("m", of=SIDE)
+@figure("m", of=SIDE, none="on hard ground")
 def rut_depth(run: RunData, of: str, window: Window) -> float:
     """Depth of the deepest link of a track, or of all, in the soil, m."""
     return max(float(pressed_by(run, track, window).depth.max(initial=0.0)) for track in hull.tracks(run, of))
@@ -134,13 +134,14 @@ def stop_forces(run: RunData, of: str = "", window: Window = EVER) -> StopForce:
     "N",
     Shown("largest force of a stop", "kN", on="stops", whole=True, place=lambda run: stop_forces(run).place),
     of=SIDE,
+    none="for a vehicle without stops",
 )
 def stop_force(run: RunData, of: str, window: Window) -> float:
     """Largest force of a bump or rebound stop, N."""
     return stop_forces(run, of, window).most
 
 
-@figure("m", Shown("largest recoil stroke", "mm", on="recoil", whole=True), of=SIDE)
+@figure("m", Shown("largest recoil stroke", "mm", on="recoil", whole=True), of=SIDE, none="for a vehicle without one")
 def recoil_stroke(run: RunData, of: str, window: Window) -> float:
     """Largest way that a recoil spring gives, m."""
     owners = ("", *(f"{name}." for name in run.scene.get("vehicle", {}).get("wheel", ())))
@@ -151,7 +152,7 @@ def recoil_stroke(run: RunData, of: str, window: Window) -> float:
     return max(strokes)
 
 
-@figure("1", Shown("slip", "%", 2, on="straight"), of=SIDE)
+@figure("1", Shown("slip", "%", 2, on="straight"), of=SIDE, none="where they stand")
 def slip(run: RunData, of: str, window: Window) -> float:
     """Slip 1 - v/V, V a pitch a pin; positive where tracks drive, either way."""
     found = slips.of(run, window, of)
@@ -184,7 +185,7 @@ def speed_excess(run: RunData, of: str, window: Window) -> float:
     return run.mean("chassis.speed", window) / float(kinematic) - 1.0
 
 
-@figure("N", of=SIDE)
+@figure("N", of=SIDE, none="with further wheels in them")
 def tension_top(run: RunData, of: str, window: Window) -> float:
     """Mean tension of the upper run, N; of one side or of all tracks."""
     return _run_tension(run, of, window, "top")

@@ -85,6 +85,10 @@ def test_keys_command(cotrack):
     found = json.loads(cotrack("keys", "--json")[1].splitlines()[-1])
     assert len(found["keys"]) == len(KEYS)
     assert {"key": "sag", "unit": "m"}.items() <= {one["key"]: one for one in found["measures"]}["sag"].items()
+    assert (
+        "rut_depth: m\n    Depth of the deepest link of a track, or of all, in the soil, m; none on hard"
+        in cotrack("keys", "rut")[1]
+    )
     assert "yaw_rate: rad/s\n    Mean rate about the vertical" in cotrack("keys", "the vertical")[1]
 
 

@@ -257,7 +257,7 @@ def declaration_faults(one, traits):
     """Everything that the declaration of a figure lacks: unit, meaning, a way to show it that fits."""
     if not one.unit or read(one.unit).factor != 1.0:
         yield "no SI unit"
-    texts = (one.meaning, *one.reasons)
+    texts = (one.meaning, one.none, *one.reasons)
     if len(one.meaning) <= 10 or one.meaning.endswith(".") or any("`" in text or "Missing" in text for text in texts):
         yield "no meaning in words of users"
     if one.unit != "1" and one.unit not in one.meaning.replace(",", " ").replace(";", " "):
