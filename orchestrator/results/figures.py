@@ -32,6 +32,8 @@ class Shown(NamedTuple):
     of: str = ""
     name: str = ""  # empty: that of the figure
     whole: bool = False  # of the whole run: largest value, or difference from start to end; others are means
+    by_phase: bool = False  # the text of a summary has it by phase, where a run has phases
+    unless: str = ""  # observable that the text of a summary has instead, where it is known
     place: Callable[[RunData], str] | None = None  # words for where and when, after the value; raises Missing
 
     @property

@@ -30,13 +30,13 @@ def path_error(run: RunData, of: str, window: Window) -> float:
     return float(np.abs(run.signal("driver.path.lateral_error", window)[1]).max())
 
 
-@figure("rad/s", Shown("yaw rate", "rad/s", on="turning"))
+@figure("rad/s", Shown("yaw rate", "rad/s", on="turning", by_phase=True))
 def yaw_rate(run: RunData, of: str, window: Window) -> float:
     """Mean rate about the vertical, rad/s; its signal, chassis.chassis.angular_velocity.z, has every step."""
     return run.mean("chassis.chassis.angular_velocity.z", window)
 
 
-@figure("m", Shown("turn radius", "m", on="turning"))
+@figure("m", Shown("turn radius", "m", on="turning", by_phase=True))
 def turn_radius(run: RunData, of: str, window: Window) -> float:
     """Speed along the ground over the rate of turning about its normal, m."""
     t, ahead, left = _velocity(run, window)
@@ -73,8 +73,8 @@ def steering_moment(run: RunData, of: str, window: Window) -> float:
 
 @figure(
     "m/s",
-    Shown("slip left", "m/s", 3, on="turning", of="left", name="slip_left"),
-    Shown("slip right", "m/s", 3, on="turning", of="right", name="slip_right"),
+    Shown("slip left", "m/s", 3, on="turning", of="left", name="slip_left", by_phase=True),
+    Shown("slip right", "m/s", 3, on="turning", of="right", name="slip_right", by_phase=True),
     of=BOTH_SIDES,
 )
 def track_slip(run: RunData, of: str, window: Window) -> float:
@@ -83,7 +83,7 @@ def track_slip(run: RunData, of: str, window: Window) -> float:
     return mean_lag(t, chain, run.signal(f"{_track(run, of)}.slip", window)[1])
 
 
-@figure("m/s", Shown("pads slide at", "m/s", 3, on="straight"))
+@figure("m/s", Shown("pads slide at", "m/s", 3, on="straight", unless="pad_slip"))
 def pad_velocity(run: RunData, of: str, window: Window) -> float:
     """Load-weighted velocity of the links over the ground, mean of both sides, m/s."""
     return float(np.mean([track_slip(run, side, window) for side in run.sides]))

@@ -267,6 +267,8 @@ def declaration_faults(one, traits):
             yield "shown of a part that it has not"
         if shown.on not in traits:
             yield "shown by no scene"
+        if shown.unless not in ("", *OBSERVABLES):
+            yield "shown instead of nothing"
         with suppress(ValueError):
             assert Observable(one, shown).size > 0.0
             continue
@@ -295,6 +297,7 @@ def test_every_figure_has_a_unit_a_meaning_and_scenes_that_show_it():
     ("m", "Height of the hull, m", [Shown("height", "kN")], "shown in the unit of something else"),
     ("m", "Height of the hull, m", [Shown("height", "mm", of="left")], "shown of a part that it has not"),
     ("m", "Height of the hull, m", [Shown("height", "mm", on="vehicles")], "shown by no scene"),
+    ("m", "Height of the hull, m", [Shown("height", "mm", unless="depth")], "shown instead of nothing"),
 ])  # fmt: skip
 def test_a_figure_that_lacks_something_is_found(unit, meaning, shown, fault):
     def height(run, of, window):
