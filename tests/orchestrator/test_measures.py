@@ -329,6 +329,7 @@ def test_the_first_paragraph_is_the_meaning_and_further_ones_are_the_reasons():
     assert own.wrong_part("left") == ""
     assert Observable(own, own.shown[0]).size == 0.01
     assert Observable(own, own.shown[0]).value(None, Window(1.0, 2.0)) == 2.0
+    assert Observable(own, own.shown[0]._replace(whole=True)).value(None, Window(1.0, 2.0)) == 1.0 + EVER.start
     assert Observable(FIGURES["yaw_rate"], Shown("yaw rate", "mrad/s")).size == pytest.approx(1e-3)
 
 
