@@ -77,7 +77,7 @@ class Figure:
         return f"{self.name} {'is' if '' in self.of else 'must be'} of {known or 'no side or part'}"
 
 
-class Observable(NamedTuple):
+class RunObservable(NamedTuple):
     """Figure as it is shown."""
 
     figure: Figure

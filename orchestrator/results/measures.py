@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 
 from orchestrator.results import chain_measures, energy, largest_forces, turning, vehicle_measures
-from orchestrator.results.figures import Observable, declared
+from orchestrator.results.figures import RunObservable, declared
 from orchestrator.results.run_data import Floats, mean
 
 MODULES = largest_forces, vehicle_measures, turning, chain_measures, energy
 FIGURES = {one.name: one for module in MODULES for one in declared(module)}
-OBSERVABLES = {shown.name or one.name: Observable(one, shown) for one in FIGURES.values() for shown in one.shown}
+OBSERVABLES = {shown.name or one.name: RunObservable(one, shown) for one in FIGURES.values() for shown in one.shown}
 
 REDUCTIONS: dict[str, Callable[[Floats, Floats], float]] = {
     "mean": mean,

@@ -12,7 +12,7 @@ from fmus.track.link_outputs import GROUPS, STANDARD
 from orchestrator.execution import summary
 from orchestrator.log.reader import Log, Missing
 from orchestrator.results import chain_measures, measures
-from orchestrator.results.figures import Observable, Shown, declared, figure
+from orchestrator.results.figures import RunObservable, Shown, declared, figure
 from orchestrator.results.largest_forces import FORCES, largest
 from orchestrator.results.measures import FIGURES, OBSERVABLES
 from orchestrator.results.run_data import EVER, Links, RunData, Window, mean, means, within
@@ -270,7 +270,7 @@ def declaration_faults(one, traits):
         if shown.unless not in ("", *OBSERVABLES):
             yield "shown instead of nothing"
         with suppress(ValueError):
-            assert Observable(one, shown).size > 0.0
+            assert RunObservable(one, shown).size > 0.0
             continue
         yield "shown in the unit of something else"
 
@@ -327,10 +327,10 @@ def test_the_first_paragraph_is_the_meaning_and_further_ones_are_the_reasons():
     assert own(None, "right", Window(1.0, 2.0)) == 3.0
     assert own.wrong_part("") == "own must be of 'left' or 'right'"
     assert own.wrong_part("left") == ""
-    assert Observable(own, own.shown[0]).size == 0.01
-    assert Observable(own, own.shown[0]).value(None, Window(1.0, 2.0)) == 2.0
-    assert Observable(own, own.shown[0]._replace(whole=True)).value(None, Window(1.0, 2.0)) == 1.0 + EVER.start
-    assert Observable(FIGURES["yaw_rate"], Shown("yaw rate", "mrad/s")).size == pytest.approx(1e-3)
+    assert RunObservable(own, own.shown[0]).size == 0.01
+    assert RunObservable(own, own.shown[0]).value(None, Window(1.0, 2.0)) == 2.0
+    assert RunObservable(own, own.shown[0]._replace(whole=True)).value(None, Window(1.0, 2.0)) == 1.0 + EVER.start
+    assert RunObservable(FIGURES["yaw_rate"], Shown("yaw rate", "mrad/s")).size == pytest.approx(1e-3)
 
 
 # largest forces
