@@ -21,8 +21,8 @@ BASES = {"fmus.track_rigid", "fmus.track_rigid.model"}  # from which another kin
 
 # Packages of the orchestrator by level: each imports only from levels below its own, anywhere in its modules.
 STOREYS = (
-    ("files", "vocabulary"), ("kernels",), ("log",), ("cosim",), ("scene", "results", "fmu_check"), ("execution",),
-    ("studies",), ("interface",), ("cli",),
+    ("files", "vocabulary"), ("kernels",), ("log",), ("cosim",), ("results",), ("scene", "fmu_check"),
+    ("execution",), ("studies",), ("interface",), ("cli",),
 )  # fmt: skip
 # Rooms of fmus from the lowest: each imports only from those before its own, anywhere in its modules.
 ROOMS = (
@@ -249,6 +249,19 @@ def test_rooms_import_from_storeys_below_alone():
     known = {*below, "__init__.py", "__main__.py", "cotrack", "book"}
     assert {file.relative_to(ORCHESTRATOR).parts[0] for file in sources(ORCHESTRATOR)} == known
     assert [file.name for file in sources(ORCHESTRATOR / "book")] == ["conf.py"], "the site's configuration alone"
+
+
+def test_scenes_know_of_results_the_figures_alone():
+    """Their names and parts, for checks; late, as they read logs, and without kernels."""
+    known = {file.name: imports(text(file)) for file in sources(ORCHESTRATOR / "scene")}
+    found = {name: ours(modules, "orchestrator") for name, modules in known.items()}
+    of_results = {(name, one) for name, modules in found.items() for one in modules if "results" in one.split(".")}
+    figures = {f"orchestrator.results.{name}" for name in ("figures", "measures")}
+    assert of_results == {("tables.py", name) for name in figures}
+    told = "import sys; from orchestrator.scene import scene, tables; print('orchestrator.results' in sys.modules)"
+    told += "; scene.load('straight'); print(*[name in sys.modules for name in ('orchestrator.results', 'numba')])"
+    done = subprocess.run([sys.executable, "-c", told], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True", "False"]
 
 
 def test_orchestrator_reaches_into_fmus_through_few_doors():

@@ -284,7 +284,7 @@ FALL = {"fall_time": 0.8472, "half_fall_time": 0.948, "behind_free_fall": 0.0}
 
 def measured(result, name):
     with Log(result["log"]) as log:
-        return measures.NAMES[name](RunData(log), "", Window(0.0, result["simulated_time"]))
+        return measures.FIGURES[name](RunData(log), "", Window(0.0, result["simulated_time"]))
 
 
 def test_what_a_scene_does_not_declare_is_not_logged(ran):

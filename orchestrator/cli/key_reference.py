@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import groupby
 
-from orchestrator.results.measures import NAMES
+from orchestrator.results.measures import FIGURES
 from orchestrator.results.table import Table
 from orchestrator.scene.keys import REQUIRED, Key, facts, table_of
-from orchestrator.vocabulary.analyses import MEASURES
 
 ASSEMBLY = Key._fields.index("assembly")
 PAGE = """# Keys of scenes and vehicles
@@ -20,11 +19,9 @@ scene with assembly = "fmus" has the keys name, title, assembly, run, expect, fm
 
 
 def measure_keys() -> list[Key]:
-    """All measures; their meaning is the first sentence of their docstring."""
-    return [
-        Key(name, about.unit, "", "", (NAMES[name].__doc__ or "").partition("\n")[0].rstrip("."))
-        for name, about in MEASURES.items()
-    ]
+    """All figures that checks may name."""
+    told = FIGURES.values()
+    return [Key(one.name, one.unit, "", "", f"{one.meaning}{one.none and '; none '}{one.none}") for one in told]
 
 
 def key_text(key: Key) -> str:

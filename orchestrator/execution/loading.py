@@ -31,7 +31,7 @@ from orchestrator.cosim.model_description import loadable
 from orchestrator.cosim.observers import statistics_names
 from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.log.signal_names import did_you_mean, worded
-from orchestrator.results import measures
+from orchestrator.results.measures import FIGURES
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import Assembly, Part
@@ -63,7 +63,7 @@ def require_signals(scene: SystemScene, assembled: Sequence[Part]) -> None:
         else:
             near = hint(signal, known, "there are") if instance in parts else hint(instance, parts, "there are")
         measure = signal.rpartition(".")[2]
-        raise BadInput(f"{where}: {problem}: {near}{f' Or measure = {measure!r}?' * (measure in measures.NAMES)}")
+        raise BadInput(f"{where}: {problem}: {near}{f' Or measure = {measure!r}?' * (measure in FIGURES)}")
 
 
 def _recorded(scene: SystemScene, part: Part) -> dict[str, str]:

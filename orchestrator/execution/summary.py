@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from orchestrator.log.reader import Missing
-from orchestrator.results import measures, run_data
+from orchestrator.results import run_data
 from orchestrator.results.analyses import phases
 from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.energy import ledger
-from orchestrator.results.largest_forces import FORCES, HIGH
-from orchestrator.results.measures import OBSERVABLES
-from orchestrator.results.run_data import EVER, RunData, Unrecorded, Window, given_parts
+from orchestrator.results.measures import FIGURES, OBSERVABLES, reduce
+from orchestrator.results.run_data import RunData, Unrecorded, Window, given_parts
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.kinds import ChainScene, VehicleScene
 from orchestrator.scene.placing import track_tension
@@ -132,8 +131,7 @@ def averaging_window(scene: SystemScene, simulated: float) -> Window:
 def windows(names: Iterable[str], scene: SystemScene, simulated: float) -> dict[str, dict[str, float]]:
     """Return the averaging window of each observable, s."""
     averaged, whole = averaging_window(scene, simulated), Window(0.0, simulated)
-    timed = [name for name in names if OBSERVABLES[name].value]
-    found = {name: whole if OBSERVABLES[name].whole else averaged for name in timed}
+    found = {name: whole if OBSERVABLES[name].shown.whole else averaged for name in names}
     sparse = {"every": scene.run.outputs} if scene.run.outputs > 1 else {}
     return {name: {"from": window.start, "to": window.end, **sparse} for name, window in found.items()}
 
@@ -142,7 +140,7 @@ def places(found: Mapping[str, float], run: RunData) -> dict[str, str]:
     """Return where and when the largest values among the observables are, in words."""
     words = {}
     for name, value in found.items():
-        where = OBSERVABLES[name].place
+        where = OBSERVABLES[name].shown.place
         if where is not None and value == value:
             words[name] = where(run)
     return words
@@ -249,9 +247,9 @@ def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:
     """Return the value of a check and an empty note, or NaN (never ok) and the reason."""
     return _number_or_reason(
         lambda: (
-            measures.reduce(*run.signal(str(check.signal), window), check.reduce)
+            reduce(*run.signal(str(check.signal), window), check.reduce)
             if check.measure is None
-            else measures.value(run, check.measure, check.of, window)
+            else FIGURES[check.measure](run, check.of, window)
         ),
         check.measure,
     )
@@ -272,43 +270,26 @@ def _number_or_reason(evaluate: Callable[[], float], measure: str | None = None)
 
 def observables(run: RunData, scene: SystemScene, simulated: float) -> dict[str, float]:
     """Evaluate the observables of this kind of scene; for their averaging windows see ``windows``."""
-    averaged = averaging_window(scene, simulated)
-
-    def value(name: str) -> float:
-        observable = OBSERVABLES[name]
-        if observable.value is None:
-            assert isinstance(scene, VehicleScene)
-            return weight(scene)
-        return observable.value(run, EVER if observable.whole else averaged)
-
-    return {name: _number_or_reason(partial(value, name))[0] for name in (_names(scene) if run.tracks else ())}
+    averaged, found = averaging_window(scene, simulated), {*traits(scene)} if run.tracks else ()
+    shown = {name: one for name, one in OBSERVABLES.items() if one.shown.on in found}
+    return {name: _number_or_reason(partial(one.value, run, averaged))[0] for name, one in shown.items()}
 
 
-def _names(scene: SystemScene) -> list[str]:
-    """Return the names of the observables of this kind of scene."""
+def traits(scene: SystemScene) -> Iterator[str]:
+    """Traits of a scene with tracks by which its observables are chosen, its groups of link outputs among them."""
     track = getattr(scene, "track", None)  # not of systems of FMUs
-    shown = [name for name, one in FORCES.items() if track is not None and one.group in track.link_outputs]
-    names = ["tension_max", *(f"{name}{end}" for name in shown for end in ("", HIGH)), "tension_mean"]
+    groups = track.link_outputs if track is not None else ()
+    yield from ("tracks", *groups)
     if isinstance(scene, VehicleScene):
-        names += ["distance", "speed", "settlement", "ground_force", "weight"]
+        yield from ("vehicle", "moving", "turning" if scene.turns else "straight")
         own = [table.suspension for table in (scene.vehicle, scene.vehicle.right) if table and table.suspension]
-        if any(suspension.bump_stop or suspension.rebound_stop for suspension in own):
-            names.append("stop_force")
         slides = scene.vehicle.tensioner, *(wheel.tensioner for wheel in scene.vehicle.wheel.values())
-        if any(slide and slide.recoil for slide in slides):
-            names.append("recoil_stroke")
-        if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
-            names.append("path_error")
-        if not scene.turns:
-            return [*names, "slip", "pad_slip", "pad_velocity"]
-        names += ["yaw_rate", "turn_radius", "steering_moment", "slip_left", "slip_right", "power_left", "power_right"]
-        joined = scene.drive.steering is not None
-        return names + (["power_propulsion", "power_steering", "power_regenerated"] if joined else [])
-    if isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
-        return [*names, "sag", "end_tension"]
-    return [*names, "speed"]
-
-
-def weight(scene: VehicleScene) -> float:
-    """Compute the weight of all bodies of a vehicle scene, N."""
-    return scene.vehicle.gravity * scene.vehicle.total_mass(scene.tracks)
+        found = {
+            "stops": any(suspension.bump_stop or suspension.rebound_stop for suspension in own),
+            "recoil": any(slide and slide.recoil for slide in slides),
+            "path": scene.driver is not None and (scene.driver.arcs or scene.driver.points),
+            "steering": scene.turns and scene.drive.steering is not None,
+        }
+        yield from (trait for trait, has in found.items() if has)
+    else:
+        yield "pinned" if isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and groups else "moving"

@@ -11,13 +11,10 @@ from orchestrator.results.energy import KINDS
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.run_data import SHOWN
 from orchestrator.results.table import without_rounding
-from orchestrator.results.units import figure, scaled, size
+from orchestrator.results.units import figure, scaled
 from orchestrator.results.validity.exceedance import Exceedance, alike_as_one
 
-OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
-
 MOST = 11  # lines of a short summary
-INSTEAD = {"pad_velocity": "pad_slip"}  # printed where the other one is not known
 
 
 def _error(error: dict[str, Any]) -> str:
@@ -64,20 +61,17 @@ def _pace(r: dict[str, Any]) -> str:
 
 
 def _observables(r: dict[str, Any]) -> list[str]:
-    """Return a line per averaging window with its finite observables; OF_PHASES only without phases."""
+    """Return a line per averaging window with its finite observables."""
     lines: dict[str, list[str]] = {}
-    whole = next((one for one in r["windows"].values() if not one["from"]), {"from": 0.0}) | {"to": r["simulated_time"]}
     for key, value in r["observables"].items():
-        observable = OBSERVABLES[key]
-        other = r["observables"].get(INSTEAD.get(key, ""), float("nan"))
-        if value == value and other != other and not (r["phases"] and key in OF_PHASES):
+        shown = OBSERVABLES[key].shown
+        other = r["observables"].get(shown.unless, float("nan"))
+        if value == value and other != other and not (r["phases"] and shown.by_phase):
             place = r["places"].get(key, "")
             where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else f" {place}" if place else ""
-            window = _window(r["windows"].get(key, whole), r["simulated_time"])
-            shown = without_rounding(value / size(observable.unit), observable.unit)
-            lines.setdefault(window, []).append(
-                f"{observable.label} {figure(shown, observable.digits)} {observable.unit}{where}"
-            )
+            window = _window(r["windows"][key], r["simulated_time"])
+            number = figure(without_rounding(value / OBSERVABLES[key].size, shown.unit), shown.digits)
+            lines.setdefault(window, []).append(f"{shown.label} {number} {shown.unit}{where}")
     return [f"{window}: {', '.join(texts)}" for window, texts in lines.items()]
 
 

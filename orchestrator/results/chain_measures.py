@@ -1,4 +1,4 @@
-"""Measures of a chain: between pins, free, or over a sprocket; functions as in ``measures.py``."""
+"""Figures of a chain: between pins, free, or over a sprocket."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from fmus.vehicles.sides import pins_a_turn, pitch_radius, way_a_turn
 from orchestrator.log.reader import Missing
+from orchestrator.results.figures import ANY, SIDE, SPAN, Shown, figure
 from orchestrator.results.run_data import (
     EVER,
     Floats,
@@ -24,12 +25,14 @@ SPAN_MARGIN = 0.25  # of the axle distance: links of a span keep this distance f
 # --- chain between pins ----------------------------------------------------------------------------
 
 
+@figure("m", Shown("sag", "m", 6, on="pinned"), of=ANY)
 def sag(run: RunData, of: str, window: Window) -> float:
     """Depth of the lowest pin below the highest, m."""
     links = run.links(of or run.tracks[0], window)
     return mean(links.t, links.up.max(axis=1) - links.up.min(axis=1))
 
 
+@figure("N", Shown("tension at the ends", "kN", 5, on="pinned"), of=ANY)
 def end_tension(run: RunData, of: str, window: Window) -> float:
     """Force in the pin at the end of a hanging chain (the largest of all), N, mean over the interval of records."""
     t, forces = _joint_forces(run, of, window)
@@ -39,17 +42,20 @@ def end_tension(run: RunData, of: str, window: Window) -> float:
 # --- free chains -----------------------------------------------------------------------------------
 
 
+@figure("N", of=ANY)
 def joint_force(run: RunData, of: str, window: Window) -> float:
     """Mean force in the pins, N; each is the size of its mean over the interval of records."""
     return mean(*_joint_forces(run, of, window))
 
 
+@figure("1", of=ANY)
 def joint_force_spread(run: RunData, of: str, window: Window) -> float:
     """Largest difference of the force in a pin, mean over the interval of records, from the mean, over the mean."""
     t, forces = _joint_forces(run, of, window)
     return float(np.abs(forces / mean(t, forces) - 1.0).max())
 
 
+@figure("1", of=ANY)
 def hoop_strain(run: RunData, of: str, window: Window) -> float:
     """Mean strain of the chords between the pins of a loop."""
     links = run.links(of or run.tracks[0], window)
@@ -57,6 +63,7 @@ def hoop_strain(run: RunData, of: str, window: Window) -> float:
     return mean(links.t, chords / run.scene["vehicle"]["track"]["pitch"] - 1.0)
 
 
+@figure("1", of=ANY)
 def fall_time(run: RunData, of: str, window: Window) -> float:
     """Time of the largest drop of a free end over sqrt(2 L/g), L chain length; NaN if it falls on."""
     t, drop, length, gravity = _fall(run, of, window)
@@ -67,6 +74,7 @@ def fall_time(run: RunData, of: str, window: Window) -> float:
     return float(top / np.sqrt(2.0 * length / gravity))
 
 
+@figure("1", of=ANY)
 def half_fall_time(run: RunData, of: str, window: Window) -> float:
     """Time at which a free end has dropped by L/2, over sqrt(L/g), L chain length."""
     t, drop, length, gravity = _fall(run, of, window)
@@ -75,6 +83,7 @@ def half_fall_time(run: RunData, of: str, window: Window) -> float:
     return float(half / np.sqrt(length / gravity))
 
 
+@figure("m", of=ANY)
 def behind_free_fall(run: RunData, of: str, window: Window) -> float:
     """Largest height of the free end above a free fall, until its largest drop, m; 0 if always below."""
     t, drop, _, gravity = _fall(run, of, window)
@@ -85,6 +94,7 @@ def behind_free_fall(run: RunData, of: str, window: Window) -> float:
 # --- chain over a sprocket -------------------------------------------------------------------------
 
 
+@figure("1", of=SIDE)
 def pins_passed(run: RunData, of: str, window: Window) -> float:
     """Pins that pass the outer end of the sprocket, or its top, forward positive, with the fraction of a pitch."""
     links, end = run.links(track_of(run, of), window), sprocket_end(run.scene)
@@ -106,8 +116,9 @@ def pins_passed(run: RunData, of: str, window: Window) -> float:
     return float(-end * towards[0] * (path[-1] - path[0]))
 
 
+@figure("1", of=SIDE, none="if it turns by less than a pin")
 def pins_per_revolution(run: RunData, of: str, window: Window) -> float:
-    """Pins passed per revolution of the sprocket against its mount; raises Missing if it turns by less than a pin."""
+    """Pins passed per revolution of the sprocket against its mount."""
     t = run.links(track_of(run, of), window).t
     times, angle = run.signal(f"{drive_of(run, of)}.angle", EVER)
     turned = np.interp(t[[0, -1]], times, angle)
@@ -117,8 +128,9 @@ def pins_per_revolution(run: RunData, of: str, window: Window) -> float:
     return pins_passed(run, of, window) / revolutions
 
 
+@figure("1", of=SIDE, none="if less than a pin passes")
 def chain_speed_ratio(run: RunData, of: str, window: Window) -> float:
-    """Mean chain speed over pins passed times pitch over time; raises Missing if less than a pin passes."""
+    """Mean chain speed over pins passed times pitch over time."""
     track = track_of(run, of)
     t = run.links(track, window).t
     if abs(pins := pins_passed(run, of, window)) < 1.0:
@@ -127,6 +139,7 @@ def chain_speed_ratio(run: RunData, of: str, window: Window) -> float:
     return run.mean(f"{track}.speed", window) / float(by_pins)
 
 
+@figure("1", of=("", *SPAN))
 def polygon_ripple(run: RunData, of: str, window: Window) -> float:
     """First tooth harmonic of the speed of a chain end over its mean, by least squares.
 
@@ -151,6 +164,7 @@ def polygon_ripple(run: RunData, of: str, window: Window) -> float:
     return float(abs(w) * np.hypot(fit[2], fit[3]) / abs(fit[1]))
 
 
+@figure("N", of=SPAN)
 def span_tension(run: RunData, of: str, window: Window) -> float:
     """Mean tension of the "upper" or "lower" span between sprocket and idler of a rig, N."""
     links = run.links(run.tracks[0], window)
@@ -160,6 +174,7 @@ def span_tension(run: RunData, of: str, window: Window) -> float:
     return mean(links.t, links.tension, free & ((up > 0) if of == "upper" else (up < 0)))
 
 
+@figure("1")
 def span_moment_ratio(run: RunData, of: str, window: Window) -> float:
     """(T_upper - T_lower) x pins a turn x pitch / 2 pi over the mean torque of the drive on the sprocket."""
     arm = way_a_turn(run.scene["vehicle"]) / (2 * np.pi)
@@ -167,6 +182,7 @@ def span_moment_ratio(run: RunData, of: str, window: Window) -> float:
     return difference * arm / run.mean(f"{drive_of(run, of)}.torque", window)
 
 
+@figure("1")
 def tight_span_enters(run: RunData, of: str, window: Window) -> float:
     """1 if the tighter span runs into the sprocket, -1 if it leaves it."""
     difference = span_tension(run, "upper", window) - span_tension(run, "lower", window)

@@ -26,6 +26,7 @@ import numpy as np
 
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Series
+from orchestrator.results.figures import figure
 from orchestrator.results.run_data import BLOCK, Floats, RunData, Unrecorded, Window, vectors
 
 Block = Mapping[str, Series]  # messages of the same steps, by topic
@@ -169,12 +170,22 @@ def _causes(copies: Mapping[str, int], accounts: Mapping[str, Mapping[str, float
     return {cause: lost for cause, lost in found.items() if lost}
 
 
-def drift(run: RunData, window: Window) -> float:
-    """Largest change of stored and lost energy less work, over the largest kinetic energy.
+@figure("1", whole=True)
+def energy_residual(run: RunData, of: str, window: Window) -> float:
+    """Residual of the energy ledger over the largest of work, change and dissipation."""
+    return ledger(run).residual_relative
 
-    Ports are left out. The change counts from the first instant of the window.
-    """
-    names = [
+
+@figure("1", whole=True)
+def port_residual(run: RunData, of: str, window: Window) -> float:
+    """Ports' part of the energy residual, over the work of the drives."""
+    return ledger(run).port / ledger(run).work
+
+
+@figure("1")
+def energy_drift(run: RunData, of: str, window: Window) -> float:
+    """Largest change of stored and lost energy less work, at any instant, over the largest kinetic energy."""
+    names = [  # ports are left out
         (f"{name}.energy.{part}", -1.0 if part == "work" else 1.0)
         for name in run.instances
         for part in (*STORED, "dissipated", "covered", "towed", "work")

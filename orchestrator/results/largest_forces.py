@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import record_blocks
+from orchestrator.results.figures import SIDE, Figure, Shown, figure
 from orchestrator.results.run_data import EVER, RunData, Window, track_of
 
 
@@ -23,7 +24,7 @@ class Force(NamedTuple):
     unit: str = "N"
 
 
-FORCES = {  # by the measure of the largest one
+FORCES = {  # by the figure of the largest one
     "pin_force": Force("force in a pin", "joint[*].force", "in pin {}", "force"),
     "tooth_force": Force("force of a tooth on a pin", "joint[*].tooth.force", "on pin {}", "teeth"),
     "rim_force": Force("force of the rims of wheels on a link", "link[*].rim.force", "on link {}", "rims"),
@@ -31,7 +32,6 @@ FORCES = {  # by the measure of the largest one
     "wheel_force": Force("force of a track on a wheel", "", "on {}"),
     "pin_moment": Force("moment of a pin about the axes across it", "joint[*].moment", "in pin {}", "moment", "N m"),
 }
-HIGH = "_high"  # end of the name of the measure that is the 99.9 % value
 
 
 class Largest(NamedTuple):
@@ -84,18 +84,37 @@ def _on_wheels(run: RunData, track: str, window: Window, _: str) -> tuple[Floats
     return found[0][0], np.stack([np.linalg.norm(force, axis=1) for _, force in found], axis=1), wheels
 
 
-def _measure(name: str, end: str) -> Callable[[RunData, str, Window], float]:
-    """Measure of the largest force, or with ``end`` HIGH of the 99.9 % value."""
-    force = FORCES[name]
-
-    def measure(run: RunData, of: str, window: Window) -> float:
-        found = largest(run, name, of, window)
-        return found.high if end else found.most
-
-    measure.__name__ = f"{name}{end}"
-    begin = f"Force below which 99.9 % of the records have the {force.what}" if end else f"Largest {force.what}"
-    measure.__doc__ = f"{begin}, {force.unit}, mean over the interval of records"
-    return measure
+@figure("N", Shown("largest link tension", "kN", whole=True), whole=True)
+def tension_max(run: RunData, of: str, window: Window) -> float:
+    """Largest tension of all links over the run, N."""
+    return run.largest([f"{track}.tension.max" for track in run.tracks])
 
 
-MEASURES = tuple(_measure(name, end) for name in FORCES for end in ("", HIGH))
+def _figures(name: str, force: Force) -> Iterator[Figure]:
+    """Figures of the largest force and of the 99.9 % value."""
+    words, tail = name.replace("_", " "), f"{force.what}, {force.unit}, mean over the interval of records"
+
+    def place(run: RunData) -> str:
+        return largest(run, name).place
+
+    def most(run: RunData, of: str, window: Window) -> float:
+        return largest(run, name, of, window).most
+
+    def high(run: RunData, of: str, window: Window) -> float:
+        return largest(run, name, of, window).high
+
+    for end, value, begin, label, where in (
+        ("", most, "Largest", f"largest {words}", place),
+        ("_high", high, "Force below which 99.9 % of the records have the", f"99.9 % of {words}s below", None),
+    ):
+        shown = Shown(label, f"k{force.unit}", on=force.group, whole=True, place=where)
+        yield Figure(f"{name}{end}", force.unit, f"{begin} {tail}", value, (shown,), SIDE, group=force.group)
+
+
+OF_BEARERS = tuple(each for name, force in FORCES.items() for each in _figures(name, force))
+
+
+@figure("N", Shown("mean link tension", "kN"))
+def tension_mean(run: RunData, of: str, window: Window) -> float:
+    """Mean tension of all links, N."""
+    return float(np.mean([run.mean(f"{track}.tension.mean", window) for track in run.tracks]))

@@ -17,14 +17,8 @@ PREFIXED = {*SCALED.values(), "m", "m/s", "s"}  # units that tables and pictures
 
 def size(unit: str) -> float:
     """Size of a unit in SI units: 1e3 for "kN", 1e-3 for "mm/s", 0.01 for "%"."""
-    return conversion(unit, in_si(unit) or "1")[0]
-
-
-def in_si(unit: str) -> str:
-    """Name of the SI unit of a unit: "N" for "kN", "m/s" for "mm/s", "" for "%"."""
-    if unit == "%":
-        return ""
-    return unit[1:] if unit[:1] in PREFIXES and unit[1:] in PREFIXED else unit
+    plain = unit[1:] if unit[:1] in PREFIXES and unit[1:] in PREFIXED else unit
+    return conversion(unit, "1" if unit == "%" else plain)[0]
 
 
 def scaled(largest: float, unit: str) -> tuple[float, str]:

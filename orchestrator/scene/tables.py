@@ -20,10 +20,11 @@ from fmus.vehicles.tables import Distance, Force, FrozenTable, In, When, is_logg
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.scene.settings import hint
 from orchestrator.scene.values import OR_FALSE, Duration, Every, Time, TrackName
-from orchestrator.vocabulary.analyses import MEASURES, wrong_part
 from orchestrator.vocabulary.limits import ALLOWED
 
 if TYPE_CHECKING:
+    from orchestrator.results.figures import Figure
+
     Allowed = str
 else:
     Allowed = Literal[tuple(ALLOWED)]
@@ -275,7 +276,13 @@ class RunTable(FrozenTable):
         return round(self.stop / self.step)
 
 
-MeasureName = Annotated[str, Field(json_schema_extra={"enum": sorted(MEASURES)})]
+def _figures() -> dict[str, Figure]:
+    from orchestrator.results.measures import FIGURES  # late: they read logs, which no scene without such checks needs
+
+    return FIGURES
+
+
+MeasureName = Annotated[str, Field(json_schema_extra=lambda schema: schema.update(enum=sorted(_figures())))]
 Checked = Field(allow_inf_nan=False, json_schema_extra={"unit": "that of the signal or measure"})
 
 
@@ -312,8 +319,8 @@ class Check(FrozenTable):
     def _check_source(self) -> Check:
         if (self.signal is None) == (self.measure is None):
             raise ValueError("needs either signal or measure")
-        if self.measure is not None and self.measure not in MEASURES:
-            raise ValueError(f"no measure '{self.measure}': {hint(self.measure, sorted(MEASURES), 'one of')}")
+        if self.measure is not None and self.measure not in _figures():
+            raise ValueError(f"no measure '{self.measure}': {hint(self.measure, sorted(_figures()), 'one of')}")
         return self
 
     @property
@@ -325,9 +332,10 @@ class Check(FrozenTable):
             return f"of = {value_text(self.of)}: is for a measure; a signal names its component" if self.of else ""
         if "reduce" in self.model_fields_set:
             return f"reduce = '{self.reduce}': is for a signal; measure = '{self.measure}' is a number already"
-        if self.start and MEASURES[self.measure].whole:
+        figure = _figures()[self.measure]
+        if self.start and figure.whole:
             return f"from = {self.start:g} s: {self.measure} is of the whole run"
-        wrong = wrong_part(self.measure, self.of)
+        wrong = figure.wrong_part(self.of)
         return wrong and f"of = {value_text(self.of)}: {wrong}"
 
 

@@ -25,7 +25,6 @@ from orchestrator.results import output_files
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.output_files import atomic_write
 from orchestrator.results.table import Column, Table
-from orchestrator.results.units import in_si
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import SHORT_KEYS, load
@@ -37,9 +36,10 @@ from orchestrator.studies.variations import Design
 from orchestrator.studies.wanted_figures import WantedFigure, figures_of_log, recording_settings, wanted_figures
 
 NOT_MET = "checks not met"
-TOLD = 3  # figures of a case that are said as it finishes
+TOLD = "distance", "speed", "settlement", "ground_force", "tension_max", "tension_mean", "pin_force"
+MOST_TOLD = 3  # of these are said of a case as it finishes, the first that it has
 HIDDEN = ("log", "warnings", "wall_time", "estimated error of ")  # in the whole table alone
-UNITS = {"wall_time": "s", **{name: in_si(one.unit) for name, one in OBSERVABLES.items()}}
+UNITS = {"wall_time": "s"} | {name: one.figure.unit for name, one in OBSERVABLES.items() if one.figure.unit != "1"}
 
 
 def sweep(  # noqa: PLR0913, the options of the command
@@ -194,9 +194,10 @@ class Sweep:
         (row,) = rows
         if row.figures.get("status") != "ok":
             return f": failed: {row.note}"
-        shown = [(name, row.figures.get(name)) for name in OBSERVABLES]
-        known = [(name, value) for name, value in shown if isinstance(value, float) and math.isfinite(value)]
-        return ": " + ", ".join(f"{name.replace('_', ' ')} {value:.5g} {UNITS[name]}" for name, value in known[:TOLD])
+        values = {name: row.figures.get(name) for name in TOLD}
+        known = [name for name, value in values.items() if isinstance(value, float) and math.isfinite(value)]
+        shown = known[:MOST_TOLD]
+        return ": " + ", ".join(f"{name.replace('_', ' ')} {values[name]:.5g} {UNITS[name]}" for name in shown)
 
     def table(self, rows: Sequence[Row], title: str = "") -> Table:
         """Table of varied keys, outcome, observables, values of checks, estimated error and energy residual."""

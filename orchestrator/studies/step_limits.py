@@ -28,7 +28,6 @@ from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import highest_frequency
 from fmus.vehicles.sides import of_wheels
 from orchestrator.cosim.graph import Floats, Quantity
-from orchestrator.execution import summary
 from orchestrator.scene.kinds import Scene, VehicleScene
 
 
@@ -191,7 +190,7 @@ def pairs(scene: VehicleScene) -> dict[str, Oscillator]:
     v = scene.vehicle
     contact, ground, link = v.contact.wheel, v.contact.ground, v.track.mass
     wrapped = math.pi * v.idler.radius / v.track.pitch  # links on half of the idler
-    load = summary.weight(scene) / (2.0 * len(v.road_wheel.x))
+    load = v.gravity * v.total_mass(scene.tracks) / (2.0 * len(v.road_wheel.x))
     arm, count = np.array(v.road_arm.mass if v.road_arm else 0.0), len(v.road_wheel.x)
     stiffness, damping = (
         max(of_wheels(getattr(v.suspension, key, None) or 0.0, count)) for key in ("stiffness", "damping")

@@ -24,7 +24,7 @@ from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, Missing
 from orchestrator.results import chain_measures, vehicle_measures
-from orchestrator.results.run_data import RunData, Window
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.scene.kinds import ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.studies import Row
 from orchestrator.vocabulary.limits import ALLOWED
@@ -39,7 +39,7 @@ def _last(run: RunData, seconds: float = 1.0) -> Window:
 
 def weight(run: RunData, scene: VehicleScene, within: float = 0.03) -> Expectation:
     """Ground reaction: mean of the last second against the weight, N."""
-    heavy = summary.weight(scene)
+    heavy = vehicle_measures.weight(run, "", EVER)
     return vehicle_measures.ground_force(run, "", _last(run)), heavy, within * heavy
 
 
@@ -69,7 +69,7 @@ def sliding(run: RunData, scene: VehicleScene) -> Expectation:
 def uphill(run: RunData, scene: VehicleScene) -> Expectation:
     """Force of the ground up the slope, mean of the last second, N: W sin(slope); the hull still surges."""
     assert scene.ground.grade
-    expected = summary.weight(scene) * math.sin(math.atan(scene.ground.grade))
+    expected = vehicle_measures.weight(run, "", EVER) * math.sin(math.atan(scene.ground.grade))
     return vehicle_measures.uphill_force(run, "", _last(run)), expected, 0.02 * expected
 
 

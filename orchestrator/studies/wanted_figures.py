@@ -15,13 +15,12 @@ from typing import Any, NamedTuple
 from fmus.track.link_outputs import GROUPS, STANDARD
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
-from orchestrator.results import measures
 from orchestrator.results.analyses import catalogue
-from orchestrator.results.largest_forces import FORCES, HIGH
+from orchestrator.results.measures import FIGURES, REDUCTIONS, reduce
 from orchestrator.results.run_data import EVER, RunData, reason
 from orchestrator.results.table import Table
 from orchestrator.scene.settings import hint
-from orchestrator.vocabulary.analyses import ANALYSES, MEASURES, wrong_part
+from orchestrator.vocabulary.analyses import ANALYSES
 
 
 class WantedFigure(NamedTuple):
@@ -37,12 +36,12 @@ def wanted_figures(texts: Sequence[str]) -> tuple[WantedFigure, ...]:
     texts = ",".join(texts).split(",") if texts else ()
     found = tuple(WantedFigure(text, *(part.strip() for part in (*text.split(":", 1), "")[:2])) for text in texts)
     for one in found:
-        known = [*measures.NAMES, *measures.REDUCTIONS, *ANALYSES]
+        known = [*FIGURES, *REDUCTIONS, *ANALYSES]
         if one.name not in known:
             raise BadInput(f"for {one.text}: {hint(one.name, known, 'there are')}")
-        if one.name in measures.REDUCTIONS and not one.of:
+        if one.name in REDUCTIONS and not one.of:
             raise BadInput(f"for {one.text}: needs a signal, as {one.name}:left_track.tension.max")
-        if one.name in measures.NAMES and (fault := wrong_part(one.name, one.of)):
+        if one.name in FIGURES and (fault := FIGURES[one.name].wrong_part(one.of)):
             raise BadInput(f"for {one.text}: {fault}")
         if one.name in ANALYSES:
             if one.of:
@@ -56,7 +55,7 @@ def recording_settings(wanted: Sequence[WantedFigure], given: Mapping[str, Any])
     analyses = [ANALYSES[one.name] for one in wanted if one.name in ANALYSES]
     every_step = {"run.links": 1} if any(one.every_step for one in analyses) else {}
     groups = [group for one in analyses for group in one.records]
-    groups += [force.group for name, force in FORCES.items() if {name, f"{name}{HIGH}"} & {one.name for one in wanted}]
+    groups += [FIGURES[one.name].group for one in wanted if one.name in FIGURES]
     groups = [name for name in GROUPS if name in (*STANDARD, *groups)]
     return every_step | ({"track.link_outputs": groups} if {*groups} - {*STANDARD} else {}) | dict(given)
 
@@ -76,11 +75,10 @@ def figures_of_log(path: str, wanted: Sequence[WantedFigure]) -> tuple[dict[str,
 
 
 def _of(run: RunData, one: WantedFigure) -> Iterator[tuple[str, float]]:
-    if one.name in measures.REDUCTIONS:
-        unit = run.log.unit(one.of)
-        yield _head(one.text, unit), measures.reduce(*run.signal(one.of), one.name)
-    elif one.name in measures.NAMES:
-        yield _head(one.text, MEASURES[one.name].unit), measures.value(run, one.name, one.of, EVER)
+    if one.name in REDUCTIONS:
+        yield _head(one.text, run.log.unit(one.of)), reduce(*run.signal(one.of), one.name)
+    elif one.name in FIGURES:
+        yield _head(one.text, FIGURES[one.name].unit), FIGURES[one.name](run, one.of, EVER)
     else:
         module = catalogue.module_of(one.name)
         table = module.worst(run) if hasattr(module, "worst") else getattr(module, "summary", module.of)(run).table()

@@ -1,4 +1,4 @@
-"""Names that scenes, commands and results share: measures, analyses and limits, with units and meanings."""
+"""Names that scenes, commands and results share: analyses and limits, with units and meanings."""
 
 
 def and_list(parts: list[str]) -> str:

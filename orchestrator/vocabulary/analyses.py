@@ -1,7 +1,6 @@
-"""Figures of a run by name: measures with their units, and analyses with their options and the outputs that they need.
+"""Analyses of a run by name, with their options and the outputs that they need.
 
-The checks of scenes refer to measures. ``ANALYSES`` defines the command ``cotrack analyse`` and the function
-``analyse`` (``results/analyses``).
+``ANALYSES`` defines the command ``cotrack analyse`` and the function ``analyse`` (``results/analyses``).
 """
 
 from __future__ import annotations
@@ -123,60 +122,3 @@ def described(name: str) -> Analysis:
     if name not in ANALYSES:
         raise BadInput(f"no analysis '{name}': one of {', '.join(ANALYSES)}")
     return ANALYSES[name]
-
-
-class Measure(NamedTuple):
-    """Unit of a measure, and what of a check and a log it reads."""
-
-    unit: str
-    of: tuple[str, ...] = ("",)  # parts of which it can be, "" of all or none; () for any component
-    every_step: bool = False  # it needs outputs and inputs of every step
-    whole: bool = False  # it is of the whole run: a check's from is not read, and to is where the run must have been
-
-
-ANY: tuple[str, ...] = ()
-SIDE, BOTH_SIDES, SPAN = ("", "left", "right"), ("left", "right"), ("upper", "lower")
-MEASURES = {
-    "sag": Measure("m", ANY),
-    **dict.fromkeys(("end_tension", "joint_force"), Measure("N", ANY)),
-    **dict.fromkeys(
-        (f"{by}_force{e}" for by in ("pin", "tooth", "rim", "horn", "wheel") for e in ("", "_high")), Measure("N", SIDE)
-    ),
-    **dict.fromkeys(("pin_moment", "pin_moment_high"), Measure("N m", SIDE)),
-    **dict.fromkeys(("joint_force_spread", "hoop_strain", "fall_time", "half_fall_time"), Measure("1", ANY)),
-    "behind_free_fall": Measure("m", ANY),
-    **dict.fromkeys(("pins_passed", "pins_per_revolution", "chain_speed_ratio"), Measure("1", SIDE)),
-    "polygon_ripple": Measure("1", ("", *SPAN)),
-    "span_tension": Measure("N", SPAN),
-    **dict.fromkeys(("span_moment_ratio", "tight_span_enters"), Measure("1")),
-    **dict.fromkeys(("ground_force", "uphill_force"), Measure("N")),
-    **dict.fromkeys(("slip", "pad_slip"), Measure("1", SIDE)),
-    "speed_excess": Measure("1"),
-    **dict.fromkeys(("settlement", "settlement_of_springs", "settlement_of_contacts"), Measure("m")),
-    "rut_depth": Measure("m", SIDE),
-    "stop_force": Measure("N", SIDE),
-    "recoil_stroke": Measure("m", SIDE),
-    **dict.fromkeys(("tension_top", "tension_rear", "tension_front"), Measure("N", SIDE)),
-    "third_law": Measure("1", every_step=True),
-    **dict.fromkeys(("energy_residual", "port_residual"), Measure("1", whole=True)),
-    "energy_drift": Measure("1"),
-    "yaw_rate": Measure("rad/s"),
-    "turn_radius": Measure("m"),
-    "lateral_speed": Measure("m/s"),
-    "rotation_centre": Measure("m"),
-    "track_slip": Measure("m/s", BOTH_SIDES),
-    "propulsion": Measure("N", BOTH_SIDES),
-    "steering_moment": Measure("N m"),
-    "drive_power": Measure("W", (*BOTH_SIDES, "propulsion", "steering")),
-    "regenerated_power": Measure("W"),
-    "path_error": Measure("m"),
-}
-
-
-def wrong_part(measure: str, of: str) -> str:
-    """Sentence if a measure cannot be of a part, a check's ``of``; empty if it can."""
-    parts = MEASURES[measure].of
-    if not parts or of in parts:
-        return ""
-    known = " or ".join(f"'{part}'" for part in parts if part)
-    return f"{measure} {'is' if '' in parts else 'must be'} of {known or 'no side or part'}"

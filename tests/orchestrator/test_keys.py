@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cli.key_reference import key_text, measure_keys, page
-from orchestrator.results import measures
+from orchestrator.results.measures import FIGURES
 from orchestrator.scene import commented_file
 from orchestrator.scene import scene as scene_module
 from orchestrator.scene.keys import OVERRIDES, facts, scene_keys, scene_schema, vehicle_keys, vehicle_schema
@@ -44,7 +44,7 @@ def test_every_key_has_a_meaning_and_every_quantity_a_unit():
     for measure in measure_keys():
         assert measure.unit, measure
         assert len(measure.meaning) > 10, measure
-    assert [measure.key for measure in measure_keys()] == [*measures.NAMES]
+    assert [measure.key for measure in measure_keys()] == [*FIGURES]
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_every_key_has_a_meaning_and_every_quantity_a_unit():
         ("vehicle.chassis.inertia", "vehicle.chassis.inertia: kg m^2, [> 0, > 0, > 0], required\n    moments of"),
         ("vehicle.tensioner.travel", "vehicle.tensioner.travel: m, 1e-06 to 50, default 0.1\n"),
         ("push", "push: N, number, default 0.0, assembly vehicle, solved by the run\n    share of the tensioners'"),
-        ("expect.NAME.measure", f"expect.NAME.measure: one of {len(measures.NAMES)} names\n    measure that is"),
+        ("expect.NAME.measure", f"expect.NAME.measure: one of {len(FIGURES)} names\n    measure that is"),
     ],
 )
 def test_text_of_a_key(key, text):
@@ -84,7 +84,11 @@ def test_keys_command(cotrack):
     ]
     found = json.loads(cotrack("keys", "--json")[1].splitlines()[-1])
     assert len(found["keys"]) == len(KEYS)
-    assert {"key": "sag", "unit": "m"}.items() <= found["measures"][0].items()
+    assert {"key": "sag", "unit": "m"}.items() <= {one["key"]: one for one in found["measures"]}["sag"].items()
+    assert (
+        "rut_depth: m\n    Depth of the deepest link of a track, or of all, in the soil, m; none on hard"
+        in cotrack("keys", "rut")[1]
+    )
     assert "yaw_rate: rad/s\n    Mean rate about the vertical" in cotrack("keys", "the vertical")[1]
 
 

@@ -1,20 +1,22 @@
 """Measures on made-up records with known answers; the largest forces of a run, where and when."""
 
 import csv
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 
 import numpy as np
 import pytest
 from made_logs import made
 
-from fmus.track.link_outputs import STANDARD
+from fmus.interface.units import read
+from fmus.track.link_outputs import GROUPS, STANDARD
 from orchestrator.execution import summary
 from orchestrator.log.reader import Log, Missing
 from orchestrator.results import chain_measures, measures
+from orchestrator.results.figures import RunObservable, Shown, declared, figure
 from orchestrator.results.largest_forces import FORCES, largest
-from orchestrator.results.measures import NAMES, OBSERVABLES
+from orchestrator.results.measures import FIGURES, OBSERVABLES
 from orchestrator.results.run_data import EVER, Links, RunData, Window, mean, means, within
-from orchestrator.scene.scene import load
+from orchestrator.scene.scene import load, scene_names
 from orchestrator.studies.wanted_figures import recording_settings, wanted_figures
 
 TEETH, PITCH = 10, 0.1524
@@ -95,7 +97,7 @@ def test_pins_pass_the_top_of_an_elevated_sprocket():
         assert (pins == pytest.approx(TEETH, rel=5e-3)) == right
         for measure in ("tension_top", "tension_rear", "tension_front"):
             with pytest.raises(Missing, match="the analysis envelope has the tension in each"):
-                NAMES[measure](run, "", EVER)
+                FIGURES[measure](run, "", EVER)
 
 
 def test_the_recoil_of_a_further_wheel_counts(tmp_path):
@@ -111,7 +113,7 @@ def test_the_recoil_of_a_further_wheel_counts(tmp_path):
         with Log(made(tmp_path / "r.mcap", topics, rows, scene.resolved(), ("chassis", "left_track"))) as log:
             run = RunData(log)
             for of, most in (("", 0.03), ("right", 0.03), ("left", 0.01)):
-                assert NAMES["recoil_stroke"](run, of, EVER) == pytest.approx(most)
+                assert FIGURES["recoil_stroke"](run, of, EVER) == pytest.approx(most)
             assert summary.observables(run, scene, 1.0).get("recoil_stroke") == (0.03 if recoil else None)
 
 
@@ -248,6 +250,89 @@ def test_measures_of_links_are_means_over_time(measure):
     assert measured(slice(None)) == pytest.approx(0.5 * (short + long), rel=0.01)
 
 
+# declarations
+
+
+def declaration_faults(one, traits):
+    """Everything that the declaration of a figure lacks: unit, meaning, a way to show it that fits."""
+    if not one.unit or read(one.unit).factor != 1.0:
+        yield "no SI unit"
+    texts = (one.meaning, one.none, *one.reasons)
+    if len(one.meaning) <= 10 or one.meaning.endswith(".") or any("`" in text or "Missing" in text for text in texts):
+        yield "no meaning in words of users"
+    if one.unit != "1" and one.unit not in one.meaning.replace(",", " ").replace(";", " "):
+        yield "a meaning without its unit"
+    for shown in one.shown:
+        if one.wrong_part(shown.of):
+            yield "shown of a part that it has not"
+        if shown.on not in traits:
+            yield "shown by no scene"
+        if shown.unless not in ("", *OBSERVABLES):
+            yield "shown instead of nothing"
+        with suppress(ValueError):
+            assert RunObservable(one, shown).size > 0.0
+            continue
+        yield "shown in the unit of something else"
+
+
+def known_traits():
+    """Traits of the scenes of the gallery, all groups of link outputs, and none."""
+    return {"", *GROUPS, *(trait for name in scene_names() for trait in summary.traits(load(name)))}
+
+
+def test_every_figure_has_a_unit_a_meaning_and_scenes_that_show_it():
+    traits = known_traits()
+    assert not [(one.name, *found) for one in FIGURES.values() if (found := [*declaration_faults(one, traits)])]
+    every = [one for module in measures.MODULES for one in declared(module)]
+    assert len(FIGURES) == len(every), "two figures of one name"
+    assert len(OBSERVABLES) == sum(len(one.shown) for one in every), "two observables of one name"
+
+
+@pytest.mark.parametrize(("unit", "meaning", "shown", "fault"), [
+    ("", "Height of the hull, m", (), "no SI unit"),
+    ("kN", "Force of the ground, kN", (), "no SI unit"),
+    ("m", None, (), "no meaning in words of users"),
+    ("m", "Height of the hull, m; raises Missing without one", (), "no meaning in words of users"),
+    ("m", "Height of the hull over the ground", (), "a meaning without its unit"),
+    ("m", "Height of the hull, m", [Shown("height", "kN")], "shown in the unit of something else"),
+    ("m", "Height of the hull, m", [Shown("height", "mm", of="left")], "shown of a part that it has not"),
+    ("m", "Height of the hull, m", [Shown("height", "mm", on="vehicles")], "shown by no scene"),
+    ("m", "Height of the hull, m", [Shown("height", "mm", unless="depth")], "shown instead of nothing"),
+])  # fmt: skip
+def test_a_figure_that_lacks_something_is_found(unit, meaning, shown, fault):
+    def height(run, of, window):
+        return 0.0
+
+    height.__doc__ = meaning
+    assert fault in declaration_faults(figure(unit, *shown)(height), known_traits())
+
+
+def test_the_first_paragraph_is_the_meaning_and_further_ones_are_the_reasons():
+    """As data, without marks of the source; the page of keys and the report read no docstring."""
+
+    @figure("1", Shown("slip", "%", of="left", name="own_slip"), of=("left", "right"))
+    def own(run, of, window):
+        """Slip of ``own``,
+        a share.
+
+        Why ``bounds`` are
+        as they are.
+
+        More.
+        """
+        return {"left": 1.0, "right": 2.0}[of] + window.start
+
+    assert (own.name, own.unit, own.meaning) == ("own", "1", "Slip of own, a share")
+    assert own.reasons == ("Why bounds are as they are.", "More.")
+    assert own(None, "right", Window(1.0, 2.0)) == 3.0
+    assert own.wrong_part("") == "own must be of 'left' or 'right'"
+    assert own.wrong_part("left") == ""
+    assert RunObservable(own, own.shown[0]).size == 0.01
+    assert RunObservable(own, own.shown[0]).value(None, Window(1.0, 2.0)) == 2.0
+    assert RunObservable(own, own.shown[0]._replace(whole=True)).value(None, Window(1.0, 2.0)) == 1.0 + EVER.start
+    assert RunObservable(FIGURES["yaw_rate"], Shown("yaw rate", "mrad/s")).size == pytest.approx(1e-3)
+
+
 # largest forces
 
 BEARERS = 3
@@ -280,9 +365,9 @@ def test_the_largest_force_has_its_bearer_place_and_time(tmp_path, name):
         run = RunData(log)
         found = largest(run, name)
         early = largest(run, name, "left", Window(0.0, 1.0))
-        assert NAMES[name](run, "", EVER) == found.most == pytest.approx(4e3)
-        assert NAMES[f"{name}_high"](run, "", EVER) == found.high
-        assert OBSERVABLES[name].place(run) == found.place
+        assert FIGURES[name](run, "", EVER) == found.most == pytest.approx(4e3)
+        assert FIGURES[f"{name}_high"](run, "", EVER) == found.high
+        assert OBSERVABLES[name].shown.place(run) == found.place
     bearer = FORCES[name].place.format("idler" if name == "wheel_force" else "3")
     assert found.place == f"{bearer} of the left track at 3 s"
     assert found.high == pytest.approx(np.quantile(values[values > 0.0], 0.999))

@@ -277,7 +277,8 @@ def test_a_chain_that_stands_has_the_velocity_of_its_pads_and_no_share(tmp_path,
         text = str(slip.of(run).table())
     assert finite({name: found[name] for name in ("slip", "pad_slip")}) == {"slip": None, "pad_slip": None}
     assert found["pad_velocity"] == pytest.approx(pads)
-    entry = summary.empty("hold", "rigid") | {"observables": found, "simulated_time": T[-1]}
+    windows = summary.windows(found, scene, T[-1])
+    entry = summary.empty("hold", "rigid") | {"observables": found, "windows": windows, "simulated_time": T[-1]}
     (line,) = [line for line in summary_text.lines(entry) if "pads" in line]
     assert f"pads slide at {pads:.3g} m/s" in line
     assert "%" not in line
@@ -286,7 +287,8 @@ def test_a_chain_that_stands_has_the_velocity_of_its_pads_and_no_share(tmp_path,
 
 def test_a_chain_that_runs_shows_its_slips_instead(tmp_path):
     with Log(driving(tmp_path / "run.mcap", "hold", -1.0, grade=0.2)) as log:
-        found = summary.observables(RunData(log), load("hold", "rigid"), T[-1])
-    text = "\n".join(summary_text.lines(summary.empty("hold", "rigid") | {"observables": found, "simulated_time": 3.0}))
+        found = summary.observables(RunData(log), scene := load("hold", "rigid"), T[-1])
+    entry = {"observables": found, "windows": summary.windows(found, scene, T[-1]), "simulated_time": 3.0}
+    text = "\n".join(summary_text.lines(summary.empty("hold", "rigid") | entry))
     assert "slip 12 %, slip of the pads 10 %" in text
     assert "pads slide" not in text

@@ -27,11 +27,11 @@ from page_logs import (
 
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorded_system import signal_description
-from orchestrator.results import measures
 from orchestrator.results.analyses import circuit, contact, joints, link_loads, profile, wheel_loads
 from orchestrator.results.analyses import events as happened
 from orchestrator.results.approximations import TimeEnvelope
 from orchestrator.results.energy import Ledger, ledger
+from orchestrator.results.measures import FIGURES
 from orchestrator.results.page import balance
 from orchestrator.results.page.balance import losses, sentence, sources
 from orchestrator.results.page.document import document
@@ -477,11 +477,11 @@ def test_rejected_steps_are_told(tmp_path):
 def test_a_check_says_why_its_bounds_are_what_they_are(tmp_path):
     """In words without marks of the source, for every measure."""
     t, one = np.linspace(0.0, 1.0, 11), {"value": 0.014, "expected": 0.025, "tolerance": 0.025, "ok": True, "note": ""}
-    scene = {"expect": {"travel": {"signal": "a.travel"}} | {name: {"measure": name} for name in measures.NAMES}}
+    scene = {"expect": {"travel": {"signal": "a.travel"}} | {name: {"measure": name} for name in FIGURES}}
     with Log(written(tmp_path / "a.mcap", {"a.travel": t}, t, scene)) as log:
         html = document(evaluate(RunData(log), RunSummary(dict.fromkeys(scene["expect"], one), {})), None, "")
     checks = re.search(r'id="checks".*?</table>', html, re.S)[0]
-    assert checks.count("<tr>") > len(measures.NAMES)
+    assert checks.count("<tr>") > len(FIGURES)
     assert "`" not in checks
     assert not [why for why in re.findall(r'class="muted why">(.*?)</span>', checks, re.S) if "\n" in why]
     subject = "Mean vehicle speed over pins a turn x pitch x omega / 2 pi, less 1"

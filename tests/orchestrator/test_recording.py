@@ -16,12 +16,11 @@ from orchestrator.execution.simulate import NO_INPUTS, simulate
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
-from orchestrator.results import measures
 from orchestrator.results.difference import differences
-from orchestrator.results.run_data import EVER, RunData, Window
+from orchestrator.results.measures import FIGURES, OBSERVABLES
+from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene.scene import load
 from orchestrator.scene.system_scene import LONGEST_INTERVAL, NYQUIST, SAMPLES, aliasing_warning, links_every
-from orchestrator.vocabulary.analyses import MEASURES
 from tests.benchmarks.process import isolated
 
 STEPS, RATES = st.floats(1e-5, 1e-2), st.floats(0.1, 1e3)
@@ -227,10 +226,8 @@ def figures(path, begin, wanted):
     with Log(path) as log, np.errstate(all="ignore"):
         run = RunData(log)
         window = Window(begin, run.span[1])
-        asked = {(name, of): partial(measures.value, run, name, of, window)
-                 for name, about in MEASURES.items() for of in about.of or ("",)}  # fmt: skip
-        asked |= {(name, "observable"): partial(one.value, run, EVER if one.whole else window)
-                  for name, one in measures.OBSERVABLES.items() if one.value is not None}  # fmt: skip
+        asked = {(name, of): partial(one, run, of, window) for name, one in FIGURES.items() for of in one.of or ("",)}
+        asked |= {(name, "observable"): partial(one.value, run, window) for name, one in OBSERVABLES.items()}
         for key, value in asked.items():
             if key[0] in wanted:
                 try:
@@ -246,7 +243,7 @@ def readings(tmp_path_factory):
     folder, found = tmp_path_factory.mktemp("seventh"), {}
     taken = {*OF_FALLS, *OF_SPANS, *OF_BOTH, "rut_depth"}
     for bench, (scene, settings, begin, names) in BENCHES.items():
-        wanted = names or {*MEASURES, *measures.OBSERVABLES} - taken
+        wanted = names or {*FIGURES, *OBSERVABLES} - taken
         logs = {}
         for every in (1, SEVENTH):
             logs[every] = folder / f"{bench}{every}.mcap"
@@ -283,7 +280,7 @@ def test_every_figure_of_every_seventh_step_is_explained_or_absent(readings):
             ):
                 wrong.append((bench, key, value, other, thin[key][0], ways))
     assert not wrong, chr(10).join(map(repr, wrong))
-    assert known == {*MEASURES, *measures.OBSERVABLES} - {"weight"}, "a figure without a bench that has it"
+    assert known == {*FIGURES, *OBSERVABLES}, "a figure without a bench that has it"
 
 
 @pytest.mark.long

@@ -27,7 +27,7 @@ from orchestrator.results import chain_measures, vehicle_measures
 from orchestrator.results.analyses import envelope, fatigue, life, phases, ride, spectrum, wear
 from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.largest_forces import largest
-from orchestrator.results.measures import NAMES
+from orchestrator.results.measures import FIGURES
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.scene.scene import load
 from orchestrator.studies import mobility
@@ -222,7 +222,7 @@ CALLS = {
     "no tooth force": (lambda p: called(largest, of_track(p, [FORCE]), "tooth_force"),
                        r"holds no 'track.joint\[\*\].tooth.force'; record it with the group"),
     "no wheels": (lambda p: called(largest, of_track(p, [FORCE]), "wheel_force"), "'track' has no wheels"),
-    "no recoil": (lambda p: called(NAMES["recoil_stroke"], of_track(p, [FORCE]), "", EVER), "no recoil"),
+    "no recoil": (lambda p: called(FIGURES["recoil_stroke"], of_track(p, [FORCE]), "", EVER), "no recoil"),
     "half a circuit": (lambda p: on_sprocket(chain_measures.pins_passed, 4.228, 199),
                        "more than half a circuit passes between two records of links"),
     "stands": (lambda p: on_sprocket(chain_measures.pins_per_revolution, 0.05), "turns by less than a pin"),

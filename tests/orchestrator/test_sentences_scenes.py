@@ -173,6 +173,7 @@ CHECKS = [
     (f'x = {{ measure = "propulsion", {IS} }}', "expect.x.of = '': propulsion must be of 'left' or 'right'"),
     (f'x = {{ signal = "chain.speed", of = "left", {IS} }}', "is for a measure; a signal names its component"),
     (f'x = {{ measure = "energy_residual", from = 1, {IS} }}', "expect.x.from = 1 s: energy_residual is of the whole"),
+    (f'x = {{ measure = "distance", from = 1, {IS} }}', "expect.x.from = 1 s: distance is of the whole run"),
     ('x = { signal = "a.b", expected = 1, tolerance = -1 }', "must be 0 or more, in"),
     (f'x = {{ signal = "a.b", reduce = "median", {IS} }}', "reduce"),
     ('x = { signal = "a.b", expect = 1, tolerance = 1 }', "expect"),

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -13,8 +14,8 @@ from orchestrator.execution import summary, summary_text
 from orchestrator.execution.log_report import summary_of
 from orchestrator.execution.summary_text import MOST, lines
 from orchestrator.log.tools import WHOLE, verify
-from orchestrator.results import measures
 from orchestrator.results.analyses.phases import Phase
+from orchestrator.results.measures import FIGURES
 from orchestrator.results.units import figure
 from orchestrator.scene.scene import load
 
@@ -110,6 +111,17 @@ def test_checks_that_cannot_be_made_say_why(cotrack):
     assert last(out)["observables"]["tension_max"] > 0
 
 
+def test_a_check_may_name_any_figure_that_a_summary_shows(cotrack):
+    names = "tension_max", "tension_mean", "sag", "weight"
+    given = [f'expect.{name}={{measure="{name}", expected=1, tolerance=1}}' for name in names]
+    status, out, err = cotrack(*SHORT, "--no-estimate", *(text for one in given for text in ("--set", one)))
+    assert status == 1, err
+    checks, shown = last(out)["checks"], last(out)["observables"]
+    assert {name: checks[name]["value"] for name in names[:3]} == {name: shown[name] for name in names[:3]}
+    assert checks["weight"]["note"] == "there is nothing to measure in this scene and window"
+    assert "weight" not in shown
+
+
 @pytest.mark.parametrize("error", [None, KeyError("ours"), TypeError("ours")])
 def test_a_measure_that_breaks_is_a_crash_when_all_else_is_written(cotrack, monkeypatch, error):
     """Log, other figures and page are whole; the status is 1, which a sweep does not keep as an answer."""
@@ -119,7 +131,7 @@ def test_a_measure_that_breaks_is_a_crash_when_all_else_is_written(cotrack, monk
             raise error
         return 1.0
 
-    monkeypatch.setitem(measures.NAMES, "sag", sag)
+    monkeypatch.setitem(FIGURES, "sag", replace(FIGURES["sag"], value=sag))
     check = "--no-estimate", "--set", "expect={}", "--set", 'expect.x={measure="sag", expected=1, tolerance=1}'
     status, out, err = cotrack(*SHORT, *check)
     said = f"cotrack: internal error: {type(error).__name__}: {error}; run 'cotrack --debug ...' to see where\n"

@@ -181,7 +181,7 @@ def orders(pair: Pair) -> PageSection | None:
     tensions = [f"{track}.tension.max" for track in run.run.tracks]
     for key, title, signals in (
         ("torque", "Torque of the drives", [f"{prefix}torque" for prefix in run.drives]),
-        ("tension", OBSERVABLES["tension_max"].title, tensions),
+        ("tension", OBSERVABLES["tension_max"].shown.title, tensions),
     ):
         if spectra := _spectra(run, signals):
             drawn = _traces(signals, spectra)

@@ -162,7 +162,7 @@ def verdict(evaluation: Evaluation) -> Assessment:
 KMH = 3.6
 PEAKS = {  # largest values of a run, in the order of tiles
     "top_speed": "Top speed",
-    "tension": OBSERVABLES["tension_max"].title,
+    "tension": OBSERVABLES["tension_max"].shown.title,
     "stress": "Largest link stress",
     "wheel_load": "Largest wheel load",
     "ground_force": "Largest force of the ground on a track",

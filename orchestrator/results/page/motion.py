@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from orchestrator.results import turning
@@ -11,11 +9,11 @@ from orchestrator.results.analyses.curves import GROUND_SPEED, MOMENT, YAW_RATE,
 from orchestrator.results.analyses.phases import HELD, Phase, phase_name, rounded
 from orchestrator.results.approximations import Curve
 from orchestrator.results.ground_surface import on_terrain
-from orchestrator.results.measures import OBSERVABLES
+from orchestrator.results.measures import FIGURES, OBSERVABLES
 from orchestrator.results.page.embedded import at_time, instance, quantity, side, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Chart, Content, PageSection, Pair, Trace, lines, table
-from orchestrator.results.run_data import EVER, RunData, Window
+from orchestrator.results.run_data import EVER, Window
 from orchestrator.results.units import number
 
 AT_REST = 1e-6  # m/s
@@ -103,7 +101,7 @@ PHASES_NOTE = (
 )
 PHASES_HEAD = (
     "Phase", "From, s", "To, s", "Way, m", "Speed, m/s", "Yaw rate, rad/s", "Radius, m", "Power, kW",
-    "Slip left / right, m/s", OBSERVABLES["tension_max"].title,
+    "Slip left / right, m/s", OBSERVABLES["tension_max"].shown.title,
 )  # fmt: skip
 
 
@@ -144,7 +142,6 @@ def _phase_row(phase: Phase) -> tuple[str, ...]:
     return tuple(cell.replace("-0.000", "0.000").replace("-", "\N{MINUS SIGN}") for cell in cells)
 
 
-Measure = Callable[[RunData, str, Window], float]
 PATH = "driver.path.lateral_error"
 SIDES_NOTE = (
     "Means over the phases in which the vehicle turns. To the left is positive, for moment and yaw rate"
@@ -204,16 +201,14 @@ def _radius(pair: Pair) -> Chart | None:
 def _sides_row(evaluation: Evaluation, phase: Phase) -> tuple[str, ...]:
     run, window = evaluation.run, Window(phase.start, phase.end)
 
-    def mean(measure: Measure, of: str, unit: str) -> str:
-        value = attempt(lambda: measure(run, of, window), [])
-        return "" if value is None else quantity(value, unit)
+    def mean(name: str, of: str = "") -> str:
+        value = attempt(lambda: FIGURES[name](run, of, window), [])
+        return "" if value is None else quantity(value, FIGURES[name].unit)
 
-    def sides(measure: Measure, unit: str) -> str:
-        return "<br>".join(mean(measure, of, unit) for of in turning.SIGN)
+    def sides(name: str) -> str:
+        return "<br>".join(mean(name, of) for of in turning.SIGN)
 
     return (
-        f"<b>{text(phase_name(phase))}</b>", number(phase.start), number(phase.end),
-        mean(turning.steering_moment, "", "N.m"), mean(turning.rotation_centre, "", "m"),
-        "<br>".join(turning.SIGN), sides(turning.propulsion, "N"), sides(turning.track_slip, "m/s"),
-        sides(turning.drive_power, "W"),
+        f"<b>{text(phase_name(phase))}</b>", number(phase.start), number(phase.end), mean("steering_moment"),
+        mean("rotation_centre"), "<br>".join(turning.SIGN), *map(sides, ("propulsion", "track_slip", "drive_power")),
     )  # fmt: skip

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from html import escape
 from typing import Any, TypeGuard
 
@@ -12,13 +11,14 @@ import numpy as np
 from orchestrator.log.container import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results import measures
 from orchestrator.results.analyses.curves import CurveCollector, SignalCurve
 from orchestrator.results.approximations import BINS, Curve
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
+from orchestrator.results.figures import Figure
 from orchestrator.results.measured_difference import WHOLE, SignalDifference
 from orchestrator.results.measured_record import MeasuredSignal
+from orchestrator.results.measures import FIGURES
 from orchestrator.results.page.embedded import instance, plain, quantity, text
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, table
@@ -65,29 +65,22 @@ def _check_row(name: str, check: Any, expected: Any) -> tuple[str, ...]:
     )
 
 
-def _measure(check: Any) -> Callable[..., Any] | None:
-    return measures.NAMES.get(str(check.get("measure"))) if isinstance(check, dict) else None
-
-
-def _paragraphs(measure: Callable[..., Any]) -> list[str]:
-    """Paragraphs of a measure's docstring: its meaning and, after that, the reason of its bounds."""
-    return [" ".join(part.replace("``", "").split()) for part in (measure.__doc__ or "").split("\n\n")]
+def _figure(check: Any) -> Figure | None:
+    return FIGURES.get(str(check.get("measure"))) if isinstance(check, dict) else None
 
 
 def _reason(check: Any) -> str:
-    """Reason of a check's bounds, HTML; empty if its measure does not give one."""
-    measure = _measure(check)
-    reasons = _paragraphs(measure)[1:] if measure else []
-    return "".join(f'<br><span class="muted why">{escape(part.replace("``", ""))}</span>' for part in reasons)
+    """Reasons of a check's bounds, HTML; empty if its figure does not give one."""
+    figure = _figure(check)
+    return "".join(f'<br><span class="muted why">{escape(part)}</span>' for part in (figure.reasons if figure else ()))
 
 
 def _subject(check: Any) -> str:
     """Measured quantity and window of a check, HTML."""
     if not isinstance(check, dict):
         return ""
-    measure = _measure(check)
-    if measure is not None:
-        what = text(_paragraphs(measure)[0].partition("; raises ")[0].rstrip("."))
+    if figure := _figure(check):
+        what = text(figure.meaning)
     else:
         what = f"{text(check.get('reduce', ''))} of {text(check.get('signal', ''))}"
     of = f", {text(check['of'])}" if check.get("of") else ""

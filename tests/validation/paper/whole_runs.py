@@ -90,7 +90,7 @@ def _sections(run: RunData) -> dict[str, float]:
     """Mean tensions of the runs of the chain, N: at INSTANT, around it, and in the hold."""
     tensions = {}
     for name in RUNS:
-        measure = measures.NAMES[f"tension_{name}"]
+        measure = measures.FIGURES[f"tension_{name}"]
         tensions[name] = measure(run, SIDE, Window(INSTANT, INSTANT))
         tensions[f"{name}_mean"] = measure(run, SIDE, AROUND)
         tensions[f"{name}_hold"] = measure(run, SIDE, HOLD)
