@@ -36,7 +36,7 @@ from fmus.track.choices import (
     NODAL,
     conflict_of_links,
 )
-from fmus.track.model import TrackModel
+from fmus.track.model import TrackModel, bushing
 from fmus.track.ports import SPRING, closure_ports, integrator_coefficients, integrator_ports
 from fmus.track.start import not_at_rest
 from fmus.track_flexible.links import (
@@ -72,7 +72,7 @@ class Model(TrackModel):
     @classmethod
     def reads(cls, config: Mapping[str, Any]) -> list[str]:
         """See ``ComponentModel``."""
-        return [*super().reads(config), "section", "material"]
+        return [*super().reads(config), "section", "material", "track.bushing.in_series"]
 
     def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of element, material, joints, coordinates, integration and closure."""
@@ -130,6 +130,9 @@ class Model(TrackModel):
         if kind.closure == SPRING:
             self.closing = ClosingSpring(p["closure.stiffness"], p["closure.damping"])
         self.material = Material(p["material.youngs_modulus"], p["material.relaxation_time"])
+        if (self.vehicle["track"].get("bushing") or {}).get("in_series"):
+            bent = self.pitch / (self.material.young * self.vehicle["section"]["bending"])
+            self.bushing = bushing(self.vehicle["track"], bent)
         tolerance = p["tolerance"] * (BEAM_PART if kind.element == "beam" else 1.0)
         self.method = ImplicitMethod(integrator_coefficients(p), tolerance, True)
         self._build(kind.at_start())

@@ -88,8 +88,10 @@ def tracks(run: RunData, name: str = "") -> tuple[str, ...]:
 
 def pins_of_sprocket(run: RunData) -> float:
     """Pins that the sprocket takes in a turn; raises Missing."""
-    teeth, gaps = vehicle_number(run, "sprocket", "teeth"), gaps_per_pin(run)
-    return pins_a_turn({"sprocket": {"teeth": teeth, "gaps_per_pin": gaps}})
+    try:
+        return pins_a_turn(run.scene["vehicle"])
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+        return vehicle_number(run, "sprocket", "teeth")
 
 
 def gaps_per_pin(run: RunData) -> float:
