@@ -76,7 +76,7 @@ def smooth_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def pins_a_turn(vehicle: Mapping[str, Any]) -> float:
-    """Pins that a sprocket takes in a turn, 12.5 with 25 teeth and a pin in every second gap; of a smooth one pitches."""
+    """Pins that a sprocket takes in a turn: 12.5 with 25 teeth and a pin in every second gap; pitches round a smooth one."""
     sprocket = vehicle["sprocket"]
     if sprocket.get("radius"):
         return 2.0 * pi * pitch_radius(vehicle) / float(vehicle["track"]["pitch"])
