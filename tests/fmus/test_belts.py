@@ -68,9 +68,7 @@ def test_links_of_a_belt_approach_the_elastica_by_the_square_of_their_pitch(mode
         assert coarse[0] / fine[0] == pytest.approx(4.0, abs=0.4)
         assert np.abs(coarse).max() > np.abs(fine).max()
     assert elastica(20.02, 1.0, 0.9)[0] / push - 1.0 > 5e-4, "the twin: a thousandth more stiffness"
-    if (
-        model is Flexible
-    ):  # in series with links ten times as stiff as the belt, which else would push 9 % less
+    if model is Flexible:  # in series with links ten times as stiff as the belt, which else would push 9 % less
         assert made.bushing.stiffness == pytest.approx(20.0 * 64 / 0.9, rel=1e-12)
 
 
