@@ -41,12 +41,12 @@ from fmus.track.start import LaidChain, drawn, drawn_keys
 def bushing(track: Mapping[str, Any], bent: float = 0.0) -> Bushing | None:
     """Bush of each pin from the table ``track``; None without one. Raises InvalidParameter.
 
-    ``bent``: compliance of a link, rad/(N m); the bush in series with it has the stiffness of the table.
+    ``bent``: compliance of a link in bending, rad/(N m), with which it may be in series.
     """
     table = track.get("bushing")
     if not table:
         return None
-    if (left := 1.0 - bent * table["stiffness"]) <= 0.0:
+    if (left := 1.0 - bent * table["stiffness"] * table.get("in_series", 0.0)) <= 0.0:
         raise InvalidParameter(f"track.bushing.stiffness: must be below that of a link, {1.0 / bent:g} N m/rad")
     arm = table["friction"] * (table["radius"] or 0.0)
     return Bushing(table["stiffness"] / left, table["preset"], table["damping"] / left, arm, table["slow"])

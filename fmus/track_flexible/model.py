@@ -130,9 +130,8 @@ class Model(TrackModel):
         if kind.closure == SPRING:
             self.closing = ClosingSpring(p["closure.stiffness"], p["closure.damping"])
         self.material = Material(p["material.youngs_modulus"], p["material.relaxation_time"])
-        if (self.vehicle["track"].get("bushing") or {}).get("in_series"):
-            bent = self.pitch / (self.material.young * self.vehicle["section"]["bending"])
-            self.bushing = bushing(self.vehicle["track"], bent)
+        bent = self.pitch / (self.material.young * self.vehicle["section"]["bending"])
+        self.bushing = bushing(self.vehicle["track"], bent)
         tolerance = p["tolerance"] * (BEAM_PART if kind.element == "beam" else 1.0)
         self.method = ImplicitMethod(integrator_coefficients(p), tolerance, True)
         self._build(kind.at_start())

@@ -7,7 +7,7 @@ from typing import Annotated
 from fmus.vehicles.tables import Distance, FrozenTable, In, Mass
 
 STIFFER = 10.0  # bending stiffness of flexible links over that of their belt: nine tenths of it bends in the bushes
-SHEAR = 2.6  # Young's modulus over the shear modulus, which beams alone have, at Poisson's ratio 0.3
+POISSON = 0.3  # Poisson's ratio, of beams
 
 
 class BeltTable(FrozenTable):  # noqa: D101
@@ -47,5 +47,5 @@ class BeltTable(FrozenTable):  # noqa: D101
         young = self.axial / area  # type: ignore[operator]
         second, lateral, torsion = STIFFER * self.bending / young, area * width * width, area * fibre * fibre
         section = {"bending": second, "lateral_bending": lateral / 12.0, "torsion": 4.0 / 3.0 * torsion}
-        material = {"youngs_modulus": young, "shear_modulus": young / SHEAR, "relaxation_time": 0.0}
+        material = {"youngs_modulus": young, "shear_modulus": young / (2.0 + 2.0 * POISSON), "relaxation_time": 0.0}
         return {"section": {"area": area, "outer_fibre": fibre, **section}, "material": material}

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from math import isclose
 from typing import Any, NamedTuple
 
 from fmus.vehicles.sides import pins_a_turn, pitch_radius
@@ -121,7 +120,7 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
     if x is not None and idler["x"] * x < 0.0:
         yield f"right.idler.x = {x} m: must be on the side of the sprocket that idler.x is on"
     axial, young = (track.get("belt") or {}).get("axial"), (vehicle.get("material") or {}).get("youngs_modulus")
-    if axial and young and not isclose(axial, own := young * section["area"]):
+    if axial and young and abs((own := young * section["area"]) - axial) > 1e-9 * axial:
         yield f"material.youngs_modulus x section.area = {own:g} N: track.belt.axial makes it {axial:g} N"
     if section and section["torsion"] > (polar := section["bending"] + section["lateral_bending"]):
         yield (

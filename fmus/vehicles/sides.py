@@ -76,11 +76,10 @@ def smooth_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def pins_a_turn(vehicle: Mapping[str, Any]) -> float:
-    """Pins that a sprocket takes in a turn: 12.5 with 25 teeth and a pin in every second gap; pitches round a smooth one."""
-    sprocket = vehicle["sprocket"]
-    if sprocket.get("radius"):
+    """Pins that the sprocket takes in a turn: 12.5 with 25 teeth and a pin in every second gap; pitches, if smooth."""
+    if vehicle["sprocket"].get("radius"):
         return 2.0 * pi * pitch_radius(vehicle) / float(vehicle["track"]["pitch"])
-    return float(sprocket["teeth"] / (sprocket.get("gaps_per_pin") or 1))
+    return float(vehicle["sprocket"]["teeth"] / (vehicle["sprocket"].get("gaps_per_pin") or 1))
 
 
 def way_a_turn(vehicle: Mapping[str, Any]) -> float:

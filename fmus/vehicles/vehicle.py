@@ -81,8 +81,7 @@ class SprocketTable(FrozenTable):  # noqa: D101
     teeth: Annotated[int, Field(ge=6, le=40)] | None = None
     """number of teeth; of a smooth wheel radius instead"""
     radius: Annotated[Distance | None, When(teeth=(None,))] = None
-    """radius of the rim of a smooth wheel, which drives the faces of links or a belt by the friction of
-    contact.sprocket, whose stiffness and damping are then those of a whole link"""
+    """radius of the rim of a smooth wheel, which drives the faces of links by the friction of contact.sprocket"""
     gaps_per_pin: Annotated[int, Field(ge=1, le=4), When(teeth=GIVEN)] = 1
     """gaps between teeth from a pin to the next one: with 2, 25 teeth take 12.5 pins a turn, one in every second gap"""
     pitch: Annotated[Distance | None, When(teeth=GIVEN)] = None
@@ -307,7 +306,7 @@ class ContactLawTable(FrozenTable):
 
 class ContactTable(FrozenTable):  # noqa: D101
     sprocket: ContactLawTable
-    """contact of a pin with a tooth, or of a link with a smooth driving wheel"""
+    """contact of a pin with a tooth, or of a whole link with a smooth driving wheel"""
     wheel: ContactLawTable
     """contact of a link with a road wheel or an idler; stiffness and damping are those of a whole link inside a rim, a
     part of it has that share: a small roller sinks deeper"""

@@ -360,8 +360,7 @@ def _drive_parameters(drive: DriveTable) -> Parameters:
 
 
 def _sprocket(vehicle: VehicleTable) -> dict[str, Any]:
-    """Driving wheel in the config of a track."""
-    return {"name": "sprocket", "kind": "teeth" if vehicle.sprocket.teeth else "driving"}
+    return {"name": "sprocket", "kind": "teeth" if vehicle.sprocket.teeth else "driving"}  # in the config of a track
 
 
 def _wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:

@@ -124,10 +124,8 @@ def _rim(
 ) -> None:
     """Contact of the rim of wheel ``k`` with the inner faces by ``law``, and of its disc with the guides."""
     (n, nodes), (points_across, lateral), radius = count(links, x), lateral_points(links), contacts.radius[k]
-    far, disc = (
-        contact_distance_squared(links, radius),
-        contact_distance_squared(links, radius + horn_height(links)),
-    )
+    far = contact_distance_squared(links, radius)
+    disc = contact_distance_squared(links, radius + horn_height(links))
     wheel_distances(row, w.near.middle, w.near.offset, w.near.distance_squared)
     for i in range(n):
         distance_squared = w.near.distance_squared[i]
