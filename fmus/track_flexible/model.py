@@ -26,7 +26,7 @@ from fmus.physics.chain.flexible.initial_state import (
 from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, coordinate_indices, straight
 from fmus.physics.chain.flexible.state import Motion, State, Work, shapes, work
 from fmus.physics.chain.implicit import ImplicitMethod
-from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, IntegrationOutcome
+from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, STALLED, IntegrationOutcome
 from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.track.choices import (
@@ -334,7 +334,11 @@ class Model(TrackModel):
             link = start_released(*self.system(), self.start_rows, self.s, self.work, self.report)
             failure, residual = SINGULAR if link >= 0 else DONE, 0.0
         else:
-            failure, _, link, residual = self._run_release(REST if rest else RELEASED)
+            # a belt without teeth slides on to a place of rest, far away at times
+            for _ in range(20 if any(wheel["kind"] == "driving" for wheel in self.wheel_list) else 1):
+                failure, _, link, residual = self._run_release(REST if rest else RELEASED)
+                if failure != STALLED:
+                    break
         if failure == SINGULAR:
             raise _singular_mass(link)
         if failure:
