@@ -39,7 +39,7 @@ from fmus.track.start import LaidChain, drawn, drawn_keys
 
 
 def bushing(track: Mapping[str, Any], bent: float = 0.0) -> Bushing | None:
-    """Bush of each pin, or None; ``bent``: compliance of links in series with it, rad/(N m). Raises InvalidParameter."""
+    """Bush of each pin, or None; ``bent``: compliance of links in series, rad/(N m). Raises InvalidParameter."""
     table = track.get("bushing")
     if not table:
         return None
