@@ -246,6 +246,7 @@ APART = (
     "run.start", "run.stop", "run.outputs", "run.links", "run.checkpoints", "expect.*", "vehicle.tensioner.travel",
     "vehicle.return_roller.width", "vehicle.longest_step", "vehicle.life.*",
     "vehicle.track.bushing.wear", "vehicle.track.bushing.bearing",
+    "vehicle.track.belt.*",  # the numbers of links must follow: tests/fmus/test_belts.py
 )  # fmt: skip
 # Keys of [track] that are no numbers: tests/regression/runs.py has runs with each choice.
 CHOICES = (

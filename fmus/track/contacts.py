@@ -13,12 +13,14 @@ import numpy as np
 from fmus.ground.contact import contact_law, ground_shape, is_hard, soil_law
 from fmus.interface.model import InvalidParameter
 from fmus.physics.arrays import Vector
-from fmus.physics.chain.contacts import Contacts
+from fmus.physics.chain.contacts import DRIVING, RIM, TOOTHED, Contacts
 from fmus.physics.contact.ground import GroundShape
-from fmus.physics.contact.teeth import teeth
+from fmus.physics.contact.teeth import Teeth, teeth
 from fmus.physics.elementary import hypot, sin
 from fmus.vehicles.sides import pitch_radius
 
+KINDS = {"rim": RIM, "teeth": TOOTHED, "driving": DRIVING}  # of the wheels of a track's config
+NO_TEETH = Teeth(1, *(0.0,) * 10)
 STANDING = (0.0, 0.0, 0.0)
 # Losses with which chains come to rest, those of the m113: damping over stiffness, s, friction, its velocity, m/s.
 SETTLING, SETTLING_FRICTION, SETTLING_VELOCITY = 2.5e-3, 0.1, 0.05
@@ -39,22 +41,16 @@ def contacts(
     """
     laws = {pair: contact_law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")}
     s, track = vehicle["sprocket"], vehicle["track"]
-    shape = (
-        s["teeth"],
-        pitch_radius(vehicle, sin),
-        s["pin_radius"],
-        s["outer_radius"],
-        s["seat_clearance"],
-        s["flank_angle"],
-    )
-    try:
-        profile = teeth(*shape, s["tip_radius"])
-    except ValueError as error:
-        raise InvalidParameter(f"sprocket: {error}") from None
-    toothed = np.array([w["kind"] == "teeth" for w in wheels], dtype=np.int64)
+    profile = NO_TEETH
+    if s.get("teeth"):
+        shape = (s[key] for key in ("pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"))
+        try:
+            profile = teeth(s["teeth"], pitch_radius(vehicle, sin), *shape)
+        except ValueError as error:
+            raise InvalidParameter(f"sprocket: {error}") from None
     radius = np.array([profile.top if w["kind"] == "teeth" else w["radius"] for w in wheels], dtype=float)
     return Contacts(
-        toothed,
+        np.array([KINDS[w["kind"]] for w in wheels], dtype=np.int64),
         radius,
         profile,
         vehicle["guide"]["clearance"],

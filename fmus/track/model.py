@@ -38,13 +38,15 @@ from fmus.track.ports import start_stance, track_ports
 from fmus.track.start import LaidChain, drawn, drawn_keys
 
 
-def bushing(track: Mapping[str, Any]) -> Bushing | None:
-    """Bush of each pin from the table ``track``; None without one."""
+def bushing(track: Mapping[str, Any], bent: float = 0.0) -> Bushing | None:
+    """Bush of each pin, or None; ``bent``: compliance of links in series, rad/(N m). Raises InvalidParameter."""
     table = track.get("bushing")
     if not table:
         return None
+    if (left := 1.0 - bent * table["stiffness"] * table.get("in_series", 0.0)) <= 0.0:
+        raise InvalidParameter(f"track.bushing.stiffness: must be below that of a link, {1.0 / bent:g} N m/rad")
     arm = table["friction"] * (table["radius"] or 0.0)
-    return Bushing(table["stiffness"], table["preset"], table["damping"], arm, table["slow"])
+    return Bushing(table["stiffness"] / left, table["preset"], table["damping"] / left, arm, table["slow"])
 
 
 KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
@@ -71,20 +73,12 @@ class TrackModel(LaidChain, ComponentModel):
         """See ``ComponentModel``."""
         track = config["track"]
         wheels, ground = track["wheels"], bool(track["ground"])
-        shaped = [
-            "teeth",
-            "gaps_per_pin",
-            "pitch",
-            "pin_radius",
-            "outer_radius",
-            "seat_clearance",
-            "flank_angle",
-            "tip_radius",
-        ]
+        counted = ["teeth", "gaps_per_pin", "radius"]
+        shaped = ["pitch", "pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"]
         return [
             *(f"track.{key}" for key in ("pitch", "mass", "inertia", "face", "width", "lateral")),
             *(f"track.bushing.{key}" for key in ("stiffness", "preset", "damping", "friction", "radius", "slow")),
-            *(f"sprocket.{key}" for key in (shaped if wheels or ground else shaped[:2])),
+            *(f"sprocket.{key}" for key in (counted + shaped if wheels or ground else counted)),
             *drawn_keys(wheels),
             *(("road_wheel.radius", "road_wheel.z") if ground or not wheels else ()),
             "guide.clearance",
@@ -94,7 +88,8 @@ class TrackModel(LaidChain, ComponentModel):
     def __init__(self, config: Mapping[str, Any]) -> None:
         """Make a track from the resolved config (keys vehicle, track, link_outputs) and allocate its arrays.
 
-        Wheels of ``track.wheels`` have a name, a kind ("teeth" or "rim") and a stance ``start``, by default as drawn.
+        Wheels of ``track.wheels`` have a name, a kind ("teeth", "rim", "driving": by friction of its rim) and a stance
+        ``start``, by default as drawn.
         """
         self.vehicle = config["vehicle"]
         self.config = config["track"]
@@ -293,8 +288,8 @@ class TrackModel(LaidChain, ComponentModel):
             pull[:, 0] = ends["first"][0], ends["last"][0]
             pull[:, 2] = ends["first"][1], ends["last"][1]
         damping = float(self.config.get("transverse_damping", 0.0))
-        toothed = [k for k, wheel in enumerate(self.wheel_list) if wheel["kind"] == "teeth"]
-        mount = [*toothed, 0][0] if self.wheel_list else -1
+        sprockets = [k for k, wheel in enumerate(self.wheel_list) if wheel["kind"] != "rim"]
+        mount = [*sprockets, 0][0] if self.wheel_list else -1
         gravity = scale(float(self.config["gravity"]), self.pose.down())
         return Environment(gravity, self.ends_kind, pull, damping, mount)
 

@@ -146,7 +146,7 @@ def _contact_ports(
     """Laws of what the chain may touch."""
     kinds = {wheel["kind"] for wheel in wheels}
     hard = bool(track["ground"]) and not track.get("soil")
-    existing = {"sprocket": "teeth" in kinds, "wheel": bool(kinds), "ground": hard}
+    existing = {"sprocket": bool(kinds - {"rim"}), "wheel": bool(kinds), "ground": hard}
     for pair in (pair for pair, exists in existing.items() if exists):
         from fmus.physics.contact.laws import LAWS  # of chains that touch something
 

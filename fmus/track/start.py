@@ -32,7 +32,7 @@ def drawn(vehicle: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> li
 
     The sprocket is at the origin. What a wheel of the config gives itself comes before the vehicle table.
     """
-    known: dict[str, dict[str, Any]] = {"sprocket": {"position": [0.0, 0.0]}}
+    known: dict[str, Any] = {"sprocket": {"position": [0.0, 0.0], "radius": vehicle["sprocket"].get("radius")}}
     for wheel in (wheel for wheel in smooth_wheels(vehicle) if "x" in wheel):
         known[wheel["name"]] = {"position": [wheel["x"], wheel["z"]], "radius": wheel["radius"]}
     return [{**known.get(wheel["name"], {}), **wheel} for wheel in wheels]

@@ -26,7 +26,7 @@ from fmus.physics.chain.flexible.initial_state import (
 from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, coordinate_indices, straight
 from fmus.physics.chain.flexible.state import Motion, State, Work, shapes, work
 from fmus.physics.chain.implicit import ImplicitMethod
-from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, IntegrationOutcome
+from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, STALLED, IntegrationOutcome
 from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.track.choices import (
@@ -36,7 +36,7 @@ from fmus.track.choices import (
     NODAL,
     conflict_of_links,
 )
-from fmus.track.model import TrackModel
+from fmus.track.model import TrackModel, bushing
 from fmus.track.ports import SPRING, closure_ports, integrator_coefficients, integrator_ports
 from fmus.track.start import not_at_rest
 from fmus.track_flexible.links import (
@@ -72,7 +72,7 @@ class Model(TrackModel):
     @classmethod
     def reads(cls, config: Mapping[str, Any]) -> list[str]:
         """See ``ComponentModel``."""
-        return [*super().reads(config), "section", "material"]
+        return [*super().reads(config), "section", "material", "track.bushing.in_series"]
 
     def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of element, material, joints, coordinates, integration and closure."""
@@ -130,6 +130,8 @@ class Model(TrackModel):
         if kind.closure == SPRING:
             self.closing = ClosingSpring(p["closure.stiffness"], p["closure.damping"])
         self.material = Material(p["material.youngs_modulus"], p["material.relaxation_time"])
+        bent = self.pitch / (self.material.young * self.vehicle["section"]["bending"])
+        self.bushing = bushing(self.vehicle["track"], bent)
         tolerance = p["tolerance"] * (BEAM_PART if kind.element == "beam" else 1.0)
         self.method = ImplicitMethod(integrator_coefficients(p), tolerance, True)
         self._build(kind.at_start())
@@ -332,7 +334,11 @@ class Model(TrackModel):
             link = start_released(*self.system(), self.start_rows, self.s, self.work, self.report)
             failure, residual = SINGULAR if link >= 0 else DONE, 0.0
         else:
-            failure, _, link, residual = self._run_release(REST if rest else RELEASED)
+            # a belt without teeth slides on to a place of rest, far away at times
+            for _ in range(20 if any(wheel["kind"] == "driving" for wheel in self.wheel_list) else 1):
+                failure, _, link, residual = self._run_release(REST if rest else RELEASED)
+                if failure != STALLED:
+                    break
         if failure == SINGULAR:
             raise _singular_mass(link)
         if failure:

@@ -50,7 +50,7 @@ VEHICLE = (
     ),
     *(
         PlausibleRange(f"{part}.radius", "m", (0.01, 2.0), (1e-3, 50.0), PART)
-        for part in WHEELS
+        for part in ("sprocket", *WHEELS)
     ),
     PlausibleRange("suspension.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13),
                    "stiffer than the contacts, a spring is rigid"),
@@ -85,7 +85,7 @@ VEHICLE = (
 def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
     """Yield a sentence for each number of a vehicle table, or of tables of it, that no vehicle can have."""
     sprocket, section, idler = (vehicle.get(name) or {} for name in ("sprocket", "section", "idler"))
-    if {"outer_radius", "teeth"} <= {*sprocket} and "pitch" in (vehicle.get("track") or {}):
+    if sprocket.get("outer_radius") and sprocket.get("teeth") and "pitch" in (vehicle.get("track") or {}):
         if sprocket["outer_radius"] <= (radius := pitch_radius(vehicle)):
             yield f"sprocket.outer_radius = {sprocket['outer_radius']} m must exceed the pitch radius {radius:.4f} m"
         if (pins := pins_a_turn(vehicle)) < FEWEST_PINS:
@@ -119,6 +119,9 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
     x = ((vehicle.get("right") or {}).get("idler") or {}).get("x")
     if x is not None and idler["x"] * x < 0.0:
         yield f"right.idler.x = {x} m: must be on the side of the sprocket that idler.x is on"
+    axial, young = (track.get("belt") or {}).get("axial"), (vehicle.get("material") or {}).get("youngs_modulus")
+    if axial and young and abs((own := young * section["area"]) - axial) > 1e-9 * axial:
+        yield f"material.youngs_modulus x section.area = {own:g} N: track.belt.axial makes it {axial:g} N"
     if section and section["torsion"] > (polar := section["bending"] + section["lateral_bending"]):
         yield (
             f"section.torsion = {section['torsion']} m^4 must not exceed the polar moment"
@@ -133,7 +136,7 @@ def impossible_sections(vehicle: Mapping[str, Any]) -> Iterator[str]:
     """
     section = vehicle["section"]
     area, fibre, bending = section["area"], section["outer_fibre"], section["bending"]
-    if bending > area * fibre**2:
+    if bending > area * fibre**2 and not (vehicle["track"].get("belt") or {}).get("axial"):
         yield (
             f"vehicle.section.bending = {bending:.4g} m^4: is more than any section of area = {area:.4g} m^2 within"
             f" outer_fibre = {fibre:.4g} m has, area x outer_fibre^2 = {area * fibre**2:.4g} m^4"

@@ -76,7 +76,9 @@ def smooth_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def pins_a_turn(vehicle: Mapping[str, Any]) -> float:
-    """Pins that the sprocket of a vehicle table takes in a turn, 12.5 with 25 teeth and a pin in every second gap."""
+    """Pins that the sprocket takes in a turn: 12.5 with 25 teeth and a pin in every second gap; pitches, if smooth."""
+    if vehicle["sprocket"].get("radius"):
+        return 2.0 * pi * pitch_radius(vehicle) / float(vehicle["track"]["pitch"])
     return float(vehicle["sprocket"]["teeth"] / (vehicle["sprocket"].get("gaps_per_pin") or 1))
 
 
@@ -86,10 +88,12 @@ def way_a_turn(vehicle: Mapping[str, Any]) -> float:
 
 
 def pitch_radius(vehicle: Mapping[str, Any], sine: Callable[[float], float] = sin) -> float:
-    """Distance from the axle, m, at which the sprocket of a vehicle table seats its pins: they make a polygon.
+    """Distance from the axle, m, at which the sprocket of a vehicle table seats its pins, or its rim bears their line.
 
-    Components give the ``sine`` that has the same bits on every processor.
+    Seated pins make a polygon. Components give the ``sine`` that has the same bits on every processor.
     """
+    if radius := vehicle["sprocket"].get("radius"):
+        return float(radius + vehicle["track"]["face"])
     made_for = vehicle["sprocket"].get("pitch") or vehicle["track"]["pitch"]
     return float(made_for / (2.0 * sine(pi / pins_a_turn(vehicle))))
 

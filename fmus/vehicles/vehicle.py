@@ -25,6 +25,7 @@ from fmus.vehicles.suspension_tables import (
     TensionerTable,
 )
 from fmus.vehicles.tables import (
+    GIVEN,
     BadInput,
     Damping,
     Distance,
@@ -38,6 +39,7 @@ from fmus.vehicles.tables import (
     Mass,
     OrEach,
     Stiffness,
+    When,
     first_error,
     is_logged,
     ratio,
@@ -76,22 +78,31 @@ class SprocketTable(FrozenTable):  # noqa: D101
     """moment of inertia about the axle"""
     transverse_inertia: Inertia
     """moment of inertia across the axle"""
-    teeth: Annotated[int, Field(ge=6, le=40)]
-    """number of teeth"""
-    gaps_per_pin: Annotated[int, Field(ge=1, le=4)] = 1
+    teeth: Annotated[int, Field(ge=6, le=40)] | None = None
+    """number of teeth; of a smooth wheel radius instead"""
+    radius: Annotated[Distance | None, When(teeth=(None,))] = None
+    """radius of the rim of a smooth wheel, which drives the faces of links by the friction of contact.sprocket"""
+    gaps_per_pin: Annotated[int, Field(ge=1, le=4), When(teeth=GIVEN)] = 1
     """gaps between teeth from a pin to the next one: with 2, 25 teeth take 12.5 pins a turn, one in every second gap"""
-    pitch: Distance | None = None
+    pitch: Annotated[Distance | None, When(teeth=GIVEN)] = None
     """pitch of the chain that the teeth were made for; without it that of the track, which grows by wear"""
-    outer_radius: Distance
+    outer_radius: Annotated[Distance | None, When(teeth=GIVEN)] = None
     """radius of the tips of the teeth; must exceed the pitch radius"""
-    pin_radius: Distance
+    pin_radius: Annotated[Distance | None, When(teeth=GIVEN)] = None
     """radius of the cylinders on the links that the teeth seat"""
-    seat_clearance: Distance
+    seat_clearance: Annotated[Distance | None, When(teeth=GIVEN)] = None
     """radius of a seat between two teeth less the pin radius"""
-    flank_angle: Annotated[float, In("rad", gt=0.0, lt=1.2)]
+    flank_angle: Annotated[Annotated[float, In("rad", gt=0.0, lt=1.2)] | None, When(teeth=GIVEN)] = None
     """angle of a flank against the radius through the seat, leaning outward"""
-    tip_radius: Distance
+    tip_radius: Annotated[Distance | None, When(teeth=GIVEN)] = None
     """rounding of the tip of a tooth"""
+
+    @model_validator(mode="after")
+    def _has_a_rim(self) -> SprocketTable:
+        needed = ("teeth", "outer_radius", "pin_radius", "seat_clearance", "flank_angle", "tip_radius")
+        if self.radius is None and (missing := [key for key in needed if getattr(self, key) is None]):
+            raise ValueError(f"key '{missing[0]}' is missing, or radius, of a smooth wheel, instead of teeth")
+        return self
 
 
 class IdlerTable(FrozenTable):  # noqa: D101
@@ -143,6 +154,8 @@ class BushingTable(FrozenTable):  # noqa: D101
     """angle between the links at which the bushes are free of torque, positive as the chain bends round its wheels"""
     damping: Annotated[float, In("N m s/rad", ge=0)] = 0.0
     """damping of the bushes of a pin"""
+    in_series: bool = False
+    """stiffness and damping are those of bushes and flexible links in series; rigid links have bushes alone"""
     friction: Annotated[float, ratio(ge=0, le=2.0)] = 0.0
     """coefficient of friction between pin and link, under the force of the pin"""
     radius: Annotated[float, In("m", gt=0, lt=1)] | None = None
@@ -177,7 +190,7 @@ class TrackTable(FrozenTable):  # noqa: D101
     bushing: BushingTable | None = None
     """bushes and friction of the pins"""
     belt: BeltTable | None = None
-    """belt of one piece, in place of pitch, mass, face, inertia and bushes of the rigid links that it is cut into"""
+    """belt of one piece, in place of pitch, mass, face, inertia and bushes of the links that it is cut into"""
 
     @model_validator(mode="before")
     @classmethod
@@ -293,7 +306,7 @@ class ContactLawTable(FrozenTable):
 
 class ContactTable(FrozenTable):  # noqa: D101
     sprocket: ContactLawTable
-    """contact of a pin with a tooth"""
+    """contact of a pin with a tooth, or of a whole link with a smooth driving wheel"""
     wheel: ContactLawTable
     """contact of a link with a road wheel or an idler; stiffness and damping are those of a whole link inside a rim, a
     part of it has that share: a small roller sinks deeper"""
@@ -350,7 +363,7 @@ class VehicleTable(FrozenTable):
     seat: dict[str, SeatTable] = {}  # noqa: RUF012 - pydantic copies it
     """points of the hull by names of small letters, digits and _; a scene chooses those whose motion is computed"""
     sprocket: SprocketTable
-    """driving wheel of each side; the middle of the axle line is the origin of all positions"""
+    """driving wheel of each side, with teeth or smooth; the middle of the axle line is the origin of all positions"""
     idler: IdlerTable
     """wheel of each side at the other end, which tensions the track; a second idler is a table wheel.NAME"""
     road_wheel: WheelsTable
@@ -380,6 +393,17 @@ class VehicleTable(FrozenTable):
     """guide horns, which keep the track under the wheels"""
     life: LifeTable | None = None
     """pin, lugs, section and material, for the life of the track (cotrack analyse LOG life)"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _stretch(cls, data: Any) -> Any:
+        """Fill in section and material that a belt gives; other faults of the table are found later."""
+        try:
+            track = TrackTable.model_validate(data["track"])
+            own = track.belt.of_section(track.width, 2.0 * track.face)  # type: ignore[union-attr]
+            return {**data, **{name: {**table, **(data.get(name) or {})} for name, table in own.items()}}
+        except (AttributeError, KeyError, TypeError, ValueError, ArithmeticError):
+            return data
 
     def of_side(self, side: str) -> VehicleTable:
         """The table that describes a side."""

@@ -248,7 +248,7 @@ def contact_pairs(scene: Scene, part: Part) -> list[str]:
         return ([f"{points} points of the hull on the ground"] if points else []) + wheels
     track = part.config["track"]
     links, kinds = track["links"], [wheel["kind"] for wheel in track["wheels"]]
-    pins, rims = links + (0 if track["closed"] else 1), kinds.count("rim")
+    pins, rims = links + (0 if track["closed"] else 1), len(kinds) - kinds.count("teeth")
     wide = scene.track.kind.wide(scene.track.choices())
     points = 4 if wide else 2  # two pairs of points across a link
     refined = track.get("refinement", LEVEL)

@@ -96,7 +96,7 @@ def _bench(scene: BenchScene) -> Assembly:
         scene.track.link_outputs,
         links=bench.links,
         closed=False,
-        wheels=[SPROCKET],
+        wheels=[_sprocket(scene.vehicle)],
         gravity=0.0,
         ends=ends,
         transverse_damping=bench.transverse_damping,
@@ -240,12 +240,12 @@ def closed_track_config(scene: RigScene | VehicleScene, side: Side = "left") -> 
         idler = scene.vehicle.idler.model_copy(update={"x": -scene.rig.axle_distance, "z": 0.0})
         tensioner = scene.vehicle.tensioner.model_copy(update={"angle": 0.0})
         vehicle = scene.vehicle.model_copy(update={"idler": idler, "tensioner": tensioner})
-        wheels = [SPROCKET, {"name": "idler", "kind": "rim"}]
+        wheels = [_sprocket(vehicle), {"name": "idler", "kind": "rim"}]
         return _track_config(vehicle, outputs, links=scene.rig.links, closed=True, wheels=wheels, gravity=0.0)
     vehicle = scene.vehicle.of_side(side)
     rims = [{"name": wheel["name"], "kind": "rim"} for wheel in smooth_wheels(vehicle.model_dump())]
     config = _track_config(
-        vehicle, outputs, links=vehicle.track.links, closed=True, wheels=[SPROCKET, *rims], ground=True
+        vehicle, outputs, links=vehicle.track.links, closed=True, wheels=[_sprocket(vehicle), *rims], ground=True
     )
     config["track"] |= _ground_shape(scene)
     refined = refinement(scene.ground.model_dump(exclude_none=True), vehicle.track.model_dump(), scene.start.heading)
@@ -359,7 +359,8 @@ def _drive_parameters(drive: DriveTable) -> Parameters:
     return parameters
 
 
-SPROCKET = {"name": "sprocket", "kind": "teeth"}  # in the config of a track
+def _sprocket(vehicle: VehicleTable) -> dict[str, Any]:
+    return {"name": "sprocket", "kind": "teeth" if vehicle.sprocket.teeth else "driving"}  # in the config of a track
 
 
 def _wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:

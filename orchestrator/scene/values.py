@@ -179,8 +179,8 @@ def overlapping_wheels(vehicle: Mapping[str, Any]) -> Iterator[str]:
 
 def _wheels(table: Mapping[str, Any], above: str) -> Iterator[_Wheel]:
     """Wheels of a side with this vehicle table; ``above``: prefix of the keys of their positions."""
-    outer = table["sprocket"]["outer_radius"]
-    yield _Wheel("the sprocket's place", "vehicle.sprocket.outer_radius", 0.0, 0.0, outer)
+    outer = "outer_radius" if "outer_radius" in table["sprocket"] else "radius"
+    yield _Wheel("the sprocket's place", f"vehicle.sprocket.{outer}", 0.0, 0.0, table["sprocket"][outer])
     for wheel in smooth_wheels(table):
         name, bracket, number = wheel["name"].partition("[")
         key, index = f"wheel.{name}" if wheel["kind"] == "wheel" else name, bracket + number

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from named_ports import outputs, parameters
 
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
-from fmus.vehicles.vehicle import read_table, vehicle
 
 P, MASS, INERTIA, G = TRACK["pitch"], TRACK["mass"], TRACK["inertia"][1], 9.81
 pytestmark = pytest.mark.long  # each kind of links is compiled anew with bushes
@@ -264,37 +262,6 @@ def test_a_belt_round_two_wheels_turns_its_pins_by_four_pitches_over_the_radius(
     assert 1.0 < fine < coarse < 1.04
     assert 2.0 * fine - coarse == pytest.approx(1.0, abs=0.01)
     assert 1.03 * (2.0 * fine - coarse) != pytest.approx(1.0, abs=0.01)
-
-
-def elastica(bending: float, length: float, span: float) -> tuple[float, float]:
-    """Push, N, and sag, m, of a belt between two pins nearer than its length (Love, Elasticity, 1927, art. 263)."""
-    k = scipy.optimize.brentq(
-        lambda k: 2.0 * scipy.special.ellipe(k * k) / scipy.special.ellipk(k * k) - 1.0 - span / length, 0.01, 0.95
-    )
-    quarter = scipy.special.ellipk(k * k)
-    return 4.0 * quarter**2 * bending / length**2, k / quarter * length
-
-
-def test_links_of_a_belt_approach_the_elastica_by_the_square_of_their_pitch():
-    """A belt of 1 m is cut into 16, 32 and 64 links; links with another stiffness approach another push."""
-    misses = []
-    for links in (16, 32, 64):
-        table = read_table("m113")[0]
-        for key in ("pitch", "mass", "inertia", "face"):
-            del table["track"][key]
-        belt = {"bending": "20 N m^2", "length": "1 m", "mass": "8 kg", "thickness": "20 mm"}
-        table["track"] |= {"links": links, "belt": belt}
-        own = vehicle(table, "belt").model_dump()
-        ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9, 0.0]}
-        config = {"links": links, "closed": False, "wheels": [], "ground": False, "gravity": 1e-3, "ends": ends}
-        made = Rigid({"vehicle": own, "track": config, "link_outputs": ["position", "force", "moment"]})
-        made.initialise(parameters(made))
-        push, sag = elastica(20.0, 1.0, 0.9)
-        misses.append((abs(outputs(made)["joint[1].force.x"]) / push - 1.0, -places(made)[:, 1].min() / sag - 1.0))
-    assert np.abs(misses[2]).max() < 3e-4
-    for coarse, fine in pairwise(misses):
-        assert np.array(coarse) / fine == pytest.approx(4.0, abs=0.4)
-    assert elastica(20.02, 1.0, 0.9)[0] / push - 1.0 > 5e-4, "the twin: a thousandth more stiffness"
 
 
 AS_PYTHON = """

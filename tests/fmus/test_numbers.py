@@ -47,11 +47,12 @@ ELSEWHERE = {  # numbers of a vehicle file that are parameters of no FMU, and wh
     "tensioner.travel": "a limit that results are held against",
     "sprocket.spin_inertia": "of a drive, whose number it is",
     "return_roller.width": "seen in pictures alone",
+    "sprocket.radius": "of a smooth wheel, which no vehicle here has",
     "hitch.x": "of a scene that tows", "hitch.z": "of a scene that tows",
     "seat.position": "of a scene with a seat",
     "chassis.hull": "of a scene whose hull touches the ground",
     **{f"track.belt.{key}": "of a belt, which gives the numbers of its links"
-       for key in ("bending", "relaxation_time", "length", "mass", "thickness")},
+       for key in ("bending", "relaxation_time", "axial", "length", "mass", "thickness")},
     "track.bushing.wear": "of an analysis", "track.bushing.bearing": "of an analysis",
     **dict.fromkeys(("idler.width", "road_wheel.width", "wheel.width"), "of a wheel without a track"),
     "wheel.tensioner.travel": "a limit that results are held against",

@@ -19,19 +19,21 @@ if TYPE_CHECKING:
     from fmus.physics.contact.laws import Law
     from fmus.physics.contact.teeth import Teeth
 
+RIM, TOOTHED, DRIVING = range(3)  # kinds of wheels; driving: by friction of the rim
+
 
 class Contacts(NamedTuple):
     """Contact partners of a chain with m wheels, constant through a run."""
 
-    teeth: np.ndarray  # (m) int: 1 where the wheel has teeth
+    kind: np.ndarray  # (m) int: RIM, TOOTHED or DRIVING
     radius: np.ndarray  # (m) radius of the rim, m; of teeth, the outer radius of the pins' path
-    profile: Teeth  # outline of the teeth
+    profile: Teeth  # outline of the teeth, without influence where there are none
     clearance: float  # lateral play of the guides on each side, m
     ground: int  # 1 where there is a ground
     shape: Any  # shape of the ground (``grounds``) in the track's frame
     belt: Vector  # velocity of the ground's surface in that frame, m/s
-    sprocket: Law  # contact law of pins with teeth,
-    wheel: Law  # of links with rims and of horns with discs,
+    sprocket: Law  # contact law of pins with teeth, or of links with the rim that drives,
+    wheel: Law  # of links with other rims and of horns with discs,
     soil: Any  # and of links with the ground (``grounds``)
     along: int = 1  # equal parts of a link along it, each with two Gauss points on the ground,
     across: int = 1  # and on each side of its middle, each with one

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel, namesake
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.contacts import ContactPoint
+from fmus.physics.chain.contacts import TOOTHED, ContactPoint
 from fmus.physics.chain.interface import (
     apply_force,
     begin_link,
@@ -46,7 +46,7 @@ def evaluate_guides(
     links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool
 ) -> None:
     for k in range(rows.shape[0]):
-        if contacts.teeth[k] != 0:
+        if contacts.kind[k] == TOOTHED:
             disc = contact_distance_squared(links, contacts.radius[k])
             wheel_distances(rows[k], w.near.middle, w.near.offset, w.near.distance_squared)
             for i in range(count(links, x)[0]):
@@ -61,7 +61,7 @@ def evaluate_horn(
     links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, pair: WheelAndLink, by_rate: float, tangent: bool
 ) -> None:
     k, row, _, a, b, offset = pair
-    disc = contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
+    disc = contacts.radius[k] + (0.0 if contacts.kind[k] == TOOTHED else HORN)
     inclination = 0.5 * (dot(b, vector(row, 9)) - dot(a, vector(row, 9)))
     if abs(offset) + abs(inclination) > contacts.clearance:
         _touch_disc(links, contacts, x, w, pair, disc, by_rate, tangent)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Row
-from fmus.physics.chain.contacts import ContactPoint
+from fmus.physics.chain.contacts import DRIVING, RIM, ContactPoint
 from fmus.physics.chain.interface import (
     add_rate_matrix,
     apply_force,
@@ -87,6 +87,7 @@ from fmus.physics.wheels import add_reaction
 if TYPE_CHECKING:
     from fmus.physics.chain.contacts import Contacts
     from fmus.physics.chain.state import ChainState, ChainWork, FacedLinks, Motion
+    from fmus.physics.contact.laws import Law
 
 
 @namesake
@@ -98,9 +99,11 @@ def evaluate_contacts(
     clear(w.on_links)
     compute_middles(links, x, w)
     for k in range(rows.shape[0]):
-        if contacts.teeth[k] == 0:
-            _rim(links, contacts, x, w, k, rows[k], by_rate, tangent)
-        if contacts.teeth[k] != 0:
+        if contacts.kind[k] == RIM:
+            _rim(links, contacts, contacts.wheel, x, w, k, rows[k], by_rate, tangent)
+        elif contacts.kind[k] == DRIVING:
+            _rim(links, contacts, contacts.sprocket, x, w, k, rows[k], by_rate, tangent)
+        else:
             _teeth(links, contacts, x, w, k, rows[k], by_rate, tangent)
     evaluate_guides(links, contacts, x, w, rows, by_rate, tangent)
     if contacts.ground != 0:
@@ -109,19 +112,20 @@ def evaluate_contacts(
 
 @kernel
 def _rim(
-    links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, k: int, row: Row, by_rate: float, tangent: bool
+    links: FacedLinks,
+    contacts: Contacts,
+    law: Law,
+    x: Motion,
+    w: ChainWork,
+    k: int,
+    row: Row,
+    by_rate: float,
+    tangent: bool,
 ) -> None:
-    """Contact of the rim of wheel ``k`` with the inner faces, and of its disc with the guides."""
-    (n, nodes), (points_across, lateral), law, radius = (
-        count(links, x),
-        lateral_points(links),
-        contacts.wheel,
-        contacts.radius[k],
-    )
-    far, disc = (
-        contact_distance_squared(links, radius),
-        contact_distance_squared(links, radius + horn_height(links)),
-    )
+    """Contact of the rim of wheel ``k`` with the inner faces by ``law``, and of its disc with the guides."""
+    (n, nodes), (points_across, lateral), radius = count(links, x), lateral_points(links), contacts.radius[k]
+    far = contact_distance_squared(links, radius)
+    disc = contact_distance_squared(links, radius + horn_height(links))
     wheel_distances(row, w.near.middle, w.near.offset, w.near.distance_squared)
     for i in range(n):
         distance_squared = w.near.distance_squared[i]
@@ -203,7 +207,7 @@ def _teeth(
 def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_rate: float, tangent: bool) -> None:
     """Contact of the ground with the outer faces."""
     (n, nodes), (points_across, lateral) = count(links, x), lateral_points(links)
-    ground, shape, along, across = len(contacts.teeth), contacts.shape, contacts.along, contacts.across
+    ground, shape, along, across = len(contacts.kind), contacts.shape, contacts.along, contacts.across
     begin_ground(contacts.soil, w)
     first, on_link, share = POINTS * ground * nodes, ON_FACE * along * across, 0.5 / (points_across * along * across)
     for i in range(n):

@@ -102,9 +102,9 @@ def _drives(run: RunData) -> Iterator[tuple[WrenchPort, str, str]]:
 
 
 def _teeth_passed(run: RunData, window: Window) -> Iterator[tuple[str, Floats, Floats]]:
-    """Drive, times (m,), s, and number of teeth passed (m,), for each sprocket."""
+    """Drive, times (m,), s, and number of teeth passed (m,), for each sprocket that has teeth."""
     for port, prefix, name in _drives(run):
-        if port.giver_connector == "sprocket" and "vehicle" in run.scene:
+        if port.giver_connector == "sprocket" and "vehicle" in run.scene and not hull.is_smooth(run):
             t, angle = run.signal(f"{prefix}angle", window)
             finite = np.isfinite(angle)
             yield name, t[finite], angle[finite] * hull.pins_of_sprocket(run) / (2.0 * np.pi)

@@ -88,8 +88,15 @@ def tracks(run: RunData, name: str = "") -> tuple[str, ...]:
 
 def pins_of_sprocket(run: RunData) -> float:
     """Pins that the sprocket takes in a turn; raises Missing."""
+    if is_smooth(run):
+        return pins_a_turn(run.scene["vehicle"])
     teeth, gaps = vehicle_number(run, "sprocket", "teeth"), gaps_per_pin(run)
     return pins_a_turn({"sprocket": {"teeth": teeth, "gaps_per_pin": gaps}})
+
+
+def is_smooth(run: RunData) -> bool:
+    """Whether the sprocket has a smooth rim instead of teeth; raises Missing."""
+    return vehicle_number(run, "sprocket", "radius", default=1e300) < 1e300
 
 
 def gaps_per_pin(run: RunData) -> float:

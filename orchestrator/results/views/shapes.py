@@ -41,11 +41,12 @@ _VEHICLE = _table(
     track=_table("DrawnLinks", pitch=Size, width=Size, face=SizeOrNone),
     sprocket=_table(
         "DrawnSprocket",
-        teeth=_COUNT,
+        teeth=(_COUNT | None, None),
+        radius=(Size | None, None),
         gaps_per_pin=(_COUNT, 1),
         pitch=(Size | None, None),
-        outer_radius=Size,
-        pin_radius=Size,
+        outer_radius=(Size | None, None),
+        pin_radius=(Size | None, None),
     ),
     road_wheel=_WHEELS,
     idler=_WHEEL,
@@ -181,8 +182,10 @@ def wheel_body(name: str, kind: str, track: str, vehicle: Mapping[str, Any]) -> 
         table, kind = (vehicle["wheel"][kind], "idler") if kind in vehicle["wheel"] else (vehicle[kind], kind)
         radius, width = (of_wheels(table[key], k)[k - 1] for key in ("radius", "width"))
         return WheelBody(name, kind, track, radius, width, gap if gap < width else 0.0, np.empty((0, 2)))
-    radius = pitch_radius(vehicle) - vehicle["sprocket"]["pin_radius"]
-    return WheelBody(name, kind, track, radius, vehicle["track"]["width"], gap, teeth(vehicle))
+    sprocket, width = vehicle["sprocket"], vehicle["track"]["width"]
+    if sprocket.get("radius"):
+        return WheelBody(name, kind, track, sprocket["radius"], width, gap, np.empty((0, 2)))
+    return WheelBody(name, kind, track, pitch_radius(vehicle) - sprocket["pin_radius"], width, gap, teeth(vehicle))
 
 
 def teeth(vehicle: Mapping[str, Any]) -> Floats:

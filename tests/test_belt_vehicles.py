@@ -1,0 +1,127 @@
+"""Vehicles on belts that stretch, and vehicles that smooth wheels drive by friction."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fmus.vehicles.sides import pins_a_turn
+from fmus.vehicles.vehicle import read_table
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results.analyses import spectrum, validity
+from orchestrator.results.measures import NAMES
+from orchestrator.results.run_data import RunData, Window
+from orchestrator.results.vehicle_measures import speed_excess
+from orchestrator.results.views.shapes import wheel_body
+from orchestrator.scene.scene import load
+
+pytestmark = pytest.mark.long  # kernels of their own
+SHAPE = ("teeth", "outer_radius", "pin_radius", "seat_clearance", "flank_angle", "tip_radius")
+STEADY = Window(1.4, 2.2)
+RADIUS, FACE, REGULAR = 0.0693, 0.008, 0.05  # of the smooth wheel and its links, m, and of friction, m/s
+FINE = {  # links of half the pitch
+    "vehicle.track.links": 86, "vehicle.track.pitch": 0.02, "vehicle.track.mass": 0.075,
+    "vehicle.track.inertia": [1.42e-4, 4.1e-6, 1.43e-4], "run.step": 2.5e-4, "track.step": 2.5e-4,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("native", [False, True])
+def test_a_groomer_on_belts_that_stretch(tmp_path, native):
+    """In snow the ledger closes, the ground bears the weight, and a belt that stretches has less tension, by 4 %.
+
+    Native FMUs have the same bits for a second.
+    """
+    stop, tensions = (1.0 if native else 2.5), {}
+    for model in ("rigid", "flexible"):
+        scene, path = load("snow", model, {"run.stop": stop}), tmp_path / f"{model}.mcap"
+        assert scene.vehicle.track.belt.axial == 4.5e6
+        result = simulate(scene, path, estimated=False)
+        assert (result["status"], result["validity"]) == ("ok", [])
+        if native:
+            simulate(scene, tmp_path / "native.mcap", estimated=False, native=True)
+            with Log(path) as one, Log(tmp_path / "native.mcap") as other:
+                assert one.digest() == other.digest()
+            continue
+        assert abs(result["energy"]["residual_relative"]) < 5e-4
+        assert result["checks"]["ground_force"]["value"] == pytest.approx(88290.0, rel=1e-3)
+        with Log(path) as log:
+            run = RunData(log)
+            tensions[model] = [run.mean("left_track.tension.mean", Window(*span)) for span in ((0.1, 0.5), (1.5, 2.5))]
+    if not native:
+        ratios = np.divide(tensions["flexible"], tensions["rigid"])
+        assert ((ratios > 0.94) & (ratios < 0.98)).all()
+
+
+def smooth_robot(tmp_path, name, **settings):
+    """Run of the robot on smooth driving wheels, straight ahead, and its result."""
+    table = read_table("robot")[0]
+    table["sprocket"] = {key: value for key, value in table["sprocket"].items() if key not in SHAPE}
+    table["sprocket"]["radius"] = RADIUS
+    table["contact"]["sprocket"]["friction"] = 0.6
+    scene = load("robot", "rigid", {"vehicle": table, "run.stop": 2.25, "run.links": 1} | settings)
+    path = tmp_path / f"{name}.mcap"
+    return simulate(scene, path, estimated=False), RunData(Log(path))
+
+
+def tensions(run):
+    """Mean tensions of the left track that leave and enter its driving wheel at the rear, N: T1 - T2 = torque / R."""
+    links = run.links("left_track", STEADY)
+    ahead, up = links.middles()
+    slack = float(links.tension[(up > 0.03) & (ahead > 0.02) & (ahead < 0.1)].mean())
+    return slack, slack + run.mean("left_drive.torque", STEADY) / (RADIUS + FACE)
+
+
+def wrap():
+    """Angle of the belt round the wheel, rad, between tangents to the rear roller above and the road wheel below."""
+    table, line, turned = read_table("robot")[0], RADIUS + FACE, math.pi
+    for sign, wheel, x in ((1.0, "return_roller", 0.20), (-1.0, "road_wheel", 0.14)):
+        other = float(table[wheel]["radius"].split()[0]) + FACE
+        z = float(table[wheel]["z"].split()[0])
+        turned += math.asin((line - other) / math.hypot(x, z)) - sign * math.atan2(z, x)
+    return turned
+
+
+def creep(run, friction):
+    """Slip of the belt on its wheel over the wheel's speed by Euler-Eytelwein with regularised friction."""
+    slack, tight = tensions(run)
+    share = math.log(tight / slack) / (friction * wrap() * RADIUS / (RADIUS + FACE))
+    speed = REGULAR * share / math.sqrt(1.0 - share**2)
+    return speed / (run.mean("left_drive.speed", STEADY) * RADIUS)
+
+
+def test_a_smooth_wheel_drives_a_vehicle_and_creeps_as_its_tensions_say(tmp_path):
+    ways, creeps = {}, {}
+    for force in (0.0, 80.0):
+        result, run = smooth_robot(tmp_path, f"{force}", **FINE, **({"hitch": {"force": force}} if force else {}))
+        assert (result["status"], result["validity"]) == ("ok", [])
+        assert abs(result["energy"]["residual_relative"]) < 2e-3
+        pins = pins_a_turn(run.scene["vehicle"])
+        assert pins == pytest.approx(2.0 * math.pi * (RADIUS + FACE) / 0.02, rel=1e-12)
+        ways[force] = NAMES["pins_per_revolution"](run, "left", STEADY) / pins
+        assert ways[force] == pytest.approx(1.0 - creep(run, 0.6), abs=8e-3)
+        creeps[force] = np.array([creep(run, 0.6), creep(run, 0.75)])
+    expected, twin = creeps[80.0] - creeps[0.0]
+    assert ways[0.0] - ways[80.0] == pytest.approx(expected, rel=0.15)  # links are a polygon: 0.3 with the robot's own
+    assert ways[0.0] - ways[80.0] != pytest.approx(twin, rel=0.15)
+    assert abs(speed_excess(run, "", STEADY)) < 0.04
+    assert spectrum.tooth_passing_frequency(run, "left_track.travel", STEADY) == pytest.approx(
+        pins * 10.0 / (2.0 * math.pi), rel=1e-3
+    )
+    unchecked = validity.of(run).unchecked
+    assert "vehicle.sprocket.teeth" in unchecked["tooth_jump"]
+    drawn = wheel_body("left_track/sprocket", "sprocket", "left_track", run.scene["vehicle"])
+    assert (drawn.radius, len(drawn.outline)) == (RADIUS, 0)
+
+
+def test_a_smooth_wheel_slips_where_tension_or_friction_is_too_small(tmp_path):
+    """A load that is towed pulls the vehicle back; the tensions are at the limit of Euler and Eytelwein."""
+    settings = {"hitch": {"force": 80.0}, "vehicle.contact.sprocket.friction": 0.05}
+    result, run = smooth_robot(tmp_path, "slips", **settings)
+    assert (result["status"], result["validity"]) == ("ok", [])
+    assert abs(result["energy"]["residual_relative"]) < 2e-3
+    slack, tight = tensions(run)
+    inside = RADIUS / (RADIUS + FACE)
+    assert tight / slack == pytest.approx(math.exp(0.05 * wrap() * inside), rel=0.02)
+    assert tight / slack != pytest.approx(math.exp(0.07 * wrap() * inside), rel=0.02)
+    assert run.mean("left_track.speed", STEADY) < 0.0 < run.mean("left_drive.speed", STEADY)
