@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from fmus.ground.contact import contact_law, ground_shape, is_hard, soil_law
+from fmus.ground.refinement import sections
 from fmus.interface.model import InvalidParameter
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.contacts import Contacts
 from fmus.physics.contact.ground import GroundShape
 from fmus.physics.contact.teeth import teeth
 from fmus.physics.elementary import hypot, sin
-from fmus.vehicles.sides import pitch_radius
+from fmus.vehicles.sides import grousers, pitch_radius
 
 STANDING = (0.0, 0.0, 0.0)
 # Losses with which chains come to rest, those of the m113: damping over stiffness, s, friction, its velocity, m/s.
@@ -39,16 +40,9 @@ def contacts(
     """
     laws = {pair: contact_law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")}
     s, track = vehicle["sprocket"], vehicle["track"]
-    shape = (
-        s["teeth"],
-        pitch_radius(vehicle, sin),
-        s["pin_radius"],
-        s["outer_radius"],
-        s["seat_clearance"],
-        s["flank_angle"],
-    )
+    sizes = (s[key] for key in ("pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"))
     try:
-        profile = teeth(*shape, s["tip_radius"])
+        profile = teeth(s["teeth"], pitch_radius(vehicle, sin), *sizes)
     except ValueError as error:
         raise InvalidParameter(f"sprocket: {error}") from None
     toothed = np.array([w["kind"] == "teeth" for w in wheels], dtype=np.int64)
@@ -64,7 +58,8 @@ def contacts(
         laws["sprocket"],
         laws["wheel"],
         laws["ground"] if soil is None else soil_law(soil, track),
-        *((ground or {}).get("refinement") or (1, 1)),
+        sections(track, (ground or {}).get("refinement"), hard=soil is None),
+        grousers(track)["height"],
     )
 
 

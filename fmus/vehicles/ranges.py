@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from fmus.vehicles.sides import pins_a_turn, pitch_radius
+from fmus.vehicles.sides import grousers, pins_a_turn, pitch_radius
 
 Bounds = tuple[float, float]
 FEWEST_PINS = 6  # a turn, as the fewest teeth
@@ -61,6 +61,7 @@ VEHICLE = (
     PlausibleRange("tensioner.travel", "m", (1e-3, 1.0), (1e-6, 50.0), "a tensioner takes up some links at most"),
     PlausibleRange("track.pitch", "m", (5e-3, 1.0), (1e-4, 10.0), "links of toys and of crawlers"),
     PlausibleRange("track.mass", "kg", (1e-3, 2e3), (1e-9, 1e6), "links of toys and of crawlers"),
+    PlausibleRange("track.grouser.height", "m", (0.0, 0.2), (0.0, 2.0), "the largest crawlers have 0.1 m"),
     PlausibleRange("track.bushing.stiffness", "N m/rad", (0.0, 1e6), (0.0, 1e9),
                    "rubber bushes of a track have some kN m/rad, and stiffer ones are no hinge"),
     PlausibleRange("track.bushing.damping", "N m s/rad", (0.0, 1e4), (0.0, 1e8), "more is no hinge"),
@@ -112,6 +113,10 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
             x = (table.get(name) or {}).get("x", ())
             if any(behind > ahead for ahead, behind in pairwise(x)):
                 yield Mistake(f"{above}{name}.x = {[*x]} m: must run from front to rear, as wheels and their lists do")
+    for key, of in (("length", "pitch"), ("width", "width")) if track.get("grouser") and "pitch" in track else ():
+        bar, count = grousers(track), grousers(track)["count"] if key == "length" else 1
+        if count * bar[key] > track[of] * (1.0 + 1e-9):
+            yield f"track.grouser.{key} = {bar[key]} m: {count} of them must fit in track.{of} = {track[of]} m"
     bushing = track.get("bushing") or {}
     for key, needed in (("friction", "radius"), ("wear", "bearing")):
         if bushing.get(key) and bushing.get(needed) is None:
