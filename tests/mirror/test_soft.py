@@ -18,7 +18,7 @@ def sled(depths, ways):
     """March of one point that has a whole link."""
     place = np.array([[[way, 0.0, 0.0]] for way in ways])
     points = soft.Points(
-        place, np.array(depths)[:, None], np.full((len(ways), 1, 2), [PITCH, 0.0]), [0.0], 1.0, PITCH, WIDTH
+        place, np.array(depths)[:, None], np.full((len(ways), 1, 2), [PITCH, 0.0]), [0.0], [AREA], [(0.25, WIDTH)]
     )
     return soft.march(soft.Law(SAND, WIDTH), points)
 
