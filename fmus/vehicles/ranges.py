@@ -116,7 +116,8 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
     for key, of in (("length", "pitch"), ("width", "width")) if track.get("grouser") and "pitch" in track else ():
         bar, count = grousers(track), grousers(track)["count"] if key == "length" else 1
         if count * bar[key] > track[of] * (1.0 + 1e-9):
-            yield f"track.grouser.{key} = {bar[key]} m: {count} of them must fit in track.{of} = {track[of]} m"
+            fit = f"{count} of them must fit in" if count > 1 else "must be at most"
+            yield f"track.grouser.{key} = {bar[key]} m: {fit} track.{of} = {track[of]} m"
     bushing = track.get("bushing") or {}
     for key, needed in (("friction", "radius"), ("wear", "bearing")):
         if bushing.get(key) and bushing.get(needed) is None:
