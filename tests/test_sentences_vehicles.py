@@ -155,11 +155,11 @@ RECOIL = {"preload": 9e4, "stiffness": 4e5}
         ),
         (
             {"track": {**M113["track"], "grouser": {"height": 0.05, "length": 0.08, "count": 2}}},
-            "track.grouser.length = 0.08 m: 2 of them must fit in track.pitch = 0.1524 m",
+            "track.grouser.length = 0.08 m: 2 must fit in track.pitch = 0.1524 m",
         ),
         (
             {"track": {**M113["track"], "grouser": {"height": 0.05, "length": 0.02, "width": 0.4}}},
-            "track.grouser.width = 0.4 m: must be at most track.width = 0.378 m",
+            "track.grouser.width = 0.4 m: 1 must fit in track.width = 0.378 m",
         ),
         (
             {"track": {**M113["track"], "grouser": {"height": -0.05, "length": 0.02}}},

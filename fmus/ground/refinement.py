@@ -5,8 +5,7 @@ On level ground a link has two Gauss points along it and, where it is wide, two 
 the mean distance of points at which the rise of a wheel over it is within 5 % of that with many points: half a radius
 of a half round, a quarter of a wave, the radius of an edge. It is measured in ``tests/test_obstacles.py``.
 
-Each grouser of a link has as many points as its plate, the outer face. What is lower than grousers and narrower than
-the gaps between them does pass there.
+Each grouser of a link has as many points as its plate, the outer face; what is low and narrow passes between grousers.
 """
 
 from __future__ import annotations

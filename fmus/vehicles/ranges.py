@@ -61,7 +61,6 @@ VEHICLE = (
     PlausibleRange("tensioner.travel", "m", (1e-3, 1.0), (1e-6, 50.0), "a tensioner takes up some links at most"),
     PlausibleRange("track.pitch", "m", (5e-3, 1.0), (1e-4, 10.0), "links of toys and of crawlers"),
     PlausibleRange("track.mass", "kg", (1e-3, 2e3), (1e-9, 1e6), "links of toys and of crawlers"),
-    PlausibleRange("track.grouser.height", "m", (0.0, 0.2), (0.0, 2.0), "the largest crawlers have 0.1 m"),
     PlausibleRange("track.bushing.stiffness", "N m/rad", (0.0, 1e6), (0.0, 1e9),
                    "rubber bushes of a track have some kN m/rad, and stiffer ones are no hinge"),
     PlausibleRange("track.bushing.damping", "N m s/rad", (0.0, 1e4), (0.0, 1e8), "more is no hinge"),
@@ -116,8 +115,7 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
     for key, of in (("length", "pitch"), ("width", "width")) if track.get("grouser") and "pitch" in track else ():
         bar, count = grousers(track), grousers(track)["count"] if key == "length" else 1
         if count * bar[key] > track[of] * (1.0 + 1e-9):
-            fit = f"{count} of them must fit in" if count > 1 else "must be at most"
-            yield f"track.grouser.{key} = {bar[key]} m: {fit} track.{of} = {track[of]} m"
+            yield f"track.grouser.{key} = {bar[key]} m: {count} must fit in track.{of} = {track[of]} m"
     bushing = track.get("bushing") or {}
     for key, needed in (("friction", "radius"), ("wear", "bearing")):
         if bushing.get(key) and bushing.get(needed) is None:

@@ -155,10 +155,8 @@ class BushingTable(FrozenTable):  # noqa: D101
     """width along the pin on which a link bears it; with wear"""
 
 
-class GrouserTable(FrozenTable):
-    """Bars or pads on the outer face of each link, alike, which stand on the ground in its place."""
-
-    height: Annotated[float, In("m", ge=0)]
+class GrouserTable(FrozenTable):  # noqa: D101
+    height: Annotated[float, In("m", ge=0, le=2)]
     """height of a bar or pad over the outer face of its link, track.face"""
     length: Distance
     """length of a bar or pad along the track"""

@@ -147,8 +147,7 @@ def commit(
 ) -> tuple[float, float]:
     """Make ``pending`` (points, PENDING) the ``memory`` (points, MEMORY); points that leave press the ``rut`` (RUT).
 
-    ``sections``: of a link, with ``across`` points each, see ``grounds``. Returns the losses of the step by compaction
-    and by shear, J.
+    ``sections``: of a link, with ``across`` points each. Returns the losses of the step by compaction and by shear, J.
     """
     compacted = sheared = 0.0
     for row in range(memory.shape[0]):
