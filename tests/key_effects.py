@@ -26,6 +26,7 @@ VEHICLE = (*QUICK, "start.pitch=0.01", "start.height=-0.01", "drive.speed=20")
 STEERED = (*QUICK, "start.pitch=0.01", "start.height=-0.01")
 UNRAMPED = (QUICK[0], *STEERED[3:])
 LEFT, RIGHT = ("[[0.001, 0.1], [0.008, 3], [0.014, 2], [0.03, 4]]", "[[0.001, 0.1], [0.008, 2], [0.014, 3], [0.03, 5]]")
+GROUSERS = "vehicle.track.grouser={height=0.03, length=0.03, width=0.3, count=2}"
 BUSHED = (
     "vehicle.track.bushing={stiffness=500, preset=0.1, damping=20, friction=0.3, radius=0.02, slow=2, wear=1e-13,"
     " bearing=0.3}"
@@ -45,6 +46,7 @@ CASES = {
         "vehicle.sprocket.seat_clearance=0.006", "vehicle.sprocket.tip_radius=0.004",
         "vehicle.sprocket.flank_angle=0.05", "vehicle.idler.x=-4.043"), overrides=SLOWER),
     "tensioned": Case("straight", ("track.link_outputs=false",), 0.002, "vehicle.track.tension"),
+    "on grousers": Case("straight", (*VEHICLE, GROUSERS, "start.height=-0.07"), overrides=SLOWER),
     "worn": Case("straight", (*VEHICLE, "vehicle.sprocket.pitch=0.1523"), overrides=SLOWER),
     "stopped": Case("straight", (*VEHICLE, "drive.stop=0.02", "drive.stop_time=5e-3"), 0.03),
     "motor": Case("straight", (*UNRAMPED, "drive.mode=torque", "drive.torque=5e3", "drive.brake=1e3")),
@@ -140,6 +142,8 @@ KEYS: dict[str, Acts] = {
     "vehicle.track.links": Acts("vehicle", ALL, 65),
     "vehicle.track.bushing.preset": Acts("bushed", ("rigid",), seen="energy.strain"),  # torques of a loop cancel
     "vehicle.track.bushing.*": Acts("bushed", ("rigid",)),  # other links: tests/fmus/test_bushing.py
+    "vehicle.track.grouser.width": Acts("on grousers", WIDE),
+    "vehicle.track.grouser.*": Acts("on grousers", ALL),
     "vehicle.sprocket.pitch": Acts("worn", ("rigid",)),
     "vehicle.track.pitch": Acts("eleven teeth", ALL, 0.1527),
     "vehicle.track.width": Acts("vehicle", WIDE),  # a cable has contact on its line

@@ -17,6 +17,7 @@ from fmus.physics.chain.report import T_MEAN
 from fmus.physics.wheels import read_states
 from fmus.rest import equilibrium, standing
 from fmus.rest.tensioning import tension_wheel
+from fmus.start import ground_level
 from fmus.track import start
 from fmus.track.choices import TRACKS
 from fmus.track.model import TrackModel
@@ -97,6 +98,25 @@ def test_a_vehicle_stays_where_it_starts(kind):
     far, share = moved(scene, SHORT.get(kind, 1.0))
     assert far < 0.1 * HEIGHT
     assert share < 0.2 * LOAD
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_vehicle_on_pads_stands_higher_by_their_height(kind):
+    """By 0.2 mm less, as links that tilt under wheels reach farther down; on a bar a link they tilt more (twin)."""
+    model, settings = KINDS[kind]
+    over_ground, loads = [], []
+    for grouser in ("", "{height=0.04, length=0.1524}", "{height=0.04, length=0.03}"):
+        given = [f"vehicle.track.grouser={grouser}"] if grouser else []
+        scene = at_rest(model, "symmetric=true", *settings, *given)
+        vehicle = InProcess(scene).run(5e-3)
+        over_ground.append(vehicle["chassis"]["chassis.position.z"] - ground_level(scene.vehicle.model_dump()))
+        loads.append(vehicle["left_track"]["ground.force.z"])
+    pads, bars = (height - over_ground[0] for height in over_ground[1:])
+    assert pads == pytest.approx(0.04, abs=3e-4)
+    assert bars == pytest.approx(0.038, abs=1e-3)
+    assert bars != pytest.approx(0.04, abs=1e-3)
+    assert loads == pytest.approx([0.5 * scene.vehicle.total_mass() * 9.81] * 3, rel=1e-3)
 
 
 @pytest.mark.long

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
-from fmus.ground.refinement import LEVEL, MOST, gaps, passed_over, refinement
+from fmus.ground.refinement import LEVEL, MOST, gaps, passed_over, refinement, sections
 from fmus.ground.terrain import heights
 from orchestrator.execution.simulate import simulate
 from orchestrator.scene.placing import placed
@@ -213,6 +213,30 @@ def test_what_is_narrower_than_the_points_is_told_with_both_lengths():
     along, _ = gaps(LINK, MOST)
     assert "0.02 m" in sentences[1][0]
     assert f"{along:.3g} m" in sentences[1][0]
+
+
+GROUSER = {"height": 0.05, "length": 0.03, "width": 0.3, "count": 2}
+
+
+def test_the_points_of_grousers_are_those_of_a_link_in_their_place():
+    """Two points on a grouser of 0.03 m are too coarse for a half round of 0.02 m, not for one of 0.04 m."""
+    link, bars = LINK, LINK | {"grouser": GROUSER}
+    expected = np.array([0.03 / 0.1524, 0.3 / 0.378]) * gaps(link, (2, 3))
+    assert gaps(bars, (2, 3)) == pytest.approx(expected)
+    own = ({"half_round": {"radius": r}, "refinement": LEVEL} for r in (0.02, 0.04))
+    (sentence,), nothing = (passed_over(ground, bars, 0.0) for ground in own)
+    assert "contact points of a grouser, which are up to 0.0173 m apart along it and 0.15 m across" in sentence
+    assert nothing == []
+    for hard in (True, False):
+        of_link, of_bars = sections(link, (2, 3), hard), sections(bars, (2, 3), hard)
+        one, plate, share = of_bars[:12], of_bars[24:], 2 * 0.03 / 0.1524 * 0.3 / 0.378
+        assert one[:, 0] == pytest.approx(0.25 + 0.03 / 0.1524 * (of_link[:, 0] - 0.5))
+        assert of_bars[:24, 2].min() == 0.05 > plate[:, 2].max() == 0.0
+        assert plate[:, [0, 1, 3]] == pytest.approx(of_link[:, [0, 1, 3]] * [1.0, 1.0, 1.0 - share])
+        assert of_bars[:24, 3].sum() == pytest.approx(1.0 if hard else share)
+        assert of_link[:, 3].sum() == pytest.approx(1.0)
+    whole = {"height": 0.0, "length": LINK["pitch"], "count": 1}
+    assert np.array_equal(sections(LINK | {"grouser": whole}, (3, 2), False), sections(LINK, (3, 2), False))
 
 
 @pytest.mark.long

@@ -153,6 +153,18 @@ RECOIL = {"preload": 9e4, "stiffness": 4e5}
             {"track": {**M113["track"], "belt": {"bending": 15.24}, "bushing": {"stiffness": 101.0}}},
             "track: bushing.stiffness = 101.0: track.belt makes it 100.0, leave it out",
         ),
+        (
+            {"track": {**M113["track"], "grouser": {"height": 0.05, "length": 0.08, "count": 2}}},
+            "track.grouser.length = 0.08 m: 2 must fit in track.pitch = 0.1524 m",
+        ),
+        (
+            {"track": {**M113["track"], "grouser": {"height": 0.05, "length": 0.02, "width": 0.4}}},
+            "track.grouser.width = 0.4 m: 1 must fit in track.width = 0.378 m",
+        ),
+        (
+            {"track": {**M113["track"], "grouser": {"height": -0.05, "length": 0.02}}},
+            "track.grouser.height = -0.05: must",
+        ),
         ({"track": {**M113["track"], "belt": {"bending": -1.0}}}, "track.belt.bending = -1.0: must be greater than 0"),
         ({"track": {**M113["track"], "belt": {"length": 1.0}}}, "key 'track.belt.bending' is missing"),
         ({"track": {**M113["track"], "pitch": "m", "belt": {"bending": 1.0}}}, "track.pitch = 'm': must be a"),

@@ -176,7 +176,7 @@ class Model(ComponentModel):
             *(f"{above}tensioner.{key}" for above in ("", *further) for key in (*SPRING, "angle", "recoil")),
             "track.lateral",
             "right",
-            *(["contact.ground", "track.face"] if ground else []),
+            *(["contact.ground", "track.face", "track.grouser"] if ground else []),
             *(["hitch"] if chassis.get("hitch") else []),
             *(f"seat.{name}" for name in chassis.get("seats", ())),
         ]

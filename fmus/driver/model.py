@@ -98,7 +98,7 @@ class Model(ComponentModel):
             *(f"return_roller.{key}" for key in wheel if config["vehicle"].get("return_roller")),
             *(f"wheel.{name}.{key}" for name in config["vehicle"].get("wheel") or () for key in wheel),
             *(f"road_arm.{key}" for key in ("mass", "pin_inertia", "pivot")),
-            *(f"track.{key}" for key in ("links", "lateral", "pitch", "mass", "face", "width", "tension")),
+            *(f"track.{key}" for key in ("links", "lateral", "pitch", "mass", "face", "width", "tension", "grouser")),
             "right",
             "contact.ground.friction",
             "contact.ground.friction_velocity",

@@ -23,7 +23,7 @@ import numpy as np
 from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.elementary import asin, atan2, hypot, sin
-from fmus.vehicles.sides import lowest_wheel, of_side, road_arms, smooth_wheels, way_a_turn, wheel_places
+from fmus.vehicles.sides import lowest_wheel, of_side, road_arms, smooth_wheels, thickness, way_a_turn, wheel_places
 
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
@@ -67,7 +67,7 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
         mass=float(mass),
         inertia=float(inertia),
         gravity=gravity,
-        height=float(up - wheel["z"] + wheel["radius"] + 2.0 * track["face"]),
+        height=float(up - wheel["z"] + wheel["radius"] + thickness(track)),
         half_gauge=float(track["lateral"]),
         edge=float(edge),
         wheels=wheels,

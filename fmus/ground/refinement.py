@@ -4,17 +4,21 @@ On level ground a link has two Gauss points along it and, where it is wide, two 
 (n, m) gives n times as many along it and m times as many across, at equal parts of the link. What a ground asks for is
 the mean distance of points at which the rise of a wheel over it is within 5 % of that with many points: half a radius
 of a half round, a quarter of a wave, the radius of an edge. It is measured in ``tests/test_obstacles.py``.
+
+Each grouser of a link has as many points as its plate, the outer face; what is low and narrow passes between grousers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from math import ceil, inf
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmus.physics.arrays import Floats
+from fmus.vehicles.sides import grousers
 
 LEVEL = (1, 1)
 MOST = (8, 4)  # that is chosen by itself: the cost of a step grows with the points
@@ -48,23 +52,45 @@ def refinement(ground: Table, track: Table, heading: float) -> tuple[int, int]:
     return min(along, MOST[0]), min(across, MOST[1])
 
 
-def gaps(track: Table, refined: tuple[int, int]) -> tuple[float, float]:
-    """Largest distances of neighbouring points of a link, along it and across, m."""
+def sections(track: Table, refined: Sequence[int] | None, hard: bool) -> Floats:
+    """Sections (k, 7) of a link with contact points: of its grousers, then of its plate; columns: ``contact.grounds``.
+
+    On ``hard`` ground its grousers have the whole stiffness of a link, on soil the part of its area that they cover.
+    The plate has the rest of the area, evenly over the link.
+    """
     from fmus.physics.contact.wheel import GAUSS  # kernels
 
-    return 2.0 * GAUSS * track["pitch"] / refined[0], 0.5 * track["width"] / refined[1]
+    (along, across), bar, count = refined or LEVEL, grousers(track), grousers(track)["count"]
+    length, covered = bar["length"] / track["pitch"], bar["length"] / track["pitch"] * (bar["width"] / track["width"])
+    begins = [(k + 0.5) / count - 0.5 * length for k in range(count)]
+    faces = [(begin, length, bar["width"], bar["height"], 1.0 / count if hard else covered) for begin in begins]
+    if (rest := 1.0 - count * covered) > 1e-9:
+        faces.append((0.0, 1.0, track["width"], 0.0, rest))
+    part, rows = 0.5 / (along * across), product(faces, range(along), (-1.0, 1.0), range(across))
+    return np.array([
+        (begin + size * ((k + 0.5 + half * GAUSS) / along), 0.25 * width * (2 * strip + 1) / across, height,
+         share * part, size * (half * (0.25 - GAUSS) / along), size * (0.25 / along), part * along * width)
+        for (begin, size, width, height, share), k, half, strip in rows
+    ])  # fmt: skip
+
+
+def gaps(track: Table, refined: tuple[int, int]) -> tuple[float, float]:
+    """Largest distances of neighbouring points of a link, or of one of its grousers, along it and across, m."""
+    from fmus.physics.contact.wheel import GAUSS  # kernels
+
+    return 2.0 * GAUSS * grousers(track)["length"] / refined[0], 0.5 * grousers(track)["width"] / refined[1]
 
 
 def passed_over(ground: Table, track: Table, heading: float) -> list[str]:
     """One sentence for each feature of the ground that is narrower than the points of a link allow."""
     refined = refinement(ground, track, heading)
-    (gap, side), sentences = gaps(track, refined), []
+    (gap, side), sentences, what = gaps(track, refined), [], "grouser" if track.get("grouser") else "link"
     for feature in features(ground, track["pitch"]):
         a, b = _distances(feature, heading)
-        if max(0.5 * track["pitch"] / refined[0] / a, side / b) > 1.0 + 1e-9:
+        if max(0.5 * grousers(track)["length"] / refined[0] / a, side / b) > 1.0 + 1e-9:
             sentences.append(
                 f"ground.{feature.key}: {feature.what} of {feature.length:.3g} m may pass between the contact points of"
-                f" a link, which are up to {gap:.3g} m apart along it and {side:.3g} m across;"
+                f" a {what}, which are up to {gap:.3g} m apart along it and {side:.3g} m across;"
                 f" ground.refinement = [{refined[0]}, {refined[1]}] may be larger"
             )
     return sentences

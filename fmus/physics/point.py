@@ -19,8 +19,7 @@ import numpy as np
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Integers, Vector
 
-POINTS = 8  # most contact points of a link on one partner: 4 on a face, 2 on guides, 2 on a pin
-ON_FACE = 4  # of them, those on a face
+POINTS = 8  # most contact points of a link on a wheel: 4 on a face, 2 on guides, 2 on a pin
 GUIDES, PINS = 4, 6  # index of the first guide point and of the first pin point
 
 
@@ -36,7 +35,7 @@ def memory(points: int = 1) -> Memory:
     return Memory(np.zeros(1, dtype=np.int64), np.zeros((points, 7)))
 
 
-def points(wheels: int, nodes: int, on_ground: int = ON_FACE) -> int:
+def points(wheels: int, nodes: int, on_ground: int = 0) -> int:
     """Number of contact points of a chain of ``nodes`` pins with ``wheels`` wheels and the ground.
 
     ``on_ground``: most points of a link on the ground.

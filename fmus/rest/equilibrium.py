@@ -49,7 +49,7 @@ from fmus.rest.tensioning import without_motion
 from fmus.start import LEVEL, Stance, StartPose, ground_level, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.track_rigid.model import Model as RigidLinks
-from fmus.vehicles.sides import lopsided, lowest_wheel, pitch_radius, smooth_wheels
+from fmus.vehicles.sides import lopsided, lowest_wheel, pitch_radius, smooth_wheels, thickness
 from fmus.vehicles.tables import BadInput
 
 FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
@@ -215,7 +215,7 @@ def _reason(vehicle: Mapping[str, Any], height: float, pitch: float) -> str:
     text = f"it has sagged by {-1e3 * height:.0f} mm and pitched by {pitch * 180.0 / np.pi:.1f} degrees"
     radius = pitch_radius(vehicle, sin) - vehicle["track"]["face"]
     for name, x, bottom in ("sprocket", 0.0, -radius), ("idler", idler["x"], idler["z"] - idler["radius"]):
-        room = bottom - 2.0 * vehicle["track"]["face"] - ground_level(vehicle)
+        room = bottom - thickness(vehicle["track"]) - ground_level(vehicle)
         if height - sin(pitch) * (x - vehicle["chassis"]["centre"][0]) < -room:
             return f"{text}: the {name}, whose track is {1e3 * room:.0f} mm above the ground as drawn, presses it in"
     return text

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from fmus.ground.contact import contact_law, ground_shape, is_hard, soil_law
+from fmus.ground.refinement import sections
 from fmus.interface.model import InvalidParameter
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.contacts import DRIVING, RIM, TOOTHED, Contacts
 from fmus.physics.contact.ground import GroundShape
 from fmus.physics.contact.teeth import Teeth, teeth
 from fmus.physics.elementary import hypot, sin
-from fmus.vehicles.sides import pitch_radius
+from fmus.vehicles.sides import grousers, pitch_radius
 
 KINDS = {"rim": RIM, "teeth": TOOTHED, "driving": DRIVING}  # of the wheels of a track's config
 NO_TEETH = Teeth(1, *(0.0,) * 10)
@@ -60,7 +61,8 @@ def contacts(
         laws["sprocket"],
         laws["wheel"],
         laws["ground"] if soil is None else soil_law(soil, track),
-        *((ground or {}).get("refinement") or (1, 1)),
+        sections(track, (ground or {}).get("refinement"), hard=soil is None),
+        grousers(track)["height"],
     )
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from fmus.ground.refinement import sections
 from fmus.interface.defaults import parameter_values
 from fmus.interface.model import ComponentModel, FreeParameters, InvalidParameter
 from fmus.interface.ports import STATE, Port
@@ -26,7 +27,6 @@ from fmus.physics.chain.layout import ovalling
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.integrate.adams import adams
 from fmus.physics.integrate.dormand_prince import dormand_prince
-from fmus.physics.point import ON_FACE
 from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.start import FRAME, HEIGHT, KEYS, LEVEL, StartPose, part_at_rest, start_pose
@@ -76,7 +76,7 @@ class TrackModel(LaidChain, ComponentModel):
         counted = ["teeth", "gaps_per_pin", "radius"]
         shaped = ["pitch", "pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"]
         return [
-            *(f"track.{key}" for key in ("pitch", "mass", "inertia", "face", "width", "lateral")),
+            *(f"track.{key}" for key in ("pitch", "mass", "inertia", "face", "width", "lateral", "grouser")),
             *(f"track.bushing.{key}" for key in ("stiffness", "preset", "damping", "friction", "radius", "slow")),
             *(f"sprocket.{key}" for key in (counted + shaped if wheels or ground else counted)),
             *drawn_keys(wheels),
@@ -122,8 +122,10 @@ class TrackModel(LaidChain, ComponentModel):
 
     def _ground_memory(self) -> state.GroundMemory:
         """Sizes of what the ground remembers under the chain."""
-        along, across = self.config.get("refinement", (1, 1))
-        points = ON_FACE * along * across * self.links_count
+        if not self.config["ground"]:
+            return state.HARD
+        each = sections(self.vehicle["track"], self.config.get("refinement"), hard=True)
+        points = 2 * len(each) * self.links_count
         if not self.config.get("soil"):
             return state.HARD._replace(points=points)
         from fmus.physics.contact.soil.memory import MEMORY, PENDING, RUT

@@ -24,7 +24,7 @@ from fmus.physics.chain.layout import (
 )
 from fmus.physics.elementary import hypot, sin
 from fmus.start import StartPose, ground_level
-from fmus.vehicles.sides import KINDS, pins_a_turn, pitch_radius, smooth_wheels
+from fmus.vehicles.sides import KINDS, pins_a_turn, pitch_radius, smooth_wheels, thickness
 
 
 def drawn(vehicle: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -96,7 +96,7 @@ class LaidChain:
                 first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
                 return (catenary if rest else hanging_arc)(first, last, self.pitch, self.links_count)
             if not self.wheel_list:
-                level = ground_level(self.vehicle) + self.vehicle["track"]["face"]
+                level = ground_level(self.vehicle) + thickness(self.vehicle["track"]) - self.vehicle["track"]["face"]
                 return np.stack([-self.pitch * np.arange(self.nodes), np.full(self.nodes, level)], axis=1)
             centre = np.array(self.wheel_list[0]["position"], dtype=float)
             return over_sprocket(centre, self.pitch, pins_a_turn(self.vehicle), self.links_count)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from fmus.vehicles.sides import pins_a_turn, pitch_radius
+from fmus.vehicles.sides import grousers, pins_a_turn, pitch_radius
 
 Bounds = tuple[float, float]
 FEWEST_PINS = 6  # a turn, as the fewest teeth
@@ -112,6 +112,10 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
             x = (table.get(name) or {}).get("x", ())
             if any(behind > ahead for ahead, behind in pairwise(x)):
                 yield Mistake(f"{above}{name}.x = {[*x]} m: must run from front to rear, as wheels and their lists do")
+    for key, of in (("length", "pitch"), ("width", "width")) if track.get("grouser") and "pitch" in track else ():
+        bar, count = grousers(track), grousers(track)["count"] if key == "length" else 1
+        if count * bar[key] > track[of] * (1.0 + 1e-9):
+            yield f"track.grouser.{key} = {bar[key]} m: {count} must fit in track.{of} = {track[of]} m"
     bushing = track.get("bushing") or {}
     for key, needed in (("friction", "radius"), ("wear", "bearing")):
         if bushing.get(key) and bushing.get(needed) is None:

@@ -75,6 +75,17 @@ def smooth_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
     return found
 
 
+def grousers(track: Mapping[str, Any]) -> dict[str, Any]:
+    """Table of the grousers of a link of a ``track``, complete; without any they are one all over its outer face."""
+    given = {key: value for key, value in (track.get("grouser") or {}).items() if value is not None}
+    return {"height": 0.0, "length": track.get("pitch"), "width": track.get("width"), "count": 1, **given}
+
+
+def thickness(track: Mapping[str, Any]) -> float:
+    """Distance of what stands on the ground, outer faces or grousers on them, from the inner faces, m."""
+    return float(track["face"] + (track["face"] + grousers(track)["height"]))
+
+
 def pins_a_turn(vehicle: Mapping[str, Any]) -> float:
     """Pins that the sprocket takes in a turn: 12.5 with 25 teeth and a pin in every second gap; pitches, if smooth."""
     if vehicle["sprocket"].get("radius"):

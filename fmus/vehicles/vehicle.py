@@ -168,6 +168,17 @@ class BushingTable(FrozenTable):  # noqa: D101
     """width along the pin on which a link bears it; with wear"""
 
 
+class GrouserTable(FrozenTable):  # noqa: D101
+    height: Annotated[float, In("m", ge=0, le=2)]
+    """height of a bar or pad over the outer face of its link, track.face"""
+    length: Distance
+    """length of a bar or pad along the track"""
+    width: Distance | None = None
+    """width of a bar or pad; without it track.width"""
+    count: Annotated[int, Field(ge=1, le=8)] = 1
+    """number of bars or pads of a link, each in the middle of an equal part of the pitch"""
+
+
 class TrackTable(FrozenTable):  # noqa: D101
     links: Annotated[int, Field(ge=4, le=4096)]
     """number of links of a track"""
@@ -180,7 +191,7 @@ class TrackTable(FrozenTable):  # noqa: D101
     inertia: tuple[Inertia, Inertia, Inertia]
     """moments of inertia of a link about its own x (along), y (pin), z (normal)"""
     face: Annotated[float, In("m", ge=0)]
-    """distance of the contact faces, pad and wheel side, from the line of the pins"""
+    """distance of both faces of a link, towards the ground and towards the wheels, from the line of the pins"""
     width: Distance
     """width of a link"""
     tension: Force
@@ -191,6 +202,8 @@ class TrackTable(FrozenTable):  # noqa: D101
     """bushes and friction of the pins"""
     belt: BeltTable | None = None
     """belt of one piece, in place of pitch, mass, face, inertia and bushes of the links that it is cut into"""
+    grouser: GrouserTable | None = None
+    """bars or pads on the outer faces of the links; without them the whole outer face stands on the ground"""
 
     @model_validator(mode="before")
     @classmethod

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fmus.ahead import loaded_contents
-from fmus.ground.refinement import LEVEL, gaps
+from fmus.ground.refinement import LEVEL, gaps, sections
 from fmus.track.choices import TRACKS
 from fmus.vehicles.sides import SIDES, beams, of_side
 from fmus.vehicles.tables import BadInput
@@ -251,8 +251,8 @@ def contact_pairs(scene: Scene, part: Part) -> list[str]:
     pins, rims = links + (0 if track["closed"] else 1), len(kinds) - kinds.count("teeth")
     wide = scene.track.kind.wide(scene.track.choices())
     points = 4 if wide else 2  # two pairs of points across a link
-    refined = track.get("refinement", LEVEL)
-    on_ground = points * refined[0] * (refined[1] if wide else 1)
+    vehicle, refined = part.config["vehicle"], track.get("refinement", LEVEL)
+    on_ground = points // 2 * len(sections(vehicle["track"], refined if wide else (refined[0], 1), hard=True))
     apart = _gaps_of_points(part, refined, wide) if track["ground"] else ""
     possible_pairs = {
         f"teeth: {kinds.count('teeth')} sprocket x {pins} pins": "teeth" in kinds,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.vehicles.sides import smooth_wheels
+from fmus.vehicles.sides import smooth_wheels, thickness
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
@@ -90,6 +90,7 @@ def pressed_by(run: RunData, track: str, window: Window = EVER) -> Pressed:
     if surface is None:
         raise Missing(f"the ground of {run.log.path} is hard: tracks leave no rut")
     sizes = [hull.vehicle_number(run, "track", key) for key in ("pitch", "width", "face")]
+    sizes[2] = thickness(run.scene["vehicle"]["track"]) - sizes[2]
     pressed = Pressed(np.zeros(0, int), np.zeros(0), np.zeros(0))
     for block in record_blocks.records(run, track, window, POSITION):
         cell, first, depth = _in_ground(surface, sizes, block.t, block.values[0])

@@ -40,6 +40,7 @@ BOGIES = (
     "vehicle.tensioner.angle=0.2",
 )  # fmt: skip
 BUSHED = "vehicle.track.bushing={stiffness=500, preset=0.1, damping=5, friction=0.3, radius=0.02}"
+GROUSERS = "vehicle.track.grouser={height=0.02, length=0.03, width=0.3, count=2}"
 PARTS = ('track.link_outputs=["force", "wheels", "teeth", "rims", "horns", "moment"]',)
 DENSE = (  # a tooth between every second gap
     "vehicle.sprocket.teeth=21", "vehicle.sprocket.gaps_per_pin=2", "vehicle.sprocket.outer_radius=0.272",
@@ -78,6 +79,7 @@ STRAIGHT = (  # links, part, settings
     ("flexible", "left_track", (*MOVING, "symmetric=true", "planar=true")),
     ("rigid", "left_track", (*MOVING, *JOINTED)),
     ("rigid", "left_track", (*MOVING, *JOINTED, "track.closure=spring")),
+    ("rigid", "left_track", (*MOVING, GROUSERS)),
     ("rigid", "left_track", (*MOVING, "track.closure=spring")), ("flexible", "left_track", (*MOVING, BUSHED)),
     ("flexible", "right_track", (*QUICK, "drive.speed=0")), ("rigid", "left_track", (*QUICK, "drive.speed=0")),
     ("rigid", "chassis", (*MOVING, "hitch.force=1e4", "hitch.drag_points=[[-1, -1e4], [1, 1e4]]", "seats=['driver']")),
@@ -90,7 +92,7 @@ MANY = [
     *(Case("straight", *each) for each in STRAIGHT),
     Case("turn", "flexible", "left_track", (*QUICK, *ROUND)),
     Case("turn", "rigid", "right_track", (*QUICK, *ROUND, *PARTS, *DENSE)),
-    Case("soft_ground", "flexible", "left_track", MOVING),
+    Case("soft_ground", "flexible", "left_track", (*MOVING, GROUSERS)),
     *(Case("hanging_chain", links, "chain", (*QUICK, *settings)) for links, settings in CHAINS),
 ]
 SOIL = Case("soft_ground", "rigid", "left_track", (*QUICK, THERE_AND_BACK), 600)

@@ -6,6 +6,7 @@ import flexible_track
 import numpy as np
 import pytest
 import rigid_track
+from m113 import VEHICLE
 from named_ports import parameters
 
 from fmus.ground.refinement import LEVEL, refinement
@@ -15,6 +16,7 @@ from fmus.physics.chain.rolling import evaluate_contacts
 from fmus.physics.chain.sums import CONTACT, LOSSES, PATCH_POWER
 from fmus.physics.rigid import body
 from fmus.physics.wheels import move
+from fmus.vehicles.sides import thickness
 
 H = 1e-7  # s, step of the finite difference
 
@@ -103,20 +105,22 @@ PITCH, WIDTH = 0.1524, 0.378
 SPACES = (0.0, 0.25, 0.5, 0.75)  # places of an obstacle, in pitches
 
 
-def pushes_on_a_half_round(radius, refinement):
-    """Vertical force of a half round on level links at SPACES, faces half a radius above the ground, over stiffness, m.
+def pushes_on_a_half_round(radius, refinement, spaces=SPACES, grouser=None):
+    """Vertical force of a half round on level links, over stiffness, m; they are half a radius above the ground.
 
     The ground is 10 m below the chain as it is laid out, so that nothing touches there.
     """
     ground = {"half_round": {"x": [20.0], "radius": radius, "fillet": 1e-3}, "level": -10.0}
-    model = rigid_track.hanging(ground=True, gravity=0.0, terrain=ground, refinement=refinement)
+    vehicle = VEHICLE | {"track": VEHICLE["track"] | {"grouser": grouser}}
+    model = rigid_track.hanging(vehicle=vehicle, ground=True, gravity=0.0, terrain=ground, refinement=refinement)
     model.initialise(parameters(model))
     s, w = model.s, model.work
     s.v[:] = 0.0
-    for place in SPACES:
+    for place in spaces:
         for i, (pose, rotation) in enumerate(zip(s.q, w.system.rotation, strict=True)):
             x = 20.0 + (i - place - 1.0) * PITCH
-            pose[:] = x, 0.0, 0.5 * radius + model.link.face - 10.0, 0.0, 1.0, 0.0, 0.0  # the outer face is below
+            outer = thickness(vehicle["track"]) - model.link.face
+            pose[:] = x, 0.0, 0.5 * radius + outer - 10.0, 0.0, 1.0, 0.0, 0.0  # the outer face is below
             rotation[:] = np.diag([1.0, -1.0, -1.0])
         w.wrench[:], w.sums[:] = 0.0, 0.0
         evaluate_contacts(model.link, model.contacts, s, w, w.wheels, 0.0, False)
@@ -133,3 +137,25 @@ def test_links_feel_an_obstacle_as_a_bed_of_springs_does(radius):
     felt, level = (np.array([*pushes_on_a_half_round(radius, r)]) for r in (refined, LEVEL))
     np.testing.assert_allclose(felt, bed, rtol=0.1)
     assert abs(level / bed - 1.0).max() > 0.9
+
+
+@pytest.mark.parametrize(("height", "plate"), [(0.05, 0.0), (0.004, 0.5)])
+def test_grousers_feel_what_is_under_them_and_the_plate_what_is_higher(height, plate):
+    """Pads half as long as a link, each with its stiffness: twice the push of a bed of springs, none between them.
+
+    The plate has half of the stiffness evenly; a half round of 20 mm, half sunk under the pads, is 6 mm deep in it.
+    """
+    radius, grouser = 0.02, {"height": height, "length": 0.5 * PITCH, "width": None, "count": 1}
+
+    def bed(gap):
+        x = np.linspace(-radius, radius, 20001)
+        distance = np.hypot(x, gap)
+        return np.trapezoid(np.maximum(radius - distance, 0.0) * gap / distance, x) / PITCH
+
+    refined = refinement({"half_round": {"radius": radius}}, {"pitch": PITCH, "width": WIDTH}, 0.0)
+    under, between = pushes_on_a_half_round(radius, refined, (0.0, 0.5), grouser)
+    on_plate = plate * bed(0.5 * radius + height) if plate else 0.0
+    assert under == pytest.approx(2.0 * bed(0.5 * radius) + on_plate, rel=0.05)
+    assert under != pytest.approx(2.0 * 1.1 * bed(0.5 * radius) + on_plate, rel=0.05)
+    assert between == pytest.approx(on_plate, rel=0.25, abs=1e-12)
+    assert (between > 0.0) == (plate > 0.0)

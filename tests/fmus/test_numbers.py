@@ -98,7 +98,7 @@ def test_every_number_of_a_vehicle_file_is_a_parameter_of_a_component():
     elements = {"suspension": {**config["vehicle"]["suspension"], **LAST}, "tensioner": FAR, "wheel": {"rear": further}}
     packed = packed_config(kind, {**config, "vehicle": {**config["vehicle"], **elements}})
     known |= {name.partition("[")[0].replace("wheel.rear.", "wheel.") for name in numbers.places(packed)}
-    known |= own_keys("straight", "rigid", BUSHED, WORN)
+    known |= own_keys("straight", "rigid", BUSHED, WORN, GROUSERS)
     known |= {name.partition("[")[0] for ground in GROUNDS for name in of_ground(sled(ground)[1])}
     known |= {f"ground.{key}" for key in SIZES}
     known = {"seat.position" if name.startswith("seat.") else name for name in known}
@@ -111,6 +111,7 @@ def test_every_number_of_a_vehicle_file_is_a_parameter_of_a_component():
 
 
 BUSHED = "vehicle.track.bushing={stiffness=500, preset=0.1, damping=20, friction=0.3, radius=0.02, slow=2.0}"
+GROUSERS = "vehicle.track.grouser={height=0.02, length=0.03, width=0.3}"
 WORN = "vehicle.sprocket.pitch=0.1523"
 BEAMS = (  # arms with numbers of their own, and an idler on a slope
     "vehicle.road_arm.beams=[[1, 2, 3], [4, 5]]", "vehicle.tensioner.angle=0.2",
@@ -126,7 +127,7 @@ BEAMS = (  # arms with numbers of their own, and an idler on a slope
         ("chassis", ()),
         ("left_track", ()),
         ("left_drive", ()),
-        pytest.param("left_track", (BUSHED, WORN), marks=pytest.mark.long),
+        pytest.param("left_track", (BUSHED, WORN, GROUSERS), marks=pytest.mark.long),
         pytest.param("chassis", BEAMS, marks=pytest.mark.long),
     ],
 )

@@ -7,6 +7,7 @@ from math import exp, radians, tan
 import numpy as np
 import pytest
 from m113 import MASS, VEHICLE, P
+from scipy.optimize import brentq
 
 from fmus.ground.soils import SoilTable, named
 from fmus.interface.model import StepFailed
@@ -14,8 +15,10 @@ from fmus.physics.chain import sums
 from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN, WORK
 from fmus.physics.contact.soil.memory import CELL, DEEPEST, FIRST, INSIDE, MADE, TILE, TILES
 from fmus.physics.contact.soil.pressure import compaction
+from fmus.start import ground_level
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
+from fmus.vehicles.sides import thickness
 
 COMPACTED, SHEARED = (LOST + cause - sums.LOSSES for cause in (sums.GROUND_DAMPING, sums.GROUND_FRICTION))
 WIDTH, FACE, G = VEHICLE["track"]["width"], VEHICLE["track"]["face"], 9.81
@@ -213,3 +216,73 @@ def test_halved_steps_commit_once():
         ends.append(np.append(model.s.flat, model.report))
     assert (ends[0] == ends[1]).all()
     assert model.report[COMPACTED] > saved[len(model.s.flat) + COMPACTED]
+
+
+# --- grousers ---
+
+
+def with_grousers(height, length, *, mass=MASS, **more):
+    """The vehicle whose links have grousers of a ``height``, m, and a ``length``, of the pitch."""
+    grouser = {"height": height, "length": length * P, "width": None, "count": 1} | more
+    inertia = VEHICLE["track"]["inertia"] if mass == MASS else [2.0 * mass / 500.0] * 3
+    return VEHICLE | {"track": VEHICLE["track"] | {"mass": mass, "inertia": inertia, "grouser": grouser}}
+
+
+def touching(vehicle):
+    """Height of the pins of links that just touch the ground, m."""
+    return ground_level(vehicle) + thickness(vehicle["track"]) - vehicle["track"]["face"]
+
+
+@pytest.mark.parametrize("kind", ["rigid", "cable"])
+@pytest.mark.parametrize(("mass", "plate"), [(18.0, False), (50.0, False), (800.0, True), (4000.0, True)])
+def test_pads_sink_under_their_own_pressure_until_the_plate_bears_too(kind, mass, plate):
+    """F = A (share p(z) + (1 - share) p(z - height)); where the plate hangs, Bekker's sinkage at twice the pressure."""
+    numbers, height = SoilTable(name="dry_sand").model_dump(), 0.02
+    k = numbers["kc"] / WIDTH + numbers["kphi"]
+
+    def expected(share):
+        def missing(z):
+            on_pads, on_plate = (k * max(depth, 0.0) ** numbers["n"] for depth in (z, z - height))
+            return AREA * (share * on_pads + (1.0 - share) * on_plate) - mass * G
+
+        return brentq(missing, 0.0, 1.0, xtol=1e-13)
+
+    model = pressed(kind, numbers, with_grousers(height, 0.5, mass=mass))
+    depth = touching(model.vehicle) - model.pins()[:, 2]
+    assert depth == pytest.approx(expected(0.5), rel=1e-5)  # cables bend between their pads
+    assert (depth > height).all() == plate
+    assert plate or depth == pytest.approx((2.0 * mass * G / (AREA * k)) ** (1.0 / numbers["n"]), rel=1e-6)
+    assert depth != pytest.approx(expected(0.5 * 1.05), rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["rigid", "cable", *STUDIES])
+def test_the_energy_of_links_that_hop_and_slide_on_grousers_is_accounted_for(kind):
+    """Two bars that sink to the plate and beyond: work of the soil is stored, compaction or shear."""
+    model, parameters = free(kind, N, SAND, with_grousers(0.01, 0.1, count=2, width=0.3, mass=200.0))
+    model.read(parameters)
+    model.settle(np.stack([-P * np.arange(N + 1), np.full(N + 1, touching(model.vehicle))], axis=1), rest=True)
+    model.begin_run()
+    push(model, 0.3, 0.5)
+    run(model, 1, 5e-4)
+    before, moving = energy(model), 0.5 * N * 200.0 * (0.3**2 + 0.5**2)
+    run(model, 400, 5e-4, 1)
+    assert model.report[COMPACTED] > 0.1 * moving
+    assert model.report[SHEARED] > 0.02 * moving
+    assert energy(model) == pytest.approx(before, abs=1e-3 * moving)
+
+
+@pytest.mark.parametrize("kind", ["rigid", "cable", *STUDIES])
+@pytest.mark.parametrize("numbers", [None, SAND], ids=["hard", "soil"])
+def test_pads_all_over_a_link_are_a_thicker_face(kind, numbers):
+    """With a height of 0 to the bit; of 20 mm like a face that is 20 mm farther out, without wheels; not over 9/10."""
+    states = []
+    for face, grouser in ((0.0, None), (0.0, (0.0, 1.0)), (0.02, None), (0.0, (0.02, 1.0)), (0.0, (0.02, 0.9))):
+        vehicle = with_grousers(*grouser) if grouser else VEHICLE
+        vehicle |= {"track": vehicle["track"] | {"face": FACE + face}}
+        model, parameters = free(kind, N, numbers, vehicle, (300.0, 60.0), (-90.0, 0.0))
+        model.read(parameters)
+        model.settle(np.stack([-P * np.arange(N + 1), np.full(N + 1, touching(vehicle))], axis=1), rest=False)
+        model.begin_run()
+        states.append(run(model, 40).pins() - [0.0, 0.0, ground_level(vehicle)])
+    assert np.array_equal(states[0], states[1])
+    assert abs(states[3] - states[2]).max() < 1e-6 < 1e-5 < abs(states[4] - states[2]).max()

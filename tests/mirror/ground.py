@@ -24,7 +24,8 @@ class Ground:
         vehicle, table, start = scene.vehicle, scene.ground, scene.start
         wheel = vehicle.road_wheel
         # pads under the drawn road wheels just touch the level part
-        self.level = start.position[2] + np.min(np.subtract(wheel.z, wheel.radius)) - 2.0 * vehicle.track.face
+        thick = 2.0 * vehicle.track.face + (vehicle.track.grouser.height if vehicle.track.grouser else 0.0)
+        self.level = start.position[2] + np.min(np.subtract(wheel.z, wheel.radius)) - thick
         self.slopes = np.array([table.grade or 0.0, table.bank or 0.0])
         self.waves = table.washboard
 

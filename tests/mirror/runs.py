@@ -130,6 +130,9 @@ def sinking(model: str, *settings: str, duration: float = 0.3) -> Record:
                    overrides={"left_drive": {"speed.end": 22.0}}, duration=duration)  # fmt: skip
 
 
+GROUSERS = "vehicle.track.grouser={height=0.015, length=0.04, width=0.3, count=2}"
+
+
 def waving(*settings: str) -> Record:
     """A vehicle on waves that end beneath it, other ones on its right side; links have 6 and 4 points."""
     waves = 'ground.washboard={amplitude=0.005, wavelength=0.9, phase="70 deg", start=7.0, end=11.6}'
@@ -178,6 +181,8 @@ RUNS = {
     "sloping turning": Run(partial(sloping, "flexible", "track.axes=free", duration=0.65), ("left_track", "chassis")),
     "waving": Run(waving, SIDE),
     "sinking": Run(partial(sinking, "rigid"), SIDE),
+    "waving on grousers": Run(partial(waving, GROUSERS), SIDE),
+    "sinking on grousers": Run(partial(sinking, "rigid", GROUSERS, "ground.soil.cohesion=0 Pa"), SIDE),
     "beams": Run(lambda: vehicle("rigid", *BEAMS, overrides=TURN), ALONE),
     "joined": Run(joined, ("left_track", "right_track", "chassis")),
     "driven": Run(  # without friction, slip follows from the width alone

@@ -80,10 +80,8 @@ class Points(NamedTuple):
     depth: Floats  # (T, p) m below the undisturbed soil
     along: Floats  # (T, p, 2) from the first to the last pin of the link, horizontal, m
     part: Sequence[float]  # (p) from the point to the middle of its part of the link, of ``along``
-    share: float  # of a link that each point has
-    pitch: float  # m
-    width: float  # of a link, m
-    parts: int = 1  # of a link along it, each with points at two places
+    area: Sequence[float]  # (p) of each point, m2
+    half: Sequence[tuple[float, float]]  # (p) half of the part of each point: along, of the link, and across, m
 
 
 class Soft(NamedTuple):
@@ -99,7 +97,7 @@ class Soft(NamedTuple):
 def march(law: Law, points: Points) -> Soft:
     """Forces, energies and losses at all instants; the soil is untouched at the first."""
     T, p = points.depth.shape
-    area = points.share * points.pitch * points.width
+    area = np.asarray(points.area)
     found = Soft(np.zeros((T, p)), np.zeros((T, p, 3)), np.zeros((T, p)), np.zeros(T), np.zeros(T))
     rut: dict[tuple[int, int], float] = defaultdict(float)
     deepest, pressure, m, place = np.zeros(p), np.zeros(p), np.zeros((p, 3)), np.zeros((p, 3))
@@ -119,12 +117,12 @@ def march(law: Law, points: Points) -> Soft:
         spring = [0.5 * law.K * s * (each**2).sum(1) for s, each in ((old, m), (new, after))]
         if t:
             grown = np.where(now & (reached > before), law.compaction(reached) - law.compaction(before), 0.0)
-            found.compacted[t] = area * grown.sum()
-            found.sheared[t] = area * (0.5 * (old + new) * np.where(bears, work, 0.0) + spring[0] - spring[1]).sum()
-        found.normal[t], found.shear[t] = area * pressed, -area * new[:, None] * after
+            found.compacted[t] = (area * grown).sum()
+            found.sheared[t] = (area * (0.5 * (old + new) * np.where(bears, work, 0.0) + spring[0] - spring[1])).sum()
+        found.normal[t], found.shear[t] = area * pressed, -(area * new)[:, None] * after
         found.stored[t] = area * (0.5 * pressed**2 / law.unloading(reached) + spring[1])
         for k in np.flatnonzero(inside & ~now):
-            _press(rut, place[k, :2] + points.part[k] * along[k], along[k], points, deepest[k])
+            _press(rut, place[k, :2] + points.part[k] * along[k], along[k], points.half[k], deepest[k])
         place[bears], along[bears] = points.place[t, bears], points.along[t, bears]
         along[~now] = 0.0  # a point that comes down again and never bears presses nothing
         deepest, pressure, m = np.where(now, reached, 0.0), pressed, after
@@ -132,13 +130,13 @@ def march(law: Law, points: Points) -> Soft:
     return found
 
 
-def _press(rut: dict[tuple[int, int], float], middle: Floats, along: Floats, points: Points, deepest: float) -> None:
-    """Press a rectangle of half a part of a link into the rut: the cells whose middles lie in it."""
+def _press(rut: dict[tuple[int, int], float], middle: Floats, along: Floats, half: tuple, deepest: float) -> None:
+    """Press a rectangle of these ``half`` sizes into the rut: the cells whose middles lie in it."""
     length = np.linalg.norm(along)
     if length == 0.0:  # it passed the surface into a rut, and never bore
         return
     e = along / length
-    reach = 0.25 * length / points.parts, points.share * points.parts * points.width
+    reach = half[0] * length, half[1]
     corner = np.floor((middle - sum(reach)) / CELL).astype(int)
     for i, j in np.ndindex(*(2 * int(np.ceil(sum(reach) / CELL)) + 2,) * 2):
         cell = int(corner[0] + i), int(corner[1] + j)

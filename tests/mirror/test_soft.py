@@ -1,5 +1,7 @@
 """The mirror's soil itself, by closed forms; and a vehicle's outputs on another soil, which have to be noticed."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ def sled(depths, ways):
     """March of one point that has a whole link."""
     place = np.array([[[way, 0.0, 0.0]] for way in ways])
     points = soft.Points(
-        place, np.array(depths)[:, None], np.full((len(ways), 1, 2), [PITCH, 0.0]), [0.0], 1.0, PITCH, WIDTH
+        place, np.array(depths)[:, None], np.full((len(ways), 1, 2), [PITCH, 0.0]), [0.0], [AREA], [(0.25, WIDTH)]
     )
     return soft.march(soft.Law(SAND, WIDTH), points)
 
@@ -66,7 +68,31 @@ def test_another_soil_would_be_noticed(key, record, monkeypatch):
             setattr(law, key, 1.01 * getattr(law, key))
 
         monkeypatch.setattr(soft.Law, "__init__", changed)
+    assert most_wrong(record) > 1.0
+
+
+def most_wrong(record):
+    """Largest error of the ground forces of a track over what is allowed."""
     view = View(record, "right_track")
     check = next(c for c in track_checks.CHECKS if c.basis == "contact laws" and "ground" in c.outputs)
-    errors = [check.relative_error(view.part[output], *ends) for output, ends in check.bounds(view).items()]
-    assert max(errors) > 1.0
+    return max(check.relative_error(view.part[output], *ends) for output, ends in check.bounds(view).items())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("run", "key"), [
+    ("waving on grousers", "height"), *(("sinking on grousers", key) for key in ("height", "length", "width", "count")),
+])  # fmt: skip
+def test_other_grousers_would_be_noticed(run, key, grousers):
+    """1 % of a number, or one grouser less."""
+    record = grousers(run)
+    table = record.parts["right_track"].config["vehicle"]["track"]["grouser"]
+    own = table[key]
+    assert most_wrong(record) <= 1.0
+    table[key] = own - 1 if key == "count" else 1.01 * own
+    assert most_wrong(record) > 1.0
+    table[key] = own
+
+
+@pytest.fixture(scope="module")
+def grousers():
+    return cache(runs.record)

@@ -8,6 +8,7 @@ others on the approach of the point.
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -229,24 +230,38 @@ def guides(sums: _ContactSums, law: Law, m: int, radius: float, play: float) -> 
 
 
 class _GroundPoint(NamedTuple):
-    """Point of a link on the ground: two Gauss points along each of its parts, one in the middle of each strip."""
+    """Point of a link on the ground: two Gauss points along each part of a face, one in the middle of each strip."""
 
     xi: float  # fraction of the link
     y: float  # m
+    off: float  # outwards from the line of the pins, m
+    share: float  # of the contact of a link
     to_middle: float  # from the point to the middle of its part, of the link
+    half: tuple[float, float]  # half of its part: along, of the link, and across, m
 
 
-def _ground_points(chain: Chain) -> tuple[list[_GroundPoint], float, int]:
-    """Points of a link, the share of each, and the number of parts along it."""
+def _ground_points(chain: Chain, hard: bool) -> list[_GroundPoint]:
+    """Points of a link: of its grousers, then of the plate, which has the area that is left to it."""
     parts, strips = chain.part.config["track"].get("refinement", (1, 1))
-    points = [
-        _GroundPoint((k + 0.5 + side * SPREAD) / parts, y * (2 * strip + 1) / strips, side * (0.25 - SPREAD) / parts)
-        for k in range(parts)
-        for side in (-1.0, 1.0)
-        for strip in range(strips)
-        for y in chain.lateral
-    ]
-    return points, 1.0 / len(points), parts
+    table, bar, sides = chain.vehicle["track"], chain.vehicle["track"].get("grouser"), len(chain.lateral)
+    whole, left, faces = table["width"], 1.0, []
+    if bar:
+        length, width = bar["length"] / chain.pitch, bar.get("width") or whole
+        left -= bar["count"] * length * width / whole
+        for k in range(bar["count"]):
+            share = 1.0 / bar["count"] if hard else length * width / whole
+            faces.append(((k + 0.5) / bar["count"], length, width, chain.face + bar["height"], share))
+    if left > 1e-6:
+        faces.append((0.5, 1.0, whole, chain.face, left))
+    points = []
+    for middle, length, width, off, share in faces:
+        part = length / parts
+        for k, side, strip, y in product(range(parts), (-1.0, 1.0), range(strips), chain.lateral):
+            xi = middle + (k + 0.5 - 0.5 * parts + side * SPREAD) * part
+            place, half = y * width / whole * (2 * strip + 1) / strips, (0.25 * part, width / (2 * sides * strips))
+            own = share / (2 * parts * strips * sides)
+            points.append(_GroundPoint(xi, place, off, own, side * (0.25 - SPREAD) * part, half))
+    return points
 
 
 def hard_ground(sums: _ContactSums, law: Law, ground: Ground) -> None:
@@ -255,13 +270,12 @@ def hard_ground(sums: _ContactSums, law: Law, ground: Ground) -> None:
     near = np.minimum(*heights) < 2.0 * chain.pitch
     t, i = np.nonzero(near)
     lie = np.zeros(near.shape)
-    points, share, _ = _ground_points(chain)
-    for xi, y, _ in points:
-        x, u = chain.point(t, i, xi, y, chain.face)
+    for xi, y, off, share, _, _ in _ground_points(chain, hard=True):
+        x, u = chain.point(t, i, xi, y, off)
         depth, n = ground.under(x)
         on = depth > 0.0
         push = press(law, share, depth[on], n[on], u[on])
-        sums.add(t[on], i[on], x[on], u[on], depth[on], push, None, GROUND, (np.full(on.sum(), xi), y, chain.face))
+        sums.add(t[on], i[on], x[on], u[on], depth[on], push, None, GROUND, (np.full(on.sum(), xi), y, off))
         lie += sums.lie(t[on], i[on], u[on], depth[on], push)
     sums.t.sliding[:] /= np.maximum(lie, 1.0)[..., None]
 
@@ -273,27 +287,27 @@ def soft_ground(sums: _ContactSums, law: soft.Law, ground: Ground) -> None:
     t, i = (each.ravel() for each in np.indices((T, chain.n)))
     axes = ground_frame(chain.part.parameters).inv()
     ahead = axes.apply((chain.ends[1] - chain.ends[0])[t, i])[:, :2].reshape(T, chain.n, 2)
-    points, share, parts = _ground_points(chain)
-    x, u, depth, part, places = [], [], [], [], []
-    for xi, y, to_middle in points:
-        place, velocity = chain.point(t, i, xi, y, chain.face)
+    points = _ground_points(chain, hard=False)
+    x, u, depth, places = [], [], [], []
+    for xi, y, off, *_ in points:
+        place, velocity = chain.point(t, i, xi, y, off)
         x.append(place.reshape(T, chain.n, 3))
         u.append(velocity.reshape(T, chain.n, 3))
         depth.append(ground.under(place)[0].reshape(T, chain.n))
-        part += [to_middle] * chain.n
-        places += [(xi, y)] * chain.n
+        places += [(xi, y, off)] * chain.n
     x, u, depth = (np.concatenate(each, axis=1) for each in (x, u, depth))
     start, _ = start_frame(chain.part.parameters)
     local = axes.apply(x.reshape(-1, 3) - start).reshape(x.shape)
-    rows = len(part) // chain.n
+    rows, each = len(points), [point for point in points for _ in range(chain.n)]
     along, link = np.concatenate([ahead] * rows, axis=1), np.tile(np.arange(chain.n), rows)
-    width = chain.vehicle["track"]["width"]
-    found = soft.march(law, soft.Points(local, depth, along, part, share, chain.pitch, width, parts))
+    area = [point.share * chain.pitch * chain.vehicle["track"]["width"] for point in each]
+    part, half = [point.to_middle for point in each], [point.half for point in each]
+    found = soft.march(law, soft.Points(local, depth, along, part, area, half))
     t, k = np.nonzero(depth > 0.0)
     force = axes.inv().apply(found.shear[t, k] + found.normal[t, k][:, None] * UP)
     none = np.zeros(len(t))
     push = Push(force, found.normal[t, k], found.stored[t, k], none, none)
-    place = *(np.array(places)[k].T), chain.face
+    place = tuple(np.array(places)[k].T)
     sums.add(t, link[k], x[t, k], u[t, k], none, push, None, GROUND, place)
     sums.t.lost[:, GROUND] += np.stack([found.sheared, found.compacted], axis=1)
     lie = sums.lie(t, link[k], u[t, k], depth[t, k], push)

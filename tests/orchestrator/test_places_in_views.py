@@ -289,11 +289,11 @@ def test_the_player_places_a_link_and_a_tooth_where_they_were(instant, marked, m
         missed([corner], [end + side * view["thick"] * outwards for end in ends for side in (-0.5, 0.5)])
         < 3 * player.UNIT
     )
-    low = view["parts"]["horn"]["low"]
+    pad, horn_part = view["parts"]
+    low = horn_part["low"]
     assert missed([horn], [0.5 * (a + b) + low[0] * along + low[1] * outwards]) < 3 * player.UNIT
-    assert view["parts"]["pad"]["high"][1] == pytest.approx(
-        0.5 * view["thick"], rel=1e-12
-    )  # pads end at the outer face
+    assert (pad["kind"], horn_part["kind"]) == ("pad", "horn")
+    assert pad["high"][1] == pytest.approx(0.5 * view["thick"], rel=1e-12)  # pads end at the outer face
     sprocket = next(wheel for wheel in view["wheels"] if wheel["outline"])
     c, s = np.cos(angle := unpacked(sprocket["angle"])[k]), np.sin(angle)
     outline = places(sprocket["centre"]) + np.array(sprocket["outline"]) @ np.array([[c, s], [-s, c]])

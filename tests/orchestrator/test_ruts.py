@@ -49,6 +49,28 @@ def pressed(vehicle):
     return ruts.Ruts(at), length, 2.0 * float(track.half[1])
 
 
+def test_grousers_are_drawn_and_press_where_they_touch(vehicle):
+    """Two bars of 40 mm in the middle of the halves of a link, 50 mm high; the plate is as much less deep."""
+    chain = vehicle["track"] | {"grouser": {"height": 0.05, "length": 0.04, "width": 0.3, "count": 2}}
+    track, plain = (track_body("left_track", 1, False, vehicle | {"track": each}) for each in (chain, vehicle["track"]))
+    pads = [part for part in track.parts if part.kind == "pad"]
+    middles = np.array([-0.25, 0.25]) * chain["pitch"]
+    assert np.array([part.centre for part in pads]) == pytest.approx(
+        np.array([[x, 0.0, chain["face"] + 0.025] for x in middles])
+    )
+    assert np.array([part.half for part in pads]) == pytest.approx(np.array([[0.02, 0.15, 0.025]] * 2))
+    assert [len(each.parts) for each in (track, plain)] == [4, 3]
+    chain["grouser"] |= {"width": 0.2, "count": 1}
+    track = track_body("left_track", 1, False, vehicle | {"track": chain})
+    down, at = np.diag([1.0, -1.0, -1.0]), np.array([[[0.0, 0.0, LEVEL - 0.01 + chain["face"]]]])
+    sinkage = []
+    for each in (track, plain):
+        rut = ruts.Ruts(bodies(SURFACE, each, np.array([1.0]), at, down[None, None]))
+        sinkage.append(rut.sinkage(1.0)[rut.sinkage(1.0) > 0.0])
+    assert sorted(set(np.round(sinkage[0], 9))) == pytest.approx([0.01, 0.06])
+    assert sinkage[1] == pytest.approx(0.01)
+
+
 def test_a_pad_leaves_its_rectangle(pressed, vehicle):
     rut, length, width = pressed
     corners, depth = rut.tiles(1.5)

@@ -49,7 +49,8 @@ class SoilPoint:
         return soil_force(self.soil, point, face, by_rate, tangent, self.memory[0], self.rut, self.pending[0])
 
     def accept(self) -> None:
-        self.lost += commit(self.soil, self.share, 1, self.memory, self.pending, self.rut)
+        section = np.array([[0.5, 0.0, 0.0, self.share, 0.0, 0.25, self.share * WIDTH]])
+        self.lost += commit(self.soil, section, 1, self.memory, self.pending, self.rut)
 
     def go(self, x: Any, v: Any = (0.0, 0.0, 0.0)) -> ContactForce:
         """``force``, then an accepted step."""

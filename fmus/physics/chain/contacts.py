@@ -11,7 +11,7 @@ import numpy as np
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Vector
-from fmus.physics.point import ON_FACE, POINTS
+from fmus.physics.point import POINTS
 from fmus.physics.vector import put
 
 if TYPE_CHECKING:
@@ -35,8 +35,8 @@ class Contacts(NamedTuple):
     sprocket: Law  # contact law of pins with teeth, or of links with the rim that drives,
     wheel: Law  # of links with other rims and of horns with discs,
     soil: Any  # and of links with the ground (``grounds``)
-    along: int = 1  # equal parts of a link along it, each with two Gauss points on the ground,
-    across: int = 1  # and on each side of its middle, each with one
+    sections: np.ndarray  # (k, 7) of a link with points on the ground; columns in ``grounds``
+    grouser: float  # height of the grousers of a link, m
 
 
 PARTNER, BODY, LINK, ON_PIN, COLUMN = range(5)  # numbers of a point, see ``ContactPoint``
@@ -79,10 +79,7 @@ def contact_points(points: int, coordinates: tuple[int, int], step: tuple[int, i
 def most_points(contacts: Contacts, pitch: float, nodes: int) -> int:
     """Most contact points of a chain of ``nodes`` pins whose links lie side by side round wheels and on the ground."""
     links = np.ceil(2.0 * np.pi * (contacts.radius / pitch + 1.0)) + 1.0
-    return (
-        POINTS * int(np.minimum(links, nodes).sum())
-        + ON_FACE * contacts.along * contacts.across * nodes * contacts.ground
-    )
+    return POINTS * int(np.minimum(links, nodes).sum()) + 2 * len(contacts.sections) * nodes * contacts.ground
 
 
 @kernel

@@ -61,6 +61,9 @@ from fmus.physics.chain.sums import (
 )
 from fmus.physics.contact.face import NOT_SINKING, Penetration, Sinking, contact_force, point_contact_force
 from fmus.physics.contact.grounds import (
+    MIDDLE,
+    PLACE,
+    SHARE,
     GroundPoint,
     begin_ground,
     commit_ground,
@@ -80,8 +83,8 @@ from fmus.physics.contact.wheel import (
     rim_face,
     sink_rate,
 )
-from fmus.physics.point import ON_FACE, PINS, POINTS
-from fmus.physics.vector import add, dot, scale
+from fmus.physics.point import PINS, POINTS
+from fmus.physics.vector import add, dot, scale, vector
 from fmus.physics.wheels import add_reaction
 
 if TYPE_CHECKING:
@@ -205,26 +208,25 @@ def _teeth(
 
 @kernel
 def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_rate: float, tangent: bool) -> None:
-    """Contact of the ground with the outer faces."""
-    (n, nodes), (points_across, lateral) = count(links, x), lateral_points(links)
-    ground, shape, along, across = len(contacts.kind), contacts.shape, contacts.along, contacts.across
+    """Contact of the ground with the outer faces and the grousers on them."""
+    (n, nodes), (points_across, _) = count(links, x), lateral_points(links)
+    ground, shape, sections = len(contacts.kind), contacts.shape, contacts.sections
     begin_ground(contacts.soil, w)
-    first, on_link, share = POINTS * ground * nodes, ON_FACE * along * across, 0.5 / (points_across * along * across)
+    first, on_link = POINTS * ground * nodes, 2 * sections.shape[0]
     for i in range(n):
         a, b = pin_positions(links, x, w, i)
         first_pin, _ = to_ground(links, x, w, a, a)
         last_pin, _ = to_ground(links, x, w, b, b)
-        if is_above(shape, first_pin, last_pin, depth_below_pins(links, x, i)):
+        if is_above(shape, first_pin, last_pin, depth_below_pins(links, x, i) + 1.1 * contacts.grouser):
             continue
         begin_link(links, x, w, i)
-        hits = 0
-        for row in range(2 * along * across):  # rows of points of one distance from the middle of the link
-            g, strip = row // across, row % across
-            half = 2.0 * (g % 2) - 1.0
-            xi = (g // 2 + 0.5 + half * GAUSS) / along
-            section = locate_section(links, x, w, i, xi, links.face)
+        along, hits = add(last_pin, scale(-1.0, first_pin)), 0
+        for row in range(sections.shape[0]):
+            xi, aside, beyond = vector(sections[row], PLACE)
+            share, middle, z = sections[row, SHARE] / points_across, sections[row, MIDDLE], links.face + beyond
+            section = locate_section(links, x, w, i, xi, z)
             for m in range(points_across):
-                y = (2.0 * m - 1.0) * lateral * (2 * strip + 1) / across
+                y = (2.0 * m - 1.0) * aside
                 along_axes = locate(links, x, w, i, section, y)
                 p, v = to_ground(links, x, w, *along_axes)
                 v = add(v, scale(-1.0, contacts.belt))
@@ -232,15 +234,7 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
                 if depth <= 0.0:
                     continue
                 k = points_across * row + m
-                point = GroundPoint(
-                    share,
-                    depth,
-                    p,
-                    add(last_pin, scale(-1.0, first_pin)),
-                    half * (0.25 - GAUSS) / along,
-                    first + on_link * i + k,
-                    on_link * i + k,
-                )
+                point = GroundPoint(share, depth, p, along, middle, first + on_link * i + k, on_link * i + k)
                 force = ground_force(ground_law(shape, contacts.soil, p), point, face, by_rate, tangent, w)
                 add_contact(w.sums, GROUND_FRICTION, GROUND_DAMPING, penetration(contacts.soil, depth), force)
                 w.sums[LOAD] += force.normal
@@ -254,7 +248,7 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
                 force = from_ground(links, x, w, force, tangent)
                 apply_force(links, w, i, force, tangent)
                 if tangent:
-                    touched = ContactPoint(ground, i, i, 0, GROUND, (xi, links.face, y), along_axes[0])
+                    touched = ContactPoint(ground, i, i, 0, GROUND, (xi, z, y), along_axes[0])
                     record_point(links, w, touched, force, NOT_SINKING)
             finish_section(links, w, i, tangent)
         average_sliding(w.on_links, i, hits)
@@ -263,7 +257,6 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
 @namesake
 def commit_contacts(links: FacedLinks, contacts: Contacts, s: ChainState, w: ChainWork, report: Floats) -> None:
     points_across, _ = lateral_points(links)
-    share = 0.5 / (points_across * contacts.along * contacts.across)
-    compacted, sheared = commit_ground(contacts.soil, share, contacts.along, s, w)
+    compacted, sheared = commit_ground(contacts.soil, contacts.sections, points_across, s, w)
     add_loss(report, GROUND_DAMPING, compacted)
     add_loss(report, GROUND_FRICTION, sheared)

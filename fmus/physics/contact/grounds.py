@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fmus.kernels.jit import dispatch
-from fmus.physics.arrays import Vector, VectorLike
+from fmus.physics.arrays import Floats, Vector, VectorLike
 
 if TYPE_CHECKING:
     from fmus.physics.chain.state import ChainState, ChainWork
@@ -49,6 +49,12 @@ def wheel_normal(shape: Any, centre: Vector, axle: Vector, radius: float) -> Vec
     """Unit normal of the ground where it is nearest to the ``centre`` of a wheel of ``radius`` m; ``axle``: unit."""
 
 
+# columns of a section of a link with a contact point, or one on each side of its middle: place along it as a fraction,
+# aside of its middle, m, and beyond its outer face, m; part of the link's contact; ``GroundPoint.middle``; half of its
+# part of the link, along as a fraction, and across, m
+PLACE, SHARE, MIDDLE, HALF_LENGTH, HALF_WIDTH = 0, 3, 4, 5, 6
+
+
 class GroundPoint(NamedTuple):
     """Point of a link that is in the ground."""
 
@@ -77,10 +83,8 @@ def begin_ground(law: Any, w: ChainWork) -> None:
 
 
 @dispatch("ground")
-def commit_ground(law: Any, share: float, along: int, s: ChainState, w: ChainWork) -> tuple[float, float]:
-    """Remember an accepted step, whose last evaluation is in ``w``.
-
-    A point has ``share`` of its link, which has ``along`` parts with two points each along it.
+def commit_ground(law: Any, sections: Floats, points_across: int, s: ChainState, w: ChainWork) -> tuple[float, float]:
+    """Remember an accepted step, whose last evaluation is in ``w``, of links with these ``sections``.
 
     Returns the losses of the step by normal forces and by shear that the powers of the evaluations have not, J.
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.contact.face import ContactForce, Face, point_contact_force
 
 if TYPE_CHECKING:
@@ -31,6 +32,6 @@ def begin_ground(law: Law, w: ChainWork) -> None:
 
 
 @kernel
-def commit_ground(law: Law, share: float, along: int, s: ChainState, w: ChainWork) -> tuple[float, float]:
+def commit_ground(law: Law, sections: Floats, points_across: int, s: ChainState, w: ChainWork) -> tuple[float, float]:
     """See ``grounds``."""
     return 0.0, 0.0

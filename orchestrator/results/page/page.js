@@ -319,10 +319,8 @@
     };
 
     const drawParts = (kind, at) => { // of all links; in the frame of a link, along and outwards
-      const part = view.parts[kind];
-      if (!part) return;
-      pen.fillStyle = `rgb(${part.colour.join(",")})`;
-      for (let i = 0; i < view.links; i++) {
+      for (const part of view.parts.filter((each) => each.kind === kind)) for (let i = 0; i < view.links; i++) {
+        pen.fillStyle = `rgb(${part.colour.join(",")})`;
         const [ax, ay] = at[i], [bx, by] = at[(i + 1) % view.pinCount];
         pen.save();
         pen.translate(0.5 * (ax + bx), 0.5 * (ay + by));

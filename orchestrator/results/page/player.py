@@ -67,7 +67,7 @@ def player(run: RunData, track: str, reference: RunData | None = None, turns: bo
         "high": high.tolist(),
         "drawn": DRAWN,
         "thick": 2.0 * float(shape.half[2]),
-        "parts": {part.kind: _upright(part) for part in shape.parts[1:]},
+        "parts": [_upright(part) for part in shape.parts[1:]],
         "wheels": [
             {
                 "radius": wheel.radius,
@@ -88,7 +88,7 @@ def player(run: RunData, track: str, reference: RunData | None = None, turns: bo
 def _upright(part: LinkPart) -> dict[str, Any]:
     """Part of a link from the side: least and largest place along and outwards from the middle of the link, m."""
     low, high = (part.centre - part.half)[[0, 2]], (part.centre + part.half)[[0, 2]]
-    return {"low": low.tolist(), "high": high.tolist(), "colour": PART[part.kind]}
+    return {"kind": part.kind, "low": low.tolist(), "high": high.tolist(), "colour": PART[part.kind]}
 
 
 def _chain(run: RunData, track: str, t: Floats) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.vehicles.sides import ground_wheels, of_side, pins_a_turn, smooth_wheels
+from fmus.vehicles.sides import ground_wheels, of_side, pins_a_turn, smooth_wheels, thickness
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
@@ -76,7 +76,7 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
         under = floor.height_under(places) - places[:, 2]
         if floor.terrain:
             under = under * floor.normals(places)[:, 2]
-        depth_by_name["ground"] = float(under.max()) + face
+        depth_by_name["ground"] = float(under.max()) + thickness(run.scene["vehicle"]["track"]) - face
     return depth_by_name
 
 

@@ -69,9 +69,10 @@ def side_view(bodies: Bodies, poses: Poses, k: int = 0) -> SideView:
     """Return the first track at the k-th instant."""
     track, links = bodies.tracks[0], poses.links[bodies.tracks[0].name]
     camera = side_camera(bodies, poses, k, track.name)
-    parts = {
-        part.kind: camera.project(in_world(boxes(part, RIGHT), links.centres[k], links.axes[k])) for part in track.parts
-    }
+    parts: dict[str, Floats] = {}
+    for part in track.parts:
+        outlines = camera.project(in_world(boxes(part, RIGHT), links.centres[k], links.axes[k]))
+        parts[part.kind] = np.concatenate([*filter(len, [parts.get(part.kind, ())]), outlines])
     wheels = []
     for wheel in bodies.wheels:
         position, orientation = (part[k] for part in poses.wheels[wheel.name])

@@ -153,7 +153,8 @@ def forces_of_the_ground(bodies: Bodies, track: TrackBody, links: LinkPoses, row
         return None
     outer = (-1.0 if track.name.startswith("right") else 1.0) * (track.half[1] + ASIDE)
     axes = links.axes[rows]
-    feet = links.centres[rows] + track.half[2] * axes[..., 2] + outer * axes[..., 1]
+    outermost = track.faces[-1].centre + track.faces[-1].half
+    feet = links.centres[rows] + outermost[2] * axes[..., 2] + outer * axes[..., 1]
     vectors = links.ground[rows] / force_of_a_metre(bodies)
     visible = np.linalg.norm(vectors, axis=-1) > SHORTEST
     place = "forces of the ground", track.name

@@ -92,14 +92,18 @@ class Ruts:
 
     def _pressed(self, track: TrackBody, links: LinkPoses) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
         """Instants (n,), cells (n, 2) and depths (n,), m, of places on pads that are below the ground."""
-        along, across = (np.linspace(-half, half, 2 + int(2.0 * half / self.cell)) for half in track.half[:2].tolist())
-        x, y = (part.ravel() for part in np.meshgrid(along, across, indexing="ij"))
-        places = np.stack([x, y, np.full_like(x, track.half[2])], axis=-1)  # on the outer face
+        places = np.concatenate([self._places(face.centre, face.half) for face in track.faces])
         low = np.argwhere(links.axes[..., 2, 2] < -0.5)  # instant and link: pads look down
         at = links.centres[tuple(low.T)][:, None] + np.einsum("nij,kj->nki", links.axes[tuple(low.T)], places)
         depth = self._surface.height_under(at) - at[..., 2]
         row, place = np.nonzero(depth > 0.0)
         return low[row, 0], np.floor(at[row, place, :2] / self.cell).astype(int), depth[row, place]
+
+    def _places(self, centre: Floats, half: Floats) -> Floats:
+        """Places (n, 3), m, on the outer face of a box of a link."""
+        along, across = (np.linspace(-each, each, 2 + int(2.0 * each / self.cell)) for each in half[:2].tolist())
+        x, y = (part.ravel() for part in np.meshgrid(along, across, indexing="ij"))
+        return np.stack([x, y, np.full_like(x, half[2])], axis=-1) + centre
 
     def sinkage(self, t: float) -> Floats:
         """Deepest sinkage (n, m), m, of each cell up to the time ``t``, s."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, ValidationError, create_model
 
-from fmus.vehicles.sides import of_wheels, pitch_radius
+from fmus.vehicles.sides import grousers, of_wheels, pitch_radius
 from fmus.vehicles.tables import BadInput, first_error
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import RunData
@@ -36,9 +36,10 @@ _COUNT = Annotated[int, Field(ge=1, le=1000)]
 _SIZES, _PLACES = Size | list[Size], Number | list[Number]  # of all wheels, or of each
 _WHEELS = _table("DrawnRims", radius=_SIZES, width=_SIZES, z=_PLACES)
 _HULL = _table("DrawnHull", centre=Place, hull=(Annotated[list[Place], Field(max_length=1000)], []))
+_GROUSER = _table("DrawnGrouser", height=SizeOrNone, length=Size, width=(Size | None, None), count=(_COUNT, 1))
 _VEHICLE = _table(
     "DrawnVehicle",
-    track=_table("DrawnLinks", pitch=Size, width=Size, face=SizeOrNone),
+    track=_table("DrawnLinks", pitch=Size, width=Size, face=SizeOrNone, grouser=(_GROUSER | None, None)),
     sprocket=_table(
         "DrawnSprocket",
         teeth=(_COUNT | None, None),
@@ -118,6 +119,7 @@ class TrackBody(NamedTuple):
     closed: bool  # the last link ends at the first pin
     half: Floats  # (3) half sizes along, across, outwards, m, of body and pad together
     parts: tuple[LinkPart, ...]  # the body first
+    faces: tuple[LinkPart, ...]  # boxes whose outer faces press the ground: body and pad together, and grousers on them
 
 
 class WheelBody(NamedTuple):
@@ -161,14 +163,20 @@ def track_body(name: str, links: int, closed: bool, vehicle: Mapping[str, Any]) 
     """Return the links of a track from a vehicle table."""
     chain = vehicle["track"]
     half = np.array([0.5 * DRAWN * chain["pitch"], 0.5 * chain["width"], max(chain["face"], THINNEST)])
-    return TrackBody(name, links, closed, half, tuple(_parts(half, vehicle.get("guide") is not None)))
+    faces, bar = [LinkPart("pad", np.zeros(3), half)], grousers(chain)
+    for k in range(bar["count"] if bar["height"] else 0):
+        centre = np.array([((k + 0.5) / bar["count"] - 0.5) * chain["pitch"], 0.0, half[2] + 0.5 * bar["height"]])
+        size = min(bar["length"], 2.0 * half[0] / bar["count"]), bar["width"], bar["height"]
+        faces.append(LinkPart("pad", centre, 0.5 * np.array(size)))
+    parts = _parts(half, vehicle.get("guide") is not None, faces[1:])
+    return TrackBody(name, links, closed, half, tuple(parts), tuple(faces))
 
 
-def _parts(half: Floats, guided: bool) -> Iterator[LinkPart]:
-    """Yield the body of a link, its pad, which ends at the outer face, and its horn on the inner face."""
-    thick = PAD_SIZE[2] * half[2]
+def _parts(half: Floats, guided: bool, pads: list[LinkPart]) -> Iterator[LinkPart]:
+    """Yield the body of a link, its pads, by default one that ends at the outer face, and its horn inside."""
+    thick = 0.0 if pads else PAD_SIZE[2] * half[2]
     yield LinkPart("body", np.array([0.0, 0.0, -thick]), half - [0.0, 0.0, thick])
-    yield LinkPart("pad", np.array([0.0, 0.0, half[2] - thick]), half * PAD_SIZE)
+    yield from pads or [LinkPart("pad", np.array([0.0, 0.0, half[2] - thick]), half * PAD_SIZE)]
     if guided:
         yield LinkPart("horn", np.array([0.0, 0.0, -half[2] - 0.5 * HORN]), half * [*HORN_SIZE, 0.5 * HORN / half[2]])
 

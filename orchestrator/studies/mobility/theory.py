@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.ground.soils import work_of_pressure
-from fmus.vehicles.sides import ground_wheels, pitch_radius, road_arms, smooth_wheels
+from fmus.vehicles.sides import ground_wheels, pitch_radius, road_arms, smooth_wheels, thickness
 from fmus.vehicles.vehicle import VehicleTable
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def passed_step(vehicle: VehicleTable, wheel: tuple[float, float, float]) -> flo
     The lower run of the chain lies on the edge; its line is below the wheels on level ground.
     """
     x, z = centre_of_mass(vehicle)
-    thick = 2.0 * vehicle.track.face
+    thick = thickness(vehicle.track.model_dump())
     low = min(ground_wheels(vehicle.model_dump()), key=lambda wheel: wheel["z"] - wheel["radius"])
     h = z - low["z"] + low["radius"] + thick
     back, up, radius = x - wheel[0], wheel[1] - z, wheel[2] + thick

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-from fmus.vehicles.sides import ground_wheels, lopsided, way_a_turn
+from fmus.vehicles.sides import ground_wheels, lopsided, thickness, way_a_turn
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.log.reader import Log
@@ -83,7 +83,7 @@ class Vehicle(NamedTuple):
     def front(self) -> float:
         """Foremost place of the tracks, m ahead of the sprocket axle."""
         x, _, radius = ends(self.table)[1]
-        return x + radius + 2.0 * self.table.track.face
+        return x + radius + thickness(self.table.track.model_dump())
 
     @property
     def time(self) -> float:

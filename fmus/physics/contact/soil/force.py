@@ -141,6 +141,6 @@ def begin_ground(law: Soil, w: ChainWork) -> None:
 
 
 @kernel
-def commit_ground(law: Soil, share: float, along: int, s: ChainState, w: ChainWork) -> tuple[float, float]:
+def commit_ground(law: Soil, sections: Floats, points_across: int, s: ChainState, w: ChainWork) -> tuple[float, float]:
     """See ``grounds``."""
-    return rows.commit(law, share, along, s.soil, w.soil, s.rut)
+    return rows.commit(law, sections, points_across, s.soil, w.soil, s.rut)

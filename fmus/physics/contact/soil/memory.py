@@ -25,6 +25,7 @@ import numpy as np
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.state import FORGOTTEN
+from fmus.physics.contact.grounds import HALF_LENGTH, HALF_WIDTH, SHARE
 from fmus.physics.contact.soil.pressure import compaction
 from fmus.physics.contact.soil.shear import stored, strength
 from fmus.physics.vector import vector
@@ -141,24 +142,29 @@ def clear(pending: Floats) -> None:
 
 
 @kernel
-def commit(soil: Soil, share: float, along: int, memory: Floats, pending: Floats, rut: Floats) -> tuple[float, float]:
+def commit(
+    soil: Soil, sections: Floats, across: int, memory: Floats, pending: Floats, rut: Floats
+) -> tuple[float, float]:
     """Make ``pending`` (points, PENDING) the ``memory`` (points, MEMORY); points that leave press the ``rut`` (RUT).
 
-    A point has ``share`` of its link, see ``grounds``. Returns the losses of the step by compaction and by shear, J.
+    ``sections``: of a link, with ``across`` points each. Returns the losses of the step by compaction and by shear, J.
     """
-    area = share * soil.length * soil.width
     compacted = sheared = 0.0
     for row in range(memory.shape[0]):
         old, new = memory[row], pending[row]
+        if new[INSIDE] == 0.0 and old[INSIDE] == 0.0:
+            continue
+        section = sections[row % (2 * len(sections)) // across]
+        area = section[SHARE] / across * soil.length * soil.width
         if new[INSIDE] > 0.0:
             if new[DEEPEST] > new[BEFORE]:
                 compacted += area * (compaction(soil, new[DEEPEST]) - compaction(soil, new[BEFORE]))
             sheared += area * _shear_loss(soil, old, new)
             for k in range(MEMORY):
                 old[k] = new[k]
-        elif old[INSIDE] > 0.0:
+        else:
             sheared += area * _strength(soil, old) * stored(soil.K, vector(old, SHEAR))
-            press_part(soil, share, along, old, rut)
+            press_part(section, across, old, rut)
             for k in range(MEMORY):
                 old[k] = 0.0
     return compacted, sheared
@@ -179,12 +185,9 @@ def _shear_loss(soil: Soil, old: Floats, new: Floats) -> float:
 
 
 @kernel
-def press_part(soil: Soil, share: float, parts: int, row: Floats, rut: Floats) -> None:
-    """Press the part of a link that belongs to a point with this ``row`` (MEMORY) into the ``rut`` (RUT).
-
-    A point has ``share`` of its link, which has ``parts`` with two points each along it.
-    """
+def press_part(section: Floats, across: int, row: Floats, rut: Floats) -> None:
+    """Press the part of a link that belongs to a point of a ``section`` into the ``rut``; ``row`` (MEMORY): its own."""
     along, part = (row[ALONG], row[ALONG + 1]), row[MIDDLE]
     middle = row[PLACE] + part * along[0], row[PLACE + 1] + part * along[1]
-    half_length = 0.25 / parts
-    press(rut, middle, (half_length * along[0], half_length * along[1]), share * parts * soil.width, row[DEEPEST])
+    half = section[HALF_LENGTH]
+    press(rut, middle, (half * along[0], half * along[1]), section[HALF_WIDTH] / across, row[DEEPEST])
