@@ -48,7 +48,7 @@ from orchestrator.files.budget import AT_ONCE, OverBudget, UnpackedBudget, most_
 from orchestrator.log import log_metadata, seal
 from orchestrator.log.container_writer import LIBRARY
 from orchestrator.log.log_file import being_written, error_text
-from orchestrator.log.message_records import LOG_TIME, Messages, Records, descriptions, records_by_channel, size_of
+from orchestrator.log.message_records import LOG_TIME, Messages, Records, record_places, records_by_channel, size_of
 from orchestrator.log.schema import Bytes
 from orchestrator.log.time_series import Topic
 
@@ -80,6 +80,10 @@ DAMAGE = (
 
 class LogUnreadable(RuntimeError):
     """A log, or the requested part of it, cannot be read; the message is one sentence."""
+
+
+class ForeignLog(LogUnreadable):
+    """An MCAP file of other software, which serves as measured data (``bags``)."""
 
 
 class Container:
@@ -122,7 +126,7 @@ class Container:
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.others: dict[str, str] = {}  # topics of other tools -> message type and encoding
-        self.other_channels: dict[str, int] = {}  # their numbers
+        self.other_channels: dict[int, tuple[Channel, Schema]] = {}  # theirs, by number
         self.closing: dict[str, Any] | None = None
         self.contents: dict[str, str] = {}
         self.attachments: dict[str, int] = {}  # name -> offset
@@ -347,12 +351,12 @@ class Container:
 
     def _register_descriptions(self, content: bytes) -> None:
         """Register schemas and channels in a chunk, where other writers have them; raises one of DAMAGE."""
-        for opcode, body in descriptions(content):
+        for opcode, start, end in record_places(content):
             if opcode == Opcode.SCHEMA:
-                schema = _parsed(Schema, body)
+                schema = _parsed(Schema, content[start + HEAD.size : end])
                 self._schemas[schema.id] = schema
-            else:
-                self._register_channel(_parsed(Channel, body))
+            elif opcode == Opcode.CHANNEL:
+                self._register_channel(_parsed(Channel, content[start + HEAD.size : end]))
 
     def _register_metadata(self, record: Metadata) -> None:
         """Register a metadata record; raises LogUnreadable for a log of a newer format."""
@@ -370,14 +374,14 @@ class Container:
 
     def _register_channel(self, channel: Channel) -> None:
         """Register a channel; one that ``recorder`` did not write goes to ``others``."""
-        if channel.id in self._channels or channel.id in self.other_channels.values():
+        if channel.id in self._channels or channel.id in self.other_channels:
             return
         schema = self._schemas.get(channel.schema_id)
         self.contents[f"channel:{channel.topic}"] = seal.channel_digest(channel, schema)
         if "places" not in channel.metadata:
             kind = schema.name if schema else "", channel.message_encoding
             self.others[channel.topic] = ", ".join(filter(None, kind))
-            self.other_channels[channel.topic] = channel.id
+            self.other_channels[channel.id] = channel, schema or Schema(id=0, name="", encoding="", data=b"")
             return
         recorded = log_metadata.decode_channel(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
         if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:
@@ -408,21 +412,27 @@ class Container:
         return found if topics is None else [messages for messages in found if messages.topic in topics]
 
     def _damaged(self, offset: int, damage: BaseException) -> LogUnreadable:
-        return LogUnreadable(
-            f"{self.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
-        )
+        saved = "; 'log recover' saves the rest" if self.is_ours else ""
+        return LogUnreadable(f"{self.path}: the chunk at byte {offset} is damaged ({damage}){saved}")
 
     def _packed_size(self, offset: int) -> int:
         """Return the bytes in the file of the content of the chunk, or of the messages, at ``offset``."""
         return self._loose[offset] - offset if offset in self._loose else self.head(offset)[1]
 
-    def rows_of(self, number: int) -> Iterator[NDArray[np.uint8]]:
-        """Yield the message records (m, bytes) of a channel that is not ours, chunk by chunk; raises LogUnreadable."""
+    def messages(self, wanted: Collection[int]) -> Iterator[tuple[int, bytes]]:
+        """Yield channel and record of the messages of channels that are not ours; raises LogUnreadable."""
         for offset in self.spans:
+            indexed = self._message_offsets(offset)
+            if indexed and indexed.keys().isdisjoint(wanted):
+                continue
             try:
-                content, records = self._records(offset, (number,))
-                if number in records:
-                    yield records[number].rows(content)
+                content, most = self._content(offset), most_records(self._packed_size(offset))
+                for count, (opcode, start, end) in enumerate(record_places(content)):
+                    if count >= most or end > len(content):
+                        raise ValueError("its last message is cut off, or it has more than its size allows")
+                    channel = int.from_bytes(content[start + HEAD.size : start + HEAD.size + 2], "little")
+                    if opcode == Opcode.MESSAGE and channel in wanted:
+                        yield channel, content[start:end]
             except DAMAGE as damage:
                 raise self._damaged(offset, damage) from None
 
