@@ -53,10 +53,6 @@ class Channel(NamedTuple):
     definition: str
 
 
-Messages = Iterator[tuple[int, int, bytes]]  # channel, time of receipt, ns, data
-Opened = tuple[float, dict[int, Channel], Callable[[Collection[int]], Messages]]  # first time, ns, channels, messages
-
-
 class Bag(ExitStack):
     """Bag opened for reading (a context manager): a file, or the folder of a ROS 2 bag.
 
@@ -69,52 +65,53 @@ class Bag(ExitStack):
         super().__init__()
         files = sorted(file for file in path.glob("*") if file.suffix in (".mcap", *BAGS)) if path.is_dir() else [path]
         if not files:
-            raise BadInput(f"{path} holds no file of a bag: .mcap, {', '.join(BAGS)}")
+            raise BadInput(f"{path} holds no file of a bag, .mcap or {' or '.join(BAGS)}: unpack .zstd first")
         for file in files:
             open_file(file).close()  # no pipe, and an input of the command
-        self.path = path
         self._files = [self._mcap(file) if file.suffix == ".mcap" else self._rosbag(file) for file in files]
-        self.start = round(min(start for start, *_ in self._files) * 1e-3) // 1000 * 1_000_000
+        self.path, self.start = path, round(min(start for start, *_ in self._files) * 1e-3) // 1000 * 1_000_000
         self.channels = {channel.topic: channel for _, channels, _ in self._files for channel in channels.values()}
 
-    def _mcap(self, file: Path) -> Opened:
+    def _mcap(self, file: Path) -> tuple[float, dict[int, Channel], Any]:
+        """Time of the first message, ns, channels by number, and the opened file."""
         opened = Container(file, kept=0)
         self.callback(opened.close)
         if opened.faults:
-            raise BadInput(f"{opened.faults[0]}; 'mcap recover' of mcap.dev saves what it holds")
+            raise BadInput(f"{opened.faults[-1]}; 'mcap recover' of mcap.dev saves what it holds")
         channels = {
             number: Channel(
                 one.topic, kind.name, one.message_encoding, kind.encoding, kind.data.decode(errors="replace")
             )
             for number, (one, kind) in opened.other_channels.items()
         }
+        return min((a for a, b in opened.spans.values() if a <= b), default=0.0) / NS, channels, opened
 
-        def messages(wanted: Collection[int]) -> Messages:
-            for number, record in opened.messages(wanted):
-                yield number, int.from_bytes(record[LOG_TIME : LOG_TIME + 8], "little"), record[PREFIX:]
-
-        return min((a for a, b in opened.spans.values() if a <= b), default=0.0) / NS, channels, messages
-
-    def _rosbag(self, file: Path) -> Opened:
-        version = 1 if file.suffix == ".bag" else 2
-        reader = self.enter_context(library(f"rosbags.rosbag{version}", EXTRA).Reader(file))
+    def _rosbag(self, file: Path) -> tuple[float, dict[int, Channel], Any]:
+        kind = library("rosbags.rosbag1" if file.suffix == ".bag" else "rosbags.rosbag2", EXTRA).Reader
+        try:
+            reader = self.enter_context(kind(file))
+        except Exception as error:  # of its own classes, of apsw, of bytes
+            raise BadInput(f"{file} cannot be read: {' '.join(f'{error}'.split())}") from None
         channels = {
             one.id: Channel(one.topic, one.msgtype, encoding, f"ros2{one.msgdef.format.name}".lower(), one.msgdef.data)
             for one in reader.connections
-            for encoding in ["ros1" if version == 1 else one.ext.serialization_format]
+            for encoding in [getattr(one.ext, "serialization_format", "ros1")]
         }
-
-        def messages(wanted: Collection[int]) -> Messages:
-            for one, time, data in reader.messages([one for one in reader.connections if one.id in wanted]):
-                yield one.id, time, bytes(data)
-
-        return reader.start_time, channels, messages
+        return reader.start_time, channels, reader
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[Channel, int, bytes]]:
         """Yield channel, time of receipt, ns from the start on, and data of the messages of topics."""
-        for _, channels, messages in self._files:
+        for _, channels, opened in self._files:
             wanted = {number: channel for number, channel in channels.items() if channel.topic in topics}
-            for number, time, data in messages(wanted) if wanted else ():
+            if isinstance(opened, Container):
+                records = opened.messages(wanted)
+                found = (
+                    (k, int.from_bytes(row[LOG_TIME : LOG_TIME + 8], "little"), row[PREFIX:]) for k, row in records
+                )
+            else:
+                connections = [one for one in opened.connections if one.id in wanted]
+                found = ((one.id, time, bytes(data)) for one, time, data in opened.messages(connections))
+            for number, time, data in found if wanted else ():
                 yield wanted[number], time - self.start, _UNPACK(data, AT_ONCE) if data[:4] == ZSTD else data
 
 
@@ -138,8 +135,10 @@ def _decoder(path: Path, channel: Channel) -> Callable[[bytes], Any]:
     elif path.suffix == ".db3":  # as ROS 2 wrote them until 2023
         store = types.get_typestore(types.Stores.ROS2_HUMBLE)
         notice(f"{path} has no definitions of its types: those of ROS 2 Humble are taken")
-    if kind not in store.types:
-        raise BadInput(f"{where}: the file has no definition of its type")
+    try:
+        store.get_msgdef(kind)
+    except KeyError as missing:
+        raise BadInput(f"{where}: the file has no definition of its type {missing}") from None
     return partial(store.deserialize_ros1 if channel.encoding == "ros1" else store.deserialize_cdr, typename=kind)
 
 
@@ -150,10 +149,7 @@ def _fields(value: Any) -> dict[str, Any]:
 def numbers(
     value: Any, wanted: str | None = None, path: str = "", names: Sequence[Any] = (), stamp: int = 0
 ) -> Iterator[tuple[str, float, int]]:
-    """Yield path, value and ``header.stamp``, ns, 0 without one, of numbers in a message.
-
-    ``wanted``: path of one; None: of all, but the first alone of an array without ``names``.
-    """
+    """Yield path, value and ``header.stamp``, ns, of the number ``wanted``, or of all but in arrays without names."""
     if wanted is not None and not wanted.startswith(path):
         return
     if isinstance(value, (int, float, np.number, np.bool_)):
@@ -198,13 +194,9 @@ DERIVED: dict[str, tuple[tuple[str, ...], str, Callable[..., Floats]]] = {  # ne
 def columns_in(message: Any) -> list[str]:
     """Paths of the numbers that follow from those of a message, and of these."""
     found = [path for path, *_ in numbers(message) if not path.startswith(".header.")]
-    derived = [
-        f"{path.removesuffix(needs[0])}{name}"
-        for name, (needs, *_) in DERIVED.items()
-        for path in found
-        if {f"{path.removesuffix(needs[0])}{need}" for need in needs} <= {*found}
-    ]
-    return derived + found
+    bases = dict.fromkeys(path.rpartition(".")[0] for path in found)
+    derived = ((base, name, {base + need for need in needs}) for base in bases for name, (needs, *_) in DERIVED.items())
+    return [*(base + name for base, name, needs in derived if needs <= {*found}), *found]
 
 
 class _Column:
@@ -219,10 +211,7 @@ class _Column:
         self.topic, self._start, self.shown = max(owners, key=len), bag.start, ""
         self._needs = [self.name[len(self.topic) :]]  # paths of the numbers that the column follows from
         self._of: Callable[..., Floats] = np.asarray
-        self._times, self._values = array("q"), array("d")  # ns, of receipt and stamps
-
-    def __len__(self) -> int:
-        return len(self._times) // 2
+        self.times, self._values = array("q"), array("d")  # ns, of receipt and stamps
 
     def _find(self, message: Any) -> None:
         """Find what the column follows from in the first message of its topic."""
@@ -230,7 +219,7 @@ class _Column:
         self.shown = shorten(", ".join(present), 300, placeholder=" ...") or "no numbers"
         stem, dot, last = path.rpartition(".")
         within = [one for one in present if one.startswith((f"{path}.", f"{path}["))]
-        if len(within) == 1:  # a message with one number stands for it
+        if len(within) == 1 and within[0][-1] != "]":  # a message with one number stands for it
             self._needs = within
         elif dot + last in DERIVED and path not in [one for one, *_ in numbers(message, path)]:
             parts, unit, self._of = DERIVED[dot + last]
@@ -242,14 +231,14 @@ class _Column:
             self._find(message)
         found = [one for need in self._needs for one in numbers(message, need) if one[0] == need]
         if len(found) == len(self._needs):
-            if len(self) == MEASURED_SAMPLES:
+            if len(self.times) == 2 * MEASURED_SAMPLES:
                 raise OverBudget(f"a column has more than {MEASURED_SAMPLES} samples, which are allowed")
-            self._times.extend([received, found[0][2] and found[0][2] - self._start])
+            self.times.extend([received, found[0][2] and found[0][2] - self._start])
             self._values.extend(value for _, value, _ in found)
 
     def samples(self) -> tuple[Samples, str]:
         """Samples by increasing time, and a sentence on their clock."""
-        received, stamps = np.array(self._times).reshape(-1, 2).T
+        received, stamps = np.array(self.times).reshape(-1, 2).T
         times = stamps if stamps.any() else received
         t, first = np.unique(times, return_index=True)
         back = np.maximum.accumulate(times) - times
@@ -276,7 +265,7 @@ def read_bag(path: Path, choose: Choose, wanted: Collection[str]) -> Read:
                 if one.topic == channel.topic:
                     one.add(message, time)
     for one in columns:
-        if not len(one):
+        if not one.times:
             raise BadInput(f"{path} has no number '{one.name}': {one.topic} has {one.shown or 'no messages'}")
     samples = [one.samples() for one in columns]
     chosen = choose([FileColumn(one.name, one.name, one.unit, timed=True) for one in columns])

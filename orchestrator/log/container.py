@@ -48,8 +48,7 @@ from orchestrator.files.budget import AT_ONCE, OverBudget, UnpackedBudget, most_
 from orchestrator.log import log_metadata, seal
 from orchestrator.log.container_writer import LIBRARY
 from orchestrator.log.log_file import being_written, error_text
-from orchestrator.log.message_records import LOG_TIME, Messages, Records, record_places, records_by_channel, size_of
-from orchestrator.log.schema import Bytes
+from orchestrator.log.message_records import LOG_TIME, Messages, record_places, records_by_channel, size_of
 from orchestrator.log.time_series import Topic
 
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
@@ -436,15 +435,10 @@ class Container:
             except DAMAGE as damage:
                 raise self._damaged(offset, damage) from None
 
-    def _records(self, offset: int, wanted: Collection[int]) -> tuple[Bytes, dict[int, Records]]:
-        """Return the content of a chunk and the message records of channels in it; raises one of DAMAGE."""
-        content = np.frombuffer(self._content(offset), np.uint8)
-        most = most_records(self._packed_size(offset))
-        return content, records_by_channel(content, self._message_offsets(offset), most, wanted)
-
     def _unpack(self, offset: int, topics: Collection[str] | None) -> list[Messages]:
         """Return the message records of topics of a chunk, or of all if they are kept; raises one of DAMAGE."""
-        content, records = self._records(offset, self._channels)
+        content, most = np.frombuffer(self._content(offset), np.uint8), most_records(self._packed_size(offset))
+        records = records_by_channel(content, self._message_offsets(offset), most, self._channels)
         keep = len(content) <= self._room
         messages = []
         for number, channel in self._channels.items():
