@@ -72,7 +72,7 @@ def _of_bag(text: str, path: Path, key: str, units: tuple[str, str]) -> list[lis
 
 def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
     """Pairs of numbers, SI, from a file with two columns, which in CSV may have a first line of names with units."""
-    if path.suffix.lower() in SUFFIXES - {".csv"}:
+    if path.suffix.lower() in {*SUFFIXES, ".mcap"} - {".csv"} or path.is_dir():
         return _of_columns(path, key, units)
     try:
         rows = [*csv_lines(path, CSV, ROWS)]

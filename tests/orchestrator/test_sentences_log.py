@@ -220,8 +220,8 @@ def bag(g, kept, ask):
 
 
 BAG = (
-    "is an MCAP file of other software, no log of cotrack, and its numbers are not read: profile 'ros2', library"
-    " 'libmcap 1.2', topics /wheel0/speed (std_msgs/msg/Float64, cdr), "
+    "is an MCAP file of other software, no log of cotrack; 'cotrack log info' lists its numbers, which serve as measured"
+    " data: profile 'ros2', library 'libmcap 1.2', topics /wheel0/speed (std_msgs/msg/Float64, cdr), "
 )
 
 
