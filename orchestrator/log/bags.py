@@ -6,8 +6,7 @@ DERIVED gives angles of quaternions and metres of latitude and longitude. Axes o
 z up; SI units) are those here, and so are the signs of its angles.
 
 Only topics that are asked for are decoded, by the definitions in the file (rosbags 0.11.9). Times are those of
-``header.stamp`` where a message has one, else of receipt, from the first message of the bag on. They are sorted,
-because a bag is written in the order of receipt.
+``header.stamp`` where messages have one, else of receipt, which is the order of a bag, from the first one on, sorted.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from __future__ import annotations
 import json
 import re
 from array import array
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
 from functools import lru_cache, partial
 from pathlib import Path
@@ -37,7 +36,7 @@ from orchestrator.log.time_series import Floats
 NAMES = ("name", "names", "joint_names")  # lists that name the elements of the arrays beside them
 UNROLLED = re.compile(r"\[\s*\d{5,}\s*\]")  # arrays of a fixed size, for which rosbags may write a line each
 ZSTD = b"\x28\xb5\x2f\xfd"  # begins messages that are compressed one by one
-NS = 1e-9
+NS, TIME = 1e-9, slice(LOG_TIME, LOG_TIME + 8)
 OTHER_CLOCK = 3600e9  # ns between stamps and times of receipt
 _UNPACK = zstandard.ZstdDecompressor().decompress
 _IDL = re.compile(r"^=+\nIDL: .*\n", re.MULTILINE)
@@ -63,12 +62,12 @@ class Bag(ExitStack):
 
     def __init__(self, path: Path) -> None:
         super().__init__()
-        files = sorted(file for file in path.glob("*") if file.suffix in (".mcap", *BAGS)) if path.is_dir() else [path]
+        files = sorted(one for one in path.glob("*") if one.suffix in (".mcap", *BAGS)) if path.is_dir() else [path]
         if not files:
             raise BadInput(f"{path} holds no file of a bag, .mcap or {' or '.join(BAGS)}: unpack .zstd first")
         for file in files:
             open_file(file).close()  # no pipe, and an input of the command
-        self._files = [self._mcap(file) if file.suffix == ".mcap" else self._rosbag(file) for file in files]
+        self._files = [self._mcap(file) if file.suffix.lower() == ".mcap" else self._rosbag(file) for file in files]
         self.path, self.start = path, round(min(start for start, *_ in self._files) * 1e-3) // 1000 * 1_000_000
         self.channels = {channel.topic: channel for _, channels, _ in self._files for channel in channels.values()}
 
@@ -79,10 +78,8 @@ class Bag(ExitStack):
         if opened.faults:
             raise BadInput(f"{opened.faults[-1]}; 'mcap recover' of mcap.dev saves what it holds")
         channels = {
-            number: Channel(
-                one.topic, kind.name, one.message_encoding, kind.encoding, kind.data.decode(errors="replace")
-            )
-            for number, (one, kind) in opened.other_channels.items()
+            number: Channel(a.topic, b.name, a.message_encoding, b.encoding, b.data.decode(errors="replace"))
+            for number, (a, b) in opened.other_channels.items()
         }
         return min((a for a, b in opened.spans.values() if a <= b), default=0.0) / NS, channels, opened
 
@@ -104,10 +101,7 @@ class Bag(ExitStack):
         for _, channels, opened in self._files:
             wanted = {number: channel for number, channel in channels.items() if channel.topic in topics}
             if isinstance(opened, Container):
-                records = opened.messages(wanted)
-                found = (
-                    (k, int.from_bytes(row[LOG_TIME : LOG_TIME + 8], "little"), row[PREFIX:]) for k, row in records
-                )
+                found = ((k, int.from_bytes(row[TIME], "little"), row[PREFIX:]) for k, row in opened.messages(wanted))
             else:
                 connections = [one for one in opened.connections if one.id in wanted]
                 found = ((one.id, time, bytes(data)) for one, time, data in opened.messages(connections))
@@ -132,7 +126,7 @@ def _decoder(path: Path, channel: Channel) -> Callable[[bytes], Any]:
     if parsed := [parse(one) for one in (_IDL.split(text) if is_idl else [text]) if one.strip()]:
         store.register({name: fields for one in parsed for name, fields in one.items()})
         kind = kind if kind in store.types else next(iter(parsed[0]))  # as rosbags spells it
-    elif path.suffix == ".db3":  # as ROS 2 wrote them until 2023
+    elif channel.language == "ros2none":  # .db3, as ROS 2 wrote them until 2023
         store = types.get_typestore(types.Stores.ROS2_HUMBLE)
         notice(f"{path} has no definitions of its types: those of ROS 2 Humble are taken")
     try:
@@ -146,9 +140,7 @@ def _fields(value: Any) -> dict[str, Any]:
     return value if isinstance(value, dict) else getattr(value, "__dict__", {})
 
 
-def numbers(
-    value: Any, wanted: str | None = None, path: str = "", names: Sequence[Any] = (), stamp: int = 0
-) -> Iterator[tuple[str, float, int]]:
+def numbers(value: Any, wanted: str | None = None, path: str = "", names: Any = (), stamp: int = 0) -> Iterator[Any]:
     """Yield path, value and ``header.stamp``, ns, of the number ``wanted``, or of all but in arrays without names."""
     if wanted is not None and not wanted.startswith(path):
         return

@@ -421,8 +421,7 @@ class Container:
     def messages(self, wanted: Collection[int]) -> Iterator[tuple[int, bytes]]:
         """Yield channel and record of the messages of channels that are not ours; raises LogUnreadable."""
         for offset in self.spans:
-            indexed = self._message_offsets(offset)
-            if indexed and indexed.keys().isdisjoint(wanted):
+            if (indexed := self._message_offsets(offset)) and indexed.keys().isdisjoint(wanted):
                 continue
             try:
                 content, most = self._content(offset), most_records(self._packed_size(offset))

@@ -2,8 +2,7 @@
 
 CSV: the first line holds names with units, "v [km/h]", "v (km/h)" or "v, km/h"; a cell may be empty. Parquet: names as
 in CSV, or the unit in the metadata of a column, as ``log export`` writes it; dates count in s from the first, durations
-from zero. MCAP: the log of another run, or of a robot (``bags``). Whatever a library raises at a file of others is a
-file that cannot be read.
+from zero. MCAP: the log of another run, or a bag (``bags``). What a library raises at a file is that it cannot be read.
 
 MDF 4, by asammdf 8.8.28: ``to_dataframe`` fills the time before a group begins with its first value, and exports begin
 each group at zero; it drops invalid samples, over which a line would be drawn; a group without a clock has times by
@@ -105,7 +104,7 @@ def read_samples(path: Path, choose: Choose, wanted: Collection[str] = ()) -> Re
 
 def other_suffix(path: Path) -> str:
     """Return the sentence part on a file whose suffix no format has; empty for another one."""
-    known = (*FORMATS, *BAGS)
+    known = [*FORMATS, *BAGS]
     return "" if path.suffix.lower() in known else f"; of other files these are read, by suffix: {', '.join(known)}"
 
 

@@ -299,7 +299,7 @@ def test_a_database_without_definitions_has_those_of_humble(run, kinds, tmp_path
         base.close()
         if kind.startswith("nav"):
             with pytest.warns(LogNotice, match="Humble"):
-                assert read(file, COLUMN, UNITS.get)[0].values == pytest.approx(V_TEST, abs=1e-12)
+                assert read(file.parent, COLUMN, UNITS.get)[0].values == pytest.approx(V_TEST, abs=1e-12)
         else:
             with pytest.raises(BadInput, match="no definition of its type 'their_msgs/msg/Odometry'"):
                 read(file, COLUMN, UNITS.get)
