@@ -421,9 +421,9 @@ class Container:
     def messages(self, wanted: Collection[int]) -> Iterator[tuple[int, bytes]]:
         """Yield channel and record of the messages of channels that are not ours; raises LogUnreadable."""
         for offset in self.spans:
-            if (indexed := self._message_offsets(offset)) and indexed.keys().isdisjoint(wanted):
-                continue
             try:
+                if (indexed := self._message_offsets(offset)) and indexed.keys().isdisjoint(wanted):
+                    continue
                 content, most = self._content(offset), most_records(self._packed_size(offset))
                 for count, (opcode, start, end) in enumerate(record_places(content)):
                     if count >= most or end > len(content):

@@ -358,6 +358,17 @@ def test_what_is_not_read_is_one_sentence(run, cotrack, tmp_path):
     }
 
 
+def test_a_database_whose_path_means_another_one_is_refused(run, kinds, tmp_path):
+    """rosbags opens ``run1.db3`` for ``run%31.db3``."""
+    file = write(tmp_path / "a", kinds, odometry(kinds), "SQLITE3")
+    for name in ("run1.db3", "run%31.db3"):
+        shutil.copy(file, tmp_path / name)
+    with pytest.warns(LogNotice):
+        read(tmp_path / "run1.db3", COLUMN, UNITS.get)
+    with pytest.raises(BadInput, match="rename it"):
+        read(tmp_path / "run%31.db3", COLUMN, UNITS.get)
+
+
 @pytest.mark.parametrize("kind", ["mcap", "db3", "bag"])
 def test_a_bag_that_was_cut_off_is_one_sentence(run, kinds, cotrack, tmp_path, kind):
     if kind == "bag":
