@@ -146,6 +146,23 @@ def test_each_kind_of_bag_gives_the_figures_of_csv(run, kinds, tmp_path, form):
         assert found.notes == ("'/odom.twist.twist.linear.x' has no unit and is taken in m/s",)
 
 
+@pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
+def test_a_comparison_comes_to_the_noise(run, kinds, tmp_path):
+    """Noise of 0.05 m/s, a clock of its own, messages out of order; with the times of receipt it is twice as much."""
+    chance = np.random.default_rng(1)
+    t = 2e-3 * np.arange(1000)
+    late, noise = t + chance.exponential(0.02, 1000), chance.normal(0.0, 0.05, 1000)
+    messages = [(late[k], kinds.odometry(t[k] - 12.5, np.interp(t[k], T, SPEED) + noise[k])) for k in np.argsort(late)]
+    found = run.compare_measured(write(tmp_path / "a", kinds, {"/odom": messages}), COLUMN, shift="find")
+    assert found.differences[0].rms == pytest.approx(0.05, rel=0.05)
+    assert found.shift == pytest.approx(12.5 + late.min(), abs=2e-3)
+    bare = [(time, message.twist.twist) for time, message in messages]
+    twin = run.compare_measured(
+        write(tmp_path / "b", kinds, {"/odom": bare}), {"chassis.speed": "/odom.linear.x"}, shift="find"
+    )
+    assert twin.differences[0].rms > 0.1
+
+
 def test_stamps_count_and_messages_that_came_late_are_sorted(kinds, tmp_path):
     """The clock of the headers is 0.25 s behind; one message came 0.03 s late, one came twice."""
     t = 0.01 * np.arange(10)
