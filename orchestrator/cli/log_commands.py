@@ -50,8 +50,7 @@ def _bag_lines(path: Path, topics: Mapping[str, Any], whole: bool) -> Iterator[s
         yield f"{topic}: {one['type'] or 'no type'}, {one['encoding']}, {one['messages']} messages{times}"
         names = ", ".join(number.removeprefix(topic) for number in one["numbers"]) or "no numbers"
         yield f"  {one['fault'] or (names if whole else shorten(names, 300, placeholder=' ...'))}"
-    every = [number for one in topics.values() for number in one["numbers"]]
-    for number in sorted(every, key=lambda number: not number.endswith(".linear.x"))[:1]:
+    for number in [number for one in topics.values() for number in one["numbers"]][:1]:
         yield f"beside a run: cotrack plot RUN.mcap chassis.speed --with {path} --map chassis.speed={number}"
 
 

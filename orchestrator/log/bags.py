@@ -18,7 +18,6 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
 from functools import lru_cache, partial
 from pathlib import Path
-from textwrap import shorten
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,7 +36,6 @@ NAMES = ("name", "names", "joint_names")  # lists that name the elements of the 
 UNROLLED = re.compile(r"\[\s*\d{5,}\s*\]")  # arrays of a fixed size, for which rosbags may write a line each
 ZSTD = b"\x28\xb5\x2f\xfd"  # begins messages that are compressed one by one
 NS, TIME = 1e-9, slice(LOG_TIME, LOG_TIME + 8)
-OTHER_CLOCK = 3600e9  # ns between stamps and times of receipt
 _UNPACK = zstandard.ZstdDecompressor().decompress
 _IDL = re.compile(r"^=+\nIDL: .*\n", re.MULTILINE)
 
@@ -53,12 +51,7 @@ class Channel(NamedTuple):
 
 
 class Bag(ExitStack):
-    """Bag opened for reading (a context manager): a file, or the folder of a ROS 2 bag.
-
-    ``channels``: one by topic. ``start``: first whole millisecond, ns.
-
-    :raises BadInput: for one that cannot be read as a whole; LogUnreadable, NotInstalled.
-    """
+    """Bag opened for reading: a file, or the folder of a ROS 2 bag; raises BadInput, LogUnreadable, NotInstalled."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -68,7 +61,7 @@ class Bag(ExitStack):
         for file in files:
             open_file(file).close()  # no pipe, and an input of the command
         self._files = [self._mcap(file) if file.suffix.lower() == ".mcap" else self._rosbag(file) for file in files]
-        self.path, self.start = path, round(min(start for start, *_ in self._files) * 1e-3) // 1000 * 1_000_000
+        self.path, self.start = path, round(min(start for start, *_ in self._files) * 1e-3) // 1000 * 1_000_000  # ns
         self.channels = {channel.topic: channel for _, channels, _ in self._files for channel in channels.values()}
 
     def _mcap(self, file: Path) -> tuple[float, dict[int, Channel], Any]:
@@ -188,6 +181,7 @@ DERIVED: dict[str, tuple[tuple[str, ...], str, Callable[..., Floats]]] = {  # ne
 def columns_in(message: Any) -> list[str]:
     """Paths of the numbers that follow from those of a message, and of these."""
     found = [path for path, *_ in numbers(message) if not path.startswith(".header.")]
+    found = [path for path in found if not path.rpartition(".")[2].isupper()]  # constants of the type
     bases = dict.fromkeys(path.rpartition(".")[0] for path in found)
     derived = ((base, name, {base + need for need in needs}) for base in bases for name, (needs, *_) in DERIVED.items())
     return [*(base + name for base, name, needs in derived if needs <= {*found}), *found]
@@ -210,7 +204,7 @@ class _Column:
     def _find(self, message: Any) -> None:
         """Find what the column follows from in the first message of its topic."""
         (path,), present = self._needs, columns_in(message)
-        self.shown = shorten(", ".join(present), 300, placeholder=" ...") or "no numbers"
+        self.shown = ", ".join(present)[:300] or "no numbers"
         stem, dot, last = path.rpartition(".")
         within = [one for one in present if one.startswith((f"{path}.", f"{path}["))]
         if len(within) == 1 and within[0][-1] != "]":  # a message with one number stands for it
@@ -241,7 +235,7 @@ class _Column:
             told += f"; {late} of {len(times)} came late, by up to {NS * back.max():.3g} s, and are sorted"
         if len(t) < len(times):
             told += f"; {len(times) - len(t)} with the time of an earlier one are left out"
-        if abs(t[0]) > OTHER_CLOCK:
+        if abs(t[0]) > 3600e9:  # an hour between stamps and receipt
             t, told = t - t[0], f"{told}; they are of another clock, and count from the first one"
         values = np.array(self._values).reshape(-1, len(self._needs))[first]
         return Samples(self._of(*values.T), NS * t), told

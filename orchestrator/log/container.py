@@ -424,10 +424,10 @@ class Container:
             try:
                 if (indexed := self._message_offsets(offset)) and indexed.keys().isdisjoint(wanted):
                     continue
-                content, most = self._content(offset), most_records(self._packed_size(offset))
-                for count, (opcode, start, end) in enumerate(record_places(content)):
-                    if count >= most or end > len(content):
-                        raise ValueError("its last message is cut off, or it has more than its size allows")
+                content = self._content(offset)
+                for opcode, start, end in record_places(content):
+                    if end > len(content):
+                        raise ValueError("its last message is cut off")
                     channel = int.from_bytes(content[start + HEAD.size : start + HEAD.size + 2], "little")
                     if opcode == Opcode.MESSAGE and channel in wanted:
                         yield channel, content[start:end]

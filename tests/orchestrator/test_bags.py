@@ -375,6 +375,18 @@ def test_what_is_not_read_is_one_sentence(run, cotrack, tmp_path):
     }
 
 
+def test_a_robot_at_rest_is_read(tmp_path):
+    """Messages that compress to a byte each, and constants of a type, which are no columns."""
+    about = "std_msgs/msg/Float64", "ros2msg", b"float64 data\nuint8 KIND=3"
+    pytest.importorskip("rosbags")
+    messages = {1e-3 * k: struct.pack("<Id", 256, 2.0) for k in range(20_000)}
+    file = write_mcap(tmp_path / "a.mcap", ("/v", "cdr", about, messages))
+    assert file.stat().st_size < 500_000
+    with pytest.warns(LogNotice):
+        assert set(read(file, {"chassis.slip": "/v"}, UNITS.get)[0].values) == {2.0}
+    assert contents(file)["/v"]["numbers"] == ["/v.data"]
+
+
 def test_a_database_whose_path_means_another_one_is_refused(run, kinds, tmp_path):
     """rosbags opens ``run1.db3`` for ``run%31.db3``."""
     file = write(tmp_path / "a", kinds, odometry(kinds), "SQLITE3")
