@@ -41,7 +41,7 @@ GENERIC = [
         for place in ("files", "kernels", "cosim/coupling", "cosim/guests", "log", "fmu_check")
         for file in sorted((ORCHESTRATOR / place).glob("*.py"))
         # a log's system.json as the project writes it; files of tests
-        if file.name not in ("recorded_system.py", "tools.py", "measured_formats.py")
+        if file.name not in ("recorded_system.py", "tools.py", "measured_formats.py", "bags.py")
     ),
     *(f"cosim/{name}.py" for name in IN_COSIM.split()),
     "execution/replays.py",

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from math import inf
 from pathlib import Path
+from textwrap import shorten
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -22,10 +23,17 @@ def info(
     signals: Annotated[bool, typer.Option("--signals", help="print name and unit of every signal, by topic")] = False,
     as_json: JsonObject = False,
 ) -> None:
-    """Print the contents of a log and the status of its run."""
-    from orchestrator.log import tools
+    """Print the contents of a log and the status of its run, or the topics and numbers of the bag of a robot."""
+    from orchestrator.log import bags, tools
+    from orchestrator.log.container import ForeignLog
 
-    summary = tools.info(log)
+    try:
+        summary = bags.contents(log) if log.suffix in bags.BAGS or log.is_dir() else tools.info(log)
+    except ForeignLog:
+        summary = bags.contents(log)
+    if isinstance(summary, dict):
+        print_json({"bag": str(log), "topics": summary}) if as_json else print_lines(_bag_lines(log, summary, signals))
+        return
     if as_json:
         print_json(_info_as_json(summary))
         return
@@ -33,6 +41,17 @@ def info(
     for topic, entry in summary.log.topics.items() if signals else ():
         pairs = zip(entry.names, entry.units, strict=True)
         print_lines([f"{topic}:", *(f"  {name} [{unit}]" for name, unit in pairs)])
+
+
+def _bag_lines(path: Path, topics: Mapping[str, Any], whole: bool) -> Iterator[str]:
+    """Yield the lines about the topics of a bag, with every number of theirs or the first ones."""
+    for topic, one in sorted(topics.items()):
+        times = "; {rate:.4g} Hz, {first:.6g} to {last:.6g} s".format(**one) if one["messages"] else ""
+        yield f"{topic}: {one['type'] or 'no type'}, {one['encoding']}, {one['messages']} messages{times}"
+        names = ", ".join(number.removeprefix(topic) for number in one["numbers"]) or "no numbers"
+        yield f"  {one['fault'] or (names if whole else shorten(names, 300, placeholder=' ...'))}"
+    for number in [number for one in topics.values() for number in one["numbers"]][:1]:
+        yield f"beside a run: cotrack plot RUN.mcap chassis.speed --with {path} --map chassis.speed={number}"
 
 
 def _info_lines(summary: Any) -> Iterator[str]:

@@ -159,7 +159,7 @@ def fit(
         typer.Option(
             "--data",
             metavar="[SCENE=]FILE",
-            help="measured signals, of this or another scene: .csv, .parquet, .mf4, .tdms, or a log; repeatable",
+            help="measured signals, of this or another scene: .csv, .parquet, .mf4, .tdms, a bag, or a log; repeatable",
         ),
     ],
     mapped: MapOption,

@@ -48,8 +48,7 @@ from orchestrator.files.budget import AT_ONCE, OverBudget, UnpackedBudget, most_
 from orchestrator.log import log_metadata, seal
 from orchestrator.log.container_writer import LIBRARY
 from orchestrator.log.log_file import being_written, error_text
-from orchestrator.log.message_records import LOG_TIME, Messages, Records, descriptions, records_by_channel, size_of
-from orchestrator.log.schema import Bytes
+from orchestrator.log.message_records import LOG_TIME, Messages, record_places, records_by_channel, size_of
 from orchestrator.log.time_series import Topic
 
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
@@ -80,6 +79,10 @@ DAMAGE = (
 
 class LogUnreadable(RuntimeError):
     """A log, or the requested part of it, cannot be read; the message is one sentence."""
+
+
+class ForeignLog(LogUnreadable):
+    """An MCAP file of other software, which serves as measured data (``bags``)."""
 
 
 class Container:
@@ -122,7 +125,7 @@ class Container:
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.others: dict[str, str] = {}  # topics of other tools -> message type and encoding
-        self.other_channels: dict[str, int] = {}  # their numbers
+        self.other_channels: dict[int, tuple[Channel, Schema]] = {}  # theirs, by number
         self.closing: dict[str, Any] | None = None
         self.contents: dict[str, str] = {}
         self.attachments: dict[str, int] = {}  # name -> offset
@@ -347,12 +350,12 @@ class Container:
 
     def _register_descriptions(self, content: bytes) -> None:
         """Register schemas and channels in a chunk, where other writers have them; raises one of DAMAGE."""
-        for opcode, body in descriptions(content):
+        for opcode, start, end in record_places(content):
             if opcode == Opcode.SCHEMA:
-                schema = _parsed(Schema, body)
+                schema = _parsed(Schema, content[start + HEAD.size : end])
                 self._schemas[schema.id] = schema
-            else:
-                self._register_channel(_parsed(Channel, body))
+            elif opcode == Opcode.CHANNEL:
+                self._register_channel(_parsed(Channel, content[start + HEAD.size : end]))
 
     def _register_metadata(self, record: Metadata) -> None:
         """Register a metadata record; raises LogUnreadable for a log of a newer format."""
@@ -370,14 +373,14 @@ class Container:
 
     def _register_channel(self, channel: Channel) -> None:
         """Register a channel; one that ``recorder`` did not write goes to ``others``."""
-        if channel.id in self._channels or channel.id in self.other_channels.values():
+        if channel.id in self._channels or channel.id in self.other_channels:
             return
         schema = self._schemas.get(channel.schema_id)
         self.contents[f"channel:{channel.topic}"] = seal.channel_digest(channel, schema)
         if "places" not in channel.metadata:
             kind = schema.name if schema else "", channel.message_encoding
             self.others[channel.topic] = ", ".join(filter(None, kind))
-            self.other_channels[channel.topic] = channel.id
+            self.other_channels[channel.id] = channel, schema or Schema(id=0, name="", encoding="", data=b"")
             return
         recorded = log_metadata.decode_channel(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
         if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:
@@ -408,33 +411,33 @@ class Container:
         return found if topics is None else [messages for messages in found if messages.topic in topics]
 
     def _damaged(self, offset: int, damage: BaseException) -> LogUnreadable:
-        return LogUnreadable(
-            f"{self.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
-        )
+        saved = "; 'log recover' saves the rest" if self.is_ours else ""
+        return LogUnreadable(f"{self.path}: the chunk at byte {offset} is damaged ({damage}){saved}")
 
     def _packed_size(self, offset: int) -> int:
         """Return the bytes in the file of the content of the chunk, or of the messages, at ``offset``."""
         return self._loose[offset] - offset if offset in self._loose else self.head(offset)[1]
 
-    def rows_of(self, number: int) -> Iterator[NDArray[np.uint8]]:
-        """Yield the message records (m, bytes) of a channel that is not ours, chunk by chunk; raises LogUnreadable."""
+    def messages(self, wanted: Collection[int]) -> Iterator[tuple[int, bytes]]:
+        """Yield channel and record of the messages of channels that are not ours; raises LogUnreadable."""
         for offset in self.spans:
             try:
-                content, records = self._records(offset, (number,))
-                if number in records:
-                    yield records[number].rows(content)
+                if (indexed := self._message_offsets(offset)) and indexed.keys().isdisjoint(wanted):
+                    continue
+                content = self._content(offset)
+                for opcode, start, end in record_places(content):
+                    if end > len(content):
+                        raise ValueError("its last message is cut off")
+                    channel = int.from_bytes(content[start + HEAD.size : start + HEAD.size + 2], "little")
+                    if opcode == Opcode.MESSAGE and channel in wanted:
+                        yield channel, content[start:end]
             except DAMAGE as damage:
                 raise self._damaged(offset, damage) from None
 
-    def _records(self, offset: int, wanted: Collection[int]) -> tuple[Bytes, dict[int, Records]]:
-        """Return the content of a chunk and the message records of channels in it; raises one of DAMAGE."""
-        content = np.frombuffer(self._content(offset), np.uint8)
-        most = most_records(self._packed_size(offset))
-        return content, records_by_channel(content, self._message_offsets(offset), most, wanted)
-
     def _unpack(self, offset: int, topics: Collection[str] | None) -> list[Messages]:
         """Return the message records of topics of a chunk, or of all if they are kept; raises one of DAMAGE."""
-        content, records = self._records(offset, self._channels)
+        content, most = np.frombuffer(self._content(offset), np.uint8), most_records(self._packed_size(offset))
+        records = records_by_channel(content, self._message_offsets(offset), most, self._channels)
         keep = len(content) <= self._room
         messages = []
         for number, channel in self._channels.items():

@@ -2,7 +2,7 @@
 
 CSV: the first line holds names with units, "v [km/h]", "v (km/h)" or "v, km/h"; a cell may be empty. Parquet: names as
 in CSV, or the unit in the metadata of a column, as ``log export`` writes it; dates count in s from the first, durations
-from zero. MCAP: the log of another run. Whatever a library raises at a file of others is a file that cannot be read.
+from zero. MCAP: the log of another run, or a bag (``bags``). What a library raises at a file is that it cannot be read.
 
 MDF 4, by asammdf 8.8.28: ``to_dataframe`` fills the time before a group begins with its first value, and exports begin
 each group at zero; it drops invalid samples, over which a line would be drawn; a group without a clock has times by
@@ -23,7 +23,7 @@ import re
 import sys
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from io import BufferedReader, StringIO
 from itertools import islice
@@ -76,18 +76,23 @@ Read = dict[int, Samples]
 Told = Mapping[tuple[str, str], set[bytes]]  # values of TDMS properties in all segments, by path and key
 
 
-def read_samples(path: Path, choose: Choose) -> Read:
+def read_samples(path: Path, choose: Choose, wanted: Collection[str] = ()) -> Read:
     """Read columns of a file, by its suffix; a suffix that no other format has is that of a CSV file.
 
     :param choose: gives the numbers of the wanted columns among those of the file; raises BadInput.
+    :param wanted: names of these, with units behind or not: those that a bag is asked for.
     :raises BadInput: for a file that cannot be read; NotInstalled without its library, LogUnreadable for a log.
     """
-    from orchestrator.log.container import LogUnreadable  # takes long, and a scene rarely names a file
+    from orchestrator.log.bags import read_bag  # takes long, and a scene rarely names a file
+    from orchestrator.log.container import ForeignLog, LogUnreadable
 
-    reason = ""
+    reason, suffix = "", path.suffix.lower()
     with _silent_ends():
         try:
-            return FORMATS.get(path.suffix.lower(), _csv)(path, choose)
+            if suffix not in BAGS and not path.is_dir():
+                with suppress(ForeignLog):
+                    return FORMATS.get(suffix, _csv)(path, choose)
+            return read_bag(path, choose, wanted)
         except (BadInput, NotInstalled, LogUnreadable):
             raise
         except Exception as error:
@@ -99,7 +104,8 @@ def read_samples(path: Path, choose: Choose) -> Read:
 
 def other_suffix(path: Path) -> str:
     """Return the sentence part on a file whose suffix no format has; empty for another one."""
-    return "" if path.suffix.lower() in FORMATS else f"; of other files these are read, by suffix: {', '.join(FORMATS)}"
+    known = [*FORMATS, *BAGS]
+    return "" if path.suffix.lower() in known else f"; of other files these are read, by suffix: {', '.join(known)}"
 
 
 @contextmanager
@@ -347,4 +353,5 @@ def _mcap(path: Path, choose: Choose) -> Read:
 FORMATS: dict[str, Callable[[Path, Choose], Read]] = {
     ".csv": _csv, ".parquet": _parquet, ".mf4": _mdf, ".mdf": _mdf, ".tdms": _tdms, ".mcap": _mcap,
 }  # fmt: skip
-SUFFIXES = FORMATS.keys() - {".mcap"}  # of files that are no run
+BAGS = (".db3", ".bag")  # of robots, as are MCAP files of other software
+SUFFIXES = {*FORMATS, *BAGS} - {".mcap"}  # of files that are no run

@@ -122,13 +122,12 @@ def records_by_channel(
     return {channel: _of_runs(runs) for channel, runs in runs_by_channel(content, most).items() if channel in wanted}
 
 
-def descriptions(content: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield opcode and content of the schema and channel records in the content of a chunk."""
+def record_places(content: bytes) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, beginning and end of the records in the content of a chunk; the last one may be cut off."""
     offset = 0
     while offset + _HEAD <= len(content):
         opcode, length = _RECORD.unpack_from(content, offset)
-        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            yield opcode, content[offset + _HEAD : offset + _HEAD + length]
+        yield opcode, offset, offset + _HEAD + length
         offset += _HEAD + length
 
 

@@ -31,7 +31,8 @@ def foreign(path: Path, header: Any, topics: Mapping[str, str]) -> str:
     """Return the sentence on an MCAP file that is no log of cotrack; ``topics``: with message type and encoding."""
     named = shorten(", ".join(f"{topic} ({kind})" for topic, kind in topics.items()), TOPICS, placeholder=" ...")
     wrote = f"profile '{header.profile}', library '{header.library}', topics {named or 'none'}"
-    return f"{path} is an MCAP file of other software, no log of cotrack, and its numbers are not read: {wrote}"
+    use = "'cotrack log info' lists its numbers, which serve as measured data"
+    return f"{path} is an MCAP file of other software, no log of cotrack; {use}: {wrote}"
 
 
 def stripped(path: Path) -> str:

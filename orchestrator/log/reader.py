@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from orchestrator.files.budget import DOCUMENT, check_size
 from orchestrator.log import log_metadata, notices, seal, signal_names
-from orchestrator.log.container import KEPT, Container, LogUnreadable
+from orchestrator.log.container import KEPT, Container, ForeignLog, LogUnreadable
 from orchestrator.log.message_records import Messages
 from orchestrator.log.signal_names import Names, recorded_texts
 from orchestrator.log.stream import NotInOrder, Stream
@@ -64,7 +64,7 @@ class Log(AbstractContextManager["Log"]):
         if unmarked and not file.topics and not file.is_ours:
             header = file.header
             file.close()
-            raise LogUnreadable(notices.foreign(self.path, header, file.others))
+            raise ForeignLog(notices.foreign(self.path, header, file.others))
         self.size, self.faults = file.size, file.faults
         self.being_written = file.being_written  # by a run that has not ended
         self.topics, self.metadata, self.closing = file.topics, file.metadata, file.closing
@@ -383,9 +383,11 @@ class Log(AbstractContextManager["Log"]):
                 f"attachment:{name}": seal.attachment_digest(self._file.attachment(name)) for name in self.attachments
             }
             found |= self._file.contents
-        for topic, number in self._file.other_channels.items():
+        for number, (channel, _) in self._file.other_channels.items():
+            topic = channel.topic
             if f"messages:{topic}" in listed:
-                found[f"messages:{topic}"] = seal.messages_digest(self._file.rows_of(number))
+                rows = (np.frombuffer(record, np.uint8)[None] for _, record in self._file.messages([number]))
+                found[f"messages:{topic}"] = seal.messages_digest(rows)
             if f"channel:{topic}" not in listed:  # of other software
                 found.pop(f"channel:{topic}", None)
         empty = {

@@ -92,7 +92,7 @@ def read(
             raise BadInput(f"{path}: its columns have times of their own, so that it takes no clock")
         return [column.number for column in asked.values()]
 
-    samples = read_samples(path, choose)
+    samples = read_samples(path, choose, columns.values())
     times = None
     if CLOCK in asked:
         times = _in_unit(path, asked[CLOCK], samples, CLOCK)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +41,9 @@ def read_files(table: Tables, folder: Path, where: str) -> None:
     for name, drive in _drives(table):
         for key, units in (OF_DRIVER if name == "driver" else UNITS).items():
             if isinstance(drive.get(key), str):
-                path = folder / drive[key]
-                drive[key] = _read_pairs(path, f"{where}: {name}.{key} = '{path}'", units)
+                path, column = _named(folder, drive[key])
+                read = partial(_of_bag, column) if column else _read_pairs
+                drive[key] = read(path, f"{where}: {name}.{key} = '{folder / drive[key]}'", units)
 
 
 def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -53,9 +56,23 @@ def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
                     yield f"{name}.{side}", drive[side]
 
 
+def _named(folder: Path, text: str) -> tuple[Path, str]:
+    """File, and column of "FILE:COLUMN", which names one of a bag, "" without one."""
+    ends = [k for k, mark in enumerate(text) if mark == ":" and (folder / text[:k]).exists()]
+    return (folder / text[: ends[0]], text[ends[0] + 1 :]) if ends else (folder / text, "")
+
+
+def _of_bag(text: str, path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
+    """Pairs from "COLUMN[:UNIT][*FACTOR][@START]" of a bag; those before START s are left out but for the last one."""
+    name, factor, start = re.findall(r"(?s)^(.+?)(?:\*(-?\d+\.?\d*))?(?:@(\d+\.?\d*))?$", text)[0]
+    pairs = np.array(_of_columns(path, key, units, name)) - [float(start or 0.0), 0.0]
+    pairs = pairs[max(np.count_nonzero(pairs[:, 0] <= 0.0) - 1, 0) :] * [1.0, float(factor or 1.0)]
+    return np.asarray(np.maximum(pairs, [0.0, -np.inf])).tolist()
+
+
 def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
     """Pairs of numbers, SI, from a file with two columns, which in CSV may have a first line of names with units."""
-    if path.suffix.lower() in SUFFIXES - {".csv"}:
+    if path.suffix.lower() in {*SUFFIXES, ".mcap"} - {".csv"} or path.is_dir():
         return _of_columns(path, key, units)
     try:
         rows = [*csv_lines(path, CSV, ROWS)]
@@ -78,8 +95,8 @@ def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float
     return pairs
 
 
-def _of_columns(path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
-    """Pairs of numbers, SI, from the two columns of a file of another format, or from one that has times of its own."""
+def _of_columns(path: Path, key: str, units: tuple[str, str], column: str = "") -> list[list[float]]:
+    """Pairs, SI, from the two columns of a file, from one that has times of its own, or from a ``column`` of a bag."""
     found: list[FileColumn] = []
 
     def both(present: Sequence[FileColumn]) -> list[int]:
@@ -89,7 +106,7 @@ def _of_columns(path: Path, key: str, units: tuple[str, str]) -> list[list[float
         return [*range(len(present))]
 
     try:
-        samples = read_samples(path, both)
+        samples = read_samples(path, both, [column] * bool(column))
     except BadInput as error:
         raise BadInput(f"{key}: {error}") from None
     columns, times = ([getattr(samples[k], part) for k in range(len(found))] for part in ("values", "t"))

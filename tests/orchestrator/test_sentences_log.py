@@ -220,8 +220,8 @@ def bag(g, kept, ask):
 
 
 BAG = (
-    "is an MCAP file of other software, no log of cotrack, and its numbers are not read: profile 'ros2', library"
-    " 'libmcap 1.2', topics /wheel0/speed (std_msgs/msg/Float64, cdr), "
+    "is an MCAP file of other software, no log of cotrack; 'cotrack log info' lists its numbers, which serve as"
+    " measured data: profile 'ros2', library 'libmcap 1.2', topics /wheel0/speed (std_msgs/msg/Float64, cdr), "
 )
 
 
@@ -535,7 +535,7 @@ MEASURED_RECORDS = (
     (compared({"speed": "v"}), "no signal 'speed'; did you mean 'chassis.speed'"),
     (compared({"chassis.speed": "v"}, v=1.0, shift="find"), "no shift can be found: no mapped signal varies in the"),
     *((missing(library, named(f"m.{kind}", b"x")), f"{library} is not installed: pip install ...'.[measured]'")
-      for library, kind in (("pyarrow", "parquet"), ("asammdf", "mf4"), ("nptdms", "tdms"))),
+      for library, kind in (("pyarrow", "parquet"), ("asammdf", "mf4"), ("nptdms", "tdms"), ("rosbags", "bag"))),
     (options(), "a measured record needs --map SIGNAL=COLUMN, for example"),
     (options(*MAP, "--shift", "late"), "shift late: must be a number of s, or 'find'"),
     (options("--map", "v=chassis.speed"), "'v' is no signal of the run, but 'chassis.speed' is: the map is"),
