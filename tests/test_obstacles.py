@@ -188,6 +188,7 @@ REFINED = [  # ground, heading, times as many points along and across
     ({"half_round": {"radius": 0.2}}, 0.0, LEVEL),
     ({"half_round": {"radius": 0.05}}, 0.0, (4, 1)),
     ({"half_round": {"radius": 0.05}}, np.pi / 2, (1, 4)),  # the vehicle drives beside it
+    ({"half_round": {"radius": 0.05}}, None, (4, 4)),  # it turns across it
     ({"half_round": {"radius": 0.002}}, 0.0, (8, 1)),
     ({"step": {"radius": 0.02}}, 0.0, (4, 1)),
     ({"bump": {"radius": 0.04}}, np.pi / 2, (2, 1)),  # it lies ahead of the start

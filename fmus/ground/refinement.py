@@ -37,10 +37,10 @@ class Feature(NamedTuple):
     across: float  # and along y, m
 
 
-def refinement(ground: Table, track: Table, heading: float) -> tuple[int, int]:
+def refinement(ground: Table, track: Table, heading: float | None) -> tuple[int, int]:
     """Refinement for the links of a vehicle's ``track`` on a ``ground``: its own, or as its features ask, up to MOST.
 
-    ``heading``, rad: of the vehicle at the start.
+    ``heading``, rad: of a vehicle that keeps it; None of one that turns.
     """
     if ground.get("refinement"):
         return tuple(ground["refinement"])
@@ -81,7 +81,7 @@ def gaps(track: Table, refined: tuple[int, int]) -> tuple[float, float]:
     return 2.0 * GAUSS * grousers(track)["length"] / refined[0], 0.5 * grousers(track)["width"] / refined[1]
 
 
-def passed_over(ground: Table, track: Table, heading: float) -> list[str]:
+def passed_over(ground: Table, track: Table, heading: float | None) -> list[str]:
     """One sentence for each feature of the ground that is narrower than the points of a link allow."""
     refined = refinement(ground, track, heading)
     (gap, side), sentences, what = gaps(track, refined), [], "grouser" if track.get("grouser") else "link"
@@ -117,9 +117,11 @@ def features(ground: Table, pitch: float) -> Iterator[Feature]:
             yield Feature("heightmap.heights", "peaks with a width", min(x, y), 0.25 * x, 0.25 * y)
 
 
-def _distances(feature: Feature, heading: float) -> tuple[float, float]:
-    """Largest mean distances of points along and across a vehicle with this ``heading``, rad; m."""
+def _distances(feature: Feature, heading: float | None) -> tuple[float, float]:
+    """Largest mean distances of points along and across a vehicle with this ``heading``, rad, or with any; m."""
     x, y = feature.along, feature.across
+    if heading is None:
+        return min(x, y), min(x, y)
     if heading == 0.0 or feature.key == BUMP:  # a bump lies ahead of the start
         return x, y
     from fmus.physics.elementary import cos, sin  # kernels

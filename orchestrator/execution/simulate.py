@@ -213,7 +213,11 @@ def _early_warnings(
 
 def _implausible_numbers(scene: SystemScene) -> list[tuple[str, str]]:
     """Return warnings about numbers of the scene outside the plausible range, and about a shortened step."""
-    sentences = [*filter(None, [scene.shortened]), *implausible_numbers(scene.resolved(), scene.where)]
+    sentences = [
+        *filter(None, [scene.shortened]),
+        *implausible_numbers(scene.resolved(), scene.where),
+        *scene.narrow_obstacles,
+    ]
     return [("scene", sentence) for sentence in sentences]
 
 

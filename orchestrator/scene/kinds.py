@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
+from fmus.ground.refinement import passed_over
 from fmus.ground.tables import GroundTable, LevelGroundTable
 from fmus.track.choices import TRACKS
 from fmus.vehicles.sides import lopsided, pins_a_turn, pitch_radius
@@ -303,6 +304,17 @@ class VehicleScene(Scene):
         """True if the sides are driven differently."""
         demanded = self.drive.demand and not self.symmetric and len(self.tracks) > 1
         return self.drive.steers or self.drive.steering is not None or self.driver is not None or demanded
+
+    @property
+    def kept_heading(self) -> float | None:
+        """Heading of a vehicle that is not made to turn, rad; None of others."""
+        return None if self.turns else self.start.heading
+
+    @property
+    def narrow_obstacles(self) -> list[str]:
+        """One sentence for each feature of the ground that may pass between contact points of a link."""
+        ground, track = self.ground.model_dump(exclude_none=True), self.vehicle.track.model_dump()
+        return [f"{self.where}: {sentence}" for sentence in passed_over(ground, track, self.kept_heading)]
 
     @property
     def _lopsided(self) -> str:

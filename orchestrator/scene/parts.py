@@ -248,7 +248,7 @@ def closed_track_config(scene: RigScene | VehicleScene, side: Side = "left") -> 
         vehicle, outputs, links=vehicle.track.links, closed=True, wheels=[_sprocket(vehicle), *rims], ground=True
     )
     config["track"] |= _ground_shape(scene)
-    refined = refinement(scene.ground.model_dump(exclude_none=True), vehicle.track.model_dump(), scene.start.heading)
+    refined = refinement(scene.ground.model_dump(exclude_none=True), vehicle.track.model_dump(), scene.kept_heading)
     if refined != LEVEL:
         config["track"]["refinement"] = refined
     if scene.ground.soil is not None:

@@ -79,6 +79,11 @@ class SystemScene(FrozenTable):
         """Beginning of messages about it: its archive, or the file of its name."""
         return self._archive or f"{self.name}.toml"
 
+    @property
+    def narrow_obstacles(self) -> list[str]:
+        """Sentences about obstacles that may pass between contact points."""
+        return []
+
     def read_from(self, archive: str, settings: Mapping[str, Any]) -> Self:
         """The scene as one of an SSP archive (empty for none) with settings: for messages and the name of its log."""
         read = self.model_copy()

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 from annotated_types import GroupedMetadata
 from pydantic import BeforeValidator, Field
 
-from fmus.ground.refinement import passed_over
 from fmus.track.choices import TRACKS
 from fmus.vehicles.ranges import VEHICLE, PlausibleRange, impossible_sections, range_violations
 from fmus.vehicles.sides import of_side, smooth_wheels
@@ -123,8 +122,7 @@ def implausible_numbers(scene: Mapping[str, Any], where: str) -> list[str]:
             )
         sentences += impossible_sections(vehicle)
         if scene.get("assembly") == "vehicle":
-            passed = passed_over(scene["ground"], vehicle["track"], scene["start"]["heading"])
-            sentences += [*overlapping_wheels(vehicle), *_light_spins(vehicle, step), *passed]
+            sentences += [*overlapping_wheels(vehicle), *_light_spins(vehicle, step)]
     return [f"{where}: {sentence}" for sentence in sentences]
 
 
