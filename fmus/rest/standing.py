@@ -97,7 +97,7 @@ class _Search:
     ) -> None:
         self.chassis, self.tracks, self.tension, self.cables = chassis, tracks, tension, cables
         self.sides = SIDES if chassis["vehicle"].get("right") else SIDES[:1]
-        self.missed = ""  # why a tension as drawn was not reached
+        self.missed = ""  # why the last trial did not reach its tension as drawn
         self.guess: Floats | None = None  # last equilibrium
 
     def run(self) -> StandingVehicle:
@@ -137,6 +137,7 @@ class _Search:
 
     def _standing(self, drawn: Floats) -> StandingVehicle:
         links: Links = CABLES if self.cables is None else ("TrackRigid", self.tracks["left"].parameters)
+        self.missed = ""
         found, moved = [], self.chassis["vehicle"]["tensioner"]["wheel"]
         for side, tension in zip(self.sides, drawn.tolist(), strict=True):
             keys = "vehicle.track" if side == "left" else "vehicle.right.track"

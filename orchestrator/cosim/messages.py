@@ -100,7 +100,8 @@ class CallMessages:
     def refusal(self) -> str:
         """Return a sentence on an instance that the FMU has not made."""
         said = self.first_error() or "the FMU cannot be instantiated"
-        return f"{self._component}: {said}{'' if 'nstantiate' in said else ' (instantiation)'}"
+        phase = "" if "instantiate" in said.lower() else " (instantiation)"  # which the words may not tell
+        return f"{self._component}: {said}{phase}"
 
 
 def status_text(function: str, status: int) -> str:

@@ -50,10 +50,10 @@ def interruptible() -> Iterator[Interrupt]:
         yield interrupt
         return
     before = [signal.signal(number, interrupt) for number in SIGNALS]
-    woken = signal.set_wakeup_fd(interrupt.descriptor, warn_on_full_buffer=False)
+    descriptor = signal.set_wakeup_fd(interrupt.descriptor, warn_on_full_buffer=False)
     try:
         yield interrupt
     finally:
-        signal.set_wakeup_fd(woken)
+        signal.set_wakeup_fd(descriptor)
         for number, handler in zip(SIGNALS, before, strict=True):
             signal.signal(number, handler)

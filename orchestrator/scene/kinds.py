@@ -301,7 +301,7 @@ class VehicleScene(Scene):
 
     @property
     def turns(self) -> bool:
-        """True if the sides are driven differently."""
+        """True if the sides may be driven differently: by their tables, a differential, a driver or demands."""
         demanded = self.drive.demand and not self.symmetric and len(self.tracks) > 1
         return self.drive.steers or self.drive.steering is not None or self.driver is not None or demanded
 

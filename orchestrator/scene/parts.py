@@ -74,8 +74,8 @@ def _chain(scene: ChainScene) -> Assembly:
         moving: Parameters = {"start.spin": chain.spin, "start.ovalling": chain.ovalling}
         return Assembly((part._replace(parameters={**part.parameters, **moving}),), ())
     if chain.ends == "lying":
-        pull = [0.5 * chain.pull, 0.0]
-        ends: dict[str, Any] = {"kind": "pulled", "first": pull, "last": pull}
+        half = [0.5 * chain.pull, 0.0]  # x and z of the force on each end, N; ends that are held have places, m
+        ends: dict[str, Any] = {"kind": "pulled", "first": half, "last": half}
         config = _track_config(vehicle, outputs, links=chain.links, closed=False, wheels=[], ground=True, ends=ends)
         if scene.ground and scene.ground.soil:
             config["track"]["soil"] = scene.ground.soil.model_dump(exclude={"name"})

@@ -301,10 +301,10 @@ def tangent(c: Cable, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
     chord's direction in the bending damping.
     """
     n, eps, rate = len(c.axes), strain(c, e), strain_rate(c, e, v)
-    stretch = 1.0 / (1.0 + 2.0 * eps)
-    drag = c.nuA * rate * stretch
-    ww = (c.EA + by_rate * c.nuA * stretch - 2.0 * drag * stretch) / c.l
-    wv = c.nuA * stretch / c.l
+    per_stretch2 = 1.0 / (1.0 + 2.0 * eps)
+    drag = c.nuA * rate * per_stretch2  # (19)
+    ww = (c.EA + by_rate * c.nuA * per_stretch2 - 2.0 * drag * per_stretch2) / c.l  # of the gradient by e
+    wv = c.nuA * per_stretch2 / c.l  # and by v
     for j in range(n):
         x, y = strain_gradient(c, parts(e, j)), strain_gradient(c, parts(v, j))
         d, p, r = ww * x[0] + wv * y[0], ww * x[1] + wv * y[1], ww * x[2] + wv * y[2]
