@@ -10,7 +10,7 @@ from fmus.vehicles.vehicle import read_table
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import spectrum, validity
-from orchestrator.results.measures import NAMES
+from orchestrator.results.measures import FIGURES
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.vehicle_measures import speed_excess
 from orchestrator.results.views.shapes import wheel_body
@@ -98,7 +98,7 @@ def test_a_smooth_wheel_drives_a_vehicle_and_creeps_as_its_tensions_say(tmp_path
         assert abs(result["energy"]["residual_relative"]) < 2e-3
         pins = pins_a_turn(run.scene["vehicle"])
         assert pins == pytest.approx(2.0 * math.pi * (RADIUS + FACE) / 0.02, rel=1e-12)
-        ways[force] = NAMES["pins_per_revolution"](run, "left", STEADY) / pins
+        ways[force] = FIGURES["pins_per_revolution"](run, "left", STEADY) / pins
         assert ways[force] == pytest.approx(1.0 - creep(run, 0.6), abs=8e-3)
         creeps[force] = np.array([creep(run, 0.6), creep(run, 0.75)])
     expected, twin = creeps[80.0] - creeps[0.0]

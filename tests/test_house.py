@@ -59,6 +59,7 @@ PROOF = ROOT / "tests"
 # Imports inside a function, and why they may close a circle.
 LATE = {
     ("fmus.physics.chain.interface", "fmus.physics.chain.rolling"): "a chain that touches nothing has no contacts",
+    ("orchestrator.log.measured_formats", "orchestrator.log.bags"): "a scene rarely reads a bag, and it takes long",
     ("orchestrator.scene.kinds", "orchestrator.scene.scene"): "a scene is changed by what reads all kinds of scenes",
     ("orchestrator.scene.scene", "orchestrator.scene.keys"): "a wrong key is told with its range, by a list of scenes",
 }

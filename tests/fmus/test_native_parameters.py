@@ -94,9 +94,9 @@ def test_pages_say_how_many_parameters_there_are_and_which_are_free_natively():
         counts[kind] = sum(port.causality == "parameter" for port in ports)
         names = free_names(model.free_parameters(parameter_values(ports, {})))
         free |= {port.name.partition("[")[0] for port in own if port.name in names}
-    of_tracks = told("README.md", r"has (\d+) parameters \(flexible links\) or (\d+) \(rigid\)")
+    of_tracks = told("in_your_tool.md", r"has (\d+) parameters \(flexible links\) or (\d+) \(rigid\)")
     assert [*map(int, of_tracks)] == [counts["TrackFlexible"], counts["TrackRigid"]]
-    assert int(told("README.md", r"a chassis has (\d+) in")) == counts["Chassis"]
+    assert int(told("in_your_tool.md", r"a chassis has (\d+) in")) == counts["Chassis"]
     outputs = int(told("native/README.md", r"A track has (\d+) Real outputs"))
     assert outputs == arrayed["TrackFlexible"] == arrayed["TrackRigid"]
     named = re.findall(r"`([\w.]+)`", told("coupling.md", r"native FMUs let you set (.*?), no more"))

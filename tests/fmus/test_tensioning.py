@@ -139,7 +139,7 @@ def test_a_tension_that_is_jumped_over_is_refused_with_both_sides(monkeypatch):
         return track.found[x][0]
 
     config = {"track": {"wheels": [{"name": "idler", "position": [0.0, 0.0]}], "links": 10}}
-    config["vehicle"] = {"track": {"pitch": 0.1524}}
+    config["vehicle"] = {"track": {"pitch": 0.1524}, "sprocket": {}}
     monkeypatch.setattr(tensioning.Track, "tension", tension)
     monkeypatch.setattr(tensioning.Track, "outwards", 1.0, raising=False)
     for asked, nearest in ((2.0e3, 1.7e3), (3.0e3, 3.7e3)):
