@@ -46,12 +46,11 @@ def contacts(
     if s.get("teeth"):
         shape = (s[key] for key in ("pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"))
         try:
-            profile = teeth(s["teeth"], pitch_radius(vehicle, sin), *shape)
+            profile = teeth(s["teeth"], seated := pitch_radius(vehicle, sin), *shape)
         except ValueError as error:
             raise InvalidParameter(f"sprocket: {error}") from None
-        rim = profile.top
-        if lugs > 1:  # it touches the faces of links whose pins lie on the pitch circle
-            rim = pitch_radius(vehicle, sin) * cos(np.pi / pins_a_turn(vehicle)) - track["face"]
+        touched = seated * cos(np.pi / pins_a_turn(vehicle)) - track["face"]  # by links whose pins are seated
+        rim = touched if lugs > 1 else profile.top
     radius = np.array([rim if w["kind"] == "teeth" else w["radius"] for w in wheels], dtype=float)
     kinds = KINDS | {"teeth": LUGGED} if lugs > 1 else KINDS
     return Contacts(

@@ -87,10 +87,7 @@ def thickness(track: Mapping[str, Any]) -> float:
 
 
 def pins_a_turn(vehicle: Mapping[str, Any]) -> float:
-    """Pins that the sprocket takes in a turn; pitches, if smooth.
-
-    12.5 with 25 teeth and a pin in every second gap, 50 with a lug on every second pin.
-    """
+    """Pins that the sprocket takes in a turn: 12.5 with 25 teeth and a pin in every second gap; pitches, if smooth."""
     if vehicle["sprocket"].get("radius"):
         return 2.0 * pi * pitch_radius(vehicle) / float(vehicle["track"]["pitch"])
     teeth, gaps, lugs = (vehicle["sprocket"].get(key) or 1 for key in ("teeth", "gaps_per_pin", "pins_per_gap"))

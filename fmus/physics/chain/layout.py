@@ -117,12 +117,11 @@ def closed_polygon(
 ) -> Floats:
     """Pins (links, 2) of a closed polygon of equal chords round circles.
 
-    The circles have ``centres`` (m, 2) and ``radii`` (m). The first pin is the foremost one, or with ``lugs`` on every
-    so manyth pin the first lug before it. Circles that ``grows`` (m) marks (rims, not teeth) are passed at a small distance, which makes up for the difference between the lengths of
-    belt and links. Between the ``teeth`` of others the pins lie in gaps: pins on flanks come to rest there too, at
-    another tension.
-    Raises ValueError if that distance exceeds a third of the ``pitch``, m: the track cannot wrap its wheels; and where
-    the ``lugs`` do not divide the ``links``.
+    The circles have ``centres`` (m, 2) and ``radii`` (m). The first pin is the foremost one, or the last one before
+    it of every ``lugs`` pins, which alone have lugs. Circles that ``grows`` (m) marks (rims, not teeth) are passed at a
+    small distance, which makes up for the difference between the lengths of belt and links. Between the ``teeth`` of
+    others the lugs lie in gaps: pins on flanks come to rest there too, at another tension. Raises ValueError if that
+    distance exceeds a third of the ``pitch``, m: the track cannot wrap its wheels; if ``lugs`` are not evenly round.
     """
     if links % lugs:
         raise ValueError(f"its number of links, {links}, must be divisible by sprocket.pins_per_gap = {lugs}")
@@ -273,7 +272,7 @@ def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
 def over_sprocket(centre: Floats, pitch: float, pins_a_turn: float, links: int, lugs: int) -> Floats:
     """Pins (links + 1, 2) of an open chain over half of a sprocket at ``centre`` (2).
 
-    It enters along x above, is seated foremost, and leaves below. Each of so many pins has one of the ``lugs``.
+    It enters along x above, is seated foremost, and leaves below. One of every ``lugs`` pins has a lug.
     """
     radius = pitch / (2.0 * sin(np.pi / pins_a_turn))
     foremost = (5 * links) // 8 // lugs * lugs
