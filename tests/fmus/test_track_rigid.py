@@ -176,7 +176,7 @@ def teeth_alone(partners):
 def test_lugs_are_evenly_round():
     model = with_lugs(2)
     model.links_count -= 1
-    with pytest.raises(InvalidParameter, match="number of links, 127, must be divisible by sprocket.pins_per_gap = 2"):
+    with pytest.raises(InvalidParameter, match=r"links, 127, must be divisible by sprocket\.pins_per_gap = 2"):
         model.polygon()
 
 
