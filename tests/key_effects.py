@@ -45,6 +45,8 @@ CASES = {
     "dense teeth": Case("straight", (*VEHICLE, "vehicle.sprocket.teeth=20", "vehicle.sprocket.gaps_per_pin=2",
         "vehicle.sprocket.seat_clearance=0.006", "vehicle.sprocket.tip_radius=0.004",
         "vehicle.sprocket.flank_angle=0.05", "vehicle.idler.x=-4.043"), overrides=SLOWER),
+    "lugged": Case("sprocket_bench", (*RIG, "vehicle.sprocket.teeth=6", "vehicle.sprocket.pins_per_gap=7",
+        "vehicle.track.links=56", "vehicle.track.pitch=0.03", "vehicle.sprocket.outer_radius=0.26")),
     "tensioned": Case("straight", ("track.link_outputs=false",), 0.002, "vehicle.track.tension"),
     "on grousers": Case("straight", (*VEHICLE, GROUSERS, "start.height=-0.07"), overrides=SLOWER),
     "worn": Case("straight", (*VEHICLE, "vehicle.sprocket.pitch=0.1523"), overrides=SLOWER),
@@ -171,6 +173,7 @@ KEYS: dict[str, Acts] = {
     "vehicle.guide.clearance": Acts("guided", WIDE, 2e-5),  # cables stay in their plane
     "vehicle.sprocket.teeth": Acts("eleven teeth", ALL),
     "vehicle.sprocket.gaps_per_pin": Acts("dense teeth", ("rigid",), 3),
+    "vehicle.sprocket.pins_per_gap": Acts("lugged", ("rigid",), 8),
     "vehicle.sprocket.*radius": Acts("vehicle", ALL),
     "vehicle.sprocket.seat_clearance": Acts("vehicle", ALL),
     "vehicle.sprocket.flank_angle": Acts("vehicle", ALL),

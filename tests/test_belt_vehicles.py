@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from fmus.vehicles.sides import pins_a_turn
-from fmus.vehicles.vehicle import read_table
+from fmus.vehicles.vehicle import read_table, vehicle
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import spectrum, validity
-from orchestrator.results.measures import FIGURES
+from orchestrator.results.chain_measures import pins_per_revolution
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.vehicle_measures import speed_excess
 from orchestrator.results.views.shapes import wheel_body
@@ -98,7 +98,7 @@ def test_a_smooth_wheel_drives_a_vehicle_and_creeps_as_its_tensions_say(tmp_path
         assert abs(result["energy"]["residual_relative"]) < 2e-3
         pins = pins_a_turn(run.scene["vehicle"])
         assert pins == pytest.approx(2.0 * math.pi * (RADIUS + FACE) / 0.02, rel=1e-12)
-        ways[force] = FIGURES["pins_per_revolution"](run, "left", STEADY) / pins
+        ways[force] = pins_per_revolution(run, "left", STEADY) / pins
         assert ways[force] == pytest.approx(1.0 - creep(run, 0.6), abs=8e-3)
         creeps[force] = np.array([creep(run, 0.6), creep(run, 0.75)])
     expected, twin = creeps[80.0] - creeps[0.0]
@@ -125,3 +125,62 @@ def test_a_smooth_wheel_slips_where_tension_or_friction_is_too_small(tmp_path):
     assert tight / slack == pytest.approx(math.exp(0.05 * wrap() * inside), rel=0.02)
     assert tight / slack != pytest.approx(math.exp(0.07 * wrap() * inside), rel=0.02)
     assert run.mean("left_track.speed", STEADY) < 0.0 < run.mean("left_drive.speed", STEADY)
+
+
+def towing(tmp_path, model, cut, stop=2.25, native=False, **sprocket):
+    """Run of the robot that tows 80 N, its links ``cut`` into so many, with these numbers of its sprocket."""
+    table = vehicle(*read_table("robot")).model_dump()
+    pitch, width, height = table["track"]["pitch"] / cut, table["track"]["width"], 2.0 * table["track"]["face"]
+    box = [width**2 + height**2, pitch**2 + height**2, pitch**2 + width**2]
+    mass = table["track"]["mass"] / cut
+    settings = {
+        "links": 43 * cut, "pitch": pitch, "mass": mass, "inertia": [mass / 12.0 * both for both in box],
+    }  # fmt: skip
+    settings = {f"vehicle.track.{key}": value for key, value in settings.items()}
+    for law, key in ((law, key) for law in ("wheel", "ground") for key in ("stiffness", "damping")):
+        settings[f"vehicle.contact.{law}.{key}"] = table["contact"][law][key] / cut
+    settings |= {f"vehicle.sprocket.{key}": value for key, value in sprocket.items()}
+    path = tmp_path / f"{model}-{cut}-{len(sprocket)}-{native}.mcap"
+    scene = load("robot", model, {"run.stop": stop, "run.links": 1, "hitch.force": 80.0} | settings)
+    result = simulate(scene, path, estimated=False, native=native)
+    assert (result["status"], result["validity"]) == ("ok", [])
+    assert abs(result["energy"]["residual_relative"]) < 1e-3
+    return path
+
+
+def driven(path):
+    """Mean tension at rest, N; pins a turn, torque, N m, and speed, m/s, at constant speed; teeth a second."""
+    with Log(path) as log:
+        run = RunData(log)
+        pins, torque = pins_per_revolution(run, "left", STEADY), run.mean("left_drive.torque", STEADY)
+        teeth = spectrum.tooth_passing_frequency(run, "left_track.travel", STEADY)
+        tension, speed = run.mean("left_track.tension.mean", Window(0.05, 0.25)), run.mean("left_track.speed", STEADY)
+        return tension, pins, torque, speed, teeth
+
+
+def test_a_lug_on_every_nth_pin_drives_as_whole_links_do(tmp_path):
+    """Links cut in two or three keep tension, way a turn and speed; the torque is that of a tooth for each pin.
+
+    Cut links creep more on soft ground than whole ones, which costs 3 % of the torque.
+    """
+    tension, pins, torque, speed, teeth = driven(towing(tmp_path, "rigid", 1))
+    small = {"teeth": 24, "outer_radius": 0.0785, "pin_radius": 2e-3, "seat_clearance": 1e-3, "tip_radius": 3e-4}
+    each = driven(towing(tmp_path, "rigid", 2, **small))[2]
+    for model, cut in ("rigid", 2), ("flexible", 2), ("rigid", 3):
+        seen = driven(towing(tmp_path, model, cut, pins_per_gap=cut))
+        assert seen[0] == pytest.approx(tension, rel=1e-3)
+        assert seen[1] == pytest.approx(cut * pins, rel=1e-3)
+        assert seen[2] == pytest.approx(torque, rel=0.04)
+        assert seen[2] == pytest.approx(each, rel=0.01)
+        assert seen[3] == pytest.approx(speed, rel=1e-3)
+        assert seen[4] == pytest.approx(teeth, rel=1e-9)
+    assert abs(each / torque - 1.0) > 0.02, "the twin: the cut changes the torque, not the lugs"
+
+
+@pytest.mark.parametrize("model", ["rigid", "flexible"])
+def test_native_lugs_have_the_same_bits(tmp_path, model):
+    digests = []
+    for native in (False, True):
+        with Log(towing(tmp_path, model, 2, 0.5, native, pins_per_gap=2)) as log:
+            digests.append(log.digest())
+    assert digests[0] == digests[1]

@@ -114,6 +114,21 @@ RECOIL = {"preload": 9e4, "stiffness": 4e5}
             {"sprocket": {**M113["sprocket"], "outer_radius": 0.4, "gaps_per_pin": 2}},
             "sprocket.gaps_per_pin = 2: 10 teeth take 5 pins a turn, it must be 6 or more",
         ),
+        (
+            {"sprocket": {**M113["sprocket"], "outer_radius": 0.8, "pins_per_gap": 3}},
+            f"track.links = {M113['track']['links']}: must be divisible by sprocket.pins_per_gap = 3",
+        ),
+        (
+            {
+                "sprocket": {**M113["sprocket"], "outer_radius": 0.8, "pins_per_gap": 2},
+                "right": {"track": {"links": 63}},
+            },
+            "right.track.links = 63: must be divisible by sprocket.pins_per_gap = 2",
+        ),
+        (
+            {"sprocket": {**M113["sprocket"], "teeth": 20, "gaps_per_pin": 2, "pins_per_gap": 2}},
+            "sprocket: pins_per_gap = 2 needs gaps_per_pin = 1, not 2",
+        ),
         ({"return_roller": {**ROLLERS, "radius": -1.0}}, "return_roller.radius = -1.0"),
         (
             {"road_wheel": {**M113["road_wheel"], "radius": [0.25, 0.3]}},

@@ -94,6 +94,7 @@ class Model(ComponentModel):
             "gravity",
             *(f"chassis.{key}" for key in ("mass", "inertia", "centre")),
             *(f"sprocket.{key}" for key in ("mass", "transverse_inertia", "teeth", "gaps_per_pin", "radius")),
+            "sprocket.pins_per_gap",
             *(f"{table}.{key}" for table in ("idler", "road_wheel") for key in (*wheel, "radius")),
             *(f"return_roller.{key}" for key in wheel if config["vehicle"].get("return_roller")),
             *(f"wheel.{name}.{key}" for name in config["vehicle"].get("wheel") or () for key in wheel),

@@ -14,11 +14,11 @@ from fmus.ground.contact import contact_law, ground_shape, is_hard, soil_law
 from fmus.ground.refinement import sections
 from fmus.interface.model import InvalidParameter
 from fmus.physics.arrays import Vector
-from fmus.physics.chain.contacts import DRIVING, RIM, TOOTHED, Contacts
+from fmus.physics.chain.contacts import DRIVING, LUGGED, RIM, TOOTHED, Contacts
 from fmus.physics.contact.ground import GroundShape
 from fmus.physics.contact.teeth import Teeth, teeth
-from fmus.physics.elementary import hypot, sin
-from fmus.vehicles.sides import grousers, pitch_radius
+from fmus.physics.elementary import cos, hypot, sin
+from fmus.vehicles.sides import grousers, pins_a_turn, pitch_radius
 
 KINDS = {"rim": RIM, "teeth": TOOTHED, "driving": DRIVING}  # of the wheels of a track's config
 NO_TEETH = Teeth(1, *(0.0,) * 10)
@@ -42,18 +42,22 @@ def contacts(
     """
     laws = {pair: contact_law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")}
     s, track = vehicle["sprocket"], vehicle["track"]
-    profile = NO_TEETH
+    profile, lugs, rim = NO_TEETH, s.get("pins_per_gap") or 1, 0.0
     if s.get("teeth"):
         shape = (s[key] for key in ("pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"))
         try:
-            profile = teeth(s["teeth"], pitch_radius(vehicle, sin), *shape)
+            profile = teeth(s["teeth"], seated := pitch_radius(vehicle, sin), *shape)
         except ValueError as error:
             raise InvalidParameter(f"sprocket: {error}") from None
-    radius = np.array([profile.top if w["kind"] == "teeth" else w["radius"] for w in wheels], dtype=float)
+        touched = seated * cos(np.pi / pins_a_turn(vehicle)) - track["face"]  # by links whose pins are seated
+        rim = touched if lugs > 1 else profile.top
+    radius = np.array([rim if w["kind"] == "teeth" else w["radius"] for w in wheels], dtype=float)
+    kinds = KINDS | {"teeth": LUGGED} if lugs > 1 else KINDS
     return Contacts(
-        np.array([KINDS[w["kind"]] for w in wheels], dtype=np.int64),
+        np.array([kinds[w["kind"]] for w in wheels], dtype=np.int64),
         radius,
         profile,
+        lugs,
         vehicle["guide"]["clearance"],
         int(ground is not None),
         GroundShape(0.0) if ground is None else ground_shape(vehicle, ground, parameters),

@@ -73,7 +73,7 @@ class TrackModel(LaidChain, ComponentModel):
         """See ``ComponentModel``."""
         track = config["track"]
         wheels, ground = track["wheels"], bool(track["ground"])
-        counted = ["teeth", "gaps_per_pin", "radius"]
+        counted = ["teeth", "gaps_per_pin", "pins_per_gap", "radius"]
         shaped = ["pitch", "pin_radius", "outer_radius", "seat_clearance", "flank_angle", "tip_radius"]
         return [
             *(f"track.{key}" for key in ("pitch", "mass", "inertia", "face", "width", "lateral", "grouser")),

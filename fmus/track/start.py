@@ -87,11 +87,13 @@ class LaidChain:
 
     def polygon(self, rest: bool = True) -> Floats:
         """Pins (nodes, 2) of the start layout, m; with ``rest`` near equilibrium. Raises InvalidParameter."""
+        lugs = self.vehicle["sprocket"].get("pins_per_gap") or 1
         try:
             if self.is_free_loop:
                 return regular_polygon(self.pitch, self.links_count)
             if self.closed:
-                return closed_polygon(*self.circles(), self.pitch, self.links_count, self.vehicle["sprocket"]["teeth"])
+                teeth = self.vehicle["sprocket"]["teeth"]
+                return closed_polygon(*self.circles(), self.pitch, self.links_count, teeth, lugs)
             if self.ends_kind == PINNED:
                 first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
                 return (catenary if rest else hanging_arc)(first, last, self.pitch, self.links_count)
@@ -99,7 +101,7 @@ class LaidChain:
                 level = ground_level(self.vehicle) + thickness(self.vehicle["track"]) - self.vehicle["track"]["face"]
                 return np.stack([-self.pitch * np.arange(self.nodes), np.full(self.nodes, level)], axis=1)
             centre = np.array(self.wheel_list[0]["position"], dtype=float)
-            return over_sprocket(centre, self.pitch, pins_a_turn(self.vehicle), self.links_count)
+            return over_sprocket(centre, self.pitch, pins_a_turn(self.vehicle), self.links_count, lugs)
         except ValueError as error:
             raise InvalidParameter(f"the track cannot be laid out: {error}") from None
 

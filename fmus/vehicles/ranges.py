@@ -93,6 +93,10 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
                 f"sprocket.gaps_per_pin = {sprocket['gaps_per_pin']}: {sprocket['teeth']} teeth take {pins:.4g} pins a"
                 f" turn, it must be {FEWEST_PINS} or more"
             )
+    for above, table in ("", vehicle), ("right.", vehicle.get("right") or {}):
+        links, lugs = (table.get("track") or {}).get("links", 0), sprocket.get("pins_per_gap", 1)
+        if links % lugs:
+            yield f"{above}track.links = {links}: must be divisible by sprocket.pins_per_gap = {lugs}"
     yield from range_violations(vehicle, VEHICLE, "possible")
     for part in ("chassis", "track"):
         moments = (vehicle.get(part) or {}).get("inertia") or (1.0, 1.0, 1.0)

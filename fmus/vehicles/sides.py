@@ -90,7 +90,8 @@ def pins_a_turn(vehicle: Mapping[str, Any]) -> float:
     """Pins that the sprocket takes in a turn: 12.5 with 25 teeth and a pin in every second gap; pitches, if smooth."""
     if vehicle["sprocket"].get("radius"):
         return 2.0 * pi * pitch_radius(vehicle) / float(vehicle["track"]["pitch"])
-    return float(vehicle["sprocket"]["teeth"] / (vehicle["sprocket"].get("gaps_per_pin") or 1))
+    teeth, gaps, lugs = (vehicle["sprocket"].get(key) or 1 for key in ("teeth", "gaps_per_pin", "pins_per_gap"))
+    return float(lugs * teeth / gaps)
 
 
 def way_a_turn(vehicle: Mapping[str, Any]) -> float:

@@ -84,6 +84,9 @@ class SprocketTable(FrozenTable):  # noqa: D101
     """radius of the rim of a smooth wheel, which drives the faces of links by the friction of contact.sprocket"""
     gaps_per_pin: Annotated[int, Field(ge=1, le=4), When(teeth=GIVEN)] = 1
     """gaps between teeth from a pin to the next one: with 2, 25 teeth take 12.5 pins a turn, one in every second gap"""
+    pins_per_gap: Annotated[int, Field(ge=1, le=8), When(teeth=GIVEN, gaps_per_pin=(1,))] = 1
+    """pins from a lug to the next one of a finely cut belt: with 3, teeth push every third pin, and a rim bears the
+    faces of the links between by contact.wheel. It must divide the number of links"""
     pitch: Annotated[Distance | None, When(teeth=GIVEN)] = None
     """pitch of the chain that the teeth were made for; without it that of the track, which grows by wear"""
     outer_radius: Annotated[Distance | None, When(teeth=GIVEN)] = None

@@ -248,7 +248,9 @@ def contact_pairs(scene: Scene, part: Part) -> list[str]:
         return ([f"{points} points of the hull on the ground"] if points else []) + wheels
     track = part.config["track"]
     links, kinds = track["links"], [wheel["kind"] for wheel in track["wheels"]]
-    pins, rims = links + (0 if track["closed"] else 1), len(kinds) - kinds.count("teeth")
+    lugs = part.config["vehicle"]["sprocket"].get("pins_per_gap") or 1
+    pins = (links - 1) // lugs + 1 if track["closed"] else links // lugs + 1
+    rims = len(kinds) - (kinds.count("teeth") if lugs == 1 else 0)
     wide = scene.track.kind.wide(scene.track.choices())
     points = 4 if wide else 2  # two pairs of points across a link
     vehicle, refined = part.config["vehicle"], track.get("refinement", LEVEL)

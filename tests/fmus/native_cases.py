@@ -45,6 +45,9 @@ PARTS = ('track.link_outputs=["force", "wheels", "teeth", "rims", "horns", "mome
 DENSE = (  # a tooth between every second gap
     "vehicle.sprocket.teeth=21", "vehicle.sprocket.gaps_per_pin=2", "vehicle.sprocket.outer_radius=0.272",
 )  # fmt: skip
+LUGGED = (  # on every second pin
+    "vehicle.sprocket.teeth=10", "vehicle.sprocket.pins_per_gap=2", "vehicle.track.pitch=0.0762",
+)  # fmt: skip
 RELEASED = "track.start=displaced"
 THERE_AND_BACK = "drive.speed_points=[[0, 0], [0.1, 8], [0.25, 8], [0.35, -8], [1, -8]]"
 
@@ -92,6 +95,7 @@ MANY = [
     *(Case("straight", *each) for each in STRAIGHT),
     Case("turn", "flexible", "left_track", (*QUICK, *ROUND)),
     Case("turn", "rigid", "right_track", (*QUICK, *ROUND, *PARTS, *DENSE)),
+    Case("sprocket_bench", "rigid", "track", (*QUICK, *LUGGED)),
     Case("soft_ground", "flexible", "left_track", (*MOVING, GROUSERS)),
     *(Case("hanging_chain", links, "chain", (*QUICK, *settings)) for links, settings in CHAINS),
 ]

@@ -16,13 +16,13 @@ def hanging(span=0.8, vehicle=VEHICLE, **track):
     return Model({"vehicle": vehicle, "track": config | track, "link_outputs": True})
 
 
-def rolling(ground=True, idler=-3.998, gravity=9.81, **vehicle):
+def rolling(ground=True, idler=-3.998, gravity=9.81, links=LINKS, **vehicle):
     v = VEHICLE | vehicle
     rims = [("road_wheel", x, v["road_wheel"]) for x in v["road_wheel"]["x"]] + [("idler", idler, v["idler"])]
     wheels = [{"name": "sprocket", "kind": "teeth", "position": [0.0, 0.0]}]
     for i, (name, x, part) in enumerate(rims):
         wheels.append({"name": f"{name}[{i}]", "kind": "rim", "radius": part["radius"], "position": [x, part["z"]]})
-    config = {"links": LINKS, "closed": True, "wheels": wheels, "ground": ground, "gravity": gravity, "ends": None}
+    config = {"links": links, "closed": True, "wheels": wheels, "ground": ground, "gravity": gravity, "ends": None}
     return Model({"vehicle": v, "track": config, "link_outputs": True})
 
 

@@ -92,6 +92,23 @@ def test_a_belt_of_many_links_closes_to_rounding_in_a_few_corrections(links, mon
     assert 0 < len(corrections) < 10
 
 
+@pytest.mark.parametrize("links", [64, 65, 66])
+@pytest.mark.parametrize("lugs", [2, 3])
+def test_every_nth_pin_from_the_first_one_lies_in_a_gap(links, lugs):
+    """The foremost pin is on the other wheel: it is no lug, yet the first pin, at most n - 1 before it, is one."""
+    pitch = P / lugs
+    radius = pitch / (2.0 * np.sin(np.pi / (10 * lugs)))
+    apart = (links * P - np.pi * (radius + 0.25)) / 2.0
+    centres, radii, grows = np.array([[0.0, 0.6], [apart, 0.6]]), np.array([radius, 0.25]), np.array([False, True])
+    pins = closed_polygon(centres, radii, grows, pitch, links * lugs, 10, lugs)
+    assert int(pins[:, 0].argmax()) < lugs
+    x, z = (pins - centres[0]).T
+    number = np.flatnonzero(abs(np.hypot(x, z) - radius) < 1e-5)
+    place = np.arctan2(z, x)[number] * 10.0 / (2.0 * np.pi)
+    assert len(number) >= 4 * lugs
+    assert np.array_equal(abs(place - np.round(place)) < 1e-2, number % lugs == 0)
+
+
 def test_a_polygon_that_cannot_be_closed_is_refused():
     """Ends 2.01 pitches apart, and 1.99."""
     pins = np.array([[0.0, 0.0], [P, 0.01], [2.01 * P, 0.0]])

@@ -9,6 +9,8 @@ from named_ports import outputs, parameters
 from rigid_track import inputs, rolling
 from vehicle_in_process import InProcess
 
+from fmus.interface.model import InvalidParameter
+from fmus.physics.chain.contacts import TOOTHED
 from fmus.physics.chain.rigid.faces import add_last_correction
 from fmus.physics.chain.rigid.links import pins as evaluate_pins
 from fmus.physics.chain.rigid.links import residual
@@ -124,6 +126,58 @@ def test_pins_lie_in_every_nth_gap(teeth, gaps, outer):
     assert len(on) >= 4
     assert abs(place - np.round(place)).max() < 1e-4
     assert np.diff(np.round(place)) == pytest.approx(gaps)
+
+
+def with_lugs(lugs, links=LINKS):
+    """A track whose links are cut into so many, with a lug on every so manyth pin."""
+    laws = {k: v | {"stiffness": v["stiffness"] / lugs, "damping": v["damping"] / lugs} for k, v in CONTACT.items()}
+    own = {"pitch": P / lugs, "mass": MASS / lugs, "inertia": [each / lugs for each in VEHICLE["track"]["inertia"]]}
+    return rolling(
+        links=links * lugs, sprocket=VEHICLE["sprocket"] | {"pins_per_gap": lugs}, track=VEHICLE["track"] | own,
+        contact=VEHICLE["contact"] | {"wheel": laws["wheel"], "ground": laws["ground"]},
+    )  # fmt: skip
+
+
+CONTACT = {name: law for name, law in VEHICLE["contact"].items() if name != "sprocket"}
+
+
+@pytest.mark.parametrize("lugs", [2, 3])
+def test_a_rim_bears_the_links_between_lugs(monkeypatch, lugs):
+    """Lugs lie in gaps, the pins between on the circle of all; without the rim these are far inside."""
+    model, radius = with_lugs(lugs), 0.5 * P / lugs / np.sin(np.pi / (10 * lugs))
+    pins = model.polygon(rest=False)
+    on = np.flatnonzero(abs(np.hypot(*pins.T) - radius) < 1e-5)
+    place = np.arctan2(pins[on, 1], pins[on, 0]) * 10.0 / (2.0 * np.pi)
+    gaps = place[on % lugs == 0]
+    assert len(gaps) >= 4
+    assert abs(gaps - np.round(gaps)).max() < 1e-3
+    assert abs(place - np.round(place))[on % lugs != 0].min() > 0.3
+    model.initialise(parameters(model))
+    face = radius * np.cos(np.pi / (10 * lugs)) - VEHICLE["track"]["face"]
+    assert model.contacts.radius[0] == pytest.approx(face, rel=1e-14)
+
+    def inside():
+        """How far pins foremost on the sprocket, m, are inside the circle."""
+        places = model.pins()[:, [0, 2]]
+        return radius - np.hypot(*places[places[:, 0] > 0.0].T)
+
+    assert inside().max() < 5e-3
+    partners = model.contact_partners
+    monkeypatch.setattr(model, "contact_partners", lambda p: teeth_alone(partners(p)))
+    model.initialise(parameters(model))
+    assert inside().max() > 8e-3, "the twin"
+
+
+def teeth_alone(partners):
+    """Contact partners without the rim of the sprocket."""
+    return partners._replace(kind=np.where(np.arange(len(partners.kind)) == 0, TOOTHED, partners.kind))
+
+
+def test_lugs_are_evenly_round():
+    model = with_lugs(2)
+    model.links_count -= 1
+    with pytest.raises(InvalidParameter, match=r"links, 127, must be divisible by sprocket\.pins_per_gap = 2"):
+        model.polygon()
 
 
 def along_the_whole_chain(q, A, axis):

@@ -32,6 +32,7 @@ class DriverView:
         self.forward = (v[:, :2] * nose).sum(1)
         self.lateral_speed = v[:, 1] * nose[:, 0] - v[:, 0] * nose[:, 1]
         pins = vehicle["sprocket"]["teeth"] / vehicle["sprocket"].get("gaps_per_pin", 1)
+        pins *= vehicle["sprocket"].get("pins_per_gap", 1)
         self.radius = pins * vehicle["track"]["pitch"] / (2.0 * np.pi)
         self._sample_path(centre, arm)
 

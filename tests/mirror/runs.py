@@ -31,6 +31,7 @@ HUNT_CROSSLEY = tuple(f"vehicle.contact.{pair}.law=hunt_crossley" for pair in ("
 DENSE = (  # a tooth between every second gap
     "vehicle.sprocket.teeth=21", "vehicle.sprocket.gaps_per_pin=2", "vehicle.sprocket.outer_radius=0.272",
 )  # fmt: skip
+LUGGED = "vehicle.sprocket.pins_per_gap=2", "vehicle.track.pitch=0.0762", "bench.links=80"
 STEPS = "run.step=1 ms", "track.step=1 ms"  # the steps that the checks' tolerances assume
 RAISED = "start.height=5 cm", "start.pitch=2 deg"
 UNLIKE = tuple(  # wheels
@@ -194,6 +195,7 @@ RUNS = {
     "hht rigid": Run(
         partial(drawn, "rigid", "track.integrator=hht", "track.spectral_radius=0.8", *HUNT_CROSSLEY, *DENSE)
     ),
+    "lugs": Run(partial(drawn, "rigid", *LUGGED)),
     "explicit rigid": Run(partial(drawn, "rigid", *EXPLICIT, "bench.transverse_damping=0 N s/m", duration=0.02)),
     "explicit cable": Run(partial(swinging, *SOFT_LINKS["cable"], *EXPLICIT, *UNDAMPED, duration=0.05)),
     **{f"{name} {kind}": Run(partial(make, *settings))

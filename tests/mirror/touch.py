@@ -320,8 +320,10 @@ class Outline:
     def __init__(self, vehicle: dict[str, Any]) -> None:
         s = vehicle["sprocket"]
         self.count = s["teeth"]
-        between_pins = 2.0 * np.pi * s.get("gaps_per_pin", 1) / self.count
+        self.lugs = s.get("pins_per_gap", 1)
+        between_pins = 2.0 * np.pi * s.get("gaps_per_pin", 1) / (self.lugs * self.count)
         seat = vehicle["track"]["pitch"] / (2.0 * np.sin(0.5 * between_pins)) + s["seat_clearance"]
+        self.rim = vehicle["track"]["pitch"] / (2.0 * np.tan(0.5 * between_pins)) - vehicle["track"]["face"]
         self.seat, self.gap = np.array([seat, 0.0]), s["seat_clearance"]
         self.top, self.round = s["outer_radius"] + s["pin_radius"], s["tip_radius"] + s["pin_radius"]
         d = np.array([np.cos(s["flank_angle"]), np.sin(s["flank_angle"])])  # up the flank
@@ -361,7 +363,7 @@ class Outline:
 def teeth(sums: _ContactSums, law: Law, m: int, outline: Outline) -> None:
     chain, wheels = sums.chain, sums.wheels
     far = np.linalg.norm(chain.pins - wheels.centre[:, m, None], axis=-1)
-    t, j = np.nonzero(far < outline.top + 0.5)
+    t, j = np.nonzero((far < outline.top + 0.5) & (np.arange(far.shape[1]) % outline.lugs == 0))
     axle, radial, centre = wheels.axle[t, m], wheels.radial[t, m], wheels.centre[t, m]
     quarter = np.cross(axle, radial)  # direction of rotation
     for y in chain.lateral:
@@ -391,10 +393,11 @@ def touch(chain: Chain, wheels: Wheels, covering: bool = False) -> Touch:
         toothed = wheel["kind"] == "teeth"
         if toothed and not covering:
             teeth(sums, laws["sprocket"], m, outline)
-        elif not toothed:
-            rims(sums, laws["wheel"], m, wheel["radius"])
+        rim = outline.rim if toothed else wheel["radius"]
+        if not toothed or outline.lugs > 1:
+            rims(sums, laws["wheel"], m, rim)
         if chain.guided:
-            disc = outline.top if toothed else wheel["radius"] + HORN
+            disc = outline.top if toothed and outline.lugs == 1 else rim + HORN
             guides(sums, laws["wheel"], m, disc, vehicle["guide"]["clearance"])
     if part.config["track"]["ground"] and not covering:
         if soil := part.config["track"].get("soil"):

@@ -27,13 +27,13 @@ SPROCKET = {
 }  # fmt: skip
 
 
-def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0), gaps=1):
+def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0), gaps=1, lugs=1):
     """Log of a sprocket that has ``turned`` (m,) rad and a chain ``off`` (m,) pitches from its gaps.
 
-    It takes TEETH pins a turn, each in one of so many ``gaps``.
+    It takes TEETH pins a turn, each in one of so many ``gaps``, or of so many pins one with ``lugs``.
     """
     table = vehicle()
-    table["sprocket"] |= {"teeth": gaps * TEETH, "gaps_per_pin": gaps}
+    table["sprocket"] |= {"teeth": gaps * TEETH // lugs, "gaps_per_pin": gaps, "pins_per_gap": lugs}
     step = 2.0 * np.pi / TEETH
     radius = table["track"]["pitch"] / (2.0 * np.sin(np.pi / TEETH))
     t = EVERY * np.arange(len(turned))

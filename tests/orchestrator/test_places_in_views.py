@@ -349,7 +349,14 @@ def test_foxglove_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_
     assert missed(marked[2:], numbers(frame.translation) + vertices) < 1e-9
 
 
-@pytest.mark.parametrize(("own", "between"), [({}, 0.2 * np.pi), ({"teeth": 21, "gaps_per_pin": 2}, 4.0 * np.pi / 21)])
+@pytest.mark.parametrize(
+    ("own", "between"),
+    [
+        ({}, 0.2 * np.pi),
+        ({"teeth": 21, "gaps_per_pin": 2}, 4.0 * np.pi / 21),
+        ({"teeth": 6, "pins_per_gap": 2, "outer_radius": 0.32}, np.pi / 6),
+    ],
+)
 def test_the_outline_of_a_sprocket_has_its_teeth_and_a_seat_ahead(own, between):
     """Every tooth is the same, turned; pins seat straight ahead at the pitch circle, an angle apart."""
     table = vehicle(*read_table("m113")).model_dump()

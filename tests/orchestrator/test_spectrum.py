@@ -46,7 +46,9 @@ def test_between_bins_a_flat_top_reads_a_sine_and_a_hann_window_does_not():
     assert amplitude["hann"] == pytest.approx(3.0 * 0.8488, rel=5e-3)
 
 
-@pytest.mark.parametrize("sprocket", [{"teeth": 10}, {"teeth": 30, "gaps_per_pin": 3}])
+@pytest.mark.parametrize(
+    "sprocket", [{"teeth": 10}, {"teeth": 30, "gaps_per_pin": 3}, {"teeth": 10, "pins_per_gap": 3}]
+)
 def test_orders_are_multiples_of_the_rate_of_teeth(tmp_path, sprocket):
     t = np.arange(2000) * STEP
     speed = np.full(2000, 2 * np.pi * 1.25)  # 12.5 teeth a second

@@ -57,6 +57,17 @@ def test_a_tooth_is_half_a_pitch_where_pins_lie_in_every_second_gap(tmp_path, ga
     assert entries_of(running(tmp_path / "still.mcap", turned, 0.0 * off, gaps=gaps)) == ()
 
 
+def test_a_tooth_is_two_pitches_where_every_second_pin_has_a_lug(tmp_path):
+    """The jump is by one tooth, of a pin with a lug: of an odd number; without lugs it would be by two."""
+    turned = np.linspace(0.0, 45.0, 1800)
+    off = 2.0 * (EVERY * np.arange(len(turned)) >= 7.0 - 1e-9)
+    for lugs, teeth in (2, 1.0), (1, 2.0):
+        (entry,) = entries_of(running(tmp_path / f"{lugs}.mcap", turned, off, lugs=lugs))
+        assert (entry.what, entry.time, entry.value) == ("tooth_jump", pytest.approx(7.0), teeth)
+        assert int(entry.place.removeprefix("sprocket, pin ")) % lugs == 1 % lugs
+        assert entries_of(running(tmp_path / f"still {lugs}.mcap", turned, 0.0 * off, lugs=lugs)) == ()
+
+
 @pytest.mark.parametrize("gaps", [1, 2])
 @pytest.mark.parametrize(("pitches", "jumps_"), [(1.1, True), (0.6, False)])
 def test_travel_shows_a_jump_where_no_pins_were_recorded(tmp_path, pitches, jumps_, gaps):

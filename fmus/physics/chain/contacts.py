@@ -19,15 +19,17 @@ if TYPE_CHECKING:
     from fmus.physics.contact.laws import Law
     from fmus.physics.contact.teeth import Teeth
 
-RIM, TOOTHED, DRIVING = range(3)  # kinds of wheels; driving: by friction of the rim
+# kinds of wheels; driving: by friction of the rim; lugged: teeth push some pins, and a rim bears the links
+RIM, TOOTHED, DRIVING, LUGGED = range(4)
 
 
 class Contacts(NamedTuple):
     """Contact partners of a chain with m wheels, constant through a run."""
 
-    kind: np.ndarray  # (m) int: RIM, TOOTHED or DRIVING
+    kind: np.ndarray  # (m) int: RIM, TOOTHED, DRIVING or LUGGED
     radius: np.ndarray  # (m) radius of the rim, m; of teeth, the outer radius of the pins' path
     profile: Teeth  # outline of the teeth, without influence where there are none
+    lugs: int  # pins from one that the teeth push to the next, beginning with the first pin
     clearance: float  # lateral play of the guides on each side, m
     ground: int  # 1 where there is a ground
     shape: Any  # shape of the ground (``grounds``) in the track's frame

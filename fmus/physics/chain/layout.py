@@ -113,16 +113,18 @@ def _walk(path: Floats, pitch: float, links: int) -> tuple[Floats, float]:
 
 
 def closed_polygon(
-    centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int, teeth: int
+    centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int, teeth: int, lugs: int = 1
 ) -> Floats:
     """Pins (links, 2) of a closed polygon of equal chords round circles.
 
-    The circles have ``centres`` (m, 2) and ``radii`` (m). The first pin is the foremost one. Circles that ``grows`` (m)
-    marks (rims, not teeth) are passed at a small distance, which makes up for the difference between the lengths of
-    belt and links. Between the ``teeth`` of others the pins lie in gaps: pins on flanks come to rest there too, at
-    another tension.
-    Raises ValueError if that distance exceeds a third of the ``pitch``, m: the track cannot wrap its wheels.
+    The circles have ``centres`` (m, 2) and ``radii`` (m). The first pin is the foremost one, or the last one before
+    it of every ``lugs`` pins, which alone have lugs. Circles that ``grows`` (m) marks (rims, not teeth) are passed at a
+    small distance, which makes up for the difference between the lengths of belt and links. Between the ``teeth`` of
+    others the lugs lie in gaps: pins on flanks come to rest there too, at another tension. Raises ValueError if that
+    distance exceeds a third of the ``pitch``, m: the track cannot wrap its wheels; if ``lugs`` are not evenly round.
     """
+    if links % lugs:
+        raise ValueError(f"its number of links, {links}, must be divisible by sprocket.pins_per_gap = {lugs}")
     start, samples = None, SAMPLES
     if not grows.all():
         toothed = int(np.argmin(grows))
@@ -141,7 +143,7 @@ def closed_polygon(
         )
     distance = scipy.optimize.brentq(lambda x: _walk(belt(x), pitch, links)[1], -limit, limit, xtol=1e-13)
     pins = _walk(belt(distance), pitch, links)[0]
-    return close_exactly(np.roll(pins, -int(np.argmax(pins[:, 0])), axis=0), pitch, closed=True)
+    return close_exactly(np.roll(pins, -(int(np.argmax(pins[:, 0])) // lugs * lugs), axis=0), pitch, closed=True)
 
 
 def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
@@ -267,13 +269,13 @@ def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
     return close_exactly(np.vstack([chain_of_angles(pins[0], factor * angles, pitch)[:-1], last]), pitch, closed=False)
 
 
-def over_sprocket(centre: Floats, pitch: float, pins_a_turn: float, links: int) -> Floats:
+def over_sprocket(centre: Floats, pitch: float, pins_a_turn: float, links: int, lugs: int) -> Floats:
     """Pins (links + 1, 2) of an open chain over half of a sprocket at ``centre`` (2).
 
-    It enters along x above, is seated foremost, and leaves below.
+    It enters along x above, is seated foremost, and leaves below. One of every ``lugs`` pins has a lug.
     """
     radius = pitch / (2.0 * sin(np.pi / pins_a_turn))
-    foremost = (5 * links) // 8
+    foremost = (5 * links) // 8 // lugs * lugs
     step = 2.0 * np.pi / pins_a_turn
     inclination = np.zeros(links)  # angle of each link below the x axis
     for i in range(links):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Row
-from fmus.physics.chain.contacts import DRIVING, RIM, ContactPoint
+from fmus.physics.chain.contacts import DRIVING, LUGGED, TOOTHED, ContactPoint
 from fmus.physics.chain.interface import (
     add_rate_matrix,
     apply_force,
@@ -102,11 +102,11 @@ def evaluate_contacts(
     clear(w.on_links)
     compute_middles(links, x, w)
     for k in range(rows.shape[0]):
-        if contacts.kind[k] == RIM:
-            _rim(links, contacts, contacts.wheel, x, w, k, rows[k], by_rate, tangent)
-        elif contacts.kind[k] == DRIVING:
+        if contacts.kind[k] == DRIVING:
             _rim(links, contacts, contacts.sprocket, x, w, k, rows[k], by_rate, tangent)
-        else:
+        elif contacts.kind[k] != TOOTHED:
+            _rim(links, contacts, contacts.wheel, x, w, k, rows[k], by_rate, tangent)
+        if contacts.kind[k] == TOOTHED or contacts.kind[k] == LUGGED:
             _teeth(links, contacts, x, w, k, rows[k], by_rate, tangent)
     evaluate_guides(links, contacts, x, w, rows, by_rate, tangent)
     if contacts.ground != 0:
@@ -181,10 +181,10 @@ def _rim(
 def _teeth(
     links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, k: int, row: Row, by_rate: float, tangent: bool
 ) -> None:
-    """Contact of the teeth of sprocket ``k`` with the pins."""
+    """Contact of the teeth of sprocket ``k`` with the pins, or with those that have lugs."""
     (n, nodes), (points_across, lateral) = count(links, x), lateral_points(links)
     far = (contacts.profile.top + 2.0 * lateral) ** 2
-    for i in range(nodes):
+    for i in range(0, nodes, contacts.lugs):
         for m in range(points_across):
             y = (2.0 * m - 1.0) * lateral
             p, v = locate_pin(links, x, w, i, y)

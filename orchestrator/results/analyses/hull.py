@@ -87,11 +87,10 @@ def tracks(run: RunData, name: str = "") -> tuple[str, ...]:
 
 
 def pins_of_sprocket(run: RunData) -> float:
-    """Pins that the sprocket takes in a turn; raises Missing."""
+    """Pins, with lugs alone where not all have one, that the sprocket takes in a turn; raises Missing."""
     if is_smooth(run):
         return pins_a_turn(run.scene["vehicle"])
-    teeth, gaps = vehicle_number(run, "sprocket", "teeth"), gaps_per_pin(run)
-    return pins_a_turn({"sprocket": {"teeth": teeth, "gaps_per_pin": gaps}})
+    return vehicle_number(run, "sprocket", "teeth") / gaps_per_pin(run)
 
 
 def is_smooth(run: RunData) -> bool:
@@ -102,6 +101,11 @@ def is_smooth(run: RunData) -> bool:
 def gaps_per_pin(run: RunData) -> float:
     """Gaps of the sprocket from pin to pin, 1 in a log of an earlier version; raises Missing."""
     return vehicle_number(run, "sprocket", "gaps_per_pin", default=1.0)
+
+
+def pins_per_gap(run: RunData) -> int:
+    """Pins of the chain from a lug to the next one, 1 in a log of an earlier version; raises Missing."""
+    return round(vehicle_number(run, "sprocket", "pins_per_gap", default=1.0))
 
 
 def vehicle_number(run: RunData, *keys: str, default: float | None = None) -> float:

@@ -104,7 +104,8 @@ def of(run: RunData, window: Window = EVER, track: str = "") -> Slip:
     thrust, lateral, load = (
         np.stack([component(forces[:, k], axis) for k in range(len(names))], axis=1) for axis in axes
     )
-    pitched = turned * hull.pins_of_sprocket(run) * hull.vehicle_number(run, "track", "pitch") / TURN
+    lugs = hull.pins_of_sprocket(run) * hull.pins_per_gap(run)
+    pitched = turned * lugs * hull.vehicle_number(run, "track", "pitch") / TURN
     sides = np.array([1.0 if name.startswith("right") else -1.0 for name in names])
     aside = sides * hull.vehicle_number(run, "track", "lateral")
     over = component(motion[:, :3], axes.ahead)[:, None] + component(motion[:, 3:6], axes.up)[:, None] * aside

@@ -38,7 +38,8 @@ def drift(piece: Piece, track: str) -> tuple[Floats, Floats]:
     tooth or more. Raises Missing.
     """
     teeth = hull.vehicle_number(piece.run, "sprocket", "teeth")
-    pitch = hull.vehicle_number(piece.run, "track", "pitch") / hull.gaps_per_pin(piece.run)  # of the teeth
+    pitch = hull.vehicle_number(piece.run, "track", "pitch") * hull.pins_per_gap(piece.run)
+    pitch /= hull.gaps_per_pin(piece.run)  # of the teeth
     t, travel = piece.signal(f"{track}.travel")
     _, angle = piece.signal(f"{shaft(piece.run, track)}angle")
     if len(travel) != len(angle) or not len(angle):
@@ -50,7 +51,7 @@ def drift(piece: Piece, track: str) -> tuple[Floats, Floats]:
 
 
 class Polar(NamedTuple):
-    """Polar coordinates of pins near a sprocket in each record."""
+    """Polar coordinates of pins, with lugs alone where not all have one, near a sprocket in each record."""
 
     t: Floats  # (m,) s
     distance: Floats  # (m, pins) m, from the axle; infinite for distant pins
@@ -64,6 +65,7 @@ def polar(piece: Piece, track: str) -> Polar:
 
 def _polar(piece: Piece, track: str) -> Polar:
     t, pins = piece.pins(track)
+    pins = pins[:, :: hull.pins_per_gap(piece.run)]
     axle, axes = hull.poses(piece.run, track, t)
     turned = np.interp(t, *piece.signal(f"{shaft(piece.run, track)}angle"))
     x, z = (np.einsum("mni,mi->mn", pins - axle[:, None], axes[..., k]) for k in (0, 2))
@@ -95,7 +97,7 @@ def seats(piece: Piece) -> Iterator[Exceedance]:
         deepest = distance.argmin(axis=1)
         depth = seated - distance.min(axis=1)
         for entry, worst in exceedances("penetration", track, t, depth, *most):
-            pin = int(deepest[np.searchsorted(t, worst)]) + 1
+            pin = int(deepest[np.searchsorted(t, worst)]) * hull.pins_per_gap(piece.run) + 1
             yield entry._replace(place=f"sprocket, pin {pin}")
 
 
@@ -131,7 +133,8 @@ def _by_pins(piece: Piece, track: str) -> Iterator[Exceedance]:
     jumps_found = [*jumps(gaps, distance, seated, hull.gaps_per_pin(piece.run))]
     for record, pin, shift in jumps_found[:1]:
         most = max(shift for _, _, shift in jumps_found)
-        yield Exceedance("tooth_jump", track, float(t[record]), f"sprocket, pin {pin + 1}", most, limits.JUMP, FAILURE)
+        place = f"sprocket, pin {pin * hull.pins_per_gap(piece.run) + 1}"
+        yield Exceedance("tooth_jump", track, float(t[record]), place, most, limits.JUMP, FAILURE)
 
 
 def jumps(gaps: Floats, distance: Floats, seated: float, per_pin: float = 1.0) -> Iterator[tuple[int, int, float]]:

@@ -45,6 +45,7 @@ _VEHICLE = _table(
         teeth=(_COUNT | None, None),
         radius=(Size | None, None),
         gaps_per_pin=(_COUNT, 1),
+        pins_per_gap=(_COUNT, 1),
         pitch=(Size | None, None),
         outer_radius=(Size | None, None),
         pin_radius=(Size | None, None),
