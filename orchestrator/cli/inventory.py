@@ -120,13 +120,13 @@ def _track_tension(scene: Scene) -> Iterator[str]:
         try:
             rest = placed(scene)
             yield f"  {summary_text.track_tension(track_tension(rest.resolved()))}"
-            places = dict.fromkeys(_moved_wheel(rest, side) for side in rest.tracks)
+            places = dict.fromkeys(_moved_wheel(rest, side) for side in scene.tracks)
             yield f"  {rest.vehicle.tensioner.wheel} at {' and '.join(places)}, moved there for this tension"
         except BadInput as error:
             yield f"  track tension: {error}"
 
 
-def _moved_wheel(scene: VehicleScene, side: str) -> str:
+def _moved_wheel(scene: Scene, side: str) -> str:
     """Return the place of the wheel of a side that is moved for the tension."""
     wheels = {wheel["name"]: wheel for wheel in smooth_wheels(of_side(scene.vehicle.model_dump(), side))}
     return "x = {x:.5g} m, z = {z:.5g} m".format_map(wheels[scene.vehicle.tensioner.wheel])

@@ -390,7 +390,7 @@ COMMANDS = [
     ("run rig --for ride", "--for ride: assembly = 'rig' has no seats"),
     ("run", "Missing argument"), ("fly straight", "fly"), ("run hanging_chain --track soft", "soft"),
     ("log info none.mcap", "none.mcap"), ("replay none.mcap --component chain", "none.mcap"),
-    ("build straight --all -o x", "--all"), ("schema boat", "boat"), ("keys zzz", "a word that begins with 'zzz' in its name or"),
+    ("build straight --all -o x", "--all"), ("schema boat", "boat"), ("keys zzz", "begins with 'zzz' in"),
     (WORD, "xxx"), (f"log {WORD}", "xxx"), (f"show rig --{WORD}", "xxx"), (f"run rig --track {WORD}", "xxx"),
     (f"show {WORD}", "xxx"), ("warm strait", "no scene 'strait'"),
     *((f"{command} straight --vehicle none.toml{more}", "cotrack: no vehicle file 'none.toml'\n")
