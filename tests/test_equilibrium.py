@@ -22,6 +22,7 @@ from fmus.track import start
 from fmus.track.choices import TRACKS
 from fmus.track.model import TrackModel
 from fmus.vehicles.tables import BadInput
+from orchestrator.cli.inventory import describe
 from orchestrator.results.energy import STORED
 from orchestrator.scene import placing
 from orchestrator.scene.assembly import assemble
@@ -154,6 +155,24 @@ def test_the_standing_vehicle_has_the_tension_asked(vehicle):
     assert scenes[0].vehicle.idler == scenes[1].vehicle.idler
     other = at_rest("flexible", f"vehicle={vehicle}", f"vehicle.track.tension={1.03 * asked}")
     assert tension(other) != pytest.approx(asked, rel=0.02), "a tension that is 3 % off goes unnoticed"
+
+
+def test_loads_and_the_pull_at_the_sprocket_add_up_to_the_weight():
+    """Of a vehicle on its idlers and rollers; raised idlers, the twins, are not among the loads told."""
+    low = {"vehicle.wheel.rear_idler.z": -0.87, "vehicle.idler.z": -0.866}
+    scene = placed(load("elevated_sprocket", "rigid", low))
+    found, vehicle = placing.track_tension(scene.resolved()), scene.vehicle
+    on_idlers, on_rollers = sum(found["others"][0].values()), sum(found["loads"][0])
+    assert [*found["others"][0]] == ["idler", "rear_idler"]
+    pull, weight = scene.start.equilibrium.sprockets[0][2], 0.5 * vehicle.total_mass(()) * vehicle.gravity
+    assert on_idlers + on_rollers + pull == pytest.approx(weight, rel=1e-5)
+    assert on_idlers > 0.4 * weight
+    drawn = load("elevated_sprocket", "rigid")
+    raised = placed(drawn)
+    assert placing.track_tension(raised.resolved())["others"] == [{}, {}]
+    line = next(line for line in describe(drawn) if "idler at" in line)
+    assert line == f"  idler at x = {raised.vehicle.idler.x:.5g} m, z = -0.845 m, moved there for this tension"
+    assert abs(raised.vehicle.idler.x - drawn.vehicle.idler.x) > 1e-3, "the place is not that of the file"
 
 
 def test_the_start_of_a_scene_moves_no_idler():

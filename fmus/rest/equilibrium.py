@@ -49,7 +49,7 @@ from fmus.rest.tensioning import without_motion
 from fmus.start import LEVEL, Stance, StartPose, ground_level, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.track_rigid.model import Model as RigidLinks
-from fmus.vehicles.sides import lopsided, lowest_wheel, pitch_radius, smooth_wheels, thickness
+from fmus.vehicles.sides import ground_wheels, lopsided, lowest_wheel, pitch_radius, smooth_wheels, thickness
 from fmus.vehicles.tables import BadInput
 
 FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
@@ -73,6 +73,7 @@ class TrackAtRest(NamedTuple):
     tension: float  # mean over its links, N
     sag: float  # of its longest free span, m
     loads: Sequence[float]  # on the road wheels from the front, N
+    others: Mapping[str, float]  # by name on the other wheels that stand on level ground as drawn, N
 
 
 class VehicleEquilibrium(NamedTuple):
@@ -344,6 +345,7 @@ class _ChainOnWheels:
         wheels = self._model.wheel_list
         rims = (wheel for wheel in wheels if wheel["kind"] == "rim")
         radii = [wheel["radius"] if wheel["name"].startswith("road_wheel") else 0.0 for wheel in rims]
+        self._grounded = {wheel["name"] for wheel in ground_wheels(track.config["vehicle"])}
         self._radius = np.array([*radii, 0.0])  # of road wheels, m; the sprocket is last here
         self._arm = 0.25 * self._model.vehicle["track"]["width"]  # lever of the two faces of a link, m
         self._last: tuple[Floats, Floats] = np.zeros((0, WIDTH)), np.zeros((0, WRENCH))  # rows, wrenches
@@ -388,7 +390,10 @@ class _ChainOnWheels:
         centres, (_, radii, _) = model.start_rows[:, [0, 2]], model.circles()
         borne = np.roll(self._radius, 1) > 0.0
         sag = sag_of_longest_span(centres, radii, borne, model.pins()[:, [0, 2]])
-        return TrackAtRest(float(model.report[T_MEAN]), sag, model.s.mean[: len(borne), 2][borne].tolist())
+        loads = model.s.mean[: len(borne), 2]
+        named = zip((wheel["name"] for wheel in model.wheel_list), loads.tolist(), borne, strict=True)
+        others = {name: load for name, load, is_road in named if name in self._grounded and not is_road}
+        return TrackAtRest(float(model.report[T_MEAN]), sag, loads[borne].tolist(), others)
 
     def tension_laid_out(self) -> float:
         """Mean tension, N, of the chain laid out at the last place as in a run."""

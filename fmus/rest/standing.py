@@ -76,7 +76,12 @@ def standing_vehicle(
     def found(links: str) -> StandingVehicle:
         """On rigid links what it is on cables, unless these stretch."""
         search = _Search(chassis, tracks, tension, found("cables") if links == "rigid" else None)
-        places, pushes, drawn, rest = cached_result("places", "standing", [*request, links], search.run)
+        try:
+            places, pushes, drawn, rest = cached_result("places", "standing", [*request, links], search.run)
+        except (InvalidParameter, StepFailed):
+            if search.missed and search.guess is None:  # wheels that are too far out or in: what fails is their result
+                raise BadInput(f"vehicle.track.tension = {tension:.6g} N: {search.missed}") from None
+            raise
         return StandingVehicle(places, pushes, drawn, read_equilibrium(rest))
 
     try:

@@ -151,9 +151,12 @@ class Track:
         return not tension or abs(self.tension(x) - tension) <= ACCEPTED * abs(tension)
 
     def advice(self, name: str, keys: str) -> str:
-        """Place of the wheel at which the belt round the wheels is as long as the links, in words; "" for none."""
+        """Number of links, or place of the wheel, with which they are as long as the belt, in words; "" for none."""
         model = model_of(self.links[0])(self.config)
         length, (centres, radii, _) = model.links_count * model.pitch, model.circles()
+        links = round(belt_length(centres, radii) / model.pitch)
+        if links == model.links_count:
+            return ""
 
         def excess(x: float) -> float:
             centres[self.index] = self.place_on_slide(x)
@@ -162,10 +165,10 @@ class Track:
         try:
             x = float(scipy.optimize.brentq(excess, 0.0, self.outwards * length, xtol=1e-6))
         except ValueError:  # other wheels alone need a longer belt
-            return ""
+            return f"; {links} links would fit"
         name = name if name == "idler" else f"wheel.{name}"
         key = f"rig.axle_distance = {-x:.4g}" if keys == "rig" else f"{keys.replace('track', name)}.x = {x:.4g}"
-        return f"; {key} m would fit"
+        return f"; {links} links or {key} m would fit"
 
 
 def search(config: Mapping[str, Any], name: str, tension: float, keys: str, links: Links) -> WheelPlace:
@@ -197,4 +200,5 @@ def search(config: Mapping[str, Any], name: str, tension: float, keys: str, link
     return place._replace(
         missed=f"not reached with the {name} within {reach * 1e3:.3g} mm of x = {chain.drawn:.4g} m, where the track"
         f" carries {low:.6g} to {high:.6g} N{jumps}: {loop} and the places of the wheels decide it"
+        f"{chain.advice(name, keys)}"
     )

@@ -11,7 +11,7 @@ import numpy as np
 from fmus.ahead import loaded_contents
 from fmus.ground.refinement import LEVEL, gaps, sections
 from fmus.track.choices import TRACKS
-from fmus.vehicles.sides import SIDES, beams, of_side
+from fmus.vehicles.sides import SIDES, beams, of_side, smooth_wheels
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import summary_text
 from orchestrator.scene.assembly import assemble
@@ -118,9 +118,18 @@ def _track_tension(scene: Scene) -> Iterator[str]:
     """Yield a line about the tracks of a vehicle at rest, or why it cannot start."""
     if isinstance(scene, VehicleScene) and scene.tracks:
         try:
-            yield f"  {summary_text.track_tension(track_tension(placed(scene).resolved()))}"
+            rest = placed(scene)
+            yield f"  {summary_text.track_tension(track_tension(rest.resolved()))}"
+            places = dict.fromkeys(_moved_wheel(rest, side) for side in scene.tracks)
+            yield f"  {rest.vehicle.tensioner.wheel} at {' and '.join(places)}, moved there for this tension"
         except BadInput as error:
             yield f"  track tension: {error}"
+
+
+def _moved_wheel(scene: Scene, side: str) -> str:
+    """Return the place of the wheel of a side that is moved for the tension."""
+    wheels = {wheel["name"]: wheel for wheel in smooth_wheels(of_side(scene.vehicle.model_dump(), side))}
+    return "x = {x:.5g} m, z = {z:.5g} m".format_map(wheels[scene.vehicle.tensioner.wheel])
 
 
 def _section(title: str, within: Iterable[str]) -> Iterator[str]:

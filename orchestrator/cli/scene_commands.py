@@ -146,7 +146,7 @@ Kind = Annotated[FileKind, typer.Argument(metavar="scene|vehicle", help="kind of
 
 
 def keys(
-    word: Annotated[str, typer.Argument(metavar="[WORD]", help="only keys with this in key or meaning")] = "",
+    word: Annotated[str, typer.Argument(metavar="[WORD]", help="only keys with a word that begins so")] = "",
     markdown: Annotated[bool, typer.Option("--markdown", help="as a page in Markdown, orchestrator/keys.md")] = False,
     as_json: JsonLine = False,
 ) -> None:
@@ -158,15 +158,15 @@ def keys(
     from orchestrator.scene.keys import scene_keys
     from orchestrator.scene.settings import derived, near_keys
 
+    begin = re.compile(rf"(?<![^\W_]){re.escape(word)}", re.IGNORECASE)  # of a word, or behind a _ in it
     chosen, measured = (
-        [key for key in known if word.lower() in f"{key.key}\n{key.meaning}".lower()]
-        for known in (scene_keys(), measure_keys())
+        [key for key in known if begin.search(f"{key.key}\n{key.meaning}")] for known in (scene_keys(), measure_keys())
     )
     if not chosen and not measured:
         parts, names = re.findall(r"\w+", word), [key.key for key in scene_keys()]
         near = [name for name in names if parts and all(part in name for part in parts)] or near_keys(word, names)
         hints = [derived(word), f"near it are {', '.join(near[:5])}" if near else ""]
-        said = f"no key and no measure has {value_text(word)} in its name or meaning"
+        said = f"no key and no measure has a word that begins with {value_text(word)} in its name or meaning"
         raise BadInput("; ".join(filter(None, (said, *hints))))
     if as_json:
         print_json({"keys": [key._asdict() for key in chosen], "measures": [key._asdict() for key in measured]})

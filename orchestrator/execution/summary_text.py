@@ -83,10 +83,14 @@ def _window(window: dict[str, float], simulated: float) -> str:
     return f"{'whole run,' if is_whole else 'mean of'} {start:.6g} to {end:.6g} s{sparse}"
 
 
-def _phases(phases: list[dict[str, Any]]) -> list[str]:
+def _phases(phases: list[dict[str, Any]], most: int) -> list[str]:
+    """Return a line per phase; of more than ``most`` the longest in motion, and one line about all others, in short."""
     from orchestrator.results.analyses.phases import sentence
 
-    return [sentence(phase) for phase in phases]
+    longest = sorted(phases, key=lambda phase: (phase["kind"] == "rest", phase["start"] - phase["end"]))
+    whole = longest if len(phases) <= most else longest[: max(0, most - 1)]
+    others = "; ".join(sentence(phase, brief=True) for phase in phases if phase not in whole)
+    return [*(sentence(phase) for phase in phases if phase in whole), *([f"in short: {others}"] if others else [])]
 
 
 def track_tension(found: dict[str, Any]) -> str:
@@ -98,7 +102,9 @@ def track_tension(found: dict[str, Any]) -> str:
     if found["why"]:
         return f"track tension: {_of_sides([found['asked']])} asked, {start}: it does not stand ({found['why']})"
     factor, unit = scaled(max(map(max, found["loads"])), "N")
-    loads = [", ".join(figure(load / factor, 3) for load in side) for side in found["loads"]]
+    pairs = zip(found["loads"], found["others"], strict=True)
+    named = [[*(("", load) for load in side), *others.items()] for side, others in pairs]
+    loads = [", ".join(f"{name} {figure(load / factor, 3)}".strip() for name, load in side) for side in named]
     each = loads[:1] if loads[:1] == loads[1:] else loads
     return (
         f"track tension: {_of_sides([found['asked']])} asked, {standing}{start};"
@@ -228,8 +234,8 @@ def _cost(name: str, cost: dict[str, Any]) -> str:
 def lines(r: dict[str, Any], most: int | None = None) -> list[str]:
     """Return the lines of a summary: verdict, figures, energy, what is wrong, cost; the last one names the log.
 
-    ``most``: leave out met checks, details and, for so many lines without those on what is wrong, phases, but nothing
-    that is wrong; the last line says how many are left out.
+    ``most``: leave out met checks and details, and put phases into one line, for so many lines without those on what
+    is wrong; the last line says how many are left out.
     """
     energy = r["energy"]
     wrong = [
@@ -239,8 +245,7 @@ def lines(r: dict[str, Any], most: int | None = None) -> list[str]:
         *(f"check {name} is left out: {why}" for name, why in r["checks_left_out"].items()),
         *(_check(*item) for item in r["checks"].items() if not item[1]["ok"]),
     ]
-    observables, phases = _observables(r), _phases(r["phases"])
-    observables = [*filter(None, [track_tension(r["track_tension"])]), *observables]
+    observables = [*filter(None, [track_tension(r["track_tension"])]), *_observables(r)]
     balances = [_error(r["error"]) if r["error"] else "", _balance(energy) if energy else ""]
     cost = [_pace(r), _fmus(r["fmus"]) if r["fmus"] else ""]
     details = [
@@ -255,11 +260,11 @@ def lines(r: dict[str, Any], most: int | None = None) -> list[str]:
     ]
     log = f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else ""
     balances, cost, details = ([line for line in part if line] for part in (balances, cost, details))
-    left = 0
+    phases, left = _phases(r["phases"], len(r["phases"])), 0
     if most is not None:  # the result stays, phases give way
-        room = max(0, most - 2 - len(observables) - len(balances) - len(cost))
-        left = len(phases[room:]) + len(details)
-        phases, details = phases[:room], []
+        short = _phases(r["phases"], most - 2 - len(observables) - len(balances) - len(cost))
+        left = len(phases) - len(short) + len(details)
+        phases, details = short, []
     last = "; ".join(filter(None, (log, f"{left} lines more with --verbose" if left else "")))
     result = *observables, *phases, *balances
     return [_headline(r), *(f"  {line}" for line in (*result, *wrong, *cost, *details, last) if line)]

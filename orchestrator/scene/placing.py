@@ -72,8 +72,8 @@ def track_tension(scene: Mapping[str, Any]) -> dict[str, Any]:
     """Tension asked of a placed vehicle, as resolved, and what its tracks carry; empty without tracks or in older logs.
 
     ``standing``: on level, hard ground; ``start``: at the start on its ground; both N, of each track. ``sag`` of the
-    longest free span, m, ``loads`` on the road wheels of each side, N, and ``settlement`` of the hull, m, are those of
-    the start, and of a vehicle that starts as ``drawn`` those of the standing one.
+    longest free span, m, ``loads`` on the road wheels of each side and on its ``others`` by name, N, and ``settlement``
+    of the hull, m, are those of the start, and of a vehicle that starts as ``drawn`` those of the standing one.
     """
     if not (standing := scene.get("standing")):
         return {}
@@ -87,6 +87,7 @@ def track_tension(scene: Mapping[str, Any]) -> dict[str, Any]:
         "why": standing["why"],
         "sag": max((track["sag"] for track in tracks), default=None),
         "loads": [list(track["loads"]) for track in tracks],
+        "others": [track.get("others") or {} for track in tracks],
         "settlement": 0.0 - (rest or standing)["height"] if tracks else None,
     }
 

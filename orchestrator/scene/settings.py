@@ -117,6 +117,8 @@ def hint(name: str, known: Collection[str], introduction: str) -> str:
 def near_keys(key: str, known: Iterable[str]) -> list[str]:
     """Known keys that an unknown one may mean: a similar one of its table, else all of its name, else a similar one."""
     table, _, name = key.rpartition(".")
+    if (wheel := WHEELS.get(name, f"wheel.{name}" * name.endswith("_idler"))) and table in ("", "vehicle"):
+        return [f"vehicle.{wheel}"]
     named = [one.replace(CHOSEN, key.split(".")[1]) if key.startswith(NAMED) else one for one in known]
     siblings = [one.rpartition(".")[2] for one in named if one.rpartition(".")[0] == table]
     if near := get_close_matches(name, siblings, 1):
@@ -124,6 +126,9 @@ def near_keys(key: str, known: Iterable[str]) -> list[str]:
     return [one for one in named if one.rpartition(".")[2] == name] or get_close_matches(key, named, 1)
 
 
+# Tables of wheels by other names that makers give them.
+WHEELS = dict.fromkeys(("track_roller", "bottom_roller", "lower_roller", "bogie_wheel", "roadwheel"), "road_wheel")
+WHEELS |= dict.fromkeys(("carrier_roller", "top_roller", "upper_roller", "support_roller"), "return_roller")
 # Quantities that are no keys, by the words of their names, and what decides them.
 DERIVED = {
     "sprocket pitch radius diameter": "vehicle.sprocket.teeth, vehicle.track.pitch: pitch / (2 sin(pi / pins a turn))",

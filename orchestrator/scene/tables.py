@@ -60,6 +60,8 @@ class TrackAtRestTable(FrozenTable):
     """sag of its longest free span"""
     loads: tuple[Force, ...]
     """loads on the road wheels from the front"""
+    others: dict[str, Force] = {}  # noqa: RUF012 - pydantic copies it
+    """loads on other wheels that stand on level ground as drawn, by name"""
 
 
 class EquilibriumTable(FrozenTable):

@@ -107,7 +107,7 @@ ANALYSES = {
     ),
     "ride": Analysis("vibration of seats by ISO 2631-1, absorbed power, peaks", (SEAT,), seats=True, full_series=True),
     "events": Analysis("wheels that lift off, brakes that hold, steps taken back, warnings", (TEETH,)),
-    "phases": Analysis("rest, acceleration, steady motion, turns, braking: speed, yaw rate, power, slip, tension"),
+    "phases": Analysis("rest, acceleration, steady, turns, braking, slowing: speed, yaw rate, power, slip, tension"),
     "validity": Analysis("where the run stops being valid: penetration, tooth jumps, travel of idlers, ..."),
 }
 

@@ -272,8 +272,11 @@ def test_a_vehicle_file_without_contradictions_is_asked_for(tables, sentence):
 SCENES = [
     ("hanging_chain", "flexible", {"track.formulation": "recursive"}, "needs model = 'rigid': flexible links have"),
     ("hanging_chain", "rigid", {"track.formulation": "recursive"}, "formulation = 'recursive' is integrated"),
-    ("rig", "rigid", {"rig.links": 40}, "too long; rig.axle_distance = "),
-    ("straight", "rigid", {"vehicle.idler.x": -3.5}, "too short; vehicle.idler.x = -3.991 m would fit"),
+    ("rig", "rigid", {"rig.links": 40}, "too long; 64 links or rig.axle_distance = "),
+    ("straight", "rigid", {"vehicle.idler.x": -3.5}, "too short; 58 links or vehicle.idler.x = -3.991 m would fit"),
+    ("elevated_sprocket", "rigid", {"vehicle.track.links": 42}, "track.tension = 12000 N: not reached with the"),
+    ("elevated_sprocket", "rigid", {"vehicle.track.links": 42}, "; 43 links or vehicle.idler.x = 1.683 m would fit"),
+    ("elevated_sprocket", "rigid", {"vehicle.tensioner.recoil.preload": 9.0}, "recoil.preload = 9 N must be"),
 ]  # fmt: skip
 
 

@@ -142,10 +142,12 @@ def test_a_tension_that_is_jumped_over_is_refused_with_both_sides(monkeypatch):
     config["vehicle"] = {"track": {"pitch": 0.1524}, "sprocket": {}}
     monkeypatch.setattr(tensioning.Track, "tension", tension)
     monkeypatch.setattr(tensioning.Track, "outwards", 1.0, raising=False)
+    monkeypatch.setattr(tensioning.Track, "advice", lambda *_: "; 9 links would fit")
     for asked, nearest in ((2.0e3, 1.7e3), (3.0e3, 3.7e3)):
         place = search(config, asked)
         assert place.tension == pytest.approx(nearest)
         assert "N and jumps as a pin changes its seat: vehicle.track.links = 10" in place.missed
+        assert place.missed.endswith("decide it; 9 links would fit")
     assert search(config, 3.8e3).x == pytest.approx(0.008)
 
 

@@ -89,6 +89,10 @@ def test_keys_command(cotrack):
         "rut_depth: m\n    Depth of the deepest link of a track, or of all, in the soil, m; none on hard"
         in cotrack("keys", "rut")[1]
     )
+    of_rollers = cotrack.done("keys", "roller")  # not those of "controller"
+    assert "vehicle.return_roller.x:" in of_rollers
+    assert "drive." not in of_rollers
+    assert "drive.torque_limit:" in cotrack.done("keys", "controller"), "the twin"
     assert "yaw_rate: rad/s\n    Mean rate about the vertical" in cotrack("keys", "the vertical")[1]
 
 

@@ -199,6 +199,21 @@ def test_both_at_once(tmp_path):
     assert [phases.phase_name(one) for one in of] == [*called[:3], "acceleration", "steady"], "1 m/s in 0.5 s of it"
 
 
+@pytest.mark.parametrize(
+    ("power", "kind"), [((5.0, 2.0), "slowing"), ((5.0, 0.0), "braking"), ((-5.0, -2.0), "braking")]
+)
+def test_a_vehicle_that_its_drives_push_on_does_not_brake(tmp_path, power, kind):
+    """The twins: drives that stop pushing before the middle of the phase, and some that take energy out."""
+    t = times(CORNERS[-1])
+    begin, end = CORNERS[2:4]
+    work = np.interp(t, [begin, begin + 0.4 * (end - begin), end], np.cumsum([9.0, *power]))
+    of = phases_of(made(tmp_path / "w.mcap", t, trapezoid(t), work=work))
+    assert [one.kind for one in of] == [*KINDS[:3], kind, KINDS[4]]
+    text = phases.sentence(of[3]._asdict())
+    assert f"{kind} from 4.00 to 0.00 m/s over " in text
+    assert phases.sentence(of[3]._asdict(), brief=True) == text.partition("; ")[0]
+
+
 @pytest.mark.parametrize("even", [True, False])
 def test_figures_are_those_of_the_records(tmp_path, even):
     t = times(CORNERS[-1], even)

@@ -202,6 +202,9 @@ OF_STRAIGHT = [
     ("[drive]", "[chain]\nlinks = 8\n[drive]", f"{NO} 'chain': it needs assembly = 'chain'"),
     ("tolerance = 0.002,", "tolerence = 0.002,", "chain_left.tolerence': did you mean 'expect.chain_left.tolerance'?"),
     ('"m113"', '{ base = "m113", mass = 3 }', f"{NO} 'vehicle.mass': did you mean 'vehicle.chassis.mass' or 'vehicle."),
+    ('"m113"', '{ base = "m113", track_roller = { mass = 3 } }', "track_roller': did you mean 'vehicle.road_wheel'?"),
+    ('"m113"', '{ base = "m113", rear_idler = { mass = 3 } }', "idler': did you mean 'vehicle.wheel.rear_idler'?"),
+    ('"m113"', '{ base = "m113", idlers = { mass = 3 } }', f"{NO} 'vehicle.idlers': did you mean 'vehicle.idler'?"),
     ('"m113"', '"tank.toml"', "own.toml with vehicle 'tank.toml': unknown key 'vehicle.track.lateal': did you mean"),
 ]  # fmt: skip
 
@@ -387,7 +390,7 @@ COMMANDS = [
     ("run rig --for ride", "--for ride: assembly = 'rig' has no seats"),
     ("run", "Missing argument"), ("fly straight", "fly"), ("run hanging_chain --track soft", "soft"),
     ("log info none.mcap", "none.mcap"), ("replay none.mcap --component chain", "none.mcap"),
-    ("build straight --all -o x", "--all"), ("schema boat", "boat"), ("keys zzz", "no key and no measure has 'zzz' in"),
+    ("build straight --all -o x", "--all"), ("schema boat", "boat"), ("keys zzz", "begins with 'zzz' in"),
     (WORD, "xxx"), (f"log {WORD}", "xxx"), (f"show rig --{WORD}", "xxx"), (f"run rig --track {WORD}", "xxx"),
     (f"show {WORD}", "xxx"), ("warm strait", "no scene 'strait'"),
     *((f"{command} straight --vehicle none.toml{more}", "cotrack: no vehicle file 'none.toml'\n")

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -271,16 +272,23 @@ def test_warnings_of_one_text_are_one_line():
 
 
 def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
-    """Met checks, cost and ledger are left out and counted; the result, warnings and missed checks never are."""
+    """Met checks, cost and ledger are left out and counted; the result, warnings and missed checks never are.
+
+    The longest phases in motion are whole; of all others, the last one too, there are times, kinds and speeds.
+    """
     met = {"value": 10.0008, "expected": 10.0, "tolerance": 0.02, "ok": True, "note": "", "what": "pins of left"}
     warned = [{"component": "drive", "text": f"slow {k}", "time": 1.0, "count": 2} for k in range(12)]
     figures = {"tension_max": 42e3, "distance": 3.0, "tension_mean": 9e3}
     phase = dict.fromkeys(Phase._fields, float("nan")) | {
         "kind": "steady", "turning": "", "start": 0.0, "end": 1.0, "speed": 1700.0, "way": 1.0, "tension_track": "",
+        "power": 5e3,
     }  # fmt: skip
+    ends = [0.0, 4.0, 4.5, 5.0, 7.0, 8.0, 9.5, 10.5, 12.0, 12.4]  # s: the longest phase is a rest
+    phases = [phase | {"start": start, "end": end} for start, end in pairwise(ends)]
+    phases[0]["kind"] = "rest"
     cost = {"wall_time": 1.0, "steps": 10, "evaluations": 20, "iterations": 0, "rejected": 0}
     quiet = summary.empty("straight", "rigid") | {
-        "status": "ok", "checks": {"pins_left": met, "pins_right": met}, "phases": [phase] * 9, "wall_time": 1.0,
+        "status": "ok", "checks": {"pins_left": met, "pins_right": met}, "phases": phases, "wall_time": 1.0,
         "energy": energy_of(3e5, 1e5, 0.0, 0.0, 0.0), "components": {"left_track": cost}, "log": "a.mcap", "seal": "ab",
         "simulated_time": 1.0, "real_time_factor": 1.0, "log_bytes": 1, "observables": figures,
         "windows": {name: {"from": 0.0, "to": 1.0} for name in figures},
@@ -293,7 +301,13 @@ def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
     result = [line for line in short if "log a.mcap" not in line and "real time" not in line][1:]
     assert len(short) == MOST == 11
     assert short[-1] == f"  log a.mcap (0.0 MB); {len(whole) - MOST} lines more with --verbose"
-    assert [line for line in short[:-1] if line not in whole] == []
+    assert [line for line in short[:-1] if line not in whole] == [
+        "  in short: 0 to 4 s: rest; 4 to 4.5 s: steady at 1700 m/s over 1 m; 4.5 to 5 s: steady at 1700 m/s over 1 m;"
+        " 12 to 12.4 s: steady at 1700 m/s over 1 m"
+    ]
+    in_full = [line.partition(" s:")[0] for line in short if "; power 5" in line]
+    assert in_full == ["  5 to 7", "  7 to 8", "  8 to 9.5", "  9.5 to 10.5", "  10.5 to 12"]
+    assert not any("in short" in line for line in [*whole, *lines(quiet | {"phases": phases[:3]}, MOST)])
     assert all(shown(result, "largest link", "distance", "steady at", "energy balance: "))
     assert not any(shown(short, "pins_left", "checksum"))
     assert all(shown(whole, "pins_left = 10.0008", "(pins of left)", "checksum (seal)", "left_track computed for 1 s"))
@@ -321,7 +335,7 @@ def test_figures_have_no_exponents_and_no_negative_zero():
 
 TENSION = {
     "asked": 14380.0, "standing": [14380.0, 14380.2], "start": [17.96e3, 17.5e3], "drawn": False, "why": "",
-    "sag": 0.0828, "loads": [[20e3, 16.2e3], [20e3, 16e3]], "settlement": 0.0974,
+    "sag": 0.0828, "loads": [[20e3, 16.2e3], [20e3, 16e3]], "others": [{}, {}], "settlement": 0.0974,
 }  # fmt: skip
 
 
@@ -331,6 +345,9 @@ TENSION = {
     ({"drawn": True, "start": [16.3e3], "loads": [[69.6, 71.0], [69.6, 71.0]]},
      "14.38 kN standing on level, hard ground, 16.3 kN at the start as drawn; standing, its longest free span sags by"
      " 82.8 mm, road wheels carry 69.6, 71 N, and it has settled by 97.4 mm"),
+    ({"loads": [[20e3]] * 2, "others": [{"idler": 4e3, "tail": 3.5e3}] * 2},
+     "14.38 kN standing on level, hard ground, 17.96 and 17.5 kN at the start; its longest free span sags by"
+     " 82.8 mm, road wheels carry 20, idler 4, tail 3.5 kN, and it has settled by 97.4 mm"),
     ({"standing": [], "why": "it tips over", "start": [14380.0], "drawn": True},
      "14.38 kN at the start as drawn: it does not stand (it tips over)"),
 ])  # fmt: skip

@@ -444,6 +444,11 @@ def test_parts_between_further_wheels_have_the_names_of_both():
     above = {**TRIANGLE, "wheel": {}}  # its last road wheel ends the track
     names = [one.name for one in circuit.stretches({"assembly": "vehicle", "vehicle": above}, place, middle)]
     assert names[3:5] == ["ground run", "road_wheel[2] to sprocket"]
+    short = next(one for one in parts if one.name == "road_wheel[2] to rear")  # on it is a single one of these links:
+    links = slice(np.abs(place - short.middle).argmin() % 90, None, 90)
+    coarse = circuit.stretches({"assembly": "vehicle", "vehicle": TRIANGLE}, place[links], middle[links])
+    assert all(circuit.part(one, coarse) for one in place[links])
+    assert circuit.part(short.middle, coarse) == short.name
 
 
 def test_loads_are_of_all_wheels_on_the_ground_and_raised_ones_are_not_lifted(tmp_path):

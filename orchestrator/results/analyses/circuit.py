@@ -111,8 +111,8 @@ def stretches(scene: dict[str, Any], place: Floats, middle: Floats, track: str =
 
     ``middle`` (links, 2) m: centres of the links ahead of and above the sprocket's axle. The idler touches the link
     farthest from the sprocket's end. With further wheels, at their places in the table, or with an elevated sprocket a
-    part between two wheels has the names of both, "rear_idler to sprocket", but that on the ground "ground run". A part
-    of a single link is left out.
+    part between two wheels has the names of both, "rear_idler to sprocket", but that on the ground "ground run". Of
+    other tracks a part of a single link is left out.
     """
     try:
         vehicle = of_side(scene["vehicle"], track.removesuffix("_track"))
@@ -135,7 +135,7 @@ def stretches(scene: dict[str, Any], place: Floats, middle: Floats, track: str =
     return [
         Stretch(float(place[first] - half_pitch), float(place[last - 1] + half_pitch), str(names[first]))
         for first, last in pairwise(edges)
-        if last - first > 1
+        if last - first > 1 or by_wheels
     ]
 
 

@@ -1,8 +1,8 @@
-"""Phases of a run: rest, acceleration, steady motion, turn and braking, with figures for each.
+"""Phases of a run: rest, acceleration, steady motion, turn, braking and slowing, with figures for each.
 
 A phase is an interval in which the states of speed and yaw rate (``motion_states.py``) are constant: ``steady`` at
 constant speed; ``turn`` at constant speed with a yaw rate; ``acceleration`` and ``braking`` give their turn in
-``turning``.
+``turning``. A ``braking`` through which the drives push on is ``slowing``: a load or a slope takes the speed.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from orchestrator.results.units import figure
 ALIKE = 1e-3  # m/s: one figure for slips of both sides that differ by less
 SAME = 1e-6  # of a tension: sides that differ by less count as equal
 HELD = 0.5  # s: averaging time of the largest yaw rate
+CHANGING = "acceleration", "braking", "slowing"
 SIDES = {1: "left", -1: "right", 0: ""}
 MOTION = ("speed", "yaw", "chassis.angular_velocity.z", "chassis.velocity.x", "chassis.velocity.y")
 
@@ -33,7 +34,7 @@ MOTION = ("speed", "yaw", "chassis.angular_velocity.z", "chassis.velocity.x", "c
 class Phase(NamedTuple):
     """Phase of a run; NaN for figures that the log lacks."""
 
-    kind: str  # "rest", "acceleration", "steady", "turn", "braking"
+    kind: str  # "rest", "acceleration", "steady", "turn", "braking", "slowing"
     turning: str  # "left", "right" or ""
     start: float  # s
     end: float  # s
@@ -76,11 +77,12 @@ class Phases(NamedTuple):
         return Table.of(f"{len(self.phases)} phases", columns, rows, notes)
 
 
-def sentence(phase: Mapping[str, Any]) -> str:
-    """Sentence for a phase, given as ``Phase`` or as a JSON object."""
+def sentence(phase: Mapping[str, Any], brief: bool = False) -> str:
+    """Sentence for a phase, given as ``Phase`` or as a JSON object; ``brief``: its time, kind, speeds and way alone."""
     figures: dict[str, Any] = {name: float("nan") if value is None else value for name, value in phase.items()}
     known = Phase(**figures)
-    return "; ".join(filter(None, (_motion_clause(known), _turn_clause(known), _load_clause(known))))
+    clauses = _motion_clause(known), *(() if brief else (_turn_clause(known), _load_clause(known)))
+    return "; ".join(filter(None, clauses))
 
 
 def _motion_clause(phase: Phase) -> str:
@@ -88,7 +90,7 @@ def _motion_clause(phase: Phase) -> str:
     if phase.kind == "rest":
         return when
     changes = f"{', ' if phase.turning else ' '}from {rounded(phase.speed_start)} to {rounded(phase.speed_end)} m/s"
-    speed = changes if phase.kind in ("acceleration", "braking") else f" at {figure(phase.speed)} m/s"
+    speed = changes if phase.kind in CHANGING else f" at {figure(phase.speed)} m/s"
     return f"{when}{speed} over {figure(phase.way)} m"
 
 
@@ -192,10 +194,12 @@ def _figures(run: RunData, motion: _Motion, a: int, b: int, state: tuple[str, in
     pose = np.stack([columns[name] for name in pose_signals(run)], axis=1)
     way = float(np.trapezoid(split(run, velocity, pose)[0], t))
     turned = float(yaw[-1] - yaw[0])
+    work = columns["work"]
+    slows = speed == "braking" and work[-1] > work[len(t) // 2]  # also after its middle: a brake may come on later
     slip_left, slip_right = (_slip(columns.get(f"{side}_track.slip"), t) for side in ("left", "right"))
     tension, tension_t, tension_track = _largest_tension(run, motion, a + (a > 0), b + 1)
     return Phase(
-        kind="turn" if turn and speed in ("rest", "steady") else speed,
+        kind="turn" if turn and speed in ("rest", "steady") else "slowing" if slows else speed,
         turning=SIDES[turn],
         start=float(t[0]),
         end=float(t[-1]),
@@ -206,7 +210,7 @@ def _figures(run: RunData, motion: _Motion, a: int, b: int, state: tuple[str, in
         yaw_rate=turned / time,
         yaw_rate_most=_largest_rate(t, yaw),
         radius=way / abs(turned) if turn else float("nan"),
-        power=float(columns["work"][-1] - columns["work"][0]) / time,
+        power=float(work[-1] - work[0]) / time,
         slip_left=slip_left,
         slip_right=slip_right,
         tension=tension,

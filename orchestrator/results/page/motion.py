@@ -6,7 +6,7 @@ import numpy as np
 
 from orchestrator.results import turning
 from orchestrator.results.analyses.curves import GROUND_SPEED, MOMENT, YAW_RATE, radius
-from orchestrator.results.analyses.phases import HELD, Phase, phase_name, rounded
+from orchestrator.results.analyses.phases import CHANGING, HELD, Phase, phase_name, rounded
 from orchestrator.results.approximations import Curve
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.measures import FIGURES, OBSERVABLES
@@ -121,7 +121,7 @@ def _phases_table(evaluation: Evaluation) -> str:
 
 def _phase_row(phase: Phase) -> tuple[str, ...]:
     speed = f"{phase.speed:.3f}"
-    if phase.kind in ("acceleration", "braking"):
+    if phase.kind in CHANGING:
         speed += f"<br><span class='muted'>{rounded(phase.speed_start)} to {rounded(phase.speed_end)}</span>"
     slips = " / ".join(f"{slip:.3f}" for slip in (phase.slip_left, phase.slip_right) if slip == slip)
     tension = f"{quantity(phase.tension, 'N')}<br><span class='muted'>{instance(phase.tension_track)}, at"
