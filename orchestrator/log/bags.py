@@ -77,7 +77,7 @@ class Bag(ExitStack):
         return min((a for a, b in opened.spans.values() if a <= b), default=0.0) / NS, channels, opened
 
     def _rosbag(self, file: Path) -> tuple[float, dict[int, Channel], Any]:
-        if file.suffix == ".db3" and {*"%?#"} & {*f"{file}"}:  # findings/rosbags_database_path.sh
+        if file.suffix == ".db3" and {*"%?#"} & {*f"{file}"}:  # rosbags 0.11.9 puts the path into a URI
             raise BadInput(f"{file} is not read, because of %, ? or # in its path: rename it")
         kind = library("rosbags.rosbag1" if file.suffix == ".bag" else "rosbags.rosbag2", EXTRA).Reader
         try:
