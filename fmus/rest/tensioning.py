@@ -154,7 +154,10 @@ class Track:
         """Number of links, or place of the wheel, with which they are as long as the belt, in words; "" for none."""
         model = model_of(self.links[0])(self.config)
         length, (centres, radii, _) = model.links_count * model.pitch, model.circles()
-        links = round(belt_length(centres, radii) / model.pitch)
+        try:
+            links = round(belt_length(centres, radii) / model.pitch)
+        except ValueError:  # none lies round the wheels
+            return ""
         if links == model.links_count:
             return ""
 
