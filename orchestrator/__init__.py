@@ -6,7 +6,7 @@ A name is imported when it is first used, so importing the package is fast and i
 from importlib import import_module
 from typing import Any
 
-__version__ = "0.4.0"  # also the version of the distribution
+__version__ = "0.5.0"  # also the version of the distribution
 
 OFFERED = {  # public name: module, name in the module
     "run": ("interface.recorded_run", "run"),
