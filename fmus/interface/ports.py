@@ -102,6 +102,7 @@ UNITS: dict[str, dict[str, int]] = {
     for name in (
         *("1", "m", "1/m", "1/Pa", "1/s", "m/s", "m/s2", "rad", "rad/s", "m2", "m3", "m4", "kg", "kg.m2", "kg/m3", "s"),
         *("N", "N.m", "N/m", "N.m/rad", "N.s/m", "N.m.s/rad", "W", "J", "Pa", "Pa.s", "Pa/m", "Pa/m2", "Pa.s/m"),
+        "N.m2",
     )
 }
 

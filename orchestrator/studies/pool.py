@@ -115,8 +115,9 @@ def _in_processes(cases: Sequence[Case], remaining: Sequence[int], workers: int)
                     yield k, f"took longer than {cases[k].limit:g} s", True
                 except ProcessExpired as error:
                     yield k, f"its process ended with status {error.exitcode}", False
-        finally:
-            pool.stop()  # after an interruption, do not wait
+        except BaseException:  # after an interruption, do not wait
+            pool.stop()
+            raise
 
 
 def _end_with_parent() -> None:

@@ -31,7 +31,7 @@ HUNT_CROSSLEY = tuple(f"vehicle.contact.{pair}.law=hunt_crossley" for pair in ("
 DENSE = (  # a tooth between every second gap
     "vehicle.sprocket.teeth=21", "vehicle.sprocket.gaps_per_pin=2", "vehicle.sprocket.outer_radius=0.272",
 )  # fmt: skip
-LUGGED = "vehicle.sprocket.pins_per_gap=2", "vehicle.track.pitch=0.0762", "bench.links=80"
+LUGGED = "vehicle.sprocket.pins_per_gap=2", "vehicle.track.pitch=0.0762", "bench.links=64"
 STEPS = "run.step=1 ms", "track.step=1 ms"  # the steps that the checks' tolerances assume
 RAISED = "start.height=5 cm", "start.pitch=2 deg"
 UNLIKE = tuple(  # wheels
