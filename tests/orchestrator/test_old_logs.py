@@ -135,7 +135,9 @@ def test_a_run_with_a_retired_coupling_is_read_and_replayed_but_does_not_go_on(o
     """The inputs of a replay are those of the log, whatever rule made them."""
     log = old[0] / "energy_corrected.mcap"
     replay = "replay", log, "--component", "track", "--with", "rigid", "-o", "answer.mcap"
-    assert cotrack(*replay)[0] == 0
+    status, _, err = cotrack(*replay)
+    assert (status, err.count("\n")) == (0, 1)
+    assert "energy_corrected.mcap was made by cotrack 0.4.0" in err
     status, _, err = cotrack("resume", log, "-o", "further.mcap")
     assert status == 2
     assert "run.coupling.scheme = 'energy_corrected' has been retired" in err

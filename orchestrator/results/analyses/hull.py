@@ -90,7 +90,8 @@ def pins_of_sprocket(run: RunData) -> float:
     """Pins, with lugs alone where not all have one, that the sprocket takes in a turn; raises Missing."""
     if is_smooth(run):
         return pins_a_turn(run.scene["vehicle"])
-    return vehicle_number(run, "sprocket", "teeth") / gaps_per_pin(run)
+    teeth, gaps = vehicle_number(run, "sprocket", "teeth"), gaps_per_pin(run)
+    return pins_a_turn({"sprocket": {"teeth": teeth, "gaps_per_pin": gaps}})
 
 
 def is_smooth(run: RunData) -> bool:
