@@ -3,8 +3,10 @@
 The search is the trust-region method of Branch, Coleman and Li (SIAM J. Sci. Comput. 21, 1999, doi
 10.1137/S1064827595289108) in scipy, which keeps bounds; variables count from the start in units of its size or of the
 range. A run rounds (the place of an idler to 1e-8 m), and impacts and stick-slip are rough: a derivative is a
-difference over the first of STEPS that agrees with that over twice the step. A scan looks for the valley in which the
-search begins, by a Latin hypercube of the ranges.
+difference over the first of STEPS that agrees with that over twice the step. Before that, a search by differences over
+COARSE crosses small valleys, as of ripples whose phase moves (implicit filtering: Gilmore and Kelley, SIAM J. Optim. 5,
+1995, doi 10.1137/0805015; here with two scales). A scan looks for the valley in which the search begins, by a Latin
+hypercube of the ranges.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -30,6 +33,7 @@ from orchestrator.scene.scene import with_settings
 from orchestrator.studies import Case, Row, pool
 from orchestrator.studies.free_numbers import SMALL, FreeNumber
 
+COARSE = 1e-1  # step of the differences of a first search, in units of a number's size
 STEPS = SMALL, 1e-3, 1e-2  # of differences, in units of a number's size: the first that is not rough
 ROUGH = 0.1  # change of a derivative with twice the step that is told
 ROUNDS = 3  # of searches with an estimated noise
@@ -198,39 +202,17 @@ def search(task: Objective, scanned: int = 0) -> Search:
 
     Raises FitFailed where a run fails from which it cannot turn back, BadInput for a scan without ranges.
     """
-    from scipy.optimize import least_squares
-
     signals = task.signals
     known = [one.signal in task.noise for one in signals]
     first = task.difference(np.zeros(len(task.free)))
     noise = [task.noise.get(one.signal) or _spread(one, d) for one, d in zip(signals, first, strict=True)]
     u = start = _best_start(task, scanned, noise)
+    with suppress(FitFailed):  # of a run that far
+        u, _ = _search_from(task, u, noise, np.full(len(u), COARSE), 0.1 * COARSE)
     converged = False
     for _ in range(1 if all(known) else ROUNDS):
         steps, columns, _ = smooth_steps(task, u, noise)
-        # A row each: scipy 1.17.1 moves variables whose column is 0 (findings/scipy_zero_column.sh).
-        stays = np.where(np.linalg.norm(columns, axis=0) < SILENT, 1.0, 0.0)
-
-        def residual(v: Floats, noise: Sequence[float] = noise, u: Floats = u, stays: Floats = stays) -> Floats:
-            try:
-                difference = task.difference(v)
-            except FitFailed:  # a shorter step is tried
-                return np.full(sum(len(one.t) for one in signals) + len(u), np.inf)
-            r = np.concatenate([d / s for d, s in zip(difference, noise, strict=True)])
-            task.told(f"sum of squares {r @ r:.6g} at {', '.join(f'{x:.8g}' for x in task.numbers(v))}")
-            return np.concatenate([r, stays * (v - u)])
-
-        def jacobian(v: Floats, noise: Sequence[float] = noise, steps: Floats = steps, stays: Floats = stays) -> Floats:
-            columns = [j * (1.0 - stays) / s for j, s in zip(task.jacobian(v, steps), noise, strict=True)]
-            return np.concatenate([*columns, np.diag(stays)])
-
-        # From 1: scipy's first step is as long as the variables, and 0 on a bound is its end (scipy_start_on_bound.sh).
-        low, high = task.bounds()
-        found = least_squares(
-            lambda x: residual(x - 1.0), u + 1.0, lambda x: jacobian(x - 1.0), (low + 1.0, high + 1.0),
-            ftol=1e-6, xtol=RESOLVED, gtol=1e-10, max_nfev=MOST_STEPS,
-        )  # fmt: skip
-        u, converged, before = found.x - 1.0, found.status > 0, noise
+        (u, converged), before = _search_from(task, u, noise, steps), noise
         precision = _precision(signals, columns, before, known)
         found_sizes = map(rms, task.difference(u))
         noise = [s if given else max(size, least) or s
@@ -243,6 +225,37 @@ def search(task: Objective, scanned: int = 0) -> Search:
     (last_sum,) = task.sums([u], noise)
     steps, columns, rough = smooth_steps(task, u, noise)
     return Search(start, u, tuple(noise), tuple(precision), (first_sum, last_sum), columns, steps, rough, converged)
+
+
+def _search_from(
+    task: Objective, u: Floats, noise: Sequence[float], steps: Floats, end: float = RESOLVED
+) -> tuple[Floats, bool]:
+    """End (k,) of a search from ``u`` (k,) with ``steps`` (k,), and whether its last move was below ``end``."""
+    from scipy.optimize import least_squares
+
+    columns = _columns(task, u, noise, steps)
+    # A row each: scipy 1.17.1 moves variables whose column is 0 (findings/scipy_zero_column.sh).
+    stays = np.where(np.linalg.norm(columns, axis=0) < SILENT, 1.0, 0.0)
+
+    def residual(v: Floats) -> Floats:
+        try:
+            difference = task.difference(v)
+        except FitFailed:  # a shorter step is tried
+            return np.full(len(columns) + len(u), np.inf)
+        r = np.concatenate([d / s for d, s in zip(difference, noise, strict=True)])
+        task.told(f"sum of squares {r @ r:.6g} at {', '.join(f'{x:.8g}' for x in task.numbers(v))}")
+        return np.concatenate([r, stays * (v - u)])
+
+    def jacobian(v: Floats) -> Floats:
+        return np.concatenate([_columns(task, v, noise, steps) * (1.0 - stays), np.diag(stays)])
+
+    # From 1: scipy's first step is as long as the variables, and 0 on a bound is its end (scipy_start_on_bound.sh).
+    low, high = task.bounds()
+    found = least_squares(
+        lambda x: residual(x - 1.0), u + 1.0, lambda x: jacobian(x - 1.0), (low + 1.0, high + 1.0),
+        ftol=1e-6, xtol=end, gtol=1e-10, max_nfev=MOST_STEPS,
+    )  # fmt: skip
+    return found.x - 1.0, found.status > 0
 
 
 def _best_start(task: Objective, scanned: int, noise: Sequence[float]) -> Floats:
@@ -265,17 +278,18 @@ def _best_start(task: Objective, scanned: int, noise: Sequence[float]) -> Floats
     return points[best]
 
 
+def _columns(task: Objective, u: Floats, noise: Sequence[float], steps: Floats) -> Floats:
+    """Derivatives over the noise (samples, k) by differences over ``steps`` (k,); raises FitFailed."""
+    return np.concatenate([j / s for j, s in zip(task.jacobian(u, steps), noise, strict=True)])
+
+
 def smooth_steps(task: Objective, u: Floats, noise: Sequence[float]) -> tuple[Floats, Floats, Floats]:
     """Steps (k,), derivatives over the noise (samples, k) by them, and their change (k,) with twice the step."""
-
-    def columns(lengths: Floats) -> Floats:
-        return np.concatenate([j / s for j, s in zip(task.jacobian(u, lengths), noise, strict=True)])
-
     steps = np.full(len(u), STEPS[0])
-    best, rough = columns(steps), np.full(len(u), np.inf)
+    best, rough = _columns(task, u, noise, steps), np.full(len(u), np.inf)
     for step in STEPS:
         tried = np.where(rough > ROUGH, step, steps)
-        once, twice = columns(tried), columns(2.0 * tried)
+        once, twice = (_columns(task, u, noise, factor * tried) for factor in (1.0, 2.0))
         size = np.linalg.norm(once, axis=0)
         changes = np.linalg.norm(twice - once, axis=0) / np.where(size > 0.0, size, 1.0)
         better = changes < rough

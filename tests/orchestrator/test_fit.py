@@ -302,6 +302,17 @@ def test_a_search_from_the_end_of_a_range_and_from_its_own_end():
     assert any(" is better, the sum of squares is " in problem for problem in answer(task, off).problems)
 
 
+@pytest.mark.parametrize("truth", [0.6, 1.7, 3.0])
+def test_small_valleys_are_crossed(truth, monkeypatch):
+    """A ripple whose phase moves has derivatives fifty times those of the line; the twin follows them."""
+    free = [(1.0, 0.1, 9.0)]
+    task = formula(lambda a: a * (1.0 + S) + 0.05 * np.sin(1e3 * a - 40.0 * S), [truth], free)
+    line = NOISE / np.linalg.norm(1.0 + S)
+    assert task.numbers(search(task).u) == pytest.approx([truth], abs=4.0 * line)
+    monkeypatch.setattr(least_squares, "COARSE", least_squares.SMALL)
+    assert task.numbers(search(task).u) != pytest.approx([truth], abs=20.0 * line)
+
+
 def test_an_error_above_the_number_is_no_success():
     found = solved("weak")
     assert found.errors[0] == pytest.approx(NOISE / (0.01 * np.linalg.norm(S)), rel=1e-9)
