@@ -34,8 +34,7 @@ import numpy as np
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import MEASURED, MEASURED_BINARY, MEASURED_ROWS, MEASURED_SAMPLES, OverBudget, open_file
-from orchestrator.files.columns import head
-from orchestrator.files.csv_lines import csv_lines, number
+from orchestrator.files.columns import csv_lines, head, number
 from orchestrator.log.extra import NotInstalled, library
 from orchestrator.log.notices import notice
 from orchestrator.log.time_series import Floats

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.ground.keys import is_plane
+from fmus.ground.tables import is_plane
 from fmus.vehicles.sides import SIDES, of_side, way_a_turn
 from fmus.vehicles.tables import LOGGED
 from fmus.vehicles.vehicle import VehicleTable

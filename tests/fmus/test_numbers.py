@@ -28,8 +28,7 @@ from fmus.interface import numbers
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import UNITS, variables
 from fmus.native import numbers_file
-from fmus.native.arrays import arrays
-from fmus.native.fmi3_description import document
+from fmus.native.fmi3_description import arrays, document
 from fmus.native.pack import build_native, build_native_shape, with_constants
 from fmus.physics.contact.ground import bumpy_ground
 from fmus.vehicles.ranges import contradictions

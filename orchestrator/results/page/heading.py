@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from fmus.ground.keys import SHAPES, SLOPES
+from fmus.ground.tables import SHAPES, SLOPES
 from orchestrator.results.analyses import link_loads
 from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.analyses.link_loads import SIGNALS
