@@ -22,7 +22,7 @@ from fmus.vehicles.vehicle import VehicleTable
 Slope = Annotated[float, In("1", ge=-2.0, le=2.0)]
 Radius = Annotated[float, In("m", ge=1e-3)]  # below, a link's penetration is larger than its edge
 Places = Annotated[tuple[Place, ...], Field(min_length=1, max_length=100)]
-Height = Annotated[float, Field(allow_inf_nan=False, ge=-1e4, le=1e4, json_schema_extra={"unit": "m"})]
+Height = Annotated[float, In("m", plain=True, ge=-1e4, le=1e4)]
 MOST_HEIGHTS = 200_000  # of a map: a log holds them as text
 STEEPEST = 10.0  # 84 degrees, between neighbours of a map: beyond is no ground, but a gap in the data or another unit
 MOST_WAVES = 6000  # of a rough profile: the time to add them grows with the square
