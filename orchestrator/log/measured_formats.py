@@ -54,7 +54,7 @@ _TIME = re.compile(r"(?:.*[T ])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d
 
 
 class FileColumn(NamedTuple):
-    """Column of a file."""
+    """Name and unit of a column of numbers in a file of others."""
 
     whole: str  # name that is unique in the file: "v [km/h]" in CSV, "GROUP/v" in MDF and TDMS
     name: str
