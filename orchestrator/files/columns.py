@@ -1,7 +1,4 @@
-"""Columns of numbers in files of others: heads with units, marks of no data, lines of CSV files; cells of our own.
-
-Lines are read one at a time with limits; no cell that is written is run by a spreadsheet.
-"""
+"""Columns in files of others: heads with units, marks of no data, CSV lines with limits; cells no spreadsheet runs."""
 
 from __future__ import annotations
 

@@ -198,10 +198,9 @@ def record(scene: Scene) -> dict[str, Any]:
     key = json.dumps(scene.resolved(), sort_keys=True)
     if key not in _summaries:
         try:
-            summary = simulate(scene, Path(_folder().name) / f"{len(_summaries)}.mcap", answer=True)
+            _summaries[key] = simulate(scene, Path(_folder().name) / f"{len(_summaries)}.mcap", answer=True)
         except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
-            summary = {"status": "failed", "message": str(failure), "wall_time": 0.0}
-        _summaries[key] = summary
+            _summaries[key] = {"status": "failed", "message": str(failure), "wall_time": 0.0}
     return _summaries[key]
 
 
