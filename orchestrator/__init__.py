@@ -9,8 +9,8 @@ from typing import Any
 __version__ = "0.5.0"  # also the version of the distribution
 
 OFFERED = {  # public name: module, name in the module
-    "run": ("interface.recorded_run", "run"),
-    "Run": ("interface.recorded_run", "Run"),
+    "run": ("recorded_run", "run"),
+    "Run": ("recorded_run", "Run"),
     "scenes": ("scene.scene", "scene_names"),
     "load": ("scene.scene", "load"),
     "Log": ("log.reader", "Log"),

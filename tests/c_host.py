@@ -3,7 +3,7 @@
 import subprocess
 from pathlib import Path
 
-from fmus.native.link import LINUX, WINDOWS, compiler
+from fmus.native.machine_code import LINUX, WINDOWS, compiler
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.assembly import build_native_all

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import fmpy
 
 from fmus.interface.ports import UNITS, motion_ports, wrench_ports
-from fmus.native.link import FLAGS, HERE, compiler
+from fmus.native.machine_code import FLAGS, HERE, compiler
 
 SOURCES = Path(__file__).parent / "foreign"
 Base = Mapping[str, float]  # attributes of a BaseUnit

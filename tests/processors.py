@@ -106,7 +106,7 @@ def native_runs(scene: str, links: str, steps: int, folder: Path) -> dict[str, n
     """Outputs (steps, outputs) of native FMUs by processor and system, by the C host."""
     from c_host import host, order_text, windows_host
 
-    from fmus.native.link import LINUX, WINDOWS
+    from fmus.native.machine_code import LINUX, WINDOWS
     from orchestrator.scene.assembly import assemble, build_native_all
     from orchestrator.scene.placing import placed
     from orchestrator.scene.scene import load

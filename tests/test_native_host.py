@@ -16,7 +16,7 @@ from fmpy.fmi2 import FMU2Slave
 from vehicle_in_process import InProcess
 
 from fmus.fmi.build import build_all
-from fmus.native.link import compiler
+from fmus.native.machine_code import compiler
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed

@@ -102,7 +102,7 @@ EXEMPT = {
 
 
 def test_results_do_not_depend_on_the_processor():
-    """FMUs take elementary functions and linear solves from ``elementary``, ``exponential`` and ``elimination``."""
+    """FMUs take elementary functions and linear solves from ``elementary`` and ``elimination``."""
     behind = {}
     for file in sorted(FMUS.rglob("*.py")):
         if found := depends_on_the_processor(file.read_text(encoding="utf-8")):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import fmpy
 
-from fmus.native.link import FLAGS, HERE, compiler
+from fmus.native.machine_code import FLAGS, HERE, compiler
 
 SOURCE = Path(__file__).parent / "foreign" / "whole3.c"
 TYPES = [f"{sign}Int{bits}" for bits in (8, 16, 32, 64) for sign in ("", "U")]

@@ -23,8 +23,7 @@ from fmus.interface.course import Course, evaluate, has_points, ramp
 from fmus.interface.model import no_rotation
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
-from fmus.physics.elementary import atan, atan2, cos, hypot, sin
-from fmus.physics.exponential import root
+from fmus.physics.elementary import atan, atan2, cos, hypot, root, sin
 from fmus.physics.rotation import quat_forward, quat_normalise
 from fmus.physics.vector import add, cross, scale, vector
 from fmus.start import HEADING, put_point_at_rest, world_position

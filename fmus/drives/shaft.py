@@ -15,7 +15,7 @@ from fmus.interface.course import evaluate, has_points, set_line
 from fmus.interface.wrenches import WARNED
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
-from fmus.physics.exponential import exp
+from fmus.physics.elementary import exp
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 
 # indices in the flat state

@@ -17,7 +17,7 @@ from fmus.interface.sentences import Sentence, format_sentence
 
 
 class InstancePhase(IntEnum):
-    """InstancePhase of an instance."""
+    """Phase of an instance, as FMI's state machine has it."""
 
     INSTANTIATED = 0
     INITIALISING = 1

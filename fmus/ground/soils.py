@@ -80,7 +80,7 @@ def law_of(name: str, pitch: float, track_width: float) -> Soil:
 def work_of_pressure(soil: Soil, pressure: float) -> float:
     """Work of the first loading of a soil up to a ``pressure``, Pa, on an area of 1 m2, J."""
     from fmus.physics.contact.soil.pressure import first_work
-    from fmus.physics.exponential import power
+    from fmus.physics.elementary import power
 
     return float(first_work(soil, power(pressure / soil.stiffness, 1.0 / soil.n)))
 

@@ -7,7 +7,7 @@ start leave the ground level behind it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any, Literal
 
@@ -22,12 +22,24 @@ from fmus.vehicles.vehicle import VehicleTable
 Slope = Annotated[float, In("1", ge=-2.0, le=2.0)]
 Radius = Annotated[float, In("m", ge=1e-3)]  # below, a link's penetration is larger than its edge
 Places = Annotated[tuple[Place, ...], Field(min_length=1, max_length=100)]
-Height = Annotated[float, Field(allow_inf_nan=False, ge=-1e4, le=1e4, json_schema_extra={"unit": "m"})]
+Height = Annotated[float, In("m", plain=True, ge=-1e4, le=1e4)]
 MOST_HEIGHTS = 200_000  # of a map: a log holds them as text
 STEEPEST = 10.0  # 84 degrees, between neighbours of a map: beyond is no ground, but a gap in the data or another unit
 MOST_WAVES = 6000  # of a rough profile: the time to add them grows with the square
 EVERYWHERE = (-1e6, 1e6)  # from and to, m
+SLOPES = ("grade", "bank")  # keys that, with those of SHAPES, make a ground a terrain, whose kernels are then loaded
+SHAPES = ("step", "half_round", "trench", "kerb", "washboard", "rough", "heightmap", "friction")
 EVEN = 1e-9  # largest distance of the ground from a plane that counts as one, m
+
+
+def is_terrain(ground: Mapping[str, Any]) -> bool:
+    """Whether the ground is neither level nor level with a bump."""
+    return any(ground.get(key) for key in (*SLOPES, *SHAPES))
+
+
+def is_plane(ground: Mapping[str, Any]) -> bool:
+    """Whether the ground is a slope everywhere, and nothing else."""
+    return ground.get("incline_start") is None and not any(ground.get(key) for key in (*SHAPES, "bump"))
 
 
 def check_points(rows: float, columns: float, remedy: str = "") -> None:

@@ -60,7 +60,7 @@ def initialised_model(kind: str, config: Mapping[str, Any], parameters: Mapping[
 
 
 class DriveSprocket(NamedTuple):
-    """Sprocket of a drive."""
+    """Sprocket among the variables and in the state of its drive."""
 
     name: str  # of the drive
     prefix: str  # of its variables there

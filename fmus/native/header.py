@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fmus.fmi.phases import ALLOWED, ALLOWED_FMI3, JUMP, LATE, LENGTHS, ROUNDING, SHORT, InstancePhase, not_allowed
 from fmus.interface.ports import Port, enumeration_value
 from fmus.interface.sentences import GAPS, Sentence
-from fmus.native.arrays import ArrayVariable
+from fmus.native.fmi3_description import ArrayVariable
 from fmus.native.numbers_file import FILE, MAGIC, VERSION, longest
 
 

@@ -25,18 +25,19 @@ from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_por
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import Port, variables
 from fmus.native import fmi3_description, numbers_file
-from fmus.native.arrays import ArrayVariable, arrays
-from fmus.native.emit import LEVELS, emit
 from fmus.native.entries import Entries, entries, free_names
+from fmus.native.fmi3_description import ArrayVariable, arrays
 from fmus.native.header import header
-from fmus.native.link import (
+from fmus.native.machine_code import (
     FLAGS,
+    LEVELS,
     LINUX,
     WINDOWS,
     NoCompiler,
     Platform,
     compiler,
     compiler_release,
+    emit,
     headers,
     link,
     sources,

@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.interface.sentences import GAPS
 from fmus.kernels.jit import allocating, kernel
-from fmus.physics.arrays import Floats, Integers
+from fmus.physics.arrays import Floats
 from fmus.physics.chain import link_columns as column
 from fmus.physics.chain import on_links
 from fmus.physics.chain.explicit import march, march_adaptively, march_by_dormand_prince
@@ -20,9 +19,9 @@ from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT
 from fmus.physics.chain.state import FORGOTTEN
 from fmus.physics.vector import put, vector
-from fmus.physics.wheels import WIDTH, from_frame, to_world
-from fmus.start import AFTER_POSE, FRAME, lay_frame
-from fmus.track.failures import FORGOTTEN_RUT, HALVED, OF_EXPLICIT, OF_IMPLICIT, WARNINGS
+from fmus.physics.wheels import from_frame, to_world
+from fmus.start import AFTER_POSE, lay_frame
+from fmus.track.failures import FORGOTTEN_RUT, HALVED, OF_EXPLICIT, OF_IMPLICIT
 from fmus.track.link_outputs import (
     AXIS,
     DEPTH,
@@ -43,7 +42,7 @@ from fmus.track.link_outputs import (
     WHEELS,
     LinkArrays,
 )
-from fmus.track.motions import exchange_size, read_wheels
+from fmus.track.motions import read_wheels
 
 MOST_HALVINGS = 5  # halvings in one communication step, more of which are a warning
 
@@ -78,25 +77,6 @@ class Parts(NamedTuple):
     s: Any  # views of the state
     work: Any  # scratch
     report: np.ndarray
-
-
-def parts_without_contacts(
-    link: Any,
-    environment: Environment,
-    scheme: Any,
-    longest: float,
-    s: Any,
-    work: Any,
-    report: Floats,
-    counters: Integers,
-) -> tuple[Parts, Floats]:
-    """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
-    none = np.zeros((0, WIDTH))
-    exchange, flags = np.zeros(exchange_size(0)), np.zeros(len(WARNINGS))
-    common = CommonData(
-        longest, 0, 0.0, 0.0, np.zeros(FRAME), none, none, flags, exchange, none, report, 0.0, counters, 1.0
-    )
-    return Parts(link, None, environment, scheme, common, s, work, report), np.zeros((1 + len(WARNINGS), GAPS + 1))
 
 
 class OutputData(NamedTuple):

@@ -68,19 +68,21 @@ BOUNDS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum", "lt": "exc
 
 
 class In(GroupedMetadata):
-    """Annotation of a bounded float that is read from a number (SI) or from a string with a unit."""
+    """Annotation of a bounded float that is read from a number (SI) or, unless it is plain, from one with a unit."""
 
-    def __init__(self, unit: str, **bounds: float) -> None:
-        self.unit, self.bounds = unit, bounds
+    def __init__(self, unit: str, plain: bool = False, **bounds: float) -> None:
+        self.unit, self.plain, self.bounds = unit, plain, bounds
 
     def __iter__(self) -> Iterator[object]:
-        yield BeforeValidator(to_si(self.unit))
+        yield from () if self.plain else (BeforeValidator(to_si(self.unit)),)
         yield Field(allow_inf_nan=False, **self.bounds)  # type: ignore[call-overload]
         yield WithJsonSchema(self._schema())
 
     def _schema(self) -> dict[str, Any]:
         """Number within the bounds, or text of a number and a unit, whose sign alone can be checked."""
         number = {"type": "number", **{BOUNDS[bound]: value for bound, value in self.bounds.items()}}
+        if self.plain:
+            return {**number, "unit": self.unit}
         sign = "[-+]?" if max(self.bounds.get("ge", -1), self.bounds.get("gt", -1)) < 0 else "[+]?"
         text = {"type": "string", "pattern": rf"^\s*{sign}{NUMBER}\s*(\D|$)"}
         return {"anyOf": [number, text], "unit": self.unit}
@@ -124,7 +126,7 @@ class OrEach(GroupedMetadata):
     """Annotation of a value of ``kind``, or of a list of such values, one for each wheel of a side."""
 
     def __init__(self, kind: Any) -> None:
-        self._one = TypeAdapter(kind)
+        self.kind, self._one = kind, TypeAdapter(kind)
 
     def __iter__(self) -> Iterator[object]:
         yield BeforeValidator(self._read)
@@ -156,9 +158,9 @@ class OrEach(GroupedMetadata):
         return {"anyOf": [one, each]}
 
 
-def ratio(**bounds: float) -> Any:
-    """Field of a bounded number without a unit."""
-    return Field(allow_inf_nan=False, json_schema_extra={"unit": "1"}, **bounds)  # type: ignore[call-overload]
+def ratio(**bounds: float) -> In:
+    """Annotation of a bounded number without a unit."""
+    return In("1", plain=True, **bounds)
 
 
 Mass = Annotated[float, In("kg", gt=0)]
@@ -225,19 +227,26 @@ class FrozenTable(BaseModel):
         return self
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """JSON schema of the table with the meanings of its keys."""
-        schema = handler(core_schema)
-        properties = handler.resolve_ref_schema(schema)["properties"]
+    @cache
+    def texts(cls) -> dict[str, str]:
+        """Meanings of the keys."""
+        found = {}
         for table in reversed(cls.__mro__):
             body = _classes(table.__module__).get(table.__name__, []) if issubclass(table, FrozenTable) else []
             for key, text in pairwise(body):
                 match key, text:
                     case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(meaning))):
-                        alias = cls.model_fields[name].alias or name
                         when = cls.conditions().get(name)
-                        described = f"{meaning}; {when}" if when else meaning
-                        properties[alias]["description"] = " ".join(described.split())
+                        found[name] = " ".join((f"{meaning}; {when}" if when else meaning).split())
+        return found
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """JSON schema of the table with the meanings of its keys."""
+        schema = handler(core_schema)
+        properties = handler.resolve_ref_schema(schema)["properties"]
+        for name, text in cls.texts().items():
+            properties[cls.model_fields[name].alias or name]["description"] = text
         return schema
 
 
@@ -387,37 +396,25 @@ def bounds_text(bounds: Schema, words: Mapping[str, str]) -> str:
 
 def meanings(table: type[FrozenTable], above: str = "") -> Iterator[tuple[str, Meaning]]:
     """Yield the numbers of a table by their keys without indices, behind ``above``, with their meanings."""
-    schema = table.model_json_schema()
-    yield from _meanings(schema, schema["$defs"], above)
+    for key, field in table.model_fields.items():
+        name = f"{above}{field.alias or key}"
+        if inner := _table_in(field.annotation):
+            yield from meanings(inner, f"{name}.")
+        elif number := _number_in(*field.metadata, *get_args(field.annotation)):
+            unit = number.unit.replace("^", "").replace(" ", ".")
+            yield name, (unit, *_bounds(number.bounds), table.texts()[key])
 
 
-def _meanings(table: Schema, definitions: Schema, above: str) -> Iterator[tuple[str, Meaning]]:
-    for key, entry in table["properties"].items():
-        node = entry
-        while "unit" not in node:
-            inner = node.get("items") or node.get("additionalProperties") or (node.get("prefixItems") or [None])[0]
-            inner = inner or next((each for each in node.get("anyOf", ()) if each.get("type") != "null"), None)
-            inner = definitions[node["$ref"].rpartition("/")[2]] if "$ref" in node else inner
-            if inner is None or "properties" in node:
-                break
-            node = inner
-        if "properties" in node:
-            yield from _meanings(node, definitions, f"{above}{key}.")
-        elif "unit" in node:
-            unit = node["unit"].replace("^", "").replace(" ", ".")
-            yield f"{above}{key}", (unit, *_bounds(next(iter(node.get("anyOf", ())), node)), entry["description"])
+def _number_in(*parts: Any) -> In | None:
+    """First number in parts of an annotation, at any depth."""
+    inside = (_number_in(*get_args(part.kind if isinstance(part, OrEach) else part)) for part in parts)
+    return next((part for part in (*parts, *inside) if isinstance(part, In)), None)
 
 
-def _bounds(number: Schema) -> tuple[float | str, float | str, str]:
-    """Least and largest value of a number of a schema, and what is allowed in words."""
-    above, least, most = (number.get(bound) for bound in ("exclusiveMinimum", "minimum", "maximum"))
-    below = number.get("exclusiveMaximum")
-    words = [
-        text.format(bound)
-        for text, bound in (("greater than {:g}", above), ("{:g} or more", least), ("{:g} at most", most),
-                            ("less than {:g}", below))
-        if bound is not None
-    ]  # fmt: skip
-    low = least if above is None else math.nextafter(above, math.inf)
-    high = most if below is None else math.nextafter(below, -math.inf)
-    return "-inf" if low is None else low, "inf" if high is None else high, " and ".join(words) or "a finite number"
+def _bounds(bounds: Mapping[str, float]) -> tuple[float | str, float | str, str]:
+    """Least and largest value of a number with bounds, and what is allowed in words."""
+    words = {"gt": "greater than {:g}", "ge": "{:g} or more", "le": "{:g} at most", "lt": "less than {:g}"}
+    text = " and ".join(words[bound].format(bounds[bound]) for bound in words if bound in bounds)
+    low = math.nextafter(bounds["gt"], math.inf) if "gt" in bounds else bounds.get("ge", "-inf")
+    high = math.nextafter(bounds["lt"], -math.inf) if "lt" in bounds else bounds.get("le", "inf")
+    return low, high, text or "a finite number"

@@ -7,16 +7,13 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
-from operator import attrgetter
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
-from fmus.vehicles import life_tables, suspension_tables
-from fmus.vehicles.belt_table import BeltTable
-from fmus.vehicles.life_tables import LifeTable
+from fmus.vehicles import suspension_tables, track_tables
 from fmus.vehicles.ranges import Mistake, contradictions
-from fmus.vehicles.sides import KINDS, SIDES, of_side, of_wheels, road_arms, smooth_wheels
+from fmus.vehicles.sides import KINDS, SIDES, of_side, road_arms, smooth_wheels
 from fmus.vehicles.suspension_tables import (
     Place,
     RoadArmTable,
@@ -43,9 +40,9 @@ from fmus.vehicles.tables import (
     first_error,
     is_logged,
     ratio,
-    to_si,
     value_text,
 )
+from fmus.vehicles.track_tables import GuideTable, LifeTable, MaterialTable, SectionTable, TrackTable
 
 
 class ChassisTable(FrozenTable):  # noqa: D101
@@ -150,88 +147,6 @@ class FurtherWheelTable(IdlerTable):  # noqa: D101
     """spring-damper between hull and wheel; without it the axle is fixed to the hull"""
 
 
-class BushingTable(FrozenTable):  # noqa: D101
-    stiffness: Annotated[float, In("N m/rad", ge=0)] = 0.0
-    """stiffness of the bushes of a pin against the turning of its two links"""
-    preset: Annotated[float, In("rad", gt=-1.5, lt=1.5)] = 0.0
-    """angle between the links at which the bushes are free of torque, positive as the chain bends round its wheels"""
-    damping: Annotated[float, In("N m s/rad", ge=0)] = 0.0
-    """damping of the bushes of a pin"""
-    in_series: bool = False
-    """stiffness and damping are those of bushes and flexible links in series; rigid links have bushes alone"""
-    friction: Annotated[float, ratio(ge=0, le=2.0)] = 0.0
-    """coefficient of friction between pin and link, under the force of the pin"""
-    radius: Annotated[float, In("m", gt=0, lt=1)] | None = None
-    """radius at which a pin rubs; with friction"""
-    slow: Annotated[float, In("rad/s", gt=0)] = 0.2
-    """rate of turning below which the friction of a pin grows in proportion to it"""
-    wear: Annotated[float, In("1/Pa", ge=0, le=1e-9)] = 0.0
-    """volume that wears off per force and way of rubbing (Archard)"""
-    bearing: Annotated[float, In("m", gt=0, lt=10)] | None = None
-    """width along the pin on which a link bears it; with wear"""
-
-
-class GrouserTable(FrozenTable):  # noqa: D101
-    height: Annotated[float, In("m", ge=0, le=2)]
-    """height of a bar or pad over the outer face of its link, track.face"""
-    length: Distance
-    """length of a bar or pad along the track"""
-    width: Distance | None = None
-    """width of a bar or pad; without it track.width"""
-    count: Annotated[int, Field(ge=1, le=8)] = 1
-    """number of bars or pads of a link, each in the middle of an equal part of the pitch"""
-
-
-class TrackTable(FrozenTable):  # noqa: D101
-    links: Annotated[int, Field(ge=4, le=4096)]
-    """number of links of a track"""
-    lateral: Length
-    """distance of the track's plane from the plane of symmetry"""
-    pitch: Distance
-    """distance between the pins of a link"""
-    mass: Mass
-    """mass of a link"""
-    inertia: tuple[Inertia, Inertia, Inertia]
-    """moments of inertia of a link about its own x (along), y (pin), z (normal)"""
-    face: Annotated[float, In("m", ge=0)]
-    """distance of both faces of a link, towards the ground and towards the wheels, from the line of the pins"""
-    width: Distance
-    """width of a link"""
-    tension: Force
-    """mean static tension of the vehicle standing on level, hard ground, to 0.1 %: the idler's place is solved for it.
-    Soil and slopes add their own; a drawn start moves no idler; without gravity as drawn. 0: a slack track, its idler
-    drawn in by 60 mm (links of 152.4 mm; others in proportion), the farthest that the search goes"""
-    bushing: BushingTable | None = None
-    """bushes and friction of the pins"""
-    belt: BeltTable | None = None
-    """belt of one piece, in place of pitch, mass, face, inertia and bushes of the links that it is cut into"""
-    grouser: GrouserTable | None = None
-    """bars or pads on the outer faces of the links; without them the whole outer face stands on the ground"""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _cut(cls, data: Any) -> Any:
-        """Fill in the numbers of links that a belt gives; other faults of the table are found later."""
-        units = {"pitch": "m", "width": "m", "mass": "kg"}
-        try:
-            given = {key: to_si(unit)(data[key]) for key, unit in units.items() if key in data}
-            own = BeltTable.model_validate(data["belt"]).of_links(data["links"], **given)
-        except (KeyError, TypeError, ValueError, ArithmeticError):
-            return data
-        bushes = {key.removeprefix("bushing."): own.pop(key) for key in [*own] if key.startswith("bushing.")}
-        return {**own, **data, "bushing": {**bushes, **(data.get("bushing") or {})}}
-
-    @model_validator(mode="after")
-    def _one_belt(self) -> TrackTable:
-        """Refuse numbers of links that are not those of their belt."""
-        own = self.belt.of_links(self.links, self.width, self.pitch, self.mass) if self.belt else {}
-        for key, made in own.items():
-            given = attrgetter(key)(self)
-            if not all(math.isclose(*pair) for pair in zip(of_wheels(given, 1), of_wheels(made, 1), strict=True)):
-                raise ValueError(f"{key} = {value_text(given)}: track.belt makes it {value_text(made)}, leave it out")
-        return self
-
-
 class RightTrackTable(FrozenTable):  # noqa: D101
     links: Annotated[int, Field(ge=4, le=4096)]
     """number of links of the right track"""
@@ -283,28 +198,6 @@ class RightTable(FrozenTable):  # noqa: D101
     """suspension of the right side; an element that is given here replaces that of the left side"""
 
 
-class SectionTable(FrozenTable):  # noqa: D101
-    area: Annotated[float, In("m^2", gt=0)]
-    """area of the section"""
-    bending: Annotated[float, In("m^4", gt=0)]
-    """second moment of area for bending in the plane of the track"""
-    lateral_bending: Annotated[float, In("m^4", gt=0)]
-    """second moment of area for bending to the side, of beams"""
-    torsion: Annotated[float, In("m^4", gt=0)]
-    """torsion constant of Saint-Venant, of beams; at most bending + lateral_bending"""
-    outer_fibre: Distance
-    """distance of the outer fibre from the neutral axis, for the stress of bending"""
-
-
-class MaterialTable(FrozenTable):  # noqa: D101
-    youngs_modulus: Annotated[float, In("Pa", gt=0)]
-    """Young's modulus"""
-    shear_modulus: Annotated[float, In("Pa", gt=0)]
-    """shear modulus, of beams"""
-    relaxation_time: Annotated[float, In("s", ge=0)]
-    """damping constants of the material over its Young's modulus"""
-
-
 class ContactLawTable(FrozenTable):
     """Contact law: normal force with spring and damper, regularised Coulomb friction."""
 
@@ -330,11 +223,6 @@ class ContactTable(FrozenTable):  # noqa: D101
     """contact of a link with the ground"""
 
 
-class GuideTable(FrozenTable):  # noqa: D101
-    clearance: Annotated[float, In("m", ge=0)]
-    """lateral play of a guide horn, on each side, between the discs of a wheel; of rigid links and beams"""
-
-
 TAKEN = (  # names with which ports and parameters of tracks, and those of a side of a chassis, begin
     *KINDS, "adams", "bump_stop", "closure", "contact", "energy", "ground", "joint", "link", "link_outputs", "material",
     "penetration", "rebound_stop", "recoil", "rest", "road_arm", "solver", "sprocket", "start", "stress", "suspension",
@@ -344,7 +232,7 @@ TAKEN = (  # names with which ports and parameters of tracks, and those of a sid
 
 def _check_consistency(vehicle: Vehicle, info: ValidationInfo | None) -> Vehicle:
     table = vehicle.model_dump()
-    for rule in (contradictions, suspension_tables.contradictions, life_tables.contradictions):
+    for rule in (contradictions, suspension_tables.contradictions, track_tables.contradictions):
         for complaint in rule(table):
             if not (is_logged(info) and isinstance(complaint, Mistake)):
                 raise ValueError(complaint)

@@ -96,7 +96,6 @@ def _attached(attachments: Mapping[str, int]) -> Iterator[str]:
 
 
 def _info_as_json(summary: Any) -> dict[str, Any]:
-    """Return the JSON object of an ``Info``."""
     opened = summary.log
     return {
         "log": str(opened.path),

@@ -125,7 +125,7 @@ class Recordable(Steppable, Protocol):
         """Read per-link outputs into ``y_links``."""
 
     def read_counters(self) -> None:
-        """Read ``counters``."""
+        """Read the Integer, Enumeration and Boolean outputs into ``counters``."""
 
 
 class Feed(NamedTuple):

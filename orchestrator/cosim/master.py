@@ -53,7 +53,7 @@ class Clock(NamedTuple):
 
 
 class RunOutcome(NamedTuple):
-    """Outcome of a run."""
+    """How a run has ended, and how far it came."""
 
     status: str  # "ok", "failed" or "interrupted"
     message: str  # one sentence, empty if ok, unless a component has ended the run

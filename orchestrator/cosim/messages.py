@@ -60,7 +60,7 @@ class WarningList:
 
 
 class CallMessages:
-    """CallMessages of an instance: its warnings since the start, and the errors of its last call."""
+    """Messages of an instance: its warnings since the start, and the errors of its last call."""
 
     def __init__(self, component: str, logger: Logger | None) -> None:
         self._component, self._logger = component, logger

@@ -17,9 +17,9 @@ from orchestrator import OFFERED, __version__
 if TYPE_CHECKING:
     from orchestrator.execution.course import life
     from orchestrator.execution.log_report import report
-    from orchestrator.interface.recorded_run import Run, run
     from orchestrator.log.export import export, to_arrow, to_pandas, to_polars, to_xarray
     from orchestrator.log.reader import Log
+    from orchestrator.recorded_run import Run, run
     from orchestrator.results.analyses.catalogue import analyse
     from orchestrator.results.difference import differences_of_logs as compare
     from orchestrator.scene.scene import load

@@ -15,7 +15,7 @@ from typing import Any
 
 from fmus.fmi.build import identity
 from fmus.fmi.saved import SlaveState, from_bytes, to_bytes
-from fmus.ground.keys import SLOPES, is_plane
+from fmus.ground.tables import SLOPES, is_plane
 from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.checkpoint import time_of
 from orchestrator.cosim.component import Component

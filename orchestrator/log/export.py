@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from fmus.cache.files import replacing
-from orchestrator.files.csv_lines import safe_cell
+from orchestrator.files.columns import safe_cell
 from orchestrator.log.extra import library
 from orchestrator.log.log_file import LogFailed, error_text
 from orchestrator.log.reader import Log, Missing

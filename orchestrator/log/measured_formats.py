@@ -34,8 +34,7 @@ import numpy as np
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import MEASURED, MEASURED_BINARY, MEASURED_ROWS, MEASURED_SAMPLES, OverBudget, open_file
-from orchestrator.files.columns import head
-from orchestrator.files.csv_lines import csv_lines, number
+from orchestrator.files.columns import csv_lines, head, number
 from orchestrator.log.extra import NotInstalled, library
 from orchestrator.log.notices import notice
 from orchestrator.log.time_series import Floats
@@ -55,7 +54,7 @@ _TIME = re.compile(r"(?:.*[T ])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d
 
 
 class FileColumn(NamedTuple):
-    """Column of a file."""
+    """Name and unit of a column of numbers in a file of others."""
 
     whole: str  # name that is unique in the file: "v [km/h]" in CSV, "GROUP/v" in MDF and TDMS
     name: str

@@ -241,7 +241,6 @@ def breaks(t: Floats, y: Floats, tolerance: float) -> tuple[Places, LineFitter]:
 
 
 def _local_minima(cost: Floats) -> NDArray[np.bool_]:
-    """True for local minima."""
     around = np.concatenate([[np.inf], cost, [np.inf]])
     return (cost <= around[:-2]) & (cost <= around[2:])
 

@@ -83,7 +83,7 @@ EARLY = Window(-np.inf, POINTWISE)
 
 
 class ObservableSamples(NamedTuple):
-    """Samples of an observable."""
+    """Values of an observable, k numbers at each time."""
 
     t: Floats  # (m,) s
     values: Floats  # (m, k)

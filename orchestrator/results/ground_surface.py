@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmus.ground.keys import is_terrain
+from fmus.ground.tables import is_terrain
 from orchestrator.log.time_series import Floats
 
 FINE = 9  # points on each rounded edge

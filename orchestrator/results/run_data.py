@@ -103,6 +103,13 @@ class RunData:
         self._links: dict[tuple[str, Window | None], Links] = {}
         self._prefetched: dict[tuple[str, Window | None], tuple[Floats, Floats]] = {}
 
+    def entry(self, *keys: str, default: Any = None) -> Any:
+        """Entry of the scene, which may hold anything, by its keys; the default where it or a table is missing."""
+        found: Any = self.scene
+        for key in keys:
+            found = found.get(key) if isinstance(found, dict) else None
+        return default if found is None else found
+
     @cached_property
     def instances(self) -> tuple[str, ...]:
         """Names of the components."""

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from orchestrator.files.csv_lines import safe_cell
+from orchestrator.files.columns import safe_cell
 from orchestrator.log.extra import library
 
 FORM = ".5g"

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.ground.keys import is_plane
+from fmus.ground.tables import is_plane
 from fmus.vehicles.sides import SIDES, of_side, way_a_turn
 from fmus.vehicles.tables import LOGGED
 from fmus.vehicles.vehicle import VehicleTable
@@ -144,7 +144,7 @@ def stop_force(run: RunData, of: str, window: Window) -> float:
 @figure("m", Shown("largest recoil stroke", "mm", on="recoil", whole=True), of=SIDE, none="for a vehicle without one")
 def recoil_stroke(run: RunData, of: str, window: Window) -> float:
     """Largest way that a recoil spring gives, m."""
-    owners = ("", *(f"{name}." for name in run.scene.get("vehicle", {}).get("wheel", ())))
+    owners = ("", *(f"{name}." for name in run.entry("vehicle", "wheel", default=())))
     names = [f"chassis.{side}.{owner}recoil.stroke" for side in ([of] if of else SIDES) for owner in owners]
     strokes = [float(run.signal(name, window)[1].max()) for name in names if run.has(name)]
     if not strokes:

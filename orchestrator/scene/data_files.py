@@ -14,8 +14,7 @@ import numpy as np
 from fmus.interface.units import conversion
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import CSV, ROWS
-from orchestrator.files.columns import head, no_data
-from orchestrator.files.csv_lines import csv_lines, number
+from orchestrator.files.columns import csv_lines, head, no_data, number
 from orchestrator.log.measured_formats import SUFFIXES, FileColumn, other_suffix, read_samples
 
 Tables = dict[str, Any]  # raw scene

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.ground.keys import is_plane, is_terrain
-from fmus.ground.tables import EVEN, GroundTable
+from fmus.ground.tables import EVEN, GroundTable, is_plane, is_terrain
 
 NOTHING = 1e-12  # rounding errors of heights and slopes under a vehicle, m
 PLACES = 50  # along each track, between its first and its last road wheel

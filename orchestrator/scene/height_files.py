@@ -13,8 +13,7 @@ import numpy as np
 from fmus.ground.tables import MOST_HEIGHTS, check_points
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import MEASURED, read_file
-from orchestrator.files.columns import check_gaps, no_data
-from orchestrator.files.csv_lines import csv_lines, number
+from orchestrator.files.columns import check_gaps, csv_lines, no_data, number
 from orchestrator.log.time_series import Floats
 from orchestrator.scene.survey_files import read_raster, read_road
 

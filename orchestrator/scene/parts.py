@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from fmus.ground.keys import is_plane, is_terrain
 from fmus.ground.refinement import LEVEL, refinement
+from fmus.ground.tables import is_plane, is_terrain
 from fmus.interface.ports import TORQUE_LIMIT, motion_ports, wrench_ports
 from fmus.rest.equilibrium import stances
 from fmus.start import Stance, ground_level

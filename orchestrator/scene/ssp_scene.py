@@ -68,7 +68,6 @@ def _with_times(table: dict[str, Any], structure: Structure) -> dict[str, Any]:
 
 
 def _free_table(structure: Structure) -> dict[str, Any]:
-    """Table of a free system."""
     run = {"step": STEP}
     if structure.start:
         run["start"] = structure.start

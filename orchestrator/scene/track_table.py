@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, model_validator
 
 from fmus.interface.ports import TOLERANCES
 from fmus.track.choices import BY_ERROR, TRACKS, TrackKind, models_with
@@ -13,7 +13,7 @@ from fmus.vehicles.tables import FrozenTable, In, When, ratio
 from orchestrator.scene.values import Duration, TrackName
 
 Tolerance = Annotated[float, ratio(ge=TOLERANCES.least, le=TOLERANCES.most)]
-AbsoluteTolerance = Annotated[Tolerance, Field(json_schema_extra={"unit": "m, rad, m/s, rad/s"})]
+AbsoluteTolerance = Annotated[float, In("m, rad, m/s, rad/s", plain=True, ge=TOLERANCES.least, le=TOLERANCES.most)]
 Elasticity = Literal["small_deformation", "general", "engineering"]
 
 

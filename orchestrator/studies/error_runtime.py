@@ -7,25 +7,32 @@ that of the steps, without start-up and estimate. Its files are a table with the
 
 from __future__ import annotations
 
+import json
 import math
+import tempfile
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from itertools import cycle, product
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.cache.files import reporting_errors
+from fmus.fmi.build import BuildFailed
 from fmus.track.choices import TRACKS
+from orchestrator.cosim.coupling.scheme import CouplingFailed
+from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution import precision
 from orchestrator.execution.estimate import estimate
+from orchestrator.execution.simulate import simulate
 from orchestrator.execution.truth import ORDER, require_known, truth
+from orchestrator.log.log_file import LogFailed
 from orchestrator.results import output_files
-from orchestrator.results.difference import differences_of_logs, worst
+from orchestrator.results.difference import INTERVAL, differences_of_logs, worst
 from orchestrator.results.table import Column, Table
-from orchestrator.scene.kinds import ChainScene
+from orchestrator.scene.kinds import ChainScene, Scene
 from orchestrator.scene.scene import load
 from orchestrator.studies import Case, Row
-from orchestrator.studies.runs import record, sampled
 
 __all__ = ["TITLE", "WORKERS", "cases", "table", "write"]
 TITLE = "Error against run time"
@@ -169,6 +176,32 @@ def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: 
         "absolute": {name: observable.absolute for name, observable in differences.items()},
     }
     return [Row("", "", curve | figures, note=estimated["message"])]
+
+
+def sampled(scene: Scene) -> Scene:
+    """The scene with all outputs recorded, those of links every INTERVAL s (variable steps: unchanged)."""
+    every = max(1, round(INTERVAL / scene.run.step)) if scene.run.variable is None else scene.links_every
+    return scene.model_copy(update={"run": scene.run.model_copy(update={"outputs": 1, "links": every})})
+
+
+@cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    """Folder of the logs of this process, deleted with it."""
+    return tempfile.TemporaryDirectory(prefix="cotrack-runs-")
+
+
+_summaries: dict[str, dict[str, Any]] = {}  # summaries by scene
+
+
+def record(scene: Scene) -> dict[str, Any]:
+    """Summary of a run, done once in this process; raises KeyboardInterrupt."""
+    key = json.dumps(scene.resolved(), sort_keys=True)
+    if key not in _summaries:
+        try:
+            _summaries[key] = simulate(scene, Path(_folder().name) / f"{len(_summaries)}.mcap", answer=True)
+        except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
+            _summaries[key] = {"status": "failed", "message": str(failure), "wall_time": 0.0}
+    return _summaries[key]
 
 
 LEVELS = (1e-2, 1e-3, 1e-4)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 
 class LimitKind(NamedTuple):
-    """Kind of limit."""
+    """How an exceedance of a limit is said, and whether it may fail a run."""
 
     text: str  # begins the sentence of an exceedance
     unit: str  # display unit of value and limit

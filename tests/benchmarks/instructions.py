@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.native.emit import ANY, LEVELS
+from fmus.native.machine_code import ANY, LEVELS
 from orchestrator.results.table import Table
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed

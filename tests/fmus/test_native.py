@@ -21,7 +21,7 @@ from native_cases import CHASSIS, DRIVE, FEW, MANY, SOIL, STEPS, H, begun, follo
 
 from fmus.cache.files import CHECKSUM
 from fmus.interface.model import StepFailed
-from fmus.native import link
+from fmus.native import machine_code
 from fmus.native.pack import build_native, with_constants
 from fmus.physics.contact.soil.memory import MADE
 from orchestrator.cosim.component import Component
@@ -187,8 +187,8 @@ def test_equal_sources_give_equal_bytes(monkeypatch, tmp_path):
 FOR_ANY = """
 import sys
 from native_cases import FEW, native
-from fmus.native import link, pack
-link.FLAGS = pack.FLAGS = (*link.FLAGS, "-DONLY_ANY_PROCESSOR")
+from fmus.native import machine_code, pack
+machine_code.FLAGS = pack.FLAGS = (*machine_code.FLAGS, "-DONLY_ANY_PROCESSOR")
 print(native(FEW[int(sys.argv[1])]))
 """
 
@@ -231,5 +231,5 @@ def test_a_library_for_windows_needs_what_windows_has():
 @pytest.mark.parametrize("fmi", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_the_compiler_of_the_system_links_a_library(monkeypatch, tmp_path, fmi):
     part = ran(DRIVE).part
-    monkeypatch.setattr(link, "find_spec", lambda name: None)
+    monkeypatch.setattr(machine_code, "find_spec", lambda name: None)
     assert library(build_native(part.kind, {**part.config, "parameters": {"speed.end": 4.25}}, tmp_path, fmi=fmi))

@@ -19,10 +19,9 @@ from plugged import pairs_of_terminals, plugged_vehicle
 
 from fmus.components import model_of
 from fmus.interface.ports import NOT_NEGATIVE, Port, motion_ports, variables, wrench_ports
-from fmus.native.arrays import arrays
-from fmus.native.fmi3_description import TERMINALS, terminals
+from fmus.native.fmi3_description import TERMINALS, arrays, terminals
 from fmus.native.header import header
-from fmus.native.link import HERE, LINUX, WINDOWS, compiler, sources
+from fmus.native.machine_code import HERE, LINUX, WINDOWS, compiler, sources
 from fmus.track import link_outputs
 from fmus.track.link_outputs import GROUPS
 from orchestrator.cosim.fmu_files import unpack

@@ -13,7 +13,7 @@ import pytest
 from fmi3_instance import Three, native3
 from native_cases import CHAIN, CHASSIS, DRIVE, H, ran
 
-from fmus.native.link import LINUX, WINDOWS, compiler
+from fmus.native.machine_code import LINUX, WINDOWS, compiler
 from fmus.native.pack import build_native, targets_windows, with_constants
 from orchestrator.cosim.fmu_files import unpack
 

@@ -17,8 +17,8 @@ from fmus.ground.tables import number_meanings
 from fmus.interface import numbers
 from fmus.interface.defaults import configured_ports, parameter_values
 from fmus.interface.ports import variables
-from fmus.native.arrays import arrays
 from fmus.native.entries import free_names
+from fmus.native.fmi3_description import arrays
 from fmus.native.pack import build_native, with_constants
 from fmus.start import part_at_rest
 from fmus.track.choices import TRACKS

@@ -65,7 +65,7 @@ OF_OBJECTS = {
 }  # fmt: skip
 KNOWN = {name for path, *_ in INTERNALS for name in path.split(".")} | OF_OBJECTS | {"_messages"}  # of a model
 USERS = {
-    "fmus": "kernels/jit kernels/linking kernels/by_reference native/entries native/emit",
+    "fmus": "kernels/jit kernels/linking kernels/by_reference native/entries native/machine_code",
     "orchestrator": "kernels/compiled",
 }
 FILES = [ROOT / folder / f"{name}.py" for folder, names in USERS.items() for name in names.split()]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import random
 import re
 import struct
@@ -28,8 +29,7 @@ from fmus.interface import numbers
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import UNITS, variables
 from fmus.native import numbers_file
-from fmus.native.arrays import arrays
-from fmus.native.fmi3_description import document
+from fmus.native.fmi3_description import arrays, document
 from fmus.native.pack import build_native, build_native_shape, with_constants
 from fmus.physics.contact.ground import bumpy_ground
 from fmus.vehicles.ranges import contradictions
@@ -376,6 +376,25 @@ def test_numbers_are_the_floats_and_nothing_else(table):
     moved = numbers.with_values(config, {name: value + 1.0 for name, value in found.items()})
     assert numbers.shape(moved) == numbers.shape(config)
     assert numbers.values(moved) == {name: value + 1.0 for name, value in found.items()}
+
+
+RIGHT = {  # unit, least and largest value, what is allowed
+    "chassis.mass": ("kg", 5e-324, "inf", "greater than 0"),
+    "road_wheel.mass": ("kg", 5e-324, "inf", "greater than 0"),
+    "idler.x": ("m", "-inf", "inf", "a finite number"),
+    "seat.position": ("m", "-inf", "inf", "a finite number"),
+    "track.bushing.friction": ("1", 0, 2.0, "0 or more and 2 at most"),
+    "sprocket.flank_angle": ("rad", 5e-324, math.nextafter(1.2, 0.0), "greater than 0 and less than 1.2"),
+    "ground.rough.band": ("1/m", 5e-324, "inf", "greater than 0"),
+    "ground.step.x": ("m", -1e6, 1e6, "-1e+06 or more and 1e+06 at most"),
+}
+
+
+@pytest.mark.parametrize("key", RIGHT)
+def test_a_number_has_the_unit_and_bounds_of_its_key(key):
+    """Of one value, of a value that may be a list, of the entries of a list and of tables with names."""
+    assert tuple(number_meanings()[key])[:4] == RIGHT[key]
+    assert number_meanings()["sprocket.radius"][4].endswith("excludes teeth"), "when a key counts is in its meaning"
 
 
 def test_the_description_states_unit_bounds_and_meaning():

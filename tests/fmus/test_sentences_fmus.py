@@ -21,7 +21,7 @@ from fmus.interface.defaults import check_names, configured_ports
 from fmus.interface.model import InvalidParameter
 from fmus.kernels import jit
 from fmus.kernels.by_reference import Reference
-from fmus.native import link, numbers_file, pack
+from fmus.native import machine_code, numbers_file, pack
 from fmus.native.pack import build_native, build_native_shape
 from fmus.vehicles.tables import BadInput, to_si
 from orchestrator.cosim.component import Component
@@ -83,7 +83,7 @@ def test_builds(sentence, tmp_path, monkeypatch):
     if cause == "version":
         monkeypatch.setattr(pack, "version", lambda name: "1.0")
     elif isinstance(cause, str):
-        monkeypatch.setattr(link, "find_spec", lambda name: None)
+        monkeypatch.setattr(machine_code, "find_spec", lambda name: None)
         found = {"no ziglang": "/bin/cc", "no compiler": None}[cause]
         monkeypatch.setattr(shutil, "which", lambda name: found)
     if isinstance(cause, str):

@@ -15,7 +15,7 @@ from typing import Any
 from unittest.mock import patch
 from xml.etree.ElementTree import Element, parse
 
-from fmus.native import emit, link
+from fmus.native import machine_code
 from fmus.native.pack import build_native
 from tests.fuzz import calls, states
 from tests.fuzz.driven import Wrong
@@ -32,7 +32,7 @@ def valgrind_errors(
     """
     with (
         patch.dict(os.environ, {"COTRACK_CACHE": str(folder / "cache")}),
-        patch.dict("fmus.native.emit.LEVELS", wide_=emit.ANY),
+        patch.dict("fmus.native.machine_code.LEVELS", wide_=machine_code.ANY),
     ):
         fmu = build_native(kind, config, folder, fmi=fmi)
     report = folder / f"{fmu.stem}.xml"
@@ -43,13 +43,15 @@ def valgrind_errors(
 
 def sanitised(kind: str, config: Mapping[str, Any], folder: Path, fmi: int = 2) -> Path:
     """Native FMU whose C sources are compiled by gcc with its sanitizers, built into ``folder``."""
-    flags = tuple(flag for flag in link.FLAGS if flag not in ("-fno-sanitize=all", "-s")) + SANITIZERS
+    flags = tuple(flag for flag in machine_code.FLAGS if flag not in ("-fno-sanitize=all", "-s")) + SANITIZERS
     with (
-        patch.object(link, "compiler", lambda platform: ["gcc"]),
-        patch.object(link, "FLAGS", flags),
+        patch.object(machine_code, "compiler", lambda platform: ["gcc"]),
+        patch.object(machine_code, "FLAGS", flags),
         patch.dict(os.environ, {"COTRACK_CACHE": str(folder / "cache")}),
     ):
-        linux = link.LINUX._replace(flags=tuple(flag for flag in link.LINUX.flags if flag != "-Wl,-z,defs"))
+        linux = machine_code.LINUX._replace(
+            flags=tuple(flag for flag in machine_code.LINUX.flags if flag != "-Wl,-z,defs")
+        )
         with patch("fmus.native.pack.LINUX", linux):
             return build_native(kind, config, folder, fmi=fmi)
 
@@ -71,7 +73,7 @@ def _run(tool: list[str], fmu: Path, sequences: int, altered: int, environment: 
 
 
 def _in_library(error: Element) -> bool:
-    folders = f"/binaries/{link.LINUX.folder}/", f"/binaries/{link.LINUX.fmi3_folder}/"
+    folders = f"/binaries/{machine_code.LINUX.folder}/", f"/binaries/{machine_code.LINUX.fmi3_folder}/"
     return any(folder in (frame.text or "") for frame in error.iter("obj") for folder in folders)
 
 

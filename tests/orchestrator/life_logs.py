@@ -5,7 +5,7 @@ import json
 import numpy as np
 from made_logs import STEP, made
 
-from fmus.vehicles.life_tables import FatigueTable, LifeTable
+from fmus.vehicles.track_tables import FatigueTable, LifeTable
 from orchestrator.results.analyses.phases import MOTION
 
 LINE = FatigueTable(stress=200e6, cycles=1e6, slope=5.0, mean_stress="none")

@@ -8,7 +8,7 @@ import pytest
 
 from fmus.cache.files import replacing
 from orchestrator.files import budget
-from orchestrator.files.csv_lines import safe_cell
+from orchestrator.files.columns import safe_cell
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.results.table import Table
 

@@ -33,8 +33,8 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.scene import load
 from orchestrator.studies import Case, Row, error_runtime
+from orchestrator.studies.error_runtime import record
 from orchestrator.studies.parameter_sweep import run_case
-from orchestrator.studies.runs import record
 
 SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.064 s", "run.links=1")
 LINE = Observable("m", 0.1, lambda run: ObservableSamples(np.zeros(1), np.zeros((1, 1))))

@@ -16,7 +16,7 @@ import pytest
 from foreign_fmus import Variable
 
 from fmus.fmi.build import build
-from fmus.native import link
+from fmus.native import machine_code
 from fmus.native.pack import build_native
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
@@ -110,14 +110,14 @@ def packed(fmu, fmi, library, xml=None, terminal="force"):
 def library(tmp_path_factory):
     """Return a function that gives the library of the oscillator with a planted fault, "" for none."""
     folder = tmp_path_factory.mktemp("oscillator")
-    compiler = [shutil.which("cc")] if shutil.which("cc") else link.compiler()
+    compiler = [shutil.which("cc")] if shutil.which("cc") else machine_code.compiler()
     header = (Path(fmpy.__file__).parent / "c-code" / "fmi3Functions.h").read_text(encoding="utf-8")
     refused = (f"__attribute__((weak)) int {name}(void) {{ return 3; }}" for name in DECLARED.findall(header))
     (folder / "refused.c").write_text("\n".join(refused), encoding="utf-8")  # functions that the oscillator lacks
 
     def compiled(case):
         fmi, fault = case
-        flags = ["-std=c11", "-shared", "-fPIC", "-w", *([f"-D{fault}"] if fault else []), f"-I{link.HERE}"]
+        flags = ["-std=c11", "-shared", "-fPIC", "-w", *([f"-D{fault}"] if fault else []), f"-I{machine_code.HERE}"]
         more = [folder / "refused.c"] if fmi == 3 and fault != "FEW_FUNCTIONS" else []
         source, file = HERE / f"oscillator{'3' * (fmi == 3)}.c", folder / f"{fmi}{fault}.so"
         subprocess.run([*map(str, [*compiler, *flags, "-o", file, source, *more, "-lm"])], check=True)

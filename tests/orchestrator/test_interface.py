@@ -9,7 +9,7 @@ import pytest
 from short_run import SHORT, last
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.interface import recorded_run
+from orchestrator import recorded_run
 from orchestrator.log.reader import Log, Missing
 
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fmus.ground.keys import is_terrain
-from fmus.ground.tables import GroundTable
+from fmus.ground.tables import GroundTable, is_terrain
 from fmus.ground.terrain import heights, terrain
 from fmus.vehicles.tables import BadInput
 from orchestrator.scene.data_files import OF_DRIVER, UNITS, read_files

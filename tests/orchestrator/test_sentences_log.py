@@ -34,7 +34,7 @@ from orchestrator.execution import replay_model
 from orchestrator.execution.resume import branched_scene, resume
 from orchestrator.execution.simulate import simulate
 from orchestrator.files import budget
-from orchestrator.files.csv_lines import csv_lines
+from orchestrator.files.columns import csv_lines
 from orchestrator.log import measured_formats, schema
 from orchestrator.log.export import export, to_arrow, to_pandas
 from orchestrator.log.log_metadata import FORMAT

@@ -204,6 +204,8 @@ CALLS = {
                  "no number above 0 at vehicle.sprocket.teeth"),
     "rigid": (lambda p: called(fatigue.of, of_track(p, [], scene={"track": {"model": "rigid"}})),
               "rigid links have no stress"),
+    "text, not track": (lambda p: called(fatigue.of, of_track(p, [FORCE], scene={"track": "x"})), "group 'fibres'"),
+    "text, no vehicle": (lambda p: called(wear.of, of_track(p, [], scene={"vehicle": "x"})), "no pin of the vehicle"),
     "no fibres": (lambda p: called(fatigue.of, of_track(p, [FORCE])), "group 'fibres' of track.link_outputs"),
     "unit": (lambda p: fatigue.StressLifeLine.read("90 mm,1e6,5"), "sn = 90 mm,1e6,5: "),
     "short run": (lambda p: called(phases.of, moving(p, 2)), "too few steps"),

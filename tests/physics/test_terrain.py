@@ -7,7 +7,7 @@ import pytest
 from contacts import LAW, assert_derivatives, assert_power, soil
 from scipy.optimize import minimize
 
-from fmus.ground.keys import is_terrain
+from fmus.ground.tables import is_terrain
 from fmus.ground.terrain import heights, terrain
 from fmus.kernels.jit import plain
 from fmus.physics.contact import grounds

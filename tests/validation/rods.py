@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fmus.interface.sentences import GAPS
 from fmus.physics.ancf.cable import Cable, mass
 from fmus.physics.arrays import Floats
 from fmus.physics.block_cyclic import factor, solve
@@ -33,7 +34,11 @@ from fmus.physics.chain.state import size, store_first_evaluation, views
 from fmus.physics.integrate import hht
 from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
 from fmus.physics.rigid.augmented import Ends
+from fmus.physics.wheels import WIDTH
+from fmus.start import FRAME
 from fmus.track import steps as track_steps
+from fmus.track.failures import WARNINGS
+from fmus.track.motions import exchange_size
 from tests.validation.meshes import AREA, SECOND, STEEL
 
 P, MASS, G = 0.1524, 18.0, 9.81  # pitch, m; mass of a link, kg; gravity, m/s2
@@ -54,8 +59,11 @@ def integrate(chain: Any, explicit: Any, time: float, h: float, integrator: str)
     scheme = explicit if integrator == EXPLICIT else chain.method
     if integrator == HHT:
         scheme = scheme._replace(alpha=hht.coefficients(RADIUS))
-    all_parts = chain.links, chain.env, scheme, h, chain.s, chain.w, chain.report, chain.counters
-    parts, messages = track_steps.parts_without_contacts(*all_parts)
+    none, exchange, flags = np.zeros((0, WIDTH)), np.zeros(exchange_size(0)), np.zeros(len(WARNINGS))
+    at = np.zeros(FRAME), none, none, flags, exchange, none  # the origin, and no wheels
+    common = track_steps.CommonData(h, 0, 0.0, 0.0, *at, chain.report, 0.0, chain.counters, 1.0)
+    parts = track_steps.Parts(chain.links, None, chain.env, scheme, common, chain.s, chain.w, chain.report)
+    messages = np.zeros((1 + len(WARNINGS), GAPS + 1))
     step: Callable[..., int] = track_steps.explicit if integrator == EXPLICIT else track_steps.implicit
     if step(parts, messages, 0.0, time, NO_INPUTS):
         raise ArithmeticError(f"the chain failed after {messages[0, 0]:.3g} s, link {int(messages[0, 1]) + 1}")

@@ -12,7 +12,7 @@ from fmus.chassis.suspension import curve, gas_spring, recoil, rotary_damper, st
 from fmus.interface.ports import Port
 from fmus.kernels.jit import implemented_in, kernel
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.exponential import power
+from fmus.physics.elementary import power
 from fmus.vehicles.sides import of_wheels, smooth_wheels
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kernels.jit import kernel
-from fmus.physics.exponential import log, power
+from fmus.physics.elementary import log, power
 
 
 class GasSpring(NamedTuple):

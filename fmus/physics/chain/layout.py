@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from fmus.kernels.jit import allocating
 from fmus.physics.arrays import Floats
-from fmus.physics.elementary import atan, atan2, cos, hypot, of_each, sin
+from fmus.physics.elementary import atan, atan2, cos, exp, hypot, log, of_each, sin, sinh
 from fmus.physics.elimination import solved
-from fmus.physics.exponential import exp, log, sinh
 
 SAMPLES = 360  # points on each circle of the belt, or more: a multiple of the teeth
 

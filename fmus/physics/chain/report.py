@@ -1,8 +1,8 @@
 """Report of a chain and counters of its work: indices into both arrays.
 
 The report (REPORT) has entries SUMMED over the run and entries of the present state. ``PATCH_DEFECT`` is the output
-energy.covered; from LOST on are the parts of DISSIPATED by cause, as in the sums of ``contacts``. The counters
-(COUNTERS) mean the same for every kind of link.
+energy.covered; from LOST on are the parts of DISSIPATED by cause, as in ``sums``. The counters (COUNTERS) mean the same
+for every kind of link.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def accumulate(report: Floats, share: float, sums_now: Floats) -> None:
 
 @kernel
 def add_loss(report: Floats, cause: int, energy: float) -> None:
-    """Add an ``energy``, J, lost by a ``cause`` (an index of sums, see ``contacts``)."""
+    """Add an ``energy``, J, lost by a ``cause`` (an index of ``sums``)."""
     if energy != 0.0:
         report[LOST + cause - sums.LOSSES] += energy
         report[DISSIPATED] += energy

@@ -36,7 +36,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.kernels.jit import kernel
-from fmus.physics.exponential import root
+from fmus.physics.elementary import root
 
 order = 12  # the highest order of the predictor; a start has order 1
 LEAST = 1e-13  # shortest step, s

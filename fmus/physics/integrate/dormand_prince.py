@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kernels.jit import kernel
-from fmus.physics.exponential import root
+from fmus.physics.elementary import root
 from fmus.physics.integrate.adams import NEXT, REJECTED, STEPS
 from fmus.physics.integrate.runge_kutta import Tableau
 

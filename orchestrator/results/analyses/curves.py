@@ -26,7 +26,7 @@ _DRIVEN = re.compile(r"((?:\w+\.)?)torque")
 
 
 class SignalCurve(NamedTuple):
-    """Curve of a signal."""
+    """Curve of a signal, its extreme values and its moving mean."""
 
     curve: Curve
     unit: str

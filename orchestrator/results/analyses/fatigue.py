@@ -180,7 +180,7 @@ def of(
     line = StressLifeLine.read(sn) if isinstance(sn, str) else (sn or StressLifeLine()).checked("the S-N line")
     track, signal = record_blocks.one_signal(run, track, signal, "fatigue")
     signal = f"link[*].{signal}" if signal and "[" not in signal else signal
-    model = run.scene.get("track", {}).get("model")
+    model = run.entry("track", "model")
     if not signal and model in TRACKS and not TRACKS[model].stressed:
         raise Missing(f"{run.log.path}: {TRACKS[model].links} have no stress: {UNSTRESSED}")
     return Fatigue(tuple(_of_track(run, name, window, line, signal) for name in hull.tracks(run, track)))

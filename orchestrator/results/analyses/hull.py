@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -64,8 +64,8 @@ def poses(run: RunData, track: str, t: Floats) -> HullAxes:
 def _of_start(run: RunData, key: str, default: float | tuple[float, ...]) -> Floats:
     """Numbers of the scene's start; raises Missing where the log has no such numbers."""
     try:
-        return np.array(run.scene.get("start", {}).get(key, default), float).reshape(np.shape(default))
-    except (AttributeError, TypeError, ValueError):
+        return np.array(run.entry("start", key, default=default), float).reshape(np.shape(default))
+    except (TypeError, ValueError):
         raise Missing(f"{run.log.path}: start.{key} in its scene.json is not {np.size(default)} numbers") from None
 
 
@@ -111,9 +111,7 @@ def pins_per_gap(run: RunData) -> int:
 
 def vehicle_number(run: RunData, *keys: str, default: float | None = None) -> float:
     """Positive number of the run's vehicle table, SI units, or the ``default`` of a missing one; raises Missing."""
-    value: Any = run.scene.get("vehicle")
-    for key in keys:
-        value = value.get(key, default) if isinstance(value, dict) else None
+    value = run.entry("vehicle", *keys, default=default)
     if not isinstance(value, int | float) or not 0.0 < value < np.inf:
         raise Missing(f"{run.log.path}: scene.json has no number above 0 at vehicle.{'.'.join(keys)}")
     return float(value)

@@ -186,7 +186,7 @@ def of(run: RunData, track: str = "", window: Window = EVER, by: str = "") -> Li
 
 def table_of(run: RunData) -> Mapping[str, Any]:
     """Table ``life`` of the vehicle; raises Missing."""
-    if life := (run.scene.get("vehicle") or {}).get("life"):
+    if life := run.entry("vehicle", "life"):
         return dict(life)
     raise Missing(f"{run.log.path}: the vehicle has no table life (pin, lugs and material): see cotrack keys life")
 

@@ -67,8 +67,7 @@ def of(run: RunData, window: Window = EVER) -> Validity:
 
 
 def _validity(run: RunData, window: Window) -> Validity:
-    run_table = run.scene.get("run")
-    allowed = run_table.get("allow") if isinstance(run_table, dict) else None
+    allowed = run.entry("run", "allow")
     entries: list[Exceedance] = []
     unchecked: dict[str, str] = {}
     names = chain.from_iterable(check.signals(run) for check in CHECKS.values())

@@ -85,8 +85,7 @@ class Wear(NamedTuple):
 
 def of(run: RunData, track: str = "", window: Window = EVER) -> Wear:
     """Wear of the pins of a track, by default of all; raises Missing where no pin rubs."""
-    vehicle = run.scene.get("vehicle") or {}
-    bushing = (vehicle.get("track") or {}).get("bushing") or {}
+    vehicle, bushing = run.entry("vehicle"), run.entry("vehicle", "track", "bushing", default={})
     if not bushing.get("friction"):
         raise Missing(f"{run.log.path}: no pin of the vehicle rubs (vehicle.track.bushing.friction)")
     per_work = 0.0  # growth of the pitch by the work of friction, m/J

@@ -57,7 +57,7 @@ def switches(low: NDArray[np.bool_], high: NDArray[np.bool_], state: bool) -> It
 
 def starts_as_drawn(run: RunData) -> bool:
     """True if a vehicle starts as drawn, not in equilibrium."""
-    return run.scene.get("assembly") == "vehicle" and run.scene.get("start", {}).get("state") != "equilibrium"
+    return run.scene.get("assembly") == "vehicle" and run.entry("start", "state") != "equilibrium"
 
 
 def is_settling(run: RunData, t: float) -> bool:

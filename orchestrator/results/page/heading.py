@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from fmus.ground.keys import SHAPES, SLOPES
+from fmus.ground.tables import SHAPES, SLOPES
 from orchestrator.results.analyses import link_loads
 from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.analyses.link_loads import SIGNALS
@@ -69,19 +69,16 @@ def setting(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 def _of_vehicle(evaluation: Evaluation) -> list[tuple[str, str]]:
     """Vehicle, links and friction by the tables of the scene, as far as they are there."""
-    vehicle = evaluation.run.scene.get("vehicle")
 
     def value(*keys: str) -> Any:
-        found: Any = vehicle
-        for key in keys:
-            found = found.get(key) if isinstance(found, dict) else None
+        found = evaluation.run.entry("vehicle", *keys)
         return found if isinstance(found, (int, float)) else None
 
     chain = [f"{number(links)} links" for links in [value("track", "links")] if links]
     chain += [f"of {number(1e3 * pitch)} mm" for pitch in [value("track", "pitch")] if pitch]
     chain += [f"and {number(mass)} kg each" for mass in [value("track", "mass")] if mass]
     weight = evaluation.summary.observables.get("weight")
-    named = vehicle.get("name", "") if isinstance(vehicle, dict) else ""
+    named = evaluation.run.entry("vehicle", "name", default="")
     mass = weight / value("gravity") if weight and value("gravity") else None
     friction = value("contact", "ground", "friction")
     rubs = friction is not None and "ground" in evaluation.run.scene

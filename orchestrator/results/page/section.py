@@ -157,7 +157,7 @@ def heat(
 
 
 class PageSection(NamedTuple):
-    """Section of the page."""
+    """Section of the page, with the data of its charts."""
 
     key: str  # anchor
     name: str  # in the table of contents

@@ -32,8 +32,8 @@ CHECKS_HEAD = ("Check", "Value", "Expected", "Tolerance", "Verdict")
 def checks(pair: Pair) -> PageSection:
     """Section with the value, expectation and verdict of each check."""
     evaluation = pair.run
-    expected = evaluation.run.scene.get("expect")
-    rows = [_check_row(name, check, expected) for name, check in evaluation.summary.checks.items()]
+    run, made = evaluation.run, evaluation.summary.checks.items()
+    rows = [_check_row(name, check, run.entry("expect", name)) for name, check in made]
     left_out = [text(plain(name)) for name in evaluation.summary.after_end]
     if rows:
         html = "<p>Made anew from this record when the page was written. Ratios and counts have no unit.</p>"
@@ -53,8 +53,7 @@ def checks(pair: Pair) -> PageSection:
     return PageSection("checks", "Checks", "Did the checks hold?", html, {})
 
 
-def _check_row(name: str, check: Any, expected: Any) -> tuple[str, ...]:
-    entry = expected.get(name) if isinstance(expected, dict) else None
+def _check_row(name: str, check: Any, entry: Any) -> tuple[str, ...]:
     note = f'<br><span class="muted">{text(check["note"])}</span>' if check["note"] else ""
     return (
         f"<b>{text(name.replace('_', ' '))}</b><br><span class='muted'>{_subject(entry)}</span>{_reason(entry)}{note}",

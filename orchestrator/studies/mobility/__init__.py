@@ -99,7 +99,7 @@ def _page(summary: Table, trials: Sequence[tuple[str, Table, Any]]) -> str:
 
 
 def _table(listed: Table) -> str:
-    """Table and notes."""
+    """Table, and its notes below it, as HTML."""
     rows = [
         [text(cell_text(cell, column.form, column.least)) for cell, column in zip(row, listed.columns, strict=True)]
         for row in listed.rows

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.vehicles.sides import ground_wheels, lopsided, thickness, way_a_turn
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import VehicleTable
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results import output_files
 from orchestrator.results.run_data import RunData
@@ -18,7 +21,6 @@ from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.scene import from_table, load
 from orchestrator.studies import Case, Row
 from orchestrator.studies.mobility.theory import ends
-from orchestrator.studies.runs import logged
 
 FITTINGS = ("hitch", "seat")  # tables of a vehicle that trials need
 KEPT = ("step", "coupling")  # of the scene's table run
@@ -162,8 +164,13 @@ class TrialRun(RunData):
 @contextmanager
 def recorded(scene: Scene) -> Iterator[TrialRun]:
     """Run of a trial; its log is deleted with the context. Raises RuntimeError if it fails."""
-    with logged(scene, scene.title) as (path, summary), Log(path) as log:
-        yield TrialRun(log, summary)
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        path = Path(folder) / "run.mcap"
+        summary = simulate(scene, path, answer=True)
+        if summary["status"] != "ok":
+            raise RuntimeError(f"{scene.title}: {summary['message']}")
+        with Log(path) as log:
+            yield TrialRun(log, summary)
 
 
 def run_up(vehicle: Vehicle, speed: float) -> float:

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from fmus.kernels.jit import implemented_in, kernel
-from fmus.physics.elementary import cos, sin
-from fmus.physics.exponential import power
+from fmus.physics.elementary import cos, power, sin
 
 OPTIONAL: dict[str, Any] = {"k0": 0.0, "Au": 0.0, "rebound": None, "elastic": 0.0, "damping": 0.0, "width": None}
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel
-from fmus.physics.exponential import power
+from fmus.physics.elementary import power
 
 if TYPE_CHECKING:
     from fmus.physics.contact.soil.parameters import Soil

@@ -21,7 +21,7 @@ import numpy as np
 
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Nine, Vector
-from fmus.physics.exponential import expm1
+from fmus.physics.elementary import expm1
 from fmus.physics.vector import add, dot, scale
 
 if TYPE_CHECKING:

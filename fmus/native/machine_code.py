@@ -1,10 +1,14 @@
-"""Object files and C sources -> shared library of a platform, by ziglang's compiler or by the system's.
+"""Machine code of a component: intermediate code of its entries -> object files, with C sources -> shared library.
 
-All platforms are on x86-64.
+The object files need no Python, for any machine. Everything but the entries becomes internal, and the whole is
+optimised once more, for a level of x86-64. LLVM neither contracts nor reorders floating-point operations by itself, so
+each level gives the bits of the Python component. The compiler of C is ziglang's or the system's. All platforms are on
+x86-64.
 """
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -14,11 +18,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
+import llvmlite.binding as llvm
+
+from fmus.native.entries import EntryPoint
+
 HERE = Path(__file__).parent
 FLAGS = "-std=c11", "-O2", "-fvisibility=hidden", "-fno-sanitize=all", "-g0", "-shared", "-s"
-
-
 INSTALLATION = "pip install -c constraints.txt -e '.[native]' in the clone of cotrack brings"
+ANY, WIDE = "x86-64-v2", "x86-64-v3"  # processors of the last fifteen years; those with AVX2
+LEVELS = {"any_": ANY, "wide_": WIDE}  # by the prefix of the entries' names; the shell chooses
 
 
 def sources(fmi: int) -> tuple[Path, ...]:
@@ -75,6 +83,45 @@ def compiler_release() -> str:
         return f"ziglang {version('ziglang')}"
     process = subprocess.run([*compiler(), "--version"], capture_output=True, text=True)
     return process.stdout.partition("\n")[0]
+
+
+def emit(entries: Sequence[EntryPoint], prefix: str, platform: Platform) -> bytes:
+    """Object file for a level of ``LEVELS``; raises RuntimeError if the code holds a process address."""
+    machine = llvm.Target.from_triple(platform.triple).create_target_machine(
+        cpu=LEVELS[prefix], features="", opt=3, reloc="pic", codemodel="small"
+    )
+    whole = None
+    for entry in entries:
+        module = _isolated_module(entry, prefix)
+        if whole is None:
+            whole = module
+        else:
+            whole.link_in(module)
+    assert whole is not None
+    whole.triple = platform.triple
+    tuning = llvm.create_pipeline_tuning_options(speed_level=3)
+    tuning.slp_vectorization = True
+    passes = llvm.create_pass_builder(machine, tuning)
+    passes.getModulePassManager().run(whole, passes)
+    return bytes(machine.emit_object(whole))
+
+
+def _isolated_module(entry: EntryPoint, prefix: str) -> llvm.ModuleRef:
+    """LLVM module of an entry; all else in it is internal, named without numba's counters and hashes."""
+    text = entry.compiled.library.get_llvm_str()
+    if address := re.search(r"inttoptr \(i64 (\d{6,})", text):
+        raise RuntimeError(f"the code of {entry.name} holds an address of this process, {address[1]}")
+    module, entry_name = llvm.parse_assembly(text), entry.compiled.fndesc.llvm_func_name
+    count = 0
+    for symbol in (*module.functions, *module.global_variables):
+        if symbol.is_declaration:
+            continue
+        count += 1
+        if symbol.name == entry_name:
+            symbol.name, symbol.linkage, symbol.visibility = prefix + entry.name, "external", "hidden"
+        else:
+            symbol.name, symbol.linkage = f"{entry.name}.{count}", "internal"
+    return module
 
 
 def link(objects: Sequence[Path], include: Path, library: Path, platform: Platform, fmi: int) -> None:

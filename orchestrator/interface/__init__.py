@@ -1,1 +1,0 @@
-"""Python interface: runs as objects, for scripts and notebooks."""
