@@ -157,6 +157,13 @@ def test_a_path_goes_back_along_its_arcs_and_turns_on_the_spot():
     assert (way, left) == (pytest.approx(11.0), pytest.approx(1.0))
 
 
+@pytest.mark.parametrize("angle", [3.0, -3.0])
+def test_a_turn_on_the_spot_keeps_both_tracks_to_the_speed(angle):
+    run = Unicycle(**{**PLAIN, "path.arcs": f"0 {angle}", "speed.start": 0.2, "speed.end": 0.2}).run(4.0)
+    most = abs(run["yaw_rate.demand"]).max()
+    assert most == pytest.approx(2.0 * 0.2 / run.width, rel=1e-9)
+
+
 def demanded(mode="speed", inputs=True, **parameters):
     drive = {"inertia": 13.87, "mount": [0.0, 1.0795, 0.0], "demanded": inputs}
     model = SprocketDrive({"drive": drive})

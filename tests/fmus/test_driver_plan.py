@@ -89,6 +89,14 @@ def test_speed_on_a_straight_is_a_trapezoid_over_time(deceleration, agrees):
     assert (abs(along(path, plan, places, 0) - exact).max() < 1e-9) == agrees
 
 
+def test_speed_from_rest_grows_as_the_grip_allows():
+    """The speed that the plan reckons with: from rest on a straight v^2 = 2 a s, until it brakes."""
+    path, plan = planned("40 0", BOUND)
+    s = np.linspace(0.0, path.length, plan.first[1])
+    gained = 2.0 * BOUND.grip * planning.LARGEST_SHARE * s
+    assert plan.reached_squared == pytest.approx(np.minimum(gained, 2.0 * BOUND.deceleration * (path.length - s)))
+
+
 @pytest.mark.parametrize(("lateral", "agrees"), [(0.8, True), (0.82, False)])
 def test_a_curve_is_met_at_the_speed_that_it_allows(lateral, agrees):
     """Braking for a curve begins at most one point early; the curve is driven at v^2 k = the bound."""

@@ -100,6 +100,21 @@ def test_pins_pass_the_top_of_an_elevated_sprocket():
                 FIGURES[measure](run, "", EVER)
 
 
+@pytest.mark.parametrize("rear", [False, True])
+def test_the_tension_of_a_run_is_that_of_its_middle(rear):
+    """The tension grows along the vehicle by 1 kN/m, and is 5 kN larger in the upper run."""
+    half = np.linspace(-5.0, 1.0, 301) + 4.0 * rear
+    forward, up = np.concatenate([half, half[::-1]]), np.repeat([0.3, -0.4], len(half))
+    tension = 1e4 + 500.0 * (forward + np.roll(forward, -1)) + 5e3 * (up > 0.0)
+    links = Links(np.array([0.0, 1.0]), *(np.tile(each, (2, 1)) for each in (forward, up, tension)))
+    wheels = {"x": [3.3, 0.6], "z": [-0.2, -0.2]} if rear else {"x": [-0.7, -3.3], "z": [-0.2, -0.2]}
+    idler = 4.0 if rear else -4.0
+    run = Record(links, assembly="vehicle", vehicle={**RESTING, "idler": {"x": idler}, "road_wheel": wheels})
+    wanted = {"top": 0.5 * idler + 5.0, "front": 3.65 if rear else -0.35, "rear": 0.3 if rear else -3.65}
+    for where, more in wanted.items():
+        assert FIGURES[f"tension_{where}"](run, "", EVER) == pytest.approx(1e4 + 1e3 * more, abs=15.0)
+
+
 def test_the_recoil_of_a_further_wheel_counts(tmp_path):
     t = np.linspace(0.0, 1.0, 11)
     names = ["left.recoil.stroke", "right.rear.recoil.stroke"]

@@ -312,6 +312,8 @@ def test_loads_of_wheels_are_counted_by_time(tmp_path):
     np.testing.assert_allclose(loads.rms, [3e3 / np.sqrt(2), 8e3 * np.sqrt(0.25 * 0.75)], rtol=1e-9)
     np.testing.assert_allclose(loads.lifted, [0.0, 0.25], atol=1e-12)
     np.testing.assert_allclose([loads.least, loads.most], [[7e3, 0.0], [13e3, 8e3]], rtol=1e-9)
+    rows = [row[1:] for row in loads.table().rows]
+    np.testing.assert_allclose(rows[1], [6.0, 0.0, 8.0, 8.0 * np.sqrt(0.25 * 0.75), 25.0], atol=1e-9)
 
 
 def test_a_wheel_on_a_flat_face_has_the_patch_of_a_circle():

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from fmus.physics.contact.ground import GroundShape, bumpy_ground, surface_depth
 from fmus.physics.contact.linear import Linear
 from fmus.physics.contact.teeth import teeth
-from fmus.physics.contact.wheel import covered_part, end_rates_in_space, gauss_excess, sink_rate
+from fmus.physics.contact.wheel import GAUSS, covered_part, end_rates_in_space, gauss_excess, patch_defect, sink_rate
 from fmus.physics.wheels import WIDTH, add_reaction, move, slip_velocity
 
 PITCH = 0.1524
@@ -242,6 +242,21 @@ def test_the_energy_between_gauss_points_is_that_of_the_parabola():
         gauss_excess(LAW, radius, length, low + t * rates[0], high + t * rates[1], rates)[0] for t in (-dt, dt)
     )
     assert power == pytest.approx((before - after) / (2.0 * dt), rel=1e-6)
+
+
+@pytest.mark.parametrize("rates", [(0.3, 0.3), (-0.2, 0.5), (0.4, 0.0)])
+def test_points_of_a_part_that_moves_lose_the_energy_of_their_places(rates):
+    """A link of linear depth that rests under a part whose ends creep: no force does work on it."""
+    low, high, slope = 0.2, 0.7, 0.006
+
+    def energy_and_loss(t, side):
+        a, b = low + rates[0] * t, high + rates[1] * t
+        share, depth = 0.5 * (b - a), 0.002 + slope * (0.5 * (a + b) + side * GAUSS * (b - a))
+        return 0.5 * LAW.k * share * depth**2, patch_defect(LAW, share, depth, slope, (a, b, 0.5), rates, side)
+
+    for side in (-1.0, 1.0):
+        (before, _), (after, _), (_, loss) = (energy_and_loss(t, side) for t in (-1e-5, 1e-5, 0.0))
+        assert loss == pytest.approx((before - after) / 2e-5, rel=1e-6)
 
 
 def test_wheels_turn_rigidly():

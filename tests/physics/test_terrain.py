@@ -17,7 +17,7 @@ from fmus.physics.contact.terrain import face
 from fmus.physics.contact.terrain.face import first_foot, ground_face, is_above, wheel_normal
 from fmus.physics.contact.terrain.heightmap import map_top
 from fmus.physics.contact.terrain.profile import X, Z, curve_point, half_round, nearest, profile, step
-from fmus.physics.contact.terrain.shape import smooth_height, surface
+from fmus.physics.contact.terrain.shape import smooth_height, surface, top
 
 STILL = (0.0, 0.0, 0.0)
 HALF_ROUND = {"x": [2.0], "radius": 0.2, "fillet": 0.02}
@@ -275,6 +275,16 @@ def test_the_bound_of_a_map_holds_between_its_points():
         around = np.random.default_rng(3).uniform(-0.3, 0.3, (2, 400)) + np.array([[x], [y]])
         highest = heights({"heightmap": uneven}, *around).max()
         assert 0.0 <= map_top(shape.heightmap, x, y, 0.3) - highest < 0.4
+
+
+@pytest.mark.parametrize("name", GROUNDS)
+def test_the_bound_of_heights_holds(name):
+    """Also far to the side, where the bank of a bend is steep."""
+    table, rng = GROUNDS[name], np.random.default_rng(5)
+    shape = terrain(table)
+    for x, y in rng.uniform((0.0, -20.0), (6.0, 20.0), (60, 2)):
+        around = rng.uniform(-0.3, 0.3, (2, 100)) + np.array([[x], [y]])
+        assert top(shape, x, y, 0.3) >= heights(table, *around).max() - 1e-12
 
 
 def test_waves_of_both_sides():
