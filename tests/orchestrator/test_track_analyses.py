@@ -22,6 +22,7 @@ from orchestrator.results.analyses import (
     links,
     patches,
     power,
+    record_blocks,
     slip,
     wheel_loads,
 )
@@ -135,7 +136,8 @@ def test_the_moment_of_a_link_is_that_of_its_fibres(driven):
     np.testing.assert_allclose(moment[:, 4], 0.5 * (pair[1] - pair[0]) * 2.03e-6 / 0.02, rtol=1e-12)
 
 
-def test_rows_of_links_are_the_extremes_of_their_forces(driven):
+def test_rows_of_links_are_the_extremes_of_their_forces(driven, monkeypatch):
+    monkeypatch.setattr(record_blocks, "SIZE", 7)
     with Log(driven) as log:
         found, summed = links.of(RunData(log)), links.summary(RunData(log))
     (forces,) = found.forces

@@ -149,12 +149,12 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
     """Forces on links in blocks of records, so long runs need no more memory; raises Missing."""
     kinds = [kind for kind, signal in KINDS.items() if record_blocks.has(run, track, signal)]
     fibres = record_blocks.has(run, track, "link[*].fibre.outer")
-    if not kinds and not fibres:
+    links = record_blocks.count(run, track)
+    if not links or not (kinds or fibres):
         raise Missing(f"{run.log.path} holds no force and no fibre stress of the links of '{track}'")
     signals = [record_blocks.POSITION, *(KINDS[kind] for kind in kinds)]
     signals += ["joint[*].axis"] * record_blocks.has(run, track, "joint[*].axis")
     signals += ["link[*].fibre.outer", "link[*].fibre.inner"] * fibres
-    links = record_blocks.count(run, track)
     area, bending, fibre = (
         hull.vehicle_number(run, "section", key) if fibres else 1.0 for key in ("area", "bending", "outer_fibre")
     )
