@@ -91,7 +91,8 @@ def analyse(
         run = RunData(opened)
         result = compute(run, window=Window(start, end), **_given_options(analysis.options, given))
     table = result.table()
-    if TRACK in analysis.options and not (analysis.all_tracks or given[_argument(TRACK.flag)]) and run.tracks[1:]:
+    tells = table.columns[0].key in ("track", "wheel")  # of all tracks then, else of the first
+    if TRACK in analysis.options and not (tells or given[_argument(TRACK.flag)]) and run.tracks[1:]:
         others = " or ".join(f"{TRACK.flag} {name}" for name in run.tracks[1:])
         table = table._replace(notes=(*table.notes, f"of {run.tracks[0]} alone: {others} for the other"))
     if output and output.suffix.lower() in picture_suffixes:

@@ -15,7 +15,7 @@ FORM = ".5g"
 LEAST = 1e-100  # smaller numbers are shown as 0
 ROUNDING = {  # smaller figures of a run are rounding, and 0 in the text of a table, though not in its CSV
     "N": 1e-7, "kN": 1e-10, "N.m": 1e-7, "kN m": 1e-10, "m/s": 1e-12, "rad/s": 1e-12, "W": 1e-7,
-    "kW": 1e-10, "m/s2": 1e-9, "m/s^1.75": 1e-9, "g": 1e-10,
+    "kW": 1e-10, "kPa": 1e-9, "m/s2": 1e-9, "m/s^1.75": 1e-9, "g": 1e-10,
 }  # fmt: skip
 ABOUT = "about"  # column that describes a row
 COST = "cost"  # time or size: less is better; compared between checkouts

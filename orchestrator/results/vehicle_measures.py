@@ -232,7 +232,9 @@ def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
     for track in (track_of(run, of),) if of else run.tracks:
         vehicle = of_side(run.scene["vehicle"], track.removesuffix("_track"))
         if vehicle.get("wheel") or not sprocket_end(run.scene):
-            raise Missing("the parts of this circuit have other names: the analysis envelope has the tension in each")
+            raise Missing(
+                "the parts of this circuit have other names: the analysis links by place has the tension in each"
+            )
         first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
         sample, height = min(RUN_REACH, 2.0 * vehicle["track"]["pitch"]), np.max(vehicle["road_wheel"]["z"])
         middle, reach = {

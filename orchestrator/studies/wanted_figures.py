@@ -4,7 +4,7 @@
 | --- | --- |
 | `pull`, `pull:left` | a measure of checks over the whole run, of a side, span or component |
 | `max:left_track.tension.max` | a signal, reduced as checks do it |
-| `fatigue`, `joints`, ... | the numbers of the table of an analysis, a column for each row and head |
+| `fatigue`, `links:wheel`, ... | the numbers of the table of an analysis (by wheel), a column for each row and head |
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from orchestrator.results.measures import FIGURES, REDUCTIONS, reduce
 from orchestrator.results.run_data import EVER, RunData, reason
 from orchestrator.results.table import Table
 from orchestrator.scene.settings import hint
-from orchestrator.vocabulary.analyses import ANALYSES
+from orchestrator.vocabulary.analyses import ANALYSES, FORMER, check_by, described
 
 
 class WantedFigure(NamedTuple):
@@ -28,7 +28,7 @@ class WantedFigure(NamedTuple):
 
     text: str  # as given
     name: str  # of a measure, a reduction or an analysis
-    of: str  # side, span or component of a measure, signal of a reduction
+    of: str  # side, span or component of a measure, signal of a reduction, way of an analysis
 
 
 def wanted_figures(texts: Sequence[str]) -> tuple[WantedFigure, ...]:
@@ -37,6 +37,8 @@ def wanted_figures(texts: Sequence[str]) -> tuple[WantedFigure, ...]:
     found = tuple(WantedFigure(text, *(part.strip() for part in (*text.split(":", 1), "")[:2])) for text in texts)
     for one in found:
         known = [*FIGURES, *REDUCTIONS, *ANALYSES]
+        if one.name in FORMER:
+            described(one.name)
         if one.name not in known:
             raise BadInput(f"for {one.text}: {hint(one.name, known, 'there are')}")
         if one.name in REDUCTIONS and not one.of:
@@ -44,8 +46,9 @@ def wanted_figures(texts: Sequence[str]) -> tuple[WantedFigure, ...]:
         if one.name in FIGURES and (fault := FIGURES[one.name].wrong_part(one.of)):
             raise BadInput(f"for {one.text}: {fault}")
         if one.name in ANALYSES:
-            if one.of:
-                raise BadInput(f"for {one.text}: an analysis is given by its name alone")
+            if one.of and not ANALYSES[one.name].ways:
+                raise BadInput(f"for {one.text}: this analysis is given by its name alone")
+            check_by(one.name, one.of)
             catalogue.require_library(one.name)
     return found
 
@@ -81,18 +84,21 @@ def _of(run: RunData, one: WantedFigure) -> Iterator[tuple[str, float]]:
         yield _head(one.text, FIGURES[one.name].unit), FIGURES[one.name](run, one.of, EVER)
     else:
         module = catalogue.module_of(one.name)
-        table = module.worst(run) if hasattr(module, "worst") else getattr(module, "summary", module.of)(run).table()
-        yield from _cells(one.name, table)
+        compute, way = getattr(module, "summary", module.of), {"by": one.of} if one.of else {}
+        table = module.worst(run) if hasattr(module, "worst") and not way else compute(run, **way).table()
+        yield from _cells(one.text, table)
 
 
 def _cells(name: str, table: Table) -> Iterator[tuple[str, float]]:
-    """Numbers of a table by the texts of their rows and the names of their columns."""
-    for row in table.rows:
-        labels = [cell for cell in row if isinstance(cell, str) and cell]
+    """Numbers of a table by the texts of their rows and the names of their columns, in the unit of column or row."""
+    for row in table.records():
+        labels = [cell for cell in row.values() if isinstance(cell, str) and cell]
         about = " ".join([name, *labels[:2]]) if len(table.rows) > 1 else name
-        for column, cell in zip(table.columns, row, strict=True):
+        for column in table.columns:
+            cell = row[column.key]
             if isinstance(cell, int | float) and not isinstance(cell, bool):
-                yield _head(f"{about} {column.key}", column.unit), float(cell)
+                unit = column.unit or (row.get("unit", "") if isinstance(cell, float) else "")
+                yield _head(f"{about} {column.key}", unit), float(cell)
 
 
 def _head(name: str, unit: str) -> str:

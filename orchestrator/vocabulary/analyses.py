@@ -37,7 +37,7 @@ class Analysis(NamedTuple):
     stress: bool = False  # rigid links have none, so a run of them is not recorded for it
     seats: bool = False  # it needs the motion of a seat
     library: str = ""  # of the extra analysis, which it needs
-    all_tracks: bool = False  # without a given track it is of all, else of the first
+    ways: tuple[str, ...] = ()  # values of the option by: what its rows are
     full_series: bool = False  # a file gets all numbers over time, frequency or length instead of the table
 
     @property
@@ -49,21 +49,21 @@ class Analysis(NamedTuple):
 UNSTRESSED = "fatigue needs flexible links, or a force (option signal, tension)"
 SN_HELP = "S-N line of fatigue: stress range, cycles, slope; default 100e6,2e6,3, units as in '90 MPa,1e6,5'"
 
-TRACK = Option("track", str, "--track", "NAME", "left_track or left; by default the first, of fatigue and joints all")
+TRACK = Option("track", str, "--track", "NAME", "left_track or left; default all, by place and of deformation one")
 SIGNALS = Option(
     "signals", list[str], "--signal", "NAME",
-    "of a spectrum: instance.variable, * for anything; repeatable; of an envelope: link[*].tension or the like; of "
-    "fatigue: a force, as tension, instead of the stress",
+    "of a spectrum: instance.variable, * for anything; repeatable; of links by place: link[*].tension or the like, or "
+    "pressure; of fatigue: a force, as tension, instead of the stress",
 )  # fmt: skip
 SIGNAL = SIGNALS._replace(name="signal")
 SHAPE = Option("shape", str, "--shape", "hann|flat-top", "window of a spectrum, default hann")
 ORDERS = Option("orders", bool, "--order", None, "of a spectrum: tooth orders too")
-BINS = Option("bins", int, "--bins", "N", "of an envelope, default one a link", 0)
+BINS = Option("bins", int, "--bins", "N", "of links by place, default one a link", 0)
 SN = Option("sn", str, "--sn", "RANGE,CYCLES,SLOPE", SN_HELP)
 TEETH = Option("teeth", bool, "--teeth", None, "events: each tooth that passes")
 AT = Option("at", list[float], "--at", "T", "deformation: an instant, s; repeatable; default last")
 LINK = Option("link", int, "--link", "N", "deformation: the link of a picture, default 1")
-BY = Option("by", str, "--by", "place|phase", "life: damage by place on the circuit, or by phase of the run")
+BY = Option("by", str, "--by", "WAY", "life: damage by place or phase; links: by component (default), place or wheel")
 SEAT = Option("seat", str, "--seat", "NAME", "ride: the seat, default all")
 
 ANALYSES = {
@@ -71,7 +71,6 @@ ANALYSES = {
     "spectrum": Analysis(
         "largest peaks of signals, by frequency and tooth order", (SIGNALS, SHAPE, ORDERS), full_series=True
     ),
-    "envelope": Analysis("least, mean, largest tension by place on the circuit", (SIGNAL, TRACK, BINS)),
     "fatigue": Analysis(
         "rainflow cycles of links: damage, equivalent ranges of stress or of a force",
         (TRACK, SN, SIGNAL),
@@ -79,29 +78,28 @@ ANALYSES = {
         every_step=True,
         stress=True,
         library="rainflow",
-        all_tracks=True,
     ),
     "life": Analysis(
         "of pins and links by the forces in pins: stress, damage, km (table life of the vehicle)",
         (TRACK, BY),
         every_step=True,
         library="rainflow",
-        all_tracks=True,
+        ways=("place", "phase"),
         full_series=True,
     ),
     "wear": Analysis(
         "of bushed pins that rub: turning, work of friction, growth of the pitch (track.bushing of the vehicle)",
         (TRACK,),
         records=("turned", "rubbed"),
-        all_tracks=True,
         full_series=True,
     ),
     "wheel-loads": Analysis("of road wheels, and how long they are lifted off"),
-    "patches": Analysis("contact patches of smooth wheels on links"),
-    "contact": Analysis("pressure under links", (TRACK,)),
     "slip": Analysis("and thrust of tracks", full_series=True),
-    "joints": Analysis("extremes of joint forces, where and when", (TRACK,), all_tracks=True),
-    "links": Analysis("forces on links in their own axes", (TRACK,)),
+    "links": Analysis(
+        "forces in joints and on links, where and when; tension or ground pressure by place; patches by wheel",
+        (TRACK, BY, SIGNAL, BINS),
+        ways=("component", "place", "wheel"),
+    ),
     "deformation": Analysis(
         "of links along their length, in their tangent frames", (TRACK, AT), (LINK,), ("slopes",), full_series=True
     ),
@@ -111,6 +109,11 @@ ANALYSES = {
     "validity": Analysis("where the run stops being valid: penetration, tooth jumps, travel of idlers, ..."),
 }
 
+FORMER = {  # analyses of older versions, and what has their figures
+    "joints": "links", "envelope": "links --by place", "contact": "links --by place --signal pressure",
+    "patches": "links --by wheel",
+}  # fmt: skip
+
 
 def recorder_of(group: str) -> str:
     """Name of the first analysis that needs a group of link outputs; empty if none does."""
@@ -118,7 +121,15 @@ def recorder_of(group: str) -> str:
 
 
 def described(name: str) -> Analysis:
-    """Description of an analysis; raises BadInput for an unknown name."""
+    """Description of an analysis; raises BadInput for an unknown name or a former one."""
+    if name in FORMER:
+        raise BadInput(f"the analysis {name} is now '{FORMER[name]}'")
     if name not in ANALYSES:
         raise BadInput(f"no analysis '{name}': one of {', '.join(ANALYSES)}")
     return ANALYSES[name]
+
+
+def check_by(name: str, by: str) -> None:
+    """Raise BadInput for rows that an analysis does not have."""
+    if by and by not in (ways := described(name).ways):
+        raise BadInput(f"by = {by}: must be one of {', '.join(ways)}")

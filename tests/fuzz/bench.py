@@ -51,7 +51,7 @@ class Bench:
             if status:
                 raise RuntimeError((folder / "start.txt").read_text(encoding="utf-8"))
         with _quiet(folder / "start.txt"):  # loads what these commands import
-            _status(["analyse", str(self.bases["chain"]), "joints"])
+            _status(["analyse", str(self.bases["chain"]), "links"])
             _status(["report", str(self.bases["chain"]), "-o", str(folder / "page.html")])
             for arguments in WARM:
                 _status([*arguments])

@@ -30,7 +30,7 @@ READS: tuple[tuple[str, ...], ...] = (
     ("log", "info"), ("log", "verify"), ("log", "recover", "-o", "saved.mcap"), ("log", "export", "-o", "out.csv"),
     ("log", "export", "-o", "csv"), ("compare", "whole.mcap"), ("compare", "whole.mcap", "--different"),
     ("compare", "whole.mcap", "--bits"),
-    ("analyse", "joints"), ("analyse", "joints"), ("analyse", "links"), ("analyse", "envelope"),
+    ("analyse", "links"), ("analyse", "links"), ("analyse", "links"), ("analyse", "links", "--by", "place"),
     ("analyse", "fatigue"), ("analyse", "validity"), ("analyse", "events"),
     ("analyse", "deformation"), ("analyse", "spectrum", "--signal", "chain.*"), ("view", "-o", "out.png"),
     ("report", "-o", "out.html"),

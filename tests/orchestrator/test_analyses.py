@@ -105,12 +105,13 @@ CELL = """import cotrack
 found = cotrack.analyse({path!r}, {what!r}, {window}{options})
 table = found.table().frame()"""
 OPTIONS = {"spectrum": ", signals='left_track.tension.max'"}
+WAYS = [(what, f", by='{way}'") for what, one in ANALYSES.items() for way in one.ways]
 
 
-@pytest.mark.parametrize("what", ANALYSES)
-def test_every_analysis_takes_three_lines_of_a_notebook(driven, what, tmp_path):
+@pytest.mark.parametrize(("what", "options"), [*((what, OPTIONS.get(what, "")) for what in ANALYSES), *WAYS])
+def test_every_analysis_takes_three_lines_of_a_notebook(driven, what, options, tmp_path):
     log = worn(tmp_path / "worn.mcap") if what == "wear" else driven
-    cell = CELL.format(path=str(log), what=what, window=(0.05, 0.2), options=OPTIONS.get(what, ""))
+    cell = CELL.format(path=str(log), what=what, window=(0.05, 0.2), options=options)
     names = {}
     exec(cell, names)
     assert len(cell.splitlines()) == 3

@@ -47,7 +47,7 @@ def log_commands(log):
         ["log", "info", log], ["log", "verify", log], ["log", "recover", log, "-o", "recovered.mcap"],
         ["log", "export", log, "-o", "exported"], ["replay", log, "--to", "0"], ["resume", log, "-o", "resumed.mcap"],
         ["compare", log, SMALL], ["compare", SMALL, log], ["plot", log, "*.speed", "-o", "plot.png"],
-        ["view", log, "-o", "view.png"], ["analyse", log, "joints"], ["report", log, "-o", "report.html"],
+        ["view", log, "-o", "view.png"], ["analyse", log, "links"], ["report", log, "-o", "report.html"],
     ]  # fmt: skip
 
 

@@ -99,7 +99,7 @@ def test_pictures_pages_and_analyses(run, tmp_path):
     assert picture._repr_png_().startswith(b"\x89PNG")
     with pytest.raises(BadInput, match="is no family of signals"):
         run.plot("chain.tension.max", waterfall=True)
-    assert run.analyse("joints").table().rows
+    assert run.analyse("links").table().rows
     assert "hanging_chain" in run.report(tmp_path / "page.html").read_text()
     assert {each.absolute for each in run.compare(package.Run(run.log)).values()} == {0.0}
 
@@ -145,10 +145,10 @@ REFUSED = {  # calls with a bad argument, of a run and its log
     "beyond": lambda run: run.plot("chain.tension.max", start=3),
     "picture": lambda run: run.plot("chain.tension.max").save("a.txt"),
     "analysis": lambda run: package.analyse(run.log, "powr"),
-    "option": lambda run: run.analyse("joints", links=3),
-    "late": lambda run: run.analyse("joints", start=3, end=4),
-    "backward": lambda run: run.analyse("joints", start=0.02, end=0.01),
-    "which track": lambda run: run.analyse("joints", track="right_track"),
+    "option": lambda run: run.analyse("links", links=3),
+    "late": lambda run: run.analyse("links", start=3, end=4),
+    "backward": lambda run: run.analyse("links", start=0.02, end=0.01),
+    "which track": lambda run: run.analyse("links", track="right_track"),
     "no seat": lambda run: run.analyse("ride"),
     "no road wheel": lambda run: run.analyse("wheel-loads"),
     "no drive": lambda run: run.analyse("spectrum", signals=["chain.tension.max"], orders=True),

@@ -96,7 +96,7 @@ def test_pins_pass_the_top_of_an_elevated_sprocket():
             pins = chain_measures.pins_per_revolution(run, "", Window(0.0, 1.0))
         assert (pins == pytest.approx(TEETH, rel=5e-3)) == right
         for measure in ("tension_top", "tension_rear", "tension_front"):
-            with pytest.raises(Missing, match="the analysis envelope has the tension in each"):
+            with pytest.raises(Missing, match="the analysis links by place has the tension in each"):
                 FIGURES[measure](run, "", EVER)
 
 

@@ -35,7 +35,7 @@ def cut(tmp_path_factory):
 READERS = (
     ("view", "LOG", "-o", "a.png"),
     ("plot", "LOG", "chain.tension.max", "-o", "p.png"),
-    ("analyse", "LOG", "joints"),
+    ("analyse", "LOG", "links"),
     ("report", "LOG", "-o", "r.html"),
     ("compare", "LOG", "WHOLE"),
     ("compare", "WHOLE", "LOG"),
@@ -69,7 +69,7 @@ def test_a_log_of_a_failed_run_says_so(cotrack, tmp_path):
 
 
 def test_whole_logs_and_logs_of_runs_say_nothing(cotrack, cut, tmp_path):
-    for command in (("analyse", cut / "whole.mcap", "joints"), ("replay", cut / "whole.mcap")):
+    for command in (("analyse", cut / "whole.mcap", "links"), ("replay", cut / "whole.mcap")):
         status, _, err = cotrack(*command)
         assert (status, err) == (0, "")
     with Log(cut / "whole.mcap") as log:

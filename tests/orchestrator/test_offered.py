@@ -137,7 +137,7 @@ def test_joints_of_families_of_other_lengths(cotrack, tmp_path, shorter):
     values = np.random.default_rng(1).random((2, len(names)))
     columns = {f"chain.{name}": column for name, column in zip(names, values.T, strict=True)}
     path = of_columns(tmp_path / "a.mcap", columns | {"chain.travel": np.zeros(2)}, np.array([0.0, 1e-3]), scene)
-    status, _, err = cotrack("analyse", path, "joints")
+    status, _, err = cotrack("analyse", path, "links")
     assert (status, "holds other numbers" in err) == ((2, True) if shorter else (0, False)), err
     assert "internal error" not in err
 

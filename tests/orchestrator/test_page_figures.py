@@ -27,8 +27,9 @@ from page_logs import (
 
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorded_system import signal_description
-from orchestrator.results.analyses import circuit, contact, joints, link_loads, profile, wheel_loads
+from orchestrator.results.analyses import circuit, ground_pressure, link_loads, profile, wheel_loads
 from orchestrator.results.analyses import events as happened
+from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.approximations import TimeEnvelope
 from orchestrator.results.energy import Ledger, ledger
 from orchestrator.results.measures import FIGURES
@@ -285,12 +286,14 @@ def test_the_least_tension_and_the_largest_force_in_a_pin_are_those_of_the_log(v
     with Log(vehicle) as log:
         links = log.read("/left_track/links")
         tension = links.values[:, [k for k, name in enumerate(links.names) if name.endswith("].tension")]]
-        loads, extremes = link_loads.of(RunData(log), "left_track"), joints.of(RunData(log), "left_track")
+        loads = link_loads.of(RunData(log), "left_track")
+    rows = {row["component"]: row for row in analyse(vehicle, "links", track="left").table().records()}
     least = loads.slackest
     assert (least.value, least.member) == (tension.min(), tension.min(axis=0).argmin() + 1)
     most = loads.most["force"]
-    assert extremes.most[0, 3] == pytest.approx(most.value, rel=1e-12)
-    assert (extremes.most_t[0, 3], extremes.most_joint[0, 3]) == (most.t, most.member)
+    size = rows["joint force size"]
+    assert size["largest"] == pytest.approx(most.value / 1e3, rel=1e-12)
+    assert (size["largest at"], size["largest in link"]) == (most.t, most.member)
     assert f"The smallest tension is {quantity(tension.min(), 'N')}" in html
     place = f"where link {most.member} of left track begins"
     assert f"The largest force in a pin is {quantity(most.value, 'N')} {place}" in html
@@ -317,10 +320,10 @@ def test_the_way_round_starts_on_the_sprocket_and_has_the_places_of_the_analysis
 def test_pressure_is_that_of_the_analysis(vehicle):
     with Log(vehicle) as log:
         run = RunData(log)
-        links, expected = link_loads.of(run, "left_track"), contact.of(run)
-        history, one = contact.over_time(run, links), profile.of(run, links, expected.peak_t)
-    assert history.peak == (expected.peak, expected.peak_t, expected.peak_link)
-    assert np.nanmax(history.most) == one.pressure.max() == expected.peak
+        links, expected = link_loads.of(run, "left_track"), analyse(vehicle, "links", by="place", signal="pressure")
+        history, one = ground_pressure.over_time(run, links), profile.of(run, links, expected.peak.t)
+    assert history.peak._replace(value=history.peak.value / 1e3) == expected.peak
+    assert np.nanmax(history.most) == one.pressure.max() == history.peak.value
     assert history.area == expected.area
 
 

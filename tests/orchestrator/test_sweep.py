@@ -21,7 +21,7 @@ from orchestrator.execution import summary
 from orchestrator.log.log_file import LogFailed
 from orchestrator.log.reader import Log
 from orchestrator.results import chain_measures, output_files
-from orchestrator.results.analyses import joints
+from orchestrator.results.analyses import links
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.scene import load
@@ -275,7 +275,7 @@ def test_tables_and_pictures_are_written_whole_or_not_at_all(tmp_path):
 
 
 def test_further_figures_are_those_of_the_log(cotrack, tmp_path):
-    wanted = ("--for", "sag", "--for", "max:chain.tension.max", "--for", "joints", "--for", "ride")
+    wanted = ("--for", "sag", "--for", "max:chain.tension.max", "--for", "links", "--for", "ride")
     options = (*CHAIN, "--no-estimate", "--keep-logs", *SPANS)
     status, _, err = cotrack("sweep", "hanging_chain", *wanted, *options, "-o", "found")
     assert status == 0, err
@@ -286,8 +286,8 @@ def test_further_figures_are_those_of_the_log(cotrack, tmp_path):
             _, tension = run.signal("chain.tension.max")
             assert float(row["max:chain.tension.max, N"]) == tension.max()
             assert float(row["sag, m"]) == chain_measures.sag(run, "", EVER)
-            largest = joints.of(run).table().records()
-        heads = [head for head in row if head.startswith("joints ") and head.endswith("largest, kN")]
+            largest = links.summary(run).table().records()
+        heads = [head for head in row if head.startswith("links ") and head.endswith("largest, kN")]
         assert sorted(float(row[head]) for head in heads) == sorted(each["largest"] for each in largest)
         assert row["note"].startswith("ride: ")
 

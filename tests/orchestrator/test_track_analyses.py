@@ -15,20 +15,20 @@ from orchestrator.log.reader import Log
 from orchestrator.results import energy
 from orchestrator.results.analyses import (
     circuit,
-    contact,
     deformation,
     envelope,
     events,
-    joints,
     life,
     links,
     patches,
     power,
+    record_blocks,
     slip,
     wheel_loads,
 )
 from orchestrator.results.run_data import RunData, Window, mean
 from orchestrator.results.views.bodies import EVERY, Bodies
+from orchestrator.studies.wanted_figures import figures_of_log, wanted_figures
 
 driven = pytest.fixture(scope="module")(driven_log)
 
@@ -93,7 +93,7 @@ def test_a_window_of_power_is_a_part_of_it_and_energies_alone_are_those_of_the_p
 def test_forces_of_links_are_those_of_the_track(driven):
     with Log(driven) as log:
         run = RunData(log)
-        forces = links.of(run)
+        (forces,) = links.of(run).forces
         t, whole = run.vectors("left_track", "out", "ground.force")
         tension = log.select(log.choose(["left_track.link[*].tension"]))["/left_track/links"].values
         world = log.select(log.choose(["left_track.joint[*].force.*"]))["/left_track/links"].values
@@ -116,11 +116,12 @@ def test_forces_of_links_are_those_of_the_track(driven):
 def test_a_force_of_the_ground_that_is_off_by_three_per_cent_is_seen(driven, scaled):
     with Log(driven) as log:
         run = RunData(log)
-        right = links.of(run).ground
+        right = links.of(run).forces[0].ground
         link = int(np.abs(right[-1]).max(axis=1).argmax())
         scaled(log, "/left_track/links", f"link[{link + 1}].ground.force.z", 1.03)
     with Log(driven) as log:
-        wrong, force = links.of(RunData(log)).ground, contact.of(RunData(log)).force
+        run = RunData(log)
+        wrong, force = links.of(run).forces[0].ground, links.of(run, by="place", signal="pressure").force
     lost = np.einsum("mnk,mnk->m", wrong - right, wrong - right) ** 0.5
     assert lost[-1] > 1e-3 * np.abs(right).max()
     assert force != pytest.approx(-right[..., 2].sum(axis=1).mean(), rel=1e-4)
@@ -130,35 +131,39 @@ def test_the_moment_of_a_link_is_that_of_its_fibres(driven):
     """The moment of a link is that of its fibre stresses: M = (inner - outer) / 2 x I / fibre distance."""
     with Log(driven) as log:
         run = RunData(log)
-        moment = links.of(run).moment
+        moment = links.of(run).forces[0].moment
         pair = [run.signal(f"left_track.link[5].fibre.{side}")[1] for side in ("outer", "inner")]
     np.testing.assert_allclose(moment[:, 4], 0.5 * (pair[1] - pair[0]) * 2.03e-6 / 0.02, rtol=1e-12)
 
 
-def test_joints_are_the_extremes_of_links(driven):
+def test_rows_of_links_are_the_extremes_of_their_forces(driven, monkeypatch):
+    monkeypatch.setattr(record_blocks, "SIZE", 7)
     with Log(driven) as log:
-        run = RunData(log)
-        extremes, every, summed = joints.of(run), links.of(run), links.summary(run)
-    for k in range(3):
-        values = every.joint[..., k]
-        record, joint = np.unravel_index(values.argmax(), values.shape)
-        assert extremes.most[0, k] == values[record, joint] == values.max()
-        assert (extremes.most_joint[0, k], extremes.most_t[0, k]) == (joint + 1, every.t[record])
-        assert extremes.least[0, k] == values.min()
-        printed = [row[3:] for row in summed.rows if row[:2] == ("joint force", links.AXES[k])]
-        np.testing.assert_allclose(printed, [[values.min() / 1e3, values.mean() / 1e3, values.max() / 1e3]], rtol=1e-9)
+        found, summed = links.of(RunData(log)), links.summary(RunData(log))
+    (forces,) = found.forces
+    rows = {row["component"]: row for row in summed.table().records()}
+    assert (summed.rows, len(rows)) == (found.rows, 10)
+    outwards = forces.ground[..., 2] / 1e3
+    for name, values in (("joint force along", forces.joint[..., 0] / 1e3), ("bending moment", forces.moment)):
+        for end, place in (("least", values.argmin()), ("largest", values.argmax())):
+            record, link = np.unravel_index(place, values.shape)
+            known = values[record, link], link + 1, forces.t[record]
+            assert [rows[name][f"{end}{of}"] for of in ("", " in link", " at")] == pytest.approx(known, rel=1e-9)
+    assert rows["ground force outwards"]["mean"] == pytest.approx(
+        np.average(outwards.mean(axis=1), weights=forces.since)
+    )
 
 
 def test_the_largest_force_of_a_pin_has_its_part_of_the_circuit(driven):
     """Parts of the largest forces, by where the pin is: near the sprocket's axle, at the rear end, above or below."""
     with Log(driven) as log:
         run = RunData(log)
-        extremes, pins = joints.of(run), run.links("left_track")
+        rows, pins = links.summary(run).table().records(), run.links("left_track")
     seen = set()
-    for joint, t, part in zip(extremes.most_joint[0], extremes.most_t[0], extremes.most_part[0], strict=True):
-        row = int(np.abs(pins.t - t).argmin())
+    for each in (each for each in rows if each["component"].startswith("joint")):
+        row, part = int(np.abs(pins.t - each["largest at"]).argmin()), each["largest on"]
         x, z = pins.forward[row], pins.up[row]
-        k = int(joint) - 1
+        k = each["largest in link"] - 1
         run_part = "upper run" if z[k] > 0.5 * (z.min() + z.max()) else "lower run"
         wheel = "sprocket" if np.hypot(x[k], z[k]) < 0.45 else "idler" if x[k] < x.min() + 0.6 else run_part
         assert part in (wheel, run_part)
@@ -237,13 +242,14 @@ def test_deformation_as_a_picture_and_as_numbers(cotrack, driven, tmp_path):
 def test_pressure_is_the_force_on_the_ground_over_the_pads(driven):
     with Log(driven) as log:
         run = RunData(log)
-        pressure, every = contact.of(run), links.of(run)
+        pressure, (every,) = links.of(run, by="place", signal="pressure"), links.of(run).forces
         pushes, since = -every.ground[..., 2].sum(axis=1), np.diff(every.t, prepend=every.t[0] - every.t[1])
         assert pressure.force == pytest.approx(np.average(pushes, weights=since), rel=1e-9)
         assert pressure.area == pytest.approx(0.1524 * 0.378)
-        assert pressure.peak == pytest.approx(-every.ground[..., 2].min() / pressure.area, rel=1e-9)
-    assert np.nansum(pressure.mean) * pressure.area == pytest.approx(pressure.force, rel=0.15)
-    touching = pressure.forward[pressure.most > 0.01 * pressure.peak]
+        assert pressure.peak.value == pytest.approx(-1e-3 * every.ground[..., 2].min() / pressure.area, rel=1e-9)
+    assert pressure.unit == "kPa"
+    assert np.nansum(pressure.mean) * 1e3 * pressure.area == pytest.approx(pressure.force, rel=0.15)
+    touching = pressure.forward[pressure.most > 0.01 * pressure.peak.value]
     assert touching.max() < -0.3
     assert touching.min() > -3.8
 
@@ -293,9 +299,10 @@ def test_means_of_links_are_over_time_where_records_are_uneven(tmp_path):
     with Log(path) as log:
         run = RunData(log)
         np.testing.assert_allclose(envelope.of(run, bins=5).mean, wanted, rtol=1e-9)
-        (along,) = [row for row in links.summary(run).rows if row[:2] == ("joint force", "along")]
+        along, *_ = links.summary(run).table().records()
         side = float(np.linalg.norm(pins[1] - pins[0]))
-    assert along[4] == pytest.approx(1e-3 * wanted * side, rel=1e-9)
+    assert along["component"] == "joint force along"
+    assert along["mean"] == pytest.approx(1e-3 * wanted * side, rel=1e-9)
     long = patches.Patches(("wheel",), t, *np.repeat(tension[None, :, None], 3, axis=0))
     assert long.table().records()[0]["length"] == pytest.approx(1e3 * wanted, rel=1e-9)
 
@@ -350,7 +357,7 @@ def test_patches_at_rest_carry_what_wheels_are_loaded_by(driven, face, fits):
     with Log(driven) as log:
         run, start = RunData(log), Window(-1.0, 1e-6)
         bodies, vehicle = Bodies(run, EVERY, window=start), run.scene["vehicle"]
-        poses, contacts = next(bodies.blocks()), patches.of(run, start)
+        poses, contacts = next(bodies.blocks()), patches.of(run, window=start)
         links, pairs = poses.links["left_track"], []
         for wheel in bodies.wheels:
             if wheel.kind == "road_wheel":
@@ -364,6 +371,14 @@ def test_patches_at_rest_carry_what_wheels_are_loaded_by(driven, face, fits):
     carried, load = np.transpose(pairs)
     assert len(load) == 5
     assert bool(np.all(np.abs(carried - load) <= 0.015 * np.abs(load))) == fits, pairs
+
+
+def test_columns_of_a_sweep_may_be_of_links_by_wheel(driven):
+    found, _ = figures_of_log(str(driven), wanted_figures(["links:wheel", "links"]))
+    with Log(driven) as log:
+        wheel, moment = (links.of(RunData(log), by=way).table().records()[-1] for way in ("wheel", "component"))
+    assert found["links:wheel left_track.idler length, mm"] == wheel["length"]
+    assert found["links left_track bending moment mean, N.m"] == moment["mean"]
 
 
 # places on the circuit

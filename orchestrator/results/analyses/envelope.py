@@ -1,4 +1,4 @@
-"""Envelope of a link signal by place on the circuit: least, mean and largest value over a window."""
+"""Envelope of a link signal or of the ground pressure by place on the circuit: least, mean, largest value."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ import numpy as np
 
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, hull, record_blocks
+from orchestrator.results.analyses import circuit, ground_pressure, hull, record_blocks
 from orchestrator.results.analyses.circuit import PlacedRecords
-from orchestrator.results.run_data import EVER, RunData, Window
+from orchestrator.results.analyses.record_blocks import Extreme, larger
+from orchestrator.results.run_data import EVER, TENSION, RunData, Window
 from orchestrator.results.table import Table
+
+PRESSURE = "pressure"  # in place of a signal: that of the ground under links
 
 
 class Envelope(NamedTuple):
@@ -28,6 +31,9 @@ class Envelope(NamedTuple):
     forward: Floats  # (bins,) m, mean place ahead of the sprocket axle, in hull axes
     up: Floats  # (bins,) m, above the axle
     part: tuple[str, ...]  # (bins,) part of the circuit (``circuit.stretches``)
+    peak: Extreme | None = None  # largest value, with its link or pin
+    area: float = 0.0  # m2, one pad, of the pressure
+    force: float = 0.0  # N, of the pressure: sum over links, mean over time
 
     def table(self) -> Table:
         """Table with a row for each place."""
@@ -37,7 +43,13 @@ class Envelope(NamedTuple):
         )  # fmt: skip
         values = (self.place, self.least, self.mean, self.most, self.forward, self.up, self.records.astype(int))
         rows = list(zip(*(each.tolist() for each in values), self.part, strict=True))
-        return Table.of(f"{self.signal} by place on the circuit", columns, rows)
+        notes = []
+        if self.peak:
+            whose = f"{'pin' if '.joint[' in self.signal else 'link'} {self.peak.member} at {self.peak.t:.6g} s"
+            notes.append(f"largest {self.peak.value:.5g} {self.unit}, {whose}")
+        if self.area:
+            notes.append(f"pads of {self.area * 1e4:.4g} cm2, {self.force / 1e3:.5g} kN together")
+        return Table.of(f"{self.signal} by place on the circuit", columns, rows, tuple(notes))
 
 
 class PlaceBins:
@@ -78,33 +90,37 @@ class PlaceBins:
 
 
 def of(
-    run: RunData,
-    track: str = "",
-    signal: str | Sequence[str] = "link[*].tension",
-    window: Window = EVER,
-    bins: int = 0,
+    run: RunData, track: str = "", signal: str | Sequence[str] = TENSION, window: Window = EVER, bins: int = 0
 ) -> Envelope:
-    """Envelope of a signal of links or pins of a track, by default the first.
+    """Envelope of a signal of links or pins of a track, by default the first, or of its PRESSURE.
 
     The number of bins is ``bins`` or the number of links. The signal may begin with the name of its track. Raises
     Missing, BadInput for several signals.
     """
     track, signal = record_blocks.one_signal(run, track, signal, "an envelope")
     track = hull.tracks(run, track)[0]
-    unit = record_blocks.unit(run, track, signal)
+    area = ground_pressure.pad_area(run) if signal == PRESSURE else 0.0
+    recorded, unit = (ground_pressure.SIGNAL, "kPa") if area else (signal, record_blocks.unit(run, track, signal))
     statistics: PlaceBins | None = None
-    for block in circuit.records(run, track, window, signal):
-        if statistics is None:
-            bins = bins or block.links.shape[1]
-            statistics = PlaceBins(bins, 3)
-        value = record_blocks.sizes(block.values[0])
-        where = block.joints if signal.startswith("joint") else block.links
+    peak: Extreme | None = None
+    for block in circuit.records(run, track, window, recorded):
+        count = block.links.shape[1]
+        statistics = statistics or PlaceBins(bins or count, 3)
+        values = block.values[0]
+        value = ground_pressure.pressure(block.pins, block.axes, values, area) if area else record_blocks.sizes(values)
         of_place = np.concatenate([value[..., None], block.centres], axis=2)
-        statistics.add(block, where, of_place)
+        statistics.add(block, block.joints if signal.startswith("joint") else block.links, of_place)
+        peak = larger(peak, block.t, value)
     if statistics is None:
         raise Missing(f"{run.log.path} holds no links of '{track}'")
     place = statistics.place
     forward, up = statistics.of(1)[1], statistics.of(2)[1]
     parts = circuit.stretches(run.scene, place, np.stack([forward, up], axis=1), track)
     names = tuple(circuit.part(each, parts) for each in place)
-    return Envelope(f"{track}.{signal}", unit, place, *statistics.of(0), statistics.count, forward, up, names)
+    scale = 1e3 if area else 1.0
+    least, mean, most = (each / scale for each in statistics.of(0))
+    peak = peak and peak._replace(value=peak.value / scale)
+    force = area * count * float(statistics.total[:, 0].sum() / statistics.time.sum()) if area else 0.0
+    return Envelope(
+        f"{track}.{signal}", unit, place, least, mean, most, statistics.count, forward, up, names, peak, area, force
+    )

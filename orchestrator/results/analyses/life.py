@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, envelope, hull, phases, record_blocks
 from orchestrator.results.analyses.fatigue import closed_places, cycles_with_peaks
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Table
+from orchestrator.vocabulary.analyses import check_by
 
 FORCE = "joint[*].force"
 DETAILS = ("pin bending", "pin shear", "body")
@@ -177,8 +177,7 @@ class Life(NamedTuple):
 
 def of(run: RunData, track: str = "", window: Window = EVER, by: str = "") -> Life:
     """Life of each pin of a track, by default of all; ``by``: key of BY. Raises Missing, NotInstalled, BadInput."""
-    if by and by not in BY:
-        raise BadInput(f"by = {by}: must be one of {', '.join(BY)}")
+    check_by("life", by)
     life = table_of(run)
     tracks = tuple(_of_track(run, name, window, life, by) for name in hull.tracks(run, track))
     return Life(tracks, by, run.log.unsound)

@@ -64,10 +64,10 @@ def patch(pins: Floats, normals: Floats, centre: Floats, radius: float, face: fl
     return length, np.where(length > 0.0, depth, 0.0)
 
 
-def of(run: RunData, window: Window = EVER) -> Patches:
-    """Contact patches of all smooth wheels; raises Missing."""
-    bodies = Bodies(run, EVERY, window=window)
-    wheels = [wheel for wheel in bodies.wheels if wheel.kind != "sprocket" and wheel.track in run.tracks]
+def of(run: RunData, track: str = "", window: Window = EVER) -> Patches:
+    """Contact patches of the smooth wheels of all tracks or one; raises Missing."""
+    bodies, tracks = Bodies(run, EVERY, window=window), hull.tracks(run, track)
+    wheels = [wheel for wheel in bodies.wheels if wheel.kind != "sprocket" and wheel.track in tracks]
     if not wheels or not bodies.tracks:
         raise Missing(f"{run.log.path} holds no links on wheels")
     face = hull.vehicle_number(run, "track", "face")

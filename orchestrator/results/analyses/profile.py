@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, contact, record_blocks
+from orchestrator.results.analyses import circuit, ground_pressure, record_blocks
 from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.run_data import EVER, POSITION, TENSION, RunData, Window, link_columns
 
@@ -21,7 +21,7 @@ class Profile(NamedTuple):
     place: Floats  # (links,) m, on the circuit (``circuit.py``); along an open chain
     tension: Floats  # (links,) N
     ahead: Floats  # (links,) m, of the middles, ahead of the sprocket axle in hull axes; empty for an open chain
-    pressure: Floats | None  # (links,) Pa (``contact.py``); None if not recorded
+    pressure: Floats | None  # (links,) Pa (``ground_pressure.py``); None if not recorded
     stretches: list[circuit.Stretch]
 
 
@@ -56,12 +56,13 @@ def of(run: RunData, loads: LinkLoads, t: float) -> Profile:
     if not loads.closed:
         block = next(tensions(run, loads.track, Window(nearest, nearest)))
         return Profile(nearest, block.place[0], block.tension[0], np.empty(0), None, [])
-    grounded = record_blocks.has(run, loads.track, contact.SIGNAL)
+    grounded = record_blocks.has(run, loads.track, ground_pressure.SIGNAL)
     window = Window(float(loads.t[max(k - 1, 0)]), nearest)  # axes of forces need the record before
-    links = next(circuit.records(run, loads.track, window, TENSION, *[contact.SIGNAL] * grounded))
+    links = next(circuit.records(run, loads.track, window, TENSION, *[ground_pressure.SIGNAL] * grounded))
     order = np.argsort(links.links[-1])
     place, ahead, tension = links.links[-1, order], links.centres[-1, order, 0], links.values[0][-1, order]
     pressure = None
     if grounded:
-        pressure = contact.pressure(links.pins, links.axes, links.values[1], contact.pad_area(run))[-1, order]
+        area = ground_pressure.pad_area(run)
+        pressure = ground_pressure.pressure(links.pins, links.axes, links.values[1], area)[-1, order]
     return Profile(nearest, place, tension, ahead, pressure, links.stretches(run.scene, -1))

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from orchestrator.results.analyses import contact, wheel_loads
+from orchestrator.results.analyses import ground_pressure, wheel_loads
 from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.analyses.wheel_loads import SETTLING, is_settling, lifted, starts_as_drawn
 from orchestrator.results.approximations import Curve
@@ -88,7 +88,7 @@ def _pressure(evaluation: Evaluation, content: Content) -> None:
     found = [
         (chain, pressures)
         for chain in evaluation.chains.values()
-        if (pressures := attempt(partial(contact.over_time, evaluation.run, chain), evaluation.missing))
+        if (pressures := attempt(partial(ground_pressure.over_time, evaluation.run, chain), evaluation.missing))
     ]
     if not found:
         return

@@ -26,7 +26,7 @@ from fmus.ground.soils import law_of, named
 from fmus.vehicles.sides import ground_wheels
 from orchestrator.results import output_files, turning, vehicle_measures
 from orchestrator.results.analyses import circuit
-from orchestrator.results.analyses.contact import SIGNAL, pad_area, pressure
+from orchestrator.results.analyses.ground_pressure import SIGNAL, pad_area, pressure
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Row
