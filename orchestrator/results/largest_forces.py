@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import record_blocks
+from orchestrator.results.analyses.record_blocks import Extreme, larger
 from orchestrator.results.figures import SIDE, Figure, Shown, figure
 from orchestrator.results.run_data import EVER, RunData, Window, track_of
 
@@ -34,6 +35,9 @@ FORCES = {  # by the figure of the largest one
 }
 
 
+BELOW = 0.999  # share of the samples that the high value is above
+
+
 class Largest(NamedTuple):
     """Extremes of a force on the track that has the largest one."""
 
@@ -56,32 +60,44 @@ def largest(run: RunData, name: str, of: str = "", window: Window = EVER) -> Lar
     force = FORCES[name]
 
     def found(track: str) -> Largest:
-        read = _on_links if force.signal else _on_wheels
-        t, sizes, bearers = read(run, track, window, force.signal)
-        row, column = np.unravel_index(int(sizes.argmax()), sizes.shape)
-        where = f"{force.place.format(bearers[column])} of the {track.replace('_', ' ')}"
-        high = float(np.quantile(bearing, 0.999)) if (bearing := sizes[sizes > 0.0]).size else 0.0
-        return Largest(float(sizes[row, column]), where, float(t[row]), high)
+        blocks, names = (_on_links if force.signal else _on_wheels)(run, track, window, force.signal)
+        most, bearing, tail = Extreme(0.0, 0.0, 1), 0, np.empty(0)
+        for t, sizes in blocks():
+            most = larger(most, t, sizes) or most
+            bearing += int(np.count_nonzero(sizes > 0.0))
+        rank = (1.0 - BELOW) * (bearing - 1)  # from the largest one
+        for _, sizes in blocks() if bearing else ():  # again, because all of a long run are hundreds of MB
+            tail = np.sort(np.append(tail, sizes[sizes > 0.0]))[-int(rank) - 2 :]
+        high = float(np.interp(len(tail) - 1 - rank, np.arange(len(tail)), tail)) if bearing else 0.0
+        where = force.place.format(names[most.member - 1] if names else most.member)
+        return Largest(most.value, f"{where} of the {track.replace('_', ' ')}", most.t, high)
 
     tracks = (track_of(run, of),) if of else run.tracks
     return run.compute_once(f"{name} {of} {window}", lambda _: max(map(found, tracks), key=lambda each: each.most))
 
 
-def _on_links(run: RunData, track: str, window: Window, signal: str) -> tuple[Floats, Floats, list[str]]:
-    """Times (m,), sizes (m, pins or links) and their numbers."""
-    blocks = [(one.t, record_blocks.sizes(one.values[0])) for one in record_blocks.records(run, track, window, signal)]
-    t, sizes = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
-    return t, sizes, [str(k + 1) for k in range(sizes.shape[1])]
+Blocks = Callable[[], Iterable[tuple[Floats, Floats]]]  # times (m,), s, and sizes (m, pins, links or wheels)
 
 
-def _on_wheels(run: RunData, track: str, window: Window, _: str) -> tuple[Floats, Floats, list[str]]:
-    """Times (m,), sizes (m, wheels) and the names of the wheels."""
+def _on_links(run: RunData, track: str, window: Window, signal: str) -> tuple[Blocks, list[str]]:
+    """Blocks of records of pins or links, which have numbers and no names."""
+
+    def blocks() -> Iterator[tuple[Floats, Floats]]:
+        for one in record_blocks.records(run, track, window, signal):
+            yield one.t, record_blocks.sizes(one.values[0])
+
+    return blocks, []
+
+
+def _on_wheels(run: RunData, track: str, window: Window, _: str) -> tuple[Blocks, list[str]]:
+    """All records of the wheels, and their names."""
     names = run.log.topics[run.log.known_topic(f"/{track}/out")].names
     wheels = [name.removesuffix(".torque.x") for name in names if name.endswith(".torque.x")]
     if not wheels:
         raise Missing(f"'{track}' has no wheels")
     found = [run.vectors(track, "out", f"{wheel}.force", window=window) for wheel in wheels]
-    return found[0][0], np.stack([np.linalg.norm(force, axis=1) for _, force in found], axis=1), wheels
+    sizes = np.stack([np.linalg.norm(force, axis=1) for _, force in found], axis=1)
+    return lambda: [(found[0][0], sizes)], wheels
 
 
 @figure("N", Shown("largest link tension", "kN", whole=True), whole=True)
