@@ -105,7 +105,7 @@ def of(
             forces.append(LinkForces(name, *columns))
         rows += _rows(run, name, parts)
     steps = max(record_blocks.interval(run, name) for name in tracks)
-    return Links(tuple(rows), tuple(forces), steps * _step(run))
+    return Links(tuple(rows), tuple(forces), steps * float(run.entry("run", "step", default=0.0)))
 
 
 summary = partial(of, whole=False)
@@ -136,13 +136,6 @@ def _part(run: RunData, track: str, name: str, extreme: Extreme) -> str:
     parts = block.stretches(run.scene)
     nearest = min(parts, key=lambda one: max(one.start - place, place - one.end), default=None)
     return nearest.name if nearest else ""
-
-
-def _step(run: RunData) -> float:
-    """Communication step, s; 0 if the log does not state it."""
-    run_table = run.scene.get("run")
-    step = run_table.get("step") if isinstance(run_table, dict) else None
-    return float(step) if isinstance(step, int | float) else 0.0
 
 
 def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForces]:
