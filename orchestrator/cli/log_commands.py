@@ -49,9 +49,11 @@ def _bag_lines(path: Path, topics: Mapping[str, Any], whole: bool) -> Iterator[s
         times = "; {rate:.4g} Hz, {first:.6g} to {last:.6g} s".format(**one) if one["messages"] else ""
         yield f"{topic}: {one['type'] or 'no type'}, {one['encoding']}, {one['messages']} messages{times}"
         names = ", ".join(number.removeprefix(topic) for number in one["numbers"]) or "no numbers"
-        yield f"  {one['fault'] or (names if whole else shorten(names, 300, placeholder=' ...'))}"
-    for number in [number for one in topics.values() for number in one["numbers"]][:1]:
-        yield f"beside a run: cotrack plot RUN.mcap chassis.speed --with {path} --map chassis.speed={number}"
+        yield f"  {one['fault'] or (names if whole else shorten(names, 300, placeholder=' ... (--signals: all)'))}"
+    numbers = [number for one in topics.values() for number in one["numbers"]]
+    for number in sorted(numbers, key=lambda one: not one.endswith(".linear.x"))[:1]:  # ahead, if anything has it
+        signal = "chassis.speed" if number.endswith(".linear.x") else "SIGNAL"
+        yield f"beside a run: cotrack plot RUN.mcap {signal} --with {path} --map {signal}={number}"
 
 
 def _info_lines(summary: Any) -> Iterator[str]:

@@ -12,7 +12,7 @@ from test_phases import times, trapezoid
 
 import orchestrator as package
 from orchestrator.results.analyses.signal_picture import figure_of
-from orchestrator.results.measured_record import read, rounding
+from orchestrator.results.measured_record import MeasuredSignal, read, rounding
 
 STEP = 1e-3
 T = STEP * np.arange(2001)
@@ -260,6 +260,17 @@ def test_the_command_prints_and_judges(run, write, cotrack):
     assert (status, result["ok"], result["reference"]["shift"], result["window"]["to"]) == (1, False, 1.5, 1.0)
     assert result["observables"]["chassis.speed"]["rms"] == pytest.approx(sqrt(np.mean(apart[:1001] ** 2)), abs=1e-12)
     assert result["observables"]["chassis.speed"]["end"] == 1.0
+
+
+def test_a_measured_curve_has_the_colour_of_its_signal(tmp_path):
+    """Also where the curve of the run was not asked for."""
+    topics = {"/chassis/out": [("a", "m/s"), ("b", "m/s")]}
+    log = made(tmp_path / "a.mcap", topics, {"/chassis/out": (T, np.stack([SPEED, FORCE], axis=1))}, None, ("chassis",))
+    measured = [MeasuredSignal(f"chassis.{name}", name, "m/s", T, SPEED, False, {}) for name in "ba"]
+    (pane,) = figure_of([log], ["chassis.a"], measured=measured).axes
+    a, b, measured_b, measured_a = (line.get_color() for line in pane.lines)
+    assert (a, b) == (measured_a, measured_b)
+    assert a != b
 
 
 def test_measured_curves_are_drawn(run, write, cotrack):

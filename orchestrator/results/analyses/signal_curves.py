@@ -33,6 +33,7 @@ class LabelledCurve(NamedTuple):
     y: Floats  # (k,)
     log: int  # number of its log
     signal: str
+    measured: bool = False
 
 
 class SignalMap(NamedTuple):
@@ -93,7 +94,7 @@ def measured_curve(measured: MeasuredSignal, window: Window, number: int) -> Lab
     envelope = TimeEnvelope(float(t[0]), float(t[-1]), 1, CURVE)
     envelope.add(t, values[:, None])
     x, y = envelope.curve(0)
-    return LabelledCurve(f"{measured.column}, measured", measured.unit, x, y, number, measured.signal)
+    return LabelledCurve(f"{measured.column}, measured", measured.unit, x, y, number, measured.signal, measured=True)
 
 
 def maps(

@@ -58,7 +58,7 @@ def figure_of(
     :param waterfall: a map of a family as "left_track.link[*].tension", by its members and time (or frequency).
     :param place: a map by place on the circuit (``circuit.py``) and time; of a single record curves over the place.
     :param at: instants, s: curves over the place in the records nearest to them, instead of a map.
-    :param measured: signals of a test, on the clock of the runs, drawn with the others over time.
+    :param measured: signals of a test, on the clock of the runs, drawn over time with those of the runs.
     :raises BadInput: for what cannot be drawn. Raises Missing, LogUnreadable.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -88,7 +88,7 @@ def figure_of(
         else:
             _draw_maps(figure, maps, x_label, frequency)
     else:
-        curves = []
+        curves, signals = [], [*signals, *(each.signal for each in measured)]
         for number, path in enumerate(logs):
             with Log(path) as log:
                 curves += [
@@ -133,10 +133,12 @@ def _pane(figure: Figure, pane: Axes, curves: list[LabelledCurve], unit: str, fr
     names = list(dict.fromkeys(curve.signal for curve in curves))
     many = len(curves) > LEGEND
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.95, len(names)))
+    signals = [curve.signal for curve in curves]
     for number, curve in enumerate(curves):
         style = STYLES[curve.log % 4][0] if len(names) > 1 else "-"
+        index = signals.index(curve.signal) if curve.measured and len(names) > 1 else number
         pane.plot(
-            curve.x, curve.y / size, style, color=colours[names.index(curve.signal)] if many else f"C{number}",
+            curve.x, curve.y / size, style, color=colours[names.index(curve.signal)] if many else f"C{index}",
             linewidth=0.5 if many else 1.0, alpha=0.7 if many else 1.0, label=curve.label,
         )  # fmt: skip
     text = f"{_common(names)}{', amplitude' if frequency else ''}".removeprefix(", ")
