@@ -47,7 +47,12 @@ RESIDUALS = (
     Column("last", "RMS of the fitted run", ".4g"), Column("chi2", "chi2/n", ".3g"),
 )  # fmt: skip
 
-FILES = "fit.csv", "fit.md", "fit.png", "fit.svg", "fit.json", "fitted.toml", "fitted_vehicle.toml", "residuals.csv"
+SAMPLES = (("data", ""), ("signal", ""), ("t", "s"), ("measured", ""), ("first run", ""), ("fitted run", ""))
+
+FILES = (
+    "fit.csv", "fit.md", "fit.png", "fit.svg", "fit.json", "fitted.toml", "fitted_vehicle.toml", "signals.csv",
+    "residuals.csv",
+)  # fmt: skip
 
 
 class Fitted(NamedTuple):
@@ -215,8 +220,13 @@ def _save(task: Objective, end: Search, found: FittedNumbers, folder: Path, orig
         for one, begun, number, error, step, rough in zip(
             task.free, task.numbers(end.start), found.numbers, found.errors, end.steps, end.rough, strict=True)
     ]  # fmt: skip
-    apart = zip(task.difference(end.start), task.difference(end.u), strict=True)
+    apart = [*zip(task.difference(end.start), task.difference(end.u), strict=True)]
     names = [file for one in task.experiments for file in one.files]
+    samples = [
+        (name, one.signal, *sample)
+        for name, one, (a, b) in zip(names, task.signals, apart, strict=True)
+        for sample in zip(one.t, one.values, one.values + a, one.values + b, strict=True)
+    ]
     sizes = [
         {"data": name, "signal": one.signal, "unit": one.unit, "samples": len(one.t), "noise": noise, "first": rms(a),
          "last": rms(b), "chi2": (rms(b) / noise) ** 2}
@@ -236,7 +246,8 @@ def _save(task: Objective, end: Search, found: FittedNumbers, folder: Path, orig
         for one, error in zip(task.free, found.errors, strict=True)
     }
     changed = with_track(with_settings(first, dict(zip((one.key for one in task.free), found.numbers, strict=True))))
-    more = {"fit.json": json.dumps(_finite(result), indent=1), "residuals.csv": residuals.csv()}
+    more = {"fit.json": json.dumps(_finite(result), indent=1), "signals.csv": residuals.csv()}
+    more["residuals.csv"] = Table.of("", SAMPLES, samples).csv()
     more |= _scene_files(changed, origins)
     saved = output_files.save_results(folder, "fit", table, _draw(task, end, found, names, units), more)
     return Fitted(verdict, not found.problems, table, residuals, found, tuple(saved), changed, task.runs)

@@ -1,5 +1,6 @@
 """``cotrack fit``: known numbers are found again, as sure as is said, in runs and in formulas instead of runs."""
 
+import csv
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -198,6 +199,11 @@ def test_the_command_writes_a_scene_that_runs(cotrack, data, noise, monkeypatch,
     same = load("hanging_chain", "rigid", [*SETTINGS, *(f"{key}={value!r}" for key, value in numbers.items())])
     assert {**scene.resolved(), "name": ""} == {**same.resolved(), "name": ""}
     assert Path("f/fit.png").stat().st_size > 10_000
+    samples = list(csv.DictReader(Path("f/residuals.csv").read_text().splitlines()))
+    for one in result["signals"]:
+        apart = [float(row["fitted run"]) - float(row["measured"]) for row in samples if row["signal"] == one["signal"]]
+        assert len(apart) == one["samples"] == len(T)
+        assert np.sqrt(np.mean(np.square(apart))) == pytest.approx(one["last"], rel=1e-12)
     runs = []
 
     def counted(*given, **named):
