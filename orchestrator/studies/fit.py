@@ -213,9 +213,10 @@ def _save(task: Objective, end: Search, found: FittedNumbers, folder: Path, orig
     about += f" {len(task.signals)} signals, chi2/n {found.chi2:.4g}, {task.runs} runs"
     about += ", exact: residuals are at the precision of record and search" if found.exact else ""
     verdict = f"no fit: {'; '.join(found.problems)} ({about})" if found.problems else f"fitted: {about}"
-    units = {key.key: key.unit for key in scene_keys()}
+    known = {key.key: key.unit for key in scene_keys()}
+    units = {one.key: known.get(one.key.partition("[")[0], "") for one in task.free}  # of entries of lists too
     records = [
-        {"key": one.key, "unit": units.get(one.key, ""), "start": begun, "fitted": number, "error": error,
+        {"key": one.key, "unit": units[one.key], "start": begun, "fitted": number, "error": error,
          "relative": 100.0 * error / abs(number) if number else math.inf, "step": step, "rough": 100.0 * rough}
         for one, begun, number, error, step, rough in zip(
             task.free, task.numbers(end.start), found.numbers, found.errors, end.steps, end.rough, strict=True)
@@ -295,7 +296,7 @@ def _draw(
         if math.isfinite(error):
             s = np.linspace(-2.2, 2.2, 45)
             cell.plot(number + error * s, s**2, lw=0.8, color="0.5", label="by the standard error")
-        cell.set_xlabel(f"{free.key}, {units.get(free.key) or 1}", fontsize=7)
+        cell.set_xlabel(f"{free.key}, {units[free.key] or 1}", fontsize=7)
         cell.ticklabel_format(useOffset=False)
         cell.locator_params(axis="x", nbins=4)
         cell.tick_params(labelsize=6)

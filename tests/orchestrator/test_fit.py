@@ -159,6 +159,12 @@ def test_samples_of_the_window_and_of_the_run_count(data, measured, noise, tmp_p
     assert [one.residuals.records()[0]["samples"] for one in found] == [31, 51]
 
 
+def test_an_entry_of_a_list_has_its_unit_and_no_signal_depends_on_it(data, noise, tmp_path):
+    found = fitted(data(), tmp_path / "fit", ["vehicle.chassis.inertia[3]"], noise=noise)
+    assert not found.ok
+    assert [record["unit"] for record in found.table.records()] == ["kg m^2"]
+
+
 WHOLE, ROUNDED = "%.17g", ["%.3f", "%.5g", "%.5g"]
 
 
