@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, model_validator
 
 from fmus.interface.ports import TOLERANCES
-from fmus.track.choices import BY_ERROR, TRACKS, TrackKind, models_with
+from fmus.track.choices import BY_ERROR, ELEMENTS, TRACKS, TrackKind, models_with
 from fmus.track.link_outputs import GROUPS, STANDARD
 from fmus.vehicles.tables import In, When, ratio
 from orchestrator.scene.values import Duration, ParameterTable, Sets, TrackName
@@ -29,8 +29,10 @@ def _output_groups(value: object) -> object:
 
 
 if TYPE_CHECKING:
+    ElementName = str
     GroupName = str
 else:
+    ElementName = Literal[tuple(name for name, element in ELEMENTS.items() if len(element.axes) == 3)]  # planar: a key
     GroupName = Literal[tuple(GROUPS)]
 
 
@@ -49,7 +51,7 @@ class TrackModelTable(ParameterTable):
 
     model: TrackName
     """track model: the kind of links"""
-    element: Annotated[Literal["cable", "beam"] | None, Sets()] = None
+    element: Annotated[ElementName | None, Sets()] = None
     """finite element of flexible links"""
     elasticity: Annotated[Elasticity | None, Sets()] = None
     """strain energy of cables"""
