@@ -326,14 +326,10 @@ def _sprocket(vehicle: VehicleTable) -> dict[str, Any]:
 
 def _wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:
     """Power bond of a wheel: pose and rates from taker to giver, mean wrench from giver to taker."""
-    motion_outputs, motion_inputs = (
-        _names(motion_ports(taker_connector, "output")),
-        _names(motion_ports(connector, "input")),
-    )
-    wrench_outputs, wrench_inputs = (
-        _names(wrench_ports(connector, "output")),
-        _names(wrench_ports(taker_connector, "input")),
-    )
+    motion_outputs = _names(motion_ports(taker_connector, "output"))
+    motion_inputs = _names(motion_ports(connector, "input"))
+    wrench_outputs = _names(wrench_ports(connector, "output"))
+    wrench_inputs = _names(wrench_ports(taker_connector, "input"))
     bond = f"{giver}.{connector}"
     return (
         Connection(taker, motion_outputs[:POSE], giver, motion_inputs[:POSE], "state"),
