@@ -11,7 +11,7 @@ from fmus import components
 from fmus.ahead import component_ports
 from fmus.physics.contact.laws import LAWS
 from fmus.track.choices import TRACKS
-from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.coupling import COUPLINGS
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load, scene_names
 from orchestrator.scene.tables import CouplingTable
@@ -53,10 +53,10 @@ LISTS = {
     "option --coupling": Listed(
         "orchestrator/commands.md",
         r"--coupling (\w+ +# or .*)$",
-        {*SCHEMES} - {CouplingTable().scheme},
+        {*COUPLINGS} - {CouplingTable().scheme},
         r"\b(?!or\b)\w+",
     ),
-    "couplings": Listed("orchestrator/runs.md", r"^\| coupling \| order \|.*\n\|.*\n((?:\|.*\n)+)", SCHEMES, ROW),
+    "couplings": Listed("orchestrator/runs.md", r"^\| coupling \| order \|.*\n\|.*\n((?:\|.*\n)+)", COUPLINGS, ROW),
     "components": Listed(
         "fmus/README.md", r"^\| (.*) \| the components \|$", [components.folder(kind) for kind in components.KINDS]
     ),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.track.choices import TRACKS
-from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log

@@ -22,7 +22,7 @@ from vehicle_in_process import InProcess
 
 from fmus.track.choices import TRACKS
 from orchestrator.cosim import master
-from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.cosim.graph import wire
 from orchestrator.execution.loading import load_components
 from orchestrator.execution.prepared_run import pace_of

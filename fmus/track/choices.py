@@ -15,7 +15,18 @@ AXES = ("fixed", "free")
 JOINTS = ELIMINATED, CONSTRAINED = "eliminated", "constrained"
 COORDINATES = NODAL, CHOLESKY = "nodal", "cholesky"
 FORMULATIONS = AUGMENTED, RECURSIVE = "augmented", "recursive"
-DOFS = {"cable": (12, 4), "planar": (8, 2), "beam": (24, 6)}  # coordinates of a link, equations of a pin
+
+
+class Element(NamedTuple):
+    """Finite element of flexible links."""
+
+    dofs: int  # coordinates of a link
+    shared: int  # equations of a pin
+    axes: tuple[int, ...] = (0, 1, 2)  # of space, that its vectors have
+    solid: bool = False  # it has all strains of a solid, and its pins turn with the vehicle
+
+
+ELEMENTS = {"cable": Element(12, 4), "planar": Element(8, 2, axes=(0, 2)), "beam": Element(24, 6, solid=True)}
 
 
 class TrackKind(NamedTuple):
@@ -64,12 +75,17 @@ def conflict_of_bodies(p: Mapping[str, Any]) -> str | None:
     return None
 
 
+def links_turn(p: Mapping[str, Any]) -> bool:
+    """Whether flexible links turn with the vehicle."""
+    return ELEMENTS[p["element"]].solid or p["axes"] == "free"
+
+
 def size_of_links(p: Mapping[str, Any], links: int, pins: int) -> str:
     """Size of a chain of flexible links, in words."""
-    per_link, shared = DOFS[p["element"]]
-    size = f"{links} elements, {per_link * links - shared * pins} dofs"
+    element = ELEMENTS[p["element"]]
+    size = f"{links} elements, {element.dofs * links - element.shared * pins} dofs"
     if p["joints"] == CONSTRAINED:
-        size = f"{links} elements, {per_link * links} dofs and {shared * pins} equations of pins"
+        size = f"{links} elements, {element.dofs * links} dofs and {element.shared * pins} equations of pins"
     size += " and 2 of their axes" if p["axes"] == "free" else ""
     return size + (", Cholesky coordinates" if p["coordinates"] == CHOLESKY else "")
 
@@ -87,7 +103,7 @@ TRACKS = {  # by the name of the model in a scene
         {**IN_PLANE, "coordinates": NODAL, "integrator": IMPLICIT},
         conflict_of_links,
         size_of_links,
-        lambda p: p["element"] == "beam" or p["axes"] == "free",
+        links_turn,
         True,
         IN_PLANE,
     ),

@@ -15,7 +15,7 @@ from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain.bushing import Bushing
 from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.inertia import LEAST_SHARE, second_moments
-from fmus.track.choices import AXES, CHOLESKY, CONSTRAINED, COORDINATES, ELIMINATED, JOINTS, NODAL
+from fmus.track.choices import AXES, CHOLESKY, CONSTRAINED, COORDINATES, ELEMENTS, ELIMINATED, JOINTS, NODAL
 from fmus.track.ports import PIN, SPRING
 
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
@@ -63,7 +63,7 @@ def chain_links(
     bushing: Bushing | None = None,
 ) -> Any:
     """Parameters of the links of a chain, of the class of its kind; raises InvalidParameter."""
-    make = _beams if kind.element == "beam" else _cables
+    make = _beams if ELEMENTS[kind.element].solid else _cables
     made = make(kind, vehicle, (links, int(closed)), material, closing)._replace(bushing=bushing)
     if kind.coordinates != CHOLESKY:
         return made
@@ -90,7 +90,7 @@ def _cables(
         young * second,
         tau * (young * area),
         tau * (young * second),
-        (0, 2) if kind.element == "planar" else (0, 1, 2),
+        ELEMENTS[kind.element].axes,
         _rotary_of_cables(track, pitch),
         cable_arrays(),
     )
@@ -185,14 +185,14 @@ def _choice(name: str, text: str, choices: Sequence[str]) -> Port:
     return Port(name, "parameter", "1", text, choices[0], tuple(choices))
 
 
-def link_kind_ports(elements: Sequence[str]) -> tuple[Port, ...]:
-    """Element, axes and elasticity; ``elements``: names of the elements."""
+def link_kind_ports() -> tuple[Port, ...]:
+    """Element, axes and elasticity."""
     return (
         _choice(
             "element",
             "what a link is: cable, one axis and pins that keep their direction; planar, the cable without its"
             " lateral dofs; beam, all strains of a solid and pins that turn with the vehicle",
-            elements,
+            tuple(ELEMENTS),
         ),
         _choice(
             "axes",

@@ -23,19 +23,13 @@ from fmus.physics.chain.flexible.initial_state import (
     release,
     start_released,
 )
-from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, coordinate_indices, straight
+from fmus.physics.chain.flexible.link_layout import coordinate_indices, straight
 from fmus.physics.chain.flexible.state import Motion, State, Work, shapes, work
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, STALLED, IntegrationOutcome
 from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
-from fmus.track.choices import (
-    CHOLESKY,
-    CONSTRAINED,
-    EXPLICITLY,
-    NODAL,
-    conflict_of_links,
-)
+from fmus.track.choices import CHOLESKY, CONSTRAINED, ELEMENTS, EXPLICITLY, NODAL, conflict_of_links, links_turn
 from fmus.track.model import TrackModel, bushing
 from fmus.track.ports import SPRING, closure_ports, integrator_coefficients, integrator_ports
 from fmus.track.start import not_at_rest
@@ -54,7 +48,7 @@ REST_RESIDUAL = 1e-3  # residual of static equilibrium, N, or if that is less:
 REST_ACCELERATION = 1e-4  # that residual over the mass of a link, m/s2
 LAST_PSEUDO_STEP = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
 TILTS = 2  # corrections of the roll of free axes at rest
-BEAM_PART = 0.1  # part of the tolerance that holds for beams, whose sections strain by more than their pins move
+SOLID_PART = 0.1  # part of the tolerance that holds for beams, whose sections strain by more than their pins move
 TOLERANCE_RANGE = Range(POSITIVE.least, 1e-5, "greater than 0 and 1e-05 at most")
 
 
@@ -77,7 +71,7 @@ class Model(TrackModel):
     def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of element, material, joints, coordinates, integration and closure."""
         return (
-            *link_kind_ports(tuple(PIN_WIDTH)),
+            *link_kind_ports(),
             *material_ports(vehicle["material"]),
             *coordinate_ports(),
             *integrator_ports(),
@@ -94,7 +88,7 @@ class Model(TrackModel):
 
     def shapes(self) -> state.Shapes:
         """Shapes of the views into the chain's state, by name."""
-        axes, width = 0, PIN_WIDTH[self.kind.element]
+        axes, width = 0, ELEMENTS[self.kind.element].dofs - ELEMENTS[self.kind.element].shared
         if self.kind.axes == "free":
             from fmus.physics.chain.flexible.axes_state import SIZE
 
@@ -132,14 +126,14 @@ class Model(TrackModel):
         self.material = Material(p["material.youngs_modulus"], p["material.relaxation_time"])
         bent = self.pitch / (self.material.young * self.vehicle["section"]["bending"])
         self.bushing = bushing(self.vehicle["track"], bent)
-        tolerance = p["tolerance"] * (BEAM_PART if kind.element == "beam" else 1.0)
+        tolerance = p["tolerance"] * (SOLID_PART if ELEMENTS[kind.element].solid else 1.0)
         self.method = ImplicitMethod(integrator_coefficients(p), tolerance, True)
         self._build(kind.at_start())
         axial = self.material.young * self.vehicle["section"]["area"]
         self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # axial, N
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
         self.work = self._work()
-        self.plane = int(kind.element != "beam" and kind.axes == "fixed")
+        self.plane = int(not links_turn(p))
 
     def _build(self, kind: ChainKind) -> None:
         """Make the links and allocate the state of a chain of a kind; raises InvalidParameter."""
@@ -205,8 +199,8 @@ class Model(TrackModel):
         if p["integrator"] in EXPLICITLY:
             return free
         tau, numbers = "{material.relaxation_time}", {"scheme.tolerance": "{tolerance}"}
-        if p["element"] == "beam":
-            numbers |= {"link.element.tau": tau, "scheme.tolerance": f"{{tolerance}} * {BEAM_PART!r}"}
+        if ELEMENTS[p["element"]].solid:
+            numbers |= {"link.element.tau": tau, "scheme.tolerance": f"{{tolerance}} * {SOLID_PART!r}"}
         else:
             young, s = p["material.youngs_modulus"], self.vehicle["section"]
             numbers["link.element.nuA"] = f"{tau} * <{young * s['area']!r}>"
@@ -351,7 +345,7 @@ class Model(TrackModel):
         motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
         partners, least, env = self.contacts, self._rest_tolerance(), self.rest_environment(self.start_rows)
         link = self.link
-        if self.rotary_factor != 1.0 and self.kind.element != "beam":  # beams find the equilibrium without
+        if self.rotary_factor != 1.0 and not ELEMENTS[self.kind.element].solid:  # those need no larger one
             inertia = self.rotary_factor * self.vehicle["track"]["inertia"][1]
             link = link._replace(element=link.element._replace(rotary=inertia))
         if partners is not None:

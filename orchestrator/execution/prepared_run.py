@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from orchestrator.cosim import checkpoint, master
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.coupling import coupling
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme, copy_inputs, require_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
@@ -58,7 +58,7 @@ class PreparedRun(NamedTuple):
     ) -> PreparedRun:
         """Wire, warm up and, if ``continuation`` is given, restore; raises CouplingFailed, UnusableCheckpoint."""
         stages = wire(graph, components)
-        scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
+        scheme: Scheme = coupling(scene.run.coupling.scheme)(stages, **scene.run.coupling.options())
         pace, restored_point = pace_of(scene.run), None
         if isinstance(pace, VariableStep):
             require_states(scheme, "a variable step")

@@ -85,8 +85,8 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
 def require_known(scene: Scene) -> None:
     """Raise BadInput for what the monolith, by which a truth is computed, does not know."""
     scene.require_own_parts("a truth has")
-    if scene.track.element == "beam":
-        raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
+    if (element := scene.track.element) not in (None, "cable"):
+        raise BadInput(f"truth: track.element = '{element}': the monolith knows chains of cables and rigid links only")
     table = scene.resolved()
     ground = table.get("ground") or {}
     given = {"ground.soil": ground.get("soil"), "ground.hull": ground.get("hull")}

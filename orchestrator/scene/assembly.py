@@ -13,10 +13,11 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.fmu_table import Pair, joined, pair_of, require_free_inputs
 from orchestrator.scene.kinds import Scene, VehicleScene
-from orchestrator.scene.parts import DRIVE, Assembly, Parameters, Part, own_parts
+from orchestrator.scene.parts import DRIVE, Assembly, Part, own_parts
 from orchestrator.scene.replacement import DEMANDS, conversions, ends_of, replacements, typed, user_instance
 from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import FreeScene, SystemScene
+from orchestrator.scene.values import Parameters
 
 HITCH_FORCE = [("chassis", f"hitch.force.{axis}") for axis in "xyz"]  # inputs of parts that FMUs of the user may feed
 

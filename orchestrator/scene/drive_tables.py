@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from fmus.vehicles.tables import GIVEN, Angle, Distance, Force, FrozenTable, In, Place, When, ratio, to_si
-from orchestrator.scene.values import OR_FALSE, SIDES, Duration, Side, Time
+from fmus.interface.ports import TORQUE_LIMIT
+from fmus.vehicles.tables import GIVEN, Angle, Distance, Force, In, Place, When, ratio, to_si
+from orchestrator.scene.values import OR_FALSE, SIDES, Duration, Parameters, ParameterTable, Sets, Side, Time
 
 MOTOR, FOLLOWED = ("torque", "controller"), ("speed", "controller")  # modes with a motor's torque, and with a profile
 PROFILE = When(mode=FOLLOWED, demand=(False,), speed_points=(None,))
 WITH_MOTOR = When(mode=MOTOR)
-
-
-def points_text(pairs: Sequence[tuple[float, float]]) -> str:
-    """Pairs as the value of a String parameter."""
-    return "; ".join(f"{first!r} {second!r}" for first, second in pairs)
+RAMP_START = Sets("ramp.start")
+Mode = Annotated[Literal["speed", "torque", "controller"], Sets()]
 
 
 def _rise(values: Iterable[float]) -> bool:
@@ -26,52 +24,62 @@ def _rise(values: Iterable[float]) -> bool:
     return not any(later <= earlier for earlier, later in pairwise(values))
 
 
-class DriveTable(FrozenTable):
+class DriveTable(ParameterTable):
     """Drive of a sprocket, or brake of an idler.
 
     ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time`` and is then
     constant; ``torque`` is a constant motor torque; ``controller`` reaches the speed with a limited torque.
     """
 
-    mode: Literal["speed", "torque", "controller"] = "speed"
+    mode: Mode = "speed"
     """prescribed speed; given motor torque and brake; or a torque that controls the speed"""
-    speed: Annotated[float, In("rad/s"), PROFILE] = 0.0
+    speed: Annotated[float, In("rad/s"), PROFILE, Sets("speed.end")] = 0.0
     """speed against the mount after the ramp"""
-    ramp_start: Annotated[Time, PROFILE] = 0.0
+    ramp_start: Annotated[Time, PROFILE, RAMP_START] = 0.0
     """time at which the ramp of the speed begins"""
     ramp_time: Annotated[Time, PROFILE] = 1.0
     """length of the ramp, half a cosine from 0 to speed"""
-    stop: Annotated[Time | None, PROFILE] = None
+    stop: Annotated[Time | None, PROFILE, Sets("stop.start", default=False)] = None
     """time at which the sprocket is locked for good, after the ramp"""
-    stop_time: Annotated[Duration, When(stop=GIVEN)] = 1e-3
+    stop_time: Annotated[Duration, When(stop=GIVEN), Sets("stop.time")] = 1e-3
     """time that the stop takes, along half a cosine"""
-    torque: Annotated[float, In("N m"), When(mode=("torque",), demand=(False,), torque_points=(None,))] = 0.0
+    torque: Annotated[
+        float, In("N m"), When(mode=("torque",), demand=(False,), torque_points=(None,)), Sets("torque.drive")
+    ] = 0.0
     """torque of the motor"""
-    torque_limit: Annotated[Annotated[float, In("N m", gt=0)] | None, WITH_MOTOR] = None
+    torque_limit: Annotated[Annotated[float, In("N m", gt=0)] | None, WITH_MOTOR, Sets("torque.limit")] = None
     """largest torque of the motor, either way, without the brake; torque and torque_points are cut by a given one
     only"""
-    brake: Annotated[float, In("N m", ge=0), When(mode=MOTOR, brake_points=(None,))] = 0.0
+    brake: Annotated[float, In("N m", ge=0), When(mode=MOTOR, brake_points=(None,)), Sets("brake.torque")] = 0.0
     """largest torque of the brake: below it the brake holds, at it the sprocket slips"""
     speed_points: Annotated[
-        tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None, When(mode=FOLLOWED, demand=(False,))
+        tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None,
+        When(mode=FOLLOWED, demand=(False,)),
+        Sets("speed.points"),
     ] = None
     """[time, speed] or a file of them, instead of ramp and stop: linear between points, constant outside"""
     torque_points: Annotated[
-        tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None, When(mode=("torque",), demand=(False,))
+        tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None,
+        When(mode=("torque",), demand=(False,)),
+        Sets("torque.points"),
     ] = None
     """[time, torque] or a file of them, instead of torque"""
-    brake_points: Annotated[tuple[tuple[Time, Annotated[float, In("N m", ge=0)]], ...] | None, WITH_MOTOR] = None
+    brake_points: Annotated[
+        tuple[tuple[Time, Annotated[float, In("N m", ge=0)]], ...] | None, WITH_MOTOR, Sets("brake.points")
+    ] = None
     """[time, torque] of the brake or a file of them, instead of brake"""
     engine_points: Annotated[
-        tuple[tuple[Annotated[float, In("rad/s", ge=0)], Annotated[float, In("N m", ge=0)]], ...] | None, WITH_MOTOR
+        tuple[tuple[Annotated[float, In("rad/s", ge=0)], Annotated[float, In("N m", ge=0)]], ...] | None,
+        WITH_MOTOR,
+        Sets("engine.points"),
     ] = None
     """full-load curve of an engine that limits the motor: [speed, torque] of its shaft, or a file of them"""
-    gear_ratio: Annotated[Annotated[float, ratio(gt=0)] | None, When(engine_points=GIVEN)] = None
+    gear_ratio: Annotated[Annotated[float, ratio(gt=0)] | None, When(engine_points=GIVEN), Sets("gear.ratio")] = None
     """engine speed over sprocket speed"""
     demand: bool = False
     """its inputs speed.demand and torque.demand say how it turns, which `connections` bring; mode: which one counts"""
-    demand_lag: Annotated[Annotated[float, In("s", gt=0)] | None, When(demand=(True,))] = None
-    """time constant with which speed or torque follow their demand, by default 0.1 s"""
+    demand_lag: Annotated[Annotated[float, In("s", gt=0)] | None, When(demand=(True,)), Sets("demand.lag")] = None
+    """time constant with which speed or torque follow their demand"""
 
     @model_validator(mode="after")
     def _check_points(self) -> DriveTable:
@@ -94,11 +102,17 @@ class DriveTable(FrozenTable):
             return None
         return max(abs(speed) for _, speed in self.speed_points or ((0.0, self.speed),))
 
+    def parameters(self) -> Parameters:
+        """Parameters of the drive."""
+        asked = max(abs(torque) for _, torque in self.torque_points or ((0.0, self.torque),))
+        uncut = {"torque.limit": max(asked, TORQUE_LIMIT)} if self.mode == "torque" else {}  # without its own limit
+        return {**uncut, "ramp.end": self.ramp_start + self.ramp_time, **super().parameters()}
+
 
 class SteeringTable(DriveTable):
     """Drive of the speed difference, right less left, of a steering differential."""
 
-    mode: Literal["speed", "torque", "controller"] = "speed"
+    mode: Mode = "speed"
     """prescribed speed difference; constant motor torque and brake; or a torque that controls the difference"""
 
 
@@ -188,40 +202,42 @@ def _arc(pair: object) -> object:
 Arc = Annotated[tuple[Place, Annotated[float, In("rad/m", ge=-1e3, le=1e3)]], BeforeValidator(_arc)]
 
 
-class DriverTable(FrozenTable):
+class DriverTable(ParameterTable):
     """Driver that follows a path or heads in a direction; the path begins below the middle road wheel.
 
     Without arcs and points the driver holds the heading of the start, turned by ``heading``. Keys that are not given
     take the driver's defaults.
     """
 
-    arcs: Annotated[tuple[Arc, ...] | None, OR_FALSE] = None
+    arcs: Annotated[tuple[Arc, ...] | None, OR_FALSE, Sets("path.arcs")] = None
     """[length, curvature], left positive, a negative length backwards, [0, angle] on the spot; or a file of them"""
-    points: Annotated[tuple[tuple[Place, Place], ...] | None, OR_FALSE] = None
+    points: Annotated[tuple[tuple[Place, Place], ...] | None, OR_FALSE, Sets("path.points")] = None
     """[x, y] of a smooth path, or a file of them"""
-    heading: Angle | None = None
+    heading: Annotated[Angle | None, Sets()] = None
     """heading to hold, from that of the start, where there is no path"""
-    speed: Annotated[float, In("m/s", ge=0, le=1e3), When(speed_points=(None,))] = 0.0
+    speed: Annotated[float, In("m/s", ge=0, le=1e3), When(speed_points=(None,)), Sets("speed.end")] = 0.0
     """speed after the ramp"""
-    ramp_start: Annotated[Time, When(speed_points=(None,))] = 0.0
+    ramp_start: Annotated[Time, When(speed_points=(None,)), RAMP_START] = 0.0
     """time at which the ramp of the speed begins"""
     ramp_time: Annotated[Time, When(speed_points=(None,))] = 1.0
     """length of the ramp, half a cosine from 0 to speed"""
-    speed_points: tuple[tuple[Time, Annotated[float, In("m/s", ge=0)]], ...] | None = None
+    speed_points: Annotated[tuple[tuple[Time, Annotated[float, In("m/s", ge=0)]], ...] | None, Sets("speed.points")] = (
+        None
+    )
     """[time, speed] or a file of them, instead of the ramp"""
-    deceleration: Annotated[float, In("m/s^2", gt=0)] | None = None
+    deceleration: Annotated[Annotated[float, In("m/s^2", gt=0)] | None, Sets()] = None
     """deceleration before curves and the end of the path"""
-    lateral_acceleration: Annotated[float, In("m/s^2", gt=0)] | None = None
+    lateral_acceleration: Annotated[Annotated[float, In("m/s^2", gt=0)] | None, Sets("acceleration.lateral")] = None
     """largest speed times yaw rate: limits speed and curvature"""
-    reach: Distance | None = None
+    reach: Annotated[Distance | None, Sets()] = None
     """least look-ahead distance"""
-    preview: Time | None = None
+    preview: Annotated[Time | None, Sets()] = None
     """look-ahead time; the larger of both counts"""
-    width: Distance | None = None
+    width: Annotated[Distance | None, Sets(default=False)] = None
     """distance of two tracks without slip that would turn the vehicle alike; without it 1.4 times that of the tracks"""
-    friction: Annotated[float, ratio(ge=0)] | None = None
+    friction: Annotated[Annotated[float, ratio(ge=0)] | None, Sets(default=False)] = None
     """friction assumed for the plan; without it that of the ground"""
-    grip: Annotated[float, ratio(ge=0.05, le=0.9)] | None = None
+    grip: Annotated[Annotated[float, ratio(ge=0.05, le=0.9)] | None, Sets()] = None
     """share of the friction that the plan uses"""
 
     @model_validator(mode="after")
@@ -247,19 +263,25 @@ class DriverTable(FrozenTable):
         """Largest demanded speed, m/s."""
         return max(speed for _, speed in self.speed_points or ((0.0, self.speed),))
 
+    def parameters(self) -> Parameters:
+        """Parameters of the driver."""
+        return {**super().parameters(), "ramp.end": self.ramp_start + self.ramp_time}
 
-class HitchTable(FrozenTable):
+
+class HitchTable(ParameterTable):
     """Load on the hitch of the vehicle: horizontal, rearward in the direction of the hull.
 
     It rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time``.
     """
 
-    force: Force = 0.0
+    force: Annotated[Force, Sets("hitch.load.force")] = 0.0
     """constant force of the load, rearward; negative: it pushes"""
-    drag_points: tuple[tuple[Annotated[float, In("m/s")], Force], ...] | None = None
+    drag_points: Annotated[tuple[tuple[Annotated[float, In("m/s")], Force], ...] | None, Sets("hitch.load.points")] = (
+        None
+    )
     """[speed, force] or a file of them, besides the constant force: load over the speed of the hitch along the
     hull, linear between points, constant outside"""
-    ramp_start: Time = 0.0
+    ramp_start: Annotated[Time, Sets("hitch.load.ramp.start")] = 0.0
     """time at which the ramp of the load begins"""
     ramp_time: Time = 1.0
     """length of the ramp, half a cosine from 0 to the load"""
@@ -270,11 +292,6 @@ class HitchTable(FrozenTable):
             raise ValueError("drag_points: needs at least one point, and speeds that rise")
         return self
 
-    def parameters(self) -> dict[str, float | int | str]:
+    def parameters(self) -> Parameters:
         """Parameters of the chassis."""
-        return {
-            "hitch.load.force": self.force,
-            "hitch.load.points": points_text(self.drag_points or ()),
-            "hitch.load.ramp.start": self.ramp_start,
-            "hitch.load.ramp.end": self.ramp_start + self.ramp_time,
-        }
+        return {**super().parameters(), "hitch.load.ramp.end": self.ramp_start + self.ramp_time}

@@ -18,11 +18,12 @@ from fmus.vehicles.tables import allowed, units
 from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.data_files import UNITS
+from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.scene import KINDS, load
 from orchestrator.scene.settings import Schema, entries, toml_text
 from orchestrator.scene.track_table import TrackModelTable
-from orchestrator.scene.values import SCENE_RANGES
+from orchestrator.scene.values import SCENE_RANGES, ParameterTable
 
 
 class TomlSchema(GenerateJsonSchema):
@@ -107,15 +108,13 @@ def numbers(entry: Schema) -> Iterator[Schema]:
 
 REQUIRED = "required"
 SYMBOLS = {"minimum": ">= {:g}", "exclusiveMinimum": "> {:g}", "maximum": "<= {:g}", "exclusiveMaximum": "< {:g}"}
-# Parameters of drives and driver with other names than their keys, and those whose default depends on the scene.
-PARAMETERS = {
-    "torque_limit": "torque.limit",
-    "gear_ratio": "gear.ratio",
-    "lateral_acceleration": "acceleration.lateral",
-}
-OF_THE_SCENE = ("axes", "width", "friction")
 OVERRIDES = "drive.left.", "drive.right."  # without them the keys of [drive] count
-COMPONENTS = {"drive": "SprocketDrive", "idler_drive": "SprocketDrive", "driver": "Driver"}
+COMPONENTS: dict[str, tuple[type[ParameterTable], Sequence[str]]] = {  # tables of components, and kinds of these
+    "track": (TrackModelTable, [kind.fmu for kind in TRACKS.values()]),
+    "drive": (DriveTable, ["SprocketDrive"]),
+    "idler_drive": (DriveTable, ["SprocketDrive"]),
+    "driver": (DriverTable, ["Driver"]),
+}
 
 
 class Key(NamedTuple):
@@ -186,15 +185,12 @@ def _key(key: str, entry: Schema, required: bool) -> Key:
 
 def _fmu_default(key: str) -> Any:
     """Default of the FMU's parameter that a key sets; None where there is none, or it depends on the scene."""
-    table, _, name = key.rpartition(".")
-    owner = table.partition(".")[0]
-    if name in OF_THE_SCENE:
+    table, kinds = COMPONENTS.get(key.partition(".")[0], (ParameterTable, ()))
+    parameter = table.fmu_parameters().get(key.rpartition(".")[2])
+    if parameter is None or not parameter.default:
         return None
-    if owner == "track" and name in TrackModelTable.fmu_parameters():
-        parameter = TrackModelTable.fmu_parameters()[name].name
-        found = [defaults[parameter] for kind in TRACKS.values() if parameter in (defaults := _defaults()[kind.fmu])]
-        return found[0]
-    return _defaults()[COMPONENTS[owner]].get(PARAMETERS.get(name, name)) if owner in COMPONENTS else None
+    found = [_defaults()[kind][parameter.name] for kind in kinds if parameter.name in _defaults()[kind]]
+    return found[0] or None if isinstance(found[0], str) else found[0]  # an empty text means none
 
 
 @cache

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from fmus.ground.refinement import LEVEL, refinement
 from fmus.ground.tables import is_plane, is_terrain
-from fmus.interface.ports import TORQUE_LIMIT, motion_ports, wrench_ports
+from fmus.interface.ports import motion_ports, wrench_ports
 from fmus.rest.equilibrium import stances
 from fmus.start import Stance, ground_level
 from fmus.track.choices import HHT, TRACKS
@@ -15,10 +15,10 @@ from fmus.track.link_outputs import INTERVAL
 from fmus.vehicles.sides import smooth_wheels
 from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.cosim.graph import Connection
-from orchestrator.scene.drive_tables import DriverTable, DriveTable, points_text
+from orchestrator.scene.drive_tables import DriveTable
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.kinds import BenchScene, ChainScene, RigScene, Scene, VehicleScene
-from orchestrator.scene.values import Side
+from orchestrator.scene.values import Parameters, Side
 
 SIGN_OF_Y: dict[Side, float] = {"left": 1.0, "right": -1.0}
 AXLE: Sequence[float] = (0.0, 0.0, 0.0)  # position of the sprocket in the vehicle frame
@@ -26,7 +26,6 @@ DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages in stepping order: driver,
 DIFFERENTIAL = "differential"
 HHT_RADIUS = 0.5  # default spectral radius of hht, its strongest damping
 POSE = 7  # position and orientation are the first 7 of a wheel's 13 variables; rates follow
-Parameters = dict[str, float | int | str]
 
 
 class Part(NamedTuple):
@@ -158,7 +157,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     for part in drives:
         part.config["drive"]["demanded"] = True
     config = {"vehicle": vehicle.model_dump()}
-    parameters = {"friction": vehicle.contact.ground.friction, **_driver_parameters(scene.driver)}
+    parameters = {"friction": vehicle.contact.ground.friction, **scene.driver.parameters()}
     driver = Part("driver", "Driver", config, parameters, DRIVER)
     return Assembly((*tracks, *drives, chassis, driver), (*wiring, *_driven_connections(steering is not None)))
 
@@ -199,21 +198,6 @@ def _driven_connections(joined: bool) -> tuple[Connection, ...]:
             for drive, connector in [_drive_of_side(side, joined)]
         ),
     )
-
-
-def _driver_parameters(driver: DriverTable) -> Parameters:
-    """Driver parameters that the scene sets."""
-    unchanged = {"heading", "deceleration", "reach", "preview", "width", "friction", "grip"}
-    parameters = driver.model_dump(include=unchanged, exclude_none=True)
-    ramp = {
-        "speed.end": driver.speed,
-        "ramp.start": driver.ramp_start,
-        "ramp.end": driver.ramp_start + driver.ramp_time,
-    }
-    pairs = {"path.arcs": driver.arcs, "path.points": driver.points, "speed.points": driver.speed_points}
-    if driver.lateral_acceleration is not None:
-        parameters["acceleration.lateral"] = driver.lateral_acceleration
-    return parameters | ramp | {name: points_text(points) for name, points in pairs.items() if points is not None}
 
 
 def _ground_config(scene: VehicleScene) -> dict[str, Any]:
@@ -306,7 +290,7 @@ def _drive_part(
 ) -> Part:
     """Sprocket drive on its mount, ``lateral`` m to the left of the middle."""
     config = {"vehicle": vehicle.model_dump(), "drive": {"inertia": inertia, "mount": list(mount), **_demanded(drive)}}
-    return Part(name, "SprocketDrive", config, {"start.lateral": lateral, **_drive_parameters(drive)}, DRIVE)
+    return Part(name, "SprocketDrive", config, {"start.lateral": lateral, **drive.parameters()}, DRIVE)
 
 
 def _differential_part(
@@ -327,7 +311,7 @@ def _differential_part(
     config = {"vehicle": vehicle.model_dump(), "drive": differential}
     parameters: Parameters = {}
     for shaft, drive in shafts.items():
-        parameters |= {f"{shaft}.{name}": value for name, value in _drive_parameters(drive).items()}
+        parameters |= {f"{shaft}.{name}": value for name, value in drive.parameters().items()}
     return Part(DIFFERENTIAL, "SteeringDifferential", config, parameters, DRIVE)
 
 
@@ -336,43 +320,16 @@ def _demanded(drive: DriveTable) -> dict[str, Any]:
     return {"demanded": [""]} if drive.demand else {}
 
 
-def _drive_parameters(drive: DriveTable) -> Parameters:
-    parameters: Parameters = {
-        "mode": drive.mode,
-        "speed.end": drive.speed,
-        "ramp.start": drive.ramp_start,
-        "ramp.end": drive.ramp_start + drive.ramp_time,
-        "torque.drive": drive.torque,
-        "brake.torque": drive.brake,
-    }
-    if drive.stop is not None:
-        parameters |= {"stop.start": drive.stop, "stop.time": drive.stop_time}
-    for name in ("speed", "torque", "brake", "engine"):
-        if (points := getattr(drive, f"{name}_points")) is not None:
-            parameters[f"{name}.points"] = points_text(points)
-    if drive.mode == "torque":  # without a limit of its own what is asked for is not cut
-        asked = max(abs(torque) for _, torque in drive.torque_points or ((0.0, drive.torque),))
-        parameters["torque.limit"] = max(asked, TORQUE_LIMIT)
-    for key in ("gear_ratio", "torque_limit", "demand_lag"):
-        if (value := getattr(drive, key)) is not None:
-            parameters[key.replace("_", ".")] = value
-    return parameters
-
-
 def _sprocket(vehicle: VehicleTable) -> dict[str, Any]:
     return {"name": "sprocket", "kind": "teeth" if vehicle.sprocket.teeth else "driving"}  # in the config of a track
 
 
 def _wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:
     """Power bond of a wheel: pose and rates from taker to giver, mean wrench from giver to taker."""
-    motion_outputs, motion_inputs = (
-        _names(motion_ports(taker_connector, "output")),
-        _names(motion_ports(connector, "input")),
-    )
-    wrench_outputs, wrench_inputs = (
-        _names(wrench_ports(connector, "output")),
-        _names(wrench_ports(taker_connector, "input")),
-    )
+    motion_outputs = _names(motion_ports(taker_connector, "output"))
+    motion_inputs = _names(motion_ports(connector, "input"))
+    wrench_outputs = _names(wrench_ports(connector, "output"))
+    wrench_inputs = _names(wrench_ports(taker_connector, "input"))
     bond = f"{giver}.{connector}"
     return (
         Connection(taker, motion_outputs[:POSE], giver, motion_inputs[:POSE], "state"),

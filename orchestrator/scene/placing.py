@@ -16,9 +16,9 @@ from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.scene.footing import Footing
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
-from orchestrator.scene.parts import Parameters, Part, closed_track_config, own_parts
+from orchestrator.scene.parts import Part, closed_track_config, own_parts
 from orchestrator.scene.tables import EquilibriumTable, StandingTable, VehicleStartTable
-from orchestrator.scene.values import SIDES, Side
+from orchestrator.scene.values import SIDES, Parameters, Side
 from orchestrator.vocabulary.limits import BELLY
 
 

@@ -38,9 +38,9 @@ from orchestrator.cosim.graph import ComponentFailed, Connection, GuestTerms, In
 from orchestrator.cosim.model_description import ALLOWED
 from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.scene.fmu_table import FmuTable
-from orchestrator.scene.parts import Assembly, Parameters, Part
+from orchestrator.scene.parts import Assembly, Part
 from orchestrator.scene.system_scene import SystemScene
-from orchestrator.scene.values import SIDES
+from orchestrator.scene.values import SIDES, Parameters
 
 DEMANDS = "speed.demand", "torque.demand"  # ends of names: inputs of drives, which have them as their table says
 NAMED = 150  # characters of a list of variables

@@ -17,6 +17,7 @@ from pydantic import (
 )
 
 from fmus.vehicles.tables import Distance, Force, FrozenTable, In, When, is_logged, ratio, value_text
+from orchestrator.cosim.coupling import COUPLINGS, having
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.scene.settings import hint
 from orchestrator.scene.values import OR_FALSE, Duration, Every, Time, TrackName
@@ -26,8 +27,10 @@ if TYPE_CHECKING:
     from orchestrator.results.figures import Figure
 
     Allowed = str
+    SchemeName = str
 else:
     Allowed = Literal[tuple(ALLOWED)]
+    SchemeName = Literal[tuple(COUPLINGS)]
 from math import pi, remainder
 from typing import Literal
 
@@ -146,7 +149,6 @@ class VehicleStartTable(StartTable):
         return (self.heading + pi, pi - self.pitch) if over else (self.heading, self.pitch)
 
 
-SchemeName = Literal["tracks_first", "jacobi", "gauss_seidel", "iterative"]
 RETIRED = ("energy_corrected",)  # schemes of earlier versions, which logs may name
 
 
@@ -155,11 +157,11 @@ class CouplingTable(FrozenTable):
 
     scheme: SchemeName = "tracks_first"
     """rule by which inputs over a communication step follow from outputs"""
-    hold: Annotated[Literal["linear", "constant"] | None, When(scheme=("jacobi", "gauss_seidel"))] = None
+    hold: Annotated[Literal["linear", "constant"] | None, When(scheme=having("hold"))] = None
     """inputs are extrapolated to the middle of the step, or held"""
-    tolerance: Annotated[Annotated[float, ratio(gt=0, lt=1)] | None, When(scheme=("iterative",))] = None
+    tolerance: Annotated[Annotated[float, ratio(gt=0, lt=1)] | None, When(scheme=having("tolerance"))] = None
     """relative change of inputs that ends the iteration"""
-    iterations: Annotated[Annotated[int, Field(ge=1)] | None, When(scheme=("iterative",))] = None
+    iterations: Annotated[Annotated[int, Field(ge=1)] | None, When(scheme=having("iterations"))] = None
     """most iterations in a step"""
 
     @field_validator("scheme", mode="wrap")

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, model_validator
 
 from fmus.interface.ports import TOLERANCES
-from fmus.track.choices import BY_ERROR, TRACKS, TrackKind, models_with
+from fmus.track.choices import BY_ERROR, ELEMENTS, TRACKS, TrackKind, models_with
 from fmus.track.link_outputs import GROUPS, STANDARD
-from fmus.vehicles.tables import FrozenTable, In, When, ratio
-from orchestrator.scene.values import Duration, TrackName
+from fmus.vehicles.tables import In, When, ratio
+from orchestrator.scene.values import Duration, ParameterTable, Sets, TrackName
 
 Tolerance = Annotated[float, ratio(ge=TOLERANCES.least, le=TOLERANCES.most)]
 AbsoluteTolerance = Annotated[float, In("m, rad, m/s, rad/s", plain=True, ge=TOLERANCES.least, le=TOLERANCES.most)]
@@ -29,26 +29,21 @@ def _output_groups(value: object) -> object:
 
 
 if TYPE_CHECKING:
+    ElementName = str
     GroupName = str
 else:
+    ElementName = Literal[tuple(name for name, element in ELEMENTS.items() if len(element.axes) == 3)]  # planar: a key
     GroupName = Literal[tuple(GROUPS)]
 
 
 LinkOutputs = Annotated[tuple[str, ...], BeforeValidator(_output_groups, bool | Literal["all"] | tuple[GroupName, ...])]
 
 
-class FmuParameter(NamedTuple):
-    """Annotation of a key of ``[track]``: the FMU parameter that it sets."""
-
-    name: str = ""  # parameter of the track's FMU; empty: the name of the key
-    method: bool = False  # True for the method of computation, False for the mechanics
-
-
-METHOD = FmuParameter(method=True)
+METHOD = Sets(method=True)
 BY_SPRING = When(closure=("spring",))
 
 
-class TrackModelTable(FrozenTable):
+class TrackModelTable(ParameterTable):
     """Track model and its parameters; the model's defaults apply to the rest.
 
     A key is allowed if the model's FMU has its parameter (``models_with``).
@@ -56,11 +51,11 @@ class TrackModelTable(FrozenTable):
 
     model: TrackName
     """track model: the kind of links"""
-    element: Annotated[Literal["cable", "beam"] | None, FmuParameter()] = None
+    element: Annotated[ElementName | None, Sets()] = None
     """finite element of flexible links"""
-    elasticity: Annotated[Elasticity | None, FmuParameter()] = None
+    elasticity: Annotated[Elasticity | None, Sets()] = None
     """strain energy of cables"""
-    axes: Annotated[Literal["fixed", "free"] | None, FmuParameter()] = None
+    axes: Annotated[Literal["fixed", "free"] | None, Sets(default=False)] = None
     """fixed axes keep cables in the plane of their track, free ones turn with it; a vehicle that turns has free ones"""
     formulation: Annotated[Literal["augmented", "recursive"] | None, METHOD] = None
     """coordinates of rigid links: of bodies with constraints, or of joints"""
@@ -68,15 +63,11 @@ class TrackModelTable(FrozenTable):
     """pins of cables by elimination, or as constraints with multipliers"""
     coordinates: Annotated[Literal["nodal", "cholesky"] | None, METHOD] = None
     """coordinates of cables for an explicit integrator"""
-    closure: Annotated[Literal["pin", "spring"] | None, FmuParameter()] = None
+    closure: Annotated[Literal["pin", "spring"] | None, Sets()] = None
     """how the last link of a loop joins the first"""
-    closure_stiffness: Annotated[
-        Annotated[float, In("N/m", gt=0)] | None, FmuParameter("closure.stiffness"), BY_SPRING
-    ] = None
+    closure_stiffness: Annotated[Annotated[float, In("N/m", gt=0)] | None, Sets("closure.stiffness"), BY_SPRING] = None
     """stiffness of a closing spring"""
-    closure_damping: Annotated[
-        Annotated[float, In("N s/m", ge=0)] | None, FmuParameter("closure.damping"), BY_SPRING
-    ] = None
+    closure_damping: Annotated[Annotated[float, In("N s/m", ge=0)] | None, Sets("closure.damping"), BY_SPRING] = None
     """damping of a closing spring"""
     integrator: Annotated[
         Literal["generalized_alpha", "hht", "runge_kutta", "adams", "dormand_prince"] | None, METHOD
@@ -86,26 +77,15 @@ class TrackModelTable(FrozenTable):
     """largest internal step"""
     spectral_radius: Annotated[Annotated[float, ratio(ge=0, le=1)] | None, METHOD] = None
     """spectral radius of an implicit integrator at high frequencies; of hht at least 0.5, its default"""
-    rtol: Annotated[Tolerance | None, FmuParameter("adams.rtol", method=True), When(integrator=BY_ERROR)] = None
+    rtol: Annotated[Tolerance | None, Sets("adams.rtol", method=True), When(integrator=BY_ERROR)] = None
     """relative error of an internal step"""
-    atol: Annotated[AbsoluteTolerance | None, FmuParameter("adams.atol", method=True), When(integrator=BY_ERROR)] = None
+    atol: Annotated[AbsoluteTolerance | None, Sets("adams.atol", method=True), When(integrator=BY_ERROR)] = None
     """absolute error of an internal step"""
-    start: Annotated[Literal["rest", "displaced", "polygon", "straight", "folded"] | None, FmuParameter()] = None
+    start: Annotated[Literal["rest", "displaced", "polygon", "straight", "folded"] | None, Sets()] = None
     """layout at the start: static equilibrium, displaced from it, or a polygon of links without load; a held chain:
     straight or folded"""
     link_outputs: LinkOutputs = STANDARD
     """groups of outputs per link; true: the standard groups, false: none"""
-
-    @classmethod
-    def fmu_parameters(cls) -> dict[str, FmuParameter]:
-        """Keys that set a parameter of the track's FMU."""
-        found = ((key, one) for key, field in cls.model_fields.items() for one in field.metadata)
-        return {key: one._replace(name=one.name or key) for key, one in found if isinstance(one, FmuParameter)}
-
-    def parameters(self) -> dict[str, Any]:
-        """Given parameters by their names in the track's FMU."""
-        given = self.model_dump(exclude_none=True)
-        return {one.name: given[key] for key, one in self.fmu_parameters().items() if key in given}
 
     @property
     def kind(self) -> TrackKind:

@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field
 from fmus.track.choices import TRACKS
 from fmus.vehicles.ranges import VEHICLE, PlausibleRange, impossible_sections, range_violations
 from fmus.vehicles.sides import of_side, smooth_wheels
-from fmus.vehicles.tables import In
+from fmus.vehicles.tables import FrozenTable, In
 from orchestrator.log.message_records import MOST_STEPS
 
 Duration = Annotated[float, In("s", gt=0)]
@@ -53,6 +53,40 @@ class OrFalse(GroupedMetadata):
 
 
 OR_FALSE = OrFalse()
+
+
+def points_text(pairs: Sequence[Sequence[float]]) -> str:
+    """Pairs as the value of a String parameter."""
+    return "; ".join(f"{first!r} {second!r}" for first, second in pairs)
+
+
+Parameters = dict[str, float | int | str]  # of an FMU
+
+
+class Sets(NamedTuple):
+    """Annotation of a key: the parameter of the component's FMU that it sets, and whose default it has."""
+
+    name: str = ""  # of the parameter; empty: the name of the key
+    method: bool = False  # True for the method of computation, False for the mechanics
+    default: bool = True  # False where the default depends on the scene, or means none
+
+
+class ParameterTable(FrozenTable):
+    """Table of a component, whose keys set parameters of its FMU."""
+
+    @classmethod
+    def fmu_parameters(cls) -> dict[str, Sets]:
+        """Keys that set a parameter."""
+        found = ((key, one) for key, field in cls.model_fields.items() for one in field.metadata)
+        return {key: one._replace(name=one.name or key) for key, one in found if isinstance(one, Sets)}
+
+    def parameters(self) -> Parameters:
+        """Given parameters by their names in the FMU."""
+        given = {one.name: getattr(self, key) for key, one in self.fmu_parameters().items()}
+        texts = {name: points_text(value) for name, value in given.items() if isinstance(value, tuple)}
+        return {name: value for name, value in {**given, **texts}.items() if value is not None}
+
+
 TURNING = "a sprocket of 0.25 m makes 180 km/h at 200 rad/s"
 CLIMBED = "no vehicle climbs more"
 UNLOADED = "more is rock: a micrometre under a tank"

@@ -13,7 +13,9 @@ from rigid_track import rolling
 import fmus.track_rigid.model as track_rigid
 from fmus.interface.model import StepFailed
 from fmus.interface.sentences import GAPS
+from fmus.physics.chain.flexible import beams, cables, planar
 from fmus.physics.chain.report import EVALUATIONS, REJECTED, STEPS
+from fmus.track.choices import ELEMENTS
 from fmus.track.failures import HALVED
 from fmus.track.steps import warn_of_halvings
 from fmus.track_flexible.model import Model
@@ -23,6 +25,13 @@ def rods():
     model = rolling()
     model.initialise(parameters(model))
     return model
+
+
+def test_the_table_of_elements_is_that_of_their_modules():
+    for name, kit in {"cable": cables, "planar": planar, "beam": beams}.items():
+        element = ELEMENTS[name]
+        assert (np.prod(kit.ELEMENT), len(kit.LAYOUT.shared), tuple(kit.AXES)) == (*element[:2], element.axes)
+        assert element.dofs - element.shared == kit.NODE
 
 
 BEGUN = {"cable": carrier, "rigid": rods} | {each: partial(carrier, element=each) for each in ("planar", "beam")}

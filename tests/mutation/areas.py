@@ -16,7 +16,7 @@ class Area(NamedTuple):
     name: str
     share: int  # number of faults per hundred
     sources: tuple[str, ...]  # files and folders
-    tests: tuple[str, ...]  # used where no test imports the faulty module
+    tests: tuple[str, ...]  # run after those that import the faulty module
 
     def files(self) -> list[Path]:
         """Sources of the area, relative to the root, in a fixed order."""
@@ -85,7 +85,7 @@ def known_faults() -> list[tuple[Path, Fault]]:
 
 
 def nearest(file: Path, area: Area) -> list[str]:
-    """Test modules that import the module of a file, directly or by a helper; if there is none, those of its area."""
+    """Test modules that import the module of a file, directly or by a helper, and then the others of its area."""
     module = ".".join(file.with_suffix("").parts).removesuffix(".__init__")
     sources = {path: path.read_text(encoding="utf-8") for path in sorted((ROOT / "tests").rglob("*.py"))}
     importing = {path for path, text in sources.items() if _imports(text, module)}
@@ -99,7 +99,7 @@ def nearest(file: Path, area: Area) -> list[str]:
             or any(line.startswith("from ") and line.split()[1] in helpers for line in text.splitlines())
         )
     ]
-    return tests or list(area.tests)
+    return list(dict.fromkeys([*tests, *area.tests]))
 
 
 def _imports(text: str, module: str) -> bool:

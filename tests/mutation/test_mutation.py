@@ -47,6 +47,9 @@ def test_areas_share_a_hundred_faults_and_have_tests():
         assert all((ROOT / test).exists() for test in area.tests), area.name
     energy = nearest(next(file for file in AREAS[7].files() if file.name == "energy.py"), AREAS[7])
     assert "tests/orchestrator/test_energy.py" in energy
+    assert [*AREAS[7].tests] != energy[: len(AREAS[7].tests)], "those that import it come first"
+    assert {*AREAS[7].tests} < {*energy}
+    assert len({*energy}) == len(energy)
 
 
 @pytest.mark.long

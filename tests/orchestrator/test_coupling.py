@@ -1,5 +1,6 @@
 """Every coupling at every cut of two masses: order, stable step, energy; FMUs, scenes, variable steps."""
 
+import inspect
 import math
 from contextlib import ExitStack
 from itertools import pairwise
@@ -10,11 +11,12 @@ import pytest
 from scipy.linalg import expm
 
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.coupling import SCHEMES
-from orchestrator.cosim.coupling.iterative import Iterative, anderson
-from orchestrator.cosim.coupling.jacobi import Jacobi
+from orchestrator.cosim.coupling import COUPLINGS, coupling
+from orchestrator.cosim.coupling.iterative import Coupling as Iterative
+from orchestrator.cosim.coupling.iterative import anderson
+from orchestrator.cosim.coupling.jacobi import Coupling as Jacobi
 from orchestrator.cosim.coupling.scheme import CouplingFailed, require_states
-from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System, wire
 from orchestrator.cosim.master import Clock, run
@@ -25,6 +27,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
+from orchestrator.scene.tables import CouplingTable
 from orchestrator.studies.step_limits import amplification
 from tests.validation import coupling as study
 from tests.validation.coupling import DAMPED, FREE, MEMBERS, VARIANTS, couple, grows, predicted_limit, run_free
@@ -36,7 +39,15 @@ def hold(variant):
 
 
 def test_every_coupling_is_a_variant():
-    assert {scheme for scheme, _ in VARIANTS.values()} == set(SCHEMES)
+    assert {scheme for scheme, _ in VARIANTS.values()} == set(COUPLINGS)
+
+
+def test_options_of_a_coupling_are_those_of_its_class_and_of_the_scene():
+    for name, options in COUPLINGS.items():
+        assert {*inspect.signature(coupling(name)).parameters} == {"stages", "threads", *options}
+    assert {option for options in COUPLINGS.values() for option in options} == {*CouplingTable.model_fields} - {
+        "scheme"
+    }
 
 
 @pytest.mark.parametrize(("cut", "variant"), MEMBERS)
@@ -198,7 +209,7 @@ def pulled(pair, variant, pace):
     links = [Connection(s, ("x",), t, ("force",), "value", ("v",)) for s, t in (("one", "two"), ("two", "one"))]
     system = System((Instance("one", None, {}, 0), Instance("two", None, {}, 1)), tuple(links))
     name, options = VARIANTS[variant]
-    outcome = run(SCHEMES[name](wire(system, dict(zip(("one", "two"), pair, strict=True))), **options), pace, [])
+    outcome = run(coupling(name)(wire(system, dict(zip(("one", "two"), pair, strict=True))), **options), pace, [])
     assert outcome.status == "ok", outcome.message
     A = np.array([[0, 1, 0, 0], [-9, 0, 1, 0], [0, 0, 0, 1], [1, 0, -9, 0]], dtype=float)
     truth = expm(A * outcome.time) @ [0.1, 0.0, 0.0, 0.0]

@@ -7,7 +7,7 @@ import pytest
 from made_logs import made
 from scipy.spatial.transform import Rotation
 
-from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log

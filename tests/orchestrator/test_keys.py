@@ -8,11 +8,14 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft202012Validator
 
+from fmus.ahead import component_ports
 from fmus.vehicles.tables import BadInput
 from orchestrator.cli.key_reference import key_text, measure_keys, page
 from orchestrator.results.measures import FIGURES
 from orchestrator.scene import commented_file
 from orchestrator.scene import scene as scene_module
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable
 from orchestrator.scene.keys import OVERRIDES, facts, scene_keys, scene_schema, vehicle_keys, vehicle_schema
 from orchestrator.scene.scene import KINDS, load, read_scene, read_vehicle, scene_names
 from orchestrator.scene.settings import entries, keys, toml_text
@@ -45,6 +48,25 @@ def test_every_key_has_a_meaning_and_every_quantity_a_unit():
         assert measure.unit, measure
         assert len(measure.meaning) > 10, measure
     assert [measure.key for measure in measure_keys()] == [*FIGURES]
+
+
+def test_keys_of_drives_driver_and_load_are_parameters_of_their_fmus():
+    """A key that names no parameter would do nothing, and the page would lack its default."""
+    parts = assemble(load("serpentine", None, ["hitch.force=1"])).parts
+    ports = {part.kind: {port.name: port for port in component_ports(part.kind, part.config)} for part in parts}
+    tables = (
+        ("drive", DriveTable, "SprocketDrive", {"ramp_time", "demand"}, {"stop"}),
+        ("driver", DriverTable, "Driver", {"ramp_time"}, {"width", "friction"}),
+        ("hitch", HitchTable, "Chassis", {"ramp_time"}, set()),
+    )
+    for name, table, kind, others, without_default in tables:
+        parameters = table.fmu_parameters()
+        assert table.model_fields.keys() - parameters.keys() == others
+        for key, one in parameters.items():
+            port, shown = ports[kind][one.name], KEYS[f"{name}.{key}"]
+            if isinstance(port.start, float):
+                assert shown.unit.replace("^", "").replace(" ", ".") == port.unit, key
+                assert shown.default == ("" if key in without_default else toml_text(port.start)), key
 
 
 @pytest.mark.parametrize(
@@ -227,7 +249,7 @@ def test_defaults_in_comments_are_those_of_the_scene(tmp_path, monkeypatch):
         same += 1
     assert same == 23
     of_track = ["formulation", "closure_stiffness", "closure_damping", "rtol", "atol"]
-    assert refused == [*of_track, "torque_limit", "gear_ratio"]
+    assert refused == [*of_track, "torque_limit", "gear_ratio", "demand_lag"]
 
 
 def test_a_commented_vehicle_is_its_source(cotrack, check, tmp_path):

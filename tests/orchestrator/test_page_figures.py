@@ -39,6 +39,7 @@ from orchestrator.results.page.document import document
 from orchestrator.results.page.embedded import quantity, text
 from orchestrator.results.page.evaluation import RunSummary, evaluate
 from orchestrator.results.page.events import rows as event_rows
+from orchestrator.results.page.heading import OBSERVED
 from orchestrator.results.page.player import UNIT, player
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.units import number, percent
@@ -67,14 +68,16 @@ def test_key_figures_are_those_of_the_log(vehicle, html):
     assert figures["wheel_load"]["value"] == pytest.approx(loads.most.max(), rel=1e-9)
     left = loads.most[:5]  # the right side has the same up to rounding
     assert figures["wheel_load"]["signal"] == f"{loads.wheels[left.argmax()]}.load"
-    assert figures["distance"]["value"] == distance
+    assert figures["distance"] == {"value": distance, "unit": "m"}
+    assert OBSERVED.keys() <= figures.keys()
     assert figures["real_time_factor"]["value"] == pytest.approx(0.06 / wall_time)
     assert figures["energy"]["work"] == pytest.approx(work, abs=1e-9)
     assert "stress" not in figures, "rigid links have no stress"
     mass = 2 * 64 * 18.02 + 5489.24 + 2 * (436.67 + 429.57 + 5 * (561.07 + 75.26))
     assert figures["carried"]["weight"] == pytest.approx(9.81 * mass, rel=1e-6)
     for told in (
-        f">{quantity(figures['tension']['value'], 'N')}<", "1.25 ms", "tracks_first", "rigid links",
+        f">{quantity(figures['tension']['value'], 'N')}<", f">{quantity(distance, 'm')}<", "1.25 ms",
+        "tracks_first", "rigid links",
         f"link {figures['tension']['link']}, left track, at {number(figures['tension']['t'])} s",
     ):  # fmt: skip
         assert told in html

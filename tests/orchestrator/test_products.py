@@ -13,7 +13,7 @@ from fmus.fmi.build import KINDS
 from fmus.ground.tables import number_meanings
 from fmus.track.choices import TRACKS
 from fmus.track.link_outputs import INTERVAL
-from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.cosim.graph import wire
 from orchestrator.execution.loading import load_components
 from orchestrator.scene.assembly import assemble, system

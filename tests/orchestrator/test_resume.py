@@ -15,7 +15,7 @@ from mutated import Content
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.checkpoint import UnusableCheckpoint
-from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.coupling import COUPLINGS
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.execution import replay_model
@@ -53,7 +53,7 @@ rig = pytest.fixture(scope="module")(rig_log)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("coupling", SCHEMES)
+@pytest.mark.parametrize("coupling", COUPLINGS)
 def test_every_coupling_goes_on_as_if_nothing_had_been(tmp_path, coupling):
     whole = ran(tmp_path / "whole.mcap", "rig", "rigid", *RIG, f"run.coupling={coupling}")
     for at, step in ((0.02, 20), (0.05, 40)):

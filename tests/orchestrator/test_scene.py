@@ -24,8 +24,8 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import from_table, load, read_vehicle, scene_names
 from orchestrator.scene.settings import file_part, toml_text
-from orchestrator.scene.track_table import FmuParameter, TrackModelTable
-from orchestrator.scene.values import implausible_numbers
+from orchestrator.scene.track_table import TrackModelTable
+from orchestrator.scene.values import Sets, implausible_numbers
 
 
 @pytest.mark.parametrize("name", scene_names())
@@ -323,7 +323,7 @@ def test_a_key_of_one_model_is_declared_in_its_table_and_with_the_model(monkeypa
     """
 
     class Toy(TrackModelTable):
-        stickiness: Annotated[float | None, FmuParameter("glue.stickiness", method=True)] = None
+        stickiness: Annotated[float | None, Sets("glue.stickiness", method=True)] = None
 
     assert Toy(model="flexible", stickiness=0.5).parameters() == {"glue.stickiness": 0.5}
     monkeypatch.setitem(TRACKS["rigid"].defaults, "glue.stickiness", 0.0)

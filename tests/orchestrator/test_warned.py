@@ -13,7 +13,7 @@ from fmus.fmi.build import build_all
 from orchestrator.cli import main
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import scheme
-from orchestrator.cosim.coupling.iterative import Iterative
+from orchestrator.cosim.coupling.iterative import Coupling as Iterative
 from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System, wire
 from orchestrator.cosim.messages import ComponentWarning, WarningList
 from orchestrator.cosim.program import Program

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mutated import Content
 
-from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.coupling import COUPLINGS
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import recorder as module
 from orchestrator.log.log_file import LogFailed
@@ -194,7 +194,7 @@ HANDED_ON = {
 }
 
 
-@pytest.mark.parametrize("coupling", SCHEMES)
+@pytest.mark.parametrize("coupling", COUPLINGS)
 def test_couplings_say_what_they_only_hand_on(tmp_path, coupling):
     """Couplings say which inputs they only hand on; extrapolated or iterated inputs are recorded in full.
 

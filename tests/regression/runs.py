@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmus.track.choices import TRACKS
-from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.coupling import COUPLINGS
 from orchestrator.scene.scene import scene_names
 
 
@@ -40,7 +40,7 @@ RUNS = (
     Run("turn", "flexible", ("drive.ramp_start=0", "drive.ramp_time=0.05")),
     Run("settle", "flexible", ("track.elasticity=general",), 0.02),
     Run("hard_stop", "flexible", ("run.variable.estimate=power", "run.variable.tolerance=1e-3")),
-    *(Run("settle", "rigid", (f"run.coupling={scheme}",)) for scheme in SCHEMES if scheme != "tracks_first"),
+    *(Run("settle", "rigid", (f"run.coupling={scheme}",)) for scheme in COUPLINGS if scheme != "tracks_first"),
     *(Run("hanging_chain", "flexible", (*SWAYING, f"track.elasticity={elasticity}"))
       for elasticity in ("small_deformation", "general", "engineering")),
     Run("hanging_chain", "flexible", (*SWAYING, "track.element=beam")),

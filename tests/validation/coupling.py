@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from fmus.physics.arrays import Floats
-from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.coupling import coupling
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Stages
@@ -55,7 +55,7 @@ REST = 1e-6  # of the initial motion: smaller motion is rounding or the toleranc
 def couple(variant: str, stages: Stages) -> Scheme:
     """Return the coupling of a variant."""
     name, options = VARIANTS[variant]
-    return SCHEMES[name](stages, threads=False, **options)  # type: ignore[no-any-return]
+    return coupling(name)(stages, threads=False, **options)  # type: ignore[no-any-return]
 
 
 def follow(

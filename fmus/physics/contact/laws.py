@@ -2,7 +2,8 @@
 
 Every law has a linear spring k, which the spread contacts require for their stored and lost energies
 (``wheel.gauss_excess``, ``wheel.patch_defect``), the friction of ``face``, and its own damper. A new law needs a file
-with a class of these fields, ``normal`` and ``with_friction``, and its name here and in ``fmus.vehicles.vehicle``.
+with a class of these fields, ``normal`` and ``with_friction``, its class in ``Law``, and its file's name as a value
+of ``law`` in ``fmus.vehicles.vehicle``, which loads no kernels.
 """
 
 # the stubs of ``dispatch`` have no bodies
@@ -11,16 +12,14 @@ with a class of these fields, ``normal`` and ``with_friction``, and its name her
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any, get_args
 
 from fmus.kernels.jit import dispatch
 from fmus.physics.arrays import Four
 from fmus.physics.contact import hunt_crossley, linear
 
-if TYPE_CHECKING:
-    Law = linear.Linear | hunt_crossley.HuntCrossley  # constants of a contact pair
-
-LAWS: dict[str, Any] = {"linear": linear.Linear, "hunt_crossley": hunt_crossley.HuntCrossley}
+Law = linear.Linear | hunt_crossley.HuntCrossley  # constants of a contact pair
+LAWS: dict[str, Any] = {law.__module__.rpartition(".")[2]: law for law in get_args(Law)}
 
 
 def _of(law: type) -> Any:

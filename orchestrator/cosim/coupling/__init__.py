@@ -1,10 +1,23 @@
-"""Coupling algorithms, one per module: a class with ``NAME``, ``ORDER`` and ``advance(t, h)``."""
+"""Coupling algorithms, one per module: a class ``Coupling`` with ``ORDER`` and ``rule``."""
 
 from __future__ import annotations
 
-from orchestrator.cosim.coupling.gauss_seidel import GaussSeidel
-from orchestrator.cosim.coupling.iterative import Iterative
-from orchestrator.cosim.coupling.jacobi import Jacobi
-from orchestrator.cosim.coupling.tracks_first import TracksFirst
+from importlib import import_module
+from typing import Any
 
-SCHEMES = {scheme.NAME: scheme for scheme in (TracksFirst, Jacobi, GaussSeidel, Iterative)}
+COUPLINGS: dict[str, tuple[str, ...]] = {  # with their options
+    "tracks_first": (),
+    "jacobi": ("hold",),
+    "gauss_seidel": ("hold",),
+    "iterative": ("tolerance", "iterations"),
+}
+
+
+def having(option: str) -> tuple[str, ...]:
+    """Couplings that have an option."""
+    return tuple(name for name, options in COUPLINGS.items() if option in options)
+
+
+def coupling(name: str) -> Any:
+    """Class of a coupling, imported now: a scene that is read needs none."""
+    return import_module(f"{__name__}.{name}").Coupling

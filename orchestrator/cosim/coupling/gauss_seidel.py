@@ -8,10 +8,8 @@ from orchestrator.cosim.graph import Feed
 from orchestrator.log.time_series import Rule
 
 
-class GaussSeidel(ExtrapolatingScheme):
+class Coupling(ExtrapolatingScheme):
     """Coupling in which stages step one after another; constant: with the latest values, order 1."""
-
-    NAME = "gauss_seidel"
 
     def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
         """Mean or latest value of a source that has stepped; else the value at t, or extrapolation."""

@@ -20,7 +20,7 @@ from orchestrator.log.time_series import Rule
 HISTORY = 6  # earlier differences that the acceleration uses
 
 
-class Iterative(Scheme):
+class Coupling(Scheme):
     """Coupling that repeats a step until its unknown inputs converge.
 
     Converged: no unknown changes by more than ``tolerance`` of the largest value of its connection.
@@ -28,7 +28,6 @@ class Iterative(Scheme):
     :raises CouplingFailed: here if a component cannot save its state, in ``advance`` after ``iterations`` sweeps.
     """
 
-    NAME = "iterative"
     ORDER = 2
 
     def __init__(self, stages: Stages, tolerance: float = 1e-6, iterations: int = 20, threads: bool = True) -> None:

@@ -6,10 +6,8 @@ from orchestrator.cosim.coupling.scheme import ExtrapolatingScheme
 from orchestrator.cosim.graph import Member, Stages
 
 
-class Jacobi(ExtrapolatingScheme):
+class Coupling(ExtrapolatingScheme):
     """Coupling in which all members step in parallel, whatever their stage; constant: order 1."""
-
-    NAME = "jacobi"
 
     def groups(self) -> Stages:
         """Return one group of all members."""

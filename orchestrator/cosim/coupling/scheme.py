@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from time import perf_counter
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,7 +40,6 @@ class Scheme:
     :param threads: components of a group step in parallel threads; False: one after another with the same result.
     """
 
-    NAME: ClassVar[str]
     ORDER: int  # of the motion in the communication step
 
     def __init__(self, stages: Stages, threads: bool = True) -> None:

@@ -13,10 +13,9 @@ from orchestrator.cosim.graph import Feed
 from orchestrator.log.time_series import Rule
 
 
-class TracksFirst(Scheme):
+class Coupling(Scheme):
     """Coupling whose first stages are force sides."""
 
-    NAME = "tracks_first"
     ORDER = 2
 
     def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:

@@ -123,7 +123,7 @@ def _rejection_rows(run: RunData) -> list[EventRow]:
 def _peak_rows(pair: Pair) -> list[EventRow]:
     """Rows of the largest values of the run."""
     event_rows = []
-    for key, what in PEAKS.items():
+    for key, (what, _) in PEAKS.items():
         peak = pair.figures.get(key)
         if peak and abs(peak["value"]) > AT_REST:
             track, _, variable = peak["signal"].partition(".")

@@ -157,14 +157,14 @@ def verdict(evaluation: Evaluation) -> Assessment:
 
 
 KMH = 3.6
-PEAKS = {  # largest values of a run, in the order of tiles
-    "top_speed": "Top speed",
-    "tension": OBSERVABLES["tension_max"].shown.title,
-    "stress": "Largest link stress",
-    "wheel_load": "Largest wheel load",
-    "ground_force": "Largest force of the ground on a track",
+PEAKS = {  # largest values of a run, in the order of tiles: label, and end of the names of signals
+    "top_speed": ("Top speed", ".speed"),
+    "tension": (OBSERVABLES["tension_max"].shown.title, ".tension.max"),
+    "stress": ("Largest link stress", ".stress.max"),
+    "wheel_load": ("Largest wheel load", ".load"),
+    "ground_force": ("Largest force of the ground on a track", ".ground.force.z"),
 }
-OF_TRACKS = {"tension": "tension.max", "stress": "stress.max", "ground_force": "ground.force.z"}  # signals of a track
+OBSERVED = {"distance": "along the heading at the start"}  # observables with a tile under their name, and its note
 COMING_TO_REST = 0.5  # s: a vehicle that starts as drawn does not rest on its tracks yet
 
 
@@ -180,19 +180,15 @@ class Tile(NamedTuple):
 def figures(evaluation: Evaluation) -> dict[str, Any]:
     """Key figures in SI units, without those that the log does not hold."""
     figures: dict[str, Any] = {}
-    tracks = evaluation.run.tracks
-    moving = ["chassis"] if "chassis.speed" in evaluation.signals else tracks
-    signals = {
-        "top_speed": [f"{name}.speed" for name in moving],
-        **{key: [f"{track}.{name}" for track in tracks] for key, name in OF_TRACKS.items()},
-        "wheel_load": [name for name in evaluation.signals if name.endswith(".load")],
-    }
-    for key, names in signals.items():
-        known = {name: evaluation.signals[name] for name in names if name in evaluation.signals}
-        if known:
+    hull = ["chassis.speed"] if "chassis.speed" in evaluation.signals else []
+    moving = hull or [f"{track}.speed" for track in evaluation.run.tracks]
+    for key, (_, end) in PEAKS.items():
+        names = moving if key == "top_speed" else evaluation.signals
+        if known := {name: one for name, one in evaluation.signals.items() if name in names and name.endswith(end)}:
             figures[key] = _peak(known, "largest" if key == "top_speed" else "most")
-    if "chassis.distance" in evaluation.signals:
-        figures["distance"] = {"value": evaluation.run.ends("chassis.distance")[1], "unit": "m"}
+    observables = evaluation.summary.observables
+    for name in (name for name in OBSERVED if name in observables):
+        figures[name] = {"value": observables[name], "unit": OBSERVABLES[name].figure.unit}
     if figures.get("stress", {}).get("value") == 0.0:
         del figures["stress"]  # rigid links
     for key in ("tension", "stress"):
@@ -207,7 +203,7 @@ def figures(evaluation: Evaluation) -> dict[str, Any]:
     if isinstance(error, dict):
         figures["error"] = {"value": error.get("total"), "message": error.get("message", "")}
     for key in ("weight", "ground_force"):
-        if (value := evaluation.summary.observables.get(key)) is not None and value == value:
+        if (value := observables.get(key)) is not None and value == value:
             figures.setdefault("carried", {})[key] = value
     return figures
 
@@ -250,25 +246,26 @@ def _motion(figures: dict[str, Any]) -> list[Tile]:
         back = ", backwards" if hull and speed["value"] < 0.0 else ""
         note = f"{fast}at {number(speed['t'])} s{back}"
         tiles.append(
-            Tile(PEAKS["top_speed"] if hull else "Top chain speed", quantity(abs(speed["value"]), "m/s"), note)
+            Tile(PEAKS["top_speed"][0] if hull else "Top chain speed", quantity(abs(speed["value"]), "m/s"), note)
         )
-    if distance := figures.get("distance"):
-        tiles.append(Tile("Distance", quantity(distance["value"], "m"), "along the heading at the start"))
+    for name, note in OBSERVED.items():
+        if one := figures.get(name):
+            tiles.append(Tile(name.replace("_", " ").capitalize(), quantity(one["value"], one["unit"]), note))
     return tiles
 
 
 def _loads(evaluation: Evaluation, figures: dict[str, Any]) -> list[Tile]:
     tiles = []
     if tension := figures.get("tension"):
-        tiles.append(Tile(PEAKS["tension"], quantity(tension["value"], "N"), _place(tension)))
+        tiles.append(Tile(PEAKS["tension"][0], quantity(tension["value"], "N"), _place(tension)))
     if stress := figures.get("stress"):
         note = f"tension and bending, {_place(stress)}"
-        tiles.append(Tile(PEAKS["stress"], quantity(stress["value"], "Pa"), note))
+        tiles.append(Tile(PEAKS["stress"][0], quantity(stress["value"], "Pa"), note))
     if load := figures.get("wheel_load"):
         note = f"{wheel(load['signal'].removesuffix('.load'))}, at {number(load['t'])} s"
         if load["t"] < COMING_TO_REST and starts_as_drawn(evaluation.run):
             note += f", as the vehicle comes to rest{_later(evaluation)}"
-        tiles.append(Tile(PEAKS["wheel_load"], quantity(load["value"], "N"), note))
+        tiles.append(Tile(PEAKS["wheel_load"][0], quantity(load["value"], "N"), note))
     if carried := figures.get("carried"):
         force = quantity(carried["ground_force"], "N") if "ground_force" in carried else ""
         if "weight" not in carried:

@@ -20,7 +20,7 @@ from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.bushing import Bushing
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, chosen, layout_of_halves, with_torques
+from fmus.physics.chain.flexible.link_layout import chosen, layout_of_halves, with_torques
 from fmus.physics.vector import dot, scale, vector
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.state import Work
 
 
-NODE = PIN_WIDTH["beam"]  # r, r_y; r_x, r_z of the ending link; r_x, r_z of the beginning link
+NODE = 18  # r, r_y; r_x, r_z of the ending link; r_x, r_z of the beginning link
 BEGIN = np.array([0, 12, 3, 15])  # indices of a beginning link's r, r_x, r_y, r_z in its first pin
 END = np.array([0, 6, 3, 9])  # indices of an ending link's in its second pin
 

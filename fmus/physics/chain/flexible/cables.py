@@ -20,7 +20,7 @@ from fmus.physics.ancf.element import end_moments, mean_curvature, section_force
 from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.chain.bushing import Bushing
 from fmus.physics.chain.flexible.closing import ClosingSpring
-from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, chosen, layout_of_halves, with_torques
+from fmus.physics.chain.flexible.link_layout import chosen, layout_of_halves, with_torques
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.state import Work
 
 
-NODE = PIN_WIDTH["cable"]
+NODE = 8
 
 
 if TYPE_CHECKING:

@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.interface import FlexibleLinks
 
 
-# number of coordinates of a pin, by element
-PIN_WIDTH = {"cable": 8, "planar": 6, "beam": 18}
-
-
 class LinkLayout(NamedTuple):
     """Indices of an element's coordinates, in its own order and in its pins'; m shared a pin, n own."""
 

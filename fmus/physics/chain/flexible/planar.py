@@ -15,14 +15,14 @@ import numpy as np
 from fmus.kernels.jit import implemented_in, namesake
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - interface
-from fmus.physics.chain.flexible.link_layout import PIN_WIDTH, chosen, layout_of_halves, with_torques
+from fmus.physics.chain.flexible.link_layout import chosen, layout_of_halves, with_torques
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.state import Work
 
 
-NODE = PIN_WIDTH["planar"]
+NODE = 6
 
 
 LAYOUT = layout_of_halves(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5], fixed=2)
