@@ -51,7 +51,7 @@ SAMPLES = (("data", ""), ("signal", ""), ("t", "s"), ("measured", ""), ("first r
 
 FILES = (
     "fit.csv", "fit.md", "fit.png", "fit.svg", "fit.json", "fitted.toml", "fitted_vehicle.toml", "signals.csv",
-    "residuals.csv",
+    "signals.md", "residuals.csv",
 )  # fmt: skip
 
 
@@ -235,7 +235,7 @@ def _save(task: Objective, end: Search, found: FittedNumbers, folder: Path, orig
     ]  # fmt: skip
     first = task.experiments[0].scene
     notes = (*dict.fromkeys(read), *found.notes)
-    table = Table.of_records(f"Fit of {first.name}", COLUMNS, records, notes)
+    table = Table.of_records(f"Fit of {first.name}: {verdict}", COLUMNS, records, notes)
     residuals = Table.of_records("Residuals", RESIDUALS, sizes)
     profiles = {one.key: each._asdict() for one, each in zip(task.free, found.profiles, strict=True)}
     result = {
@@ -248,6 +248,7 @@ def _save(task: Objective, end: Search, found: FittedNumbers, folder: Path, orig
     }
     changed = with_track(with_settings(first, dict(zip((one.key for one in task.free), found.numbers, strict=True))))
     more = {"fit.json": json.dumps(_finite(result), indent=1), "signals.csv": residuals.csv()}
+    more["signals.md"] = residuals.markdown("#")
     more["residuals.csv"] = Table.of("", SAMPLES, samples).csv()
     more |= _scene_files(changed, origins)
     saved = output_files.save_results(folder, "fit", table, _draw(task, end, found, names, units), more)
