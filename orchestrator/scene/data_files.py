@@ -29,6 +29,7 @@ UNITS = {  # of both columns of the keys that may name a file, where its head gi
 }
 OF_DRIVER = UNITS | {"speed_points": ("s", "m/s")}
 TABLES = ("drive", "idler_drive", "driver", "hitch")
+NUMBER = r"\d+\.?\d*(?:[eE][-+]?\d+)?"
 
 
 def read_files(table: Tables, folder: Path, where: str) -> None:
@@ -63,7 +64,7 @@ def _named(folder: Path, text: str) -> tuple[Path, str]:
 
 def _of_bag(text: str, path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
     """Pairs from "COLUMN[:UNIT][*FACTOR][@START]" of a bag; those before START s are left out but for the last one."""
-    name, factor, start = re.findall(r"(?s)^(.+?)(?:\*(-?\d+\.?\d*))?(?:@(\d+\.?\d*))?$", text)[0]
+    name, factor, start = re.findall(rf"(?s)^(.+?)(?:\*(-?{NUMBER}))?(?:@({NUMBER}))?$", text)[0]
     pairs = np.array(_of_columns(path, key, units, name)) - [float(start or 0.0), 0.0]
     pairs = pairs[max(np.count_nonzero(pairs[:, 0] <= 0.0) - 1, 0) :] * [1.0, float(factor or 1.0)]
     return np.asarray(np.maximum(pairs, [0.0, -np.inf])).tolist()

@@ -269,7 +269,7 @@ def test_a_drive_takes_a_column(kinds, tmp_path):
     command = kinds.kind["Twist"]
     speeds = [(x, command(kinds.vector(0.2 * x), kinds.vector())) for x in t]
     write(tmp_path / "a", kinds, {"/cmd_vel": speeds, "/joints": [(x, kinds.joints(x, ["l"], [3.0])) for x in t]})
-    table = {"drive": {"left": {"speed_points": "a:/cmd_vel.linear.x*10@1.2"}, "right": {}}, "driver": {}}
+    table = {"drive": {"left": {"speed_points": "a:/cmd_vel.linear.x*1e+1@12e-1"}, "right": {}}, "driver": {}}
     table["drive"]["right"]["speed_points"] = "a/a.mcap:/joints.velocity[l]:rpm"
     table["driver"]["speed_points"] = "a/a.mcap:/cmd_vel.linear.x:km/h"
     read_files(table, tmp_path, "mine.toml")

@@ -95,8 +95,8 @@ def pins_of_sprocket(run: RunData) -> float:
 
 
 def is_smooth(run: RunData) -> bool:
-    """Whether the sprocket has a smooth rim instead of teeth; raises Missing."""
-    return vehicle_number(run, "sprocket", "radius", default=1e300) < 1e300
+    """Whether the sprocket has a smooth rim, with a radius, instead of teeth."""
+    return run.entry("vehicle", "sprocket", "radius") is not None
 
 
 def gaps_per_pin(run: RunData) -> float:
