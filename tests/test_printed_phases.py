@@ -123,7 +123,7 @@ class Record:
         def integral(values):
             return float(np.sum(0.5 * (values[a + 1 : b + 1] + values[a:b]) * h))
 
-        way = integral(np.hypot(self.of(hull, "chassis_velocity_x"), self.of(hull, "chassis_velocity_y")))
+        far = integral(np.hypot(self.of(hull, "chassis_velocity_x"), self.of(hull, "chassis_velocity_y")))
         rate = self.of(hull, "chassis_angular_velocity_z")
         turned, held = integral(rate), min(0.5, length)
         total = np.concatenate([[0.0], np.cumsum(0.5 * (rate[a + 1 : b + 1] + rate[a:b]) * h)])
@@ -133,13 +133,25 @@ class Record:
             for t in begins
         ]
         work = sum(self.of(drive, "energy_work")[[a, b]] for drive in self.drives)
-        slips = tuple(float(self.of(track, "slip")[a + 1 : b + 1] @ h / length) for track in sorted(self.tracks))
+        forward = [np.where(self.of(track, "speed") < 0.0, -1.0, 1.0) for track in sorted(self.tracks)]
+        slips = tuple(
+            float((self.of(track, "slip") * way)[a + 1 : b + 1] @ h / length)  # positive where the track drives
+            for track, way in zip(sorted(self.tracks), forward, strict=True)
+        )
         tension = max(self.of(track, "tension_max")[a + (a > 0) : b + 1].max() for track in self.tracks)
         return PrintedPhase(
-            printed_phase.name, float(self.t[a]), float(self.t[b]), way, integral(self.of(hull, "speed")) / length,
-            turned / length, max(means, key=abs), way / abs(turned) if turned else float("nan"),
+            printed_phase.name, float(self.t[a]), float(self.t[b]), far, integral(self.of(hull, "speed")) / length,
+            turned / length, max(means, key=abs), far / abs(turned) if turned else float("nan"),
             float(work[1] - work[0]) / length / 1e3, float(tension) / 1e3, slips,
         )  # fmt: skip
+
+
+def within_rounding(phase):
+    """The phase, and it with bounds moved by half of the last digit: of four digits, 5 ms from 10 s on."""
+    half = [5e-3 if t >= 10.0 else 0.0 for t in (phase.start, phase.end)]
+    yield phase
+    for a, b in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+        yield phase._replace(start=phase.start + a * half[0], end=phase.end + b * half[1])
 
 
 FIGURES = "way", "speed", "yaw_rate", "yaw_most", "radius", "power", "tension"
@@ -160,16 +172,17 @@ def test_figures_of_summary_and_page_are_those_of_the_log(cotrack, tmp_path, nam
         rest = iter([phase.name for phase in phases])
         assert all(kind in rest for kind in kinds)  # in this order; others may be between and after
         for phase in phases:
-            other = record.phase(phase)
+            other, *moved = (record.phase(one) for one in within_rounding(phase))
             for figure in FIGURES:
                 told, wanted = getattr(phase, figure), getattr(other, figure)
+                shift = max(abs(getattr(one, figure) - wanted) for one in moved)
                 if told == told:  # NaN: it is not told of this phase
                     counted += 1
-                    assert told == pytest.approx(wanted, rel=6e-3, abs=6e-3), (phase.name, figure)
+                    assert told == pytest.approx(wanted, rel=6e-3, abs=6e-3 + shift), (phase.name, figure)
             if phase.slips:
                 assert np.resize(phase.slips, len(other.slips)) == pytest.approx(other.slips, abs=1.6e-3), phase.name
         largest = max(record.phase(phase).tension for phase in phases)
-    assert counted >= 8 * len(kinds)
+    assert counted >= 6 * len(kinds), "little was compared: of rest a summary tells nothing, a page four figures"
     _bounds_are_where_the_speed_changes(record, phases)
     assert float(re.search(r"largest link tension ([\d.]+)", out)[1]) == pytest.approx(largest, rel=1e-3)
 

@@ -82,6 +82,18 @@ def test_ringing_makes_no_phases(tmp_path):
     assert len(phases_of(made(tmp_path / "h.mcap", t, harder))) > len(KINDS), "the twin: 1.5 times is no ringing"
 
 
+@pytest.mark.parametrize(("swing", "kind"), [(0.2, "steady"), (0.0, "braking")])
+def test_a_phase_that_begins_at_a_crest_of_ringing_is_steady(tmp_path, swing, kind):
+    """After a start the hull nods until a turn begins; the twin loses the same speed for good."""
+    t = times(6.0)
+    since = np.maximum(t - 2.15, 0.0)
+    fall = 0.0 if swing else 0.22 * np.minimum(since / 1.25, 1.0)
+    v = np.interp(t, [0.65, 2.15], [0.0, 1.96 + (swing or 0.22)]) - fall
+    v -= swing * (1.0 - np.exp(-0.3 * since) * np.cos(2.0 * np.pi * 1.2 * since))
+    of = phases_of(made(tmp_path / "n.mcap", t, v, np.where(t > 3.4, -0.25, 0.0)))
+    assert [one.kind for one in of] == ["rest", "acceleration", kind, "turn"]
+
+
 def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
     """Turns are found to a step, also a change from right to left through zero, at constant speed."""
     t = times(8.0)

@@ -7,8 +7,10 @@ Each piece has a state:
     yaw rate   left, right: the mean is beyond TURNS and the heading changes by more than TURNED; else straight
 
 A growth or fall needs a change of CHANGE of the largest speed, or of LARGE if it is shorter than QUICK or slower than
-RATE: less is drift, or pitch oscillation of the hull, which decays within a few half seconds. A piece through zero is
-split in two. A part is an interval in which both states are constant; one shorter than SHORTEST joins its neighbour.
+RATE: less is drift, or pitch oscillation of the hull, which decays within a few half seconds. Below LARGE the line
+through all its records must change by DRIFT of that too: its ends may be two points of an oscillation. A piece through
+zero is split in two. A part is an interval in which both states are constant; one shorter than SHORTEST joins its
+neighbour.
 
 The speeds at the ends of a part are those of its pieces. They decide its state, of joined parts anew, and are what is
 printed: no state contradicts them.
@@ -35,6 +37,7 @@ LEAST_SPEED, LEAST_YAW_RATE = 0.05, 0.01  # m/s, rad/s: lower bounds of the tole
 RATE = 0.1  # m/s2: a piece with a smaller rate of change has no trend
 CHANGE, LARGE = 0.1, 0.25  # of the largest speed: least change of an acceleration, and of a quick or slow one
 QUICK = 1.0  # s
+DRIFT = 0.5  # of a change: one of which the line through all records has less is between two points of a ringing
 SWING = 0.5  # ratio of the end values: pieces through zero with a larger one are ringing
 STANDS, STAYS = 0.02, 0.1  # m/s, m: rest is slower, or covers less distance
 TRACK = 64 * 0.1524  # m, length of a track of the M113
@@ -126,7 +129,16 @@ class _Speed:
         least = (CHANGE if time >= QUICK and abs(change) >= RATE * time else LARGE) * self._top
         begin, end = max(span for span in self.spans.items() if span[0] <= a)
         is_part = b - a < end - begin and b <= end and self.state(begin, end) == kind
-        return kind if abs(change) >= max(0.0 if is_part else least, self._least_change) else ""
+        if abs(change) < max(0.0 if is_part else least, self._least_change):
+            return ""
+        small = not is_part and abs(change) < LARGE * self._top
+        rings = small and DRIFT * least > float(np.sign(change)) * self._drift(a, b)
+        return "" if rings else kind
+
+    def _drift(self, a: int, b: int) -> float:
+        """Change of the size of the speed over records a to b - 1 by the line of least squares, m/s."""
+        t, size = self._times[a:b] - self._times[a:b].mean(), np.abs(self._v[a:b])
+        return float(t @ size / max(t @ t, 1e-300) * (self._times[b] - self._times[a]))
 
     def judged(self, parts: list[Part]) -> list[Part]:
         """Parts with states of their own ends, merged as long as neighbours are equal.

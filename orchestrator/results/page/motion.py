@@ -14,6 +14,7 @@ from orchestrator.results.page.embedded import at_time, instance, quantity, side
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Chart, Content, PageSection, Pair, Trace, lines, table
 from orchestrator.results.run_data import EVER, Window
+from orchestrator.results.table import without_rounding
 from orchestrator.results.units import number
 
 AT_REST = 1e-6  # m/s
@@ -135,7 +136,7 @@ def _phase_row(phase: Phase) -> tuple[str, ...]:
         speed,
         f"{phase.yaw_rate:.3f} ({phase.yaw_rate_most:.3f})" if phase.turning else "",
         number(phase.radius, 3) if phase.turning else "",
-        f"{phase.power / 1e3:.2f}" if phase.power == phase.power else "",
+        number(without_rounding(phase.power / 1e3, "kW"), 3) if phase.power == phase.power else "",
         slips,
         tension if phase.tension_track else "",
     )
