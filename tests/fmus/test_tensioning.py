@@ -205,7 +205,7 @@ def test_a_belt_that_does_not_fit_is_refused_with_the_place_that_would():
 
 @pytest.mark.study
 def test_of_100_random_vehicles_none_is_wrong():
-    """Each has the tension asked, to 0.1 %, on rigid links and on cables as drawn, or is refused with the nearest."""
+    """Each has the tension asked, to 0.1 %, on rigid links and on cables as drawn, or is refused with those that can be."""
     refused = 0
     for k in range(random_vehicles.COUNT):
         for links, kind in (("flexible", Flexible), ("rigid", Rigid)):
@@ -216,7 +216,7 @@ def test_of_100_random_vehicles_none_is_wrong():
             except BadInput as error:
                 said = str(error)
             if there is None:
-                assert "nearest tension is" in said, (k, links)
+                assert "nearest tension is" in said or "where the track carries" in said, (k, links)
                 refused += 1
                 continue
             reached = laid(track_of(there), there.vehicle.idler.x, kind).report[T_MEAN]
