@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -207,8 +206,10 @@ def search(task: Objective, scanned: int = 0) -> Search:
     first = task.difference(np.zeros(len(task.free)))
     noise = [task.noise.get(one.signal) or _spread(one, d) for one, d in zip(signals, first, strict=True)]
     u = start = _best_start(task, scanned, noise)
-    with suppress(FitFailed):  # of a run that far
+    try:
         u, _ = _search_from(task, u, noise, np.full(len(u), COARSE), 0.1 * COARSE)
+    except FitFailed as failure:
+        task.told(f"the first search, by differences over {100.0 * COARSE:g} % of a number, ends: {failure}")
     converged = False
     for _ in range(1 if all(known) else ROUNDS):
         steps, columns, _ = smooth_steps(task, u, noise)

@@ -325,6 +325,16 @@ def test_small_valleys_are_crossed(truth, monkeypatch):
     assert task.numbers(search(task).u) != pytest.approx([truth], abs=20.0 * line)
 
 
+def test_a_first_search_whose_runs_fail_is_told_and_the_second_goes_on(monkeypatch):
+    """Runs fail farther from the start than the second search goes, and nearer than the differences of the first."""
+    task, told = formula(lambda a: a * S, [1.02], [START], None), []
+    values = task.values
+    monkeypatch.setattr(task, "values", lambda at: ["no rest" if abs(u[0]) > 0.05 else values([u])[0] for u in at])
+    task.told = told.append
+    assert task.numbers(search(task).u) == pytest.approx([1.02], abs=1e-9)
+    assert told[0] == "the first search, by differences over 10 % of a number, ends: no rest"
+
+
 def test_an_error_above_the_number_is_no_success():
     found = solved("weak")
     assert found.errors[0] == pytest.approx(NOISE / (0.01 * np.linalg.norm(S)), rel=1e-9)

@@ -18,7 +18,7 @@ from orchestrator.log.reader import Log
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.vocabulary.analyses import ANALYSES, described
 
-FORMER = {"line": "sn"}  # names of options in older versions
+FORMER_OPTIONS = {"line": "sn"}  # names of options in older versions
 
 
 def require_library(name: str) -> None:
@@ -48,7 +48,7 @@ def analyse(path: str | os.PathLike[str], what: str, window: tuple[float, float]
 def _arguments(what: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of ``of`` for options by their name here, on the command line or in older versions."""
     known = {name: option.name for option in ANALYSES[what].options for name in (option.keyword, option.name)}
-    known |= {old: new for old, new in FORMER.items() if new in known}
+    known |= {old: new for old, new in FORMER_OPTIONS.items() if new in known}
     for name in options:
         if name not in known:
             listed = "; ".join(f"{option.keyword}: {option.help}" for option in ANALYSES[what].options)

@@ -110,6 +110,7 @@ class _Speed:
         durations, self._v, self._size = record_durations(t), v, size
         self._times, self._places = (np.concatenate([[0.0], np.cumsum(each)]) for each in (durations, durations * v))
         self._top, self._least_change = float(np.abs(v).max()), 2.0 * LEAST_SPEED * size**0.5
+        self._sizes = LineFitter(t, np.abs(v))
         self._pieces = [*_pieces(t, v, 0.5 * self._least_change, CHANGE * self._top)]
         groups = _grouped([(piece, _trend(piece)) for piece in self._pieces])
         self.spans = {group[0][0].start: group[-1][0].end for group in groups}  # of pieces of one trend
@@ -131,14 +132,10 @@ class _Speed:
         is_part = b - a < end - begin and b <= end and self.state(begin, end) == kind
         if abs(change) < max(0.0 if is_part else least, self._least_change):
             return ""
+        line = _piece(self._sizes, a, b)
         small = not is_part and abs(change) < LARGE * self._top
-        rings = small and DRIFT * least > float(np.sign(change)) * self._drift(a, b)
+        rings = small and (line.last - line.first) * np.sign(change) < DRIFT * least
         return "" if rings else kind
-
-    def _drift(self, a: int, b: int) -> float:
-        """Change of the size of the speed over records a to b - 1 by the line of least squares, m/s."""
-        t, size = self._times[a:b] - self._times[a:b].mean(), np.abs(self._v[a:b])
-        return float(t @ size / max(t @ t, 1e-300) * (self._times[b] - self._times[a]))
 
     def judged(self, parts: list[Part]) -> list[Part]:
         """Parts with states of their own ends, merged as long as neighbours are equal.
