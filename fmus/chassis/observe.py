@@ -50,7 +50,7 @@ def put_sides(tree: VehicleTree, x: Floats, sides: int, y: Floats, i: int) -> in
 
 @allocating
 def put_chassis(tree: VehicleTree, x: Floats, start: Floats, y: Floats, i: int) -> int:
-    """Write motion (13), pitch, roll, yaw, speed, distance, settlement; start: see ``dynamics.Parts``."""
+    """Write motion (13), pitch, roll, yaw, speed, distance, settlement, rates in B; start: see ``dynamics.Parts``."""
     A, zero = tree.rotation, (0.0, 0.0, 0.0)
     put_matrix(A, x[3:7])
     i = put_motion(y, i, x, A, zero, zero, x[3:7], vector(x, 10))
@@ -60,7 +60,8 @@ def put_chassis(tree: VehicleTree, x: Floats, start: Floats, y: Floats, i: int) 
     y[i + 3] = dot(vector(x, 7), A[:, 0])
     y[i + 4] = into_frame(start, x[0] - start[FRAME], x[1] - start[FRAME + 1], x[2] - start[FRAME + 2])[0]
     y[i + 5] = into_frame(start, start[0] - x[0], start[1] - x[1], start[2] - x[2])[2]
-    return i + 6
+    put(y, i + 6, vector(x, 10))
+    return i + 9
 
 
 @kernel

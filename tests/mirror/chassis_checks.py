@@ -54,6 +54,12 @@ def angles(view: View, names: Sequence[str]) -> Floats:
     return np.stack([columns[name] for name in names], axis=1)
 
 
+def body_rates(view: View, names: Sequence[str]) -> Floats:
+    """Angular velocity, of differences of attitudes a moment apart, along the axes of the chassis."""
+    rates = view.hull.attitude.inv().apply(view.hull.motion_of("chassis").spin)
+    return rates[:, ["xyz".index(name[-1]) for name in names]]
+
+
 def progress(view: View, names: Sequence[str]) -> Floats:
     """Forward speed, distance along the initial heading, and settlement below the drawn height, on the ground there."""
     h = view.hull
@@ -330,6 +336,7 @@ CHECKS = (
     Check(r"chassis\.angular_velocity\.[xyz]", "moments", angular_velocity, 1e-2, 1e-5, balance=True,
           applies=both_sides_in_air),
     Check("pitch|roll|yaw", "attitude", angles, 1e-12, 1e-12),
+    Check(r"body_rate\.[xyz]", "differences of attitudes", body_rates, 1e-6, 1e-7),
     Check("speed|distance|settlement", "motion", progress, 1e-9, 1e-12),
     Check(r"(left|right)\.road_arm\[\d+\]\.angle", "places shown", arm_angles, 1e-9, 1e-9, balance=True),
     Check(r"(left|right)\.suspension\[\d+\]\.length", "places shown", lengths, 1e-9, 1e-9, balance=True),
