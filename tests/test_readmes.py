@@ -73,7 +73,7 @@ def test_common_signals_are_those_of_a_vehicle():
     listed = dict(re.findall(r"(?m)^\| `((?:left_|chassis|driver)[^`]*\.[^`]*)` \| (\S+) \|", text))
     parts = [(part.name, component_ports(part.kind, part.config)) for part in assemble(load("serpentine")).parts]
     units = {f"{name}.{port.name}": port.unit for name, ports in parts for port in ports}
-    assert len(listed) == 17
+    assert len(listed) == 18
     assert {name: units.get(name) for name in listed} == listed
 
 

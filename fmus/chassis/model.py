@@ -105,7 +105,7 @@ def chassis_ports() -> list[Port]:
         Port("distance", "output", "m", "way of the chassis' centre of mass along the start heading"),
         Port("settlement", "output", "m", "how far the chassis' centre of mass is below its drawn place"),
         *(
-            Port(f"body_rate.{axis}", "output", "rad/s", f"{text} rate of the chassis about its own {axis} axis, of a gyro")
+            Port(f"body_rate.{axis}", "output", "rad/s", f"{text} rate of the chassis about its own {axis} axis")
             for axis, text in zip("xyz", ("roll", "pitch", "yaw"), strict=True)
         ),
     ]

@@ -129,7 +129,8 @@ TYPES: dict[str, tuple[str, str, float]] = {
     "Energy": ("J", "kJ", 1e-3),
     "Stress": ("Pa", "MPa", 1e-6),
 }
-NOT_SPUN = ("chassis.", "mount.", "left.mount.", "right.mount.", "hitch.", "seat.", "body_rate.")  # bodies that turn with the hull
+# bodies that turn with the hull
+NOT_SPUN = ("chassis.", "mount.", "left.mount.", "right.mount.", "hitch.", "seat.", "body_rate.")
 
 
 def type_of(port: Port) -> str:
