@@ -3,13 +3,14 @@
 import json
 import re
 from decimal import Decimal
-from itertools import pairwise
+from itertools import combinations, pairwise
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from made_logs import of_columns
 from matplotlib import image
+from matplotlib.text import Text
 from PIL import Image
 from view_logs import bodies_of, driven_log, hanging_log, stretched
 
@@ -17,6 +18,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.files.command import command_scope
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import events, link_loads, profile, wheel_loads
+from orchestrator.results.output_files import new_figure
 from orchestrator.results.page import player
 from orchestrator.results.run_data import RunData, Window, within
 from orchestrator.results.views import film, flat_views, foxglove_scene, projected, rerun_scene, solids
@@ -287,22 +289,45 @@ def test_the_section_of_the_ground_runs_under_a_vehicle_that_turned(shown):
 
 
 @pytest.mark.parametrize(("motions", "texts"), [
-    ([(0.0, 0.7 * k) for k in range(5)], ["0 s", "1 s", "2 s", "3 s", "4 s"]),  # on the spot
-    ([(0.0, 0.0)] * 4, ["0 s", "1, 2, 3 s"]),  # at rest
-    ([(5.0 * k, 0.0) for k in range(4)], ["0 s", "1 s", "2 s", "3 s"]),
+    ([(0.0, 0.7 * k) for k in range(5)], ["0 s -", "1 s -", "2 s -", "3 s -", "4 s -"]),  # on the spot: at the fronts
+    ([(0.0, 0.0)] * 4, ["0, 1, 2, 3 s"]),  # at rest
+    ([(5.0 * k, 0.1 * k) for k in range(4)], ["0 s", "1 s", "2 s", "3 s"]),
+    ([(0.0, 0.0), (0.5, 0.0), (3.9, 0.3), (7.0, 0.8), (9.0, 1.3)], ["0 s", "1 s", "2 s", "3 s", "4 s"]),
+    ([(0.2 * k, 0.0) for k in range(5)] + [(9.0, 0.0)], ["0 s", "1 s -", "2 s -", "3 s -", "4 s", "5 s"]),  # crowded
 ])  # fmt: skip
-def test_times_of_a_vehicle_from_above_stand_apart(motions, texts):
-    """Of a track of 4 m at (x, heading) every second; a time is about as large as LABEL."""
+def test_times_from_above_stand_at_their_dots(motions, texts):
+    """Of a track of 4 m at (x, heading) every second, as drawn: a time is within 10 points of its dot, or a line ("-")
+    leads to it, from the left or, of all dots in one place, from the front. Times do not overlap, and beside one is no
+    other dot.
+    """
     views = []
     for t, (x, heading) in enumerate(motions):
         ahead, hull = np.array([np.cos(heading), np.sin(heading)]), np.array([x, 0.0])
         corners = hull + 2.0 * np.stack([ahead, -ahead])
         views.append(flat_views.TopView(float(t), hull, ahead, [corners], hull[None], np.ones((1, 2)), False))
-    size = max(abs(x) for x, _ in motions) + flat_views.ROOM
-    places, found = zip(*flat_views.labels(views, size), strict=True)
-    assert [*found] == texts
-    apart = np.abs(np.array(places)[:, None] - places) / np.multiply(flat_views.LABEL, size)
-    assert (apart.max(axis=2)[~np.eye(len(texts), dtype=bool)] >= 1.0).all()
+    figure = new_figure(8.0, 8.0, dpi=72)  # a point is a pixel
+    pane, size = figure.subplots(), max(abs(x) for x, _ in motions) + flat_views.ROOM
+    pane.plot([-0.5 * flat_views.ROOM, size - 0.5 * flat_views.ROOM], [0.0, 0.0])
+    flat_views.draw_times(pane, views, size)
+    pane.set_aspect("equal", adjustable="datalim")
+    figure.draw_without_rendering()
+    drawn = [Text.get_window_extent(text) for text in pane.texts]
+    dots = pane.transData.transform([view.hull for view in views])
+    gaps = [np.hypot(*np.maximum(0.0, np.abs(dots - (box.min + box.max) / 2) - box.size / 2).T) for box in drawn]
+    assert [text.get_text() + (" -" if text.arrow_patch else "") for text in pane.texts] == texts
+    for text, box, gap, view in zip(pane.texts, drawn, gaps, views, strict=False):
+        own = np.hypot(*(dots - pane.transData.transform(text.xy)).T) < 1.0
+        if text.arrow_patch:
+            ends = text.arrow_patch.get_transform().transform(text.arrow_patch.get_path().vertices)[[0, -1]]
+            assert box.padded(8.0).contains(*ends[0])
+            assert np.hypot(*(ends[1] - dots[own][0])) < 4.0
+            away = pane.transData.inverted().transform((box.min + box.max) / 2) - text.xy  # m
+            aside = view.ahead if own.all() else np.array([-view.ahead[1], view.ahead[0]])
+            assert max(0.95 * np.hypot(*away), 2.0 if own.all() else 0.0) < aside @ away < 2.6
+        else:
+            assert gap[own].max() < 10.0
+            assert gap[~own].min(initial=np.inf) > gap[own].max()
+    assert not any(a.overlaps(b) for a, b in combinations(drawn, 2))
 
 
 @pytest.mark.long

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -188,7 +189,9 @@ INSTANTS = 5
 ROOM = 5.0  # m: margin beside the path of the vehicle
 LONGEST, OF_LINKS = 0.1, 0.045  # share of the picture: arrow of the largest force on a track, on a link
 HEIGHTS = 300  # places along each side at which the height of a terrain is shown
-LABEL = 0.06, 0.03  # share of the picture: width and height of a time
+LETTER = 0.0085, 0.02  # share of the picture: width of a letter of a time, and height
+BESIDE, DOT = 0.008, 0.006  # share of the picture: from a dot to its time; nearer dots look like one
+LINE = {"arrowstyle": "-", "color": "0.3", "linewidth": 0.5}  # from a dot to its time
 SHORTEST = 0.03  # of the longest arrow: shorter ones are not drawn
 CAMERA = make_camera("top", 0.0, np.zeros(3))  # the picture's axes are those of the world
 
@@ -272,27 +275,45 @@ def _draw_views(pane: Axes, views: Sequence[TopView], size: float) -> None:
             *view.feet[visible].T, *arrows[visible].T, angles="xy", scale_units="xy", scale=1.0, color="C3", zorder=3,
             width=0.0015 if by_link else 0.003,
         )  # fmt: skip
-        pane.plot(*view.hull, "o", color="0.3", markersize=3)
-    for place, text in labels(views, size):
-        pane.annotate(text, tuple(place), textcoords="offset points", xytext=(4, 4), fontsize=8)
+    draw_times(pane, views, size)
     scale = scale_arrow(longest, largest / longest)
     pane.quiverkey(drawn, 0.92, 0.04, scale.length, scale.label, color="C3", fontproperties={"size": 8})
     what = "link" if by_link else "track"
     pane.plot([], [], color="C3", label=f"force of the ground on a {what}, up to {largest / 1e3:.3g} kN")
 
 
-def labels(views: Sequence[TopView], size: float) -> list[tuple[Floats, str]]:
-    """Return places, m, and texts of the times: at the hull, beside another label at its front, or together."""
-    found: list[tuple[Floats, list[str]]] = []
-    for view in views:
-        front = max(float(((corners - view.hull) @ view.ahead).max()) for corners in view.links)
-        for place in (view.hull, view.hull + front * view.ahead):
-            near = [texts for other, texts in found if (np.abs(other - place) < np.multiply(LABEL, size)).all()]
-            if not near:
-                found.append((place, []))
-                break
-        (near[0] if near else found[-1][1]).append(f"{view.t:.3g}")
-    return [(place, f"{', '.join(texts)} s") for place, texts in found]
+def draw_times(pane: Axes, views: Sequence[TopView], size: float) -> None:
+    """Draw a dot for each hull, and its time beside it or with a line to it; ``size``, m, of the picture.
+
+    A vehicle at rest has one text. A text that finds no free place beside its dot moves to the left of the vehicle, or
+    to its front where dots of several headings look like one.
+    """
+    dot_size, poses = DOT * size, [np.concatenate([view.hull, _front(view)]) for view in views]
+    groups: dict[int, list[str]] = {}  # times by the first view of a pose
+    for i, view in enumerate(views):
+        same = (k for k in groups if np.abs(poses[k] - poses[i]).max() < dot_size)
+        groups.setdefault(next(same, i), []).append(f"{view.t:.3g}")
+    texts: list[tuple[Floats, Floats]] = []  # middle, half of width and height, m
+    for i, times in groups.items():
+        dot, ahead, text = views[i].hull, views[i].ahead, f"{', '.join(times)} s"
+        half = 0.5 * size * np.multiply(LETTER, (len(text), 1))
+        others = [views[k].hull for k in groups if k != i]
+        shared = any(np.abs(other - dot).max() < dot_size for other in others)
+        beside = [] if shared else [*dot + (BESIDE * size + half) * [(1, 1), (1, -1), (-1, 1), (-1, -1)]]
+        start, away = (poses[i][2:], ahead) if shared else (dot, np.array([-ahead[1], ahead[0]]))
+        places = chain(((at, None) for at in beside), ((start + k * half[1] * away, LINE) for k in count(2)))
+        taken: list[tuple[Floats, Floats | float]] = [*texts, *((other, 2 * BESIDE * size) for other in others)]
+        middle, line = next(
+            place for place in places if not any((np.abs(place[0] - at) < half + around).all() for at, around in taken)
+        )
+        texts.append((middle, half))
+        pane.annotate(text, tuple(dot), tuple(middle), ha="center", va="center", fontsize=8, arrowprops=line)
+    pane.plot(*np.transpose([view.hull for view in views]), "o", color="0.3", markersize=3)
+
+
+def _front(view: TopView) -> Floats:
+    """Place (2,), m, ahead of the hull, as far as its tracks reach."""
+    return view.hull + max(float(((corners - view.hull) @ view.ahead).max()) for corners in view.links) * view.ahead
 
 
 def _draw_heights(pane: Axes, ground: GroundSurface, low: Floats, high: Floats) -> None:
