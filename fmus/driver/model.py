@@ -11,7 +11,8 @@ from fmus.driver.path import NONE, Path, path_of_arcs, path_through_points
 from fmus.driver.plan import empty_plan
 from fmus.driver.pursuit import PIECE, WIDTH, ControlLaw, Parts, begin, step, write_outputs
 from fmus.driver.skid import footing
-from fmus.interface.course import parse_course
+from fmus.drives.parameters import INTERPOLATIONS
+from fmus.interface.course import Course, parse_course
 from fmus.interface.defaults import configured_ports, parameter_values
 from fmus.interface.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, field_of, motion_ports, start_pose_ports
@@ -43,7 +44,9 @@ def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
         Port("speed.end", "parameter", "m/s", "speed after the ramp", allowed=NOT_NEGATIVE),
         Port("ramp.start", "parameter", "s", "time at which the half-cosine ramp begins", 0.0, allowed=NOT_NEGATIVE),
         Port("ramp.end", "parameter", "s", "time at which the half-cosine ramp ends", 1.0, allowed=NOT_NEGATIVE),
-        Port("speed.points", "parameter", "1", "'time value; ...', s and m/s, straight between: instead of a ramp", ""),
+        Port("speed.points", "parameter", "1", "'time value; ...', s and m/s: instead of a ramp", ""),
+        Port("interpolation", "parameter", "1", "how speed.points go on: along straight lines, or each holds until the "
+             "next one, after 0 before the first", "linear", INTERPOLATIONS),
         Port("deceleration", "parameter", "m/s2", "with which the vehicle slows down to curves and to the end", 1.0,
              allowed=POSITIVE),
         Port("reach", "parameter", "m", "least distance ahead of the point that is pursued", 2.0, allowed=POSITIVE),
@@ -172,6 +175,10 @@ class Model(ComponentModel):
         speeds = parse_course("speed.points", str(values["speed.points"]))
         if speeds.value.min(initial=0.0) < 0.0:
             raise InvalidParameter(f"speed.points = '{str(values['speed.points'])[:80]}' must not be negative")
+        if values["interpolation"] == "hold":  # a line to each point begins at the number before its time
+            time = np.stack([np.nextafter(speeds.time, -np.inf), speeds.time], axis=1).ravel()
+            value = np.append(0.0, np.repeat(speeds.value, 2))[:-1]
+            speeds = Course(time, value, np.zeros(len(time)))
         return ControlLaw(
             radius=self._radius,
             ahead=self._ahead,

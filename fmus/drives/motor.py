@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmus.drives.points import NO_POINTS, Points, value_at
 from fmus.interface.course import NONE, Course, evaluate, has_points, ramp
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
@@ -36,9 +37,9 @@ class DriveParameters(NamedTuple):
     stages: np.ndarray  # (6, INTEGRATED) scratch: rates at the stages of a step, quantities there and before it
     stop_start: float = -1.0  # time at which the stop begins, after the ramp, s; below 0: no stop
     stop_time: float = 1e-3  # duration of the stop, s
-    speeds: Course = NONE  # replaces the ramp and the stop
-    torques: Course = NONE  # replaces the constant torque
-    brakes: Course = NONE  # replaces the constant brake torque; ``brake_torque`` is then the largest
+    speeds: Points = NO_POINTS  # replaces the ramp and the stop
+    torques: Points = NO_POINTS  # replaces the constant torque
+    brakes: Points = NO_POINTS  # replaces the constant brake torque; ``brake_torque`` is then the largest
     demand_lag: float = 0.0  # time constant with which the speed follows a demand, s; 0: no demand
     engine: Course = NONE  # largest torque over the speed of the engine's shaft, N m and rad/s
     gear_ratio: float = 1.0  # turns of the engine for one of the sprocket
@@ -57,7 +58,7 @@ def find_contradiction(p: DriveParameters, numbers: Floats) -> int:
     if p.stop_start >= 0.0:
         if p.stop_start < p.ramp_end:
             return 2
-        if has_points(p.speeds):
+        if has_points(p.speeds.line):
             return 3
     if has_points(p.engine) and p.mode == SPEED:
         return 4
@@ -67,8 +68,8 @@ def find_contradiction(p: DriveParameters, numbers: Floats) -> int:
 @kernel
 def speed_profile(p: DriveParameters, t: float) -> tuple[float, float]:
     """Speed of the profile at t, rad/s, and angle since ramp_start, rad: half-cosine ramp, and stop. (1)"""
-    if has_points(p.speeds):
-        speed, angle, _ = evaluate(p.speeds, t)
+    if has_points(p.speeds.line):
+        speed, angle, _ = value_at(p.speeds, t)
         return speed, angle
     speed, angle = ramp(p, t)
     past = t - p.stop_start
@@ -84,8 +85,8 @@ def speed_profile(p: DriveParameters, t: float) -> tuple[float, float]:
 @kernel
 def speed_profile_slope(p: DriveParameters, t: float) -> float:
     """Angular acceleration of the profile at t, rad/s2."""
-    if has_points(p.speeds):
-        return evaluate(p.speeds, t)[2]
+    if has_points(p.speeds.line):
+        return value_at(p.speeds, t)[2]
     rise, length, past = p.speed_end - p.speed_start, p.ramp_end - p.ramp_start, t - p.ramp_start
     if p.stop_start >= 0.0 and t > p.stop_start:
         rise, length, past = -p.speed_end, p.stop_time, t - p.stop_start
@@ -97,7 +98,7 @@ def speed_profile_slope(p: DriveParameters, t: float) -> float:
 @kernel
 def given_torque(p: DriveParameters, t: float) -> float:
     """Torque, N m, that the motor is to have at t in mode TORQUE."""
-    return evaluate(p.torques, t)[0] if has_points(p.torques) else p.torque_drive
+    return value_at(p.torques, t)[0] if has_points(p.torques.line) else p.torque_drive
 
 
 @kernel

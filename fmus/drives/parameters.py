@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fmus.drives.motor import DriveParameters
+from fmus.drives.points import Points, parse_points
 from fmus.drives.shaft import INTEGRATED
 from fmus.interface.course import Course, parse_course
 from fmus.interface.model import InvalidParameter
@@ -18,11 +19,12 @@ from fmus.physics.integrate.runge_kutta import RK4
 
 MODES = ("speed", "torque", "controller")
 EXTRAPOLATIONS = ("velocity", "acceleration")
+INTERPOLATIONS = ("linear", "hold")
 FREE = (  # numbers of the ``DriveParameters`` that are free parameters of every motor
     "speed.start", "ramp.start", "ramp.end", "torque.drive", "controller.proportional", "controller.integral",
     "torque.limit", "stop.time", "gear.ratio",
 )  # fmt: skip
-POINTS = "'time value; time value; ...', straight lines between: the"
+POINTS = "'time value; time value; ...', see interpolation: the"
 
 
 def mount_ports() -> list[Port]:
@@ -35,8 +37,8 @@ def mount_ports() -> list[Port]:
 
 
 def lag_port() -> Port:
-    """Parameter of a drive that follows a demand."""
-    text = "time constant with which speed or torque follow their demand"
+    """Parameter of a drive that follows a demand or commands."""
+    text = "time constant with which speed or torque follow their demand, and held points are followed"
     return Port("demand.lag", "parameter", "s", text, 0.1, allowed=POSITIVE)
 
 
@@ -81,6 +83,9 @@ def motor_ports(prefix: str = "", body: str = "the sprocket", speed: str = "spee
         Port("speed.points", "parameter", "1", f"{POINTS} {speed}, rad/s, instead of a ramp", ""),
         Port("torque.points", "parameter", "1", f"{POINTS} torque of the motor, N m, instead of torque.drive", ""),
         Port("brake.points", "parameter", "1", f"{POINTS} torque of the brake, N m, instead of brake.torque", ""),
+        Port("interpolation", "parameter", "1", "how points over time go on: along straight lines, with the first and "
+             "the last value outside, or each holds until the next one, followed with demand.lag from 0 on", "linear",
+             INTERPOLATIONS),
         Port("engine.points", "parameter", "1", "'speed torque; speed torque; ...', straight lines between: largest "
              "torque of the engine's shaft, N m, over its speed, rad/s, not in mode speed", ""),
         Port("gear.ratio", "parameter", "1", f"turns of the engine to one of {body}", 1.0, allowed=POSITIVE),
@@ -152,14 +157,15 @@ def drive_parameters(
     def no(name: str, why: str) -> InvalidParameter:
         return InvalidParameter(f"{prefix}{name} = {_short(values_of[name])}{why}")
 
+    lag = float(values["demand.lag"]) if values_of["interpolation"] == "hold" else 0.0
     speeds, torques, brakes = (
-        parse_course(f"{prefix}{name}.points", str(values_of[f"{name}.points"]))
+        parse_points(f"{prefix}{name}.points", str(values_of[f"{name}.points"]), lag)
         for name in ("speed", "torque", "brake")
     )
     engine = _engine(values, prefix)
     if min(chain(engine.value, engine.time), default=0.0) < 0.0:
         raise no("engine.points", " must not be negative")
-    if brakes.value.min(initial=0.0) < 0.0:
+    if brakes.line.value.min(initial=0.0) < 0.0:
         raise no("brake.points", " must not be negative")
     if demand:
         if values_of["mode"] == "torque" and not torque_demand:
@@ -167,18 +173,18 @@ def drive_parameters(
         for name, none in (("speed.points", ""), ("speed.end", 0.0), ("stop.start", -1.0)):
             if values_of[name] != none:
                 raise no(name, f": the input {demand} says how fast it turns")
-        speeds = Course(*np.zeros((3, 2)))
+        speeds = Points(Course(*np.zeros((3, 2))))
     if torque_demand:
         for name, none in (("torque.points", ""), ("torque.drive", 0.0)):
             if values_of[name] != none:
                 raise no(name, f": the input {prefix}torque.demand says how large it is")
-        torques = Course(*np.zeros((3, 2)))
+        torques = Points(Course(*np.zeros((3, 2))))
     gear = float(values_of["gear.ratio"])
     return DriveParameters(
         inertia=inertia,
         mode=MODES.index(values_of["mode"]),
         speed_end=float(values_of["speed.end"]),
-        brake_torque=float(brakes.value.max()) if brakes.value.size else float(values_of["brake.torque"]),
+        brake_torque=float(brakes.line.value.max()) if brakes.line.value.size else float(values_of["brake.torque"]),
         with_acceleration=EXTRAPOLATIONS.index(values["extrapolation"]),
         stages=np.zeros((len(RK4.b) + 2, INTEGRATED)),
         stop_start=float(values_of["stop.start"]),

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.drives.motor import CONTROLLER, SPEED, TORQUE, DriveParameters, given_torque, motor_torque, speed_profile
-from fmus.interface.course import evaluate, has_points, set_line
+from fmus.drives.points import value_at
+from fmus.interface.course import has_points, set_line
 from fmus.interface.wrenches import WARNED
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
@@ -34,7 +35,7 @@ def start_shaft(p: DriveParameters, x: Floats, angle: float) -> None:
     """Set a shaft's state x (SHAFT) to its start on a mount at rest; ``angle``, rad."""
     x[TARGET] = p.speed_start
     if p.demand_lag > 0.0:
-        set_line(p.speeds, 0.0, 0.0, p.speed_start, p.speed_start)
+        set_line(p.speeds.line, 0.0, 0.0, p.speed_start, p.speed_start)
         if p.mode == TORQUE:
             x[TARGET] = 0.0
     x[ANGLE], x[RATE] = angle, speed_profile(p, 0.0)[0]
@@ -43,7 +44,7 @@ def start_shaft(p: DriveParameters, x: Floats, angle: float) -> None:
 @kernel
 def brake_torque(p: DriveParameters, t: float) -> float:
     """Largest torque of the brake at t, N m."""
-    return evaluate(p.brakes, t)[0] if has_points(p.brakes) else p.brake_torque
+    return value_at(p.brakes, t)[0] if has_points(p.brakes.line) else p.brake_torque
 
 
 @kernel
@@ -175,5 +176,5 @@ def follow_demand(p: DriveParameters, x: Floats, t: float, h: float, speed: floa
     if p.mode == TORQUE:
         demand = min(max(torque, -p.torque_limit), p.torque_limit)
     target = demand + (x[TARGET] - demand) * exp(-h / p.demand_lag)
-    set_line(p.torques if p.mode == TORQUE else p.speeds, t, h, x[TARGET], target)
+    set_line(p.torques.line if p.mode == TORQUE else p.speeds.line, t, h, x[TARGET], target)
     x[TARGET] = target

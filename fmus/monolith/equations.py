@@ -249,15 +249,15 @@ def without_jumps(drive: DriveParameters) -> DriveParameters:
 def ramps(shafts: Sequence[DriveParameters]) -> list[Ramp]:
     """Time intervals in which the right-hand side is smooth: ramps of speeds, lines of torques and brakes."""
     found = [ramp for drive in shafts if drive.mode != TORQUE for ramp in _of_speed(drive)]
-    for course in (points for drive in shafts for points in (drive.torques, drive.brakes)):
-        found += pairwise(course.time.tolist())
+    for points in (points for drive in shafts for points in (drive.torques, drive.brakes)):
+        found += pairwise(points.line.time.tolist())
     return found
 
 
 def _of_speed(drive: DriveParameters) -> list[Ramp]:
     """Ramps of a drive's speed."""
-    if drive.speeds.time.size:
-        return list(pairwise(drive.speeds.time.tolist()))
+    if (time := drive.speeds.line.time).size:
+        return list(pairwise(time.tolist()))
     ramp = (drive.ramp_start, drive.ramp_end)
     return [ramp, (drive.stop_start, drive.stop_start + drive.stop_time)] if drive.stop_start >= 0.0 else [ramp]
 

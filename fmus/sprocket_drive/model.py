@@ -33,10 +33,10 @@ from fmus.start import KEYS, part_at_rest, stance, start_pose
 DEMAND = "speed.demand"
 
 
-def parameter_ports(follows: bool) -> list[Port]:
-    """Parameters of a drive; ``follows``: it follows demands."""
+def parameter_ports() -> list[Port]:
+    """Parameters of a drive."""
     return [
-        *([lag_port()] if follows else []),
+        lag_port(),
         *start_pose_ports(),
         Port("start.lateral", "parameter", "m", "lateral position of the mount beside its place as built"),
         *mount_ports(),
@@ -75,7 +75,7 @@ class Model(ComponentModel):
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
         self._demands = demanded(drive_config)
-        self._parameters = configured_ports(parameter_ports(self._demands[0]), config)
+        self._parameters = configured_ports(parameter_ports(), config)
         mount = self._start_motion({port.name: port.start for port in self._parameters})
         self.ports: tuple[Port, ...] = (
             *motion_ports("mount", "input", mount),

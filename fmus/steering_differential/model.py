@@ -49,12 +49,12 @@ STIFF = (
 BODIES = {"propulsion.": "the mean of both sprockets", "steering.": "the right sprocket less the left one"}
 
 
-def parameter_ports(follows: bool) -> list[Port]:
-    """Parameters of a differential; ``follows``: it follows demands."""
+def parameter_ports() -> list[Port]:
+    """Parameters of a differential."""
     speeds = "mean of both speeds against the mounts", "speed of the right less the left sprocket"
     motors = [motor_ports(*motor, speed) for motor, speed in zip(BODIES.items(), speeds, strict=True)]
     return [
-        *([lag_port()] if follows else []),
+        lag_port(),
         *start_pose_ports(),
         *mount_ports(),
         wrenches.extrapolate_port(),
@@ -140,8 +140,7 @@ class Model(ComponentModel):
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
         self._demands = {prefix: demanded(drive_config, prefix) for prefix in BODIES}
-        follows = any(follows for follows, _ in self._demands.values())
-        self._parameters = configured_ports(parameter_ports(follows), config)
+        self._parameters = configured_ports(parameter_ports(), config)
         start_motions = self._start_motions({port.name: port.start for port in self._parameters})
         self.ports: tuple[Port, ...] = (
             *connector_ports(dict(zip(SIDES, start_motions, strict=True)), self._demands),

@@ -116,6 +116,21 @@ class When:
         return ", ".join(map(self._need, self._keys))
 
 
+class WhenAny(When):
+    """Annotation of a key that counts where one of several conditions is met."""
+
+    def __init__(self, *conditions: When) -> None:
+        self._conditions = conditions
+
+    def lacks(self, table: Mapping[str, Any]) -> str:
+        """As of ``When``: why none of them is met."""
+        lacking = [one.lacks(table) for one in self._conditions]
+        return " or ".join(lacking) if all(lacking) else ""
+
+    def __str__(self) -> str:
+        return " or ".join(map(str, self._conditions))
+
+
 def _toml(value: object) -> str:
     if isinstance(value, int) and value.bit_length() > 1000:  # Python prints 4300 digits at most
         return "so large a number"

@@ -32,6 +32,7 @@ SUSPENSION = {  # elements, by key of the table
     "recoil": "recoil springs",
 }
 CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"
+OVER_TIME = ("speed.points", "torque.points", "brake.points")
 CONTACTS = ("contact with wheels and teeth", "contact with the ground")
 
 
@@ -180,11 +181,11 @@ def _size(scene: Scene, part: Part) -> str:
         wheels = "1 wheel" if count == 1 else f"{count} wheels"
         return f"{size}{bushed}, {wheels}, {'ground' if track['ground'] else 'no ground'}"
     if part.stage == DRIVE:
-        return f"spin inertia {part.config['drive']['inertia']:g} kg m2" + (
-            " a side, joined" if part.kind == "SteeringDifferential" else ""
-        )
+        joined = " a side, joined" * (part.kind == "SteeringDifferential")
+        return f"spin inertia {part.config['drive']['inertia']:g} kg m2{joined}{_points(part)}"
     if part.stage == DRIVER:
-        return "pure pursuit of a path" if {"path.arcs", "path.points"} & {*part.parameters} else "holds a heading"
+        path = {"path.arcs", "path.points"} & {*part.parameters}
+        return f"{'pure pursuit of a path' if path else 'holds a heading'}{_points(part)}"
     vehicle = part.config["vehicle"]
     count, arms = len(vehicle["road_wheel"]["x"]), vehicle["road_arm"]
     axles = ("arms of bogies" if beams(arms, count) else "arms with wheels") if arms else "wheels on axles"
@@ -194,6 +195,17 @@ def _size(scene: Scene, part: Part) -> str:
     rollers += f"{len(further) * sides} further wheels, " if (further := vehicle["wheel"]) else ""
     elements = "".join(f", {SUSPENSION[key]}" for key in _suspension(vehicle))
     return f"1 hull, {count * sides} {axles}, {sides} idlers, {rollers}{sides} mounts{elements}{mirrored}"
+
+
+def _points(part: Part) -> str:
+    """Return how the points over time of a part go on, by their names."""
+    told = ""
+    for name in sorted(part.parameters):
+        motor, dot, what = name.removesuffix(".points").rpartition(".")
+        if name.endswith(OVER_TIME):
+            held = part.parameters[f"{motor}{dot}interpolation"] == "hold"
+            told += f", {motor}{dot}{what} {'holds from point to point' if held else 'is linear between points'}"
+    return told
 
 
 def _suspension(vehicle: Mapping[str, Any]) -> list[str]:

@@ -37,6 +37,7 @@ UNROLLED = re.compile(r"\[\s*\d{5,}\s*\]")  # arrays of a fixed size, for which 
 ZSTD = b"\x28\xb5\x2f\xfd"  # begins messages that are compressed one by one
 NS, TIME = 1e-9, slice(LOG_TIME, LOG_TIME + 8)
 _UNPACK = zstandard.ZstdDecompressor().decompress
+COMMANDS = re.compile("Twist$|TwistStamped$|Ackermann")  # types of messages whose numbers command a motion
 _IDL = re.compile(r"^=+\nIDL: .*\n", re.MULTILINE)
 
 
@@ -256,7 +257,9 @@ def read_bag(path: Path, choose: Choose, wanted: Collection[str]) -> Read:
         if not one.times:
             raise BadInput(f"{path} has no number '{one.name}': {one.topic} has {one.shown or 'no messages'}")
     samples = [one.samples() for one in columns]
-    chosen = choose([FileColumn(one.name, one.name, one.unit, timed=True) for one in columns])
+    kinds = {one.topic: bag.channels[one.topic].kind.rpartition("/")[2] for one in columns}
+    commanding = {topic for topic, kind in kinds.items() if COMMANDS.match(kind)}
+    chosen = choose([FileColumn(one.name, one.name, one.unit, True, one.topic in commanding) for one in columns])
     for sentence in dict.fromkeys(samples[k][1] for k in chosen):
         notice(f"{path}: {sentence}")
     return {k: samples[k][0] for k in chosen}

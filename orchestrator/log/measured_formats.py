@@ -60,6 +60,7 @@ class FileColumn(NamedTuple):
     name: str
     unit: str  # "" without one
     timed: bool = False  # it has times of its own
+    commands: bool = False  # of messages that command a motion
 
 
 class Samples(NamedTuple):

@@ -29,7 +29,27 @@ UNITS = {  # of both columns of the keys that may name a file, where its head gi
 }
 OF_DRIVER = UNITS | {"speed_points": ("s", "m/s")}
 TABLES = ("drive", "idler_drive", "driver", "hitch")
+OVER_TIME = ("speed_points", "torque_points", "brake_points")
 NUMBER = r"\d+\.?\d*(?:[eE][-+]?\d+)?"
+
+
+class Commands(list[list[float]]):
+    """Points that are recorded commands: each holds until the next one, unless the scene says otherwise."""
+
+
+def set_interpolation(table: Tables, where: str) -> None:
+    """Say how the points over time of a raw scene go on where it does not, sides before what they share.
+
+    Raises BadInput, with a message that begins with ``where``, for commands beside other points.
+    """
+    shared = {name: drive for name, drive in _drives(table)}
+    for name, drive in reversed(shared.items()):
+        kinds = {isinstance(drive[key], Commands) for key in OVER_TIME if drive.get(key)}
+        above = shared.get(name.rpartition(".")[0], {}) if name.endswith(("left", "right")) else {}
+        if kinds and "interpolation" not in {*drive, *above}:
+            if len(kinds) > 1:
+                raise BadInput(f"{where}: {name} has commands beside other points: interpolation = says how they go on")
+            drive["interpolation"] = "hold" if True in kinds else "linear"
 
 
 def read_files(table: Tables, folder: Path, where: str) -> None:
@@ -65,9 +85,10 @@ def _named(folder: Path, text: str) -> tuple[Path, str]:
 def _of_bag(text: str, path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
     """Pairs from "COLUMN[:UNIT][*FACTOR][@START]" of a bag; those before START s are left out but for the last one."""
     name, factor, start = re.findall(rf"(?s)^(.+?)(?:\*(-?{NUMBER}))?(?:@({NUMBER}))?$", text)[0]
-    pairs = np.array(_of_columns(path, key, units, name)) - [float(start or 0.0), 0.0]
+    read = _of_columns(path, key, units, name)
+    pairs = np.array(read) - [float(start or 0.0), 0.0]
     pairs = pairs[max(np.count_nonzero(pairs[:, 0] <= 0.0) - 1, 0) :] * [1.0, float(factor or 1.0)]
-    return np.asarray(np.maximum(pairs, [0.0, -np.inf])).tolist()
+    return type(read)(np.maximum(pairs, [0.0, -np.inf]).tolist())
 
 
 def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
@@ -121,7 +142,8 @@ def _of_columns(path: Path, key: str, units: tuple[str, str], column: str = "") 
     pairs = np.stack(columns, axis=1)
     for row, place in np.argwhere(no_data(pairs))[:1]:
         raise BadInput(f"{key}, row {row + 1}: {pairs[row, place]:.7g} is a mark of no data: leave the row out")
-    return (pairs * [*_sizes(key, [f"{one.name} [{one.unit}]" for one in found], units)]).tolist()
+    pairs = pairs * [*_sizes(key, [f"{one.name} [{one.unit}]" for one in found], units)]
+    return (Commands if found[-1].commands else list)(pairs.tolist())
 
 
 def _sizes(key: str, row: list[str], units: tuple[str, str]) -> Iterator[float]:

@@ -9,14 +9,16 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from fmus.interface.ports import TORQUE_LIMIT
-from fmus.vehicles.tables import GIVEN, Angle, Distance, Force, In, Place, When, ratio, to_si
+from fmus.vehicles.tables import GIVEN, Angle, Distance, Force, In, Place, When, WhenAny, ratio, to_si
 from orchestrator.scene.values import OR_FALSE, SIDES, Duration, Parameters, ParameterTable, Sets, Side, Time
 
 MOTOR, FOLLOWED = ("torque", "controller"), ("speed", "controller")  # modes with a motor's torque, and with a profile
 PROFILE = When(mode=FOLLOWED, demand=(False,), speed_points=(None,))
 WITH_MOTOR = When(mode=MOTOR)
 RAMP_START = Sets("ramp.start")
+HELD = When(interpolation=("hold",))
 Mode = Annotated[Literal["speed", "torque", "controller"], Sets()]
+Interpolation = Annotated[Literal["hold", "linear"], Sets()]
 
 
 def _rise(values: Iterable[float]) -> bool:
@@ -57,7 +59,7 @@ class DriveTable(ParameterTable):
         When(mode=FOLLOWED, demand=(False,)),
         Sets("speed.points"),
     ] = None
-    """[time, speed] or a file of them, instead of ramp and stop: linear between points, constant outside"""
+    """[time, speed] or a file of them, instead of ramp and stop"""
     torque_points: Annotated[
         tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None,
         When(mode=("torque",), demand=(False,)),
@@ -68,6 +70,11 @@ class DriveTable(ParameterTable):
         tuple[tuple[Time, Annotated[float, In("N m", ge=0)]], ...] | None, WITH_MOTOR, Sets("brake.points")
     ] = None
     """[time, torque] of the brake or a file of them, instead of brake"""
+    interpolation: Annotated[
+        Interpolation, WhenAny(*(When(**{f"{what}_points": GIVEN}) for what in ("speed", "torque", "brake")))
+    ] = "linear"
+    """linear between points over time and constant outside, or each holds until the next one, after 0 before the first,
+    and is followed with demand_lag; for columns of Twist, TwistStamped and Ackermann messages hold is the default"""
     engine_points: Annotated[
         tuple[tuple[Annotated[float, In("rad/s", ge=0)], Annotated[float, In("N m", ge=0)]], ...] | None,
         WITH_MOTOR,
@@ -78,8 +85,10 @@ class DriveTable(ParameterTable):
     """engine speed over sprocket speed"""
     demand: bool = False
     """its inputs speed.demand and torque.demand say how it turns, which `connections` bring; mode: which one counts"""
-    demand_lag: Annotated[Annotated[float, In("s", gt=0)] | None, When(demand=(True,)), Sets("demand.lag")] = None
-    """time constant with which speed or torque follow their demand"""
+    demand_lag: Annotated[
+        Annotated[float, In("s", gt=0)] | None, WhenAny(When(demand=(True,)), HELD), Sets("demand.lag")
+    ] = None
+    """time constant with which speed or torque follow their demand, or held points are followed"""
 
     @model_validator(mode="after")
     def _check_points(self) -> DriveTable:
@@ -94,6 +103,11 @@ class DriveTable(ParameterTable):
                 f"stop = {self.stop:g} s must not be before the ramp ends, {self.ramp_start + self.ramp_time:g} s"
             )
         return self
+
+    @property
+    def follows(self) -> bool:
+        """Whether it follows demands or commands with a lag."""
+        return self.demand or self.interpolation == "hold"
 
     @property
     def top_speed(self) -> float | None:
@@ -164,6 +178,8 @@ class VehicleDriveTable(DriveTable):
         sides = {} if left == right else {"left": left, "right": right}
         if sides and self.steering is not None:
             raise ValueError("left and right exclude steering: a differential turns both, by their mean and difference")
+        if (steering := self.steering) and len({one.demand_lag for one in (left, steering) if one.follows}) > 1:
+            raise ValueError("demand_lag and steering.demand_lag must be equal: a differential follows with one lag")
         return self.model_construct(None, **left.model_dump(), **sides, steering=self.steering)
 
     @model_serializer(mode="wrap")
@@ -225,6 +241,8 @@ class DriverTable(ParameterTable):
         None
     )
     """[time, speed] or a file of them, instead of the ramp"""
+    interpolation: Annotated[Interpolation, When(speed_points=GIVEN)] = "linear"
+    """as of [drive]; the demand jumps, and the drives follow it"""
     deceleration: Annotated[Annotated[float, In("m/s^2", gt=0)] | None, Sets()] = None
     """deceleration before curves and the end of the path"""
     lateral_acceleration: Annotated[Annotated[float, In("m/s^2", gt=0)] | None, Sets("acceleration.lateral")] = None

@@ -311,7 +311,8 @@ def _differential_part(
     config = {"vehicle": vehicle.model_dump(), "drive": differential}
     parameters: Parameters = {}
     for shaft, drive in shafts.items():
-        parameters |= {f"{shaft}.{name}": value for name, value in drive.parameters().items()}
+        for name, value in drive.parameters().items():
+            parameters[name if name == "demand.lag" else f"{shaft}.{name}"] = value
     return Part(DIFFERENTIAL, "SteeringDifferential", config, parameters, DRIVE)
 
 

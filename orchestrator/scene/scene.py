@@ -72,6 +72,7 @@ def read_with_files(scene: str) -> tuple[str, dict[str, Any]]:
     """
     name, table = _read_located(scene)
     read_heights(table, Path(), f"{name}.toml")
+    data_files.set_interpolation(table, f"{name}.toml")
     return name, table
 
 
@@ -151,6 +152,7 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
     vehicle_file = _complete_table(table, f"{name}.toml", track, changes) if issubclass(kind, Scene) else ""
     _change(kind, table, changes)
     data_files.read_files(table, Path(), f"{name}.toml")
+    data_files.set_interpolation(table, f"{name}.toml")
     read_heights(table, Path(), f"{name}.toml")  # settings may place the map
     loaded = _new_scene({"name": name, **table}, f"{name}.toml", vehicle_file)
     return _with_suitable_step(loaded.read_from("", dict(pairs(settings))))

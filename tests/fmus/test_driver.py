@@ -5,6 +5,7 @@ import pytest
 
 from fmus.driver import path
 from fmus.driver.model import Model
+from fmus.interface.course import evaluate
 from fmus.sprocket_drive.model import Model as SprocketDrive
 from fmus.steering_differential.model import Model as SteeringDifferential
 from orchestrator.scene.scene import load
@@ -162,6 +163,16 @@ def test_a_turn_on_the_spot_keeps_both_tracks_to_the_speed(angle):
     run = Unicycle(**{**PLAIN, "path.arcs": f"0 {angle}", "speed.start": 0.2, "speed.end": 0.2}).run(4.0)
     most = abs(run["yaw_rate.demand"]).max()
     assert most == pytest.approx(2.0 * 0.2 / run.width, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("way", "speeds"), [("hold", (0.0, 0.0, 3.0, 3.0, 1.0)), ("linear", (3.0, 3.0, 3.0, 2.0, 1.0))]
+)
+def test_speeds_that_are_commands_jump(way, speeds):
+    """Of the time of a command its speed counts already, and the one before just before it."""
+    run = Unicycle(**{**PLAIN, "speed.points": "0.5 3; 1.5 1", "interpolation": way})
+    law = run.model.parts.law.speeds
+    assert [evaluate(law, t)[0] for t in (0.0, 0.5 - 1e-9, 0.5, 1.0, 1.5)] == pytest.approx(speeds, abs=1e-6)
 
 
 def demanded(mode="speed", inputs=True, **parameters):

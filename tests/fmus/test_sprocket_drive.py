@@ -26,8 +26,10 @@ MODES = {
 class Probe(named_ports.Probe):
     """A drive; its mount is unconnected until ``mount`` is set."""
 
-    def __init__(self, inertia=J, **parameters):
-        super().__init__(Model({"drive": {"inertia": inertia, "mount": list(PLACE)}}), **parameters)
+    def __init__(self, inertia=J, demanded=False, **parameters):
+        self.demand = [0.0] * demanded
+        drive = {"inertia": inertia, "mount": list(PLACE), "demanded": demanded}
+        super().__init__(Model({"drive": drive}), **parameters)
 
     @property
     def axis(self):
@@ -39,7 +41,7 @@ class Probe(named_ports.Probe):
         if mount is not None:
             position, rotation, velocity, omega = mount(self.t)
             self.u[:13] = *position, *rotation.as_quat(scalar_first=True), *velocity, *omega
-        self.u[13:] = *force, *chain
+        self.u[13:] = *force, *chain, *self.demand
         return super().step(h)
 
 
@@ -111,6 +113,57 @@ def test_speed_and_angle_of_points_are_exact_at_any_step():
             assert probe["angle"] == pytest.approx(area, abs=1e-11)
     twin = Probe(**{"speed.points": POINTS.replace("1.5", "1.51")}).run(2.0)
     assert abs(twin["angle"] - areas[2.0]) > 1e-2
+
+
+COMMANDS = (0.125, 5.0), (0.5, 0.0), (0.75, -3.0)
+HELD = {"speed.points": "; ".join(f"{t} {v}" for t, v in COMMANDS), "interpolation": "hold"}
+
+
+def followed(t, lag):
+    """Speed that follows COMMANDS, and its integral: the sum of the answers to steps (Duhamel)."""
+    found = np.zeros(2)
+    for (at, command), (_, before) in zip(COMMANDS, ((0.0, 0.0), *COMMANDS), strict=False):
+        past = max(t - at, 0.0)
+        rest = 1.0 - np.exp(-past / lag)
+        found += (command - before) * np.array([rest, past - lag * rest])
+    return found
+
+
+def test_commands_hold_and_are_followed_exactly_at_any_step():
+    """A first-order lag fed with steps; nothing before the first; a time constant 3 % longer shows."""
+    for h in (1e-3, 0.05, 0.25):
+        for time in (0.1, 0.4, 0.5, 0.65, 1.5):
+            probe = Probe(**HELD, **{"demand.lag": 0.2}).run(time, h)
+            speed, angle = followed(probe.t, 0.2)
+            assert (probe["speed"], probe["angle"]) == pytest.approx((speed, angle), abs=1e-12)
+    assert (probe["speed"], probe["angle"]) != pytest.approx(tuple(followed(probe.t, 0.206)), abs=1e-3)
+    early = Probe(**HELD).run(0.12)
+    assert (early["speed"], early["angle"], early["torque"]) == (0.0, 0.0, 0.0)
+    p, d = probe.model.drive, 1e-6
+    for t in (0.3, 0.6, 1.0):
+        (before, _), (after, _) = speed_profile(p, t - d), speed_profile(p, t + d)
+        assert speed_profile_slope(p, t) == pytest.approx((after - before) / (2.0 * d), rel=1e-6)
+
+
+def test_held_points_turn_a_drive_as_the_same_demands_do():
+    """Commands at the ends of steps, as points and through the input: the same speeds, by default with 0.1 s."""
+    held, demanded = Probe(**HELD), Probe(demanded=True)
+    for k in range(200):
+        demanded.demand = [0.0, *(v for t, v in COMMANDS if t <= k * 5e-3 + 1e-9)][-1:]
+        assert held.step(5e-3)["speed"] == pytest.approx(demanded.step(5e-3)["speed"], abs=1e-12)
+    assert abs(held["speed"]) > 2.0
+
+
+def test_torques_and_brakes_hold():
+    """A torque from 0.5 s on: momentum is its integral; a brake that rises so stops the sprocket."""
+    probe = Probe(mode="torque", **{"torque.points": "0.5 300", "interpolation": "hold"})
+    probe.run(2.0)
+    impulse = 300.0 * (1.5 - 0.1 * (1.0 - np.exp(-15.0)))
+    assert probe["speed"] == pytest.approx(impulse / J, rel=1e-9)
+    assert probe["speed"] != pytest.approx(300.0 * 1.5 / J, rel=0.05)
+    braked = Probe(mode="torque", **{"speed.start": 4.0, "brake.points": "1 500", "interpolation": "hold"}).run(1.0)
+    assert braked["speed"] == pytest.approx(4.0, abs=1e-12)
+    assert abs(braked.run(1.0)["speed"]) < 1e-3
 
 
 def test_torque_and_brake_of_points():

@@ -5,10 +5,12 @@ import shutil
 import sqlite3
 import struct
 from math import cos, radians, sin, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.writer import Writer
+from test_keys import toml_lines
 from test_measured import SPEED, UNITS, T, measured_run
 
 from fmus.vehicles.tables import BadInput
@@ -16,7 +18,9 @@ from orchestrator.log.bags import contents
 from orchestrator.log.container import LogUnreadable
 from orchestrator.log.notices import LogNotice
 from orchestrator.results.measured_record import read
+from orchestrator.scene.commented_file import scene_text
 from orchestrator.scene.data_files import read_files
+from orchestrator.scene.scene import load, read_scene
 
 run = pytest.fixture(scope="module")(measured_run)
 START = 1_764_400_000_000_000_000  # ns
@@ -284,6 +288,39 @@ def test_a_drive_takes_a_column(kinds, tmp_path):
     ):
         with pytest.raises(BadInput, match=rf"mine.toml: drive.speed_points = '\S+': \S+ ?{told}|{told}"):
             read_files({"drive": {"speed_points": text}}, tmp_path, "mine.toml")
+
+
+@pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
+def test_commands_hold_and_measured_speeds_are_linear(kinds, tmp_path, monkeypatch):
+    """By the type of their messages, where the scene does not say; points of a setting are no commands."""
+    twist = kinds.kind["Twist"](kinds.vector(0.3), kinds.vector())
+    stamped = kinds.kind["TwistStamped"](kinds.header(0.5), twist)
+    measured = kinds.kind["TwistWithCovarianceStamped"](
+        kinds.header(0.5), kinds.kind["TwistWithCovariance"](twist, np.zeros(36))
+    )
+    joints = kinds.joints(0.5, ["l"], [3.0])
+    write(tmp_path / "a", kinds, {"/c": [(0.5, twist)], "/s": [(0.5, stamped)], "/m": [(0.5, measured)],
+                                  "/j": [(0.5, joints)]})  # fmt: skip
+    columns = {"/c.linear.x": "hold", "/s.twist.linear.x*2@0.1": "hold", "/m.twist.twist.linear.x": "linear",
+               "/j.velocity[l]": "linear"}  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    for column, way in columns.items():
+        asked = [f"drive.speed_points='a:{column}'"]
+        assert load("straight", "rigid", asked).drive.interpolation == way
+        assert load("straight", "rigid", [*asked, "drive.interpolation='linear'"]).drive.interpolation == "linear"
+    drive = {"mode": "speed", "speed_points": "a:/c.linear.x"}
+    Path("of_bag.toml").write_text(toml_lines({**read_scene("straight")[1], "drive": drive}))
+    scene = load("of_bag.toml")
+    assert scene.resolved()["drive"]["interpolation"] == "hold"
+    assert load("of_bag.toml", None, ["drive.speed_points=[[0, 1]]"]).drive.interpolation == "linear"
+    one_side = load("of_bag.toml", None, ["drive.left.speed_points=[[0, 1]]"]).drive
+    assert (one_side.left.interpolation, one_side.right.interpolation) == ("linear", "hold")
+    Path("again.toml").write_text(scene_text("of_bag.toml"))
+    assert {**load("again.toml").resolved(), "name": "of_bag"} == scene.resolved()
+    with pytest.raises(BadInput, match="drive has commands beside other points: interpolation = says how they go on"):
+        load("of_bag.toml", None, ["drive.mode='controller'", "drive.brake_points=[[0, 1]]"])
+    with pytest.raises(BadInput, match="interpolation = 'hold' needs speed_points or needs torque_points or needs"):
+        load("straight", None, ["drive.interpolation='hold'"])
 
 
 @pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")

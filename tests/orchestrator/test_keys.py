@@ -247,7 +247,7 @@ def test_defaults_in_comments_are_those_of_the_scene(tmp_path, monkeypatch):
             resolved[table] = {name: resolved[table][name] for name in source[table]}
         assert {**resolved, "name": "own"} == source, line
         same += 1
-    assert same == 23
+    assert same == 24
     of_track = ["formulation", "closure_stiffness", "closure_damping", "rtol", "atol"]
     assert refused == [*of_track, "torque_limit", "gear_ratio", "demand_lag"]
 
