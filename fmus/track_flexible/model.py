@@ -25,7 +25,7 @@ from fmus.physics.chain.flexible.initial_state import (
 )
 from fmus.physics.chain.flexible.link_layout import coordinate_indices, straight
 from fmus.physics.chain.flexible.state import Motion, State, Work, shapes, work
-from fmus.physics.chain.implicit import ImplicitMethod
+from fmus.physics.chain.implicit import CHORD, ImplicitMethod
 from fmus.physics.chain.integration import DONE, PINNED, SINGULAR, STALLED, IntegrationOutcome
 from fmus.physics.elementary import atan2
 from fmus.physics.integrate.generalized_alpha import Slopes
@@ -49,6 +49,7 @@ REST_ACCELERATION = 1e-4  # that residual over the mass of a link, m/s2
 LAST_PSEUDO_STEP = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
 TILTS = 2  # corrections of the roll of free axes at rest
 SOLID_PART = 0.1  # part of the tolerance that holds for beams, whose sections strain by more than their pins move
+PIN_ERROR = 0.02  # of the weight of the chain: error of a pin's force at which the tolerance of stiff links ends
 TOLERANCE_RANGE = Range(POSITIVE.least, 1e-5, "greater than 0 and 1e-05 at most")
 
 
@@ -79,7 +80,7 @@ class Model(TrackModel):
                 "tolerance",
                 "parameter",
                 "m",
-                "largest Newton correction of a converged step; of beams a tenth of it",
+                "largest Newton correction of a converged step; of beams a tenth of it, of very stiff links less",
                 1e-7,
                 allowed=TOLERANCE_RANGE,
             ),
@@ -126,11 +127,11 @@ class Model(TrackModel):
         self.material = Material(p["material.youngs_modulus"], p["material.relaxation_time"])
         bent = self.pitch / (self.material.young * self.vehicle["section"]["bending"])
         self.bushing = bushing(self.vehicle["track"], bent)
-        tolerance = p["tolerance"] * (SOLID_PART if ELEMENTS[kind.element].solid else 1.0)
-        self.method = ImplicitMethod(integrator_coefficients(p), tolerance, True)
-        self._build(kind.at_start())
         axial = self.material.young * self.vehicle["section"]["area"]
         self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # axial, N
+        tolerance = min(p["tolerance"] * (SOLID_PART if ELEMENTS[kind.element].solid else 1.0), self._stiff_tolerance())
+        self.method = ImplicitMethod(integrator_coefficients(p), tolerance, True)
+        self._build(kind.at_start())
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
         self.work = self._work()
         self.plane = int(not links_turn(p))
@@ -198,9 +199,11 @@ class Model(TrackModel):
         free = super().free_parameters(p)
         if p["integrator"] in EXPLICITLY:
             return free
-        tau, numbers = "{material.relaxation_time}", {"scheme.tolerance": "{tolerance}"}
-        if ELEMENTS[p["element"]].solid:
-            numbers |= {"link.element.tau": tau, "scheme.tolerance": f"{{tolerance}} * {SOLID_PART!r}"}
+        part = f" * {SOLID_PART!r}" if ELEMENTS[p["element"]].solid else ""
+        numbers = {"scheme.tolerance": f"min({{tolerance}}{part}, <{self._stiff_tolerance()!r}>)"}
+        tau = "{material.relaxation_time}"
+        if part:
+            numbers["link.element.tau"] = tau
         else:
             young, s = p["material.youngs_modulus"], self.vehicle["section"]
             numbers["link.element.nuA"] = f"{tau} * <{young * s['area']!r}>"
@@ -285,6 +288,15 @@ class Model(TrackModel):
         """Residuals of the links (links, rows, axes), N, at rest with the accelerations (nodes, width)."""
         self.evaluate(Motion(self.s.q, self.work.still, accelerations, self.s.axes))
         return self.work.residual
+
+    def _stiff_tolerance(self) -> float:
+        """Largest tolerance of Newton's iteration, m, at which the forces of pins are known to ``PIN_ERROR``.
+
+        The last correction dx is not in the force that all pins share (``pins.py``): that is off by about its axial
+        part, dx times the turn of a link since the matrix was new, at most CHORD over its length, times the stiffness.
+        """
+        weight = self.links_count * float(self.vehicle["track"]["mass"]) * 9.81
+        return PIN_ERROR * weight * self.pitch**2 / (CHORD * self.stiffness)
 
     def _rounding(self) -> float:
         """Axial force, N, from rounding of the pins' positions: no residual is reliably smaller."""
