@@ -248,7 +248,8 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
             return ComponentEnded(f"{self.name} has ended the run at t = {time:.6g} s{f': {said}' if said else ''}")
         sentence = said or status_text(function, DISCARD)
         if time_known:
-            sentence += f"; the step from t = {start:.6g} s ended at t = {reached.value:.6g} s: a shorter one may help"
+            sentence += f"; the step from t = {start:.6g} s ended at t = {reached.value:.6g} s:"
+            sentence += f" a step of {reached.value - start:.3g} s or less may help"
         return ComponentFailed(f"{self.name}: {sentence}")
 
     # -------------------------------------------------------------- initialisation and steps

@@ -72,7 +72,7 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
         run, closing = RunData(log), log.closing or {"status": "failed", "message": log.cut_off, "warnings": []}
         judged, simulated = _judge(run), run.span[1]
         balance = summary.balance(run)
-        sentences = closing["message"] or judged.note, summary.energy_warning(balance["energy"])
+        sentences = closing["message"] or judged.note, summary.energy_warning(balance["energy"], run)
         return (
             summary.empty(run.scene.get("name", log.path.stem), run.scene.get("track", {}).get("model"))
             | balance

@@ -232,7 +232,7 @@ def _evaluate_log(
             run_events = [*events.of(run, teeth=True, open_warnings=warnings).events]
     except LogUnreadable as error:  # another process has changed the file
         return {"status": "failed", "message": str(error)}, []
-    return entries | summary.judgement(outcome.message, entries), run_events
+    return entries | summary.judgement(outcome.message, entries, run), run_events
 
 
 def record_companion(interrupt: Interrupt, scene: Scene, path: Path, native: bool = False) -> dict[str, Any]:
@@ -258,5 +258,6 @@ def _recorded(run: PreparedRun, path: Path, interrupt: Interrupt) -> dict[str, A
         recorder.close(outcome.status, outcome.message, outcome.steps)
     interrupt.deferring = False
     with Log(path, kept=BESIDE_A_RUN) as log:
-        result |= summary.balance(RunData(log))
-    return result | summary.judgement(outcome.message, result)
+        data = RunData(log)
+        result |= summary.balance(data)
+    return result | summary.judgement(outcome.message, result, data)

@@ -16,6 +16,7 @@ from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.energy import ledger
 from orchestrator.results.measures import FIGURES, OBSERVABLES, reduce
 from orchestrator.results.run_data import RunData, Unrecorded, Window, given_parts
+from orchestrator.results.validity.chain_checks import half_steps
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.kinds import ChainScene, VehicleScene
 from orchestrator.scene.placing import track_tension
@@ -106,9 +107,9 @@ def fmu_entries(run: RunData) -> dict[str, dict[str, str]]:
     return {name: {"file": part.file, "sha256": part.sha256} for name, part in given_parts(run).items()}
 
 
-def judgement(message: str, entries: Mapping[str, Any]) -> dict[str, str]:
+def judgement(message: str, entries: Mapping[str, Any], run: RunData) -> dict[str, str]:
     """Message of a run with the sentences on its energy and validity; an invalid run also has the status "failed"."""
-    sentences = message, energy_warning(entries["energy"]), invalidity(entries["validity"])
+    sentences = message, energy_warning(entries["energy"], run), invalidity(entries["validity"])
     return {"message": "; ".join(filter(None, sentences))} | ({"status": "failed"} if sentences[2] else {})
 
 
@@ -146,8 +147,11 @@ def places(found: Mapping[str, float], run: RunData) -> dict[str, str]:
     return words
 
 
-def energy_warning(energy: dict[str, Any] | None) -> str:
-    """Return a sentence if the energy balance is open by more than OPEN, else an empty text."""
+def energy_warning(energy: dict[str, Any] | None, run: RunData | None = None) -> str:
+    """Return a sentence if the energy balance is open by more than LARGEST_RESIDUAL, else an empty text.
+
+    With its run it says which steps to take.
+    """
     if energy is None:
         return ""
     parts = {"the energy ledger": energy["residual_relative"]}
@@ -157,7 +161,7 @@ def energy_warning(energy: dict[str, Any] | None) -> str:
         return ""
     return (
         f"{worst} leaves {abs(parts[worst]):.0%} open: the internal or the communication step is too long for what this"
-        " run does"
+        f" run does{half_steps(run) if run else ''}"
     )
 
 

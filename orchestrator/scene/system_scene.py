@@ -17,6 +17,7 @@ from orchestrator.scene.fmu_table import FmuTable, pair_of, require_free_inputs,
 from orchestrator.scene.settings import file_part
 from orchestrator.scene.tables import Check, RunTable
 from orchestrator.scene.values import SCENE_RANGES
+from orchestrator.vocabulary.limits import shorter_step
 
 SAMPLES = 10  # records while one tooth passes
 NYQUIST = 2  # below, the frequency of the teeth is aliased
@@ -40,7 +41,9 @@ def aliasing_warning(every: int, step: float, teeth: float) -> str:
         return ""
     alias = abs(teeth - round(teeth * interval) / interval)
     enough = links_every(step, teeth)
-    finer = f"run.links = {enough}" if NYQUIST * teeth * enough * step <= 1.0 else "a shorter run.step"
+    finer, longest = f"run.links = {enough}", 1.0 / (NYQUIST * teeth)
+    if enough * step > longest:
+        finer = f"--step {shorter_step(step, longest)}{' with run.links = 1' if every > 1 else ''}"
     return (
         f"links are recorded every {1e3 * interval:.4g} ms, but up to {teeth:.4g} teeth pass a second: what they do to "
         f"links shows at {alias:.4g} Hz; {finer} resolves it"

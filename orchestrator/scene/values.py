@@ -18,6 +18,7 @@ from fmus.vehicles.ranges import VEHICLE, PlausibleRange, impossible_sections, r
 from fmus.vehicles.sides import of_side, smooth_wheels
 from fmus.vehicles.tables import FrozenTable, In
 from orchestrator.log.message_records import MOST_STEPS
+from orchestrator.vocabulary.limits import shorter_step
 
 Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]
@@ -181,8 +182,8 @@ def _light_spins(vehicle: Mapping[str, Any], step: float) -> Iterator[str]:
             yield (
                 f"vehicle.{name}.radius = {radius:g} m with spin_inertia = {spin:g} kg m^2: friction turns the wheel's"
                 f" spin round within run.step = {1e3 * step:g} ms, so tension and energy may be wrong; plausible"
-                f" is at least {needed:.3g} kg m^2, or a shorter step. A full disc of this mass and radius has"
-                f" {0.5 * lightest['mass'] * radius**2:.3g} kg m^2"
+                f" is at least {needed:.3g} kg m^2, or --step {shorter_step(step, step * spin / needed)}. A full disc"
+                f" of this mass and radius has {0.5 * lightest['mass'] * radius**2:.3g} kg m^2"
             )
 
 

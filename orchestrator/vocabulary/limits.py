@@ -7,6 +7,7 @@ the thickness of a link), radius of a pin, travel of the tensioner.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 
@@ -16,6 +17,7 @@ class LimitKind(NamedTuple):
     text: str  # begins the sentence of an exceedance
     unit: str  # display unit of value and limit
     fails: bool = False  # failures of this kind exist, which a scene may allow
+    advice: str = ""  # ends the sentence, with the limit over the value
 
 
 KINDS = {
@@ -33,7 +35,11 @@ KINDS = {
     "crossed_rut": LimitKind("the track is in the rut of the other one, which counts as untouched", "mm"),
     "lanes": LimitKind("a track leaves the lane along x that is its own", "mm"),
     "askew": LimitKind("the vehicle is askew to roughness along x, whose density along its way is less", "%"),
-    "contact_step": LimitKind("the step is long for the contacts: frequency times step", "rad"),
+    "contact_step": LimitKind(
+        "the step is long for the contacts: frequency times step",
+        "rad",
+        advice="; {:.3g} times run.step, or track.step where links are meant, is short enough",
+    ),
 }
 ALLOWED = tuple(name for name, kind in KINDS.items() if kind.fails)
 
@@ -83,3 +89,8 @@ LANE, ASKEW = 0.0, 0.1
 # 1 the contact's period has 6 steps and is off by a tenth ((w h)^2 / 12 and numerical damping). For the communication
 # step, an explicit exchange is stable up to 2.
 STEP = 1.0
+
+
+def shorter_step(step: float, longest: float) -> str:
+    """A step, s, halved until it is at most ``longest``, s: the end of a run stays a multiple of it."""
+    return f"{1e3 * step * 0.5 ** math.ceil(math.log2(step / longest)):.12g}ms"

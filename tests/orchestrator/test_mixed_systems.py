@@ -369,7 +369,7 @@ def test_an_inverse_display_factor_is_a_warning(files, tmp_path):
     ("parameters", "run", "status", "message", "reached"),
     [
         ({"end": 0.205}, {}, 0, "a has ended the run at t = 0.205 s", 0.2),
-        ({"longest": 0.004}, {}, 1, "ended at t = 0.004 s: a shorter one may help", 0.0),
+        ({"longest": 0.004}, {}, 1, "ended at t = 0.004 s: a step of 0.004 s or less may help", 0.0),
         ({"longest": 0.004}, {"variable": {"tolerance": 0.5, "shortest": 1e-3}}, 0, "", STEPS * H),
         ({"end": 0.205}, {"variable": {"tolerance": 0.5, "shortest": 1e-3}}, 0, "a has ended the run at", 0.204),
     ],

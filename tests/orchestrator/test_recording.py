@@ -39,11 +39,14 @@ def test_ten_samples_a_tooth_or_every_step(step, teeth):
 def test_the_frequency_that_shows_is_that_of_the_samples(step, teeth, every):
     sentence = aliasing_warning(every, step, teeth)
     assert bool(sentence) == (NYQUIST * teeth * every * step > 1.0)
-    if sentence and (advice := re.search(r"run\.links = (\d+) resolves it", sentence)):
+    if sentence and (advice := re.search(r"; run\.links = (\d+) resolves it", sentence)):
         assert int(advice[1]) < every, "advised where it is set"
         assert not aliasing_warning(int(advice[1]), step, teeth), "it does not resolve it"
     elif sentence:
-        assert sentence.endswith("; a shorter run.step resolves it")
+        advice = re.search(r"; --step (\S+)ms( with run\.links = 1)? resolves it$", sentence)
+        assert bool(advice[2]) == (every > 1)
+        assert not aliasing_warning(1, (1.0 - 1e-9) * 1e-3 * float(advice[1]), teeth)
+        assert aliasing_warning(1, 2.0 * 1e-3 * float(advice[1]), teeth), "it is shorter than needed"
         assert aliasing_warning(1, step, teeth), "the twin: records of every step resolve it"
     if sentence and teeth * every * step < 1e3:
         shown = float(sentence.partition("shows at ")[2].split()[0])

@@ -1,5 +1,7 @@
 """Validity of chains on their wheels: tooth jumps, penetration, travel of the idler, steps that are too long."""
 
+import re
+
 import numpy as np
 import pytest
 from ledger_logs import EVERY, LINKS, SPROCKET, TEETH, entries_of, running, vehicle
@@ -206,6 +208,25 @@ def test_a_step_that_is_long_for_the_lightest_wheel_that_slides(share, slides, p
     wrapped = 0.5 * TEETH * table["contact"]["wheel"]["stiffness"]
     lightest = idler * (share if place == "rear" else 1.0)
     assert (found.place, found.value) == (place, pytest.approx(np.sqrt(wrapped / lightest) * 8e-3))
+    advised = float(re.search(r"; (\S+) times run.step", found.sentence)[1])
+    for factor, fits in ((1.0, True), (1.03, False)):
+        shorter = {"run": {"step": factor * advised * 8e-3}, "vehicle": {**table, "wheel": {"rear": rear}}}
+        assert ([*chain_checks.contact_steps_of_scene({**scene, **shorter})] == []) == fits
+
+
+@pytest.mark.parametrize(("scene", "options"), [
+    ({"run": {"step": 1e-3}, "track": {"integrator": None}}, "; half of them: --step 0.5ms"),
+    ({"run": {"step": 2e-3}, "track": {"integrator": None}}, "; half of them: --step 1ms --set track.step=0.5ms"),
+    ({"run": {"step": 1e-3}, "track": {"step": 0.25e-3, "integrator": "hht"}},
+     "; half of them: --step 0.5ms --set track.step=0.125ms"),
+    ({"run": {"step": 1e-3}, "track": {"step": 2e-6, "integrator": "runge_kutta"}}, "; half of them: --step 0.5ms"),
+    ({"run": {"step": 1e-3, "variable": {"tolerance": 0.5}}}, ""),
+    ({"run": "straight"}, ""),
+])  # fmt: skip
+def test_an_open_balance_asks_for_half_of_the_steps(scene, options):
+    run = RunData.__new__(RunData)
+    run.scene = scene
+    assert chain_checks.half_steps(run) == options
 
 
 @pytest.mark.parametrize("name", scene_names())

@@ -130,6 +130,18 @@ IMPLICIT = (None, "generalized_alpha", "hht")  # explicit integrators limit thei
 INTERNAL = 1e-3  # s, default of a track
 
 
+def half_steps(run: RunData) -> str:
+    """Options for half of the steps of a run; empty if they follow an error estimate, or are not known."""
+    step = run.entry("run", "step")
+    internal = run.entry("track", "step") or INTERNAL
+    if not (isinstance(step, float) and isinstance(internal, float)) or run.entry("run", "variable"):
+        return ""
+    options = f"; half of them: --step {limits.shorter_step(step, 0.5 * step)}"
+    if internal < step and run.entry("track", "integrator") in IMPLICIT:
+        options += f" --set track.step={limits.shorter_step(internal, 0.5 * internal)}"
+    return options
+
+
 def contact_step(piece: Piece) -> Iterator[Exceedance]:
     """Entries for the scene of the run."""
     yield from contact_steps_of_scene(piece.run.scene)

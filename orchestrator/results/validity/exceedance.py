@@ -32,7 +32,8 @@ class Exceedance(NamedTuple):
         kind = KINDS[self.what]
         value, limit = (figure(number / size(kind.unit), 3) for number in (self.value, self.limit))
         where = f" at {self.place}" if self.place else ""
-        return f"{kind.text}{where}: {value} {kind.unit}, limit {limit} {kind.unit}"
+        advice = kind.advice.format(0.99 * self.limit / (self.value or 1.0))  # rounding does not lengthen it
+        return f"{kind.text}{where}: {value} {kind.unit}, limit {limit} {kind.unit}{advice}"
 
 
 def alike_as_one(entries: Iterable[Exceedance]) -> list[Exceedance]:
