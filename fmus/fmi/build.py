@@ -43,6 +43,7 @@ from fmus.cache.sources import ROOT, reachable, search_path, source_hash, source
 from fmus.components import KINDS, model_of
 from fmus.fmi.description import experiment_attributes
 from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
+from fmus.fmi.terminals import terminal_files
 from fmus.ground.tables import number_meanings
 from fmus.interface import numbers
 from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment
@@ -326,7 +327,7 @@ def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Ite
         if kernels := pack.part(reachable(shell.script.stem, shell.script)):
             files[f"resources/{ROOT.name}/{pack.NAME}"] = kernels
         files |= documentation(files[DESCRIPTION], readme_beside(shell.script), INCLUDED)
-        yield archive(files | icon_files(shell.script, 2))
+        yield archive(files | icon_files(shell.script, 2) | terminal_files(files[DESCRIPTION]))
 
 
 def archive(files: Mapping[str, bytes], comment: bytes = bytes(CHECKSUM)) -> bytes:

@@ -1,8 +1,4 @@
-"""Descriptions of an FMI 3.0 co-simulation FMU: modelDescription.xml, with arrays, and terminalsAndIcons.xml.
-
-The first is a sibling of ``fmus.fmi.description``. The second has a terminal for each port of motion, with the wrench
-about it where there is one. Terminals of one kind match by the names of their members ("plug"): what one shows, the
-other takes.
+"""modelDescription.xml of an FMI 3.0 co-simulation FMU, a sibling of ``fmus.fmi.description``.
 
 Real variables are arrays there: positions, forces and the like, and the outputs of all links.
 
@@ -23,18 +19,13 @@ import re
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
-from xml.etree.ElementTree import Element, SubElement, tostring
+from xml.etree.ElementTree import Element, SubElement
 
 from fmus.fmi.description import add_definitions, enumeration_type, initial, origin, quantity, variability_of
 from fmus.interface.ports import Port, enumeration_value
 from fmus.track.link_outputs import GROUPS
 
 TIME = Port("time", "independent", "s", "time of the instance")
-MOTION = "position", "orientation", "velocity", "angular_velocity"
-TERMINALS = {  # kinds, largest first
-    "cotrack.motion_and_wrench": (*MOTION, "force", "torque"),
-    "cotrack.motion": MOTION,
-}
 AXES = ("x", "y", "z"), ("w", "x", "y", "z")
 OF_LINKS = {f"{group.owner}.{group.signal}" for group in GROUPS.values()}
 
@@ -189,36 +180,3 @@ def _structure(structure: Element, ports: Sequence[Port]) -> None:
     for tag, dependencies in (("Output", ""), ("InitialUnknown", " ".join(known))):
         for reference in outputs:
             SubElement(structure, tag, valueReference=reference, dependencies=dependencies)
-
-
-def terminals(arrays: Sequence[ArrayVariable]) -> dict[str, tuple[str, ...]]:
-    """Members of the terminals, a value of ``TERMINALS`` each, by the terminal's name."""
-    members: dict[str, set[str]] = {}
-    for array in arrays:
-        port, _, member = array.name.rpartition(".")
-        if array.shape:
-            members.setdefault(port, set()).add(member)
-    return {
-        port: next(wanted for wanted in TERMINALS.values() if present >= {*wanted})
-        for port, present in members.items()
-        if present >= {*MOTION}
-    }
-
-
-def terminal_files(arrays: Sequence[ArrayVariable]) -> dict[str, bytes]:
-    """File terminalsAndIcons.xml by its name; none without terminals, which the schema does not allow."""
-    root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
-    parent = SubElement(root, "Terminals")
-    kinds = {members: kind for kind, members in TERMINALS.items()}
-    for port, members in terminals(arrays).items():
-        terminal = SubElement(parent, "Terminal", name=port, matchingRule="plug", terminalKind=kinds[members])
-        for member in members:
-            SubElement(
-                terminal,
-                "TerminalMemberVariable",
-                variableName=f"{port}.{member}",
-                memberName=member,
-                variableKind="signal",
-            )
-    text = bytes(tostring(root, encoding="utf-8", xml_declaration=True))
-    return {"terminalsAndIcons/terminalsAndIcons.xml": text} if len(parent) else {}

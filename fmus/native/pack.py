@@ -19,6 +19,7 @@ from fmus.components import KINDS, model_of
 from fmus.fmi.build import DESCRIPTION, DIGITS, SHAPE, BuildFailed, archive, build_once, json_text, packed_config
 from fmus.fmi.description import document
 from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
+from fmus.fmi.terminals import terminal_files
 from fmus.ground.tables import number_meanings
 from fmus.interface import numbers
 from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment, parameter_values
@@ -220,7 +221,7 @@ class _Component:
         script = ROOT / KINDS[self.kind]
         files |= documentation(description, readme_beside(script), INCLUDED) | icon_files(script, self.fmi)
         files |= {f"resources/{numbers_file.FILE}": self.numbers(), f"resources/{SHAPE}": self.shape.encode()}
-        return archive(files | (fmi3_description.terminal_files(self.arrays) if self.arrays is not None else {}))
+        return archive(files | terminal_files(description))
 
     def _library(self, platform: Platform) -> bytes:
         with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:

@@ -14,7 +14,7 @@ from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.fmu_table import Pair, joined, pair_of, require_free_inputs
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import DRIVE, Assembly, Part, own_parts
-from orchestrator.scene.replacement import DEMANDS, conversions, ends_of, replacements, typed, user_instance
+from orchestrator.scene.replacement import DEMANDS, conversions, ends_of, replacements, staged, typed, user_instance
 from orchestrator.scene.settings import hint
 from orchestrator.scene.system_scene import FreeScene, SystemScene
 from orchestrator.scene.values import Parameters
@@ -30,8 +30,9 @@ def assemble(scene: SystemScene) -> Assembly:
     assert isinstance(scene, Scene | FreeScene)
     pairs = [pair_of(text) for text in scene.connections or ()]
     if isinstance(scene, FreeScene):
-        given = tuple(Part(name, "", {}, {}, table.stage, table) for name, table in scene.fmu.items())
-        return Assembly(given, (), joined(pairs))
+        free, added = [Part(name, "", {}, {}, 0, table) for name, table in scene.fmu.items()], joined(pairs)
+        stages = {name: table.stage for name, table in scene.fmu.items()}
+        return Assembly(staged(scene.where, free, added, stages), (), added)
     assembly, fmus = own_parts(scene), scene.fmu or {}
     names = [part.name for part in assembly.parts]
     connected = {name for pair in pairs for name in (pair.source, pair.target)}

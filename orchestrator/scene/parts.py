@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
 from typing import Any, NamedTuple
 
+from fmus.fmi.terminals import CARRIES
 from fmus.ground.refinement import LEVEL, refinement
 from fmus.ground.tables import is_plane, is_terrain
-from fmus.interface.ports import motion_ports, wrench_ports
+from fmus.interface.ports import Port, motion_ports, wrench_ports
 from fmus.rest.equilibrium import stances
 from fmus.start import Stance, ground_level
 from fmus.track.choices import HHT, TRACKS
@@ -25,7 +27,6 @@ AXLE: Sequence[float] = (0.0, 0.0, 0.0)  # position of the sprocket in the vehic
 DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages in stepping order: driver, then force sides before motion sides
 DIFFERENTIAL = "differential"
 HHT_RADIUS = 0.5  # default spectral radius of hht, its strongest damping
-POSE = 7  # position and orientation are the first 7 of a wheel's 13 variables; rates follow
 
 
 class Part(NamedTuple):
@@ -188,10 +189,8 @@ def _drive_of_side(side: Side, joined: bool) -> tuple[str, str]:
 
 def _driven_connections(joined: bool) -> tuple[Connection, ...]:
     """Connections from chassis to driver and from driver to drives."""
-    motion_outputs, motion_inputs = _names(motion_ports("chassis", "output")), _names(motion_ports("chassis", "input"))
     return (
-        Connection("chassis", motion_outputs[:POSE], "driver", motion_inputs[:POSE], "state"),
-        Connection("chassis", motion_outputs[POSE:], "driver", motion_inputs[POSE:], "rate"),
+        *_connector("chassis", motion_ports("chassis", "output"), "driver", motion_ports("chassis", "input")),
         *(
             Connection("driver", (f"{side}.speed",), drive, (f"{connector}speed.demand",), "mean")
             for side in SIGN_OF_Y
@@ -327,17 +326,18 @@ def _sprocket(vehicle: VehicleTable) -> dict[str, Any]:
 
 def _wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:
     """Power bond of a wheel: pose and rates from taker to giver, mean wrench from giver to taker."""
-    motion_outputs = _names(motion_ports(taker_connector, "output"))
-    motion_inputs = _names(motion_ports(connector, "input"))
-    wrench_outputs = _names(wrench_ports(connector, "output"))
-    wrench_inputs = _names(wrench_ports(taker_connector, "input"))
     bond = f"{giver}.{connector}"
     return (
-        Connection(taker, motion_outputs[:POSE], giver, motion_inputs[:POSE], "state"),
-        Connection(taker, motion_outputs[POSE:], giver, motion_inputs[POSE:], "rate", bond=bond),
-        Connection(giver, wrench_outputs, taker, wrench_inputs, "mean", bond=bond),
+        *_connector(taker, motion_ports(taker_connector, "output"), giver, motion_ports(connector, "input"), bond),
+        *_connector(giver, wrench_ports(connector, "output"), taker, wrench_ports(taker_connector, "input"), bond),
     )
 
 
-def _names(ports: Sequence[Any]) -> tuple[str, ...]:
-    return tuple(port.name for port in ports)
+def _connector(
+    source: str, outputs: Sequence[Port], target: str, inputs: Sequence[Port], bond: str = ""
+) -> Iterator[Connection]:
+    """Connections of a motion or a wrench, one for what its members carry; a state has no power and no ``bond``."""
+    pairs = [(output.name, into.name) for output, into in zip(outputs, inputs, strict=True)]
+    for carries, group in groupby(pairs, lambda pair: CARRIES[pair[0].split(".")[-2]]):
+        given, taken = zip(*group, strict=True)
+        yield Connection(source, given, target, taken, carries, bond="" if carries == "state" else bond)

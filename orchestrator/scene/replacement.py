@@ -14,13 +14,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from textwrap import shorten
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 from fmus.ahead import component_ports
 from fmus.fmi.build import built_here
+from fmus.fmi.terminals import Carried, carried, read_terminals, terminals
 from fmus.interface.ports import UNITS
 from fmus.vehicles.tables import BadInput, path_text
 from orchestrator.cosim.base_units import (
@@ -34,8 +37,8 @@ from orchestrator.cosim.base_units import (
     unit_of,
 )
 from orchestrator.cosim.component import description_of
-from orchestrator.cosim.graph import ComponentFailed, Connection, GuestTerms, Instance
-from orchestrator.cosim.model_description import ALLOWED
+from orchestrator.cosim.graph import ComponentFailed, Connection, GuestTerms, Instance, Quantity
+from orchestrator.cosim.model_description import ALLOWED, loadable
 from orchestrator.cosim.variable_arrays import LINK_FAMILIES
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.parts import Assembly, Part
@@ -44,6 +47,10 @@ from orchestrator.scene.values import SIDES, Parameters
 
 DEMANDS = "speed.demand", "torque.demand"  # ends of names: inputs of drives, which have them as their table says
 NAMED = 150  # characters of a list of variables
+UNMARKED = (  # warning about outputs
+    "it feeds connectors of cotrack, and no terminal marks its outputs {}: motions are held, wrenches are those of both"
+    " ends of a step, averaged, as in a sequential exchange: of first order if they are means over the step"
+)
 TYPES = {float: "Real", int: "Integer", str: "String"}  # by the start value of a port
 
 
@@ -56,6 +63,9 @@ class End(NamedTuple):
     base: BaseUnit | None  # None: unknown
     items: Mapping[int, str] = {}  # of an Enumeration: names by values
     settable: bool = False  # a parameter, or a constant of a native FMU
+    carries: Carried | Literal[""] = (
+        ""  # over a step, as the terminals of its FMU mark it (``fmus.fmi.terminals``); empty: not marked
+    )
 
 
 Ends = Mapping[str, Mapping[str, End]]  # by component and variable
@@ -109,28 +119,35 @@ def _unmet_demands(assembly: Assembly) -> Iterator[tuple[str, str]]:
 def _replacement(where: str, part: Part, table: FmuTable) -> Replacement:
     key = f"{where}: fmu.{part.name}.file"
     try:
-        description = description_of(Path(table.file))
+        description, found = description_of(Path(table.file)), read_terminals(loadable(Path(table.file)).folder)
     except ComponentFailed as failure:
         raise BadInput(f"{key}: {failure}") from None
-    variables = {variable.name: _own_end(description, variable) for variable in description.modelVariables}
+    carries = carried(found)
+    variables = {variable.name: _own_end(description, variable, carries) for variable in description.modelVariables}
     equal_steps = not description.coSimulation.canHandleVariableCommunicationStepSize
     return Replacement(part, f"{key} = {path_text(table.file)}", variables, _ports(part), equal_steps)
 
 
-def _own_end(description: Any, variable: Any) -> End:
-    """Variable of an FMU, as fmpy describes it, in its own unit."""
+def _own_end(description: Any, variable: Any, marked: Mapping[str, Carried]) -> End:
+    """Variable of an FMU, as fmpy describes it, in its own unit; elements of an array as the array."""
     declared = variable.declaredType.items if variable.type == "Enumeration" and variable.declaredType else ()
     items = {int(item.value): item.name for item in declared}
     settable = variable.causality == "parameter" or variable.variability == "constant"
     unit, base = unit_of(variable), base_unit(description, variable)
-    return End(variable.type, variable.causality, unit, base, items, settable)
+    carries = marked.get(variable.name) or marked.get(variable.name.rpartition("[")[0]) or ""
+    return End(variable.type, variable.causality, unit, base, items, settable, carries)
 
 
 def _ports(part: Part) -> dict[str, End]:
     """Ports of a part by their names; none of an FMU of a free system."""
+    ports = component_ports(part.kind, part.config) if part.kind else ()
+    inputs, outputs = ([port.name for port in ports if port.causality == way] for way in ("input", "output"))
+    marked = carried(terminals(part.kind, inputs, outputs).values())
     return {
-        port.name: End(TYPES[type(port.start)], port.causality, port.unit, _base_of(port.unit))
-        for port in (component_ports(part.kind, part.config) if part.kind else ())
+        port.name: End(
+            TYPES[type(port.start)], port.causality, port.unit, _base_of(port.unit), carries=marked.get(port.name) or ""
+        )
+        for port in ports
     }
 
 
@@ -261,7 +278,7 @@ def _require_pairs(
     """Warnings about connections of the user, as part and sentence; raises BadInput if the ends do not fit."""
     if not connections:
         return
-    ends = ends_of(parts, fmus)
+    ends, unmarked = ends_of(parts, fmus), dict[str, list[str]]()
     places = {part.name: f"{where}: {part.name}" for part in parts} | {name: fmu.where for name, fmu in fmus.items()}
     for connection in connections:
         source, target = connection.source, connection.target
@@ -271,11 +288,15 @@ def _require_pairs(
             given = connected_variable(places[source], ends[source], output, "output", peers[1])
             connected_variable(places[target], ends[target], into, "input", peers[0])
             own = fmus[target].variables[into] if target in fmus else ends[target][into]
+            if own.carries and not given.carries and not into.endswith(DEMANDS):
+                unmarked.setdefault(source, []).append(output)
             if sentence := _misfit(own, given, into in transformed, into, peers[0]):
                 raise BadInput(f"{places[target]}: {sentence}")
             units = [end.unit.replace("1", "") if end.unit == "1" else end.unit for end in (own, given)]
             if any(units) and not all(units):
                 yield target, f"'{into}' has the unit {units[0] or 'none'}, and {peers[0]} {units[1] or 'none'}"
+    for source, names in unmarked.items():
+        yield source, UNMARKED.format(_listed(names))
 
 
 def _misfit(own: End, given: End, transformed: bool, name: str, peer: str) -> str:
@@ -300,22 +321,52 @@ def _difference(one: End, other: End) -> str:
     return difference(one.unit, one.base, other.unit, other.base)
 
 
+def quantity(given: End, taken: End, into: str) -> Quantity:
+    """What a connection of the user carries: who gives knows that it is a mean, who takes that it extrapolates.
+
+    A demand of a drive that is no mean is held.
+    """
+    if given.type != "Real" or (into.endswith(DEMANDS) and given.carries != "mean"):
+        return "discrete"
+    if given.carries == "mean":
+        return "mean"
+    return taken.carries if taken.carries == "state" or taken.carries == "rate" else "value"
+
+
 def typed(connections: Sequence[Connection], ends: Ends) -> tuple[Connection, ...]:
-    """Connections of Reals apart from those of other types and of demands of drives, which are held."""
-    return tuple(part for connection in connections for part in _by_type(connection, ends[connection.source]))
+    """Connections of the user, one for each pair of components and what is carried."""
+    return tuple(part for each in connections for part in _by_quantity(each, ends[each.source], ends[each.target]))
 
 
-def _by_type(connection: Connection, ends: Mapping[str, End]) -> Iterator[Connection]:
-    for is_real in (True, False):
-        pairs = [
-            pair
-            for pair in zip(connection.outputs, connection.inputs, strict=True)
-            if (ends[pair[0]].type == "Real" and not pair[1].endswith(DEMANDS)) == is_real
-        ]
-        if pairs:
-            outputs, inputs = zip(*pairs, strict=True)
-            carries = connection.carries if is_real else "discrete"
+def _by_quantity(connection: Connection, given: Mapping[str, End], taken: Mapping[str, End]) -> Iterator[Connection]:
+    pairs = [*zip(connection.outputs, connection.inputs, strict=True)]
+    for carries in get_args(Quantity):
+        if group := [pair for pair in pairs if quantity(given[pair[0]], taken[pair[1]], pair[1]) == carries]:
+            outputs, inputs = zip(*group, strict=True)
             yield connection._replace(outputs=outputs, inputs=inputs, carries=carries)
+
+
+def staged(
+    where: str, parts: Sequence[Part], connections: Sequence[Connection], given: Mapping[str, int | None]
+) -> tuple[Part, ...]:
+    """Parts of a free system in their stages, the ``given`` ones or else: who gives a mean steps before who takes it.
+
+    FMUs that give each other means step at once. Raises BadInput, beginning with ``where``, for a bad FMU.
+    """
+    ends = ends_of(parts, {each.part.name: each for each in replacements(where, parts)})
+    after: dict[str, set[str]] = {part.name: set() for part in parts}
+    for source, outputs, target, inputs, *_ in connections:
+        known = (
+            (ends[source].get(output), ends[target].get(into)) for output, into in zip(outputs, inputs, strict=True)
+        )
+        if any(one and other and "mean" in (one.carries, other.carries) for one, other in known):
+            after[target].add(source)
+    stages: dict[str, int] = {}
+    with suppress(CycleError):
+        for name in TopologicalSorter(after).static_order():
+            earliest = max((stages[source] + 1 for source in after[name]), default=0)
+            stages[name] = earliest if (stage := given[name]) is None else stage
+    return tuple(part._replace(stage=stages.get(part.name, given[part.name] or 0)) for part in parts)
 
 
 def user_instance(each: Replacement, ends: Ends, connections: Sequence[Connection]) -> Instance:

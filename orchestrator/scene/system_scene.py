@@ -156,8 +156,8 @@ class SystemScene(FrozenTable):
 class FreeFmuTable(FmuTable):
     """FMU of the system."""
 
-    stage: Annotated[int, Field(ge=0, le=1000)] = 0
-    """lower stages step first; FMUs of one stage step at once, with inputs that are extrapolated"""
+    stage: Annotated[int, Field(ge=0, le=1000)] | None = None
+    """lower stages step first, those of one stage at once; without it 0, or after the FMUs whose means it takes"""
 
 
 class FreeScene(SystemScene):
