@@ -48,7 +48,7 @@ GENERIC = [
 ]
 DOORS = {
     "fmus.ahead", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.cache.pack", "fmus.fmi.build",
-    "fmus.fmi.saved", "fmus.ground.refinement", "fmus.ground.soils", "fmus.ground.tables",
+    "fmus.fmi.saved", "fmus.fmi.terminals", "fmus.ground.refinement", "fmus.ground.soils", "fmus.ground.tables",
     "fmus.ground.terrain", "fmus.interface.defaults",
     "fmus.interface.ports", "fmus.interface.units", "fmus.monolith.model", "fmus.native.pack",
     "fmus.rest.equilibrium", "fmus.rest.standing", "fmus.rest.tensioning",

@@ -94,7 +94,7 @@ def read_terminals(folder: Path) -> list[Terminal]:
 
 
 def carried(found: Iterable[Terminal]) -> dict[str, Carried]:
-    """What variables carry over a step, by name, as terminals of our kinds say it."""
+    """Return what variables carry over a step, by name, as terminals of our kinds say it."""
     members = [(kind, name.partition(".")[0], variable) for kind, each in found for name, variable in each.items()]
     return {
         variable: CARRIES.get(group, "mean")

@@ -242,14 +242,17 @@ class Component(VariableArrays, AbstractContextManager["Component"]):
         self._library.fmi2GetBooleanStatus(self._handle, _TERMINATED, byref(ended))
         self._library.fmi2GetRealStatus(self._handle, _LAST_SUCCESSFUL_TIME, byref(reached))
         start, said = float(self._clock[0]), self._messages.first_error()
-        time_known = start < reached.value < math.inf
+        last = reached.value - self.start_time  # s from the start of the run, as all times of messages
+        time_known = start < last < math.inf
         if ended.value:
-            time = reached.value if time_known else start
+            time = last if time_known else start
             return ComponentEnded(f"{self.name} has ended the run at t = {time:.6g} s{f': {said}' if said else ''}")
         sentence = said or status_text(function, DISCARD)
         if time_known:
-            sentence += f"; the step from t = {start:.6g} s ended at t = {reached.value:.6g} s:"
-            sentence += f" a step of {reached.value - start:.3g} s or less may help"
+            sentence += f"; the step from t = {start:.6g} s ended at t = {last:.6g} s:"
+            sentence += f" a step of {last - start:.3g} s or less may help"
+        elif "t = " not in sentence:
+            sentence += f"; the step from t = {start:.6g} s is discarded, and no time is said that it reached"
         return ComponentFailed(f"{self.name}: {sentence}")
 
     # -------------------------------------------------------------- initialisation and steps

@@ -12,8 +12,10 @@
 from __future__ import annotations
 
 import copy
+import io
 import math
 import re
+from collections import ChainMap
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from ctypes import c_int, c_int64
@@ -21,10 +23,12 @@ from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
+from zipfile import ZipFile
 
 import numpy as np
 from fmpy import read_model_description
 from fmpy.model_description import ModelVariable
+from lxml import etree
 
 from orchestrator.cosim import fmi2_library, fmi3_library
 from orchestrator.cosim.fmu_files import DESCRIPTION, unpack
@@ -161,8 +165,23 @@ def _content(folder: Path) -> bytes:
 
 @lru_cache(maxsize=16)
 def _parsed(folder: Path, content: bytes) -> Any:
-    """Description in the ``folder`` of an FMU, once for all its instances; ``content``: its bytes, the cache's key."""
-    return read_model_description(str(folder), validate=False)
+    """Description in the ``folder`` of an FMU, once for all its instances; ``content``: its bytes, the cache's key.
+
+    FMPy 0.3.32 takes a comment for the type in a SimpleType, and reads neither relativeQuantity of variables nor the
+    bounds of unsigned ones (``findings/fmpy_relative_quantity.sh``, ``fmpy_unsigned_bounds.sh``).
+    """
+    root = etree.fromstring(content, etree.XMLParser(remove_comments=True, remove_pis=True))
+    packed = io.BytesIO()
+    with ZipFile(packed, "w") as archive:
+        archive.writestr(DESCRIPTION, etree.tostring(root))
+    description = read_model_description(packed, validate=False)
+    nodes = [*root.find("ModelVariables")]
+    said = {node.get("name"): ChainMap(*(one.attrib for one in node.iter())) for node in nodes}  # its own or its type's
+    for variable in description.modelVariables:
+        own = said[(variable.alias or variable).name]
+        variable.min, variable.max, relative = (own.get(name) for name in ("min", "max", "relativeQuantity"))
+        variable.relativeQuantity = None if relative is None else relative.strip() in ("true", "1")
+    return description
 
 
 @lru_cache(maxsize=16)

@@ -31,8 +31,9 @@ def assemble(scene: SystemScene) -> Assembly:
     pairs = [pair_of(text) for text in scene.connections or ()]
     if isinstance(scene, FreeScene):
         free, added = [Part(name, "", {}, {}, 0, table) for name, table in scene.fmu.items()], joined(pairs)
+        ends = ends_of(free, {each.part.name: each for each in replacements(scene.where, free)})
         stages = {name: table.stage for name, table in scene.fmu.items()}
-        return Assembly(staged(scene.where, free, added, stages), (), added)
+        return Assembly(staged(free, added, ends, stages), (), added)
     assembly, fmus = own_parts(scene), scene.fmu or {}
     names = [part.name for part in assembly.parts]
     connected = {name for pair in pairs for name in (pair.source, pair.target)}

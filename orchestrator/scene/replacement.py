@@ -23,7 +23,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from fmus.ahead import component_ports
 from fmus.fmi.build import built_here
-from fmus.fmi.terminals import Carried, carried, read_terminals, terminals
+from fmus.fmi.terminals import MEMBER, Carried, carried, read_terminals, terminals
 from fmus.interface.ports import UNITS
 from fmus.vehicles.tables import BadInput, path_text
 from orchestrator.cosim.base_units import (
@@ -47,9 +47,9 @@ from orchestrator.scene.values import SIDES, Parameters
 
 DEMANDS = "speed.demand", "torque.demand"  # ends of names: inputs of drives, which have them as their table says
 NAMED = 150  # characters of a list of variables
-UNMARKED = (  # warning about outputs
-    "it feeds connectors of cotrack, and no terminal marks its outputs {}: motions are held, wrenches are those of both"
-    " ends of a step, averaged, as in a sequential exchange: of first order if they are means over the step"
+UNMARKED = (  # warning about connectors
+    "no terminal marks its outputs to {}: they are taken as values at communication points, motions held and wrenches"
+    " averaged over a step, as in a sequential exchange: of first order if these are means, as ours are"
 )
 TYPES = {float: "Real", int: "Integer", str: "String"}  # by the start value of a port
 
@@ -289,14 +289,15 @@ def _require_pairs(
             connected_variable(places[target], ends[target], into, "input", peers[0])
             own = fmus[target].variables[into] if target in fmus else ends[target][into]
             if own.carries and not given.carries and not into.endswith(DEMANDS):
-                unmarked.setdefault(source, []).append(output)
+                port = MEMBER.match(into)
+                unmarked.setdefault(source, []).append(f"{target}.{port[1] if port else into}")
             if sentence := _misfit(own, given, into in transformed, into, peers[0]):
                 raise BadInput(f"{places[target]}: {sentence}")
             units = [end.unit.replace("1", "") if end.unit == "1" else end.unit for end in (own, given)]
             if any(units) and not all(units):
                 yield target, f"'{into}' has the unit {units[0] or 'none'}, and {peers[0]} {units[1] or 'none'}"
     for source, names in unmarked.items():
-        yield source, UNMARKED.format(_listed(names))
+        yield source, UNMARKED.format(", ".join(dict.fromkeys(names)))
 
 
 def _misfit(own: End, given: End, transformed: bool, name: str, peer: str) -> str:
@@ -347,13 +348,12 @@ def _by_quantity(connection: Connection, given: Mapping[str, End], taken: Mappin
 
 
 def staged(
-    where: str, parts: Sequence[Part], connections: Sequence[Connection], given: Mapping[str, int | None]
+    parts: Sequence[Part], connections: Sequence[Connection], ends: Ends, given: Mapping[str, int | None]
 ) -> tuple[Part, ...]:
     """Parts of a free system in their stages, the ``given`` ones or else: who gives a mean steps before who takes it.
 
-    FMUs that give each other means step at once. Raises BadInput, beginning with ``where``, for a bad FMU.
+    FMUs that give each other means step at once.
     """
-    ends = ends_of(parts, {each.part.name: each for each in replacements(where, parts)})
     after: dict[str, set[str]] = {part.name: set() for part in parts}
     for source, outputs, target, inputs, *_ in connections:
         known = (

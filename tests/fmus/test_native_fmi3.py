@@ -14,12 +14,13 @@ from fmi3_instance import Three, begun3, native3, scalars
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 from lxml import etree
-from native_cases import CHAIN, CHASSIS, DRIVE, H, begun, follow, ran
+from native_cases import CHAIN, CHASSIS, DRIVE, H, begun, follow, native, ran
 from plugged import pairs_of_terminals, plugged_vehicle
 
 from fmus.components import model_of
+from fmus.fmi.terminals import KINDS, carried, read_terminals, terminals
 from fmus.interface.ports import NOT_NEGATIVE, Port, motion_ports, variables, wrench_ports
-from fmus.native.fmi3_description import TERMINALS, arrays, terminals
+from fmus.native.fmi3_description import arrays
 from fmus.native.header import header
 from fmus.native.machine_code import HERE, LINUX, WINDOWS, compiler, sources
 from fmus.track import link_outputs
@@ -134,8 +135,11 @@ def test_description_and_terminals_are_valid_and_agree(case):
     etree.XMLSchema(etree.parse(FMPY / "schema/fmi3/fmi3TerminalsAndIcons.xsd")).assertValid(root)
     for terminal in root.iter("Terminal"):
         members = {m.get("memberName"): described[m.get("variableName")] for m in terminal}
-        assert tuple(members) == TERMINALS[terminal.get("terminalKind")]
+        assert tuple(members) == KINDS[terminal.get("terminalKind")]
         assert [v.shape for v in members.values()] == [(4,) if m == "orientation" else (3,) for m in members]
+    elements = {f"{name}.{axis}": quantity for name, quantity in carried(read_terminals(folder)).items()
+                for axis in ("wxyz" if name.endswith("orientation") else "xyz")}  # fmt: skip
+    assert elements == carried(read_terminals(unpack(native(case)))), "of FMI 2.0"
     names = [terminal.get("name") for terminal in root.iter("Terminal")]
     assert len(names) == (2 if case == DRIVE else 15)  # of a chassis: 7 of each side, and its own motion
     if case == DRIVE:
@@ -210,8 +214,10 @@ def test_304_connections_of_a_vehicle_are_16_pairs_of_terminals():
     assembly = assemble(load("straight"))
     members = {}  # of the terminals of each part: their variables, and the terminal of each
     for part in assembly.parts:
-        found = terminals(arrays(variables(model_of(part.kind)(part.config).ports).reals))
-        members[part.name] = {f"{port}.{member}": port for port, own in found.items() for member in own}
+        found = arrays(variables(model_of(part.kind)(part.config).ports).reals)
+        ways = [[each.name for each in found if each.elements[0].causality == way] for way in ("input", "output")]
+        ports = terminals(part.kind, *ways)
+        members[part.name] = {f"{port}.{member}": port for port, own in ports.items() for member in own.members}
     scalar, array, pair = [], set(), set()
     for connection in assembly.connections:
         for output, input_ in zip(connection.outputs, connection.inputs, strict=True):

@@ -1,7 +1,6 @@
 """Connections of all FMI types and of different units between FMUs of the user, against a loop of fmpy alone."""
 
 import zipfile
-from types import SimpleNamespace
 
 import foreign_fmus
 import numpy as np
@@ -11,16 +10,18 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 from foreign_fmus import Variable, library_of
 from numpy.testing import assert_array_equal
-from ssd_texts import bound, component, connection, document, packed, system, values
+from ssd_texts import MILLIMETRES, bound, component, connection, document, packed, system, values
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.cosim.base_units import QUANTITIES, UNCHANGED, Conversion, base_unit, conversion, unit_of
+from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, base_unit, conversion, unit_of
 from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.cosim.model_description import describe
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import verify
 from orchestrator.scene.scene import any_from_table
+from orchestrator.scene.ssp_scene import load_ssp
 from orchestrator.scene.system_scene import FreeScene
 
 H, STEPS = 0.01, 60
@@ -322,31 +323,84 @@ def test_what_cannot_be_connected_is_refused(files, tmp_path):
     simulate(scene({"a": other["gears"], "b": files["b"]}, ["a.gear -> b.gear_in"]), tmp_path / "mixed.mcap")
 
 
-def described(unit, offset=0.0, factor=1.0, relative=None, declared=None):
-    """A description with one variable, as fmpy makes it."""
-    base = SimpleNamespace(**dict.fromkeys(QUANTITIES, 0), factor=factor, offset=offset)
-    base.K = 1
-    definition = SimpleNamespace(name=unit, baseUnit=base)
-    own = None if declared else unit
-    return SimpleNamespace(unitDefinitions=[definition]), SimpleNamespace(
-        unit=own, relativeQuantity=relative, declaredType=declared
+TYPES = {
+    "2.0": '<SimpleType name="T"><!-- of a difference --><Real unit="degC" {}/></SimpleType>',
+    "3.0": '<Float64Type name="T" unit="degC" {}/>',
+}
+VARIABLES = {
+    "2.0": '<ScalarVariable name="{}" valueReference="{}" causality="output"><!-- one --><Real {}/></ScalarVariable>',
+    "3.0": '<Float64 name="{}" valueReference="{}" causality="output" {}/>',
+}
+CELSIUS = '<Unit name="{}"><BaseUnit K="1" factor="{}" offset="{}"/></Unit>'
+
+
+def described(file, version, of_type="", more="", **attributes):
+    """Description of a file with variables of these attributes; ``of_type``: further ones of the type T, in degC."""
+    degrees = ("K", 1, 0), ("degC", 1, 273.15), ("degR", 5 / 9, 0)
+    variables = [VARIABLES[version].format(name, k, each) for k, (name, each) in enumerate(attributes.items())]
+    text = (
+        f'<fmiModelDescription fmiVersion="{version}" modelName="m" guid="g" instantiationToken="g"><CoSimulation '
+        f'modelIdentifier="m"/><UnitDefinitions>{"".join(CELSIUS.format(*each) for each in degrees)}</UnitDefinitions>'
+        f"<TypeDefinitions>{TYPES[version].format(of_type)}</TypeDefinitions>"
+        f"<ModelVariables>{''.join(variables)}{more}</ModelVariables><ModelStructure/></fmiModelDescription>"
     )
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("modelDescription.xml", text)
+    description = describe(file, ("2.0", "3.0"))[1]
+    return {v.name: v for v in description.modelVariables}, lambda v: base_unit(description, v)
 
 
-def test_units_of_declared_types_and_of_differences():
-    kelvin, celsius = base_unit(*described("K")), base_unit(*described("degC", 273.15))
-    assert conversion(celsius, kelvin) == Conversion(1.0, 273.15)
-    assert conversion(kelvin, celsius) == Conversion(1.0, -273.15)
-    rankine = base_unit(*described("degR", factor=5.0 / 9.0))
-    assert conversion(celsius, rankine) == (pytest.approx(1.8), pytest.approx(491.67))
-    assert conversion(celsius, kelvin).then(Conversion(2.0, 1.0)) == (2.0, 547.3)
-    declared = SimpleNamespace(unit="degC", relativeQuantity=True)
-    description, variable = described("degC", 273.15, declared=declared)
-    assert unit_of(variable) == "degC"
-    difference = base_unit(description, variable)
-    assert conversion(difference, kelvin) == UNCHANGED
-    assert conversion(base_unit(*described("degC", 273.15, relative=False, declared=declared)), kelvin) != UNCHANGED
-    assert conversion(None, kelvin) == conversion(kelvin, None) == UNCHANGED
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize("of_type", ['relativeQuantity="true"', 'relativeQuantity="false"', ""])
+def test_units_of_declared_types_and_of_differences(tmp_path, version, of_type):
+    """A temperature has an offset, a difference has none; what a variable says outweighs its declared type."""
+    temperature, difference = 'unit="degC" relativeQuantity="false"', 'unit="degC" relativeQuantity="{}"'
+    variables, base = described(
+        tmp_path / "m.fmu", version, of_type, K='unit="K"', degR='unit="degR"', plain='unit="degC"',
+        said=temperature, d=difference.format("true"), d1=difference.format("1"), typed='declaredType="T"',
+        over='declaredType="T" relativeQuantity="true"', under='declaredType="T" relativeQuantity="false"',
+    )  # fmt: skip
+    of = {name: base(variable) for name, variable in variables.items()}
+    assert {unit_of(variables[name]) for name in ("plain", "typed", "over", "under")} == {"degC"}
+    differs = {"d", "d1", "over"} | ({"typed"} if "true" in of_type else set())
+    for name in of.keys() - {"K", "degR"}:
+        assert conversion(of[name], of["K"]) == Conversion(1.0, 0.0 if name in differs else 273.15), name
+        assert conversion(of["K"], of[name]) == Conversion(1.0, 0.0 if name in differs else -273.15), name
+    assert conversion(of["plain"], of["degR"]) == (pytest.approx(1.8), pytest.approx(491.67))
+    assert conversion(of["d"], of["degR"]) == (pytest.approx(1.8), 0.0)
+    assert conversion(of["plain"], of["K"]).then(Conversion(2.0, 1.0)) == (2.0, 547.3)
+    assert conversion(None, of["K"]) == conversion(of["K"], None) == UNCHANGED
+
+
+def test_bounds_of_unsigned_variables_and_attributes_of_aliases(tmp_path):
+    more = '<UInt8 name="n" valueReference="7" causality="parameter" variability="fixed" start="1" min="1" max="9"/>'
+    difference = (
+        '<Float64 name="d" valueReference="8" causality="output" unit="degC" relativeQuantity="true">{}</Float64>'
+    )
+    more += difference.format('<Alias name="e"/>')
+    variables, base = described(tmp_path / "m.fmu", "3.0", more=more, x='unit="K" min="0"')
+    assert [(variables[name].min, variables[name].max) for name in "nx"] == [("1", "9"), ("0", None)]
+    assert base(variables["e"]) == base(variables["d"]) == BaseUnit((0, 0, 0, 0, 1, 0, 0), 1.0, 273.15, relative=True)
+
+
+def test_a_difference_of_temperature_reaches_an_fmu_without_the_offset(files, tmp_path, cotrack):
+    """The archive gives 10 K to a parameter that is a difference in degC, and 300 K come over a connection."""
+    cold = tmp_path / "difference.fmu"
+    with zipfile.ZipFile(files["b"]) as source, zipfile.ZipFile(cold, "w") as copy:
+        for name in source.namelist():
+            copy.writestr(name, source.read(name).replace(b'unit="degC"', b'unit="degC" relativeQuantity="true"'))
+    given = values(warmth_start=("Real", 10.0)).replace('value="10.0"', 'value="10.0" unit="K"')
+    elements = component("a", bound(values(warmth_start=("Real", 300.0))), "resources/a.fmu")
+    elements += component("b", bound(given), "resources/b.fmu")
+    ssd = document(
+        system(elements, connection("a.warmth", "b.warmth_in")),
+        MILLIMETRES.replace("mm", "K").replace('m="1" factor="0.001"', 'K="1"'),
+    )
+    file = packed(tmp_path / "t.ssp", ssd, **{"resources/a.fmu": files["a"], "resources/b.fmu": cold})
+    assert "  b.warmth_start = 10.0" in cotrack.done("show", file.name)
+    assert simulate(load_ssp(file, None, {}), tmp_path / "t.mcap")["status"] == "ok"
+    with Log(tmp_path / "t.mcap") as log:
+        assert (log.signal("b.warmth")[1][0], log.signal("b.warmth_in")[1][0]) == (10.0, 300.0)
 
 
 def test_an_inverse_display_factor_is_a_warning(files, tmp_path):
@@ -369,11 +423,20 @@ def test_an_inverse_display_factor_is_a_warning(files, tmp_path):
     ("parameters", "run", "status", "message", "reached"),
     [
         ({"end": 0.205}, {}, 0, "a has ended the run at t = 0.205 s", 0.2),
-        ({"longest": 0.004}, {}, 1, "ended at t = 0.004 s: a step of 0.004 s or less may help", 0.0),
+        ({"longest": 0.004}, {}, 1, "t = 0 s ended at t = 0.004 s: a step of 0.004 s or less may help", 0.0),
+        ({"longest": 0.004}, {"start": 5.0}, 1, "t = 0 s ended at t = 0.004 s: a step of 0.004 s or less", 0.0),
+        ({"longest": 0.0}, {}, 1, "with FMI status 2; the step from t = 0 s is discarded, and no", 0.0),
         ({"longest": 0.004}, {"variable": {"tolerance": 0.5, "shortest": 1e-3}}, 0, "", STEPS * H),
         ({"end": 0.205}, {"variable": {"tolerance": 0.5, "shortest": 1e-3}}, 0, "a has ended the run at", 0.204),
     ],
-    ids=["terminated", "discarded", "shortened", "shortened and terminated"],
+    ids=[
+        "terminated",
+        "discarded",
+        "discarded later",
+        "discarded without time",
+        "shortened",
+        "shortened and terminated",
+    ],
 )
 def test_steps_that_an_fmu_does_not_do(files, tmp_path, parameters, run, status, message, reached):
     """The run ends at the last complete step, or takes shorter steps, and its log is whole."""

@@ -19,6 +19,7 @@ from fmpy.ssp.ssd import read_ssd
 from lxml import etree
 from ssd_texts import LAG, START, T1, T2, packed_lags
 
+from fmus.fmi.terminals import FILE
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary import LARGEST_RESIDUAL, verdict
@@ -28,6 +29,7 @@ from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
 from orchestrator.scene.products import write_ssp
+from orchestrator.scene.replacement import ends_of, quantity, staged
 from orchestrator.scene.scene import load, load_any
 from orchestrator.scene.ssp_scene import load_ssp
 from orchestrator.scene.system_scene import FreeScene
@@ -430,12 +432,73 @@ def test_an_archive_of_ours_is_shown(chain, cotrack):
     assert "contact pairs" not in out, "what FMUs of the user evaluate is not known"
 
 
+# --- free systems of our own FMUs -------------------------------------------------------------------
+
+
+def unmarked(content):
+    """FMU of another tool without terminals."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as source, zipfile.ZipFile(made, "w") as copy:
+        for name in (name for name in source.namelist() if name != FILE):
+            copy.writestr(name, source.read(name).replace(b'generationTool="cotrack', b'generationTool="other'))
+    return made.getvalue()
+
+
+def turned(content):
+    """System structure with its components and connections in the opposite order."""
+    root = etree.fromstring(content)
+    for group in ("Elements", "Connections"):
+        (parent,) = root.findall(f".//ssd:{group}", NAMESPACES)
+        parent[:] = reversed(parent)
+    return etree.tostring(root)
+
+
+def steps_of(file, path):
+    """Recorded inputs and outputs by topic, and the summary."""
+    result = simulate(load_ssp(file, None, {"run.step": "4 ms", "run.stop": "0.1 s"}), path)
+    assert result["status"] == "ok"
+    with Log(path) as log:
+        return {topic: log.read(topic).values for topic in log.topics if topic.endswith(("/in", "/out"))}, result
+
+
+def test_a_free_system_has_the_bits_of_its_scene(rig, tmp_path):
+    """In any order, and with one FMU of others, which is told; without any mark it has not."""
+    own, _ = steps_of(rig, tmp_path / "own.mcap")
+    parts = [f"resources_{part}_fmu" for part in ("drive", "idler_drive", "track")]
+    ways = {"turned": {"SystemStructure_ssd": turned}, "partial": {parts[0]: unmarked}}
+    for name, changes in (ways | {"foreign": dict.fromkeys(parts, unmarked)}).items():
+        file = rewritten(rig, tmp_path / f"{name}.ssp", **NO_SCENE | changes)
+        found, result = steps_of(file, tmp_path / f"{name}.mcap")
+        assert all(np.array_equal(values, found[topic]) for topic, values in own.items()) == (name != "foreign"), name
+        said = [(warning["component"], warning["text"].partition(":")[0]) for warning in result["warnings"]]
+        assert said == [("drive", "no terminal marks its outputs to track.sprocket")] * (name == "partial")
+
+
+@pytest.mark.parametrize("scene", ["straight", "differential", "serpentine", "rig"])
+def test_terminals_tell_all_connections_and_the_order_of_a_scene(scene):
+    """What they carry, and who steps before whom; an instance and a drive of others keep what a user says."""
+    assembly = assemble(load(scene))
+    ends = ends_of(assembly.parts, {})
+    for one in assembly.connections:
+        for output, into in zip(one.outputs, one.inputs, strict=True):
+            assert quantity(ends[one.source][output], ends[one.target][into], into) == one.carries
+    parts = staged(assembly.parts, assembly.connections, ends, dict.fromkeys(ends))
+    order = {part.name: part.stage for part in parts}
+    for one in (one for one in assembly.connections if one.carries == "mean"):
+        assert order[one.source] < order[one.target]
+    assert {order[part.name] for part in assembly.parts if part.stage <= 0} == {0}
+    last = parts[-1].name
+    given = staged(assembly.parts, assembly.connections, ends, dict.fromkeys(ends) | {last: 7})
+    assert {part.name: part.stage for part in given}[last] == 7
+
+
 def test_a_vehicle_at_rest_is_in_balance_unless_its_exchange_swings(tmp_path):
-    """With values of the last step a standing m113 loses next to nothing; with much too long steps it swings."""
+    """With values of the last step a standing m113 loses next to nothing; extrapolated, with much too long steps, it swings."""
     write_ssp(load("straight", "rigid"), tmp_path / "own.ssp", native=False)
     rewritten(tmp_path / "own.ssp", tmp_path / "rest.ssp", **NO_SCENE)
-    for step, closed in (("1 ms", True), ("2 ms", True), ("10 ms", False)):
-        scene = load_ssp(tmp_path / "rest.ssp", None, {"run.stop": "0.1 s", "run.step": step})
+    for step, hold, closed in (("1 ms", "constant", True), ("2 ms", "constant", True), ("10 ms", "linear", False)):
+        run = {"run.stop": "0.1 s", "run.step": step, "run.coupling": {"scheme": "jacobi", "hold": hold}}
+        scene = load_ssp(tmp_path / "rest.ssp", None, run)
         result = simulate(scene, tmp_path / "rest.mcap")
         assert (abs(result["energy"]["residual_relative"]) < LARGEST_RESIDUAL) == closed
         assert (verdict(result) == "ok") == closed

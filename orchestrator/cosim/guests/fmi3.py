@@ -7,6 +7,7 @@ an element. Values are in buffers of bytes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from ctypes import byref, c_bool, c_char_p, c_double, c_int, c_int64, c_uint
 from pathlib import Path
@@ -96,8 +97,8 @@ class Fmi3:
         return self._call("EnterInitializationMode", *self._times)
 
     def fmi2DoStep(self, _: int, t: float, h: float, no_rollback: bool) -> int:
-        """Step; one that ends the run or returns early is discarded."""
-        event, early, self._ended, self._reached = c_bool(), c_bool(), c_bool(), c_double(t + h)
+        """Step; one that ends the run or returns early is discarded. A time that is not said stays NaN."""
+        event, early, self._ended, self._reached = c_bool(), c_bool(), c_bool(), c_double(math.nan)
         flags = (byref(each) for each in (event, self._ended, early, self._reached))
         status = self._call("DoStep", t, h, no_rollback, *flags)
         is_short = early.value or (self._ended.value and self._reached.value < t + h)
