@@ -323,7 +323,7 @@ def _difference(one: End, other: End) -> str:
 
 
 def quantity(given: End, taken: End, into: str) -> Quantity:
-    """What a connection of the user carries: who gives knows that it is a mean, who takes that it extrapolates.
+    """Quantity of a connection of the user: who gives knows that it is a mean, who takes that it extrapolates.
 
     A demand of a drive that is no mean is held.
     """

@@ -493,7 +493,7 @@ def test_terminals_tell_all_connections_and_the_order_of_a_scene(scene):
 
 
 def test_a_vehicle_at_rest_is_in_balance_unless_its_exchange_swings(tmp_path):
-    """With values of the last step a standing m113 loses next to nothing; extrapolated, with much too long steps, it swings."""
+    """With values of the last step a standing m113 loses next to nothing; extrapolated over long steps, it swings."""
     write_ssp(load("straight", "rigid"), tmp_path / "own.ssp", native=False)
     rewritten(tmp_path / "own.ssp", tmp_path / "rest.ssp", **NO_SCENE)
     for step, hold, closed in (("1 ms", "constant", True), ("2 ms", "constant", True), ("10 ms", "linear", False)):
