@@ -476,7 +476,7 @@ def test_a_free_system_has_the_bits_of_its_scene(rig, tmp_path):
 
 @pytest.mark.parametrize("scene", ["straight", "differential", "serpentine", "rig"])
 def test_terminals_tell_all_connections_and_the_order_of_a_scene(scene):
-    """What they carry, and who steps before whom; an instance and a drive of others keep what a user says."""
+    """They tell what is carried, and who steps before whom; a stage that a user gives stays."""
     assembly = assemble(load(scene))
     ends = ends_of(assembly.parts, {})
     for one in assembly.connections:
