@@ -46,7 +46,10 @@ def info(
 def _bag_lines(path: Path, topics: Mapping[str, Any], whole: bool) -> Iterator[str]:
     """Yield the lines about the topics of a bag, with every number of theirs or the first ones."""
     for topic, one in sorted(topics.items()):
-        times = "; {rate:.4g} Hz, {first:.6g} to {last:.6g} s".format(**one) if one["messages"] else ""
+        times = "; {rate:.4g} Hz, received {first:.6g} to {last:.6g} s".format(**one) if one["messages"] else ""
+        if stamps := one.get("stamps"):
+            first, last = ("not set" if each is None else f"{each:.12g}" for each in (stamps[0], stamps[-1]))
+            times += f", header.stamp {first} to {last} s" if any(stamps) else ", no header.stamp"
         yield f"{topic}: {one['type'] or 'no type'}, {one['encoding']}, {one['messages']} messages{times}"
         names = ", ".join(number.removeprefix(topic) for number in one["numbers"]) or "no numbers"
         yield f"  {one['fault'] or (names if whole else shorten(names, 300, placeholder=' ... (--signals: all)'))}"

@@ -6,7 +6,9 @@ DERIVED gives angles of quaternions and metres of latitude and longitude. Axes o
 z up; SI units) are those here, and so are the signs of its angles.
 
 Only topics that are asked for are decoded, by the definitions in the file (rosbags 0.11.9). Times are those of
-``header.stamp`` where messages have one, else of receipt, which is the order of a bag, from the first one on, sorted.
+``header.stamp`` where messages have one, else of receipt, sorted. 0 is the first receipt of the bag. Stamps of another
+clock, more than an hour from receipt, as of a simulation, have one zero for all topics: the first of them stands at its
+receipt.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import json
 import re
 from array import array
 from collections.abc import Callable, Collection, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,9 +27,10 @@ import zstandard
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import AT_ONCE, MEASURED_SAMPLES, OverBudget, open_file
+from orchestrator.log.angles import continuous
 from orchestrator.log.container import Container
 from orchestrator.log.extra import library
-from orchestrator.log.measured_formats import BAGS, EXTRA, Choose, FileColumn, Read, Samples
+from orchestrator.log.measured_formats import BAGS, EXTRA, SHOWN, Choose, FileColumn, Read, Samples
 from orchestrator.log.message_records import LOG_TIME, PREFIX
 from orchestrator.log.notices import notice
 from orchestrator.log.time_series import Floats
@@ -36,9 +39,31 @@ NAMES = ("name", "names", "joint_names")  # lists that name the elements of the 
 UNROLLED = re.compile(r"\[\s*\d{5,}\s*\]")  # arrays of a fixed size, for which rosbags may write a line each
 ZSTD = b"\x28\xb5\x2f\xfd"  # begins messages that are compressed one by one
 NS, TIME = 1e-9, slice(LOG_TIME, LOG_TIME + 8)
+HOUR, UNSET = 3_600_000_000_000, -(1 << 62)  # ns; in place of a stamp
+LOOKED_AT = 10  # messages of a topic that are decoded until one has a number
 _UNPACK = zstandard.ZstdDecompressor().decompress
 COMMANDS = re.compile("Twist$|TwistStamped$|Ackermann")  # types of messages whose numbers command a motion
 _IDL = re.compile(r"^=+\nIDL: .*\n", re.MULTILINE)
+
+
+def _listed(folder: Path) -> list[Path]:
+    """Files of a bag in a folder, those that its metadata.yaml lists where it is there; raises BadInput for none."""
+    files = sorted(one for one in folder.glob("*") if one.suffix in (".mcap", *BAGS))
+    if not files:
+        raise BadInput(f"{folder} holds no file of a bag, .mcap or {' or '.join(BAGS)}: unpack .zstd first")
+    if not (about := folder / "metadata.yaml").exists():
+        return files
+    try:
+        names = library("ruamel.yaml", EXTRA).YAML(typ="safe").load(about)["rosbag2_bagfile_information"]
+        listed = [Path(name.removesuffix(".zstd")).name for name in names["relative_file_paths"]]
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        raise BadInput(f"{about} lists no files of a bag: {' '.join(f'{error}'.split()):.{SHOWN}}") from None
+    if missing := sorted({*listed} - {one.name for one in files}):
+        notice(f"{folder}: metadata.yaml lists {', '.join(missing)[:SHOWN]}, which is not there")
+    wanted = [one for one in files if one.name in listed] or files
+    if others := [one.name for one in files if one not in wanted]:
+        notice(f"{folder}: not read is {', '.join(others)[:SHOWN]}, which metadata.yaml does not list")
+    return wanted
 
 
 class Channel(NamedTuple):
@@ -56,13 +81,12 @@ class Bag(ExitStack):
 
     def __init__(self, path: Path) -> None:
         super().__init__()
-        files = sorted(one for one in path.glob("*") if one.suffix in (".mcap", *BAGS)) if path.is_dir() else [path]
-        if not files:
-            raise BadInput(f"{path} holds no file of a bag, .mcap or {' or '.join(BAGS)}: unpack .zstd first")
+        files = _listed(path) if path.is_dir() else [path]
         for file in files:
             open_file(file).close()  # no pipe, and an input of the command
-        self._files = [self._mcap(file) if file.suffix.lower() == ".mcap" else self._rosbag(file) for file in files]
-        self.path, self.start = path, round(min(start for start, *_ in self._files) * 1e-3) // 1000 * 1_000_000  # ns
+        opened = [self._mcap(file) if file.suffix.lower() == ".mcap" else self._rosbag(file) for file in files]
+        self._files = sorted(opened, key=lambda each: each[0])  # parts of a long record, in the order of time
+        self.path, self.start = path, round(self._files[0][0] * 1e-3) // 1000 * 1_000_000  # ns
         self.channels = {channel.topic: channel for _, channels, _ in self._files for channel in channels.values()}
 
     def _mcap(self, file: Path) -> tuple[float, dict[int, Channel], Any]:
@@ -154,11 +178,16 @@ def numbers(value: Any, wanted: str | None = None, path: str = "", names: Any = 
             yield from numbers(inner, wanted, f"{path}.{name}", lists[0] if lists else (), stamp)
 
 
-def _angle(number: int, x: Floats, y: Floats, z: Floats, w: Floats) -> Floats:
-    """Heading, pitch or roll (0, 1, 2) of quaternions, rad, without jumps."""
+def _angle(number: int, x: Floats, y: Floats, z: Floats, w: Floats, covariance: Floats) -> Floats:
+    """Heading, pitch or roll (0, 1, 2) of quaternions, rad, without jumps; NaN without an orientation (Imu.msg)."""
     from scipy.spatial.transform import Rotation
 
-    return np.unwrap(Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_euler("ZYX")[:, number])
+    quaternions, found = np.stack([x, y, z, w], axis=1), np.full(len(x), np.nan)
+    size = np.linalg.norm(quaternions, axis=1)
+    known = np.isfinite(size) & (size > 0.0) & (covariance != -1.0)
+    if known.any():
+        found[known] = Rotation.from_quat(quaternions[known]).as_euler("ZYX")[:, number]
+    return continuous(found, 2.0 * np.pi)
 
 
 def _metres(part: Callable[[Floats], Floats], latitude: Floats, longitude: Floats, status: Floats) -> Floats:
@@ -171,11 +200,13 @@ def _metres(part: Callable[[Floats], Floats], latitude: Floats, longitude: Float
     return way
 
 
-QUATERNION, FIX = (".x", ".y", ".z", ".w"), (".latitude", ".longitude", ".status.status")
-DERIVED: dict[str, tuple[tuple[str, ...], str, Callable[..., Floats]]] = {  # needed numbers, unit, formula
-    ".heading": (QUATERNION, "rad", partial(_angle, 0)), ".pitch": (QUATERNION, "rad", partial(_angle, 1)),
-    ".roll": (QUATERNION, "rad", partial(_angle, 2)), ".east": (FIX, "m", partial(_metres, np.sin)),
-    ".north": (FIX, "m", partial(_metres, np.cos)),
+# needed numbers, one more that a message may have and what is taken without it, what a gap lacks, unit
+QUATERNION = (".x", ".y", ".z", ".w"), "_covariance[0]", 0.0, "orientation", "rad"
+FIX = (".latitude", ".longitude"), ".status.status", 0.0, "fix", "m"
+DERIVED: dict[str, tuple[tuple[tuple[str, ...], str, float, str, str], Callable[..., Floats]]] = {
+    ".heading": (QUATERNION, partial(_angle, 0)), ".pitch": (QUATERNION, partial(_angle, 1)),
+    ".roll": (QUATERNION, partial(_angle, 2)), ".east": (FIX, partial(_metres, np.sin)),
+    ".north": (FIX, partial(_metres, np.cos)),
 }  # fmt: skip
 
 
@@ -184,7 +215,9 @@ def columns_in(message: Any) -> list[str]:
     found = [path for path, *_ in numbers(message) if not path.startswith(".header.")]
     found = [path for path in found if not path.rpartition(".")[2].isupper()]  # constants of the type
     bases = dict.fromkeys(path.rpartition(".")[0] for path in found)
-    derived = ((base, name, {base + need for need in needs}) for base in bases for name, (needs, *_) in DERIVED.items())
+    derived = (
+        (base, name, {base + need for need in needs}) for base in bases for name, ((needs, *_), _) in DERIVED.items()
+    )
     return [*(base + name for base, name, needs in derived if needs <= {*found}), *found]
 
 
@@ -200,46 +233,82 @@ class _Column:
         self.topic, self._start, self.shown = max(owners, key=len), bag.start, ""
         self._needs = [self.name[len(self.topic) :]]  # paths of the numbers that the column follows from
         self._of: Callable[..., Floats] = np.asarray
-        self.times, self._values = array("q"), array("d")  # ns, of receipt and stamps
+        self._found, self._lacks, self.first = False, "", -1  # ns, receipt of the first sample
+        self._times, self._values = array("q"), array("d")  # ns, of receipt and stamps
 
     def _find(self, message: Any) -> None:
-        """Find what the column follows from in the first message of its topic."""
+        """Find what the column follows from, in the first message of its topic that has it."""
         (path,), present = self._needs, columns_in(message)
-        self.shown = ", ".join(present)[:300] or "no numbers"
+        self.shown = ", ".join(present)[:300] or self.shown or "no numbers"
         stem, dot, last = path.rpartition(".")
         within = [one for one in present if one.startswith((f"{path}.", f"{path}["))]
-        if len(within) == 1 and within[0][-1] != "]":  # a message with one number stands for it
-            self._needs = within
-        elif dot + last in DERIVED and path not in [one for one, *_ in numbers(message, path)]:
-            parts, unit, self._of = DERIVED[dot + last]
-            self._needs, self.unit = [stem + part for part in parts], self.unit or unit
+        if any(one == path for one, *_ in numbers(message, path)):
+            self._found = True
+        elif len(within) == 1 and within[0][-1] != "]":  # a message with one number stands for it
+            self._needs, self._found = within, True
+        elif path in present:
+            (parts, more, instead, self._lacks, unit), formula = DERIVED[dot + last]
+            has_more = stem + more in present
+            self._of = formula if has_more else lambda *values: formula(*values, np.full(len(values[0]), instead))
+            self._needs = [stem + part for part in (*parts, *([more] if has_more else []))]
+            self.unit, self._found = self.unit or unit, True
 
     def add(self, message: Any, received: int) -> None:
         """Add what a message has, ``received`` at, ns; one without it, as of another joint, is left out."""
-        if not self.shown:
+        if not self._found:
             self._find(message)
-        found = [one for need in self._needs for one in numbers(message, need) if one[0] == need]
-        if len(found) == len(self._needs):
-            if len(self.times) == 2 * MEASURED_SAMPLES:
+        found = [[one for one in numbers(message, need) if one[0] == need] for need in self._needs]
+        for sample in zip(*found, strict=False) if len({len(each) for each in found}) == 1 else ():
+            if len(self._times) == 2 * MEASURED_SAMPLES:
                 raise OverBudget(f"a column has more than {MEASURED_SAMPLES} samples, which are allowed")
-            self.times.extend([received, found[0][2] and found[0][2] - self._start])
-            self._values.extend(value for _, value, _ in found)
+            stamp, self.first = sample[0][2], received if self.first < 0 else self.first
+            self._times.extend([received, stamp - self._start if stamp else UNSET])
+            self._values.extend(value for _, value, _ in sample)
 
-    def samples(self) -> tuple[Samples, str]:
-        """Samples by increasing time, and a sentence on their clock."""
-        received, stamps = np.array(self.times).reshape(-1, 2).T
-        times = stamps if stamps.any() else received
+    def _stamped(self) -> tuple[Any, Any, Any]:
+        """Receipt and stamp, ns, and lead of the stamp, masked where none is set, of the samples."""
+        received, stamps = np.array(self._times).reshape(-1, 2).T
+        return received, stamps, np.ma.masked_where(stamps == UNSET, stamps - received)
+
+    @staticmethod
+    def _odd(lead: Any, received: Any) -> Any:
+        """Mask of stamps that are not set, or hours from the others, other than by the drift of a record's length."""
+        return np.ma.filled(abs(lead - np.ma.median(lead)) > HOUR + np.ptp(received), True)
+
+    def zero(self, zeros: list[int]) -> int:
+        """Zero of the clock of the stamps, ns: one of those that are known, or a new one, which joins them."""
+        received, _, lead = self._stamped()
+        usual = np.ma.median(lead)
+        if lead.mask.all() or abs(usual) <= HOUR:
+            return 0
+        if not any(abs(usual - zero) <= HOUR for zero in zeros):
+            zeros.append(int(lead[~self._odd(lead, received)][0]))
+        return next(zero for zero in reversed(zeros) if abs(usual - zero) <= HOUR)
+
+    def samples(self, zero: int) -> tuple[Samples, str]:
+        """Samples by increasing time, by a clock of the stamps with this zero, ns, and a sentence on their times."""
+        received, stamps, lead = self._stamped()
+        odd = self._odd(lead, received)
+        times = np.where(odd, received, stamps - zero)
         t, first = np.unique(times, return_index=True)
         back = np.maximum.accumulate(times) - times
-        told = f"times of {self.topic} are those of {'header.stamp' if stamps.any() else 'receipt'}"
+        told = f"times of {self.topic} are those of {'receipt' if odd.all() else 'header.stamp'}"
+        if odd.any() and not odd.all():
+            told += f"; {odd.sum()} of {len(times)}, without one or hours from the others, stand at their receipt"
         if late := np.count_nonzero(back):
             told += f"; {late} of {len(times)} came late, by up to {NS * back.max():.3g} s, and are sorted"
         if len(t) < len(times):
             told += f"; {len(times) - len(t)} with the time of an earlier one are left out"
-        if abs(t[0]) > 3600e9:  # an hour between stamps and receipt
-            t, told = t - t[0], f"{told}; they are of another clock, and count from the first one"
-        values = np.array(self._values).reshape(-1, len(self._needs))[first]
-        return Samples(self._of(*values.T), NS * t), told
+        if zero:
+            told += f"; they are of another clock, on which {NS * (zero + self._start):.10g} s is 0"
+        gap = np.diff(t, prepend=0)
+        if (most := gap.max()) > HOUR:
+            k = int(gap.argmax())
+            told += f"; {most / HOUR:.4g} hours without a message end at {NS * t[k]:.10g} s"
+        values = self._of(*np.array(self._values).reshape(-1, len(self._needs))[first].T)
+        if gaps := self._lacks and np.count_nonzero(np.isnan(values)):
+            told += f"; {gaps} of {len(values)} have no {self._lacks} and are gaps"
+        return Samples(values, NS * t), told
 
 
 def read_bag(path: Path, choose: Choose, wanted: Collection[str]) -> Read:
@@ -254,9 +323,11 @@ def read_bag(path: Path, choose: Choose, wanted: Collection[str]) -> Read:
                 if one.topic == channel.topic:
                     one.add(message, time)
     for one in columns:
-        if not one.times:
+        if one.first < 0:
             raise BadInput(f"{path} has no number '{one.name}': {one.topic} has {one.shown or 'no messages'}")
-    samples = [one.samples() for one in columns]
+    zeros: list[int] = []
+    zero = {one.name: one.zero(zeros) for one in sorted(columns, key=lambda one: one.first)}
+    samples = [one.samples(zero[one.name]) for one in columns]
     kinds = {one.topic: bag.channels[one.topic].kind.rpartition("/")[2] for one in columns}
     commanding = {topic for topic, kind in kinds.items() if COMMANDS.match(kind)}
     chosen = choose([FileColumn(one.name, one.name, one.unit, True, one.topic in commanding) for one in columns])
@@ -265,21 +336,33 @@ def read_bag(path: Path, choose: Choose, wanted: Collection[str]) -> Read:
     return {k: samples[k][0] for k in chosen}
 
 
+def _stamp(decode: Callable[[bytes], Any], data: bytes) -> float | None:
+    """``header.stamp`` of a message, s; None where none is set."""
+    with suppress(Exception):  # whatever code by rosbags raises at damaged bytes
+        return next((NS * stamp for *_, stamp in numbers(decode(data)) if stamp), None)
+    return None
+
+
 def contents(path: Path) -> dict[str, dict[str, Any]]:
-    """Type, messages, rate, Hz, times of receipt, s, numbers and fault of each topic of a bag; raises as ``Bag``."""
+    """Type, messages, rate, Hz, times of receipt and stamps, s, numbers and fault of each topic; raises as ``Bag``."""
     with Bag(path) as bag:
         found: dict[str, dict[str, Any]] = {
             topic: {"type": one.kind, "encoding": one.encoding, "messages": 0, "numbers": [], "fault": ""}
             for topic, one in bag.channels.items()
         }
+        ends: dict[str, list[tuple[Channel, bytes]]] = {}
         for channel, time, data in bag.messages(found):
             about, t = found[channel.topic], NS * time
             first, last = min(about.get("first", t), t), max(about.get("last", t), t)
             rate = about["messages"] / (last - first) if last > first else 0.0
             about |= {"messages": about["messages"] + 1, "first": first, "last": last, "rate": rate}
-            if about["messages"] == 1:
+            ends[channel.topic] = [*ends.get(channel.topic, [])[:1], (channel, data)]
+            if not about["numbers"] and not about["fault"] and about["messages"] <= LOOKED_AT:
                 try:
                     about["numbers"] = [f"{channel.topic}{one}" for one in columns_in(_decoder(path, channel)(data))]
                 except Exception as error:  # whatever code by rosbags raises at damaged bytes
                     about["fault"] = " ".join(f"{error}".split()) or type(error).__name__
+        for topic, messages in ends.items():
+            if found[topic]["numbers"]:
+                found[topic]["stamps"] = [_stamp(_decoder(path, channel), data) for channel, data in messages]
     return found

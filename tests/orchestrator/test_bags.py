@@ -396,7 +396,7 @@ def test_what_is_not_read_is_one_sentence(run, cotrack, tmp_path):
     for column in ("/whole", "/idl.data"):
         assert "0.2" in cotrack.done("compare", run.log, "a.mcap", "--map", f"chassis.speed={column}")
     out = cotrack.done("log", "info", "a.mcap")
-    assert "/whole: std_msgs/msg/Float64, cdr, 3 messages; 10 Hz, 0 to 0.2 s\n  .data\n" in out
+    assert "/whole: std_msgs/msg/Float64, cdr, 3 messages; 10 Hz, received 0 to 0.2 s, no header.stamp\n  .data\n" in out
     assert "/empty: std_msgs/msg/Float64, cdr, 0 messages\n  no numbers\n" in out
     assert out.endswith("beside a run: cotrack plot RUN.mcap SIGNAL --with a.mcap --map SIGNAL=/whole.data\n")
     topics = json.loads(cotrack.done("log", "info", "a.mcap", "--json"))["topics"]
