@@ -23,6 +23,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution import log_report, summary, summary_text
 from orchestrator.execution.simulate import simulate
+from orchestrator.log.angles import continuous, turn_of
 from orchestrator.log.export import columns_of, to_pandas
 from orchestrator.log.reader import Log, Missing
 from orchestrator.log.signal_names import Names, listed
@@ -64,9 +65,9 @@ class Signal(NamedTuple):
         return self._replace(t=self.t[inside], values=self.values[inside])
 
     def at(self, t: float) -> Floats:
-        """Values () or (k,) at a time, s, linear between records; held before the first and after the last one."""
-        columns = self.values.reshape(len(self.t), -1).T
-        interpolated = np.array([np.interp(t, self.t, column) for column in columns])
+        """Values () or (k,) at a time, s, linear between records; held before and after them. Angles have no jumps."""
+        columns, turn = self.values.reshape(len(self.t), -1).T, turn_of(self.unit)
+        interpolated = np.array([np.interp(t, self.t, continuous(column, turn)) for column in columns])
         return interpolated.reshape(self.values.shape[1:])
 
     @property

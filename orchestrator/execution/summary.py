@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.log.angles import turn_of
 from orchestrator.log.reader import Missing
 from orchestrator.results import run_data
 from orchestrator.results.analyses import phases
 from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.energy import ledger
-from orchestrator.results.measures import FIGURES, OBSERVABLES, reduce
+from orchestrator.results.measures import DIRECTIONS, FIGURES, OBSERVABLES, reduce
 from orchestrator.results.run_data import RunData, Unrecorded, Window, given_parts
 from orchestrator.results.validity.chain_checks import half_steps
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
@@ -251,12 +252,18 @@ def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:
     """Return the value of a check and an empty note, or NaN (never ok) and the reason."""
     return _number_or_reason(
         lambda: (
-            reduce(*run.signal(str(check.signal), window), check.reduce)
-            if check.measure is None
-            else FIGURES[check.measure](run, check.of, window)
+            _reduced(run, check, window) if check.measure is None else FIGURES[check.measure](run, check.of, window)
         ),
         check.measure,
     )
+
+
+def _reduced(run: RunData, check: Check, window: Window) -> float:
+    """Value of a check of a signal; of an angle that the log has within a turn on the turn of the expected one."""
+    name = str(check.signal)
+    value, turn = reduce(*run.signal(name, window), check.reduce), turn_of(run.log.unit(name))
+    whole = turn and check.reduce in DIRECTIONS and run.jumps(name, window)
+    return value - turn * np.round((value - check.expected) / turn) if whole else value
 
 
 def _number_or_reason(evaluate: Callable[[], float], measure: str | None = None) -> tuple[float, str]:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from orchestrator.files.budget import DOCUMENT, check_size
 from orchestrator.log import log_metadata, notices, seal, signal_names
+from orchestrator.log.angles import continuous, turn_of
 from orchestrator.log.container import KEPT, Container, ForeignLog, LogUnreadable
 from orchestrator.log.message_records import Messages
 from orchestrator.log.signal_names import Names, recorded_texts
@@ -253,7 +254,7 @@ class Log(AbstractContextManager["Log"]):
         return {topic: sorted(chosen[topic]) for topic in self.topics if topic in chosen}
 
     def sample(self, signals: Sequence[str], t: Floats) -> Floats:
-        """Interpolate signals linearly at times ``t`` (m,), s; returns (m, signals).
+        """Interpolate signals linearly, angles without jumps, at times ``t`` (m,), s; returns (m, signals).
 
         Values are held before the first and after the last record. Frequencies above half the sampling rate of ``t``
         are aliased: average first where that matters. Raises Missing, LogUnreadable.
@@ -264,9 +265,13 @@ class Log(AbstractContextManager["Log"]):
             wanted.setdefault(topic, []).append(column)
         series = self.select(wanted)
         column_of = {(topic, column): k for topic, columns in wanted.items() for k, column in enumerate(columns)}
-        return np.stack(
-            [np.interp(t, series[place[0]].t, series[place[0]].values[:, column_of[place]]) for place in places], axis=1
-        )
+        columns = []
+        for topic, column in places:
+            values = continuous(
+                series[topic].values[:, column_of[topic, column]], turn_of(self.topics[topic].units[column])
+            )
+            columns.append(np.interp(t, series[topic].t, values))
+        return np.stack(columns, axis=1)
 
     def lengths(self) -> dict[str, int]:
         """Count the messages of each topic; raises LogUnreadable."""

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.log.angles import apart, turn_of
 from orchestrator.log.bitwise import BitDifference, bit_difference, bit_patterns
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import ALL_TIME, Floats, Series, join_series
@@ -82,6 +83,7 @@ class _TopicGrowth:
 
     def __init__(self, units: Sequence[str]) -> None:
         self._unit = np.unique(np.array(units, dtype=str), return_inverse=True)[1]  # index of the unit of each column
+        self._turn = np.array([turn_of(unit) for unit in units])
         self._size = np.zeros(len(set(units)))  # one scale per unit: a lateral force may be rounding only
         self.t: list[float] = []  # ends of bins, from the first difference on
         self._differences: list[Floats] = []  # of each bin, by unit
@@ -94,7 +96,7 @@ class _TopicGrowth:
             np.fmax.at(self._size, self._unit, np.abs(b.values).max(axis=0))
             if not (different or self.t):
                 return
-            differences = np.abs(a.values - b.values)
+            differences = apart(a.values, b.values, self._turn)
             differences = np.where(
                 bit_patterns(a.values) == bit_patterns(b.values),
                 0.0,

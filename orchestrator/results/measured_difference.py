@@ -1,7 +1,8 @@
 """Difference of a run from measured signals, by signal and window of time.
 
 A signal of the run is compared at the instants of the sparser record in the common time; between records both are
-linear. An instant next to a gap of the measured signal is left out and counted. Instants count for the time since the
+linear. Angles have no jumps, and begin within half a turn of each other (``log.angles``). An instant next to a gap of
+the measured signal is left out and counted. Instants count for the time since the
 one before, as in ``difference.py``.
 
 Shift of a measured clock against a run's: that with the least RMS difference of the signals. The squared difference
@@ -16,12 +17,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import sqrt
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.log.angles import turn_of
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats, within
 from orchestrator.results.analyses import phases
@@ -63,7 +65,7 @@ class MeasuredRecord(NamedTuple):
     file: Path
     shift: float  # s, added to the times of the file
     signals: tuple[MeasuredSignal, ...]
-    doubt: str  # sentence on another shift that is nearly as good; "" without one
+    doubts: tuple[str, ...]  # sentences on another shift that is nearly as good, on turns that are not known
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -74,7 +76,7 @@ class MeasuredRecord(NamedTuple):
             for each in self.signals
             for mark, count in each.marks.items()
         )
-        return *units, *marks, *filter(None, [self.doubt])
+        return *units, *marks, *filter(None, self.doubts)
 
 
 class MeasuredComparison(NamedTuple):
@@ -120,7 +122,18 @@ def read_shifted(run: RunData, source: MeasuredFile, window: Window = EVER) -> M
         seconds, doubt = find_shift([(*run.signal(each.signal, window), each) for each in measured])
     else:
         seconds, doubt = _seconds(source.shift), ""
-    return MeasuredRecord(file, seconds, tuple(each.shifted(seconds) for each in measured), doubt)
+        first, last = min(float(each.t[0]) for each in measured), max(float(each.t[-1]) for each in measured)
+        begin, end = run.span
+        if not seconds and abs(first - begin) > ELSEWHERE * min(last - first, end - begin):
+            doubt = f"the record begins at {first:.6g} s, the run at {begin:.6g} s: shift = {FIND} aligns their clocks"
+    doubts, signals = [doubt], list[MeasuredSignal]()
+    for each in measured:
+        placed, told = each.shifted(seconds), ""
+        if turn_of(each.unit):
+            placed, told = placed.beside(*run.signal(each.signal, window))
+        signals.append(placed)
+        doubts.append(told)
+    return MeasuredRecord(file, seconds, tuple(signals), tuple(doubts))
 
 
 def _seconds(shift: float | str) -> float:
@@ -153,6 +166,7 @@ def _differences(
 ) -> Iterator[SignalDifference]:
     """Differences in the windows that hold compared instants; raises Missing if the first one, the widest, has none."""
     t_run, values = run.signal(measured.signal, EVER)
+    measured, _ = measured.beside(t_run, values)
     pair = ObservableSamples(t_run, values[:, None]), ObservableSamples(measured.t, measured.values[:, None])
     t = instants(*pair)
     a, b = (side[:, 0] for side in aligned(*pair)) if len(t) else (t, t)
@@ -160,13 +174,14 @@ def _differences(
     for name, window in windows:
         inside = within(t, window)
         known = inside & ~np.isnan(b)
-        if known.any():
+        if known.sum() > 1 or (name != WHOLE and known.any()):
             yield _difference(measured, name, t[known], a[known], b[known], durations[known], int(inside.sum()))
         elif name == WHOLE:
+            common = "one instant alone" if known.any() else "no values"
             where = "" if window == EVER else f" from {window.start:g} to {window.end:g} s"
             raise Missing(
                 f"'{measured.column}', {measured.t[0]:.10g} to {measured.t[-1]:.10g} s on the clock of the run, and"
-                f" '{measured.signal}', {t_run[0]:.10g} to {t_run[-1]:.10g} s, have no values in common{where}"
+                f" '{measured.signal}', {t_run[0]:.10g} to {t_run[-1]:.10g} s, have {common} in common{where}"
                 f"{'' if len(t) else '; a shift, in s or find, moves the former'}"
             )
 
@@ -189,6 +204,7 @@ def _difference(
         )  # fmt: skip
 
 
+ELSEWHERE = 0.1  # of the shorter record, by which both begin apart where a shift is proposed
 GRID = 1_000_000  # most grid intervals of both records
 SHARE = 0.5  # of the shorter record, in which records must overlap
 PRECISION = 1e-10  # s
@@ -257,7 +273,8 @@ def _refined(pairs: Sequence[Pair], best: float, interval: float) -> tuple[float
 def _cost(pair: Pair, shift: float) -> float:
     """Mean squared difference over the measured variance; infinite without common instants."""
     t, values, measured = pair
-    sides = ObservableSamples(t, values[:, None]), ObservableSamples(measured.t + shift, measured.values[:, None])
+    measured, _ = measured.shifted(shift).beside(t, values)
+    sides = ObservableSamples(t, values[:, None]), ObservableSamples(measured.t, measured.values[:, None])
     a, b = aligned(*sides)
     known = ~np.isnan(b[:, 0])
     if not known.any():
@@ -274,15 +291,17 @@ def _on_grid(pairs: Sequence[Pair], interval: float) -> tuple[float, Floats]:
     begin, stop = min(float(each.t[0]) for _, _, each in pairs), max(float(each.t[-1]) for _, _, each in pairs)
     total: Floats = np.zeros(1)
     for t, values, measured in pairs:
-        mean, deviation = np.nanmean(measured.values), np.nanstd(measured.values)
-        a = (np.interp(_grid(start, end, interval), t, values) - mean) / deviation
-        inside = _grid(begin, stop, interval), measured.t, measured.values
-        b = (np.interp(*inside, left=np.nan, right=np.nan) - mean) / deviation
+        a = np.interp(_grid(start, end, interval), t, values)
+        b = np.interp(_grid(begin, stop, interval), measured.t, measured.values, left=np.nan, right=np.nan)
+        sides: tuple[Any, ...] = a, b, measured.values
+        if turn := turn_of(measured.unit):  # points of a circle, on which whole turns do not count
+            sides = tuple(np.exp(2j * np.pi / turn * np.where(np.isfinite(side), side, np.nan)) for side in sides)
+        a, b = ((side - np.nanmean(sides[2])) / np.nanstd(sides[2]) for side in sides[:2])
         has_a, has_b = (np.isfinite(side).astype(float) for side in (a, b))
         a, b = (np.nan_to_num(side, posinf=0.0, neginf=0.0) for side in (a, b))
         count = correlate(has_a, has_b, method="fft")
-        squares = correlate(a**2, has_b, method="fft") + correlate(has_a, b**2, method="fft")
-        squares -= 2.0 * correlate(a, b, method="fft")
+        squares = correlate(np.abs(a) ** 2, has_b, method="fft") + correlate(has_a, np.abs(b) ** 2, method="fft")
+        squares -= 2.0 * correlate(a, b, method="fft").real
         enough = count >= SHARE * min(has_a.sum(), has_b.sum()) - 0.5
         total = total + np.where(enough, squares / np.maximum(count, 0.5), np.inf)
     return start - begin - (len(_grid(begin, stop, interval)) - 1) * interval, total / len(pairs)

@@ -17,15 +17,20 @@ import numpy as np
 from fmus.interface.units import conversion
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.columns import no_data
+from orchestrator.log.angles import continuous, turn_of, turns_beside
 from orchestrator.log.measured_formats import FileColumn, Samples, read_samples
-from orchestrator.log.time_series import Floats
+from orchestrator.log.time_series import Floats, within
 
 CLOCKS = ("t", "time")
 CLOCK = ""  # stands for the clock among signals
 FIND = "find"
 NAMED = 20  # columns in a message
-FRAMES = "; raw CAN frames are decoded first, for example by extract_bus_logging of asammdf with a DBC file"
+FRAMES = (
+    "; raw CAN frames are decoded first with a DBC file, by cantools, or by extract_bus_logging of asammdf, which fills"
+    " frames that are shorter than their message with zeros: drop those before"
+)
 LATEST = 1e12  # s: a clock that counts ns without saying so is beyond
+UNCLEAR = 0.375  # of a turn: a larger step between samples may as well be one the other way
 LOOKED_AT = 1000  # samples by which the digits of a column are known
 
 
@@ -53,6 +58,32 @@ class MeasuredSignal(NamedTuple):
     def shifted(self, shift: float) -> MeasuredSignal:
         """Signal with ``shift``, s, added to its times."""
         return self._replace(t=self.t + shift)
+
+    def beside(self, t: Floats, values: Floats) -> tuple[MeasuredSignal, str]:
+        """Signal whose angles begin within half a turn of those of a run, values (n,) at t (n,), s (``turns_beside``).
+
+        And a sentence on instants between which the record does not tell whole turns; "" without any.
+        """
+        known = np.flatnonzero(~np.isnan(self.values))
+        if not (turn := turn_of(self.unit)) or not len(known) or not len(t):
+            return self, ""
+        at, own = self.t[known], self.values[known]
+        of_run = np.interp(at, t, values)
+        common = within(at, (float(t[0]), float(t[-1]))) & np.isfinite(of_run)
+        added = turns_beside(own, of_run, turn, int(common.argmax()))
+        placed = self.values.copy()
+        placed[known] += added
+        steps = np.abs(np.diff(own))
+        unclear = (np.diff(added) != 0.0) | ((steps > UNCLEAR * turn) & (steps <= 0.5 * turn))
+        unclear = np.flatnonzero(unclear & common[1:] & common[:-1])
+        if not len(unclear):
+            return self._replace(values=placed), ""
+        k = unclear[0]
+        most = f"{at[k]:.6g} and {at[k + 1]:.6g} s" + f", and {len(unclear) - 1} times more" * (len(unclear) > 1)
+        return self._replace(values=placed), (
+            f"'{self.column}' has no sample between {most}, where it or the run turns by about half a turn or more: its"
+            " whole turns there are taken from the run"
+        )
 
 
 class _Column(NamedTuple):
@@ -110,7 +141,7 @@ def _in_unit(path: Path, column: _Column, samples: Mapping[int, Samples], signal
         factor, offset = conversion(column.given_unit, column.unit)
     except ValueError as error:
         raise BadInput(f"{path}: column '{column.name}'{f' of {signal}' if signal else ''}: {error}") from None
-    return np.where(no_data(values), np.nan, factor * values + offset)
+    return continuous(np.where(no_data(values), np.nan, factor * values + offset), turn_of(column.unit))
 
 
 def _signal(

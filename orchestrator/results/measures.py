@@ -24,6 +24,8 @@ REDUCTIONS: dict[str, Callable[[Floats, Floats], float]] = {
     "rms": lambda t, values: mean(t, values**2) ** 0.5,
 }
 
+DIRECTIONS = "mean", "min", "max", "last"  # of an angle these are one, and not a change of it
+
 
 def reduce(t: Floats, values: Floats, how: str) -> float:
     """Reduce the samples of a window to one number; a mean weights each by the time since the last one."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fmus.vehicles.sides import smooth_wheels
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.command import pass_over
+from orchestrator.log.angles import continuous, turn_of
 from orchestrator.log.container import LogUnreadable
 from orchestrator.log.extra import NotInstalled
 from orchestrator.log.reader import Log, Missing
@@ -155,14 +156,20 @@ class RunData:
         return topic in self.log.topics and variable in self.log.topics[topic].names
 
     def signal(self, name: str, window: Window | None = None) -> tuple[Floats, Floats]:
-        """Times and values of ``instance.variable`` within the window, (m,) each; raises Missing."""
+        """Times and values, angles without jumps, of ``instance.variable`` in the window, (m,) each; raises Missing."""
         if (name, window) in self._prefetched:
             return self._prefetched[name, window]
         topic, column = self.place(name)
         series = self._read(topic, [column], window)
         if not len(series.t) and window not in (None, EVER):
             raise Missing(f"'{name}' was not recorded between {window.start:g} and {window.end:g} s")
-        return series.t, series.values[:, 0]
+        return series.t, continuous(series.values[:, 0], turn_of(self.log.unit(name)))
+
+    def jumps(self, name: str, window: Window) -> bool:
+        """Whether the log has an angle within a turn, and it jumps in the window; raises Missing."""
+        topic, column = self.place(name)
+        recorded = self._read(topic, [column], window).values[:, 0]
+        return not np.array_equal(recorded, self.signal(name, window)[1], equal_nan=True)
 
     def rate(self, name: str, window: Window) -> float:
         """Mean rate of a signal over a window, its unit per s; raises Missing."""
@@ -182,7 +189,8 @@ class RunData:
         )
         for topic, columns in names_by_column.items():
             for k, name in enumerate(columns.values()):
-                self._prefetched[name, window] = series[topic].t, series[topic].values[:, k]
+                values = continuous(series[topic].values[:, k], turn_of(self.log.unit(name)))
+                self._prefetched[name, window] = series[topic].t, values
 
     def place(self, name: str) -> tuple[str, int]:
         """Topic and column of a signal; raises Missing."""

@@ -296,8 +296,8 @@ class Check(FrozenTable):
     signal: str | None = None
     """signal, instance.variable, that is checked"""
     reduce: Literal["mean", "min", "max", "last", "drop", "ripple", "rms"] = "mean"
-    """number that is made of the signal's records in the window, not smoothed; drop: first less last, ripple: range
-    over mean; not beside measure"""
+    """number that is made of the signal's records in the window, not smoothed, of angles without jumps; drop: first
+    less last, ripple: range over mean; not beside measure"""
     measure: MeasureName | None = None
     """measure that is checked, instead of a signal"""
     of: str = ""

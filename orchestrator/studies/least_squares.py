@@ -23,6 +23,7 @@ import numpy as np
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.simulate import simulate
+from orchestrator.log.angles import turn_of, turns_beside
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.measured_record import MeasuredSignal
@@ -121,7 +122,11 @@ class Objective:
             ended = [(case, next(rows)) for case in each]
             self.runs += len(each)
             failed = [f"{case.name}: {row.note}" for case, row in ended if not row.ok]
-            self._values[key] = failed[0] if failed else [np.array(v) for _, row in ended for v in row["values"]]
+            values = [np.array(v) for _, row in ended for v in row["values"]] if not failed else []
+            for one, v in zip(self.signals, values, strict=not failed):
+                if turn := turn_of(one.unit):
+                    v -= turns_beside(one.values, v, turn)
+            self._values[key] = failed[0] if failed else values
         return [self._values[key] for key in keys]
 
     def _case(self, experiment: Experiment, u: Floats) -> Case:

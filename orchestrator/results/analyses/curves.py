@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orchestrator.log.angles import Continuous
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks, slip, wheel_loads
@@ -55,13 +56,15 @@ def of(run: RunData, signals: Iterable[str]) -> dict[str, SignalCurve]:
     """Curves of the outputs, "instance.variable", that the log has and that are numbers; raises LogUnreadable."""
     wanted = record_blocks.named_columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
     gathered = {topic: CurveCollector(run, len(places)) for topic, places in wanted.items()}
+    units = {topic: [run.log.topics[topic].units[column] for column in places] for topic, places in wanted.items()}
+    angles = {topic: Continuous(each) for topic, each in units.items()}
     for piece in run.log.stream(wanted):
         for topic, series in piece.items():
-            gathered[topic].add(series.t, series.values)
+            gathered[topic].add(series.t, angles[topic](series.values))
     curves: dict[str, SignalCurve] = {}
     for topic, places in wanted.items():
         names = [run.log.name(topic, column) for column in places]
-        curves |= gathered[topic].curves(names, [run.log.topics[topic].units[column] for column in places])
+        curves |= gathered[topic].curves(names, units[topic])
     return curves
 
 

@@ -189,7 +189,7 @@ def _figures(run: RunData, motion: _Motion, a: int, b: int, state: tuple[str, in
     """Figures of the phase from record a to record b, or to the last one."""
     b, (speed, turn) = min(b, len(motion.t) - 1), state
     t, columns = motion.t[a : b + 1], {name: values[a : b + 1] for name, values in motion.columns.items()}
-    time, yaw, v = float(t[-1] - t[0]), np.unwrap(columns["chassis.yaw"]), columns["chassis.speed"]
+    time, yaw, v = float(t[-1] - t[0]), columns["chassis.yaw"], columns["chassis.speed"]
     velocity = np.stack([columns.get(f"chassis.chassis.velocity.{axis}", np.zeros(len(t))) for axis in "xyz"], axis=1)
     pose = np.stack([columns[name] for name in pose_signals(run)], axis=1)
     way = float(np.trapezoid(split(run, velocity, pose)[0], t))

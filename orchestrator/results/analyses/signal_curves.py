@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.log.angles import Continuous
 from orchestrator.log.reader import Missing
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
@@ -80,8 +81,9 @@ def curves(
 def _thinned(run: RunData, topic: str, columns: list[int], window: Window, t: Floats) -> list[tuple[Floats, Floats]]:
     """Times and values of each column, thinned; ``t`` (m,): times of all records in the window, s."""
     envelope = TimeEnvelope(float(t.min()), float(t.max()), len(columns), CURVE)
+    angles = Continuous([run.log.topics[topic].units[column] for column in columns])
     for block in run.log.blocks({topic: columns}, BLOCK, window=window):
-        envelope.add(block[topic].t, block[topic].values)
+        envelope.add(block[topic].t, angles(block[topic].values))
     return [(curve.t, curve.y) for curve in map(envelope.curve, range(len(columns)))]
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.log.angles import Continuous
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
@@ -105,11 +106,11 @@ def of(
     finite = np.isfinite(series.values).all(axis=0)
     if not finite.all():
         raise Missing(f"'{names[int(np.argmin(finite))]}' is not finite: it has no spectrum")
-    t, values, resampled = resample_evenly(series.t, series.values)
+    units = tuple(run.log.topics[topic].units[column] for column in columns)
+    t, values, resampled = resample_evenly(series.t, Continuous(units)(series.values))
     frequency, amplitude = amplitudes(t, values, shape)
     span = Window(float(t[0]), float(t[-1]))
     teeth = tooth_passing_frequency(run, names[0], span) if orders else float("nan")
-    units = tuple(run.log.topics[topic].units[column] for column in columns)
     return Spectrum(names, units, frequency, amplitude, teeth, span, shape, resampled)
 
 

@@ -1,0 +1,79 @@
+"""Angles: signals whose unit is that of an angle. Whole turns do not count, and angles between records are continuous.
+
+A direction is written within a turn (-180 to 180 degrees, as ``chassis.yaw``, or 0 to 360, as a compass) or without
+jumps. A step by more than half a turn between two values within a turn is taken for such a jump. So a direction must
+change by less than half a turn from record to record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from fmus.interface import units
+from orchestrator.log.time_series import Floats
+
+ROUNDED = 1.0 + 1e-6  # of a turn: values within one are written with some digits
+
+
+@cache
+def turn_of(unit: str) -> float:
+    """Size of a whole turn in a unit; 0 for what is no angle."""
+    try:
+        factor, _ = units.conversion(unit, "rad")
+    except ValueError:
+        return 0.0
+    return 2.0 * np.pi / factor if unit else 0.0
+
+
+def continuous(values: Floats, turn: float) -> Floats:
+    """Values (m,) without jumps by whole turns, from the first one on; NaN stay. Values of no angle as they are."""
+    known = np.flatnonzero(np.isfinite(values)) if turn else np.empty(0, int)
+    found = values.copy() if len(known) else values
+    found[known] += turn * _turns(values[known], turn)
+    return found
+
+
+class Continuous:
+    """``continuous`` of the columns of successive blocks, by their units."""
+
+    def __init__(self, units: Sequence[str]) -> None:
+        self._turn = np.array([turn_of(unit) for unit in units])
+        self._last: tuple[Floats, Floats] | None = None  # row before the block, and its turns
+
+    def __call__(self, values: Floats) -> Floats:
+        """Values (m, columns) of the next block, without jumps; without gaps."""
+        if not self._turn.any() or not len(values):
+            return values
+        before, turns = self._last or (values[0], np.zeros(values.shape[1]))
+        turns = turns + _turns(np.vstack([before, values]), np.where(self._turn, self._turn, np.inf))[1:]
+        self._last = values[-1], turns[-1]
+        return values + self._turn * turns
+
+
+def _turns(values: Floats, turn: Floats | float) -> Floats:
+    """Whole turns to add to each value, as many as ``values``, which remove jumps within a turn."""
+    inside = np.abs(values) <= turn * ROUNDED
+    jumps = np.where(inside[1:] & inside[:-1], np.round(np.diff(values, axis=0) / turn), 0.0)
+    return np.concatenate([np.zeros_like(values[:1]), -np.cumsum(jumps, axis=0)])
+
+
+def apart(a: Floats, b: Floats, turn: Floats) -> Floats:
+    """Sizes of differences of values (m, columns); of angles within half a turn the smaller way round."""
+    found = np.abs(a - b)
+    within = (turn > 0.0) & (np.maximum(np.abs(a), np.abs(b)) <= 0.5 * turn * ROUNDED)
+    return np.where(within, np.minimum(found, turn - found), found)
+
+
+def turns_beside(values: Floats, others: Floats, turn: float, first: int = 0) -> Floats:
+    """Whole turns (m,) to add to angles that bring them beside ``others``: their difference, others - values - turns.
+
+    It is within half a turn at ``first``, and changes by less than half a turn from one to the next: an angle that
+    turns once more than the other one differs by a turn.
+    """
+    apart = (others - values) / turn
+    steps = np.where(np.isfinite(others), apart, 0.0)  # a run that blew up
+    count = np.cumsum(np.round(np.diff(steps, prepend=steps[:1])))
+    return turn * (count - count[first] + np.round(steps[first]))
