@@ -53,10 +53,11 @@ def _listed(folder: Path) -> list[Path]:
         raise BadInput(f"{folder} holds no file of a bag, .mcap or {' or '.join(BAGS)}: unpack .zstd first")
     if not (about := folder / "metadata.yaml").exists():
         return files
+    yaml = library("ruamel.yaml", EXTRA).YAML(typ="safe")
     try:
-        names = library("ruamel.yaml", EXTRA).YAML(typ="safe").load(about)["rosbag2_bagfile_information"]
-        listed = [Path(name.removesuffix(".zstd")).name for name in names["relative_file_paths"]]
-    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        names = yaml.load(about)["rosbag2_bagfile_information"]["relative_file_paths"]
+        listed = [Path(name.removesuffix(".zstd")).name for name in names]
+    except Exception as error:  # of its own classes, of what is missing
         raise BadInput(f"{about} lists no files of a bag: {' '.join(f'{error}'.split()):.{SHOWN}}") from None
     if missing := sorted({*listed} - {one.name for one in files}):
         notice(f"{folder}: metadata.yaml lists {', '.join(missing)[:SHOWN]}, which is not there")

@@ -182,7 +182,7 @@ def _differences(
             raise Missing(
                 f"'{measured.column}', {measured.t[0]:.10g} to {measured.t[-1]:.10g} s on the clock of the run, and"
                 f" '{measured.signal}', {t_run[0]:.10g} to {t_run[-1]:.10g} s, have {common} in common{where}"
-                f"{'' if len(t) else '; a shift, in s or find, moves the former'}"
+                f"{'' if len(t) > 1 else '; a shift, in s or find, moves the former'}"
             )
 
 

@@ -191,6 +191,118 @@ def test_stamps_count_and_messages_that_came_late_are_sorted(kinds, tmp_path):
         )
 
 
+def test_topics_of_one_clock_have_one_zero(kinds, tmp_path):
+    """A simulation at half the pace: joints begin 1.5 s after odometry; the clock of a third topic is another one."""
+    t = 0.1 * np.arange(40)
+    simulated = 10.0 - 1e-9 * START
+    odometry = [(2.0 * x, kinds.odometry(simulated + x, 100.0 * x)) for x in t]
+    joints = [(2.0 * x, kinds.joints(simulated + x, ["l"], [x])) for x in t[15:]]
+    boot = [(2.0 * x, kinds.odometry(2.0 * x - 1e9, x)) for x in t[3:]]
+    file = write(tmp_path / "a", kinds, {"/joints": joints, "/odom": odometry, "/boot": boot})
+    other = {"chassis.force": "/joints.velocity[l]", "chassis.slip": "/boot.twist.twist.linear.x"}
+    with pytest.warns(LogNotice, match="of another clock, on which 10 s is 0$"):
+        joint, since_boot, speed = read(file, {**other, **COLUMN}, UNITS.get)
+    assert speed.t == pytest.approx(t, abs=1e-9)
+    assert joint.t == pytest.approx(t[15:], abs=1e-9)  # not 0, and not 3 s, its receipt
+    assert since_boot.t == pytest.approx(2.0 * t[3:], abs=1e-6)
+    stamps = contents(file)["/joints"]["stamps"]
+    assert stamps == pytest.approx([11.5, 13.9])
+
+
+def test_stamps_that_are_not_set_or_hours_off_are_times_of_receipt(run, kinds, cotrack, tmp_path):
+    """Neither at 0 nor hours away; what follows a far one did not come late."""
+    t = 0.01 * np.arange(200)
+    for fault in (1e-9 * -START, -8000.0, 9000.0):
+        stamps = np.where((t > 0.995) & (t < 1.015), fault, t)
+        messages = [(x + 0.001, kinds.odometry(at, 100.0 * x)) for x, at in zip(t, stamps, strict=True)]
+        file = write(tmp_path / "a", kinds, {"/odom": messages})
+        with pytest.warns(
+            LogNotice, match="header.stamp; 2 of 200, without one or hours from the others, stand at the"
+        ):
+            (found,) = read(file, COLUMN, UNITS.get)
+        assert found.t == pytest.approx(t - 0.001 + 0.001 * (stamps != t), abs=1e-9)
+        assert found.values == pytest.approx(100.0 * t)
+    bare = kinds.kind["Twist"](kinds.vector(1.0), kinds.vector())
+    file = write(tmp_path / "b", kinds, {"/v": [(x - 5.0 * 3600.0 * (x == 0.0), bare) for x in t]})
+    err = cotrack.refused("compare", run.log, file, "--map", "chassis.speed=/v.linear.x")
+    assert "5 hours without a message end at 18000" in err
+    assert "have one instant alone in common; a shift" in err
+    far = write(tmp_path / "b", kinds, {"/v": [(x + 1.5, bare) for x in t]})
+    notes = run.compare_measured(far, {"chassis.speed": "/v.linear.x"}).notes
+    assert not any("find" in note for note in notes)  # the first receipt is 0
+    later = {t + 1.0: text for t, text in as_json()[3].items()} | {0.0: b'{"a": 1}'}
+    file = write_mcap(tmp_path / "c.mcap", (*as_json()[:3], dict(sorted(later.items()))))
+    assert any("shift = find" in note for note in run.compare_measured(file, COLUMN).notes)
+
+
+def test_a_folder_is_the_files_of_its_metadata(kinds, tmp_path):
+    """A file of another day is not read; a folder without metadata is read in the order of time, not of names."""
+    t = 0.1 * np.arange(6)
+    write(tmp_path / "b", kinds, {"/odom": [(x - 1e5, kinds.odometry(x - 1e5, 9.0)) for x in t]})
+    file = write(tmp_path / "a", kinds, {"/odom": [(x, kinds.odometry(x, x)) for x in t]})
+    shutil.copy(tmp_path / "b" / "b.mcap", tmp_path / "a" / "other.mcap")
+    with pytest.warns(LogNotice, match="not read is other.mcap, which metadata.yaml does not list"):
+        (found,) = read(tmp_path / "a", COLUMN, UNITS.get)
+    assert found.values == pytest.approx(t)
+    (file.parent / "metadata.yaml").unlink()
+    for k in range(12):
+        part = write(tmp_path / "c", kinds, {"/odom": [(k + x, kinds.odometry(k + x, k + x)) for x in t]})
+        shutil.copy(part, tmp_path / "a" / f"part_{k}.mcap")
+    for name in ("a.mcap", "other.mcap"):
+        (tmp_path / "a" / name).unlink()
+    with pytest.warns(LogNotice) as told:
+        (found,) = read(tmp_path / "a", COLUMN, UNITS.get)
+    assert len(found.t) == 72
+    assert not any("late" in str(one.message) for one in told)
+    (tmp_path / "a" / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information: {relative_file_paths: [part_3.mcap, x.db3]}"
+    )
+    with pytest.warns(LogNotice, match="lists x.db3, which is not there"):
+        assert len(read(tmp_path / "a", COLUMN, UNITS.get)[0].t) == 6
+    (tmp_path / "a" / "metadata.yaml").write_text("[")
+    with pytest.raises(BadInput, match=r"metadata\.yaml lists no files of a bag"):
+        read(tmp_path / "a", COLUMN, UNITS.get)
+
+
+def test_orientations_and_numbers_that_are_none_are_gaps(kinds, tmp_path):
+    """Zeros, NaN, and -1 as the first covariance (Imu.msg); null in JSON; a frame twice in one message."""
+    t, k = 0.1 * np.arange(20), kinds.kind
+    yaw = 0.4 * t + 2.5  # over 180 degrees
+    messages = []
+    for n, (x, h) in enumerate(zip(t, yaw, strict=True)):
+        q = kinds.quaternion(0.0, 0.0, np.sin(0.5 * h), np.cos(0.5 * h))
+        q = {0: kinds.quaternion(0.0, 0.0, 0.0, 0.0), 8: kinds.quaternion(*[np.nan] * 4)}.get(n, q)
+        covariance = np.array([-1.0 if n == 12 else 0.1, *[0.0] * 8])
+        none = np.zeros(9)
+        messages.append((x, k["Imu"](kinds.header(x), q, covariance, kinds.vector(), none, kinds.vector(), none)))
+    file = write(tmp_path / "a", kinds, {"/imu": messages})
+    with pytest.warns(LogNotice, match="3 of 20 have no orientation and are gaps"):
+        (found,) = read(file, {"chassis.slip": "/imu.orientation.heading"}, lambda name: "rad")
+    assert np.flatnonzero(np.isnan(found.values)).tolist() == [0, 8, 12]
+    known = ~np.isnan(found.values)
+    assert found.values[known] == pytest.approx(yaw[known], abs=1e-9)
+    texts = {x: json.dumps({"v": None if x < 0.25 else x}).encode() for x in t}
+    file = write_mcap(tmp_path / "b.mcap", ("/v", "json", ("V", "jsonschema", b"{}"), texts))
+    with pytest.warns(LogNotice):
+        assert read(file, {"chassis.slip": "/v"}, UNITS.get)[0].values == pytest.approx(t[3:])
+    assert contents(file)["/v"]["numbers"] == ["/v.v"]
+    frame = kinds.kind["TransformStamped"]
+    moves = [
+        (x, k["TFMessage"]([
+            frame(kinds.header(x + dx, "odom"), "b", k["Transform"](kinds.vector(x + dx), kinds.quaternion()))
+            for dx in (0.0, 0.05)
+        ]))
+        for x in t
+    ]  # fmt: skip
+    with pytest.warns(LogNotice):
+        (found,) = read(
+            write(tmp_path / "c", kinds, {"/tf": moves}),
+            {"chassis.slip": "/tf.transforms[b].transform.translation.x"}, UNITS.get,
+        )  # fmt: skip
+    assert found.t == pytest.approx(found.values, abs=1e-9)
+    assert len(found.t) == 40
+
+
 @pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
 def test_elements_have_numbers_or_names(kinds, tmp_path):
     """Two nodes publish their joints in one topic; transforms are named by their frames."""
@@ -264,6 +376,10 @@ def test_fixes_become_metres_from_the_first(kinds, tmp_path):
     assert east.values[2:] == pytest.approx([0.0, 0.0, -20.0], abs=1e-4)
     assert north.values[2:] == pytest.approx([0.0, 30.0, 0.0], abs=1e-4)
     assert np.isnan([east.values[:2], north.values[:2]]).all()
+    texts = {0.1 * n: json.dumps({"latitude": a, "longitude": b}).encode() for n, (a, b) in enumerate(places[2:])}
+    bare = write_mcap(tmp_path / "b.mcap", ("/gps", "json", ("foxglove.LocationFix", "jsonschema", b"{}"), texts))
+    (of_bare,) = read(bare, {"chassis.speed": "/gps.north"}, lambda name: "m")
+    assert of_bare.values == pytest.approx(north.values[2:], abs=1e-9)
 
 
 @pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
@@ -396,7 +512,9 @@ def test_what_is_not_read_is_one_sentence(run, cotrack, tmp_path):
     for column in ("/whole", "/idl.data"):
         assert "0.2" in cotrack.done("compare", run.log, "a.mcap", "--map", f"chassis.speed={column}")
     out = cotrack.done("log", "info", "a.mcap")
-    assert "/whole: std_msgs/msg/Float64, cdr, 3 messages; 10 Hz, received 0 to 0.2 s, no header.stamp\n  .data\n" in out
+    assert (
+        "/whole: std_msgs/msg/Float64, cdr, 3 messages; 10 Hz, received 0 to 0.2 s, no header.stamp\n  .data\n" in out
+    )
     assert "/empty: std_msgs/msg/Float64, cdr, 0 messages\n  no numbers\n" in out
     assert out.endswith("beside a run: cotrack plot RUN.mcap SIGNAL --with a.mcap --map SIGNAL=/whole.data\n")
     topics = json.loads(cotrack.done("log", "info", "a.mcap", "--json"))["topics"]
