@@ -8,24 +8,18 @@ change by less than half a turn from record to record.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 
 import numpy as np
 
-from fmus.interface import units
 from orchestrator.log.time_series import Floats
 
+TURNS = {"rad": 2.0 * np.pi, "rev": 1.0} | dict.fromkeys(("deg", "degree", "degrees", "\N{DEGREE SIGN}"), 360.0)
 ROUNDED = 1.0 + 1e-6  # of a turn: values within one are written with some digits
 
 
-@cache
 def turn_of(unit: str) -> float:
     """Size of a whole turn in a unit; 0 for what is no angle."""
-    try:
-        factor, _ = units.conversion(unit, "rad")
-    except ValueError:
-        return 0.0
-    return 2.0 * np.pi / factor if unit else 0.0
+    return TURNS.get(unit, 0.0)
 
 
 def continuous(values: Floats, turn: float) -> Floats:
@@ -40,17 +34,21 @@ class Continuous:
     """``continuous`` of the columns of successive blocks, by their units."""
 
     def __init__(self, units: Sequence[str]) -> None:
-        self._turn = np.array([turn_of(unit) for unit in units])
+        turns = np.array([turn_of(unit) for unit in units])
+        self._which = np.flatnonzero(turns)
+        self._turn = turns[self._which]
         self._last: tuple[Floats, Floats] | None = None  # row before the block, and its turns
 
     def __call__(self, values: Floats) -> Floats:
         """Values (m, columns) of the next block, without jumps; without gaps."""
-        if not self._turn.any() or not len(values):
+        if not len(self._which) or not len(values):
             return values
-        before, turns = self._last or (values[0], np.zeros(values.shape[1]))
-        turns = turns + _turns(np.vstack([before, values]), np.where(self._turn, self._turn, np.inf))[1:]
-        self._last = values[-1], turns[-1]
-        return values + self._turn * turns
+        found, own = values.copy(), values[:, self._which]
+        before, turns = self._last or (own[0], np.zeros(len(self._which)))
+        turns = turns + _turns(np.vstack([before, own]), self._turn)[1:]
+        self._last = own[-1], turns[-1]
+        found[:, self._which] += self._turn * turns
+        return found
 
 
 def _turns(values: Floats, turn: Floats | float) -> Floats:

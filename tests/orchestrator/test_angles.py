@@ -163,7 +163,7 @@ def test_continuous_angles():
             assert np.diff(found[~np.isnan(found)]) == pytest.approx(np.diff(whole[~np.isnan(whole)]), abs=1e-9)
     counter = 20.0 * np.arange(50.0)  # of a shaft that turns thrice from record to record
     assert (continuous(counter, TURN) == counter).all()
-    blocks = np.stack([wrapped(angles), wrapped(angles)], axis=1)
+    blocks = np.stack([wrapped(angles), np.where(np.arange(400) > 200, np.inf, wrapped(angles))], axis=1)
     units = Continuous(["rad", "m"])
     joined = np.vstack([units(blocks[k : k + 7]) for k in range(0, 400, 7)])
     assert joined[:, 0] == pytest.approx(continuous(blocks[:, 0], TURN), abs=1e-9)
