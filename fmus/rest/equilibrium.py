@@ -423,11 +423,7 @@ def _solve(vehicle: VehicleOnChains, guess: Floats) -> Floats:
     unknowns, size = vehicle.unknowns, len(vehicle.unknowns)
     residual, step = vehicle.accelerations(guess), FIRST_STEP
     for _ in range(MOST_STEPS):
-        slopes = np.empty((size, size))
-        for k, i in enumerate(unknowns):
-            shifted = guess.copy()
-            shifted[i] += DIFFERENCE
-            slopes[:, k] = (vehicle.accelerations(shifted) - residual) / DIFFERENCE
+        slopes = np.stack([_slope(vehicle, guess, residual, i) for i in unknowns], axis=1)
         change = solved(np.eye(size) / step**2 - slopes, residual)
         while abs(change).max() > LARGEST_CHANGE:
             step *= 0.5
@@ -438,6 +434,16 @@ def _solve(vehicle: VehicleOnChains, guess: Floats) -> Floats:
             return guess
         step = min(step * np.clip(before / _norm(residual), 1.5, 10.0), LAST_STEP)
     raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MOST_STEPS} steps")
+
+
+def _slope(vehicle: VehicleOnChains, guess: Floats, residual: Floats, unknown: int) -> Floats:
+    """Derivative of the accelerations by an unknown, to the other side where a chain finds no rest on the first one."""
+    for difference in (DIFFERENCE, -DIFFERENCE):
+        shifted = guess.copy()
+        shifted[unknown] += difference
+        with suppress(StepFailed):
+            return (vehicle.accelerations(shifted) - residual) / difference
+    return vehicle.accelerations(shifted)  # which raises
 
 
 def _moved(vehicle: VehicleOnChains, guess: Floats, change: Floats, most: float) -> tuple[Floats, Floats]:

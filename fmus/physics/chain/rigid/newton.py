@@ -107,7 +107,7 @@ def newton(
         body.advance(before.q[i], w.increment[i], s.q[i])
     bounds = (COARSE_GAP, COARSE_FORCE) if h < TINY else (GAP, FORCE * method.tolerance)
     size, last, y, sharp = np.inf, np.inf, w.system, w.contact.sharp
-    sharp[0] = 0
+    sharp[0], share, link, entry, moved = 0, 1.0, 0, 0, 0.0
     for n in range(MOST):
         fresh = size > CHORD or size > REUSE * last or sharp[0] == 1  # near the solution the last matrix is reused
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
@@ -128,7 +128,13 @@ def newton(
                 return SINGULAR, failed, largest_residual(y.residual)[0]
         augmented.solve(links.half, links.ends, y)
         counters[ITERATIONS] += 1
-        last, size = size, _update(links, s, w, by)
+        if not method.sharp_friction:
+            share = _share(y.correction[link, entry], moved) if sharp[0] == 1 else 1.0
+            link, entry = _largest_entry(y.correction)
+            moved = share * y.correction[link, entry]
+            add_share(share - 1.0, y.correction, y.correction)
+            add_share(share - 1.0, y.multiplier_correction, y.multiplier_correction)
+        last, size = size, _update(links, s, w, by) / share
         if not size < FASTEST:
             break
         if size < method.tolerance:
@@ -139,6 +145,27 @@ def newton(
             sharpen(w.contact)
     worst, where = largest_residual(y.residual)
     return STALLED, where, worst
+
+
+@kernel
+def _share(correction: float, moved: float) -> float:
+    """Share of a correction that a secant takes, from one entry of it and what that entry ``moved`` in the last one.
+
+    On the way to equilibrium links just touch rims that lean against them. The part that touches grows as the root of
+    the depth, which the matrix does not know, and corrections alternate there.
+    """
+    return moved / (moved - correction) if correction * moved < 0.0 else 1.0
+
+
+@kernel
+def _largest_entry(rows: Floats) -> tuple[int, int]:
+    """Indices of the largest absolute entry of ``rows``."""
+    row, column = 0, 0
+    for i in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            if abs(rows[i, k]) > abs(rows[row, column]):
+                row, column = i, k
+    return row, column
 
 
 @kernel
