@@ -188,12 +188,6 @@ class Model(TrackModel):
         to_cholesky(self.link, self.s, self.work)
         return True
 
-    def compile(self, parameters: Mapping[str, float | int | str]) -> None:
-        """Compile the kernels of a run; those of the start take as long and are compiled by the one who starts."""
-        self.read(parameters)
-        self.begin_run()
-        self.compile_run()
-
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """See ``TrackModel``; besides, the tolerance and, with an implicit integrator, the relaxation time."""
         free = super().free_parameters(p)

@@ -11,6 +11,7 @@ from fmus.physics.arrays import Floats
 from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain import state
 from fmus.physics.chain.bushing import BushArrays, bush_arrays
+from fmus.physics.chain.contacts import ContactPoints, contact_points
 from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
 from fmus.physics.chain.link_columns import NONE, LinkForcesShape
 from fmus.physics.chain.near import Near, near
@@ -20,8 +21,6 @@ from fmus.physics.point import Memory, memory, points
 
 if TYPE_CHECKING:
     from types import ModuleType
-
-    from fmus.physics.chain.contacts import ContactPoints
 
 
 FIXED = np.zeros(0)  # state of axes that do not turn
@@ -144,7 +143,7 @@ class Work(NamedTuple):
     sums: np.ndarray  # (SUMS) see ``sums``
     bushes: BushArrays  # of bushed pins
     contact: Memory  # memory of sharp friction
-    points: Any  # ``ContactPoints`` at the last iteration matrix; None without contacts
+    points: ContactPoints  # at the last iteration matrix; empty without contacts
     near: Near  # distances of links from a wheel
     axes: AxesArrays | None  # arrays of turning axes, else None
     joints: Any  # ``ConstrainedJoints`` of links that share no pins, else None
@@ -197,7 +196,7 @@ def work(
         wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
         bushes=bush_arrays(bushed),
         contact=memory(points(wheels, nodes, ground.points // links)),
-        points=_contact_points(contacts, nodes, kit.NODE) if contacts else None,
+        points=contact_points(contacts, (nodes, kit.NODE), (nodes, kit.NODE)),
         near=near(links),
         axes=axes_arrays(nodes, m, whole) if kit.FREE else None,
         joints=_joints(links, m) if len(at.pins) == 2 else None,
@@ -205,12 +204,6 @@ def work(
         soil=z((ground.points, ground.pending)),
         rut=rut,
     ))  # fmt: skip
-
-
-def _contact_points(most: int, nodes: int, width: int) -> ContactPoints:
-    from fmus.physics.chain.contacts import contact_points  # only where something touches
-
-    return contact_points(most, (nodes, width), (nodes, width))
 
 
 def _joints(links: int, m: int) -> ConstrainedJoints:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from fmus.kernels.by_reference import by_reference
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
 from fmus.physics.chain.bushing import BushArrays, bush_arrays
+from fmus.physics.chain.contacts import ContactPoints, contact_points
 from fmus.physics.chain.link_columns import NONE, LinkForcesShape
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
@@ -81,7 +82,7 @@ class Work(NamedTuple):
     system: AugmentedSystem  # linear system
     articulated: ArticulatedBodies  # arrays of the recursive formulation; without links in the augmented one
     contact: Memory  # memory of sharp friction
-    points: Any  # ``ContactPoints`` at the last iteration matrix; None without contacts
+    points: ContactPoints  # at the last iteration matrix; empty without contacts
     near: Near  # distances of links from a wheel
     increment: np.ndarray  # (n, 6) increments over the step, m and rad
     wheels: np.ndarray  # (m, 15) wheels at the time of evaluation
@@ -125,7 +126,7 @@ def work(
             system=augmented.system(links, closed, bushed),
             articulated=recursive.articulated_bodies(links if joints else 0),
             contact=memory(points(wheels, pins, ground.points // links)),
-            points=_contact_points(contacts, links) if contacts else None,
+            points=contact_points(contacts, (links, 7)),
             near=near(links),
             increment=z((links, 6)),
             wheels=z((wheels, WIDTH)),
@@ -143,9 +144,3 @@ def work(
             rut=rut,
         )
     )
-
-
-def _contact_points(most: int, links: int) -> Any:
-    from fmus.physics.chain.contacts import contact_points  # only where something touches
-
-    return contact_points(most, (links, 7))
