@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -256,7 +256,7 @@ def run(
     track: str | None = None,
     stop: float | str | None = None,
     step: float | str | None = None,
-    estimate: bool = True,
+    estimate: bool | Literal["parts"] = True,
     native: bool = False,
     log: str | os.PathLike[str] | None = None,
     progress: bool = True,
@@ -269,7 +269,8 @@ def run(
     :param track: "flexible" or "rigid", instead of the scene's.
     :param stop: end of the run, s.
     :param step: communication step, s.
-    :param estimate: estimate the error by two coarser runs, in twice the run's time.
+    :param estimate: estimate the error by two coarser runs, in 0.75 of the run's time; "parts": also its parts of
+        coupling and integration, by a third one.
     :param native: use native FMUs; results have the same bits.
     :param log: path of the log, by default logs/SCENE-TRACK.mcap, with the settings behind TRACK; an older log there is
         replaced, unless it is of a run that ended well and this one fails.

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 import typer
 
@@ -86,6 +86,10 @@ VehicleOption = Annotated[
 JsonLine = Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")]
 JsonObject = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
 NativeOption = Annotated[bool, typer.Option("--native", help="use native FMUs; results have the same bits")]
+EstimateOption = Annotated[bool, typer.Option(help="estimate the error by two coarser runs, in 0.75 of the run's time")]
+PartsOption = Annotated[
+    bool, typer.Option("--estimate-parts", help="estimate its parts, coupling and integration, too, by a third run")
+]
 StopOption = Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")]
 DifferentOption = Annotated[bool, typer.Option("--different", help="also compare runs of different scenes")]
 From = Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")]
@@ -96,6 +100,13 @@ To = Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")]
 def with_vehicle(vehicle: str | None, settings: list[str] | None) -> list[str]:
     """Return the settings with the vehicle first."""
     return [*([f"vehicle={vehicle}"] if vehicle is not None else ()), *(settings or ())]
+
+
+def estimated(estimate: bool, parts: bool) -> bool | Literal["parts"]:
+    """Return which estimate is wanted; raises BadInput for parts of none."""
+    if parts and not estimate:
+        raise BadInput("--estimate-parts: there are no parts of an estimate that --no-estimate leaves out")
+    return "parts" if parts else estimate
 
 
 def beside(log: Path, ending: str) -> Path:

@@ -11,9 +11,11 @@ import typer
 
 from orchestrator.cli import common
 from orchestrator.cli.common import (
+    EstimateOption,
     JsonLine,
     LogPath,
     NativeOption,
+    PartsOption,
     SceneName,
     Settings,
     StopOption,
@@ -59,9 +61,8 @@ def run(
     error: Annotated[
         str | None, typer.Option("--error", metavar="E", help="'1%': use the cheapest settings known to reach it")
     ] = None,
-    estimate: Annotated[
-        bool, typer.Option(help="estimate the error by two coarser runs, in twice the run's time")
-    ] = True,
+    estimate: EstimateOption = True,
+    estimate_parts: PartsOption = False,
     analyses: Annotated[
         list[str] | None,
         typer.Option("--for", metavar="ANALYSIS", help="also record what this analysis needs, repeatable"),
@@ -84,12 +85,13 @@ def run(
     overrides = (("stop", stop), ("step", step), ("coupling", coupling))
     changes = [*with_vehicle(vehicle, settings), *(f"run.{k}={v}" for k, v in overrides if v is not None)]
     try:
+        estimated = common.estimated(estimate, estimate_parts)
         changes += [replacing_fmu(text) for text in replaced or ()]
         resolved = _scene_to_run(scene, track, changes, error, analyses or ())
         from orchestrator.execution.simulate import simulate
 
         path = log or Path("logs") / resolved.log_name
-        result = simulate(resolved, path, log_warning, narration, estimated=estimate, native=native)
+        result = simulate(resolved, path, log_warning, narration, estimated=estimated, native=native)
         status = 0 if summary.is_passed(result) else 1
     except KeyboardInterrupt:
         result["message"], status = "interrupted", 1

@@ -15,15 +15,18 @@ import typer
 from fmus.vehicles.tables import BadInput
 from orchestrator.cli.common import (
     ClockOption,
+    EstimateOption,
     From,
     MapOption,
     NativeOption,
+    PartsOption,
     SceneName,
     Settings,
     ShiftOption,
     To,
     TrackOption,
     VehicleOption,
+    estimated,
     measured_file,
     narration,
     with_vehicle,
@@ -127,9 +130,8 @@ def sweep(
     ] = None,
     seed: Annotated[int, typer.Option("--seed", metavar="S", help="of the Latin hypercube")] = 0,
     native: NativeOption = False,
-    estimate: Annotated[
-        bool, typer.Option(help="estimate the errors by two coarser runs, in twice the time of the runs")
-    ] = True,
+    estimate: EstimateOption = True,
+    estimate_parts: PartsOption = False,
     keep_logs: Annotated[bool, typer.Option("--keep-logs", help="keep the logs of all runs in DIR/logs")] = False,
     workers: Annotated[int, typer.Option("--workers", metavar="N", help="processes", min=1)] = 2,
     scheduler: Scheduler = None,
@@ -148,7 +150,9 @@ def sweep(
 
     design = Design.of(vary, sample, seed)
     common = with_vehicle(vehicle, settings)
-    planned = plan(design, scene, output, track, common, native, estimate, keep_logs, figures or ())
+    planned = plan(
+        design, scene, output, track, common, native, estimated(estimate, estimate_parts), keep_logs, figures or ()
+    )
     conduct("sweep", planned, planned.cases, output, workers, scheduler)
 
 

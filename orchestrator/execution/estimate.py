@@ -1,10 +1,8 @@
-"""Error estimate of a run from two coarser runs, in the norm of ``difference``.
+"""Error estimate of a run from two coarser runs, in the norm of ``difference``: the grid convergence index.
 
-``coupling`` compares the run with one of twice the communication step and equal internal steps. ``integration``
-compares that one with a third whose internal steps are doubled as well. ``total`` compares the run with the third.
-For a method of order p the difference is 2^p - 1 times the error of the finer run (Richardson 1911, doi
-10.1098/rsta.1911.0009). Smooth motion is of order 2 here, motion with many impacts of order 1; ``SHARE`` lies between
-the two and is off by a factor of 1.8 at either end.
+The coarser runs have twice and four times the communication and the internal steps. Their differences give the observed
+order and the stated error, observable by observable (``convergence_index``). A run with twice the communication step
+alone tells the parts of coupling and integration, in proportion to its differences.
 """
 
 from __future__ import annotations
@@ -13,6 +11,7 @@ import math
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,15 +20,15 @@ from fmus.track.choices import BY_ERROR
 from orchestrator.execution.summary import energy_warning
 from orchestrator.log.container import BESIDE_A_RUN
 from orchestrator.log.reader import Log
-from orchestrator.results.difference import ObservableDifference, differences, observables, worst
+from orchestrator.results.convergence_index import convergence_index
+from orchestrator.results.difference import ObservableDifference, differences, observables
 from orchestrator.results.run_data import UNANSWERED, RunData
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import TRACK
 from orchestrator.scene.tables import VariableStepTable
 
-SHARE = 1.0 / math.sqrt(3.0)  # error over difference: between 1 (order 1) and 1/3 (order 2)
-PARTS = ("coupling", "integration", "total")
+PARTS = ("coupling", "integration")
 Differences = dict[str, ObservableDifference]  # by observable
 # Records a scene, unless it has a log already, and returns its outcome (``simulate.record_companion``).
 RecordRun = Callable[[Scene, Path], dict[str, Any]]
@@ -38,49 +37,46 @@ RecordRun = Callable[[Scene, Path], dict[str, Any]]
 class Companions(NamedTuple):
     """Scenes of the coarser runs of an estimate."""
 
-    coupling: Scene | None  # None for a single component, which has no coupling
-    total: Scene
+    twice: Scene
+    four_times: Scene | None  # None for a run that is too short
+    coupling: Scene | None  # twice the communication step alone; None for a single component or a variable step
 
 
 def companions(scene: Scene, internal: float, simulated: float, components: int) -> Companions:
-    """Return the scene with twice the communication step, and that with twice the internal step as well.
+    """Return the scene with twice and four times its steps, and that with twice the communication step alone.
 
     ``internal``: internal step of the tracks, s. A variable step is doubled through its tolerance; internal steps
     that follow it get no scene of their own. An explicit integrator at its stable step cannot be doubled: its own
     error is unknown, but small beside the coupling error. Integrators that choose their steps get ten times their
     tolerances and twice their longest step.
     """
-    step = 2.0 * scene.run.step
-    stop = step * math.floor(simulated / step + 1e-9)
-    strides = {"outputs": max(1, scene.run.outputs // 2), "links": max(1, scene.links_every // 2)}
-    run = scene.run.model_copy(update={"step": step, "stop": stop, **strides})
-    if scene.run.variable is not None:
-        track = scene.track
-        if track.step is not None:
-            track = track.model_copy(update={"step": 2.0 * track.step})
-        run = run.model_copy(update={"variable": _doubled_tolerances(scene.run.variable)})
-        return Companions(None, scene.model_copy(update={"run": run, "track": track}))
-
-    if scene.track.integrator in BY_ERROR:
-        looser: dict[str, Any] = {
-            name: min(10.0 * (getattr(scene.track, name) or TOLERANCE), 0.1) for name in ("rtol", "atol")
-        }
-        if scene.track.step is not None:
-            looser["step"] = 2.0 * scene.track.step
-        coarser = scene.model_copy(update={"run": run})
-        doubled = coarser.model_copy(update={"track": scene.track.model_copy(update=looser)})
-        return Companions(coarser if components > 1 else None, doubled)
-
-    def with_internal_step(internal_step: float) -> Scene:
-        track = scene.track.model_copy(update={"step": internal_step})
-        return scene.model_copy(update={"run": run, "track": track})
-
-    longest_step = scene.track.step and scene.run.step / math.ceil(scene.run.step / scene.track.step - 1e-9)
-    stable = scene.track.integrator == "runge_kutta" and (longest_step is None or internal < 0.99 * longest_step)
+    inseparable = scene.run.variable is not None or components == 1
     return Companions(
-        with_internal_step(internal) if components > 1 else None,
-        with_internal_step(internal if stable else 2.0 * internal),
+        _coarser(scene, internal, simulated, 2, 2),
+        _coarser(scene, internal, simulated, 4, 4) if simulated >= 8.0 * scene.run.step else None,
+        None if inseparable else _coarser(scene, internal, simulated, 2, 1),
     )
+
+
+def _coarser(scene: Scene, internal: float, simulated: float, times: int, internal_times: int) -> Scene:
+    """Return the scene with its communication and its internal steps so many times as long."""
+    step, track, table = times * scene.run.step, scene.track, scene.run
+    longest = track.step and table.step / math.ceil(table.step / track.step - 1e-9)
+    changes: dict[str, Any] = {}
+    if table.variable is None and track.integrator not in BY_ERROR:
+        stable = track.integrator == "runge_kutta" and (longest is None or internal < 0.99 * longest)
+        changes["step"] = internal * (1 if stable else internal_times)
+    elif track.step is not None:
+        changes["step"] = internal_times * track.step
+    if table.variable is None and track.integrator in BY_ERROR:
+        looser = 10.0 ** math.log2(internal_times)
+        changes |= {name: min(looser * (getattr(track, name) or TOLERANCE), 0.1) for name in ("rtol", "atol")}
+    # records at instants of the run's own
+    strides = {key: n // math.gcd(n, times) for key, n in (("outputs", table.outputs), ("links", scene.links_every))}
+    changed: dict[str, Any] = {"step": step, "stop": step * math.floor(simulated / step + 1e-9), **strides}
+    if table.variable is not None:
+        changed["variable"] = _looser_tolerances(table.variable, times)
+    return scene.model_copy(update={"run": table.model_copy(update=changed), "track": track.model_copy(update=changes)})
 
 
 class _NoEstimate(Exception):
@@ -88,47 +84,49 @@ class _NoEstimate(Exception):
 
 
 def estimate(
-    scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun, in_parts: bool = True
+    scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun, in_parts: bool = False
 ) -> dict[str, Any]:
     """Estimate the relative errors of a recorded run, in total and by observable, or give the reason.
 
-    Not ``in_parts``: without the run that tells coupling and integration, whose errors are None.
+    ``in_parts``: with a third coarser run, which tells coupling and integration; else these are None.
+    ``no_order`` in the result is the reason why no run with four times the steps gives an observed order.
     """
     start = time.perf_counter()
     try:
         tracks = {part.name for part in assemble(scene).parts if part.stage == TRACK}
-        coarser_runs = _coarser_runs(scene, summary, _steps(tracks, summary))
-        in_parts = in_parts or coarser_runs.coupling in (None, coarser_runs.total)
-        wanted: dict[str, Scene | None] = coarser_runs._asdict() if in_parts else {"total": coarser_runs.total}
+        wanted = _coarser_scenes(scene, summary, _steps(tracks, summary))
         with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-            logs = _record_coarser(scene, summary, tracks, coarser_runs, wanted, record, Path(folder))
-            parts, without = _with_differences(*_differences(log, logs))
+            asked = wanted if in_parts and wanted.coupling != wanted.twice else wanted._replace(coupling=None)
+            logs, no_order = _record_coarser(scene, summary, tracks, asked, record, Path(folder))
+            found, names = _differences({"run": log, **logs})
+        known = [name for name in names if name in found["finer"] and math.isfinite(found["finer"][name].relative)]
+        if not any(found["finer"][name].decisive for name in known):
+            raise _NoEstimate("no observable has a finite difference from the run at twice the step")
     except _NoEstimate as reason:
         return without_estimate(str(reason), time.perf_counter() - start)
-    errors: dict[str, float | None] = {part: SHARE * worst(found) if found else 0.0 for part, found in parts.items()}
-    not_separable: dict[str, None] = {"integration": None} if coarser_runs.total == coarser_runs.coupling else {}
-    if not in_parts:
-        not_separable = {"coupling": None, "integration": None}
-    estimates = {
-        name: {
-            "unit": difference.unit,
-            "absolute": SHARE * difference.absolute,
-            **{part: SHARE * parts[part][name].relative if parts[part] else 0.0 for part in PARTS},
-            **not_separable,
-            "decisive": difference.decisive,
-        }
-        for name, difference in parts["total"].items()
+    is_single = len(summary["components"]) == 1
+    errors = {
+        name: _observable_error({pair: one[name] for pair, one in found.items() if name in one}, is_single)
+        for name in known
     }
+    for one in errors.values():
+        if is_single:
+            one |= {"coupling": 0.0, "integration": one["total"]}
+        elif wanted.coupling == wanted.twice:
+            one["coupling"] = one["total"]
+    decisive = [one for one in errors.values() if one["decisive"]]
     return {
-        **(errors | not_separable),
-        "observables": estimates,
-        "without": without,
+        **{part: max(one[part] or 0.0 for one in decisive) for part in (*PARTS, "total")},
+        **{part: None for part in PARTS if any(one[part] is None for one in decisive)},
+        "observables": errors,
+        "without": [name for name in names if name not in known],
+        "no_order": no_order,
         "wall_time": time.perf_counter() - start,
         "message": "",
     }
 
 
-def _coarser_runs(scene: Scene, summary: dict[str, Any], steps: list[int]) -> Companions:
+def _coarser_scenes(scene: Scene, summary: dict[str, Any], steps: list[int]) -> Companions:
     """Scenes of the coarser runs; ``steps``: internal steps of each track."""
     simulated, count = summary["simulated_time"], summary["communication_steps"]
     if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
@@ -138,62 +136,84 @@ def _coarser_runs(scene: Scene, summary: dict[str, Any], steps: list[int]) -> Co
 
 
 def _record_coarser(
-    scene: Scene,
-    summary: dict[str, Any],
-    tracks: set[str],
-    coarser_runs: Companions,
-    wanted: dict[str, Scene | None],
-    record: RecordRun,
-    folder: Path,
-) -> dict[str, Path]:
-    """Record the ``wanted`` ones of the coarser runs, which have the same tracks; return their logs by name."""
+    scene: Scene, summary: dict[str, Any], tracks: set[str], wanted: Companions, record: RecordRun, folder: Path
+) -> tuple[dict[str, Path], str]:
+    """Record the coarser runs, which have the same tracks; return their logs by name, and why four_times has none."""
     logs: dict[str, Path] = {}
-    for name, companion in wanted.items():
+    no_order, finer = "" if wanted.four_times else "the run is too short for one at four times the step", summary
+    for name, companion in wanted._asdict().items():
         if companion is None:
             continue
-        if name == "total" and companion == coarser_runs.coupling:
-            logs[name] = logs["coupling"]
+        outcome = record(companion, folder / f"{name}.mcap")
+        if why := _why_not(scene, tracks, outcome, finer if len(summary["components"]) == 1 else None, companion):
+            if name == "twice":
+                raise _NoEstimate(f"the run at twice the step {why}")
+            no_order = f"the run at four times the step {why}" if name == "four_times" else no_order
             continue
-        coarser = record(companion, folder / f"{name}.mcap")
-        if coarser["status"] != "ok" or energy_warning(coarser["energy"]):
-            raise _NoEstimate(f"the run at twice the step cannot be right: {coarser['message']}")
-        if coarser_runs.coupling is None and scene.run.variable is None:
-            most = max(_steps(tracks, summary)) / summary["simulated_time"]  # internal steps a second
-            fewer = 0.95 if scene.track.integrator in BY_ERROR else 0.75  # order 8: 10^(1/8) longer by tolerances
-            if max(_steps(tracks, coarser)) / coarser["simulated_time"] > fewer * most:
-                raise _NoEstimate("there is no coarser run: internal steps are as long as stability allows")
-        if coarser["simulated_time"] < companion.run.stop - 1e-9:
-            raise _NoEstimate(f"the run at twice the step ends at {coarser['simulated_time']:.6g} s")
-        logs[name] = Path(coarser["log"])
-    return logs
+        logs[name], finer = Path(outcome["log"]), outcome
+    return logs, no_order
 
 
-def _differences(log: Path, logs: dict[str, Path]) -> tuple[dict[str, Differences], list[str]]:
-    """Differences by part, those of parts that a run does not have are empty; observables of this kind of run."""
+def _why_not(
+    scene: Scene, tracks: set[str], outcome: dict[str, Any], finer: dict[str, Any] | None, companion: Scene
+) -> str:
+    """Return what is wrong with a coarser run, or nothing; ``finer``: outcome of a run that has to have more steps."""
+    if outcome["status"] != "ok" or energy_warning(outcome["energy"]):
+        return f"cannot be right: {outcome['message']}"
+    if finer is not None and scene.run.variable is None:
+        own, more = (max(_steps(tracks, each)) / each["simulated_time"] for each in (outcome, finer))  # 1/s
+        if own > (0.95 if scene.track.integrator in BY_ERROR else 0.75) * more:  # order 8: 10^(1/8) longer
+            return "is no coarser one: internal steps are as long as stability allows"
+    if outcome["simulated_time"] < companion.run.stop - 1e-9:
+        return f"ends at {outcome['simulated_time']:.6g} s"
+    return ""
+
+
+PAIRS = {  # of runs whose differences count
+    "finer": ("twice", "run"),
+    "coarser": ("four_times", "twice"),
+    "coupling": ("coupling", "run"),
+    "integration": ("twice", "coupling"),
+}
+
+
+def _differences(logs: dict[str, Path]) -> tuple[dict[str, Differences], list[str]]:
+    """Differences by pair of runs, as far as there are logs; observables of this kind of run."""
     try:
-        with (
-            Log(log, unfinished=True, kept=BESIDE_A_RUN) as fine_log,
-            Log(logs["total"], kept=BESIDE_A_RUN) as coarsest_log,
-            Log(logs.get("coupling", log), unfinished=True, kept=BESIDE_A_RUN) as coupling_log,
-        ):
-            fine, coupling, coarsest = (RunData(opened) for opened in (fine_log, coupling_log, coarsest_log))
-            total, names = differences(coarsest, fine), [name for name, _ in observables(fine)]
-            if "coupling" not in logs:
-                return {"coupling": {}, "integration": total, "total": total}, names
-            first, second = differences(coupling, fine), differences(coarsest, coupling)
-            return {"coupling": first, "integration": second, "total": total}, names
+        with ExitStack() as stack:
+            opened = {
+                name: stack.enter_context(Log(log, unfinished=True, kept=BESIDE_A_RUN)) for name, log in logs.items()
+            }
+            runs = {name: RunData(log) for name, log in opened.items()}
+            found = {pair: differences(runs[a], runs[b]) for pair, (a, b) in PAIRS.items() if a in runs and b in runs}
+            return found, [name for name, _ in observables(runs["run"])]
     except UNANSWERED as error:
         raise _NoEstimate(str(error)) from error
 
 
-def _with_differences(parts: dict[str, Differences], names: list[str]) -> tuple[dict[str, Differences], list[str]]:
-    """Differences that are finite in every part, and the observables without them."""
-    present = [found for found in parts.values() if found]
-    known = [n for n in names if all(n in found and math.isfinite(found[n].relative) for found in present)]
-    if not any(parts["total"][name].decisive for name in known):
-        raise _NoEstimate("no observable has a finite difference from the run at twice the step")
-    finite = {part: {name: found[name] for name in known if found} for part, found in parts.items()}
-    return finite, [name for name in names if name not in known]
+def _observable_error(found: dict[str, ObservableDifference], is_single: bool) -> dict[str, Any]:
+    """Error of an observable from its differences by pair of runs.
+
+    Coupled motion with contacts has the formal order 1, a chain alone 2, but 1 in forces: steps do not resolve the
+    waves along its stiff links.
+    """
+    known = {pair: one.absolute for pair, one in found.items() if math.isfinite(one.absolute)}
+    windows = [found[pair].by_window for pair in ("finer", "coarser") if pair in found]
+    formal = 2.0 if is_single and found["finer"].unit == "m" else 1.0
+    index = convergence_index(
+        known["finer"], known.get("coarser"), formal, [*map(math.prod, zip(*windows, strict=False))]
+    )
+    share = max((found[pair].relative / size for pair, size in known.items() if size), default=0.0)  # 1/unit
+    times = index.error * share / known["finer"] if known["finer"] else 0.0
+    return {
+        "unit": found["finer"].unit,
+        "absolute": index.error,
+        **{part: times * known[part] if part in known else None for part in PARTS},
+        "total": index.error * share,
+        "order": None if math.isnan(index.order) else index.order,
+        "safety": index.safety,
+        "decisive": found["finer"].decisive,
+    }
 
 
 def _steps(tracks: set[str], summary: dict[str, Any]) -> list[int]:
@@ -203,16 +223,12 @@ def _steps(tracks: set[str], summary: dict[str, Any]) -> list[int]:
 
 def without_estimate(reason: str, wall_time: float = 0.0) -> dict[str, Any]:
     """Return the entry of a summary without an estimate; ``wall_time``: what the attempt took, s."""
-    return {**dict.fromkeys(PARTS), "observables": {}, "without": [], "wall_time": wall_time, "message": reason}
+    unknown = dict.fromkeys((*PARTS, "total"))
+    return {**unknown, "observables": {}, "without": [], "no_order": "", "wall_time": wall_time, "message": reason}
 
 
-def _doubled_tolerances(table: VariableStepTable) -> VariableStepTable:
-    """Return the tolerances for twice the step: a power residual has order 2, the error of a step order 3."""
-    factor = 4.0 if table.estimate == "power" else 8.0
-    return table.model_copy(
-        update={
-            "tolerance": min(factor * table.tolerance, 0.5),
-            "shortest": 2.0 * table.shortest,
-            "longest": 2.0 * table.longest,
-        }
-    )
+def _looser_tolerances(table: VariableStepTable, times: int) -> VariableStepTable:
+    """Return the tolerances for longer steps: a power residual has order 2, the error of a step order 3."""
+    order = 2 if table.estimate == "power" else 3
+    lengths = {"shortest": times * table.shortest, "longest": times * table.longest}
+    return table.model_copy(update={"tolerance": min(times**order * table.tolerance, 0.5), **lengths})

@@ -246,6 +246,8 @@ class ObservableError(BaseModel):
     coupling: float | None
     integration: float | None
     total: float
+    order: float | None = None  # observed
+    safety: float | None = None  # factor; None in a log of an earlier version
     decisive: bool
 
 
@@ -257,6 +259,7 @@ class ErrorEstimate(BaseModel):
     total: float | None
     observables: dict[str, ObservableError]
     without: list[str] = []
+    no_order: str = ""
     wall_time: float
     message: str
 

@@ -50,16 +50,16 @@ def simulate(
     path: Path,
     logger: Logger | None = None,
     narration: Narration | None = None,
-    estimated: bool | Literal["total"] = False,
+    estimated: bool | Literal["parts"] = False,
     native: bool = False,
     continuation: Continuation | None = None,
     answer: bool = False,
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; return the summary (``summary.empty``).
 
-    ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take twice
-    the run's own time; "total" makes one of them, which does not tell the parts. ``native``: use native FMUs, which
-    give the same numbers. ``continuation``: checkpoint of an earlier run (``resume``).
+    ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take 0.75
+    of the run's own time; "parts" makes a third one, which tells coupling and integration. ``native``: use native FMUs,
+    which give the same numbers. ``continuation``: checkpoint of an earlier run (``resume``).
     ``answer``: raise what is no answer of the model: KeyboardInterrupt, and OSError for a log that cannot be written.
 
     Before the first step raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt
@@ -85,7 +85,7 @@ def _simulate(
     path: Path,
     logger: Logger | None,
     narration: Narration | None,
-    estimated: bool | Literal["total"],
+    estimated: bool | Literal["parts"],
     interrupt: Interrupt,
     native: bool = False,
     continuation: Continuation | None = None,
@@ -137,7 +137,7 @@ def _simulate(
                         result |= entries
                         if estimated:
                             companion = partial(record_companion, interrupt, native=native)
-                            _estimate_error(run.scene, recorder.file, result, companion, announce, estimated != "total")
+                            _estimate_error(run.scene, recorder.file, result, companion, announce, estimated == "parts")
                     if interrupt.requested and not before and outcome.status == "ok":  # in a coarser run
                         raise KeyboardInterrupt
                 except KeyboardInterrupt:
@@ -170,7 +170,7 @@ def _estimate_error(
 ) -> None:
     """Add the error of a run that ended well to its summary, by coarser runs (``companion``)."""
     if result["status"] == "ok" and isinstance(scene, Scene):
-        announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
+        announce(f"{scene.name}: the error is estimated by runs with longer steps")
         result["error"] = estimate.estimate(scene, file, result, companion, in_parts)
 
 

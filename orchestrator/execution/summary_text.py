@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from orchestrator.execution import summary
 from orchestrator.execution.estimate import PARTS
+from orchestrator.results.convergence_index import ORDERS, SAFETY
 from orchestrator.results.energy import KINDS
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.run_data import SHOWN
@@ -25,13 +26,24 @@ def _error(error: dict[str, Any]) -> str:
         (name for name, observable in error["observables"].items() if observable["decisive"]),
         key=lambda name: error["observables"][name]["total"],
     )
-    parts = [f"{part} {'not known' if error[part] is None else _percent(error[part])}" for part in PARTS[:2]]
-    took = f"{', '.join(parts)}; took {error['wall_time']:.3g} s more"
+    took = "; ".join((*_how(error, error["observables"][decisive]), f"took {error['wall_time']:.3g} s more"))
     worst = decisive.replace("_", " ")
     without = f", not known of {', '.join(error['without']).replace('_', ' ')}" if error["without"] else ""
     return (
         f"estimated error: {_percent(error['total'])} of the {worst}, less of all other observables{without} ({took})"
     )
+
+
+def _how(error: dict[str, Any], decisive: dict[str, Any]) -> Iterator[str]:
+    """Yield parts of an error, as far as they are known, and how that of the decisive observable was found."""
+    if any(error[part] is not None for part in PARTS):
+        yield ", ".join(f"{part} {'not known' if error[part] is None else _percent(error[part])}" for part in PARTS)
+    if decisive.get("safety") == SAFETY:
+        yield f"observed order {figure(decisive['order'], 2)}"
+    elif decisive.get("safety") is not None:  # not of a log of an earlier version
+        converges = ORDERS[0] <= (decisive["order"] or 0.0) <= ORDERS[1]
+        reason = error["no_order"] or ("an average" if converges else "its differences do not converge")
+        yield f"factor of safety {figure(decisive['safety'])}: {reason}"
 
 
 def _percent(share: float) -> str:

@@ -5,6 +5,7 @@ that is larger. A sample counts for the time since the one before it, so steps m
 start. Link tensions and joint forces are sensitive (errors grow some 15-fold per second at speed): they are compared
 by mean and RMS over windows of a second, and link by link only up to ``POINTWISE`` s. A log holds joint forces as means
 over its own interval of records; the RMS of means depends on that interval, so both are brought to INTERVAL first.
+Where one log has records of links at some of the instants of the other, only these count in both.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ class Observable(NamedTuple):
 
     unit: str
     floor: float  # lower bound of the reference size, in ``unit``
-    read: Callable[[RunData], ObservableSamples]
+    read: Callable[..., ObservableSamples]  # (run, every): of links only every so many records
     decisive: bool = True  # counts towards the error of the run as a whole
     windowed: bool = False  # averages over windows of time, which cannot be aligned otherwise
 
@@ -108,6 +109,7 @@ class ObservableDifference(NamedTuple):
     relative: float
     unit: str
     decisive: bool
+    by_window: tuple[float, ...] = ()  # of averages: difference in each window
 
 
 def differences(
@@ -120,12 +122,15 @@ def differences(
     found = {}
     ends = run.span[1], reference.span[1]
     filled = window if abs(ends[0] - ends[1]) < SAME_END else Window(window.start, min(window.end, *ends))
-    clocks = alignment.clock(run), alignment.clock(reference)
+    clocks, strides = (alignment.clock(run), alignment.clock(reference)), _strides(run, reference)
     for name, observable in observables(reference):
         if observable.windowed and alignment is not TIME:
             continue
         try:
-            pair = tuple(each.compute_once(f"observable {name}", observable.read) for each in (run, reference))
+            pair = tuple(
+                each.compute_once(f"observable {name} {every}", partial(observable.read, every=every))
+                for each, every in zip((run, reference), strides, strict=True)
+            )
             if alignment is not TIME:
                 pair = _on_axis(pair[0], clocks[0]), _on_axis(pair[1], clocks[1])
             if pair[0].values.shape[1:] == pair[1].values.shape[1:]:  # half a vehicle has fewer links
@@ -163,7 +168,8 @@ def difference(run: ObservableSamples, reference: ObservableSamples, observable:
     lengths = np.diff(t) if run.mean else record_durations(t)
     absolute = rms(a - b, lengths)
     relative = absolute / max(rms(b, lengths), observable.floor)
-    return ObservableDifference(absolute, relative, observable.unit, observable.decisive)
+    by_window = tuple((a - b).ravel().tolist()) if observable.windowed else ()
+    return ObservableDifference(absolute, relative, observable.unit, observable.decisive, by_window)
 
 
 def _on_axis(signal: ObservableSamples, clock: Callable[[Floats], Floats]) -> ObservableSamples:
@@ -217,13 +223,13 @@ def rms(values: Floats, lengths: Floats) -> float:
 def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
     """Observables of this kind of run."""
     if "chassis" in run.instances:
-        yield "position", Observable("m", 0.1, lambda run: _of_hull(run, "position")._replace(from_start=True))
-        yield "velocity", Observable("m/s", 0.1, lambda run: _of_hull(run, "velocity"))
-        yield "pitch", Observable("rad", 0.01, lambda run: _signals(run, ["chassis.pitch"]))
+        yield "position", Observable("m", 0.1, lambda run, every: _of_hull(run, "position")._replace(from_start=True))
+        yield "velocity", Observable("m/s", 0.1, lambda run, every: _of_hull(run, "velocity"))
+        yield "pitch", Observable("rad", 0.01, lambda run, every: _signals(run, ["chassis.pitch"]))
     drives = [name for name in (*run.instances, *map(run.drive, run.sides)) if run.has(f"{name}.torque")]
     if drives:
         torques = [f"{drive}.torque" for drive in dict.fromkeys(drives)]
-        yield "torque", Observable("N m", 100.0, lambda run: _signals(run, torques, mean=True))
+        yield "torque", Observable("N m", 100.0, lambda run, every: _signals(run, torques, mean=True))
     if not run.tracks:
         return
     if not drives:  # a chain without drives: each pin
@@ -232,12 +238,30 @@ def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
         return
     if "chassis" not in run.instances:
         names = [f"{track}.speed" for track in run.tracks]
-        yield "chain_speed", Observable("m/s", 0.01, lambda run: _signals(run, names))
+        yield "chain_speed", Observable("m/s", 0.01, lambda run, every: _signals(run, names))
     for name, read in (("tension", _tension), ("joint_force", _joint_force)):
         for number, statistic in enumerate(("mean", "rms")):
             yield f"{name}_{statistic}", Observable("N", 100.0, partial(_windowed, name, read, number), windowed=True)
-    yield "tension", Observable("N", 100.0, lambda run: _tension(run, EARLY), decisive=False)
-    yield "joint_force", Observable("N", 100.0, lambda run: _joint_force(run, EARLY), decisive=False)
+    yield "tension", Observable("N", 100.0, partial(_tension, window=EARLY), decisive=False)
+    yield "joint_force", Observable("N", 100.0, partial(_joint_force, window=EARLY), decisive=False)
+
+
+def _strides(run: RunData, reference: RunData) -> tuple[int, int]:
+    """Records of links from one that counts to the next, in both logs: more than 1 where the other one is sparser."""
+    try:
+        ratio = _interval(reference) / _interval(run) if run.tracks and reference.tracks else np.nan
+    except UNANSWERED:
+        ratio = np.nan
+    if not np.isfinite(ratio):
+        return 1, 1
+    own, other = (n if n and abs(each / n - 1.0) < 1e-6 else 1 for each in (ratio, 1.0 / ratio) for n in [round(each)])
+    return own, other
+
+
+def _interval(run: RunData) -> float:
+    """Time between two records of links, s; NaN where it varies. Raises Missing."""
+    lengths = np.diff(run.compute_once("times of links", _times))
+    return float(lengths[0]) if len(lengths) and np.allclose(lengths[:-1], lengths[0], 0.0, 1e-9) else np.nan
 
 
 def _signals(run: RunData, names: list[str], mean: bool = False) -> ObservableSamples:
@@ -288,41 +312,43 @@ def _axes(run: RunData, what: str, window: Window) -> list[ObservableSamples]:
     return parts
 
 
-def _pins(run: RunData) -> ObservableSamples:
+def _pins(run: RunData, every: int) -> ObservableSamples:
     parts = _axes(run, "position", EVER)
-    return ObservableSamples(parts[0].t, np.hstack([part.values for part in parts]), from_start=True)
+    return ObservableSamples(parts[0].t[::every], np.hstack([part.values[::every] for part in parts]), from_start=True)
 
 
-def _tension(run: RunData, window: Window = EVER) -> ObservableSamples:
-    return _links(run, window, "link[", "].tension")[0]
+def _tension(run: RunData, every: int, window: Window = EVER) -> ObservableSamples:
+    samples = _links(run, window, "link[", "].tension")[0]
+    return samples._replace(t=samples.t[::every], values=samples.values[::every])
 
 
-def _joint_force(run: RunData, window: Window) -> ObservableSamples:
-    """Magnitudes of the mean joint forces over each INTERVAL of a window; the first record as it is."""
+def _joint_force(run: RunData, every: int, window: Window) -> ObservableSamples:
+    """Magnitudes of the mean joint forces over each INTERVAL, or longer one of records; the first record as it is."""
     parts = _axes(run, "force", window)
-    begin, end = parts[0].t[[0, -1]]
-    t = begin + INTERVAL * np.arange(int((end - begin) / INTERVAL + 1e-6) + 1)
+    (begin, end), own = parts[0].t[[0, -1]], _interval(run)
+    interval = max(INTERVAL, every * own) if own == own else INTERVAL
+    t = begin + interval * np.arange(int((end - begin) / interval + 1e-6) + 1)
     if len(t) < 2:
-        raise Missing(f"the log holds less than {INTERVAL:g} s")
+        raise Missing(f"the log holds less than {interval:g} s")
     means = [np.vstack([part.values[:1], _sampled(part._replace(mean=True), t)]) for part in parts]
     return ObservableSamples(t, np.sqrt(sum(mean**2 for mean in means)))
 
 
-ReadWindow = Callable[[RunData, Window], ObservableSamples]
+ReadWindow = Callable[[RunData, int, Window], ObservableSamples]
 
 
-def _windowed(name: str, read: ReadWindow, number: int, run: RunData) -> ObservableSamples:
+def _windowed(name: str, read: ReadWindow, number: int, run: RunData, every: int) -> ObservableSamples:
     """Mean (0) or RMS (1) of an observable over windows of time."""
-    return run.compute_once(f"windows of {name}", lambda run: _mean_and_rms(run, read))[number]
+    return run.compute_once(f"windows of {name} {every}", lambda run: _mean_and_rms(run, read, every))[number]
 
 
-def _mean_and_rms(run: RunData, read: ReadWindow) -> tuple[ObservableSamples, ObservableSamples]:
+def _mean_and_rms(run: RunData, read: ReadWindow, every: int) -> tuple[ObservableSamples, ObservableSamples]:
     """Mean and RMS over all links and the samples of each window of time.
 
     Windows begin at the start; a last one of less than half the length is left out. One window is in memory at a
     time.
     """
-    t = run.compute_once("times of links", _times)
+    t = run.compute_once("times of links", _times)[::every]
     if len(t) < 2:
         raise Missing("the log holds no step")
     count = max(1, round((t[-1] - t[0]) / WINDOW))
@@ -332,7 +358,7 @@ def _mean_and_rms(run: RunData, read: ReadWindow) -> tuple[ObservableSamples, Ob
         inside = np.flatnonzero((t > low + 1e-9) & (t <= high + 1e-9))
         if not len(inside):
             raise Missing(f"nothing was recorded between {low:g} and {high:g} s")
-        samples = read(run, Window(float(t[inside[0] - 1]), float(t[inside[-1]])))
+        samples = read(run, every, Window(float(t[inside[0] - 1]), float(t[inside[-1]])))
         lengths, values = np.diff(samples.t), samples.values[1:]
         means.append(_mean(values, lengths))
         squares.append(_mean(values**2, lengths))

@@ -14,10 +14,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from fmus.vehicles.tables import BadInput, path_text, value_text
 from orchestrator.execution import summary
+from orchestrator.execution.estimate import PARTS
 from orchestrator.execution.simulate import simulate
 from orchestrator.files.budget import DOCUMENT, read_file
 from orchestrator.log.extra import NotInstalled, library
@@ -52,7 +53,7 @@ def sweep(  # noqa: PLR0913, the options of the command
     track: str | None = None,
     settings: Sequence[str] | Mapping[str, Any] = (),
     native: bool = False,
-    estimate: bool = True,
+    estimate: bool | Literal["parts"] = True,
     keep_logs: bool = False,
     workers: int = 1,
     scheduler: str | None = None,
@@ -84,7 +85,7 @@ def plan(
     track: str | None = None,
     settings: Sequence[str] | Mapping[str, Any] = (),
     native: bool = False,
-    estimated: bool = True,
+    estimated: bool | Literal["parts"] = True,
     keep_logs: bool = False,
     figures: Sequence[str] = (),
 ) -> Sweep:
@@ -144,13 +145,16 @@ def _differences(held: Mapping[str, Any], definition: Mapping[str, Any]) -> str:
 
 
 def run_case(
-    scene: Scene, native: bool, estimated: bool, log: Path | None, wanted: Sequence[WantedFigure] = ()
+    scene: Scene,
+    native: bool,
+    estimated: bool | Literal["parts"],
+    log: Path | None,
+    wanted: Sequence[WantedFigure] = (),
 ) -> list[Row]:
     """Row of a run, whose log is deleted unless it has a path. Raises as ``simulate`` does."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = log or Path(folder) / "run.mcap"
-        # a row has no parts of an error
-        result = simulate(scene, path, estimated=estimated and (log is not None or "total"), native=native, answer=True)
+        result = simulate(scene, path, estimated=estimated, native=native, answer=True)
         further, missing = figures_of_log(result["log"], wanted) if wanted and "log" in result else ({}, [])
     energy, error = result["energy"], result["error"] or {"message": ""}
     unknown = f"estimated error: not known, {error['message']}" if error["message"] else ""
@@ -172,6 +176,7 @@ def _figures(result: dict[str, Any], energy: dict[str, Any] | None, error: dict[
         **result["observables"],
         **{f"check {name}": check["value"] for name, check in checks.items()},
         **({"estimated error": error["total"]} if "total" in error else {}),
+        **{f"estimated error of {part}": error[part] for part in PARTS if error.get(part) is not None},
         **{f"estimated error of {name}": one["total"] for name, one in errors.items()},
         **{f"estimated error of {name}, {one['unit']}": one["absolute"] for name, one in errors.items()},
         "energy residual": energy and energy["residual_relative"],

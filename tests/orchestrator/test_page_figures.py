@@ -444,7 +444,7 @@ def test_an_estimated_error_is_told_by_observable(tmp_path):
     one = {"total": 0.0123, "decisive": True}
     observables = {
         "tension_mean": one | {"total": 0.0005, "absolute": 7.5, "unit": "N", "coupling": 0.0003},
-        "torque": one | {"absolute": 1234.0, "unit": "N m", "coupling": 0.0101, "integration": None},
+        "torque": one | {"absolute": 1234.0, "unit": "N m", "order": 1.21, "coupling": 0.0101, "integration": None},
         "pitch": one | {"total": 0.5, "decisive": False},
         "odd": {"total": "1", "decisive": False},
     }
@@ -456,8 +456,8 @@ def test_an_estimated_error_is_told_by_observable(tmp_path):
     html = shown("a", error=json.dumps(error), wall_time="4.0")
     rows = re.findall(r"<tr><td>(.*?)</tr>", re.search(r'id="exactness".*?</table>', html, re.S)[0])
     assert rows[:2] == [  # failed ones come first, then by sensitivity
-        "torque</td><td><b>1.2 %</b></td><td>1 %</td><td></td><td>1.23 kN m</td>",
-        "tension mean</td><td><b>0.05 %</b></td><td>0.03 %</td><td></td><td>7.5 N</td>",
+        "torque</td><td><b>1.2 %</b></td><td>1.2</td><td>1 %</td><td></td><td>1.23 kN m</td>",
+        "tension mean</td><td><b>0.05 %</b></td><td></td><td>0.03 %</td><td></td><td>7.5 N</td>",
     ]
     assert re.match(r"pitch<(?!.*<b>).*does not count", rows[2])
     for told in ("1.2 %</div>", "of torque, the worst observable", ">0.25 \N{MULTIPLICATION SIGN}<"):

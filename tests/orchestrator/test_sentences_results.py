@@ -362,12 +362,22 @@ def test_a_companion_that_is_none_estimates_nothing(tmp_path, outcome, said):
         estimate(scene, tmp_path / "no.mcap", ended, lambda *_: OK)
 
 
-@pytest.mark.parametrize(("integration", "without", "said"), [
-    (0.03, [], "2 % of the pins, less of all other observables (coupling 1 %, integration 3 %; took 5 s more)"),
-    (None, ["joint_force"], "observables, not known of joint force (coupling 1 %, integration not known; "),
+OLD, BLOWN_UP = {"coupling": 0.01, "integration": 0.03, "no_order": ""}, "the run at four times the step ends at 1 s"
+
+
+@pytest.mark.parametrize(("own", "pins", "said"), [
+    (OLD, {}, "2 % of the pins, less of all other observables (coupling 1 %, integration 3 %; took 5 s more)"),
+    (OLD | {"integration": None, "without": ["joint_force"]}, {},
+     "observables, not known of joint force (coupling 1 %, integration not known; "),
+    ({}, {"safety": 1.25, "order": 1.234}, "(observed order 1.2; took 5 s more)"),
+    (OLD, {"safety": 1.25, "order": 1.234}, "(coupling 1 %, integration 3 %; observed order 1.2; took"),
+    ({}, {"safety": 3.0, "order": 0.1}, "(factor of safety 3: its differences do not converge; took"),
+    ({}, {"safety": 3.0, "order": 1.0}, "(factor of safety 3: an average; took"),
+    ({"no_order": BLOWN_UP}, {"safety": 3.0, "order": None}, f"(factor of safety 3: {BLOWN_UP}; took"),
 ])  # fmt: skip
-def test_a_summary_names_the_error_its_parts_and_what_has_none(integration, without, said):
-    known = {"pins": {"total": 0.02, "decisive": True}, "tension": {"total": 0.3, "decisive": False}}
-    own = {"total": 0.02, "coupling": 0.01, "integration": integration, "wall_time": 5.0, "without": without}
-    lines = summary_text.lines(summary.empty("rig", "rigid") | {"error": own | {"observables": known, "message": ""}})
+def test_a_summary_names_the_error_its_parts_and_what_has_none(own, pins, said):
+    known = {"pins": pins | {"total": 0.02, "decisive": True}, "tension": {"total": 0.3, "decisive": False}}
+    error = {"coupling": None, "integration": None, "without": [], "no_order": "", "wall_time": 5.0, "message": ""}
+    error |= own | {"total": 0.02, "observables": known}
+    lines = summary_text.lines(summary.empty("rig", "rigid") | {"error": error})
     assert any(line.strip().startswith("estimated error: 2 %") and said in line for line in lines)

@@ -145,7 +145,7 @@ def fake(monkeypatch, *ends):
 
     def simulate(scene, path, **options):
         scenes.append(scene)
-        assert (options["native"], options["estimated"], options["answer"]) == (False, "total", True)
+        assert (options["native"], options["estimated"], options["answer"]) == (False, True, True)
         end = queue.pop(0)
         if isinstance(end, BaseException):
             raise end

@@ -326,5 +326,5 @@ def _error(evaluation: Evaluation, figures: dict[str, Any]) -> Tile:
         worst = max(parts, key=lambda name: parts[name])
     except (LookupError, TypeError, ValueError, AttributeError):  # a closing record of another version
         return Tile("Estimated error", percent(error["value"], 2), "")
-    note = f"of {text(worst.replace('_', ' '))}, the worst observable (RMS), by runs with steps twice as long"
+    note = f"of {text(worst.replace('_', ' '))}, the worst observable (RMS), by runs with longer steps"
     return Tile("Estimated error", percent(error["value"], 2), note)

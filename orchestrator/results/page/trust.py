@@ -92,8 +92,9 @@ def _subject(check: Any) -> str:
 
 
 ABOUT = (
-    "RMS over the run, by runs with steps twice as long. An error is relative to the observable's own RMS, or to a"
-    " floor where that is small. The largest of those that count is the error of the run. Coupling is the part of the"
+    "RMS over the run, by runs with longer steps. An error is relative to the observable's own RMS, or to a floor where"
+    " that is small. The largest of those that count is the error of the run. The order is that of the differences;"
+    " without one, or outside of 0.5 to 2.5, the factor of safety is 3, else 1.25. Coupling is the part of the"
     " communication step, integration that of the steps inside components; they have signs and may cancel, so that the"
     " whole is smaller than each. What many links or both drives have is one vector, the error in its unit its length."
 )
@@ -105,7 +106,7 @@ def exactness(pair: Pair) -> PageSection:
     error = pair.run.result("error")
     rows = _error_rows(error.get("observables")) if isinstance(error, dict) else []
     if rows:
-        head = "Observable", "Relative", "Coupling", "Integration", "Estimated error"
+        head = "Observable", "Relative", "Order", "Coupling", "Integration", "Estimated error"
         html = f"<p>{ABOUT}</p>{table(head, rows, 'numbers')}"
     else:
         message = text(error.get("message") or "") if isinstance(error, dict) else ""
@@ -127,12 +128,13 @@ def _error_rows(observables: Any) -> list[tuple[str, ...]]:
         what, share = text(name.replace("_", " ")), percent(observable["total"], 2)
         parts = (observable.get(part) for part in ("coupling", "integration"))
         shares = (percent(part, 2) if _is_number(part) else "" for part in parts)
+        order = number(observable["order"], 2) if _is_number(observable.get("order")) else ""
         absolute, unit = observable.get("absolute"), str(observable.get("unit", "")).replace("N m", "N.m")
         error = quantity(absolute, unit, 3) if _is_number(absolute) else ""
         if observable.get("decisive"):
-            rows.append((what, f"<b>{share}</b>", *shares, error))
+            rows.append((what, f"<b>{share}</b>", order, *shares, error))
         else:
-            rows.append((f"{what}<br><span class='muted'>{SENSITIVE}</span>", share, *shares, error))
+            rows.append((f"{what}<br><span class='muted'>{SENSITIVE}</span>", share, order, *shares, error))
     return rows
 
 
