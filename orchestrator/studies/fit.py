@@ -32,7 +32,7 @@ from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import any_from_table, load, with_settings, with_track
 from orchestrator.scene.settings import toml_text
 from orchestrator.studies import pool
-from orchestrator.studies.free_numbers import free_numbers
+from orchestrator.studies.free_numbers import FreeNumber, free_numbers
 from orchestrator.studies.least_squares import Experiment, FitFailed, Objective, RecordedPart, Search, rms, search
 from orchestrator.studies.uncertainty import FittedNumbers, answer
 
@@ -128,12 +128,15 @@ def fit(  # noqa: PLR0913, the options of the command
         notice(f"in {folder} are replaced: {', '.join(earlier)}")
     make_folder(folder)
     experiments = tuple(one for one, _, _ in measured)
+    clocks = {one.file: one for _, each, _ in measured for one in each}
+    numbers += tuple(one for one in clocks.values() if one.low < one.high)
     task = Objective(experiments, numbers, dict(noise or {}), workers, pool.Store(folder / "cases"), told)
-    origin = " and ".join(text for _, origins, _ in measured for text in origins)
     notes = [text for *_, each in measured for text in each]
     try:
         found = search(task, scan)
-        return _save(task, found, answer(task, found), folder, origin, notes)
+        shifts = {file: one.start for file, one in clocks.items()} | task.shifts(found.u)
+        origin = " and ".join(f"{file}, {shift:g} s added to its times" for file, shift in shifts.items())
+        return _save(task, found, answer(task, found), folder, origin, notes + task.with_found_shifts(found.u)[1])
     except FitFailed as failure:
         raise BadInput(f"a run fails, so nothing is fitted: {failure}") from None
 
@@ -153,12 +156,12 @@ def _of_part(file: str, name: str, track: str | None, settings: Sequence[str] | 
 
 def _measured(
     experiment: Experiment, sources: Sequence[MeasuredFile], window: Window
-) -> tuple[Experiment, list[str], list[str]]:
-    """Experiment with its signals, without gaps, in the window and the time of a run; where they come from; notes."""
+) -> tuple[Experiment, list[FreeNumber], list[str]]:
+    """Experiment with its signals, without gaps, in the window and the time of a run; shifts of files; notes."""
     about = f"a run of {experiment.scene.name}"
     signals: list[MeasuredSignal] = []
     files: list[str] = []
-    origins: list[str] = []
+    clocks: list[FreeNumber] = []
     notes: list[str] = []
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = Path(folder) / "run.mcap"
@@ -176,16 +179,19 @@ def _measured(
                     raise BadInput(str(error).replace(str(path), about)) from None
                 spans = [Window(*run.signal(one.signal, EVER)[0][[0, -1]]) for one in record.signals]
                 told = [_inside(*pair, window, str(data.path)) for pair in zip(record.signals, spans, strict=True)]
+                ends = (record.shift, record.shift)
                 if data.shift == FIND:
                     _check_found(run, told, data)
+                    ends = (-math.inf, math.inf)
                 signals += told
                 files += [str(data.path)] * len(told)
-                origins.append(f"{data.path}, {record.shift:g} s added to its times")
-                notes += record.notes
+                size = 0.1 * max(float(np.ptp(one.t)) for one in told) or 1.0
+                clocks.append(FreeNumber(f"shift of {data.path}", record.shift, *ends, size, str(data.path)))
+                notes += record._replace(doubt="").notes  # that of the fitted run is told
                 whole, used = (sum(len(one.t) for one in each) for each in (record.signals, told))
                 if used < whole:
                     notes.append(f"{data.path}: {used} of {whole} samples have a number and are in window and run")
-    return experiment._replace(signals=tuple(signals), files=tuple(files)), origins, notes
+    return experiment._replace(signals=tuple(signals), files=tuple(files)), clocks, notes
 
 
 def _inside(one: MeasuredSignal, span: Window, window: Window, file: str) -> MeasuredSignal:
@@ -214,7 +220,7 @@ def _save(task: Objective, end: Search, found: FittedNumbers, folder: Path, orig
     about += ", exact: residuals are at the precision of record and search" if found.exact else ""
     verdict = f"no fit: {'; '.join(found.problems)} ({about})" if found.problems else f"fitted: {about}"
     known = {key.key: key.unit for key in scene_keys()}
-    units = {one.key: known.get(one.key.partition("[")[0], "") for one in task.free}  # of entries of lists too
+    units = {one.key: "s" if one.file else known.get(one.key.partition("[")[0], "") for one in task.free}
     records = [
         {"key": one.key, "unit": units[one.key], "start": begun, "fitted": number, "error": error,
          "relative": 100.0 * error / abs(number) if number else math.inf, "step": step, "rough": 100.0 * rough}
@@ -222,11 +228,11 @@ def _save(task: Objective, end: Search, found: FittedNumbers, folder: Path, orig
             task.free, task.numbers(end.start), found.numbers, found.errors, end.steps, end.rough, strict=True)
     ]  # fmt: skip
     apart = [*zip(task.difference(end.start), task.difference(end.u), strict=True)]
-    names = [file for one in task.experiments for file in one.files]
+    names, instants = task.files, task.instants(end.u)
     samples = [
         (name, one.signal, *sample)
-        for name, one, (a, b) in zip(names, task.signals, apart, strict=True)
-        for sample in zip(one.t, one.values, one.values + a, one.values + b, strict=True)
+        for name, one, t, (a, b) in zip(names, task.signals, instants, apart, strict=True)
+        for sample in zip(t, one.values, one.values + a, one.values + b, strict=True)
     ]
     sizes = [
         {"data": name, "signal": one.signal, "unit": one.unit, "samples": len(one.t), "noise": noise, "first": rms(a),
@@ -245,8 +251,9 @@ def _save(task: Objective, end: Search, found: FittedNumbers, folder: Path, orig
     origins = {
         one.key: f"fitted to {origin}; standard error {error:.3g}"
         for one, error in zip(task.free, found.errors, strict=True)
+        if not one.file
     }
-    changed = with_track(with_settings(first, dict(zip((one.key for one in task.free), found.numbers, strict=True))))
+    changed = with_track(with_settings(first, task.of_scenes(end.u)))
     more = {"fit.json": json.dumps(_finite(result), indent=1), "signals.csv": residuals.csv()}
     more["signals.md"] = residuals.markdown("#")
     more["residuals.csv"] = Table.of("", SAMPLES, samples).csv()

@@ -23,6 +23,7 @@ class FreeNumber(NamedTuple):
     low: float
     high: float
     size: float  # unit of its variable
+    file: str = ""  # of measured data, to whose times it is added; empty: a number of the scenes
 
 
 def free_numbers(scenes: Sequence[Scene], texts: Sequence[str]) -> tuple[FreeNumber, ...]:

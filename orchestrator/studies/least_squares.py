@@ -7,6 +7,10 @@ difference over the first of STEPS that agrees with that over twice the step. Be
 COARSE crosses small valleys, as of ripples whose phase moves (implicit filtering: Gilmore and Kelley, SIAM J. Optim. 5,
 1995, doi 10.1137/0805015; here with two scales). A scan looks for the valley in which the search begins, by a Latin
 hypercube of the ranges.
+
+A shift of a clock that is to be found is a free number, whose differences need no runs: a run counts with all its
+records then. It begins with that of the run of the start and, where that is better, goes on from that of the run at
+the end of the first search.
 """
 
 from __future__ import annotations
@@ -26,6 +30,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.angles import turn_of, turns_beside
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
+from orchestrator.results.measured_difference import find_shift
 from orchestrator.results.measured_record import MeasuredSignal
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.scene.kinds import Scene
@@ -39,8 +44,13 @@ ROUGH = 0.1  # change of a derivative with twice the step that is told
 ROUNDS = 3  # of searches with an estimated noise
 MOST_STEPS = 30  # of a search
 RESOLVED = 1e-7  # change of the variables below which a search ends: what it makes in a signal is no residual
+STILL, STANDS = 1e-4, 4  # part of the sum of squares, and UNFELT, by which so many in turn differ where it stands
 UNFELT = 0.01  # rise of the sum of squares below which a number goes back to its start
 SILENT = 0.1  # norm of a column below which its number stays: its error would be ten times its size
+
+
+class _StandsStill(Exception):
+    """The sum of squares does not change any more."""
 
 
 class FitFailed(Exception):
@@ -82,13 +92,17 @@ class Experiment(NamedTuple):
 def run_signals(
     experiment: Experiment, numbers: Mapping[str, float], wanted: Sequence[tuple[str, tuple[float, ...]]]
 ) -> list[Row]:
-    """Values of signals of a run at instants, s, linear between records; raises as ``Experiment.run``."""
+    """Values of signals of a run at instants, s, linear between records; raises as ``Experiment.run``.
+
+    Of a signal without instants: times and values of all records.
+    """
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = Path(folder) / "run.mcap"
         experiment.run(numbers, path)
         with Log(path) as log:
             run = RunData(log)
-            values = [np.interp(t, *run.signal(signal, EVER)).tolist() for signal, t in wanted]
+            records = [(t, run.signal(signal, EVER)) for signal, t in wanted]
+            values = [np.interp(t, *each).tolist() if t else np.array(each).tolist() for t, each in records]
     return [Row("", "", {"values": values}, True)]
 
 
@@ -110,13 +124,33 @@ class Objective:
         """Measured signals of all experiments."""
         return [signal for experiment in self.experiments for signal in experiment.signals]
 
+    @property
+    def files(self) -> list[str]:
+        """File of each of the ``signals``."""
+        return [file for experiment in self.experiments for file in experiment.files]
+
     def values(self, points: Sequence[Floats]) -> list[list[Floats] | str]:
-        """Signals of the runs with each of some variables (k,), or why a run fails; runs that are new in parallel."""
-        keys = [tuple(point.tolist()) for point in points]
+        """Signals of the runs with each of some variables (k,), or why a run fails, at the instants of the samples."""
+        return [
+            run if isinstance(run, str)
+            else [np.interp(t, *each) if each.ndim > 1 else each for t, each in zip(self.instants(u), run, strict=True)]
+            for u, run in zip(points, self._runs(points), strict=True)
+        ]  # fmt: skip
+
+    def instants(self, u: Floats) -> list[Floats]:
+        """Instants of the samples of each signal, s, on the clock of the run."""
+        starts, shifts = {one.file: one.start for one in self.free}, self.shifts(u)
+        return [one.t + shifts[file] - starts[file] if file in shifts else one.t
+                for one, file in zip(self.signals, self.files, strict=True)]  # fmt: skip
+
+    def _runs(self, points: Sequence[Floats]) -> list[list[Floats] | str]:
+        """Signals of runs as of ``run_signals``, or why a run fails; runs that are new in parallel."""
+        of_scenes = [not one.file for one in self.free]
+        keys = [tuple(point[of_scenes].tolist()) for point in points]
         cases: dict[tuple[float, ...], list[Case]] = {}
-        for key in dict.fromkeys(keys):
-            if key not in self._values:
-                cases[key] = [self._case(one, np.array(key)) for one in self.experiments]
+        for key, point in zip(keys, points, strict=True):
+            if key not in self._values and key not in cases:
+                cases[key] = [self._case(one, point) for one in self.experiments]
         rows = iter(pool.run([case for each in cases.values() for case in each], self.workers, None, self.store))
         for key, each in cases.items():
             ended = [(case, next(rows)) for case in each]
@@ -130,9 +164,11 @@ class Objective:
         return [self._values[key] for key in keys]
 
     def _case(self, experiment: Experiment, u: Floats) -> Case:
-        numbers = dict(zip((one.key for one in self.free), self.numbers(u), strict=True))
+        numbers = self.of_scenes(u)
         name = ", ".join(f"{key}={number:.10g}" for key, number in numbers.items())
-        wanted = [(one.signal, tuple(one.t.tolist())) for one in experiment.signals]
+        shifted = {one.file for one in self.free}
+        pairs = zip(experiment.signals, experiment.files, strict=True)
+        wanted = [(one.signal, () if file in shifted else tuple(one.t.tolist())) for one, file in pairs]
         bare = experiment._replace(signals=(), files=())
         return Case(experiment.scene.name, name, run_signals, (bare, numbers, wanted), experiment.scene.run.stop)
 
@@ -141,6 +177,28 @@ class Objective:
         return [
             float(np.clip(one.start + one.size * v, one.low, one.high)) for one, v in zip(self.free, u, strict=True)
         ]
+
+    def of_scenes(self, u: Floats) -> dict[str, float]:
+        """Numbers of the scene by their keys."""
+        return {one.key: number for one, number in zip(self.free, self.numbers(u), strict=True) if not one.file}
+
+    def shifts(self, u: Floats) -> dict[str, float]:
+        """Fitted shifts, s, by the file to whose times each is added."""
+        return {one.file: number for one, number in zip(self.free, self.numbers(u), strict=True) if one.file}
+
+    def with_found_shifts(self, u: Floats) -> tuple[Floats, list[str]]:
+        """Variables (k,) with the shifts of the least difference from their run, and doubts; raises FitFailed."""
+        found, doubts = u.copy(), []
+        for k, one in ((k, one) for k, one in enumerate(self.free) if one.file):
+            (run,) = self._runs([u])
+            if isinstance(run, str):
+                raise FitFailed(run)
+            every = zip(run, self.signals, self.files, strict=True)
+            own = [(*each, signal.shifted(-one.start)) for each, signal, file in every if file == one.file]
+            shift, doubt = find_shift(own)
+            found[k] = (shift - one.start) / one.size
+            doubts += [doubt] * bool(doubt)
+        return found, doubts
 
     def difference(self, u: Floats) -> list[Floats]:
         """Run minus measured by signal; raises FitFailed."""
@@ -212,7 +270,10 @@ def search(task: Objective, scanned: int = 0) -> Search:
     noise = [task.noise.get(one.signal) or _spread(one, d) for one, d in zip(signals, first, strict=True)]
     u = start = _best_start(task, scanned, noise)
     try:
-        u, _ = _search_from(task, u, noise, np.full(len(u), COARSE), 0.1 * COARSE)
+        coarse = np.array([SMALL if one.file else COARSE for one in task.free])
+        u, _ = _search_from(task, u, noise, coarse, 0.1 * COARSE)
+        again, _ = task.with_found_shifts(u)
+        u = u if task.sums([u], noise) <= task.sums([again], noise) else again
     except FitFailed as failure:
         task.told(f"the first search, by differences over {100.0 * COARSE:g} % of a number, ends: {failure}")
     converged = False
@@ -239,6 +300,7 @@ def _search_from(
     """End (k,) of a search from ``u`` (k,) with ``steps`` (k,), and whether its last move was below ``end``."""
     from scipy.optimize import least_squares
 
+    sums: list[tuple[float, Floats]] = []
     columns = _columns(task, u, noise, steps)
     # A row each: scipy 1.17.1 moves variables whose column is 0 (findings/scipy_zero_column.sh).
     stays = np.where(np.linalg.norm(columns, axis=0) < SILENT, 1.0, 0.0)
@@ -250,6 +312,10 @@ def _search_from(
             return np.full(len(columns) + len(u), np.inf)
         r = np.concatenate([d / s for d, s in zip(difference, noise, strict=True)])
         task.told(f"sum of squares {r @ r:.6g} at {', '.join(f'{x:.8g}' for x in task.numbers(v))}")
+        sums.append((float(r @ r), v))
+        last = [size for size, _ in sums[-STANDS:]]
+        if len(last) == STANDS and max(last) - min(last) < min(STILL * min(last), UNFELT):
+            raise _StandsStill
         return np.concatenate([r, stays * (v - u)])
 
     def jacobian(v: Floats) -> Floats:
@@ -257,10 +323,13 @@ def _search_from(
 
     # From 1: scipy's first step is as long as the variables, and 0 on a bound is its end (scipy_start_on_bound.sh).
     low, high = task.bounds()
-    found = least_squares(
-        lambda x: residual(x - 1.0), u + 1.0, lambda x: jacobian(x - 1.0), (low + 1.0, high + 1.0),
-        ftol=1e-6, xtol=end, gtol=1e-10, max_nfev=MOST_STEPS,
-    )  # fmt: skip
+    try:
+        found = least_squares(
+            lambda x: residual(x - 1.0), u + 1.0, lambda x: jacobian(x - 1.0), (low + 1.0, high + 1.0),
+            ftol=1e-6, xtol=end, gtol=1e-10, max_nfev=MOST_STEPS,
+        )  # fmt: skip
+    except _StandsStill:
+        return min(sums, key=lambda each: each[0])[1], True
     return found.x - 1.0, found.status > 0
 
 
@@ -270,11 +339,14 @@ def _best_start(task: Objective, scanned: int, noise: Sequence[float]) -> Floats
     if scanned:
         from scipy.stats import qmc
 
-        low, high = task.bounds()
+        of_scenes, (low, high) = np.array([not one.file for one in task.free]), task.bounds()
         for one, a, b in zip(task.free, low, high, strict=True):
-            if not b - a < math.inf:
+            if not (one.file or b - a < math.inf):
                 raise BadInput(f"scan {scanned}: {one.key} has no range: free {one.key}=FROM:TO has one")
-        points += [*qmc.scale(qmc.LatinHypercube(len(low), seed=np.random.default_rng(0)).random(scanned), low, high)]
+        low, high, drawn = low[of_scenes], high[of_scenes], np.zeros((scanned, len(of_scenes)))
+        unit = qmc.LatinHypercube(len(low), seed=np.random.default_rng(0)).random(scanned)
+        drawn[:, of_scenes] = qmc.scale(unit, low, high)
+        points += [*drawn]
     sums = task.sums(points, noise)
     best = int(np.nanargmin(sums))
     if scanned:

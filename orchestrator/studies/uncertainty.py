@@ -11,6 +11,7 @@ its width is the error.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,8 @@ SMOOTH = 0.2  # correlation of neighbouring residuals, and RANDOM its standard e
 RANDOM = 4.0
 UNKNOWN = 1.0  # standard error of a combination, in units of the numbers' sizes, that is no answer
 CORRELATED = 0.5  # that is told
-AGREES = 0.5, 2.0  # chi2/n of a model whose differences are noise, and rise of a profile over that of linear theory
+REFUSED = 1e-3  # share of right models that the test of chi2/n refuses
+AGREES = 0.5, 2.0  # rise of a profile over that of linear theory
 ALONG = -2.0, -1.0, 1.0, 2.0  # standard errors at which a profile has runs
 FLAT = AGREES[0] * 4.0  # rise two errors away below which a profile is followed
 NONE = 1e-12  # of the largest eigenvalue of J'J: a direction without information
@@ -86,8 +88,7 @@ def answer(task: Objective, end: Search) -> FittedNumbers:
                 f"the residuals of {one.signal} are no noise, neighbours are correlated by {alike:.2f}: the model is"
                 " wrong there, or samples are not independent, so errors are too small"
             )
-    if task.noise and not AGREES[0] < chi2 < AGREES[1]:
-        problems.append(f"chi2/n is {chi2:.3g}: the differences are not the stated noise")
+    problems += _not_the_noise(task, end, covariance)
     notes = []
     for j, key in enumerate(keys):
         notes += [f"{key} and {keys[k]} are correlated by {correlations[j, k]:.3f}" for k in range(j)
@@ -115,6 +116,24 @@ def answer(task: Objective, end: Search) -> FittedNumbers:
     errors = (np.array([one.size for one in task.free]) * deviation).tolist()
     rest = tuple(problems), tuple(notes), not loose
     return FittedNumbers(tuple(task.numbers(end.u)), tuple(errors), correlations, chi2, profiles, *rest)
+
+
+def _not_the_noise(task: Objective, end: Search, covariance: Floats) -> Iterator[str]:
+    """Sentences on signals, and all together, whose differences are not the stated noise: chi-squared tests."""
+    from scipy.stats import chi2
+
+    parts = np.split(end.jacobian, np.cumsum([len(one.t) for one in task.signals])[:-1])
+    sums: dict[str, Floats] = {}  # sum of squares, samples, samples less the numbers that they tell
+    for one, j, d, s in zip(task.signals, parts, task.difference(end.u), end.noise, strict=True):
+        if one.signal in task.noise:
+            told = np.array([np.sum((d / s) ** 2), len(d), len(d) - np.sum((j @ covariance) * j)])
+            sums[one.signal] = sums.get(one.signal, np.zeros(3)) + told
+    every = {"all signals": np.sum([*sums.values()], axis=0)} if len(sums) > 1 else {}
+    for name, (size, samples, freedom) in (sums | every).items():
+        low, high = chi2.ppf([0.5 * REFUSED, 1.0 - 0.5 * REFUSED], max(freedom, 1.0)) / samples
+        if not low < size / samples < high:
+            found = f"chi2/n of {name} is {size / samples:.3g} over {samples:.0f} samples"
+            yield f"{found}, {low:.2g} to {high:.2g} would be the stated noise"
 
 
 def _alike(residual: Floats) -> float:

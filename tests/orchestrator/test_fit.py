@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_logs import made
+from scipy.stats import chi2
 
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -107,6 +108,26 @@ def test_two_files_with_one_set_of_numbers(data, noise, tmp_path):
     assert np.multiply(twice.answer.errors, 2.0**0.5) == pytest.approx(once.answer.errors, rel=1e-3)
     assert twice.answer.errors != pytest.approx(once.answer.errors, rel=0.2)
     assert len(twice.residuals.records()) == 4
+
+
+@pytest.mark.long
+def test_a_shift_that_is_found_is_a_number_with_an_error(measured, tmp_path):
+    """A file whose clock is 20 ms ahead: table, residuals and the fitted scene have the same shift."""
+    file, name, noise = tmp_path / "late.csv", "chain.joint[4].position.z", 1e-6
+    late = np.stack([T + 0.02, measured[name] + noise * np.random.default_rng(3).standard_normal(len(T))], axis=1)
+    np.savetxt(file, late, "%.17g", ",", header=f"t,{name}", comments="")
+    settings = [*SETTINGS, *(f"{key}={value}" for key, value in TRUTH.items()), "vehicle.gravity=9.5"]
+    found = fitting.fit("hanging_chain", file, {name: name}, ["vehicle.gravity"], tmp_path / "fit", track="rigid",
+                        settings=settings, noise={name: noise}, shift="find")  # fmt: skip
+    assert found.ok, found.verdict
+    shift = found.table.records()[1]
+    assert (shift["key"], shift["unit"]) == (f"shift of {file}", "s")
+    assert abs(shift["fitted"] + 0.02) < 4.0 * shift["error"] < 1e-3
+    assert abs(found.answer.numbers[0] - 9.81) < 4.0 * found.answer.errors[0] < 1.0
+    rows = list(csv.DictReader((tmp_path / "fit" / "residuals.csv").read_text().splitlines()))
+    raw = float([*rows[-1].values()][2]) - shift["fitted"]
+    assert abs(late[:, 0] - raw).min() < 1e-9
+    assert f"{shift['fitted']:g} s added to its times" in (tmp_path / "fit" / "fitted_vehicle.toml").read_text()
 
 
 @pytest.mark.long
@@ -387,6 +408,79 @@ def test_a_number_that_is_not_felt_goes_back_to_its_start():
     task = formula(lambda a, b: a + 1e-5 * np.sin(2e5 * b) * S, [2.0, 1.0], start)
     assert task.numbers(search(task).u) == pytest.approx([2.0, 1.3], abs=0.05)
     assert task.numbers(search(task).u)[1] == 1.3
+
+
+@pytest.mark.parametrize("off", [False, True])
+def test_chi_squared_is_judged_by_samples_and_signals(off):
+    """A noise 1.35 times the stated one has chi2/n 1.8, which 101 samples refuse; that signal is named."""
+    rng = np.random.default_rng(5)
+    signals = tuple(
+        MeasuredSignal(name, name, "1", POINTS, 2.0 + 3.0 * S + factor * NOISE * rng.standard_normal(101), False, {})
+        for name, factor in (("y", 1.0), ("z", 1.35 if off else 1.0))
+    )
+    numbers = tuple(FreeNumber(f"p{k}", *START, 1.0) for k in range(2))
+    task = Formula((Experiment(load("hanging_chain"), signals=signals),), numbers, {"y": NOISE, "z": NOISE})
+    task.values = lambda points: [[a + b * S] * 2 for a, b in map(task.numbers, points)]
+    found = answer(task, search(task)).problems
+    assert [problem.partition(" is ")[0] for problem in found] == ["chi2/n of z", "chi2/n of all signals"] * off
+    for problem, n in zip(found, (101, 202), strict=False):
+        low, high = chi2.ppf([0.0005, 0.9995], n - n // 101) / n
+        assert f" over {n} samples, {low:.2g} to {high:.2g} would be the stated noise" in problem
+
+
+@pytest.mark.parametrize("stands", [least_squares.STANDS, 99])
+def test_a_search_stops_where_the_sum_of_squares_stands_still(stands, monkeypatch):
+    """Runs round by far more than steps of derivatives do: without the rule the search goes on."""
+    monkeypatch.setattr(least_squares, "STANDS", stands)
+    task, told = formula(lambda a, b: a + b * S + 1e-5 * np.sin(1e8 * (a + b * S)), [2.0, 3.0], [START] * 2), []
+    task.told = told.append
+    end = search(task)
+    assert end.converged
+    assert (len(told) < 10) == (stands != 99)
+
+
+GRID = np.linspace(-1.0, 2.0, 6001)
+
+
+def pulse(t, a):
+    return a * np.exp(-20.0 * (t - 0.5) ** 2)
+
+
+class Clocked(Formula):
+    """Objective whose runs are pulses, on a clock by which that of the file is to be shifted."""
+
+    def _runs(self, points):
+        return [[np.array([GRID, pulse(GRID, *self.of_scenes(u).values())])] for u in points]
+
+    values = Objective.values
+
+
+@pytest.mark.parametrize(("fixed", "agrees"), [(False, True), (True, False)])
+def test_a_shift_is_fitted_with_the_numbers(fixed, agrees):
+    """From a shift 30 ms off: numbers and their errors are those of linear theory with both; or the fit is refused."""
+    true, squares, refused = 0.25, 0.0, 0
+    a = 2.0
+    J = np.stack([pulse(S, 1.0), pulse(S, a) * -40.0 * (S - 0.5)], axis=1) / NOISE
+    errors = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+    for seed in range(10):
+        drawn = NOISE * np.random.default_rng(seed).standard_normal(len(S))
+        start = true - 0.03
+        signal = MeasuredSignal("y", "y", "1", POINTS - true + start, pulse(S, a) + drawn, False, {})
+        ends = (start, start) if fixed else EVERYWHERE
+        free = FreeNumber("p", *START, 1.0), FreeNumber("shift of f", start, *ends, 0.01, "f")
+        task = Clocked(
+            (Experiment(load("hanging_chain"), signals=(signal,), files=("f",)),), free[: 2 - fixed], {"y": NOISE}
+        )
+        end = search(task)
+        found = answer(task, end)
+        refused += bool(found.problems)
+        if not fixed:
+            assert found.errors == pytest.approx(errors, rel=0.1)
+            assert task.shifts(end.u)["f"] == found.numbers[1]
+        squares += sum(((n - t) / e) ** 2 for n, t, e in zip(found.numbers, (a, true), errors, strict=False))
+    low, high = 7.43, 40.0  # 0.5 and 99.5 % of chi-squared with 20 degrees of freedom
+    assert (low < squares < high and refused == 0) == agrees
+    assert refused == 10 * fixed
 
 
 def test_residuals_that_follow_each_other_are_no_success():
