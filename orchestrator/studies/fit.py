@@ -187,7 +187,9 @@ def _measured(
                 files += [str(data.path)] * len(told)
                 size = 0.1 * max(float(np.ptp(one.t)) for one in told) or 1.0
                 clocks.append(FreeNumber(f"shift of {data.path}", record.shift, *ends, size, str(data.path)))
-                notes += record._replace(doubt="").notes  # that of the fitted run is told
+                notes += record._replace(
+                    doubts=record.doubts[data.shift == FIND :]
+                ).notes  # that of the fitted run is told
                 whole, used = (sum(len(one.t) for one in each) for each in (record.signals, told))
                 if used < whole:
                     notes.append(f"{data.path}: {used} of {whole} samples have a number and are in window and run")

@@ -131,11 +131,15 @@ class Objective:
 
     def values(self, points: Sequence[Floats]) -> list[list[Floats] | str]:
         """Signals of the runs with each of some variables (k,), or why a run fails, at the instants of the samples."""
-        return [
-            run if isinstance(run, str)
-            else [np.interp(t, *each) if each.ndim > 1 else each for t, each in zip(self.instants(u), run, strict=True)]
-            for u, run in zip(points, self._runs(points), strict=True)
-        ]  # fmt: skip
+        return [run if isinstance(run, str) else self._at_samples(u, run)
+                for u, run in zip(points, self._runs(points), strict=True)]  # fmt: skip
+
+    def _at_samples(self, u: Floats, run: Sequence[Floats]) -> list[Floats]:
+        """Signals of a run at the instants of the samples, angles beside those measured."""
+        found = [np.interp(t, *each) if each.ndim > 1 else each for t, each in zip(self.instants(u), run, strict=True)]
+        turns = [turn_of(one.unit) for one in self.signals]
+        return [v - turns_beside(one.values, v, turn) if turn else v
+                for one, v, turn in zip(self.signals, found, turns, strict=True)]  # fmt: skip
 
     def instants(self, u: Floats) -> list[Floats]:
         """Instants of the samples of each signal, s, on the clock of the run."""
@@ -156,11 +160,7 @@ class Objective:
             ended = [(case, next(rows)) for case in each]
             self.runs += len(each)
             failed = [f"{case.name}: {row.note}" for case, row in ended if not row.ok]
-            values = [np.array(v) for _, row in ended for v in row["values"]] if not failed else []
-            for one, v in zip(self.signals, values, strict=not failed):
-                if turn := turn_of(one.unit):
-                    v -= turns_beside(one.values, v, turn)
-            self._values[key] = failed[0] if failed else values
+            self._values[key] = failed[0] if failed else [np.array(v) for _, row in ended for v in row["values"]]
         return [self._values[key] for key in keys]
 
     def _case(self, experiment: Experiment, u: Floats) -> Case:
