@@ -123,6 +123,7 @@ def test_plain_names_are_those_of_the_standard_scene():
     drive = next(part for part in assemble(load("straight")).parts if part.kind == "SprocketDrive")
     for products in (gallery_products(), scene_products([load("straight", model) for model in TRACKS])):
         configs = {name: config for _, config, name in products}
+        assert len(configs) == len({json.dumps(product[:2], sort_keys=True) for product in products}) == len(products)
         assert list(configs)[:4] == ["TrackFlexible", "SprocketDrive", "Chassis", "TrackRigid"]
         assert configs["SprocketDrive"]["parameters"] == drive.parameters
     assert (drive.parameters["speed.end"], drive.parameters["start.lateral"]) == (20.0, 1.0795)

@@ -96,13 +96,24 @@ def test_drive_profile_reaches_the_parameters():
     assert (brake["mode"], brake["brake.torque"]) == ("torque", 500.0)
 
 
-def test_products_are_distinct_and_named():
+def moved_by_links(scene):
+    """A scene that counts as placed, with the idler elsewhere on rigid links, as a static equilibrium would have it."""
+    idler = scene.vehicle.idler
+    other = idler.model_copy(update={"x": idler.x + 1e-3 * (scene.track.model == "rigid")})
+    return scene.model_copy(update={"vehicle": scene.vehicle.model_copy(update={"idler": other})})
+
+
+@pytest.mark.parametrize("place", [lambda scene: scene, moved_by_links], ids=["drawn", "moved"])
+def test_products_are_distinct_and_named(monkeypatch, place):
+    """With made-up places, which compile nothing; with those of the scenes: ``test_products.py``, among the long."""
+    monkeypatch.setattr("orchestrator.scene.products.placed", place)
     products = gallery_products()
     names = [name for _, _, name in products]
     assert len(set(names)) == len(names)
     assert {"TrackFlexible", "TrackRigid", "Chassis", "SprocketDrive"} <= set(names)
     contents = [json.dumps([kind, config], sort_keys=True) for kind, config, _ in products]
     assert len(set(contents)) == len(contents)
+    assert any(name.endswith("-rigid") for name in names) == (place is moved_by_links)
     assert {name for _, _, name in scene_products([load("hanging_chain")])} == {"TrackFlexible-hanging_chain"}
 
 
