@@ -23,6 +23,7 @@ from orchestrator.scene.kinds import ChainScene, VehicleScene
 from orchestrator.scene.placing import track_tension
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import Check
+from orchestrator.vocabulary import and_list
 
 LAST = 1.0  # s: without run.window observables are means over the last second
 LARGEST_RESIDUAL = 0.05  # share of the work above which an energy residual gives a warning
@@ -48,6 +49,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "components": {},
         "fmus": {},  # FMUs of the user by component: file name and hash
         "energy": None,
+        "energy_missing": "",  # why there is no energy balance
         "error": None,
         "checks": {},
         "checks_after_end": {},
@@ -82,12 +84,19 @@ def evaluate(run: RunData, scene: SystemScene, simulated: float) -> dict[str, An
 def balance(run: RunData) -> dict[str, Any]:
     """Evaluate energy and validity of a log: they tell whether a run can be right."""
     try:
-        energy: dict[str, Any] | None = ledger(run)._asdict()
-    except Missing:
-        energy = None
+        energy: dict[str, Any] = {"energy": ledger(run)._asdict(), "energy_missing": ""}
+    except Missing as missing:
+        energy = {"energy": None, "energy_missing": str(missing)}
     found = validity(run)
-    entries = [entry._asdict() for entry in found.entries]
-    return {"energy": energy, "validity": entries, "passed_over": [*found.passed_over, *_unreached_window(run)]}
+    told = *found.passed_over, *_unreached_window(run), *other_vehicles(run)
+    return energy | {"validity": [entry._asdict() for entry in found.entries], "passed_over": [*told]}
+
+
+def other_vehicles(run: RunData) -> list[str]:
+    """Return a sentence about tracks that no figure counts, because they are those of another vehicle."""
+    if not (others := [name for name in run.all_tracks if name not in run.tracks]):
+        return []
+    return [f"figures are those of the vehicle of {and_list([*run.tracks])}: {and_list(others)} are of another one"]
 
 
 def _unreached_window(run: RunData) -> list[str]:

@@ -187,6 +187,11 @@ def _balance(energy: dict[str, Any]) -> str:
     return f"energy balance{terms} ({_percent(abs(energy['residual_relative']))} unaccounted for)"
 
 
+def _no_balance(r: Mapping[str, Any]) -> str:
+    """Return the line on why there is no energy balance; empty for a run that was not evaluated."""
+    return f"no energy balance: {r['energy_missing']}" if r["energy_missing"] else ""
+
+
 def _flow(what: str, sign: int) -> str:
     """Return the words of an energy that came in (1) or went out (-1)."""
     if sign > 0:
@@ -258,7 +263,7 @@ def lines(r: dict[str, Any], most: int | None = None) -> list[str]:
         *(_check(*item) for item in r["checks"].items() if not item[1]["ok"]),
     ]
     observables = [*filter(None, [track_tension(r["track_tension"])]), *_observables(r)]
-    balances = [_error(r["error"]) if r["error"] else "", _balance(energy) if energy else ""]
+    balances = [_error(r["error"]) if r["error"] else "", _balance(energy) if energy else _no_balance(r)]
     cost = [_pace(r), _fmus(r["fmus"]) if r["fmus"] else ""]
     details = [
         f"{r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back"

@@ -19,7 +19,8 @@ error of the exchange acts: 0.7 kJ in each track of a standing m113. The first s
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,9 +28,10 @@ import numpy as np
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Series
 from orchestrator.results.figures import figure
-from orchestrator.results.run_data import BLOCK, Floats, RunData, Unrecorded, Window, vectors
+from orchestrator.results.run_data import BLOCK, Floats, RunData, Unrecorded, Window, WrenchPort, vectors
 
 Block = Mapping[str, Series]  # messages of the same steps, by topic
+PUSHED = re.compile(r"\.(force|torque)\.[xyz]$")  # inputs through which work comes
 LEAST = 1.0  # J: less counts as rest
 LEAST_OWN = 100.0  # J, scale of a component beside others: a link lifted by half a metre
 CAUSE = "dissipated."  # prefix of a track's dissipated energies by cause
@@ -43,15 +45,6 @@ KINDS = {  # stored energy: its words
 STORED = tuple(KINDS)
 ABSOLUTE = ("kinetic", "strain", "contact")  # they are 0 at rest and unloaded; the zero of the others is a convention
 HELD = 0.1  # share of such an energy that counts where less is exchanged
-
-
-class WrenchPort(NamedTuple):
-    """Wheel or mount between the component that outputs its wrench and the one that receives it."""
-
-    giver: str
-    giver_connector: str  # at the giver: motion as input, wrench as output
-    taker: str
-    taker_connector: str  # at the taker: motion as output, wrench as input
 
 
 class Ledger(NamedTuple):
@@ -111,6 +104,17 @@ def _ledger(run: RunData) -> Ledger:
     accounts = changes(run)
     if not any(accounts.values()):
         raise Missing("the log holds no energies")
+    known = {(port.giver, port.taker, port.taker_connector) for port in run.ports}
+    for source, output, target, into in run.wires:
+        connector, is_push = PUSHED.subn("", into)
+        if (
+            is_push
+            and accounts[target]
+            and (source, target, connector) not in known
+            and not into.startswith("hitch.force.")
+        ):
+            wire = f"{source}.{output} -> {target}.{into}"
+            raise Missing(f"the work of {wire} is not known: it is a force without its torque, or a torque without it")
     received = dict.fromkeys(run.instances, 0.0)
     port_loss = 0.0
     for port, (given, taken) in port_works(run).items():
@@ -228,24 +232,9 @@ def _largest_stored(run: RunData) -> dict[str, float]:
     return most
 
 
-def ports(run: RunData) -> list[WrenchPort]:
-    """Ports of a system: connections of a wrench. A force alone, as on a hitch, is work of the one that receives it."""
-    return [
-        WrenchPort(
-            connection["source"],
-            output.removesuffix(".force.x"),
-            connection["target"],
-            taken.removesuffix(".force.x"),
-        )
-        for connection in run.system["connections"]
-        for output, taken in zip(connection["outputs"], connection["inputs"], strict=True)
-        if output.endswith(".force.x") and output.replace(".force.", ".torque.") in connection["outputs"]
-    ]
-
-
 def without_energies(run: RunData) -> list[str]:
     """Components at wheels and mounts that output no energies, as an FMU of the user may."""
-    joined = dict.fromkeys(name for port in ports(run) for name in (port.giver, port.taker))
+    joined = dict.fromkeys(name for port in run.ports for name in (port.giver, port.taker))
     topics = {name: run.log.topics.get(f"/{name}/out") for name in joined}
     return [
         name for name, topic in topics.items()
@@ -296,7 +285,7 @@ def port_works(run: RunData) -> dict[WrenchPort, tuple[float, float]]:
     if lacking := [topic for topic in inputs.values() if topic not in run.log.topics]:
         raise Unrecorded(f"the log lacks the topic '{lacking[0]}': run.inputs = true records it")
     end = min(float(run.log.ends(topic).t[-1]) for topic in outputs.values())
-    ports_of_run = ports(run)
+    ports_of_run = run.ports
     lengths = run.log.lengths()
     # If not every step is recorded, the wrench is that at the taker's input.
     fully_recorded = {port for port in ports_of_run if lengths[outputs[port.giver]] == lengths[inputs[port.taker]] + 1}
@@ -322,7 +311,7 @@ def port_works(run: RunData) -> dict[WrenchPort, tuple[float, float]]:
 
 
 def _work_in(
-    block: Block, port: WrenchPort, others: list[WrenchPort], fully_recorded: bool, end: float
+    block: Block, port: WrenchPort, others: Sequence[WrenchPort], fully_recorded: bool, end: float
 ) -> tuple[float, float]:
     """Works of a port in a block; ``whole``: every output of the giver is recorded."""
     t = block[f"/{port.taker}/in"].t

@@ -60,6 +60,15 @@ class Window(NamedTuple):
 EVER = Window(-np.inf, np.inf)
 
 
+class WrenchPort(NamedTuple):
+    """Wheel or mount between the component that outputs its wrench and the one that receives it."""
+
+    giver: str
+    giver_connector: str  # at the giver: motion as input, wrench as output
+    taker: str
+    taker_connector: str  # at the taker: motion as output, wrench as input
+
+
 class Links(NamedTuple):
     """Link records in the plane of a track: times, pins from the sprocket axle, tensions."""
 
@@ -145,9 +154,44 @@ class RunData:
         return 2 if self.scene.get("symmetric") and instance in MIRRORED else 1
 
     @cached_property
-    def tracks(self) -> tuple[str, ...]:
-        """Names of the tracks, which are the instances with a travel."""
+    def all_tracks(self) -> tuple[str, ...]:
+        """Names of the tracks of all vehicles, which are the instances with a travel."""
         return tuple(name for name in self.instances if self.has(f"{name}.travel"))
+
+    @cached_property
+    def tracks(self) -> tuple[str, ...]:
+        """Names of the tracks of the vehicle, of which all figures are: those that ports join to the part "chassis".
+
+        Without one to the first track; all in a system without ports.
+        """
+        pairs = [{port.giver, port.taker} for port in self.ports]
+        joined = {"chassis"} if {"chassis"} in [pair & {"chassis"} for pair in pairs] else {*self.all_tracks[:1]}
+        for _ in pairs:
+            joined |= {name for pair in pairs if pair & joined for name in pair}
+        return tuple(name for name in self.all_tracks if name in joined or not pairs)
+
+    @cached_property
+    def wires(self) -> tuple[tuple[str, str, str, str], ...]:
+        """Source, output, target and input of all connections."""
+        return tuple(
+            (connection["source"], output, connection["target"], into)
+            for connection in self.system["connections"]
+            for output, into in zip(connection["outputs"], connection["inputs"], strict=True)
+        )
+
+    @cached_property
+    def ports(self) -> tuple[WrenchPort, ...]:
+        """Ports of the system: a force and the torque beside it from one connector to another.
+
+        A force alone, as on a hitch, is work of the one that receives it.
+        """
+        found, known = [], set(self.wires)
+        for source, output, target, into in self.wires:
+            giver, taker = output.removesuffix(".force.x"), into.removesuffix(".force.x")
+            torque = source, f"{giver}.torque.x", target, f"{taker}.torque.x"
+            if giver != output and taker != into and torque in known:
+                found.append(WrenchPort(source, giver, target, taker))
+        return tuple(found)
 
     def has(self, signal: str) -> bool:
         """True if the log holds this output."""

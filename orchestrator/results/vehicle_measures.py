@@ -13,7 +13,6 @@ from fmus.vehicles.vehicle import VehicleTable
 from orchestrator.log.reader import Missing
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses import slip as slips
-from orchestrator.results.energy import ports
 from orchestrator.results.figures import SIDE, Shown, figure
 from orchestrator.results.ground_under_vehicle import component, ground_axes, pose_signals, pressed_by
 from orchestrator.results.run_data import BLOCK, EVER, RunData, Window, drive_of, mean, sprocket_end, track_of, vectors
@@ -31,7 +30,7 @@ def distance(run: RunData, of: str, window: Window) -> float:
 @figure("m/s", Shown("speed", "m/s", on="moving"))
 def speed(run: RunData, of: str, window: Window) -> float:
     """Mean speed of the vehicle, or of the chain of a bench or rig, m/s."""
-    return run.mean("chassis.speed" if run.scene.get("assembly") == "vehicle" else f"{run.tracks[0]}.speed", window)
+    return run.mean("chassis.speed" if run.has("chassis.speed") else f"{run.tracks[0]}.speed", window)
 
 
 @figure("m", Shown("settlement", "mm", on="vehicle"), none="on uneven ground, as it counts from the first")
@@ -210,8 +209,8 @@ def third_law(run: RunData, of: str, window: Window) -> float:
     It needs every step. The sprockets' share passes through the drives, which transmit the whole force.
     """
     given, received, size = np.zeros(3), np.zeros(3), 0.0
-    track_outputs = [(port.giver, f"{port.giver_connector}.force") for port in ports(run) if port.giver in run.tracks]
-    chassis_inputs = [("chassis", f"{port.taker_connector}.force") for port in ports(run) if port.taker == "chassis"]
+    track_outputs = [(port.giver, f"{port.giver_connector}.force") for port in run.ports if port.giver in run.tracks]
+    chassis_inputs = [("chassis", f"{port.taker_connector}.force") for port in run.ports if port.taker == "chassis"]
     topics = sorted({f"/{name}/out" for name, _ in track_outputs} | {f"/{name}/in" for name, _ in chassis_inputs})
     for block in run.log.blocks(topics, BLOCK):
         for name, connector in track_outputs:

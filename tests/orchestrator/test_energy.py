@@ -9,10 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.execution.simulate import simulate
-from orchestrator.execution.summary import energy_warning
+from orchestrator.execution.summary import balance, energy_warning, other_vehicles
 from orchestrator.log.reader import Log
-from orchestrator.results.energy import ledger, ports, rotation_vectors
-from orchestrator.results.run_data import RunData
+from orchestrator.results.energy import ledger, rotation_vectors
+from orchestrator.results.measures import FIGURES
+from orchestrator.results.run_data import EVER, RunData
 from orchestrator.scene.scene import load
 
 
@@ -47,7 +48,7 @@ def test_work_at_the_ports_is_what_the_components_received(driven):
     """By the integrals of chassis and drives; every wheel and mount is a port; causes are all that is dissipated."""
     with Log(driven) as log:
         run = RunData(log)
-        books, energy_ports = ledger(run), ports(run)
+        books, energy_ports = ledger(run), run.ports
 
         def change(name):
             values = run.signal(name)[1]
@@ -74,6 +75,46 @@ def test_a_lost_force_shows_in_the_books(driven, scaled):
         scaled(log, "/chassis/in", "left.road_wheel[3].force.z", 0.95)
         broken = ledger(RunData(log))
     assert abs(broken.integration["chassis"] - whole.integration["chassis"]) > 100.0 * abs(whole.integration["chassis"])
+
+
+def wired(run, source, target, **pairs):
+    """The run with a further connection; __ in a name is a dot."""
+    dotted = {output.replace("__", "."): into for output, into in pairs.items()}
+    added = {"source": source, "outputs": [*dotted], "target": target, "inputs": [*dotted.values()]}
+    run.system = run.system | {"connections": [*run.system["connections"], added]}
+    return run
+
+
+def test_a_torque_apart_from_its_force_leaves_no_balance_and_the_summary_says_why(driven):
+    """A drive that also pulled on the hitch, and one that turned a wheel of the hull: no port joins the two."""
+    with Log(driven) as log:
+        run = wired(RunData(log), "left_drive", "chassis", mount__force__x="hitch.force.x")
+        run = wired(run, "left_drive", "chassis", mount__torque__x="left.idler.torque.x")
+        assert run.ports == RunData(log).ports
+        found = balance(run)
+        assert found["energy"] is None
+        assert found["energy_missing"].startswith(
+            "the work of left_drive.mount.torque.x -> chassis.left.idler.torque.x is"
+        )
+        assert balance(RunData(log))["energy_missing"] == ""
+
+
+def test_figures_are_those_of_one_vehicle(driven):
+    """A further vehicle, whose chassis has another name, adds nothing to what the ground carries, and is told."""
+    with Log(driven) as log:
+        run, both = RunData(log), RunData(log)
+        ends = {"left_track": "a_track", "right_track": "b_track", "chassis": "hull"}
+        other = [one | {end: ends.get(one[end], f"other_{one[end]}") for end in ("source", "target")}
+                 for one in run.system["connections"]]  # fmt: skip
+        both.system = run.system | {"connections": [*other, *run.system["connections"]]}
+        both.all_tracks = ("a_track", "left_track", "b_track", "right_track")
+        assert both.tracks == run.tracks == ("left_track", "right_track")
+        assert FIGURES["ground_force"](both, "", EVER) == FIGURES["ground_force"](run, "", EVER)
+        told = "figures are those of the vehicle of left_track and right_track: a_track and b_track are of another one"
+        assert (other_vehicles(both), other_vehicles(run)) == ([told], [])
+        both.__dict__.pop("tracks")
+        both.__dict__["ports"] = ()
+        assert both.tracks == both.all_tracks, "in a system without ports all are one"
 
 
 @pytest.mark.long

@@ -23,6 +23,7 @@ from fmus.fmi.terminals import FILE
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary import LARGEST_RESIDUAL, verdict
+from orchestrator.execution.summary_text import lines
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble
@@ -310,6 +311,7 @@ def test_an_archive_of_others_is_a_free_system(lag, tmp_path):
         summary = simulate(load_ssp(file, None, {"run.step": step}), tmp_path / "lags.mcap", estimated=True)
         assert summary["status"] == "ok"
         assert (summary["energy"], summary["error"]) == (None, None)
+        assert "  no energy balance: the log holds no energies" in lines(summary)
         with Log(tmp_path / "lags.mcap") as log:
             t, x = log.signal("a.x")
             assert RunData(log).scene == {}

@@ -14,8 +14,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.validity import of as validity
 from orchestrator.results.analyses.wheel_loads import is_settling, lifted, off_ground, switches
-from orchestrator.results.energy import WrenchPort, ports
-from orchestrator.results.run_data import EVER, RunData, Window, within
+from orchestrator.results.run_data import EVER, RunData, Window, WrenchPort, within
 from orchestrator.results.table import Table
 
 STANDS = 0.1  # rad/s: a slower sprocket stands
@@ -95,7 +94,7 @@ def _contact_events(run: RunData, window: Window) -> Iterator[Event]:
 
 def _drives(run: RunData) -> Iterator[tuple[WrenchPort, str, str]]:
     """Ports to sprockets on shafts, with variable prefix and name: "left_drive.", "left_drive"."""
-    for port in ports(run):
+    for port in run.ports:
         prefix = f"{port.taker}.{port.taker_connector.removesuffix('sprocket')}"
         if port.taker_connector.endswith("sprocket") and run.has(f"{prefix}angle"):
             yield port, prefix, prefix.removesuffix(".")

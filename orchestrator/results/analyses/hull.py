@@ -9,9 +9,8 @@ import numpy as np
 from fmus.vehicles.sides import pins_a_turn
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
-from orchestrator.results.energy import WrenchPort, ports
 from orchestrator.results.rotation import matrices
-from orchestrator.results.run_data import LONGEST_STEP, RunData, Window
+from orchestrator.results.run_data import LONGEST_STEP, RunData, Window, WrenchPort
 
 
 class HullAxes(NamedTuple):
@@ -23,7 +22,7 @@ class HullAxes(NamedTuple):
 
 def sprocket(run: RunData, track: str) -> WrenchPort | None:
     """Port between a track and its sprocket; None without one."""
-    return next((port for port in ports(run) if port.giver == track and port.giver_connector == "sprocket"), None)
+    return next((port for port in run.ports if port.giver == track and port.giver_connector == "sprocket"), None)
 
 
 def sprocket_speed(run: RunData, of: str) -> str:
@@ -32,7 +31,7 @@ def sprocket_speed(run: RunData, of: str) -> str:
     A steering differential has two sprockets: "drive.right.torque" belongs to the right one. Raises Missing without a
     sprocket.
     """
-    sprocket_ports = [port for port in ports(run) if port.giver_connector == "sprocket"]
+    sprocket_ports = [port for port in run.ports if port.giver_connector == "sprocket"]
     if not sprocket_ports:
         raise Missing(f"{run.log.path} holds no sprocket that turns")
     sides = [f"{port.taker}.{port.taker_connector.removesuffix('sprocket')}" for port in sprocket_ports]
@@ -77,12 +76,12 @@ def _interpolated(t: Floats, times: Floats, values: Floats) -> Floats:
 
 
 def tracks(run: RunData, name: str = "") -> tuple[str, ...]:
-    """Names of all tracks, or of the given one, of "left_track" also by "left"; raises Missing."""
+    """Names of the vehicle's tracks, or of the given one, of "left_track" also by "left"; raises Missing."""
     name = f"{name}_track" if f"{name}_track" in run.tracks else name
     if not run.tracks:
         raise Missing(f"{run.log.path} holds no track")
-    if name and name not in run.tracks:
-        raise Missing(f"{run.log.path} has no track '{name}': there is {', '.join(run.tracks)}")
+    if name and name not in run.all_tracks:
+        raise Missing(f"{run.log.path} has no track '{name}': there is {', '.join(run.all_tracks)}")
     return (name,) if name else run.tracks
 
 

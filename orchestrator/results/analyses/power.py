@@ -18,8 +18,8 @@ import numpy as np
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.record_blocks import RECOVER, named_columns
-from orchestrator.results.energy import Block, WrenchPort, ports
-from orchestrator.results.run_data import BLOCK, EVER, RunData, Window, vectors
+from orchestrator.results.energy import Block
+from orchestrator.results.run_data import BLOCK, EVER, RunData, Window, WrenchPort, vectors
 from orchestrator.results.table import Table
 
 WRENCH = ("force", "torque")
@@ -126,7 +126,7 @@ def _summed(parts: Iterable[Power]) -> Energies:
 
 def blocks(run: RunData, window: Window = EVER) -> Iterator[Power]:
     """Powers in blocks of steps; raises as ``of``."""
-    wrench_ports = [port for port in ports(run) if run.has(f"{port.taker}.{port.taker_connector}.velocity.x")]
+    wrench_ports = [port for port in run.ports if run.has(f"{port.taker}.{port.taker_connector}.velocity.x")]
     sprocket_instances = {port.taker for port in wrench_ports if port.giver_connector == "sprocket"} - {"chassis"}
     drives = [
         name for name in run.log.signals if name.endswith(".power") and name.partition(".")[0] in sprocket_instances
