@@ -79,14 +79,14 @@ def run(
     """Run a scene, record it, evaluate its checks and estimate its error."""
     narration(f"{scene}: the scene is read")
     from orchestrator.execution import summary
-    from orchestrator.scene.fmu_table import replacing_fmu
+    from orchestrator.scene.fmu_table import replacing_fmus
 
     result, status = summary.empty(scene, track), 2
     overrides = (("stop", stop), ("step", step), ("coupling", coupling))
     changes = [*with_vehicle(vehicle, settings), *(f"run.{k}={v}" for k, v in overrides if v is not None)]
     try:
         estimated = common.estimated(estimate, estimate_parts)
-        changes += [replacing_fmu(text) for text in replaced or ()]
+        changes += replacing_fmus(replaced or ())
         resolved = _scene_to_run(scene, track, changes, error, analyses or ())
         from orchestrator.execution.simulate import simulate
 

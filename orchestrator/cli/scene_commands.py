@@ -115,11 +115,11 @@ def ssp(
 
     The FMUs are native ones, for Linux, and for Windows if the compiler ziglang is installed.
     """
+    from orchestrator.results.output_files import check_output
     from orchestrator.scene.products import write_ssp
     from orchestrator.scene.scene import load
 
-    if output.suffix != ".ssp":
-        raise BadInput(f"{output}: the name of the archive must end in .ssp")
+    check_output(output, (".ssp",))
     write_ssp(load(scene, track, with_vehicle(vehicle, settings)), output, native=not python)
     print(output)
 

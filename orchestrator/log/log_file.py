@@ -12,6 +12,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from orchestrator.files.budget import open_file
 from orchestrator.files.command import is_input
+from orchestrator.files.folders import flaw
 from orchestrator.log import notices
 
 try:
@@ -68,13 +69,7 @@ def check_writable(path: Path) -> None:
                     problem = "another run is writing it"
         except OSError as error:
             raise log_failed(path, error) from None
-    elif not path.exists():
-        parent = next(folder for folder in written.absolute().parents if folder.exists())
-        if not parent.is_dir():
-            problem = f"{parent} is no folder"
-        elif not os.access(parent, os.W_OK):
-            problem = f"the folder {parent} is read-only"
-    if problem:
+    if problem := problem or flaw(written.parent):
         raise LogFailed(f"the log {path} cannot be written: {problem}")
 
 

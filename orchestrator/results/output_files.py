@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from fmus.cache.files import replacing
 from fmus.vehicles.tables import BadInput, path_text
 from orchestrator.files.command import is_input
+from orchestrator.files.folders import flaw
 from orchestrator.results.table import Table
 
 
@@ -33,11 +33,10 @@ def check_output(path: Path, suffixes: Sequence[str], hint: str = "") -> None:
         why = f"its name must end in {', '.join(others)}{' or ' if others else ''}{last}{hint}"
     elif not folder.is_dir():
         why = f"there is no folder {path.parent}"
-    elif not os.access(folder, os.W_OK):
-        why = f"the folder {path.parent} is read-only"
     else:
-        return
-    raise BadInput(f"{path} cannot be written: {why}")
+        why = flaw(folder)
+    if why:
+        raise BadInput(f"{path} cannot be written: {why}")
 
 
 def check_unread(*outputs: Path) -> None:

@@ -59,12 +59,17 @@ def set_folder(table: Mapping[str, Any], folder: Path) -> None:
             entry["file"] = str(folder.absolute() / entry["file"])
 
 
-def replacing_fmu(text: str) -> str:
-    """Setting that ``NAME=FMU`` stands for; raises BadInput."""
-    name, equals, file = text.partition("=")
-    if not (name.strip() and equals and file):
-        raise BadInput(f"--replace {text}: must be NAME=FMU, the name of a part and a file")
-    return f"fmu.{name.strip()}.file={toml_text(file)}"
+def replacing_fmus(texts: Sequence[str]) -> list[str]:
+    """Settings that texts ``NAME=FMU`` stand for; raises BadInput."""
+    files: dict[str, str] = {}
+    for text in texts:
+        name, _, file = (part.strip() for part in text.partition("="))
+        if not (name and file):
+            raise BadInput(f"--replace {text}: must be NAME=FMU, the name of a part and a file")
+        if name in files:
+            raise BadInput(f"--replace {text}: '{name}' is replaced already, by {files[name]}")
+        files[name] = file
+    return [f"fmu.{name}.file={toml_text(file)}" for name, file in files.items()]
 
 
 ARROW = "->"

@@ -6,6 +6,7 @@ A scene file names a vehicle, or contains ``[vehicle]`` with a ``base`` and the 
 from __future__ import annotations
 
 import math
+import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -55,13 +56,15 @@ def read_scene(scene: str) -> tuple[str, dict[str, Any]]:
         if isinstance(owner.get(key), str) and Path(owner[key]).suffix == ".toml":
             owner[key] = str(path.parent / owner[key])
         return path.stem, table
-    if path.suffix == ".ssp":
-        raise BadInput(f"{path_text(path)}: an SSP archive can be run and shown; here a scene is needed")
+    if path.suffix in NO_SCENES:
+        raise BadInput(f"{path_text(path)}: {NO_SCENES[path.suffix]}; here a scene is needed, or its TOML file")
     if scene in scene_names():
         source = resources.files("orchestrator") / "gallery" / f"{scene}.toml"
         return scene, tomllib.loads(source.read_text(encoding="utf-8"))
     if scene in OLD_SCENES:
         raise BadInput(f"scene '{scene}' {PLACE}")
+    if os.path.isfile(f"{scene}.toml"):
+        raise BadInput(f"the gallery has no scene {value_text(scene)}: give the file, {path_text(f'{scene}.toml')}")
     raise BadInput(f"no scene {value_text(scene)}: {hint(scene, scene_names(), 'the gallery has')}")
 
 
@@ -107,6 +110,12 @@ def read_file_table(path: Path, kind: str) -> dict[str, Any]:
     return table
 
 
+NO_SCENES = {  # files by their endings
+    ".ssp": "an SSP archive can be run and shown",
+    ".fmu": "'cotrack check' examines an FMU, and 'cotrack run SCENE --replace NAME=FMU' runs it in place of a part",
+    ".mcap": "'cotrack resume' continues the run of a log, 'cotrack replay' repeats a part of it, and 'cotrack report'"
+    " shows it",
+}
 READERS = {  # what takes a file of this kind
     "scene": "'cotrack run' runs it",
     "vehicle": "a scene names it, vehicle = 'FILE.toml', or the option --vehicle of 'cotrack run'",

@@ -405,7 +405,7 @@ COMMANDS = [
     ("new scene new --from straigt", "no scene 'straigt': did you mean 'straight'?"),
     ("new vehicle new --from leopard", "no vehicle 'leopard': give a .toml file or one of dozer"),
     (f"new scene {WORD[:300]}", "cannot be written: File name too long"),
-    ("ssp rig -o rig.zip", "rig.zip: the name of the archive must end in .ssp\n"),
+    ("ssp rig -o rig.zip", "rig.zip cannot be written: its name must end in .ssp\n"),
     ("ssp rig --track rigid -o none/rig.ssp", "there is no folder"),
     ("check no.fmu", "there is no FMU 'no.fmu'"), ("check own.toml", "'own.toml' is not an FMU"),
     ("check own.toml --step 0", "--step 0: must be a finite number greater than 0"),
@@ -416,6 +416,13 @@ COMMANDS = [
     ("run hanging_chain --log own.toml", "there is a file that is no log"),
     ("run hanging_chain --log own.toml/a.mcap", "own.toml is no folder"),
     ("build hanging_chain -o own.toml", "the folder own.toml cannot be made"),
+    ("build hanging_chain -o /proc", "the folder /proc cannot be written: no file can be made in the folder /proc: no"),
+    ("run hanging_chain --log /proc/a.mcap", "the log /proc/a.mcap cannot be written: no file can be made"),
+    ("ssp rig -o /proc/rig.ssp", "/proc/rig.ssp cannot be written: no file can be made in the folder /proc"),
+    ("run own", "the gallery has no scene 'own': give the file, 'own.toml'"),
+    ("run a.mcap", "'a.mcap': 'cotrack resume' continues the run of a log"),
+    ("truth a.fmu", "'a.fmu': 'cotrack check' examines an FMU"),
+    ("run rig --replace drive=a.fmu --replace drive=b.fmu", "drive=b.fmu: 'drive' is replaced already, by a.fmu"),
 ]  # fmt: skip
 
 
