@@ -1,6 +1,7 @@
 """Layouts of vehicles beside that of the m113: sprocket at the rear, return rollers, sides that differ."""
 
 import copy
+import json
 import re
 import tomllib
 from importlib import resources
@@ -24,6 +25,7 @@ from fmus.vehicles.sides import ground_wheels, lopsided, of_wheels, places_of_wh
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import TAKEN, VehicleTable, read_table, vehicle
 from orchestrator.results.views.shapes import wheel_body
+from orchestrator.scene import placing
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
@@ -430,6 +432,25 @@ def test_every_point_of_a_vehicle_is_compared_with_its_mirror_image():
         assert lopsided(moved) == f"chassis.{key}"
     assert is_asymmetric({"vehicle": moved, "chassis": {"ground": {"hull": True}}}, ("left", "right"))
     assert not is_asymmetric({"vehicle": moved, "chassis": {}}, ("left", "right"))
+    assert is_asymmetric({"vehicle": moved, "chassis": {"one_sided": True}}, ("left", "right"))
+
+
+@pytest.mark.parametrize(("settings", "one_sided"), [
+    ({}, False), ({"start.heading": "2 deg"}, True), ({"ground.washboard.phase": "10 deg"}, True),
+])  # fmt: skip
+def test_waves_across_a_vehicle_leave_it_its_own_mirror_image(settings, one_sided, monkeypatch):
+    """Only half of it is solved for its start, so both sides have one drive."""
+
+    def asked(problem):
+        hull, *_ = json.loads(problem)
+        assert is_asymmetric(hull, ("left", "right")) == one_sided
+        raise BadInput("enough")
+
+    monkeypatch.setattr(placing, "_solved_equilibrium", asked)
+    monkeypatch.setattr(placing, "_tensioned_scene", lambda scene: scene)
+    on_waves = {"symmetric": False, "start.position": [6.3, 0.0, 0.0]}
+    with pytest.raises(BadInput, match="enough"):
+        placing.placed(load("washboard", "rigid", on_waves | settings))
 
 
 def second(**parts):

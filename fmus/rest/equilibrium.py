@@ -172,11 +172,11 @@ def _stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
 
 
 def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
-    """Whether the two sides carry different loads, so that the hull rolls."""
+    """Whether the two sides carry different loads, so that the hull rolls; ``one_sided``: the ground under them."""
     ground = chassis["chassis"].get("ground") or {}
     # a table right is solved whole, also of equal sides
-    one_sided = len(tracks) == 1 or bool(chassis["vehicle"].get("right"))
-    return one_sided or bool(lopsided(chassis["vehicle"], bool(ground.get("hull"))))
+    one_sided = len(tracks) == 1 or bool(chassis["vehicle"].get("right")) or chassis["chassis"].get("one_sided")
+    return bool(one_sided) or bool(lopsided(chassis["vehicle"], bool(ground.get("hull"))))
 
 
 def _at_rest(
@@ -233,8 +233,7 @@ class VehicleOnChains:
         self.gravity: Vector = scale(float(chassis["vehicle"]["gravity"]), down)
         across = self.gravity[1] / chassis["vehicle"]["gravity"] if chassis["vehicle"]["gravity"] else 0.0
         self.lateral = float(np.sign(across)) * chassis["vehicle"]["guide"]["clearance"]
-        uneven = any("terrain" in track.config["track"] for track in tracks.values())
-        self.half = roll == 0.0 and not uneven and not is_asymmetric(chassis, tuple(tracks))
+        self.half = roll == 0.0 and not is_asymmetric(chassis, tuple(tracks))
         sides = ["left"] if self.half else ["left", "right"]
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})

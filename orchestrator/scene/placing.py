@@ -134,6 +134,8 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
     parts = {part.name: part for part in own_parts(scene.model_copy(update={"symmetric": False})).parts}
     under, chassis = scene.footing, parts["chassis"].config
     hull = {**chassis, "chassis": _standing_chassis(scene.name, chassis["chassis"], under)}
+    if under.uneven and scene.ground.one_sided(scene.start.position, scene.start.heading):
+        hull["chassis"] = hull["chassis"] | {"one_sided": True}
     tracks = {
         side: _equilibrium_track(part, _is_soft(scene), under.uneven)
         for side in SIDES
