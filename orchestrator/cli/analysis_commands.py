@@ -129,8 +129,8 @@ def life(
 ) -> None:
     """Life of the links of a track on a course of recorded runs, in km, with its spread."""
     from orchestrator.execution.course import life as life_of
-    from orchestrator.files.folders import make_folder
     from orchestrator.results.output_files import atomic_write
+    from orchestrator.scene.products import make_folder
 
     if output:
         make_folder(output)

@@ -78,7 +78,7 @@ def study(
 
 def folder_of(name: str, output: Path | None) -> Path:
     """Create the folder of a study's results; raises BadInput."""
-    from orchestrator.files.folders import make_folder
+    from orchestrator.scene.products import make_folder
 
     if output is None:
         raise BadInput(f"study {name}: -o DIR says where its tables and figures go")

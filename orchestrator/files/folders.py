@@ -6,8 +6,6 @@ import errno
 import tempfile
 from pathlib import Path
 
-from fmus.vehicles.tables import BadInput
-
 
 def flaw(folder: Path) -> str:
     """Why no file can be made in a folder, or in the one in which it would be made; empty if one can.
@@ -24,13 +22,3 @@ def flaw(folder: Path) -> str:
         if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
             return f"the folder {present} is read-only"
         return f"no file can be made in the folder {present}: {(error.strerror or str(error)).lower()}"
-
-
-def make_folder(folder: Path) -> None:
-    """Create a folder for results; raises BadInput if that, or a file in it, cannot be made."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"the folder {folder} cannot be made: {error.strerror}") from None
-    if problem := flaw(folder):
-        raise BadInput(f"the folder {folder} cannot be written: {problem}")

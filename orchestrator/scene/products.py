@@ -29,7 +29,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator import __version__
 from orchestrator.cosim.graph import Connection
 from orchestrator.cosim.variable_arrays import LINK_FAMILIES
-from orchestrator.files.folders import make_folder
+from orchestrator.files.folders import flaw
 from orchestrator.scene.archive.elements import DOCUMENT_NAME, FMU
 from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.kinds import Scene
@@ -96,6 +96,16 @@ def build_to(
     """
     make_folder(folder)
     return build_native_all(products, folder, windows, fmi) if native else build_all(products, folder)
+
+
+def make_folder(folder: Path) -> None:
+    """Create a folder for results; raises BadInput if that, or a file in it, cannot be made."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"the folder {folder} cannot be made: {error.strerror}") from None
+    if problem := flaw(folder):
+        raise BadInput(f"the folder {folder} cannot be written: {problem}")
 
 
 VERSION = "1.0"

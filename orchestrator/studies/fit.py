@@ -17,7 +17,6 @@ import numpy as np
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.command import command_scope
-from orchestrator.files.folders import make_folder
 from orchestrator.log.notices import notice
 from orchestrator.log.reader import Log, Missing
 from orchestrator.log.time_series import within
@@ -29,6 +28,7 @@ from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.keys import scene_keys
 from orchestrator.scene.kinds import Scene
+from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import any_from_table, load, with_settings, with_track
 from orchestrator.scene.settings import toml_text
 from orchestrator.studies import pool

@@ -21,13 +21,13 @@ from orchestrator.execution import summary
 from orchestrator.execution.estimate import PARTS
 from orchestrator.execution.simulate import simulate
 from orchestrator.files.budget import DOCUMENT, read_file
-from orchestrator.files.folders import make_folder
 from orchestrator.log.extra import NotInstalled, library
 from orchestrator.results import output_files
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.output_files import atomic_write
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.kinds import Scene
+from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import SHORT_KEYS, load
 from orchestrator.scene.settings import pairs
 from orchestrator.studies import Case, Row, pool

@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.files.folders import make_folder
 from orchestrator.log.time_series import Floats
 from orchestrator.results import output_files
 from orchestrator.results.measures import OBSERVABLES
 from orchestrator.results.output_files import Picture, new_figure
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.kinds import Scene
+from orchestrator.scene.products import make_folder
 from orchestrator.scene.scene import load, with_settings
 from orchestrator.scene.settings import pairs
 from orchestrator.studies import Case, Row, pool
