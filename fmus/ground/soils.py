@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from difflib import get_close_matches
 from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING, Annotated, Any
@@ -55,7 +56,9 @@ class SoilTable(FrozenTable):
         if not isinstance(data, Mapping) or not isinstance(data.get("name"), str):
             return data
         if data["name"] not in named():
-            raise ValueError(f"name = '{data['name']}': must be one of {', '.join(named())}")
+            near = get_close_matches(data["name"], named(), 1)
+            known = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(named())}"
+            raise ValueError(f"no soil '{data['name']}': {known}")
         numbers = {key: value for key, value in named()[data["name"]].items() if key != "title"}
         if data.get("rebound") is not None:
             numbers = {key: value for key, value in numbers.items() if key not in ("k0", "Au")}

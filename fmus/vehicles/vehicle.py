@@ -258,7 +258,7 @@ class VehicleTable(FrozenTable):
     """one line about the vehicle"""
     longest_step: Annotated[float, In("s", gt=0)] | None = None
     """longest communication step that suits the vehicle: scenes with a longer one take a part of theirs"""
-    gravity: Annotated[float, In("m/s^2", ge=0)]
+    gravity: Annotated[float, In("m/s^2", ge=0)] = 9.81
     """acceleration of gravity, downwards"""
     chassis: ChassisTable
     """hull with all that is fixed to it"""

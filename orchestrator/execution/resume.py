@@ -29,6 +29,7 @@ from orchestrator.log.log_metadata import BRANCHED, CHECKPOINT, checkpoint_step,
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.recorder import Recorder
+from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.scene import changed_scene, from_table, with_track
@@ -98,6 +99,8 @@ def _last_checkpoint(log: Log, latest: float | None, run: RunTable) -> tuple[int
     fixed = run.variable is None
     times = {k: k * run.step if fixed else time_of(log.attachment(f"{CHECKPOINT}{k}")) for k in numbers}
     fitting = [number for number in numbers if latest is None or times[number] <= latest + 1e-9]
+    if latest is not None and latest > (end := RunData(log).span[1]) + run.outputs * run.step:
+        raise BadInput(f"--at {latest:g}: {log.path} ends at {end:g} s")
     if not fitting:
         raise BadInput(f"--at {latest:g}: the first checkpoint of {log.path} is at {times[numbers[0]]:g} s")
     return fitting[-1], times[fitting[-1]]

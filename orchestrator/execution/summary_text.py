@@ -64,8 +64,10 @@ def _pace(r: dict[str, Any]) -> str:
     """Return the line about run time and real-time factor; empty for a run whose cost is not known."""
     if not r["wall_time"]:
         return ""
-    simulated = f"{r['simulated_time']:.6g} s simulated in {r['wall_time']:.3g} s"
-    factor = r["real_time_factor"]
+    factor, whole = r["real_time_factor"], r["simulated_time"]
+    own = factor * r["wall_time"] or whole  # of a resumed run
+    part = f"{own:.6g} of " * (own < whole * (1.0 - 1e-6))
+    simulated = f"{part}{whole:.6g} s simulated in {r['wall_time']:.3g} s"
     if not factor:  # in a log of an earlier version
         return simulated
     pace = f"{factor:.3g} times as fast as" if factor >= 1.0 else f"{1.0 / factor:.3g} times slower than"

@@ -63,7 +63,13 @@ SN = Option("sn", str, "--sn", "RANGE,CYCLES,SLOPE", SN_HELP)
 TEETH = Option("teeth", bool, "--teeth", None, "events: each tooth that passes")
 AT = Option("at", list[float], "--at", "T", "deformation: an instant, s; repeatable; default last")
 LINK = Option("link", int, "--link", "N", "deformation: the link of a picture, default 1")
-BY = Option("by", str, "--by", "WAY", "life: damage by place or phase; links: by component (default), place or wheel")
+BY = Option(
+    "by",
+    str,
+    "--by",
+    "WAY",
+    "life: damage by place or phase, rainflow cycles or matrix; links: by component (default), place or wheel",
+)
 SEAT = Option("seat", str, "--seat", "NAME", "ride: the seat, default all")
 
 ANALYSES = {
@@ -84,7 +90,7 @@ ANALYSES = {
         (TRACK, BY),
         every_step=True,
         library="rainflow",
-        ways=("place", "phase"),
+        ways=("place", "phase", "cycle", "matrix"),
         full_series=True,
     ),
     "wear": Analysis(

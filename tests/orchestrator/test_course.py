@@ -1,11 +1,14 @@
 """Life of a course: Miner's sum of runs by hand, whole circuits, and its spread."""
 
+import re
+
 import cotrack as installed
 import numpy as np
 import pytest
 from life_logs import LINE, TABLE, log_of
 from made_logs import STEP
 
+from fmus.vehicles.tables import BadInput
 from orchestrator.execution import course
 from orchestrator.execution.course import ALL, ERROR, HALVES, RECORDS, REST, SEEDS, WORST
 from orchestrator.log.reader import Missing
@@ -192,3 +195,20 @@ def test_the_command_prints_tables_and_writes_them(runs, cotrack):
     assert out.splitlines()[:-1] == f"{found.table()}\n\n{found.runs()}".splitlines()
     assert (runs / "new" / "folder" / "life.csv").read_text() == found.table(every=True).csv()
     assert (runs / "new" / "folder" / "runs.csv").read_text() == found.runs().csv()
+
+
+def test_damage_below_the_knee_is_told(tmp_path):
+    """The knee of a pin that bends is at 200 MPa: of one run no cycle reaches it, of the other all go beyond."""
+    knee = 200e6 / PER_NEWTON
+    for name, size in (("below", 0.9), ("above", 1.1)):
+        log_of(tmp_path / f"{name}.mcap", waves(*[size * knee] * 4))
+    below, above = (1000.0 / LENGTH * one_cycle(size * knee) for size in (0.9, 1.1))
+    for km, told in ((1000, f"{100.0 * below / (below + 1e-3 * above):.3g} %"), (1e-3, "")):
+        notes = course_of(tmp_path, ('"below.mcap"', km, ""), ('"above.mcap"', 1, "")).table().notes
+        assert [note.partition(" of the damage")[0] for note in notes] == [told] * bool(told)
+
+
+def test_an_unknown_key_of_a_course_has_its_suggestion(runs):
+    for more, told in (("too = 3", "unknown key 'run[1].too': did you mean 'to'?"), ("[corse]", "unknown key 'corse'")):
+        with pytest.raises(BadInput, match=re.escape(told)):
+            course_of(runs, ('"even.mcap"', 1, more))

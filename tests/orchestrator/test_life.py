@@ -117,7 +117,7 @@ def test_damage_is_booked_where_and_when_the_force_is_largest(tmp_path):
     np.testing.assert_allclose(sum(each for _, each in found.tracks[0].booked), whole, rtol=1e-12)
     assert [sum(row[name] for row in series) for name in life.DETAILS] == pytest.approx([100.0] * 3, rel=1e-12)
     share = {int(row["place"] / (2.0 * np.pi / n)): row["pin bending"] for row in series}
-    one = life.cycle_damages(force[:, 7], life.stresses(TABLE.model_dump()), TABLE.model_dump())[0][:, 0].max()
+    one = life.damages_of(life.rainflow(force[:, 7]), life.stresses(TABLE.model_dump()), TABLE.model_dump())[:, 0].max()
     assert share[4] == pytest.approx(100.0 * 2.0 * one / whole[0], rel=1e-3), "two halves of the largest cycle"
     assert share[12] > 0.98 * (100.0 - share[4]), "the one place of all the others"
     assert table.records()[0]["part"] == "", "a chain without wheels has no parts"
@@ -183,3 +183,29 @@ def test_wear_of_straight_converges_in_the_step_and_is_the_loss_of_the_ledger(tm
                 assert each.rubbed.sum() == pytest.approx(lost[-1] - lost[0], rel=1e-6)
     assert growths[0] == pytest.approx(growths[1], rel=0.02)
     assert growths[0] != pytest.approx(1.03 * np.array(growths[1]), rel=0.02)
+
+
+def test_rainflow_cycles_and_their_matrix(tmp_path):
+    """Of 20 to 80 kN with a dip from 60 to 40 on the way down: two cycles of a pin; a matrix has the same ones."""
+    force = np.interp(np.arange(0.0, 1.0, STEP), np.linspace(0.0, 0.98, 5), (20e3, 80e3, 40e3, 60e3, 20e3))
+    with Log(log_of(tmp_path / "a.mcap", np.stack([force, 0.5 * force], axis=1))) as log:
+        cycles, matrix = (life.of(RunData(log), by=by) for by in ("cycle", "matrix"))
+        whole = life.of(RunData(log)).tracks[0].damage
+    rows = cycles.series().records()
+    shown = [(row["pin"], row["range"], row["mean"], row["cycles"]) for row in rows]
+    wanted = [(1, 20.0, 50.0, 1.0), (1, 60.0, 50.0, 1.0), (2, 10.0, 25.0, 1.0), (2, 30.0, 25.0, 1.0)]
+    np.testing.assert_allclose(sorted(shown), wanted, atol=0.5)  # records beside the turning points
+    largest = max(rows, key=lambda row: row["range"])
+    assert largest["largest force at"] == pytest.approx(0.245, abs=2.0 * STEP)
+    share = 100.0 * cycles.tracks[0].booked[[*cycles.tracks[0].booked].index(max(
+        cycles.tracks[0].booked, key=lambda each: each[0][1]))][1] / whole.sum(axis=0)  # fmt: skip
+    assert [largest[name] for name in life.DETAILS] == pytest.approx(share.tolist(), rel=1e-12)
+    bins = matrix.series().records()
+    assert sum(row["cycles"] for row in bins) == 4.0
+    for _, size, mean, _ in shown:
+        assert any(
+            row["range from"] <= size <= row["range to"] and row["mean from"] <= mean <= row["mean to"] for row in bins
+        )
+    for found in (cycles, matrix):
+        np.testing.assert_allclose(sum(each for _, each in found.tracks[0].booked), whole.sum(axis=0), rtol=1e-12)
+    assert len(cycles.table().rows) == 4

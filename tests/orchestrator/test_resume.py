@@ -18,7 +18,7 @@ from orchestrator.cosim.checkpoint import UnusableCheckpoint
 from orchestrator.cosim.coupling import COUPLINGS
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.execution import replay_model
+from orchestrator.execution import replay_model, summary_text
 from orchestrator.execution.resume import branched_scene, resume
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.log_metadata import CHECKPOINT, checkpoint_step
@@ -164,8 +164,13 @@ def test_a_branch_may_have_other_obstacles_soil_and_loads():
 
 def test_a_longer_run_is_that_of_a_longer_scene(rig, tmp_path):
     longer = ran(tmp_path / "longer.mcap", "rig", "rigid", *RIG, "run.stop=0.1")
-    resume(rig, tmp_path / "on.mcap", stop=0.1)
+    result = resume(rig, tmp_path / "on.mcap", stop=0.1)
     assert digest(tmp_path / "on.mcap") == digest(longer)
+    (pace,) = (line for line in summary_text.lines(result) if " simulated in " in line)
+    assert pace.strip().startswith("0.04 of 0.1 s simulated in "), pace  # from 0.06 s on
+    with pytest.raises(BadInput, match=r"--at 9: .* ends at 0.06 s"):
+        resume(rig, tmp_path / "no.mcap", at=9.0)
+    assert not (tmp_path / "no.mcap").exists()
 
 
 @pytest.mark.long

@@ -336,3 +336,10 @@ def test_a_key_of_one_model_is_declared_in_its_table_and_with_the_model(monkeypa
     scene = load("rig", "rigid").model_copy(update={"track": toy})
     assert assemble(scene).parts[0].parameters["glue.stickiness"] == 0.5
     assert physical_scene(placed(scene)).track.stickiness is None
+
+
+def test_a_vehicle_without_gravity_is_on_earth():
+    table = read_vehicle("m113")
+    del table["gravity"]
+    assert vehicle.vehicle(table, "m113") == load("straight").vehicle
+    assert load("straight", None, ["vehicle.gravity=9.5"]).vehicle.gravity == 9.5

@@ -29,7 +29,13 @@ FORCE = "joint[*].force"
 DETAILS = ("pin bending", "pin shear", "body")
 PARTS = ("pin", "pin", "body")  # tables of their materials
 SHOWN = 5  # pins of a track in the printed table
-BY = {"place": (("part", ""), ("place", "m")), "phase": (("phase", ""), ("from", "s"), ("to", "s"))}  # and columns
+CYCLES = ("pin", ""), ("range", "kN"), ("mean", "kN"), ("cycles", ""), ("largest force at", "s")
+MATRIX = ("range from", "kN"), ("range to", "kN"), ("mean from", "kN"), ("mean to", "kN"), ("cycles", "")
+BY = {  # and columns
+    "place": (("part", ""), ("place", "m")), "phase": (("phase", ""), ("from", "s"), ("to", "s")),
+    "cycle": CYCLES, "matrix": MATRIX,
+}  # fmt: skip
+CLASSES = 32  # of ranges and of means in a matrix
 
 
 def stresses(life: Mapping[str, Any]) -> dict[str, float]:
@@ -111,6 +117,10 @@ class Life(NamedTuple):
 
     def table(self) -> Table:
         """Table of the most damaged pins of each track; with ``by`` of shares of the damage, by part or phase."""
+        if self.by == "cycle":
+            whole = self._shares(None)
+            worst = sorted(whole.rows, key=lambda row: -row[2])[:SHOWN]
+            return whole._replace(rows=worst, notes=(f"the {SHOWN} largest of {len(whole.rows)}; -o FILE.csv has all",))
         return self._shares(1 if self.by == "place" else None) if self.by else self._table(SHOWN)
 
     def series(self) -> Table:
@@ -127,7 +137,10 @@ class Life(NamedTuple):
                 rows[key] = rows.get(key, 0.0) + 100.0 * part / whole
         names = (("track", ""), *heads, *((name, "% of its damage") for name in DETAILS))
         start, end = self.tracks[0].window
-        title = f"Damage of all pins by the {self.by} of a cycle's largest force, {start:.6g} to {end:.6g} s repeated"
+        title = {"cycle": "Rainflow cycles of pins", "matrix": "Rainflow cycles of all pins by range and mean"}.get(
+            self.by, f"Damage of all pins by the {self.by} of a cycle's largest force"
+        )
+        title += f", {start:.6g} to {end:.6g} s repeated"
         return Table.of(title, names, [(*key, *share.tolist()) for key, share in rows.items()])
 
     def _table(self, most: int | None) -> Table:
@@ -226,20 +239,36 @@ def _of_track(run: RunData, track: str, window: Window, life: Mapping[str, Any],
     found = pin_forces(run, track, window)
     t, force, travel = found.t, found.force, float(found.way[-1])
     span, factors = Window(float(t[0]), float(t[-1])), stresses(life)
-    damages, peaks = zip(*(cycle_damages(column, factors, life) for column in force.T), strict=True)
+    cycles = [rainflow(column) for column in force.T]
+    damages, peaks = [damages_of(each, factors, life) for each in cycles], [each[3] for each in cycles]
     damage = np.array([each.sum(axis=0) for each in damages])
     pin, detail = np.unravel_index(int(damage.argmax()), damage.shape)
-    sparse = cycle_damages(force[::2, pin], factors, life)[0].sum(axis=0)[detail]
+    sparse = damages_of(rainflow(force[::2, pin]), factors, life).sum(axis=0)[detail]
     halved = float(sparse / damage[pin, detail]) if damage[pin, detail] else 1.0
     interval, scatter = (span.end - span.start) / max(len(t) - 1, 1), tuple(life[part]["scatter"] for part in PARTS)
+    cells: list[tuple[Any, ...]] = []
     if by == "phase":
         known = phases.of(run).phases
         cells = [(phases.phase_name(each), each.start, each.end) for each in known]
         number = np.searchsorted([each.start for each in known[1:]], t[np.concatenate(peaks)], side="right")
+    elif by in ("cycle", "matrix"):
+        ranges, means, counts, records = (np.concatenate(each) for each in zip(*cycles, strict=True))
+        if by == "cycle":
+            pins = np.repeat(np.arange(len(cycles)) + 1, [len(each[0]) for each in cycles])
+            every = np.stack([pins, 1e-3 * ranges, 1e-3 * means, t[records]])
+            found_cycles, number = np.unique(every, axis=1, return_inverse=True)  # a cycle may be two equal halves
+            number = number.ravel()
+            *sizes, moments = found_cycles.tolist()
+            cells = [*zip(map(int, sizes[0]), *sizes[1:], np.bincount(number, counts).tolist(), moments, strict=True)]
+        else:
+            cells, number = _classes(1e-3 * np.stack([ranges, means]), counts)
     elif by:
         cells, bins = _places(run, track, window)
         number = np.concatenate([column[peak] for column, peak in zip(bins.T, peaks, strict=True)])
-    booked = [(each, np.concatenate(damages)[number == k].sum(axis=0)) for k, each in enumerate(cells)] if by else []
+    booked = []
+    if by:
+        np.add.at(sums := np.zeros((len(cells), len(DETAILS))), number, np.concatenate(damages))
+        booked = [*zip(cells, sums, strict=True)]
     parts = span, travel, travel / found.length, force.max(axis=0), damage, factors, scatter, interval, halved, booked
     return TrackLife(track, *parts)
 
@@ -256,12 +285,32 @@ def _places(run: RunData, track: str, window: Window) -> tuple[list[tuple[Any, .
     return list(zip(parts, where.place.tolist(), strict=True)), (at * len(parts)).astype(int) % len(parts)
 
 
-def cycle_damages(force: Floats, factors: Mapping[str, float], life: Mapping[str, Any]) -> tuple[Floats, np.ndarray]:
-    """Damage (k, details) of each cycle of a repeated record (m), N, and the record (k) of its peak; NotInstalled."""
+def _classes(sizes: Floats, counts: Floats) -> tuple[list[tuple[float, ...]], np.ndarray]:
+    """Classes with cycles, of CLASSES of ranges from 0 and of means, as cells of MATRIX, and that of each cycle (k).
+
+    ``sizes``: ranges and means (2, k), kN; ``counts`` (k).
+    """
+    low = np.array([[0.0], [sizes[1].min(initial=0.0)]])
+    wide = (sizes.max(axis=1, keepdims=True, initial=0.0) - low) / CLASSES
+    wide = np.where(wide > 0.0, wide, 1.0)
+    at = np.minimum((sizes - low) // wide, CLASSES - 1)
+    found, number = np.unique(at, axis=1, return_inverse=True)
+    edges = np.stack([low + wide * found, low + wide * (found + 1)], axis=1).reshape(4, -1)
+    return [*zip(*edges.tolist(), np.bincount(number.ravel(), counts).tolist(), strict=True)], number.ravel()
+
+
+def rainflow(force: Floats) -> tuple[Floats, Floats, Floats, np.ndarray]:
+    """Ranges, means, N, and counts (k) of the cycles of a repeated record (m), and records of peaks; NotInstalled."""
     places = closed_places(force)
     ranges, means, counts, peaks = cycles_with_peaks(force[places])
+    return ranges, means, counts, places[peaks]
+
+
+def damages_of(cycles: Sequence[Floats], factors: Mapping[str, float], life: Mapping[str, Any]) -> Floats:
+    """Damage (k, details) of each of the ``rainflow`` cycles."""
+    ranges, means, counts, _ = cycles
     found = []
     for name, part in zip(DETAILS, PARTS, strict=True):
         amplitude = equivalent_amplitude(0.5 * factors[name] * ranges, factors[name] * means, life[part])
         found.append(counts * damage_of(amplitude, life[part]))
-    return np.array(found).T, places[peaks]
+    return np.array(found).T
