@@ -143,7 +143,7 @@ def test_files_of_the_gallery_fit_the_schema(check, name):
 def test_the_packaged_vehicle_fits_the_schema(check):
     vehicle = read_vehicle("m113")
     assert check("vehicle", vehicle) == []
-    for key in ("name", "chassis", "gravity"):
+    for key in ("name", "chassis", "sprocket"):
         assert check("vehicle", {k: v for k, v in vehicle.items() if k != key}) == [f"{key!r} is a required property"]
     assert check("vehicle", {**vehicle, "masss": 1}) == [
         "Additional properties are not allowed ('masss' was unexpected)"
