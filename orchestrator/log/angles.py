@@ -23,9 +23,14 @@ def turn_of(unit: str) -> float:
 
 
 def continuous(values: Floats, turn: float) -> Floats:
-    """Values (m,) without jumps by whole turns, from the first one on; NaN stay. Values of no angle as they are."""
+    """Values (m,) without jumps by whole turns, from the first one on; NaN stay.
+
+    As they are: values of no angle, and those that leave a turn, as of a shaft whose turns are counted.
+    """
     known = np.flatnonzero(np.isfinite(values)) if turn else np.empty(0, int)
-    found = values.copy() if len(known) else values
+    if not len(known) or np.abs(values[known]).max() > turn * ROUNDED:
+        return values
+    found = values.copy()
     found[known] += turn * _turns(values[known], turn)
     return found
 

@@ -43,8 +43,8 @@ FORMS = {  # head of the column, and heading in it
 def run(request, tmp_path_factory):
     """A log of a vehicle that turns; its hull may be a part of others, with an angle in degrees."""
     unit = {"rad": 1.0, "deg": 180.0 / np.pi}[request.param]
-    topics = {"/chassis/out": [("yaw", request.param), ("way", "m")]}
-    values = np.stack([unit * wrapped(YAW), wrapped(YAW)], axis=1)
+    topics = {"/chassis/out": [("yaw", request.param), ("way", "m"), ("counter", request.param)]}
+    values = np.stack([unit * wrapped(YAW), wrapped(YAW), unit * YAW], axis=1)
     path = tmp_path_factory.mktemp("angles") / "a.mcap"
     made(path, topics, {"/chassis/out": (T, values)}, None, ("chassis",))
     found = package.Run(path)
@@ -161,8 +161,9 @@ def test_continuous_angles():
         for low in (-np.pi, 0.0, -TURN):
             found = continuous(wrapped(whole, low), TURN)
             assert np.diff(found[~np.isnan(found)]) == pytest.approx(np.diff(whole[~np.isnan(whole)]), abs=1e-9)
-    counter = 20.0 * np.arange(50.0)  # of a shaft that turns thrice from record to record
-    assert (continuous(counter, TURN) == counter).all()
+    for step in (3.9, 20.0):  # of a shaft that turns by more than half a turn from record to record
+        counter = step * np.arange(50.0)
+        assert (continuous(counter, TURN) == counter).all()
     blocks = np.stack([wrapped(angles), np.where(np.arange(400) > 200, np.inf, wrapped(angles))], axis=1)
     units = Continuous(["rad", "m"])
     joined = np.vstack([units(blocks[k : k + 7]) for k in range(0, 400, 7)])
@@ -199,6 +200,13 @@ def test_a_heading_is_fitted_over_turns(monkeypatch, unit, is_fitted):
         assert not found.problems
 
 
+def test_whole_turns_count_from_the_first_common_sample(run, record):
+    """The record turned twice before the run began."""
+    t = np.arange(-10.0, 8.0, 0.01)
+    yaw = np.where(t < 0.0, YAW[0] + 1.3 * t, np.interp(t, T, YAW))
+    assert compared(run, record("continuous", t, yaw + 0.1))[1].mean == pytest.approx(-0.1 * run.unit, abs=1e-6)
+
+
 @pytest.mark.parametrize(("how", "expected", "ok"), [
     ("last", YAW[-1] - TURN, True), ("last", YAW[-1], True), ("last", YAW[-1] - 0.9 * TURN, False),
     ("drop", YAW[0] - YAW[-1], True), ("drop", YAW[0] - YAW[-1] + TURN, False), ("mean", YAW.mean() - TURN, True),
@@ -210,13 +218,16 @@ def test_a_check_of_an_angle_counts_no_whole_turns(run, how, expected, ok):
     scene = load("straight", "rigid", ["run.stop=8", "expect={}", check])
     with Log(run.log) as log:
         (result,) = summary.checks(RunData(log), scene, 8.0)[0].values()
+        counted = load("straight", "rigid", ["run.stop=8", "expect={}", check.replace("yaw", "counter")])
+        (of_counter,) = summary.checks(RunData(log), counted, 8.0)[0].values()  # a shaft's turns count
     assert result["ok"] == ok
+    assert of_counter["ok"] == (ok and abs(expected - {"last": YAW[-1], "mean": YAW.mean()}.get(how, expected)) < 1.0)
 
 
 def test_the_difference_of_two_logs_grows_the_smaller_way_round(run, tmp_path):
     """The second one crosses 180 degrees a record later; a length in its place is a turn apart."""
     values = np.stack([run.unit * wrapped(YAW - 1e-3), wrapped(YAW - 1e-3)], axis=1)
-    topics = {"/chassis/out": [("yaw", "rad" if run.unit == 1.0 else "deg"), ("way", "m")]}
+    topics = {"/chassis/out": [("yaw", run[YAW_SIGNAL].unit), ("way", "m")]}
     made(tmp_path / "b.mcap", topics, {"/chassis/out": (T, values)}, None, ("chassis",))
     with Log(run.log) as a, Log(tmp_path / "b.mcap") as b:
         largest = []
