@@ -8,7 +8,8 @@ The chains are of one kind for all kinds of links of steel, so that all kinds st
 beams and cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. They are cables in an upright plane,
 whose links resist a roll of the wheels as springs side by side (``_ChainOnWheels``). From the place that they give, a
 hull that leans goes on with rigid links, which tilt between the wheels and the ground; so does every hull of a run with
-rigid links if these carry another tension there, by more than ``STRETCHED``: a belt stretches, and they do not.
+rigid links if these carry another tension there, by more than ``STRETCHED``: a belt stretches, and they do not. If that
+search fails, the place stays. Tension, sag and loads that are told are those of the run's links.
 Friction of the ground and of the rims, which creeps, balances the lateral forces of tilted wheels and of a side slope;
 the road wheels stand over the middle of the tracks, or on a side slope at their guides.
 
@@ -190,20 +191,30 @@ def _at_rest(
     The chains are compared with those of a run, which are laid out anew.
     """
     vehicle = VehicleOnChains(Cables if cables is None else RigidLinks, chassis, tracks, slope)
-    if cables is not None and not stretched(vehicle, cables):
-        return cables
-    guess = vehicle.come_to_rest(vehicle.start() if cables is None else vehicle.guess_of(cables))
-    if cables is None and (abs(guess[ROLL]) > LEANS or vehicle.gravity[1]):
+    if cables is not None:
+        kept, stretch = in_place_of(cables, vehicle)
+        if not stretch:
+            return kept
+        with suppress(StepFailed):
+            return vehicle.rest(vehicle.come_to_rest(vehicle.guess_of(cables)))
+        return kept
+    guess = vehicle.come_to_rest(vehicle.start())
+    if abs(guess[ROLL]) > LEANS or vehicle.gravity[1]:
         vehicle = VehicleOnChains(RigidLinks, chassis, tracks, slope)
         guess = vehicle.come_to_rest(guess)
     return vehicle.rest(guess)
 
 
-def stretched(vehicle: VehicleOnChains, cables: VehicleEquilibrium) -> bool:
-    """Whether the rigid links of a vehicle carry another tension than ``cables`` at their place."""
+def in_place_of(cables: VehicleEquilibrium, vehicle: VehicleOnChains) -> tuple[VehicleEquilibrium, bool]:
+    """The place of ``cables`` with the tracks of rigid links there, and whether these carry another tension.
+
+    Raises StepFailed if the rigid links find no rest there.
+    """
     vehicle.accelerations(vehicle.guess_of(cables))
-    pairs = zip(vehicle.tracks_at_rest(), cables.tracks, strict=False)
-    return any(abs(track.tension - cable.tension) > STRETCHED * abs(cable.tension) for track, cable in pairs)
+    tracks = vehicle.tracks_at_rest()
+    pairs = zip(tracks, cables.tracks, strict=True)
+    differ = any(abs(track.tension - cable.tension) > STRETCHED * abs(cable.tension) for track, cable in pairs)
+    return cables._replace(tracks=tracks), differ
 
 
 def _reason(vehicle: Mapping[str, Any], height: float, pitch: float) -> str:
@@ -271,13 +282,19 @@ class VehicleOnChains:
 
         Raises StepFailed if a run lays out one of its chains otherwise.
         """
+        if differ := self.lays_out_otherwise():
+            raise StepFailed(f"{self._reason()} ({differ})")
+        rest = self.as_equilibrium(guess)
+        return rest._replace(sprockets=self.sprocket_wrenches(), tracks=self.tracks_at_rest())
+
+    def lays_out_otherwise(self) -> str:
+        """How a chain that is laid out at the last place, where it is now, differs from the one that came there."""
+        differ = ""
         for chain in self.chains.values():
             followed, anew = chain.at_rest().tension, chain.tension_laid_out()
             if abs(anew - followed) > ACCEPTED * abs(followed):
-                text = f"a track that came there carries {followed:.6g} N, laid out there {anew:.6g} N"
-                raise StepFailed(f"{self._reason()} ({text})")
-        rest = self.as_equilibrium(guess)
-        return rest._replace(sprockets=self.sprocket_wrenches(), tracks=self.tracks_at_rest())
+                differ = f"a track that came there carries {followed:.6g} N, laid out there {anew:.6g} N"
+        return differ
 
     def tracks_at_rest(self) -> list[TrackAtRest]:
         """Tracks at the last place, left and right."""

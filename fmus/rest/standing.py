@@ -11,6 +11,7 @@ The links are cables, or rigid links where these carry another tension, see ``re
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,10 +23,10 @@ from fmus.rest.equilibrium import (
     FlexibleTrack,
     VehicleEquilibrium,
     VehicleOnChains,
+    in_place_of,
     motionless,
     read_by_search,
     read_equilibrium,
-    stretched,
 )
 from fmus.rest.tensioning import ACCEPTED, CABLES, Links, tension_wheel
 from fmus.track_flexible.model import Model as Cables
@@ -104,16 +105,22 @@ class _Search:
         self.sides = SIDES if chassis["vehicle"].get("right") else SIDES[:1]
         self.missed = ""  # why the last trial did not reach its tension as drawn
         self.guess: Floats | None = None  # last equilibrium
+        self.nearest: StandingVehicle | None = None  # that lacks least
 
     def run(self) -> StandingVehicle:
-        """See ``standing_vehicle``."""
-        drawn = np.full(len(self.sides), self.tension)
+        """See ``standing_vehicle``; rigid links whose search fails take the nearest place, at first that of cables."""
         if self.cables is not None:
-            if not stretched(self._vehicle(self.cables.places, self.cables.pushes), self.cables.rest):
-                return self.cables
-            drawn = np.array(self.cables.drawn)
+            rest, stretch = in_place_of(self.cables.rest, self._vehicle(self.cables.places, self.cables.pushes))
+            self.nearest = self.cables._replace(rest=rest)
+            with suppress(InvalidParameter, StepFailed, BadInput):
+                return self._found(np.array(self.cables.drawn)) if stretch else self.nearest
+            return self.nearest
+        return self._found(np.full(len(self.sides), self.tension))
+
+    def _found(self, drawn: Floats) -> StandingVehicle:
+        """Standing vehicle by secants from the tensions as drawn, N; raises as ``standing_vehicle``."""
         best, jumps = self._standing(drawn), False
-        last = best
+        last, self.nearest = best, min(self.nearest or best, best, key=self._lack)
         slope = np.ones_like(drawn)  # of the tension over that as drawn
         for _ in range(MOST):
             if self._lack(best) <= CLOSE:
@@ -125,6 +132,7 @@ class _Search:
             slope = np.divide(gained, moved, out=np.ones_like(moved), where=moved != 0.0)
             slope[slope <= 0.0] = 1.0
             last, best = standing, min(best, standing, key=self._lack)
+            self.nearest = min(self.nearest, best, key=self._lack)
             jumps = bool((abs(gained) > JUMP * abs(moved)).any())
             if jumps or not moved.any():  # the idlers have no more way
                 break
@@ -155,6 +163,9 @@ class _Search:
         except StepFailed:  # the way from the last place may be too far for a chain
             vehicle = self._vehicle(places, pushes)
             self.guess = vehicle.come_to_rest(vehicle.start())
+        if self.cables is not None and vehicle.lays_out_otherwise():  # as a run does: so the search goes on from there
+            vehicle = self._vehicle(places, pushes)
+            self.guess = vehicle.come_to_rest(self.guess)
         rest = vehicle.as_equilibrium(self.guess)._replace(tracks=vehicle.tracks_at_rest())
         return StandingVehicle(places, pushes, tensions, rest)
 

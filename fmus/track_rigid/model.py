@@ -26,7 +26,7 @@ from fmus.track.model import TrackModel
 from fmus.track.ports import SPRING, closure_ports, integrator_coefficients, integrator_ports
 from fmus.track.start import not_at_rest
 
-REST = ImplicitMethod(BACKWARD, 1e-11, False)  # integrator towards static equilibrium
+REST = ImplicitMethod(BACKWARD, 1e-9, False)  # integrator towards static equilibrium
 
 
 class Model(TrackModel):

@@ -111,9 +111,11 @@ class TrackTable(FrozenTable):  # noqa: D101
     width: Distance
     """width of a link"""
     tension: Force
-    """mean static tension of the vehicle standing on level, hard ground, to 0.1 %: the idler's place is solved for it.
-    Soil and slopes add their own; a drawn start moves no idler; without gravity as drawn. 0: a slack track, its idler
-    drawn in by 60 mm (links of 152.4 mm; others in proportion), the farthest that the search goes"""
+    """mean static tension of the vehicle standing on level, hard ground: the idler's place is solved for it. Flexible
+    links have it to 0.1 %. Rigid ones keep that place if they carry the tension there to 1 % at t = 0; else they have
+    their own, or if none is found the nearest known. The summary of a run says what they carry. Soil and slopes add
+    their own; a drawn start moves no idler; without gravity as drawn. 0: a slack track, its idler drawn in by 60 mm
+    (links of 152.4 mm; others in proportion), the farthest that the search goes"""
     bushing: BushingTable | None = None
     """bushes and friction of the pins"""
     belt: BeltTable | None = None
