@@ -228,6 +228,7 @@ def _file(fmu: Path) -> dict[str, str]:
     return {"fmu": path_text_of(fmu.name), "sha256": identity(fmu)}
 
 
+@cache
 def _version(package: str) -> str:
     try:
         return version(package)
