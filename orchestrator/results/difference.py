@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log, Missing
@@ -239,9 +240,15 @@ def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
     if "chassis" not in run.instances:
         names = [f"{track}.speed" for track in run.tracks]
         yield "chain_speed", Observable("m/s", 0.01, lambda run, every: _signals(run, names))
-    for name, read in (("tension", _tension), ("joint_force", _joint_force)):
-        for number, statistic in enumerate(("mean", "rms")):
-            yield f"{name}_{statistic}", Observable("N", 100.0, partial(_windowed, name, read, number), windowed=True)
+    yield "tension_mean", Observable("N", 100.0, _mean_tension, windowed=True)
+    statistics = (
+        ("tension", _tension, "rms"),
+        ("joint_force", _joint_force, "mean"),
+        ("joint_force", _joint_force, "rms"),
+    )
+    for name, read, statistic in statistics:
+        own = partial(_windowed, name, read, statistic == "rms")
+        yield f"{name}_{statistic}", Observable("N", 100.0, own, windowed=True)
     yield "tension", Observable("N", 100.0, partial(_tension, window=EARLY), decisive=False)
     yield "joint_force", Observable("N", 100.0, partial(_joint_force, window=EARLY), decisive=False)
 
@@ -337,22 +344,38 @@ def _joint_force(run: RunData, every: int, window: Window) -> ObservableSamples:
 ReadWindow = Callable[[RunData, int, Window], ObservableSamples]
 
 
-def _windowed(name: str, read: ReadWindow, number: int, run: RunData, every: int) -> ObservableSamples:
-    """Mean (0) or RMS (1) of an observable over windows of time."""
-    return run.compute_once(f"windows of {name} {every}", lambda run: _mean_and_rms(run, read, every))[number]
+def _mean_tension(run: RunData, every: int) -> ObservableSamples:
+    """Mean over the links of each track and over windows of time, by the trapezoidal rule from its own output.
+
+    Records of links are too sparse for the waves along cables, whose aliases differ from step to step.
+    """
+    samples = _signals(run, [f"{track}.tension.mean" for track in run.tracks])
+    edges = samples.t[0] + _edges(samples.t)
+    ends = np.minimum(edges, samples.t[-1])
+    integrals = cumulative_trapezoid(samples.values, samples.t, axis=0, initial=0.0)
+    at_ends = np.stack([np.interp(ends, samples.t, column) for column in integrals.T], axis=1)
+    return ObservableSamples(edges[1:], np.diff(at_ends, axis=0) / np.diff(ends)[:, None])
+
+
+def _edges(t: Floats) -> Floats:
+    """Edges of the windows of time, s from the start; a last one of less than half the length is left out."""
+    return WINDOW * np.arange(max(1, round((t[-1] - t[0]) / WINDOW)) + 1.0)
+
+
+def _windowed(name: str, read: ReadWindow, is_rms: bool, run: RunData, every: int) -> ObservableSamples:
+    """Mean or RMS of an observable over windows of time."""
+    return run.compute_once(f"windows of {name} {every}", lambda run: _mean_and_rms(run, read, every))[is_rms]
 
 
 def _mean_and_rms(run: RunData, read: ReadWindow, every: int) -> tuple[ObservableSamples, ObservableSamples]:
     """Mean and RMS over all links and the samples of each window of time.
 
-    Windows begin at the start; a last one of less than half the length is left out. One window is in memory at a
-    time.
+    One window is in memory at a time.
     """
     t = run.compute_once("times of links", _times)[::every]
     if len(t) < 2:
         raise Missing("the log holds no step")
-    count = max(1, round((t[-1] - t[0]) / WINDOW))
-    edges = t[0] + WINDOW * np.arange(count + 1.0)
+    edges = t[0] + _edges(t)
     means, squares = [], []
     for low, high in pairwise(edges):
         inside = np.flatnonzero((t > low + 1e-9) & (t <= high + 1e-9))

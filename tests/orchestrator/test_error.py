@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from orchestrator.execution.manifest import decode_results
 from orchestrator.execution.precision import Setting, cheapest, fraction, pareto_front
 from orchestrator.execution.simulate import record_companion, simulate
 from orchestrator.log.reader import Log
+from orchestrator.results import difference as difference_module
 from orchestrator.results.convergence_index import convergence_index
 from orchestrator.results.difference import (
     Observable,
@@ -69,6 +71,18 @@ def test_means_meet_as_means():
     np.testing.assert_allclose(a, b, atol=1e-12)
     a, b = aligned(coarse._replace(mean=False), fine._replace(mean=False))
     assert np.abs(a - b).max() > 5e-3
+
+
+def test_the_mean_tension_is_the_integral_of_the_output_of_each_track():
+    """100 N/s and a wave of 95 Hz, of which records every 10 ms would make one of 5 Hz; the last window has 0.6 s."""
+    t = np.arange(0.0, 1.6001, 1e-3)
+    run = SimpleNamespace(tracks=("a", "b"), signal=lambda name, _: (t, 1e3 * (2.0 if name[0] == "b" else 1.0) + rise))
+    rise = 100.0 * t + 50.0 * np.sin(2.0 * np.pi * 95.0 * t)
+    means = difference_module._mean_tension(run, 1)
+    np.testing.assert_allclose(means.t, [1.0, 2.0])
+    np.testing.assert_allclose(means.values, [[1050.0, 2050.0], [1130.0, 2130.0]], atol=1e-6)
+    rise = 100.0 * t + 50.0 * np.sin(2.0 * np.pi * 95.5 * t)
+    assert abs(difference_module._mean_tension(run, 1).values[0, 0] - 1050.0) > 0.1, "the twin: no whole periods"
 
 
 @pytest.mark.long

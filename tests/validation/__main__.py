@@ -17,6 +17,7 @@ STUDIES = {
     "mechanics": "elements, joints and chains of the paper against exact and published figures",
     "coupling": "orders, energies and largest stable steps of all couplings on two masses",
     "fits": "known numbers of vehicles found again from noisy signals, and fits of one model of a chain to the other",
+    "estimates": "errors that runs state of themselves beside those from runs in short steps",
     "paper": "the paper's figures 10 to 21, its costs and each of its statements, by all models of chains",
 }
 
@@ -28,7 +29,7 @@ def validate(
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Run a study of the mechanics, the couplings, fits or the paper; exit 1 when a row is not as it should be.
+    """Run a study of mechanics, couplings, fits, estimates or the paper; exit 1 when a row is not as it should be.
 
     Started again with the same folder, it goes on where it was interrupted.
     """

@@ -22,7 +22,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator import studies
 from orchestrator.studies import Case, Row, pool
 from orchestrator.studies.pool import Store
-from tests.validation import compared, element_cases, mechanics, meshes
+from tests.validation import compared, element_cases, estimates, mechanics, meshes
 from tests.validation.__main__ import STUDIES, app
 from tests.validation.compared import checked
 
@@ -262,6 +262,27 @@ def test_cases_are_kept_with_the_sources_of_their_study(tmp_path, monkeypatch):
     of_study = pool.sources("tests.validation.element_cases")
     assert of_study == pool.sources("tests.validation.chain_cases")
     assert of_study != pool.sources("orchestrator.studies.stability"), "sources of the study are none of the product's"
+
+
+def test_the_coverage_of_stated_errors_is_counted():
+    """Shares and quantiles by hand; NaN, a run without an estimate, does not count."""
+    said = "4: true/stated at most 1 in 75%, largest 2.00; stated/true median 1.5, 90 % below 3.4"
+    assert estimates.coverage([0.5, 1.0, 2.0, math.nan, 0.25]) == said
+    figures = {"part": "held out", "ratio": 0.5, "ratio_before": 2.0, "ratios": {"a": 0.5}, "before": {"a": 2.0}}
+    notes = estimates.table([Row("s", "c", figures)]).notes
+    assert [note.partition(":")[0] for note in notes] == [
+        f"- held out, {when}, {of}" for when in ("before", "now") for of in ("runs", "observables")
+    ]
+
+
+@pytest.mark.long
+def test_stated_errors_cover_those_of_a_released_chain():
+    """At twice its steps, at its own and at half of these; the estimate of older versions did not."""
+    rows = estimates.covered(*estimates.cases(True)[0].arguments)
+    assert [row["step"] for row in rows] == [2e-3, 1e-3, 0.5e-3]
+    for row in rows:
+        assert 0.2 < row["ratio"] <= 1.0 < row["ratio_before"]
+        assert set(row["ratios"]) == {"pins", "tension"}
 
 
 ROWS = [
