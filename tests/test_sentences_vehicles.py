@@ -50,6 +50,7 @@ SETTINGS = {  # by scene: settings, and the essential part of their sentence
         (["drive.left.speed=8", "symmetric=true"], BOTH_SIDES),
         (["drive.left.speed=8", 'tracks=["left"]'], "drive.left and drive.right differ, but tracks has no 'right'"),
         (["drive.left.speed=fast"], "drive.left.speed = 'fast'"),
+        (["drive.demand=true", "drive.steering={demand=true, demand_lag=0.3}"], "a differential follows with one lag"),
         (["drive.left.speed=8", "track.axes=fixed"], "track.axes = 'fixed' keeps cables in their plane"),
         (["drive.left.speed=8", "drive.middle.speed=8"], "unknown key 'drive.middle'"),
         (["drive={left={speed=3}, right={torque=5}}"], "drive.right: torque = 5.0 needs mode = 'torque', not 'speed'"),

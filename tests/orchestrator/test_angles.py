@@ -121,6 +121,12 @@ def test_samples_between_which_it_turns_by_half_a_turn_are_told(run, record, ste
     assert any("its whole turns there are taken from the run" in note for note in found.notes) == told
 
 
+def test_a_gap_in_which_it_turns_by_half_a_turn_is_named(run, record):
+    t = np.concatenate([np.arange(0.0, 3.0, 0.1), np.arange(5.0, 8.0, 0.1)])
+    (note,) = compared(run, record("wrapped", t, np.interp(t, T, YAW)))[0].notes
+    assert note.startswith("'h' has no sample between 2.9 and 5 s, where it or the run turns"), note
+
+
 def test_a_signal_that_is_no_angle_keeps_its_jumps(run, record, tmp_path):
     (tmp_path / "w.csv").write_text(
         "t [s],w [m]\n" + "".join(f"{t},{w}\n" for t, w in zip(T[::10], YAW[::10], strict=True))
@@ -161,6 +167,8 @@ def test_continuous_angles():
         for low in (-np.pi, 0.0, -TURN):
             found = continuous(wrapped(whole, low), TURN)
             assert np.diff(found[~np.isnan(found)]) == pytest.approx(np.diff(whole[~np.isnan(whole)]), abs=1e-9)
+    rounded = np.array([359.0, 360.0, 1.0, 0.0, 360.0])  # some compasses write both ends of a turn
+    assert continuous(rounded, 360.0).tolist() == [359.0, 360.0, 361.0, 360.0, 360.0]
     for step in (3.9, 20.0):  # of a shaft that turns by more than half a turn from record to record
         counter = step * np.arange(50.0)
         assert (continuous(counter, TURN) == counter).all()

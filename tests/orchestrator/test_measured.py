@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from made_logs import made
+from made_logs import made, of_columns
 from test_phases import made as made_vehicle
 from test_phases import times, trapezoid
 
@@ -163,6 +163,15 @@ def test_a_shift_is_found(run, write, shift, rate):
         assert all(d.relative < 10.0 * accuracy for d in comparison.differences)
     given = run.compare_measured(file, {"chassis.speed": "v"}, shift=shift)
     assert only(given).rms == pytest.approx(0.0, abs=1e-12 if abs(shift) < 1e6 else 1e-5)
+
+
+@pytest.mark.parametrize(("begin", "told"), [(10.5, True), (9.5, True), (10.15, False)])
+def test_a_record_that_begins_apart_from_the_run_is_told(write, tmp_path, begin, told):
+    """By more than a tenth of the run of 2 s from 10 s on, which is shorter than the record."""
+    late = package.Run(of_columns(tmp_path / "late.mcap", {"chassis.speed": SPEED}, 10.0 + T))
+    t = np.arange(begin, 20.0, 0.01)
+    notes = late.compare_measured(write("t,v:1", t, t), {"chassis.speed": "v:1"}).notes
+    assert any("shift = find aligns their clocks" in note for note in notes) == told, notes
 
 
 def test_the_record_may_be_longer_than_the_run_and_offset(run, write):
