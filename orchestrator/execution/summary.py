@@ -24,9 +24,9 @@ from orchestrator.scene.placing import track_tension
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import Check
 from orchestrator.vocabulary import and_list
+from orchestrator.vocabulary.limits import LARGEST_RESIDUAL
 
 LAST = 1.0  # s: without run.window observables are means over the last second
-LARGEST_RESIDUAL = 0.05  # share of the work above which an energy residual gives a warning
 
 
 def empty(scene: str, track: str | None) -> dict[str, Any]:

@@ -20,14 +20,13 @@ from fmus.fmi.build import BuildFailed
 from fmus.vehicles.sides import way_a_turn
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.execution import summary
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, Missing
 from orchestrator.results import chain_measures, vehicle_measures
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.scene.kinds import ChainScene, RigScene, Scene, VehicleScene
 from orchestrator.studies import Row
-from orchestrator.vocabulary.limits import ALLOWED
+from orchestrator.vocabulary.limits import ALLOWED, LARGEST_RESIDUAL
 
 Expectation = tuple[float, float, float]  # value, expected, tolerance
 
@@ -184,7 +183,7 @@ def _judged_log(scene: Scene, expectation: str, row: Row, path: Path) -> Row:
                 row = row.with_figures(found=value, expected=expected, tolerance=tolerance)
     if result["status"] != "ok":
         return with_verdict(row, CLEAN, result["message"])
-    if abs(row["open"]) > summary.LARGEST_RESIDUAL:
+    if abs(row["open"]) > LARGEST_RESIDUAL:
         return with_verdict(row, BLOWN if abs(row["open"]) > 1.0 else WRONG, result["message"])
     if not abs(row["found"] - row["expected"]) <= row["tolerance"]:
         deviation = f"{row['found']:.4g} instead of {row['expected']:.4g} +- {row['tolerance']:.2g}"

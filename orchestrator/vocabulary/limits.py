@@ -89,6 +89,8 @@ LANE, ASKEW = 0.0, 0.1
 # 1 the contact's period has 6 steps and is off by a tenth ((w h)^2 / 12 and numerical damping). For the communication
 # step, an explicit exchange is stable up to 2.
 STEP = 1.0
+# Share of the largest sum of the energy ledger, or of a component's: a run that leaves more open cannot be right.
+LARGEST_RESIDUAL = 0.05
 
 
 def shorter_step(step: float, longest: float) -> str:

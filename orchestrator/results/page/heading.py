@@ -20,8 +20,7 @@ from orchestrator.results.page.evaluation import ALIKE, Evaluation
 from orchestrator.results.run_data import given_parts
 from orchestrator.results.units import number, percent
 from orchestrator.results.validity.chain_checks import half_steps
-
-OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
+from orchestrator.vocabulary.limits import LARGEST_RESIDUAL
 
 
 class Assessment(NamedTuple):
@@ -146,7 +145,7 @@ def verdict(evaluation: Evaluation) -> Assessment:
     if missed_checks:
         names = text(", ".join(name.replace("_", " ") for name in missed_checks))
         return Assessment("bad", "Checks not met", f"The run finished; {check_counts}. Not met: {names}.")
-    if open_share > OPEN:
+    if open_share > LARGEST_RESIDUAL:
         message = f"The energy ledger leaves {percent(open_share)} unaccounted for: steps are too long"
         return Assessment("bad", "Energy not in balance", f"{message}{half_steps(evaluation.run)}.")
     if not log.complete:
