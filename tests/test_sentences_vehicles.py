@@ -149,6 +149,11 @@ RECOIL = {"preload": 9e4, "stiffness": 4e5}
         ({"wheel": {"Rear": REAR}}, "wheel.Rear: a name has small letters, digits and _ alone, a letter first"),
         ({"wheel": {"rear": {**REAR, "mass": 1e-9}}}, "wheel.rear.mass = 1e-09 kg: must be 1e-06 to 1e+07 kg"),
         (
+            {"idler": {**M113["idler"], "transverse_inertia": 1e308}},
+            "idler.transverse_inertia = 1e+308 kg m^2: must be 0 to 1e+08 kg m^2",
+        ),
+        ({"road_wheel": {**M113["road_wheel"], "width": 1e308}}, "road_wheel.width = 1e+308 m: must be 0 to 50 m"),
+        (
             {"wheel": {"rear": {**REAR, "tensioner": {**SPRING, "wheel": "idler"}}}},
             "unknown key 'wheel.rear.tensioner.wheel'",
         ),

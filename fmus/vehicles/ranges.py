@@ -49,6 +49,14 @@ VEHICLE = (
         for part in ("sprocket", *WHEELS)
     ),
     *(
+        PlausibleRange(f"{part}.transverse_inertia", "kg m^2", (0.0, 2e4), (0.0, 1e8), PART)
+        for part in ("sprocket", *WHEELS)
+    ),
+    *(
+        PlausibleRange(f"{part}.width", "m", (0.0, 5.0), (0.0, 50.0), PART)
+        for part in (*WHEELS, "track")
+    ),
+    *(
         PlausibleRange(f"{part}.radius", "m", (0.01, 2.0), (1e-3, 50.0), PART)
         for part in ("sprocket", *WHEELS)
     ),
