@@ -129,14 +129,16 @@ def life(
 ) -> None:
     """Life of the links of a track on a course of recorded runs, in km, with its spread."""
     from orchestrator.execution.course import life as life_of
+    from orchestrator.files.folders import flaw
     from orchestrator.results.output_files import atomic_write
     from orchestrator.scene.products import make_folder
 
-    if output:
-        make_folder(output)
+    if output and (problem := flaw(output)):
+        raise BadInput(f"the folder {output} cannot be written: {problem}")
     found = life_of(course)
     print_lines(f"{found.table()}\n\n{found.runs()}".splitlines())
     if output:
+        make_folder(output)
         for name, table in (("life", found.table(every=True)), ("runs", found.runs())):
             with atomic_write(output / f"{name}.csv") as temporary:
                 temporary.write_text(table.csv(), encoding="utf-8")
