@@ -138,3 +138,19 @@ def test_it_drives_back_turns_on_the_spot_and_stops():
     assert abs(error).max() < 0.1
     assert abs(chassis["speed"]) < 0.05
     assert 3.0 < 2e-3 * (wanted < -0.5).sum() < 8.0
+
+
+@pytest.mark.long
+def test_a_held_command_pulls_as_a_demand_does(tmp_path):
+    """The largest tension of the robot at 13 rad/s commanded at once; lines from step to step are those of a demand."""
+    t = np.arange(1, 501) * 5e-4
+    lag = np.stack([0.05 + t, 13.0 * (1.0 - np.exp(-t / 0.1))], axis=1)
+    points = {"held": [[0.05, 13.0]], "jump": [[0.05, 0.0], [0.0501, 13.0]], "demanded": [[0.05, 0.0], *lag.tolist()]}
+    found = {}
+    for name, each in points.items():
+        drive = {"mode": "speed", "speed_points": each, "interpolation": "hold" if name == "held" else "linear"}
+        settings = {"track.step": 5e-4, "run.step": 5e-4, "run.stop": 0.3, "expect": {}, "drive": drive}
+        result = simulate(load("robot", "rigid", settings), tmp_path / f"{name}.mcap")
+        found[name] = result["observables"]["tension_max"]
+    assert found["held"] == pytest.approx(found["demanded"], rel=1e-3)
+    assert found["jump"] > 2.5 * found["held"]

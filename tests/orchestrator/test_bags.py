@@ -431,6 +431,8 @@ def test_commands_hold_and_measured_speeds_are_linear(kinds, tmp_path, monkeypat
     assert load("of_bag.toml", None, ["drive.speed_points=[[0, 1]]"]).drive.interpolation == "linear"
     one_side = load("of_bag.toml", None, ["drive.left.speed_points=[[0, 1]]"]).drive
     assert (one_side.left.interpolation, one_side.right.interpolation) == ("linear", "hold")
+    both = load("straight", None, ["drive={interpolation='hold', left={speed_points=[[0, 1]]}}"]).drive
+    assert both.left.interpolation == "hold"
     Path("again.toml").write_text(scene_text("of_bag.toml"))
     assert {**load("again.toml").resolved(), "name": "of_bag"} == scene.resolved()
     with pytest.raises(BadInput, match="drive has commands beside other points: interpolation = says how they go on"):
