@@ -304,7 +304,9 @@ def test_times_from_above_stand_at_their_dots(motions, texts):
     for t, (x, heading) in enumerate(motions):
         ahead, hull = np.array([np.cos(heading), np.sin(heading)]), np.array([x, 0.0])
         corners = hull + 2.0 * np.stack([ahead, -ahead])
-        views.append(flat_views.TopView(float(t), hull, ahead, [corners], hull[None], np.ones((1, 2)), False))
+        views.append(
+            flat_views.TopView(float(t), hull, ahead, [corners[:1], corners[1:]], hull[None], np.ones((1, 2)), False)
+        )
     figure = new_figure(8.0, 8.0, dpi=72)  # a point is a pixel
     pane, size = figure.subplots(), max(abs(x) for x, _ in motions) + flat_views.ROOM
     pane.plot([-0.5 * flat_views.ROOM, size - 0.5 * flat_views.ROOM], [0.0, 0.0])
