@@ -6,6 +6,7 @@ import sqlite3
 import struct
 from math import cos, radians, sin, sqrt
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from test_keys import toml_lines
 from test_measured import SPEED, UNITS, T, measured_run
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.cli import inventory
 from orchestrator.log.bags import contents
 from orchestrator.log.container import LogUnreadable
 from orchestrator.log.notices import LogNotice
@@ -404,6 +406,12 @@ def test_a_drive_takes_a_column(kinds, tmp_path):
     ):
         with pytest.raises(BadInput, match=rf"mine.toml: drive.speed_points = '\S+': \S+ ?{told}|{told}"):
             read_files({"drive": {"speed_points": text}}, tmp_path, "mine.toml")
+
+
+def test_show_tells_how_points_go_on():
+    given = {"speed.points": "0 1", "interpolation": "hold", "steering.torque.points": "0 1", "mode": "speed"}
+    told = inventory._points(SimpleNamespace(parameters=given | {"steering.interpolation": "linear"}))
+    assert told == ", speed holds from point to point, steering.torque is linear between points"
 
 
 @pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
