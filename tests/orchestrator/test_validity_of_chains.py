@@ -133,6 +133,34 @@ def test_a_rim_is_named_by_the_geometry_of_the_pins(settled):
         assert maxima.keys() - depths(run, "left_track", at).keys() == {"ground"}
 
 
+@pytest.mark.parametrize(("share", "aside"), [(0.7, 0.45), (0.1, -0.2)])
+def test_ground_that_rises_within_a_link_is_named(settled, share, aside):
+    """A rock 20 mm high and 16 mm wide, between pins and off the middle; the sprocket is not known by exclusion."""
+    with Log(settled) as log:
+        run = RunData(log)
+        at = float(run.signal("left_track.penetration.max")[0][-1])
+        pins = np.stack([run.vector_at("left_track", "links", f"joint[{k}].position", at) for k in range(1, 65)])
+        after = np.roll(pins, -1, axis=0)
+        low = int((pins + after)[:, 2].argmin())
+        place = pins[low] + share * (after - pins)[low]
+        place[1] += aside * run.scene["vehicle"]["track"]["width"]
+        x, y = (np.arange(-25, 26) * 2e-3 + place[k] for k in (0, 1))
+        rock = 0.02 * np.exp(-((x[:, None] - place[0]) ** 2 + (y - place[1]) ** 2) / (2.0 * 8e-3**2))
+        rocks = {
+            "heights": rock.tolist(),
+            "corner": [x[0], y[0]],
+            "spacing": [2e-3, 2e-3],
+            "start": -9.0,
+            "length": 0.01,
+        }
+        level, uneven = depths(run, "left_track", at)["ground"], RunData(log)
+        uneven.scene["ground"] |= {"heightmap": rocks, "refinement": [16, 16]}
+        expected = 0.02 + level + pins[:, 2].min() - place[2]
+        assert depths(uneven, "left_track", at)["ground"] == pytest.approx(expected, rel=0.05)
+        assert deepest(uneven, "left_track", at, 0.02) == "ground"
+        assert deepest(uneven, "left_track", at, 0.05) == "sprocket, or ground between the points of a link"
+
+
 def test_an_idler_beyond_its_travel(settled, scaled):
     with Log(settled) as log:
         x = log.signal("chassis.left.idler.position.x")[1][0]

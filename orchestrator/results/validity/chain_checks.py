@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fmus.ground.refinement import refinement, sections
 from fmus.vehicles.sides import ground_wheels, of_side, pins_a_turn, smooth_wheels, thickness
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
@@ -19,8 +20,6 @@ from orchestrator.results.validity.piece import Piece
 from orchestrator.vocabulary import limits
 
 NEAR = 0.25  # s: longest interval between records of pins
-ALONG = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the way from pin to pin
-ACROSS = -0.4, 0.0, 0.4  # of the width of a link
 EXPLAINS = 0.85  # of a depth: a rim or the ground this deep at the nearest record of pins is its cause
 
 
@@ -42,14 +41,18 @@ def penetration(piece: Piece) -> Iterator[Exceedance]:
 def deepest(run: RunData, track: str, t: float, depth: float) -> str:
     """Wheel or ground with penetration ``depth``, m, at a time, s; empty without records of pins.
 
-    Depths that neither rims nor ground explain belong to the sprocket, whose teeth have their own outline.
+    Depths that neither rims nor ground explain belong to the sprocket, whose teeth have their own outline; on uneven
+    ground, which is looked at in some points of a link, perhaps to the ground.
     """
     try:
         depth_by_name = depths(run, track, t)
+        uneven = bool(run.compute_once("ground", lambda _: ground(run.scene)).terrain)
     except UNANSWERED:
         return ""
     name = max(depth_by_name, key=lambda key: depth_by_name[key], default="")
-    return name if name and depth_by_name[name] > EXPLAINS * depth else "sprocket"
+    if name and depth_by_name[name] > EXPLAINS * depth:
+        return name
+    return "sprocket, or ground between the points of a link" if uneven else "sprocket"
 
 
 def depths(run: RunData, track: str, t: float) -> dict[str, float]:
@@ -69,10 +72,11 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
     floor = None if gives_way(run.scene) else run.compute_once("ground", lambda _: ground(run.scene))
     if floor is not None:
         places = pins
-        if floor.terrain:  # it may rise between pins, and under a side of the track
-            aside = hull.vehicle_number(run, "track", "width") * pose.axes[0][:, 1]
-            along = [pins + share * (np.roll(pins, -1, axis=0) - pins) for share in ALONG]
-            places = np.concatenate([each + share * aside for each in along for share in ACROSS])
+        if floor.terrain:  # it may rise between pins, and under a side of the track: at the contact points of links
+            table = of_side(run.scene["vehicle"], track.removesuffix("_track"))["track"]
+            points = sections(table, refinement(run.scene["ground"], table, None), hard=True)[:, :2]
+            along, left = np.roll(pins, -1, axis=0) - pins, pose.axes[0][:, 1]
+            places = np.concatenate([pins + a * along + side * b * left for a, b in points for side in (-1.0, 1.0)])
         under = floor.height_under(places) - places[:, 2]
         if floor.terrain:
             under = under * floor.normals(places)[:, 2]
