@@ -140,8 +140,8 @@ class _Search:
             return best
         nearest = " and ".join(f"{tension:.6g} N" for tension in best.tensions())
         raise BadInput(
-            f"vehicle.track.tension = {self.tension:.6g} N: the vehicle standing on level, hard ground lacks it: the"
-            f" nearest tension is {nearest}{f'; as drawn {self.missed}' if self.missed else JUMPS * jumps}"
+            f"vehicle.track.tension = {self.tension:.6g} N: no place of the idler was found where the vehicle standing on"
+            f" level, hard ground has it; the nearest tension found is {nearest}{f'; as drawn {self.missed}' if self.missed else JUMPS * jumps}"
         )
 
     def _lack(self, standing: StandingVehicle) -> float:
