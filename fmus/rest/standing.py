@@ -139,9 +139,10 @@ class _Search:
         if self._lack(best) <= ACCEPTED:
             return best
         nearest = " and ".join(f"{tension:.6g} N" for tension in best.tensions())
+        why = f"; as drawn {self.missed}" if self.missed else JUMPS * jumps
         raise BadInput(
-            f"vehicle.track.tension = {self.tension:.6g} N: no place of the idler was found where the vehicle standing on"
-            f" level, hard ground has it; the nearest tension found is {nearest}{f'; as drawn {self.missed}' if self.missed else JUMPS * jumps}"
+            f"vehicle.track.tension = {self.tension:.6g} N: no place of the idler was found where the vehicle standing"
+            f" on level, hard ground has it; the nearest tension found is {nearest}{why}"
         )
 
     def _lack(self, standing: StandingVehicle) -> float:
