@@ -306,7 +306,7 @@ def test_drives_of_sides():
     two = load("straight", "rigid", [*speeds(20, 20), "drive.speed=7"])
     assert (two.resolved(), two.drive.steers) == (one.resolved(), False)
     said = scene_difference(one.resolved(), turn_scene.resolved())
-    assert said.startswith("drive says brake, demand, mode,")
+    assert said.startswith("drive says brake, demand, interpolation, mode,")
     assert said.endswith("and left, right")
     drive = load("straight", "rigid", ["drive.left.speed=8", "drive.stop=7"]).drive
     assert [(of.speed, of.ramp_time, of.stop) for of in map(drive.of_side, ("left", "right"))] == [

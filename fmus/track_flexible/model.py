@@ -127,9 +127,9 @@ class Model(TrackModel):
         self.material = Material(p["material.youngs_modulus"], p["material.relaxation_time"])
         bent = self.pitch / (self.material.young * self.vehicle["section"]["bending"])
         self.bushing = bushing(self.vehicle["track"], bent)
-        axial = self.material.young * self.vehicle["section"]["area"]
-        self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # axial, N
-        tolerance = min(p["tolerance"] * (SOLID_PART if ELEMENTS[kind.element].solid else 1.0), self._stiff_tolerance())
+        self.stiffness = self._axial_stiffness(p)
+        asked = p["tolerance"] * (SOLID_PART if ELEMENTS[kind.element].solid else 1.0)
+        tolerance = min(asked, self._stiff_tolerance(self.stiffness))
         self.method = ImplicitMethod(integrator_coefficients(p), tolerance, True)
         self._build(kind.at_start())
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
@@ -194,7 +194,8 @@ class Model(TrackModel):
         if p["integrator"] in EXPLICITLY:
             return free
         part = f" * {SOLID_PART!r}" if ELEMENTS[p["element"]].solid else ""
-        numbers = {"scheme.tolerance": f"min({{tolerance}}{part}, <{self._stiff_tolerance()!r}>)"}
+        stiff = self._stiff_tolerance(self._axial_stiffness(p))
+        numbers = {"scheme.tolerance": f"min({{tolerance}}{part}, <{stiff!r}>)"}
         tau = "{material.relaxation_time}"
         if part:
             numbers["link.element.tau"] = tau
@@ -283,14 +284,19 @@ class Model(TrackModel):
         self.evaluate(Motion(self.s.q, self.work.still, accelerations, self.s.axes))
         return self.work.residual
 
-    def _stiff_tolerance(self) -> float:
+    def _axial_stiffness(self, p: Mapping[str, Any]) -> float:
+        """Axial stiffness of a link, or of the spring that closes the chain if that is larger, N."""
+        closing = p["closure.stiffness"] * self.pitch if chain_kind(p).closure == SPRING else 0.0
+        return max(p["material.youngs_modulus"] * self.vehicle["section"]["area"], closing)
+
+    def _stiff_tolerance(self, stiffness: float) -> float:
         """Largest tolerance of Newton's iteration, m, at which the forces of pins are known to ``PIN_ERROR``.
 
         The last correction dx is not in the force that all pins share (``pins.py``): that is off by about its axial
         part, dx times the turn of a link since the matrix was new, at most CHORD over its length, times the stiffness.
         """
         weight = self.links_count * float(self.vehicle["track"]["mass"]) * 9.81
-        return PIN_ERROR * weight * self.pitch**2 / (CHORD * self.stiffness)
+        return PIN_ERROR * weight * self.pitch**2 / (CHORD * stiffness)
 
     def _rounding(self) -> float:
         """Axial force, N, from rounding of the pins' positions: no residual is reliably smaller."""

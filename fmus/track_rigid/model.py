@@ -26,7 +26,8 @@ from fmus.track.model import TrackModel
 from fmus.track.ports import SPRING, closure_ports, integrator_coefficients, integrator_ports
 from fmus.track.start import not_at_rest
 
-REST = ImplicitMethod(BACKWARD, 1e-9, False)  # integrator towards static equilibrium
+REST = ImplicitMethod(BACKWARD, 1e-11, False)  # integrator towards static equilibrium
+SLOWLY = REST._replace(tolerance=1e-9)  # where Newton's corrections shrink too slowly for that
 
 
 class Model(TrackModel):
@@ -134,8 +135,11 @@ class Model(TrackModel):
             partners = at_rest(settling(partners, 0.0 if leans else SETTLING_FRICTION), env.gravity)
             if leans:  # nothing holds the chain across: where it was must not matter
                 s.q[:, 1] -= s.q[:, 1].mean()
-        failure, _, link, residual = settle(links, partners, env, REST, rows, s, w, self.counters)
-        if failure:
+        for method in (REST, SLOWLY):
+            failure, _, link, residual = settle(links, partners, env, method, rows, s, w, self.counters)
+            if not failure:
+                break
+        else:
             raise not_at_rest(link, residual)
         self.counters[:] = 0
         if env is not self.environment:

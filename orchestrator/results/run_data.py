@@ -162,13 +162,13 @@ class RunData:
     def tracks(self) -> tuple[str, ...]:
         """Names of the tracks of the vehicle, of which all figures are: those that ports join to the part "chassis".
 
-        Without one to the first track; all in a system without ports.
+        Without one to the first track; all where no port joins them to it.
         """
         pairs = [{port.giver, port.taker} for port in self.ports]
-        joined = {"chassis"} if {"chassis"} in [pair & {"chassis"} for pair in pairs] else {*self.all_tracks[:1]}
+        joined = {"chassis"} if "chassis" in self.instances or not pairs else {*self.all_tracks[:1]}
         for _ in pairs:
             joined |= {name for pair in pairs if pair & joined for name in pair}
-        return tuple(name for name in self.all_tracks if name in joined or not pairs)
+        return tuple(name for name in self.all_tracks if name in joined) or self.all_tracks
 
     @cached_property
     def wires(self) -> tuple[tuple[str, str, str, str], ...]:

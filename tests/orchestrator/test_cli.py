@@ -24,7 +24,7 @@ from orchestrator.scene.scene import scene_names
 KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "cpu_time",
     "real_time_factor", "communication_steps", "rejected_steps", "log", "log_bytes", "seal", "components", "fmus",
-    "energy", "error", "checks", "observables", "windows", "places", "phases", "warnings", "validity",
+    "energy", "energy_missing", "error", "checks", "observables", "windows", "places", "phases", "warnings", "validity",
     "checks_after_end", "checks_left_out", "passed_over", "track_tension",
 }  # fmt: skip
 

@@ -13,7 +13,7 @@ from fmus.vehicles.sides import ground_wheels, of_side, pins_a_turn, smooth_whee
 from orchestrator.log.reader import Missing
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, record_blocks
-from orchestrator.results.ground_surface import gives_way, ground
+from orchestrator.results.ground_surface import GroundSurface, gives_way, ground
 from orchestrator.results.run_data import UNANSWERED, RunData, Window
 from orchestrator.results.validity.exceedance import WARNING, Exceedance, exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
@@ -46,13 +46,18 @@ def deepest(run: RunData, track: str, t: float, depth: float) -> str:
     """
     try:
         depth_by_name = depths(run, track, t)
-        uneven = bool(run.compute_once("ground", lambda _: ground(run.scene)).terrain)
+        floor = _hard_ground(run)
     except UNANSWERED:
         return ""
     name = max(depth_by_name, key=lambda key: depth_by_name[key], default="")
     if name and depth_by_name[name] > EXPLAINS * depth:
         return name
-    return "sprocket, or ground between the points of a link" if uneven else "sprocket"
+    return "sprocket, or ground between the points of a link" if floor and floor.terrain else "sprocket"
+
+
+def _hard_ground(run: RunData) -> GroundSurface | None:
+    """Ground that links may penetrate; None without one, and for soil."""
+    return None if gives_way(run.scene) else run.compute_once("ground", lambda _: ground(run.scene))
 
 
 def depths(run: RunData, track: str, t: float) -> dict[str, float]:
@@ -69,8 +74,7 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
         if f"{wheel['name']}.position.x" in moved:
             centre = run.vector_at(track, "in", f"{wheel['name']}.position", float(times[nearest]))
             depth_by_name[wheel["name"]] = wheel["radius"] + face - _distance((pins - centre) @ axes)
-    floor = None if gives_way(run.scene) else run.compute_once("ground", lambda _: ground(run.scene))
-    if floor is not None:
+    if floor := _hard_ground(run):
         places = pins
         if floor.terrain:  # it may rise between pins, and under a side of the track: at the contact points of links
             table = of_side(run.scene["vehicle"], track.removesuffix("_track"))["track"]
