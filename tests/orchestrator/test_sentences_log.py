@@ -552,7 +552,7 @@ MEASURED_RECORDS = (
     (parquet({"t": [0.0, 0.5], "w": [[1.0], []]}, "w"), "column 'w' holds no numbers, but list<element: double>"),
     (parquet({"t": [0.0, -0.5], "v": [1.0, 2.0]}), "row 2: the clock 't' must increase: -0.5 s after 0 s"),
     (parquet({"t": [0, 10], "v": [1.0, 2.0]}), "the clock 't' counts whole numbers, of s or ms: clock = COLUMN:s or"),
-    (mdf(("CAN1", ["CAN_DataFrame.ID"]), ("", ["x"])), "no column 'v': it has ...; raw CAN frames are decoded first with"),
+    (mdf(("CAN1", ["CAN_DataFrame.ID"]), ("", ["x"])), "no column 'v': it has ...; raw CAN frames are decoded first"),
     (mdf(("", [letters]), column="s"), "column '0/s' holds no numbers, but |S1 of 1 dimensions"),
     (mdf(("fast", ["n"]), ("slow", ["n"]), column="n"), "has 2 columns 'n': name one as in the file, of 'fast/n'"),
     (mdf(("bench", [over_angle])), "m.mf4: the group 'bench' of 'v' has no clock"),
