@@ -231,7 +231,7 @@ def test_measures_of_a_differential_are_those_of_its_outputs(tmp_path):
             turning.drive_power(run, "steer", window)
         with np.errstate(invalid="ignore"):
             assert np.isnan(turning.regenerated_power(run, "", Window(1.1, 1.1)))
-        assert dict(difference.observables(run))["torque"].read(run).values.shape[1] == 2
+        assert dict(difference.observables(run))["torque"].read(run, 1).values.shape[1] == 2
         assert turning.regenerated_power(run, "", window) == -turning.drive_power(run, "left", window) > 0.0
         faster = run.mean("chassis.speed", window) / (0.242552 * run.mean("differential.propulsion.speed", window))
         assert vehicle_measures.speed_excess(run, "", window) == pytest.approx(faster - 1.0, abs=1e-5)

@@ -28,6 +28,7 @@ from fmus.track.start import not_at_rest
 
 REST = ImplicitMethod(BACKWARD, 1e-11, False)  # integrator towards static equilibrium
 SLOWLY = REST._replace(tolerance=1e-9)  # where Newton's corrections shrink too slowly for that
+TURNED_OVER = 0.7  # cosine of half the angle, 90 degrees, by which links may turn on that way
 
 
 class Model(TrackModel):
@@ -135,12 +136,17 @@ class Model(TrackModel):
             partners = at_rest(settling(partners, 0.0 if leans else SETTLING_FRICTION), env.gravity)
             if leans:  # nothing holds the chain across: where it was must not matter
                 s.q[:, 1] -= s.q[:, 1].mean()
+        laid, orientation = s.flat.copy(), s.q[:, 3:].copy()
         for method in (REST, SLOWLY):
+            s.flat[:] = laid
             failure, _, link, residual = settle(links, partners, env, method, rows, s, w, self.counters)
             if not failure:
                 break
         else:
             raise not_at_rest(link, residual)
+        turned = np.abs(np.sum(s.q[:, 3:] * orientation, axis=1))
+        if turned.min() < TURNED_OVER:  # a free plate on soil also rests upside down
+            raise StepFailed(f"static equilibrium of the track was not found: link {turned.argmin() + 1} turned over")
         self.counters[:] = 0
         if env is not self.environment:
             self.evaluate_start()

@@ -72,7 +72,7 @@ def test_the_library_needs_libc_alone_and_validates(case):
         assert sorted(archive.namelist()) == [
             f"binaries/linux64/{ran(case).part.kind}.so", "documentation/index.html",
             "documentation/licenses/license.txt", "model.png", "modelDescription.xml", "resources/numbers.bin",
-            "resources/shape.txt",
+            "resources/shape.txt", *["terminalsAndIcons/terminalsAndIcons.xml"] * (case.part != "chain"),
         ]  # fmt: skip
     content = library(file)
     assert set(re.findall(rb"\0(lib[a-z]+\.so[.0-9]*)(?=\0)", content)) == {b"libc.so.6"}
