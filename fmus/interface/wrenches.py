@@ -20,7 +20,7 @@ from fmus.physics.arrays import Floats
 
 CHOICES = "no", "linear"  # of the parameter
 LAST, BEFORE, WARNED, FIRST = range(4)  # in ``received``: the last two steps, s, 0 for none; a flag; the wrenches
-LONG_EXCHANGE = "the communication step is too long for this exchange"
+LONG_EXCHANGE = "the communication step is too long for this exchange, take half of it"
 SWING = (
     "at t = {0:.6g} s the force of {1:name} swings to and fro by {2:.3g} N from step to step, {3:.2g} times the weight:"
     f" {LONG_EXCHANGE}"

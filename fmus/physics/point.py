@@ -21,6 +21,11 @@ from fmus.physics.arrays import Integers, Vector
 
 POINTS = 8  # most contact points of a link on a wheel: 4 on a face, 2 on guides, 2 on a pin
 GUIDES, PINS = 4, 6  # index of the first guide point and of the first pin point
+PARTNER, BODY, LINK, ON_PIN, COLUMN = range(5)  # numbers of a point, see ``ContactPoint``
+# numbers of a point: xi, z, y of ``locate``; position, m; g; of ``Sinking``, where its first is not 0: by_rate,
+# ``ContactForce.by_rate``, normal, foot
+PLACE, POSITION, MATRIX, BY_RATE, RATE, NORMAL, FOOT = 0, 3, 6, 15, 16, 19, 22
+SIZE = 23
 
 
 class Memory(NamedTuple):
@@ -28,6 +33,24 @@ class Memory(NamedTuple):
 
     sharp: np.ndarray  # (1) int: 1 if the tangent of friction follows the corrections, else 0
     dual: np.ndarray  # (points, 7) of the last iteration: slip (3), m/s; direction (3); g, m/s, 0 before the first
+
+
+class ContactPoints(NamedTuple):
+    """Contact points at the last matrix, and the motion of the chain since."""
+
+    number: np.ndarray  # (1) int: of points
+    which: np.ndarray  # (points, 5) int: PARTNER to COLUMN
+    numbers: np.ndarray  # (points, SIZE)
+    q: np.ndarray  # coordinates at the matrix, (nodes, width) or (links, 7)
+    step: np.ndarray  # (nodes, width) last correction of the coordinates; of rigid links it is in ``AugmentedSystem``
+
+
+def contact_points(points: int, coordinates: tuple[int, int], step: tuple[int, int] = (0, 0)) -> ContactPoints:
+    """Return zeroed arrays for at most ``points`` points of a chain; shapes of its coordinates and of ``step``."""
+    z = np.zeros
+    return ContactPoints(
+        z(1, dtype=np.int64), z((points, 5), dtype=np.int64), z((points, SIZE)), z(coordinates), z(step)
+    )
 
 
 def memory(points: int = 1) -> Memory:

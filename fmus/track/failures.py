@@ -27,7 +27,7 @@ OFF_PLACE = (  # warning or failure of the first step
     " {4:.3g} m to the left, {5:.3g} m up): start.position.*, start.lateral and all other start.* must be the vehicle's"
 )
 WHERE = "at t = {0:.6g} s, link {1:no}"
-IMPLICITLY, EXPLICITLY = f"{WHERE}: residual {{2:.3g}} N", f"{WHERE}: take a smaller step than {{2:.3g}} s"
+IMPLICITLY, EXPLICITLY = f"{WHERE}: residual {{2:.3g}} N", f"{WHERE}: take half of the step of {{2:.3g}} s"
 FAILURES = {
     NO_WHEEL: NO_ROTATION,
     TOO_LONG: TOO_MANY_STEPS.text,

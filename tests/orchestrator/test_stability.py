@@ -128,7 +128,7 @@ def test_an_explicit_step_beyond_its_limit_fails_with_a_sentence():
     damped = load("hanging_chain", "flexible", [*settings, "vehicle.material.relaxation_time=1e-5 s"])
     assert step_limits.predicted(damped)[0] < 4e-6
     row = verdict.judged_run(damped, "ledger")
-    assert (row["verdict"], "take a smaller step" in row.note) == (CLEAN, True), row
+    assert (row["verdict"], "take half of the step" in row.note) == (CLEAN, True), row
 
 
 def case(family, name, value, verdict, sensible, note="", **figures):

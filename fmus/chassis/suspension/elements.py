@@ -21,17 +21,20 @@ if TYPE_CHECKING:
 
 @implemented_in(suspension=".elements")
 class Elements(NamedTuple):
-    """Elements of the leaves of a vehicle; None for those that no leaf has."""
+    """Elements of the leaves of a vehicle; those that no leaf has are of no leaves.
+
+    So all vehicles that have any element share the compiled kernels.
+    """
 
     wheels: int  # of a side
-    spring: Any  # curve.Curve
-    gas_spring: Any
-    damper: Any  # curve.Curve
-    torsion_bar: Any
-    rotary_damper: Any
-    bump_stop: Any
-    rebound_stop: Any
-    recoil: Any
+    spring: curve.Curve
+    gas_spring: gas_spring.GasSpring
+    damper: curve.Curve
+    torsion_bar: torsion_bar.TorsionBar
+    rotary_damper: rotary_damper.RotaryDamper
+    bump_stop: stop.Stop
+    rebound_stop: stop.Stop
+    recoil: recoil.Recoil
 
 
 NAMES = ("spring", "gas_spring", "damper", "torsion_bar", "rotary_damper", "bump_stop", "rebound_stop")
@@ -57,8 +60,8 @@ def elements(sides: Sequence[Mapping[str, Any]], rollers: int, sense: Floats) ->
         return np.array(values)
 
     def made(kind: type, name: str, *more: Any) -> Any:
-        keys = [key for key in kind._fields if key not in ("sense",)]  # type: ignore[attr-defined]
-        return kind(**{key: each(name, key) for key in keys}, **dict(more)) if any(tables[name]) else None
+        keys, any_leaf = [key for key in kind._fields if key != "sense"], any(tables[name])  # type: ignore[attr-defined]
+        return kind(**{key: each(name, key) if any_leaf else np.zeros(0) for key in keys}, **dict(more))
 
     bars = made(torsion_bar.TorsionBar, "torsion_bar", ("sense", sense))
     resistance = np.array([
@@ -73,17 +76,18 @@ def elements(sides: Sequence[Mapping[str, Any]], rollers: int, sense: Floats) ->
         made(rotary_damper.RotaryDamper, "rotary_damper"),
         made(stop.Stop, "bump_stop", ("sense", 1.0)),
         made(stop.Stop, "rebound_stop", ("sense", -1.0)),
-        recoil.Recoil(resistance[0], resistance[1]) if any(recoils) else None,
+        recoil.Recoil(*(row if any(recoils) else np.zeros(0) for row in resistance)),
     )
 
 
-def _curves(tables: Sequence[Mapping[str, Any] | None], key: str, wheels: int, rollers: int) -> curve.Curve | None:
-    """Curves of the left and the right side, None without any."""
+def _curves(tables: Sequence[Mapping[str, Any] | None], key: str, wheels: int, rollers: int) -> curve.Curve:
+    """Curves of the left and the right side, of no leaves without any."""
     given: list[Mapping[str, Any]] = []
     given += [table for table in tables if table and table not in given][:1]
     given += [table for table in tables[1:] if table and table not in given]
     if not given:
-        return None
+        none = np.zeros((0, 0))
+        return curve.Curve(np.zeros(0, dtype=np.int64), none, none, none)
     which: list[int] = []
     for table in tables:
         row, having = given.index(table) if table else -1, (table or {}).get("wheels") or range(1, wheels + 1)
@@ -106,42 +110,46 @@ def _curves(tables: Sequence[Mapping[str, Any] | None], key: str, wheels: int, r
 
 
 @kernel
-def _along(spring: Any, gas: Any, damper: Any, k: int, e: float, ed: float) -> Vector:
+def _along(suspension: Elements, k: int, e: float, ed: float) -> Vector:
     """Push along the spring-damper, N, stored energy, J, lost power, W, of what leaf k has there."""
+    spring, gas, damper = suspension.spring, suspension.gas_spring, suspension.damper
     push, energy, lost = 0.0, 0.0, 0.0
-    if spring is not None:
+    if len(spring.which) > 0:
         push, energy = push + curve.force(spring, k, e), energy + curve.stored(spring, k, e)
-    if gas is not None:
+    if len(gas.area) > 0:
         push, energy = push + gas_spring.force(gas, k, e), energy + gas_spring.stored(gas, k, e)
-    if damper is not None:
+    if len(damper.which) > 0:
         f = curve.force(damper, k, ed)
         push, lost = push + f, lost + f * ed
     return push, energy, lost
 
 
 @kernel
-def _about(bar: Any, damper: Any, bump: Any, rebound: Any, tree: VehicleTree, k: int, q: float, qd: float) -> Vector:
+def _about(suspension: Elements, tree: VehicleTree, k: int, q: float, qd: float) -> Vector:
     """Force against the coordinate of leaf k, N m, stored energy, J, lost power, W, of what acts on its arm."""
+    bar, damper, bump, rebound = (
+        suspension.torsion_bar, suspension.rotary_damper, suspension.bump_stop, suspension.rebound_stop,
+    )  # fmt: skip
     pull, energy, lost = 0.0, 0.0, 0.0
-    if bar is not None:
+    if len(bar.stiffness) > 0:
         pull, energy = bar.sense[k] * torsion_bar.moment(bar, k, q), torsion_bar.stored(bar, k, q)
-    if damper is not None:
+    if len(damper.damping) > 0:
         m = rotary_damper.moment(damper, k, qd)
         pull, lost = pull + m, lost + m * qd
     r, dr = wheel_offset(tree, k, q)
     rise, slope = r[2] - tree.arm[k, 1], dr[2]
-    if bump is not None:
+    if len(bump.stiffness) > 0:
         f, stored, power = stop.force(bump, k, rise, slope * qd)
         pull, energy, lost = pull + slope * f, energy + stored, lost + power
-    if rebound is not None:
+    if len(rebound.stiffness) > 0:
         f, stored, power = stop.force(rebound, k, rise, slope * qd)
         pull, energy, lost = pull - slope * f, energy + stored, lost + power
     return pull, energy, lost
 
 
 @kernel
-def _give(spring: Any, tree: VehicleTree, k: int, e: float) -> tuple[float, float]:
-    if spring is not None:
+def _give(spring: recoil.Recoil, tree: VehicleTree, k: int, e: float) -> tuple[float, float]:
+    if len(spring.stiffness) > 0:
         return recoil.softening(spring, tree, k, e)
     return 0.0, 0.0
 
@@ -152,11 +160,11 @@ def suspend(suspension: Elements, tree: VehicleTree, k: int, q: float, qd: float
     e, slope = compression(tree, k, q)
     push, _, lost, stored = linear_spring(tree, k, q, qd)
     s = suspension
-    f, energy, power = _along(s.spring, s.gas_spring, s.damper, k, e, slope * qd)
+    f, energy, power = _along(s, k, e, slope * qd)
     push, stored, lost = push + f, stored + energy, lost + power
     f, energy = _give(s.recoil, tree, k, e)
     push, stored = push - f, stored - energy
-    pull, energy, power = _about(s.torsion_bar, s.rotary_damper, s.bump_stop, s.rebound_stop, tree, k, q, qd)
+    pull, energy, power = _about(s, tree, k, q, qd)
     return push, slope * push + pull, lost + power, stored + energy
 
 
@@ -172,31 +180,30 @@ def put_elements(suspension: Elements, tree: VehicleTree, x: Floats, k: int, y: 
     s, n = suspension, len(tree.is_arm)
     q, qd = x[ROOT + k], x[ROOT + 2 * n + k]
     if tree.is_arm[k] == 1:
-        return _put_arm(s.torsion_bar, s.bump_stop, s.rebound_stop, tree, k, q, qd, y, i)
+        return _put_arm(s, tree, k, q, qd, y, i)
     return _put_recoil(s.recoil, tree, k, q, y, i)
 
 
 @kernel
-def _put_arm(
-    bar: Any, bump: Any, rebound: Any, tree: VehicleTree, k: int, q: float, qd: float, y: Floats, i: int
-) -> int:
+def _put_arm(suspension: Elements, tree: VehicleTree, k: int, q: float, qd: float, y: Floats, i: int) -> int:
+    bar, bump, rebound = suspension.torsion_bar, suspension.bump_stop, suspension.rebound_stop
     r, dr = wheel_offset(tree, k, q)
     rise, rate = r[2] - tree.arm[k, 1], dr[2] * qd
-    if bar is not None:
+    if len(bar.stiffness) > 0:
         y[i] = torsion_bar.moment(bar, k, q)
         i += 1
-    if bump is not None:
+    if len(bump.stiffness) > 0:
         y[i] = stop.force(bump, k, rise, rate)[0]
         i += 1
-    if rebound is not None:
+    if len(rebound.stiffness) > 0:
         y[i] = stop.force(rebound, k, rise, rate)[0]
         i += 1
     return i
 
 
 @kernel
-def _put_recoil(spring: Any, tree: VehicleTree, k: int, q: float, y: Floats, i: int) -> int:
-    if spring is not None and spring.stiffness[k] > 0.0:
+def _put_recoil(spring: recoil.Recoil, tree: VehicleTree, k: int, q: float, y: Floats, i: int) -> int:
+    if len(spring.stiffness) > 0 and spring.stiffness[k] > 0.0:
         y[i] = recoil.stroke(spring, tree, k, compression(tree, k, q)[0])
         i += 1
     return i
@@ -217,7 +224,7 @@ def output_ports(suspension: Elements, wheel: str) -> list[Port]:
     return [
         Port(f"{side}.{name}{index}.{what}", "output", unit, text)
         for name, (what, unit, text) in texts.items()
-        if getattr(suspension, name) is not None
+        if len(getattr(suspension, name).stiffness) > 0
     ]
 
 
@@ -229,20 +236,20 @@ def slopes(suspension: Elements, tree: VehicleTree, k: int, lever_squared: float
     s, wheel_squared = suspension, float((tree.arm[k] ** 2).sum())
     stiffness, damping = 0.0, 0.0
     for found, is_spring in ((s.spring, True), (s.damper, False)):
-        if found is not None and found.which[k] >= 0:
+        if len(found.which) > 0 and found.which[k] >= 0:
             at, force = found.at[found.which[k]], found.force[found.which[k]]
             steepest = lever_squared * float((np.diff(force) / np.diff(at)).max())
             stiffness, damping = stiffness + steepest * is_spring, damping + steepest * (not is_spring)
-    if s.gas_spring is not None:
-        gas = s.gas_spring
+    gas = s.gas_spring
+    if len(gas.area) > 0:
         rate = gas.exponent[k] * gas.pressure[k] * gas.area[k] ** 2 / max(gas.volume[k], 1e-300)
         stiffness += lever_squared * float(rate) * power(2.0, float(gas.exponent[k]) + 1.0)
-    if s.torsion_bar is not None:
+    if len(s.torsion_bar.stiffness) > 0:
         stiffness += float(s.torsion_bar.stiffness[k])
-    if s.rotary_damper is not None:
+    if len(s.rotary_damper.damping) > 0:
         damping += float(s.rotary_damper.damping[k])
     for each in (s.bump_stop, s.rebound_stop):
-        if each is not None:
+        if len(each.stiffness) > 0:
             stiffness += wheel_squared * float(each.stiffness[k])
             damping += wheel_squared * float(each.damping[k])
     return stiffness, damping

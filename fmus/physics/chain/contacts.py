@@ -1,7 +1,4 @@
-"""Contacts of a chain: its partners, and the contact points at its last iteration matrix.
-
-The points have the derivatives of their forces.
-"""
+"""Contacts of a chain: its partners, and the record of a contact point with the derivatives of its force."""
 
 from __future__ import annotations
 
@@ -10,14 +7,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fmus.kernels.jit import kernel
+from fmus.physics import point as at
 from fmus.physics.arrays import Vector
-from fmus.physics.point import POINTS
 from fmus.physics.vector import put
 
 if TYPE_CHECKING:
     from fmus.physics.contact.face import ContactForce, Sinking
     from fmus.physics.contact.laws import Law
     from fmus.physics.contact.teeth import Teeth
+    from fmus.physics.point import ContactPoints
 
 # kinds of wheels; driving: by friction of the rim; lugged: teeth push some pins, and a rim bears the links
 RIM, TOOTHED, DRIVING, LUGGED = range(4)
@@ -41,13 +39,6 @@ class Contacts(NamedTuple):
     grouser: float  # height of the grousers of a link, m
 
 
-PARTNER, BODY, LINK, ON_PIN, COLUMN = range(5)  # numbers of a point, see ``ContactPoint``
-# numbers of a point: xi, z, y of ``locate``; position, m; g; of ``Sinking``, where its first is not 0: by_rate,
-# ``ContactForce.by_rate``, normal, foot
-PLACE, POSITION, MATRIX, BY_RATE, RATE, NORMAL, FOOT = 0, 3, 6, 15, 16, 19, 22
-SIZE = 23
-
-
 class ContactPoint(NamedTuple):
     """Contact point of a chain with m wheels."""
 
@@ -60,28 +51,10 @@ class ContactPoint(NamedTuple):
     position: Vector  # along the axes of the chain's coordinates, m
 
 
-class ContactPoints(NamedTuple):
-    """Contact points at the last matrix, and the motion of the chain since."""
-
-    number: np.ndarray  # (1) int: of points
-    which: np.ndarray  # (points, 5) int: PARTNER to COLUMN
-    numbers: np.ndarray  # (points, SIZE)
-    q: np.ndarray  # coordinates at the matrix, (nodes, width) or (links, 7)
-    step: np.ndarray  # (nodes, width) last correction of the coordinates; of rigid links it is in ``AugmentedSystem``
-
-
-def contact_points(points: int, coordinates: tuple[int, int], step: tuple[int, int] = (0, 0)) -> ContactPoints:
-    """Return zeroed arrays for at most ``points`` points of a chain; shapes of its coordinates and of ``step``."""
-    z = np.zeros
-    return ContactPoints(
-        z(1, dtype=np.int64), z((points, 5), dtype=np.int64), z((points, SIZE)), z(coordinates), z(step)
-    )
-
-
 def most_points(contacts: Contacts, pitch: float, nodes: int) -> int:
     """Most contact points of a chain of ``nodes`` pins whose links lie side by side round wheels and on the ground."""
     links = np.ceil(2.0 * np.pi * (contacts.radius / pitch + 1.0)) + 1.0
-    return POINTS * int(np.minimum(links, nodes).sum()) + 2 * len(contacts.sections) * nodes * contacts.ground
+    return at.POINTS * int(np.minimum(links, nodes).sum()) + 2 * len(contacts.sections) * nodes * contacts.ground
 
 
 @kernel
@@ -92,14 +65,19 @@ def record(points: ContactPoints, point: ContactPoint, force: ContactForce, sink
     if n >= points.which.shape[0]:
         return
     which, numbers, g = points.which[n], points.numbers[n], force.g
-    which[PARTNER], which[BODY], which[LINK], which[ON_PIN] = point.partner, point.body, point.link, point.on_pin
-    which[COLUMN] = point.column
-    put(numbers, PLACE, point.place)
-    put(numbers, POSITION, point.position)
+    which[at.PARTNER], which[at.BODY], which[at.LINK], which[at.ON_PIN] = (
+        point.partner,
+        point.body,
+        point.link,
+        point.on_pin,
+    )
+    which[at.COLUMN] = point.column
+    put(numbers, at.PLACE, point.place)
+    put(numbers, at.POSITION, point.position)
     for k in range(3):
-        put(numbers, MATRIX + 3 * k, (g[3 * k], g[3 * k + 1], g[3 * k + 2]))
-    numbers[BY_RATE] = sinking.by_rate
+        put(numbers, at.MATRIX + 3 * k, (g[3 * k], g[3 * k + 1], g[3 * k + 2]))
+    numbers[at.BY_RATE] = sinking.by_rate
     if sinking.by_rate != 0.0:
-        put(numbers, RATE, force.by_rate)
-        put(numbers, NORMAL, sinking.normal)
-        numbers[FOOT] = sinking.foot
+        put(numbers, at.RATE, force.by_rate)
+        put(numbers, at.NORMAL, sinking.normal)
+        numbers[at.FOOT] = sinking.foot

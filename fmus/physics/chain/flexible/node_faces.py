@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel, namesake, noalias
+from fmus.physics import point as at
 from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.chain import contacts as at
 from fmus.physics.chain.contacts import record
 from fmus.physics.chain.flexible.interface import gather, in_space, layout, motion_with_axes, start_frame_vector
 from fmus.physics.chain.flexible.link_layout import ends, node

@@ -11,13 +11,12 @@ from fmus.physics.arrays import Floats
 from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain import state
 from fmus.physics.chain.bushing import BushArrays, bush_arrays
-from fmus.physics.chain.contacts import ContactPoints, contact_points
 from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
 from fmus.physics.chain.link_columns import NONE, LinkForcesShape
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
 from fmus.physics.chain.sums import SUMS
-from fmus.physics.point import Memory, memory, points
+from fmus.physics.point import ContactPoints, Memory, contact_points, memory, points
 
 if TYPE_CHECKING:
     from types import ModuleType

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmus.kernels.jit import kernel, namesake, noalias
+from fmus.physics import point as at
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.chain import contacts as at
 from fmus.physics.chain.contacts import record
 from fmus.physics.chain.link_columns import GROUND
 from fmus.physics.chain.on_links import add_link_force, add_part

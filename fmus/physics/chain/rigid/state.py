@@ -10,12 +10,11 @@ from fmus.kernels.by_reference import by_reference
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
 from fmus.physics.chain.bushing import BushArrays, bush_arrays
-from fmus.physics.chain.contacts import ContactPoints, contact_points
 from fmus.physics.chain.link_columns import NONE, LinkForcesShape
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size, views
 from fmus.physics.chain.sums import SUMS
-from fmus.physics.point import Memory, memory, points
+from fmus.physics.point import ContactPoints, Memory, contact_points, memory, points
 from fmus.physics.rigid import augmented, recursive
 from fmus.physics.rigid.augmented import AugmentedSystem
 from fmus.physics.rigid.recursive import ArticulatedBodies
