@@ -220,6 +220,7 @@ def test_soil_moves_no_idler_and_adds_tension():
     assert at_start("ground.soil.name=dry_sand")[0] > 1.15 * 14.38e3
 
 
+@pytest.mark.long
 def test_what_does_not_stand_keeps_its_tension_as_drawn():
     for settings, why in (
         (("vehicle.gravity=0",), "without gravity"),
@@ -233,6 +234,7 @@ def test_what_does_not_stand_keeps_its_tension_as_drawn():
         placed(load("straight", "rigid", {"vehicle": random_vehicle(6)}))
 
 
+@pytest.mark.long
 def test_rigid_links_of_a_belt_start_from_their_own_equilibrium(monkeypatch, uncached):
     """They do not stretch: from that of cables their hull jumps, and the chassis says so (twin)."""
     scene = at_rest("rigid", SOFT)
@@ -251,6 +253,7 @@ def test_rigid_links_of_a_belt_start_from_their_own_equilibrium(monkeypatch, unc
     assert lack > 1.0
 
 
+@pytest.mark.long
 def test_a_vehicle_with_sides_of_its_own_has_the_tension_on_both():
     tracks = at_rest("flexible", "vehicle=marder").standing.tracks
     assert [track.tension for track in tracks] == pytest.approx([12260.0] * 2, rel=1e-5)
@@ -424,6 +427,7 @@ def made(scene, duration):
     return abs(held() - before), abs(vehicle["chassis"]["roll"] - roll)
 
 
+@pytest.mark.long
 def test_a_vehicle_that_leans_makes_no_energy(monkeypatch):
     """Its chains rest on the wheels as they lean; on upright wheels they would make 0.3 J in the first step (twin)."""
     scene = at_rest("rigid", LEANS.format(0.1))
@@ -543,7 +547,8 @@ def test_a_vehicle_that_cannot_rest_is_refused_in_an_engineer_s_words(monkeypatc
     assert -1e3 * at_rest().height == pytest.approx(sag, abs=0.51)
 
 
-@pytest.mark.parametrize("leans", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("leans", [False, True])
 def test_a_run_s_track_has_the_tension_of_the_equilibrium(monkeypatch, uncached, leans):
     """Of a slack crawler-like vehicle, and one that leans; a chain laid out otherwise is refused."""
     settings = {} if leans else {"vehicle": random_vehicle(16)}

@@ -41,6 +41,7 @@ def moved(*settings, steps=HALF, duration=0.3):
     return np.array([chassis[name] for name in STATE])
 
 
+@pytest.mark.long
 def test_a_plane_of_the_terrain_is_level_ground_with_tilted_gravity():
     """A slope everywhere is level in the frame of the start; as a terrain it has normals, distances and gradients."""
     tilted, terrain = moved("ground.grade=0.1"), moved("ground.grade=0.1", SAME_FRICTION)
@@ -48,6 +49,7 @@ def test_a_plane_of_the_terrain_is_level_ground_with_tilted_gravity():
     assert abs(moved("ground.grade=0.1001", SAME_FRICTION) - tilted).max() > 1e-6
 
 
+@pytest.mark.long
 def test_a_height_map_of_a_plane_is_the_plane():
     x, grade = np.linspace(-12.0, 12.0, 13), 0.1
     table = {"heights": np.outer(grade * x, [1, 1, 1]).tolist(), "corner": [-12.0, -4.0], "spacing": [2.0, 4.0]}

@@ -12,13 +12,13 @@ from conftest import ROOT
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import warm
 
-SCENE = ("sprocket_bench", "--track", "rigid")
+SCENE = ("hanging_chain", "--track", "rigid")
 RUN = ("run", *SCENE, "--stop", "0.02", "--no-estimate", "--set", "expect={}", "-o", "log.mcap")
 MAKE = """
 from pathlib import Path
 from orchestrator.execution.warm import packed
 if __name__ == "__main__":
-    [*packed([("sprocket_bench", "rigid")], Path("made.pack"))]
+    [*packed([("hanging_chain", "rigid")], Path("made.pack"))]
 """
 INSTANCE = """
 import sys

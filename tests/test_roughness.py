@@ -191,6 +191,7 @@ def test_a_vehicle_meets_the_same_ground_at_any_heading():
     assert moved[2] == pytest.approx(moved[0], rel=0.06)
 
 
+@pytest.mark.long
 def test_a_seed_gives_the_same_bits_of_a_surface():
     """2026-11-27: first surfaces."""
     made = rough_ground(SURFACE)

@@ -22,7 +22,7 @@ MODELS = tuple(TRACKS)
 STEERED = "pivot", "serpentine", "brake_turn", "differential"  # in full only as studies: ``turn`` represents them
 OTHERS = "marder", "robot", "rear_drive"  # in full only as studies: ``test_vehicle_layouts`` represents them
 SUSPENDED = "tank", "crawler", "elevated_sprocket"  # wheels of their own: with flexible links only as studies
-SLOW = "settle", "turn", "rig", "sprocket_bench"  # seconds of run time
+SLOW = "settle", "turn", "rig", "sprocket_bench", "hard_stop"  # seconds of run time
 # rigid: others compile their kernels too
 UNEVEN = "half_round", "washboard", "rough", "step", "trench", "soft_ground", "snow", "treadmill"
 SLOPES = "climb", "side_slope", "hold"
@@ -91,6 +91,7 @@ def test_scenes_that_take_long_begin(ran, name, model):
     assert abs(result["energy"]["residual_relative"]) < CLOSES
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["turn", *STEERED])
 def test_scenes_that_steer_begin(ran, name):
     """Scenes that steer begin on rigid links: paired forces, closed energy, a vehicle that moves."""
@@ -160,7 +161,7 @@ def test_port_energy_falls_with_the_communication_step(ran):
     [
         *(("rig", model, ("drive.speed=-3 rad/s", "run.links=40")) for model in MODELS),
         ("hanging_chain", "flexible", ("track.element=beam", "run.links=100")),
-        ("spinning_loop", "flexible", ("planar=true",)),
+        pytest.param("spinning_loop", "flexible", ("planar=true",), marks=pytest.mark.study),  # kernels of its own
     ],
 )
 def test_variants_of_a_scene_pass_its_checks(ran, name, model, settings):

@@ -68,6 +68,7 @@ def test_a_vehicle_stands_on_the_plane_with_its_nose_along_its_heading(heading):
     assert abs(axes @ StartPose(*place[:6], 1.03 * place.slope_pitch, place.slope_roll).down() + [0, 0, 1]).max() > 2e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("slope", [0.1, 0.2])
 def test_locked_sprockets_let_the_vehicle_creep(slope):
     """Pads on locked sprockets creep at the exact velocity of regularised friction; the ground carries the weight."""
@@ -122,6 +123,7 @@ def test_friction_that_is_too_small_lets_it_slide():
     assert expected == pytest.approx(-0.1869, abs=1e-4)
 
 
+@pytest.mark.long
 def test_a_side_slope_loads_the_lower_track():
     times, hull, _, forces = locked("ground.bank=0.1")
     assert np.hypot(*late(times, hull)[1:]) == pytest.approx(creeping(0.1), rel=2e-3)

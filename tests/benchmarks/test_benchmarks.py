@@ -159,6 +159,7 @@ def test_the_share_of_a_record_is_that_of_its_pieces(monkeypatch):
     assert printed == pytest.approx([2000.0, 12.5, 25.0, 37.5, 2e-6])
 
 
+@pytest.mark.long
 def test_guests_are_measured_both_ways():
     table = guests.measured(repeats=1, steps=50)
     assert [n for n, _, _ in table.rows] == [1, 2, 8]

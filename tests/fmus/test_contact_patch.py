@@ -127,6 +127,7 @@ def pushes_on_a_half_round(radius, refinement, spaces=SPACES, grouser=None):
         yield -w.wrench[-1, 2] / model.contacts.soil.k
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("radius", [0.02, 0.05])
 def test_links_feel_an_obstacle_as_a_bed_of_springs_does(radius):
     """Exact: k / pitch times the integral of the depth, upwards; without a refinement it passes between the points."""

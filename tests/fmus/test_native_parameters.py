@@ -168,6 +168,7 @@ def still(run, model, y, lateral):
     return u
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("factor", [1.0, 1.05])
 def test_a_mass_that_is_set_alone_is_said_once(factor):
     """More mass m on the springs of the start falls with m g over the mass of the hull, to which leaves add a part."""

@@ -465,6 +465,7 @@ def library(fmu):
         return archive.read(name)
 
 
+@pytest.mark.long
 def test_native_fmus_of_a_shape_have_one_library():
     usual, other, demanded = (build_native(*each) for each in (drive(), drive(11.0), drive(9.0, demanded=True)))
     assert library(usual) == library(other) != library(demanded)
@@ -495,6 +496,7 @@ def test_a_file_of_numbers_makes_an_instance_one_of_another_fmu():
     assert speeds[1] == speed_after(build_native(*drive(11.0)), None)
 
 
+@pytest.mark.long
 def test_points_are_numbers():
     """Drives that differ in the points of their speed share an FMU; each instance has its own, a constant."""
     made = []

@@ -30,7 +30,7 @@ from orchestrator.scene.scene import load, scene_names
 # outputs that other tests of this module check: of tracks, of all components
 COUNTED = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
 STATUS = "status"
-BRIEF = ("cable", "driven", "thrown", "drawn cable")  # few kernels
+BRIEF = ("cable", "driven", "drawn cable")  # few kernels
 
 
 class Kind(NamedTuple):

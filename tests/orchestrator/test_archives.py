@@ -70,6 +70,7 @@ START = values(u=("Real", 3.0))
 # --- start values in the order of flow ---------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_any_order_of_a_chain_starts_with_the_values_that_flow(gain, tmp_path):
     """Three gains of 2 behind 3.0: 6, 12, 24, in all six orders and to the bit."""
     digests = set()

@@ -115,6 +115,7 @@ def test_build_names_variants(cotrack, tmp_path):
     assert cotrack.refused("build", "hanging_chain", "-o", "fmus/TrackRigid-hanging_chain.fmu/below")
 
 
+@pytest.mark.long
 def test_a_run_for_an_analysis_records_what_it_needs(cotrack, tmp_path, monkeypatch):
     """The sentence of the analysis names the option, and the option makes the analysis possible."""
     plain, made = tmp_path / "plain.mcap", tmp_path / "made.mcap"

@@ -96,6 +96,7 @@ def test_row_groups_are_filled_and_hold_every_row_once(chunked, tmp_path, monkey
             assert table[:, 1:].tobytes() == series.values.tobytes()
 
 
+@pytest.mark.long
 def test_memory_is_that_of_a_row_group(tmp_path, monkeypatch):
     """Of 160 MB only a group of 2 MB is kept, and 2 kB for each column of each group; of a larger group all."""
     names = tuple(f"x{i}" for i in range(99))

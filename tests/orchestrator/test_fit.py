@@ -98,6 +98,7 @@ def test_noisy_data_give_the_numbers_within_their_errors(data, noise, tmp_path):
     assert off > high, "numbers 2 per cent off would be noticed"
 
 
+@pytest.mark.long
 def test_two_files_with_one_set_of_numbers(data, noise, tmp_path):
     """The same file twice has the same best numbers, and errors that are less by the root of two."""
     file = data(3)
@@ -144,6 +145,7 @@ def test_files_of_two_scenes_with_one_set_of_numbers(data, noise, tmp_path):
     assert not fitted([earth, file], tmp_path / "fit", noise=noise).ok, "the Moon's file as one of the Earth"
 
 
+@pytest.mark.long
 def test_a_part_and_a_log_have_the_fit_of_the_whole(data, noise, tmp_path):
     """A hanging chain is one component without inputs, so both have the same runs; a log of the record is its CSV."""
     file, of = data(3), (SIGNALS, [MASS], tmp_path / "fit")
@@ -160,6 +162,7 @@ def test_a_part_and_a_log_have_the_fit_of_the_whole(data, noise, tmp_path):
     assert part.answer.errors == whole.answer.errors
 
 
+@pytest.mark.long
 def test_noise_is_estimated_and_that_is_said(data, noise, tmp_path):
     found = fitted(data(3), tmp_path / "fit")
     assert found.ok
@@ -169,6 +172,7 @@ def test_noise_is_estimated_and_that_is_said(data, noise, tmp_path):
     assert max(map(abs, deviations(found))) < 4.0
 
 
+@pytest.mark.long
 def test_samples_of_the_window_and_of_the_run_count(data, measured, noise, tmp_path):
     """Of 51 samples to 0.05 s, 31 are up to 0.03 s, and all of a file that is twice as long."""
     file = tmp_path / "a=b.csv"
@@ -189,6 +193,7 @@ def test_an_entry_of_a_list_has_its_unit_and_no_signal_depends_on_it(data, noise
 WHOLE, ROUNDED = "%.17g", ["%.3f", "%.5g", "%.5g"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("form", "close"), [(WHOLE, 1e-9), (ROUNDED, 1e-4)])
 def test_a_record_of_a_run_is_fitted_exactly(data, tmp_path, form, close):
     """With all digits or few of them: what is left is no model error, and errors are those of the precision."""
@@ -200,6 +205,7 @@ def test_a_record_of_a_run_is_fitted_exactly(data, tmp_path, form, close):
     assert min(found.answer.errors) > 1e-9 * TRUTH["chain.span"], "errors are below what can be told"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("form", "size"), [(WHOLE, 1e-5), (ROUNDED, 5e-4)])
 def test_a_smooth_rest_above_the_digits_is_no_exact_fit(data, measured, tmp_path, form, size):
     """The twins: what no number explains, 1e-5 of a signal, or 5e-4 of it where five digits are written."""

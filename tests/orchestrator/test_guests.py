@@ -179,8 +179,9 @@ def test_a_call_can_have_a_limit(guest, tmp_path):
     assert outputs(path, "b")[0][-1] == WHEN - H
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "when"), [
-    (signal.SIGTERM, WHEN), (signal.SIGHUP, 0.0), pytest.param(signal.SIGINT, WHEN, marks=pytest.mark.long),
+    (signal.SIGTERM, WHEN), (signal.SIGHUP, 0.0), (signal.SIGINT, WHEN),
 ])  # fmt: skip
 def test_a_run_that_hangs_can_be_interrupted(guest, tmp_path, number, when):
     text = f'title = "x"\nassembly = "fmus"\nrun = {{ stop = "{STOP} s", step = "{H} s" }}\n'

@@ -218,6 +218,7 @@ def test_a_run_that_failed_says_why_and_its_log_is_the_one_that_it_left(run, mon
     assert package.run("hanging_chain", log=run.log.with_name("a.mcap"), progress=False).log == left
 
 
+@pytest.mark.long
 def test_the_example_of_the_recipes_runs(tmp_path, monkeypatch, capsys):
     """Shortened: a stop of 0.05 s and windows in it."""
     readme = (Path(__file__).parents[2] / "orchestrator" / "recipes.md").read_text(encoding="utf-8")

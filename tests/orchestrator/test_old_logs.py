@@ -119,7 +119,7 @@ def test_old_logs_compare_as_they_did(old, ask):
 @pytest.mark.parametrize(
     ("name", "component", "links", "apart"),
     [("chain", "chain", "flexible", 1e-12), ("iterative", "track", "flexible", 1e-6),
-     pytest.param("jacobi", "track", "rigid", 1e-6, marks=pytest.mark.long), ("variable", "track", "rigid", 1e-6),
+     pytest.param("jacobi", "track", "rigid", 1e-6, marks=pytest.mark.study), ("variable", "track", "rigid", 1e-6),
      pytest.param("vehicle", "left_track", "rigid", 1e-4, marks=pytest.mark.long)],
 )  # fmt: skip
 def test_old_inputs_give_the_old_outputs(old, cotrack, name, component, links, apart):

@@ -352,6 +352,7 @@ def test_other_types_of_outputs_are_counted(tmp_path):
     assert summary["components"]["drive"]["way"] == 2
 
 
+@pytest.mark.long
 def test_an_engine_of_the_user_drives_our_drive(tmp_path, cotrack):
     """A constant torque of an FMU is that of ``torque_points`` with the lag of the demand, to its order."""
     engine = foreign_fmus.build(tmp_path / "engine.fmu", "gain", [

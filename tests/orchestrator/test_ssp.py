@@ -463,6 +463,7 @@ def steps_of(file, path):
         return {topic: log.read(topic).values for topic in log.topics if topic.endswith(("/in", "/out"))}, result
 
 
+@pytest.mark.long
 def test_a_free_system_has_the_bits_of_its_scene(rig, tmp_path):
     """In any order, and with one FMU of others, which is told; without any mark it has not."""
     own, _ = steps_of(rig, tmp_path / "own.mcap")
@@ -494,6 +495,7 @@ def test_terminals_tell_all_connections_and_the_order_of_a_scene(scene):
     assert {part.name: part.stage for part in given}[last] == 7
 
 
+@pytest.mark.long
 def test_a_vehicle_at_rest_is_in_balance_unless_its_exchange_swings(tmp_path):
     """With values of the last step a standing m113 loses next to nothing; extrapolated over long steps, it swings."""
     write_ssp(load("straight", "rigid"), tmp_path / "own.ssp", native=False)

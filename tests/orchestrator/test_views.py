@@ -205,6 +205,7 @@ def pixels(path):
         return np.asarray(opened.convert("RGB")).astype(int)
 
 
+@pytest.mark.long
 def test_stills_show_the_vehicle_on_the_ground_from_every_side_at_an_instant(driven, cotrack, tmp_path):
     def still(eye, *at):
         view = ("view", driven, "-o", tmp_path / "x.png", "--seen-from", eye, "--colour", "sliding", *at)

@@ -8,7 +8,8 @@ import pytest
 from fmus.physics.ancf import beam
 from tests.validation import element_cases, mechanics, meshes
 
-OWN = "general", "engineering", "rotating", "sliding", "chain", "released", "swings", "drift"  # kernels, or seconds
+# kernels, or seconds
+OWN = "general", "engineering", "rotating", "sliding", "chain", "released", "swings", "drift", "beam"
 MINUTES = "released steel", "drift"  # physics/test_chain_benchmarks has both by the kernels of tracks
 CASES = {case.name: case for case in mechanics.cases(False)}
 TIP = {1: 0.30172077, 5: 0.71379152, 10: 0.81060902}  # published w/L of the elastica at P L^2/EI
