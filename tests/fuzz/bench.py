@@ -66,8 +66,6 @@ class Bench:
             caches.prepare(folder)
         if not CALLING.isdisjoint(kinds):
             sequences.prepare()
-        if "grounds" in kinds:
-            grounds.prepare()
         if "guests" in kinds:
             guests.prepare(folder)
         gc.collect()
