@@ -36,7 +36,7 @@ def new_file(kind: str, name: str, source: str | None = None) -> Path:
     """
     stem = name.removesuffix(".toml")
     path = Path(f"{stem}.toml")
-    if not re.fullmatch(r"[^/\\\x00-\x1f]+", stem):
+    if not re.fullmatch(r"[^/\\\x00-\x1f\ud800-\udfff]+", stem):
         raise BadInput(f"{value_text(name)} is no name of a file in the current folder")
     text = scene_text(source or SCENE) if kind == "scene" else vehicle_text(source or VEHICLE, stem)
     if os.path.lexists(path):
