@@ -3,7 +3,8 @@
 A run warns of a number outside its plausible range; a number outside its possible range is refused. ``VEHICLE`` is the
 table for vehicles; the table for scenes (``orchestrator/scene``) has the same type. Plausible are machines from toys of
 some kilograms to the largest crawlers. The possible range ends where a number must be a mistake of unit or decimal
-point, and where doubles no longer resolve the smaller parts of the vehicle beside it.
+point, and where doubles no longer resolve the smaller parts of the vehicle beside it; numbers without a range of their
+own are at most LARGEST in size.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ class PlausibleRange(NamedTuple):
     reason: str  # of the plausible range
 
 
+LARGEST = 1e17  # SI, in which the largest numbers of machines and ground are stiffnesses, Pa/m2
 MACHINE = "from a robot of some kilograms to the crawlers of open-cast mines"
 PART = "parts of such machines"
 ROUNDED = 1.01  # moments of inertia of a flat body, one of which is the sum of the others, rounded to two digits
@@ -159,13 +161,31 @@ def impossible_sections(vehicle: Mapping[str, Any]) -> Iterator[str]:
         )
 
 
+def numbers(table: Any, key: str = "") -> Iterator[tuple[str, float]]:
+    """Dotted keys, places in lists left out, and values of all numbers with a decimal point in a table."""
+    if isinstance(table, Mapping):
+        for name, inner in table.items():
+            yield from numbers(inner, f"{key}.{name}" if key else name)
+    elif isinstance(table, list | tuple):
+        for inner in table:
+            yield from numbers(inner, key)
+    elif isinstance(table, float):
+        yield key, table
+
+
 def range_violations(
     table: Mapping[str, Any], ranges: Sequence[PlausibleRange], which: str, above: str = ""
 ) -> Iterator[str]:
     """Yield a sentence for each number of a ``table`` outside its range.
 
-    ``which``: the range, "plausible" or "possible"; ``above``: prefix of the keys in the sentence.
+    ``which``: the range, "plausible" or "possible", which all numbers have; ``above``: prefix of the keys in the
+    sentence.
     """
+    if which == "possible":
+        known = {one.key for one in ranges}
+        for key, value in numbers(table):
+            if abs(value) > LARGEST and key not in known:
+                yield f"{above}{key} = {value:g}: must be at most {LARGEST:g} in size, in SI units"
     names = {one.key: (table.get("wheel") or ()) if "NAME" in one.key else ("",) for one in ranges}
     for number_range in (one._replace(key=one.key.replace("NAME", name)) for one in ranges for name in names[one.key]):
         found: Any = table
