@@ -12,13 +12,13 @@ from conftest import ROOT
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import warm
 
-SCENE = ("hanging_chain", "--track", "rigid")
+SCENE = ("sprocket_bench", "--track", "rigid")
 RUN = ("run", *SCENE, "--stop", "0.02", "--no-estimate", "--set", "expect={}", "-o", "log.mcap")
 MAKE = """
 from pathlib import Path
 from orchestrator.execution.warm import packed
 if __name__ == "__main__":
-    [*packed([("hanging_chain", "rigid")], Path("made.pack"))]
+    [*packed([("sprocket_bench", "rigid")], Path("made.pack"))]
 """
 INSTANCE = """
 import sys
@@ -63,7 +63,7 @@ def tree(tmp_path_factory):
     return tree
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_the_first_run_compiles_nothing_and_has_the_same_bits(tree, tmp_path):
     python(tree, tmp_path, "-m", "orchestrator", *RUN)
     digest = python(tree, tmp_path, "-m", "orchestrator", "log", "info", "log.mcap").partition("digest")[2].split()[0]
@@ -75,7 +75,7 @@ def test_the_first_run_compiles_nothing_and_has_the_same_bits(tree, tmp_path):
     assert digest in python(ROOT, other, "-m", "orchestrator", "log", "info", "log.mcap")
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_a_python_fmu_carries_its_kernels(tree, tmp_path):
     python(tree, tmp_path, "-m", "orchestrator", "build", *SCENE, "-o", ".")
     (fmu,) = tmp_path.glob("TrackRigid*.fmu")
@@ -87,7 +87,7 @@ def test_a_python_fmu_carries_its_kernels(tree, tmp_path):
     assert compiled(elsewhere) == []
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_a_pack_that_does_not_fit_is_not_used(tree, tmp_path):
     """On a processor below the level, with other sources, and with damage."""
     assert python(tree, tmp_path, "-c", BEFORE.format(lacking=())).strip() == "True"

@@ -152,8 +152,8 @@ def compiled_by_a_step(part, cache, environment):
     return "is compiled" in done.stderr
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("part", [DRIVE, pytest.param(CABLES, marks=pytest.mark.study)], ids=["drive", "cables"])
+@pytest.mark.study
+@pytest.mark.parametrize("part", [DRIVE, CABLES], ids=["drive", "cables"])
 def test_what_was_compiled_beside_is_not_compiled_again(environment, monkeypatch, tmp_path, part):
     assert compiled_by_a_step(part, tmp_path / "empty", environment), "the twin"
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "cache"))
