@@ -68,10 +68,22 @@ AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
 
 
 @cache
-def imports(source: str) -> set[str]:
-    """Every module that a source imports, at any place in it."""
+def nodes(source: str) -> list[ast.AST]:
+    """All nodes of the syntax tree of a source."""
+    return list(ast.walk(ast.parse(source)))
+
+
+@cache
+def imports(source: str, for_types: bool = True) -> set[str]:
+    """Every module that a source imports, at any place in it; ``for_types``: also those for types alone."""
+    types: list[ast.AST] = []
+    if not for_types:
+        tests = [
+            node for node in nodes(source) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        ]
+        types = [inner for node in tests for inner in ast.walk(node)]
     modules = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in (node for node in nodes(source) if node not in types):
         if isinstance(node, ast.Import):
             modules |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -95,7 +107,7 @@ def importing(package: str, *folders: Path) -> list[Path]:
 
 def declared(source: str) -> set[str]:
     """Modules that the classes of a source name by ``implemented_in``."""
-    calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+    calls = [node for node in nodes(source) if isinstance(node, ast.Call)]
     named = [call for call in calls if ast.unparse(call.func) == "implemented_in"]
     return {ast.literal_eval(keyword.value) for call in named for keyword in call.keywords}
 
@@ -140,20 +152,11 @@ def test_rooms_of_fmus_import_one_way():
     assert later_rooms("start", "from fmus.track import steps") == {"track"}
 
 
-def without_types(source: str) -> str:
-    """A source without what is imported for types alone."""
-    tree = ast.parse(source)
-    tree.body = [
-        node for node in tree.body if not (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test))
-    ]
-    return ast.unparse(tree)
-
-
 def test_imports_go_round_in_no_circle_but_for_late_ones():
     graph = {}
     for file in sources(FMUS, ORCHESTRATOR):
         module = name_of(file)
-        found = imports(without_types(text(file)))
+        found = imports(text(file), for_types=False)
         graph[module] = {one for package in ("fmus", "orchestrator") for one in ours(found, package)} - {module}
         graph[module] -= {one for one in graph[module] if ROOT.joinpath(*one.split(".")).is_dir()}
     for above, below in LATE:
@@ -296,7 +299,7 @@ def test_numbers_in_names_of_signals_are_read_in_one_place():
         for file in sources(ORCHESTRATOR)
         if any(
             isinstance(node, ast.Constant) and isinstance(node.value, str) and "\\[(\\d" in node.value
-            for node in ast.walk(ast.parse(text(file)))
+            for node in nodes(text(file))
         )
     ]
     assert behind == ["log/schema.py"]
@@ -305,7 +308,7 @@ def test_numbers_in_names_of_signals_are_read_in_one_place():
 def test_physics_and_libraries_do_not_print():
     for file in sources(FMUS, ORCHESTRATOR):
         if not file.is_relative_to(ORCHESTRATOR / "cli"):
-            calls = [node.func for node in ast.walk(ast.parse(text(file))) if isinstance(node, ast.Call)]
+            calls = [node.func for node in nodes(text(file)) if isinstance(node, ast.Call)]
             assert not [call for call in calls if isinstance(call, ast.Name) and call.id == "print"], file
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from typing import NamedTuple
 
 OPERATORS: dict[type, str] = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*"}
@@ -25,7 +26,8 @@ class Fault(NamedTuple):
     kind: str
 
 
-def faults(source: str) -> list[Fault]:
+@cache
+def faults(source: str) -> tuple[Fault, ...]:
     """One-line faults of a source, in its order; none in annotations, indices, docstrings, f-strings."""
     lines = source.splitlines()
     changes = []
@@ -36,7 +38,7 @@ def faults(source: str) -> list[Fault]:
             new = (raw[: start[1]] + text.encode() + raw[end[1] :]).decode()
             if new != old:
                 changes.append(Fault(start[0], old, new, kind))
-    return sorted(set(changes), key=lambda fault: (fault.line, fault.new))
+    return tuple(sorted(set(changes), key=lambda fault: (fault.line, fault.new)))
 
 
 Place = tuple[int, int]  # line from 1, byte in the line
