@@ -14,6 +14,7 @@ import pytest
 from conftest import click_command, messages
 
 from orchestrator.cli import app
+from orchestrator.studies import pool
 
 ROOT = Path(__file__).parents[2]
 BOOK = ROOT / "orchestrator"
@@ -151,6 +152,9 @@ def printed_by(line, cotrack):
 def test_pages_print_what_they_show(pages, cotrack, tmp_path, monkeypatch, capsys):
     """In the order of the pages: files are written, commands and Python are run."""
     monkeypatch.chdir(tmp_path)
+    # In this process and thread: worker processes would load all kernels again, threads spin while they wait.
+    monkeypatch.setattr(pool, "_in_processes", lambda cases, left, _: ((k, *pool.attempt(cases[k])) for k in left))
+    monkeypatch.setattr("orchestrator.cosim.program.processors", lambda: 1)
     Path("tests").symlink_to(ROOT / "tests")
     names = {}
     for page, block in ((name, block) for name in pages for block in blocks(name)):
