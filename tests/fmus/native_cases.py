@@ -99,7 +99,8 @@ MANY = [
     Case("soft_ground", "flexible", "left_track", (*MOVING, GROUSERS)),
     *(Case("hanging_chain", links, "chain", (*QUICK, *settings)) for links, settings in CHAINS),
 ]
-SOIL = Case("soft_ground", "rigid", "left_track", (*QUICK, THERE_AND_BACK), 600)
+CLAY = "ground.soil={name='lete_sand', rebound=0.5}"
+SOIL = Case("soft_ground", "rigid", "left_track", (*QUICK, THERE_AND_BACK, CLAY), 600)
 
 
 class Run(NamedTuple):
