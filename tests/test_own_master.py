@@ -41,7 +41,7 @@ def of(vehicle, model, tmp_path):
     ("vehicle", "model", "kind"),
     [
         ("m113", "flexible", "TrackFlexible"),
-        *((name, "rigid", "TrackRigid") for name in ("m113", "marder", "robot", "highdrive")),
+        *((name, "rigid", "TrackRigid") for name in ("marder", "robot", "highdrive")),
     ],
 )
 def test_a_master_of_ones_own_does_what_cotrack_does(vehicle, model, kind, environment, tmp_path):

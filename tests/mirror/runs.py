@@ -134,11 +134,11 @@ def sinking(model: str, *settings: str, duration: float = 0.3) -> Record:
 GROUSERS = "vehicle.track.grouser={height=0.015, length=0.04, width=0.3, count=2}"
 
 
-def waving(*settings: str) -> Record:
+def waving(*settings: str, duration: float = 0.2) -> Record:
     """A vehicle on waves that end beneath it, other ones on its right side; links have 6 and 4 points."""
     waves = 'ground.washboard={amplitude=0.005, wavelength=0.9, phase="70 deg", start=7.0, end=11.6}'
     place = "start.position=[12.0, 1.0, 0.4]", "start.height=2 mm", "ground.refinement=[3, 2]"
-    return vehicle("rigid", waves, *place, "ground.grade=0.05", *settings, duration=0.2)
+    return vehicle("rigid", waves, *place, "ground.grade=0.05", *settings, duration=duration)
 
 
 def driven(*settings: str, duration: float = 0.8) -> Record:

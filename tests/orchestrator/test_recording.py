@@ -306,9 +306,9 @@ HALF = ["symmetric=true", "planar=true", "run.step=2 ms"]  # the fast form of a 
 
 @pytest.mark.long
 def test_a_long_run_needs_no_more_memory_than_a_short_one():
-    """A run of 24 s needs no more memory than one of 3 s; its whole log would take 100 MB more."""
+    """A run of 15 s needs no more memory than one of 3 s; its whole log would take 57 MB more."""
     options = {"scene": "straight", "track": "flexible", "settings": HALF}
-    short, long = (isolated("memory_run", stop=stop, **options) for stop in (3.0, 24.0))
+    short, long = (isolated("memory_run", stop=stop, **options) for stop in (3.0, 15.0))
     assert long < short + 30.0
 
 
