@@ -76,7 +76,7 @@ class ImplicitMethod(NamedTuple):
 
     alpha: GeneralizedAlpha  # coefficients of the method
     tolerance: float  # of Newton's iteration: flexible links: correction, m; rigid links: relative residual
-    sharp_friction: bool  # friction may become sharp; not on the way to equilibrium
+    sharp_friction: bool  # friction may become sharp; False on the way to equilibrium, where rigid links take secants
 
 
 @kernel
