@@ -203,7 +203,8 @@ def _observable_error(found: dict[str, ObservableDifference], is_single: bool) -
     index = convergence_index(
         known["finer"], known.get("coarser"), formal, [*map(math.prod, zip(*windows, strict=False))]
     )
-    share = max((found[pair].relative / size for pair, size in known.items() if size), default=0.0)  # 1/unit
+    sized = [pair for pair in ("finer", "coarser") if known.get(pair)]  # alone, so that parts change no total
+    share = max((found[pair].relative / known[pair] for pair in sized), default=0.0)  # 1/unit
     times = index.error * share / known["finer"] if known["finer"] else 0.0
     return {
         "unit": found["finer"].unit,

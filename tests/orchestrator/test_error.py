@@ -375,6 +375,14 @@ def test_the_estimate_of_a_native_run_is_native_and_the_same(tmp_path, monkeypat
     assert row["estimated error of coupling"] == parts["coupling"]
 
 
+def test_parts_change_no_total():
+    """Also where the run of twice the communication step has another size, to which its difference is relative."""
+    whole = {"finer": ObservableDifference(1.0, 0.1, "m", True), "coarser": ObservableDifference(2.0, 0.19, "m", True)}
+    parts = whole | {"coupling": ObservableDifference(0.5, 0.06, "m", True)}
+    totals = [estimating._observable_error(found, False)["total"] for found in (whole, parts)]
+    assert totals[0] == totals[1] == pytest.approx(0.125)  # 1.25 x 1 / (2^1 - 1), relative
+
+
 # --- the cost of precision --------------------------------------------------------------------------
 
 ROWS = [
