@@ -107,6 +107,7 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
         links, lugs = (table.get("track") or {}).get("links", 0), sprocket.get("pins_per_gap", 1)
         if links % lugs:
             yield f"{above}track.links = {links}: must be divisible by sprocket.pins_per_gap = {lugs}"
+    yield from too_large(vehicle, VEHICLE)
     yield from range_violations(vehicle, VEHICLE, "possible")
     for part in ("chassis", "track"):
         moments = (vehicle.get(part) or {}).get("inertia") or (1.0, 1.0, 1.0)
@@ -173,19 +174,21 @@ def numbers(table: Any, key: str = "") -> Iterator[tuple[str, float]]:
         yield key, table
 
 
+def too_large(table: Mapping[str, Any], ranges: Sequence[PlausibleRange]) -> Iterator[str]:
+    """Yield a sentence for each number of a ``table`` that has none of the ``ranges`` and is above LARGEST in size."""
+    known = {one.key for one in ranges}
+    for key, value in numbers(table):
+        if abs(value) > LARGEST and key not in known:
+            yield f"{key} = {value:g}: must be at most {LARGEST:g} in size, in SI units"
+
+
 def range_violations(
     table: Mapping[str, Any], ranges: Sequence[PlausibleRange], which: str, above: str = ""
 ) -> Iterator[str]:
     """Yield a sentence for each number of a ``table`` outside its range.
 
-    ``which``: the range, "plausible" or "possible", which all numbers have; ``above``: prefix of the keys in the
-    sentence.
+    ``which``: the range, "plausible" or "possible"; ``above``: prefix of the keys in the sentence.
     """
-    if which == "possible":
-        known = {one.key for one in ranges}
-        for key, value in numbers(table):
-            if abs(value) > LARGEST and key not in known:
-                yield f"{above}{key} = {value:g}: must be at most {LARGEST:g} in size, in SI units"
     names = {one.key: (table.get("wheel") or ()) if "NAME" in one.key else ("",) for one in ranges}
     for number_range in (one._replace(key=one.key.replace("NAME", name)) for one in ranges for name in names[one.key]):
         found: Any = table

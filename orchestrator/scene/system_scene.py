@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
-from fmus.vehicles.ranges import range_violations
+from fmus.vehicles.ranges import range_violations, too_large
 from fmus.vehicles.tables import FrozenTable
 from orchestrator.scene.fmu_table import FmuTable, pair_of, require_free_inputs, require_instance_name
 from orchestrator.scene.settings import file_part
@@ -95,8 +95,11 @@ class SystemScene(FrozenTable):
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Self:
-        numbers = self.model_dump(exclude={"vehicle", "expect", "fmu", "connections"})  # those of FMUs are their own
-        for complaint in range_violations(numbers, SCENE_RANGES, "possible"):
+        numbers = self.model_dump(exclude={"vehicle", "expect"})
+        mechanics = {key: table for key, table in numbers.items() if key not in ("run", "fmu", "connections")}
+        for complaint in (
+            *too_large(mechanics, SCENE_RANGES), *range_violations(numbers, SCENE_RANGES, "possible"),
+        ):  # fmt: skip
             raise ValueError(complaint)
         return self
 

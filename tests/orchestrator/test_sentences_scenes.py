@@ -62,7 +62,7 @@ REFUSED = {  # by scene: settings, and words of their sentence
         ('vehicle="\\u0000.toml"', "not a readable TOML file: "),
         ("vehicle.road_wheel.x.\N{SUPERSCRIPT ONE}=0", "the list has entries [1] to [5]"),
         ("expect.rest.expected=nan", "expect.rest.expected = nan: must be a finite number"),
-        ("run.checkpoints=1e18 s", "run.checkpoints = 1e+18: must be at most 1e+17 in size, in SI units"),
+        ("vehicle.guide.clearance=1e18 m", "guide.clearance = 1e+18: must be at most 1e+17 in size, in SI units"),
         ("start.position=[1e9, 0, 0]", "start.position[1] = 1000000000.0: must be -1e+06 to 1e+06 m"),
         ("name=../../up", "name = '../../up'"),
         ("chain={links=8, ends='held', span=0.5}", "chain: span = 0.5 needs ends = 'pinned', not 'held'"),

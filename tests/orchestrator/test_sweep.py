@@ -87,7 +87,7 @@ def test_a_latin_hypercube_is_that_of_scipy():
 
 @pytest.mark.long
 def test_rows_equal_single_runs_bit_by_bit(cotrack, tmp_path):
-    out = cotrack.done(*MODELS, *SPANS, "-o", "found")
+    out = cotrack.done(*MODELS, *SPANS[:2], "-o", "found")  # in processes of their own
     assert "| rigid | 0.7 | ok | 1 of 5; 4 begin after the end |" in out
     names = {"sweep.csv", "sweep.md", "sweep.parquet", "sweep.png", "sweep.svg"}
     assert {file.name for file in (tmp_path / "found").iterdir()} == {*names, "cases", "sweep.json"}

@@ -120,6 +120,7 @@ def test_a_plane_needs_one_quadrangle_and_a_long_way_no_more_than_allowed():
 
 
 @pytest.mark.long
+@pytest.mark.long
 def test_the_deepest_place_is_the_ground_where_it_is(shown):
     log, _, _ = shown
     depth = chain_checks.depths(RunData(log), "left_track", 0.02)["ground"]
@@ -128,6 +129,7 @@ def test_the_deepest_place_is_the_ground_where_it_is(shown):
     assert depth == pytest.approx(recorded, abs=3e-3)
 
 
+@pytest.mark.long
 @pytest.mark.long
 def test_renderers_draw_that_ground(shown, tmp_path, monkeypatch):
     pytest.importorskip("foxglove")
@@ -189,6 +191,7 @@ def test_points_of_the_line_lie_on_the_ground(settings):
     assert not bump or profile.height_at(np.array([profile.along.mean()]))[0] == pytest.approx(profile.level + 0.2)
 
 
+@pytest.mark.long
 def test_a_ground_that_is_no_ground_is_refused(driven, monkeypatch):
     with Log(driven) as log:
         run = RunData(log)
