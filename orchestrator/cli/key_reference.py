@@ -14,10 +14,9 @@ PAGE = """# Keys of scenes and vehicles
 
 `cotrack keys --markdown` writes this page. Numbers have the unit given, or are texts with one ("2 ms"); the unit 1
 is a ratio; none of mechanics may be above 1e17 in SI units. A key without default may be left out, unless it is
-required. A vehicle file has the tables of `[vehicle]`, named without `vehicle.`. An entry of a list is set by its number
-from 1,
-`--set "vehicle.road_wheel.x[1]=-0.6 m"`. A scene with assembly = "fmus" has the keys name, title, assembly, run,
-expect, fmu and connections alone."""
+required. A vehicle file has the tables of `[vehicle]`, named without `vehicle.`. An entry of a list is set by its
+number from 1, `--set "vehicle.road_wheel.x[1]=-0.6 m"`. A scene with assembly = "fmus" has the keys name, title,
+assembly, run, expect, fmu and connections alone."""
 
 
 def measure_keys() -> list[Key]:

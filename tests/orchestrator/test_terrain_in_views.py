@@ -120,7 +120,6 @@ def test_a_plane_needs_one_quadrangle_and_a_long_way_no_more_than_allowed():
 
 
 @pytest.mark.long
-@pytest.mark.long
 def test_the_deepest_place_is_the_ground_where_it_is(shown):
     log, _, _ = shown
     depth = chain_checks.depths(RunData(log), "left_track", 0.02)["ground"]
@@ -129,7 +128,6 @@ def test_the_deepest_place_is_the_ground_where_it_is(shown):
     assert depth == pytest.approx(recorded, abs=3e-3)
 
 
-@pytest.mark.long
 @pytest.mark.long
 def test_renderers_draw_that_ground(shown, tmp_path, monkeypatch):
     pytest.importorskip("foxglove")
