@@ -30,7 +30,7 @@ FINE = {  # links of half the pitch
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("native", [False, True])
+@pytest.mark.parametrize("native", [False, pytest.param(True, marks=pytest.mark.study)])  # libraries of its own
 def test_a_groomer_on_belts_that_stretch(tmp_path, native):
     """In snow the ledger closes, the ground bears the weight, and a belt that stretches has less tension, by 4 %.
 
@@ -181,6 +181,7 @@ def test_a_lug_on_every_nth_pin_drives_as_whole_links_do(tmp_path):
     assert abs(each / torque - 1.0) > 0.02, "the twin: the cut changes the torque, not the lugs"
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("model", ["rigid", "flexible"])
 def test_native_lugs_have_the_same_bits(tmp_path, model):
     digests = []

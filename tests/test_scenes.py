@@ -160,8 +160,8 @@ def test_port_energy_falls_with_the_communication_step(ran):
     ("name", "model", "settings"),
     [
         *(("rig", model, ("drive.speed=-3 rad/s", "run.links=40")) for model in MODELS),
-        ("hanging_chain", "flexible", ("track.element=beam", "run.links=100")),
-        pytest.param("spinning_loop", "flexible", ("planar=true",), marks=pytest.mark.study),  # kernels of its own
+        pytest.param("hanging_chain", "flexible", ("track.element=beam", "run.links=100"), marks=pytest.mark.study),
+        pytest.param("spinning_loop", "flexible", ("planar=true",), marks=pytest.mark.study),
     ],
 )
 def test_variants_of_a_scene_pass_its_checks(ran, name, model, settings):

@@ -348,7 +348,7 @@ def test_a_companion_that_fails_is_a_status(tmp_path, monkeypatch, end):
     assert not interrupt.deferring, "a signal in what follows would not end it"
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_the_estimate_of_a_native_run_is_native_and_the_same(tmp_path, monkeypatch):
     natives, errors, load_scene = [], [], simulation.load_scene
 
