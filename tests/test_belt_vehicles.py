@@ -94,6 +94,7 @@ def creep(run, friction):
     return speed / (run.mean("left_drive.speed", STEADY) * RADIUS)
 
 
+@pytest.mark.study  # links of half the pitch
 def test_a_smooth_wheel_drives_a_vehicle_and_creeps_as_its_tensions_say(tmp_path):
     ways, creeps = {}, {}
     for force in (0.0, 80.0):
