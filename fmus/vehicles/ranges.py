@@ -107,8 +107,8 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
         links, lugs = (table.get("track") or {}).get("links", 0), sprocket.get("pins_per_gap", 1)
         if links % lugs:
             yield f"{above}track.links = {links}: must be divisible by sprocket.pins_per_gap = {lugs}"
-    yield from too_large(vehicle, VEHICLE)
     yield from range_violations(vehicle, VEHICLE, "possible")
+    yield from too_large(vehicle, VEHICLE)
     for part in ("chassis", "track"):
         moments = (vehicle.get(part) or {}).get("inertia") or (1.0, 1.0, 1.0)
         if max(moments) > ROUNDED * (others := sum(moments) - max(moments)):

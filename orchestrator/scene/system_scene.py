@@ -98,7 +98,7 @@ class SystemScene(FrozenTable):
         numbers = self.model_dump(exclude={"vehicle", "expect"})
         mechanics = {key: table for key, table in numbers.items() if key not in ("run", "fmu", "connections")}
         for complaint in (
-            *too_large(mechanics, SCENE_RANGES), *range_violations(numbers, SCENE_RANGES, "possible"),
+            *range_violations(numbers, SCENE_RANGES, "possible"), *too_large(mechanics, SCENE_RANGES),
         ):  # fmt: skip
             raise ValueError(complaint)
         return self
