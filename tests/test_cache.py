@@ -81,6 +81,7 @@ def as_packed(fmu, folder):
         ]  # fmt: skip
 
 
+@pytest.mark.long
 def test_an_unpacked_fmu_is_mended(toy, fresh_cache):
     """It takes nothing away from who has a file open."""
     folder, rng = unpack(toy), random.Random(3)
@@ -124,6 +125,7 @@ def test_no_bytecode_is_run_that_nobody_checks(toy, fresh_cache, tmp_path):
     assert (unpack(brought) / "resources" / "toy" / "__pycache__").read_bytes() == b""
 
 
+@pytest.mark.long
 def test_a_damaged_fmu_or_truth_is_built_again(fresh_cache, monkeypatch):
     def written(scene, log, *rest):
         log.write_bytes(log.name.encode() * 100)

@@ -128,6 +128,7 @@ def test_vehicles_of_ones_own_stay_too(own):
     assert share < LOAD
 
 
+@pytest.mark.long
 def test_the_place_of_another_spring_is_not_that_of_this_one():
     """The equilibrium of a suspension that is 3 % stiffer is not that of this one (twin)."""
     other = at_rest("rigid", "symmetric=true", "vehicle.suspension.stiffness=1.03e6")
@@ -145,6 +146,7 @@ def tension(scene):
     return InProcess(scene)["left_track"]["tension.mean"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("vehicle", STANDING)
 def test_the_standing_vehicle_has_the_tension_asked(vehicle):
     """On flexible links to 1e-4; rigid ones of steel keep the place of cables and are within 1 %."""
@@ -157,6 +159,7 @@ def test_the_standing_vehicle_has_the_tension_asked(vehicle):
     assert tension(other) != pytest.approx(asked, rel=0.02), "a tension that is 3 % off goes unnoticed"
 
 
+@pytest.mark.long
 def test_loads_and_the_pull_at_the_sprocket_add_up_to_the_weight():
     """Of a vehicle on its idlers and rollers; raised idlers, the twins, are not among the loads told."""
     low = {"vehicle.wheel.rear_idler.z": -0.87, "vehicle.idler.z": -0.866}
@@ -184,6 +187,7 @@ def at_start(*settings):
     return placing.track_tension(at_rest("rigid", *settings).resolved())["start"]
 
 
+@pytest.mark.long
 def test_rigid_links_whose_search_fails_stand_in_the_place_of_cables(monkeypatch, uncached):
     """And what they carry there is told; it is not the tension asked."""
     search = equilibrium.VehicleOnChains.come_to_rest
@@ -201,6 +205,7 @@ def test_rigid_links_whose_search_fails_stand_in_the_place_of_cables(monkeypatch
         assert told != pytest.approx(rigid.vehicle.track.tension, rel=0.03)
 
 
+@pytest.mark.long
 def test_the_start_of_a_scene_moves_no_idler():
     """A drawn start, a slope, one track: the tension asked is the vehicle's, and each adds its own."""
     level = laid()
@@ -264,6 +269,7 @@ def test_a_vehicle_with_sides_of_its_own_has_the_tension_on_both():
     assert tensions[0] != pytest.approx(tensions[1], rel=1e-4)
 
 
+@pytest.mark.long
 def test_the_start_depends_on_no_friction_and_no_damping():
     """Of a scene, or set by a host: the places of all links are the same to the bit; not so with the stiffness."""
     start = InProcess(at_rest("rigid"))["left_track"].model.s.q.copy()
@@ -522,6 +528,7 @@ def test_a_placed_scene_keeps_its_place():
     assert placed(other).start.equilibrium == scene.start.equilibrium
 
 
+@pytest.mark.long
 def test_a_vehicle_that_cannot_rest_is_refused_in_an_engineer_s_words(monkeypatch, uncached):
     """Wheels too small for their load pass through the links: the chain has two tensions there, and none is taken."""
     table = random_vehicle(20)

@@ -145,6 +145,7 @@ def test_impulse_across_the_ports(ran, scaled):
         assert third_law(run, "", Window(0.0, 0.3)) > 1e-6, "a twin that loses 0.1 % of a wheel's force passes"
 
 
+@pytest.mark.long
 def test_port_energy_falls_with_the_communication_step(ran):
     """The energy of the ports falls with the order of the coupling at least."""
     ports = []

@@ -207,6 +207,7 @@ TIPS = (
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "settings", "said"),
     [

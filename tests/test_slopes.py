@@ -98,6 +98,7 @@ def test_a_parking_brake_holds_below_its_torque(torque, holds):
     assert drive["energy.dissipated"] == pytest.approx(torque * abs(drive["angle"]), rel=1e-9, abs=1e-6)
 
 
+@pytest.mark.long
 def test_the_start_is_an_equilibrium():
     """Loads of wheels at the start of a slope are those to which they settle; those of level ground are not (twin)."""
 
@@ -114,6 +115,7 @@ def test_the_start_is_an_equilibrium():
     assert np.isfinite(ahead).all()
 
 
+@pytest.mark.long
 def test_friction_that_is_too_small_lets_it_slide():
     times, hull, _, _ = locked("symmetric=true", "ground.grade=0.32", stop=3.0)
     speed = hull @ [1.0, 0.0, 0.32] / np.hypot(1.0, 0.32)
@@ -133,6 +135,7 @@ def test_a_side_slope_loads_the_lower_track():
     assert 1.0 < transfer / (2.0 * CENTRE * 0.1 / TREAD) < 1.08
 
 
+@pytest.mark.long
 def test_a_bank_is_a_grade_for_a_vehicle_across_it():
     """Slopes are the ground's: a vehicle with heading 90 degrees has the grade on its right."""
     across = standing("ground.grade=-0.1", "start.heading=90 deg").run(0.05)

@@ -379,6 +379,7 @@ def test_ends_of_the_theory_are_wheels_on_level_ground():
         assert largest_gap(known) == pytest.approx((min(x - places[-1], places[0] - x), min(x + 4.6, -x)))
 
 
+@pytest.mark.long
 def test_a_vehicle_with_its_sprocket_at_the_rear_is_a_mirror_image():
     """The m113 mirrored in x has mirrored idlers and rests mirrored; driven backwards it moves as the m113 forwards."""
     table = changed(return_roller=ROLLERS)
@@ -503,6 +504,7 @@ def along(running, side, name, wheel, slide):
     return (np.sum(forces, axis=0) - [0.0, links * table.track.mass * table.gravity]) @ slide
 
 
+@pytest.mark.long
 def test_an_idler_on_a_slope_is_moved_and_held_along_it():
     """The standing track carries its tension; the push is that of the spring, of the chain and of the idler's weight.
 

@@ -28,6 +28,7 @@ def test_fmu_holds_the_whole_tree_and_sources_only(toy):
     assert not [name for name in names if "__pycache__" in name or "/tests/" in name]
 
 
+@pytest.mark.long
 def test_same_question_same_file(toy, tmp_path):
     before = toy.stat()
     assert build_toy() == toy
@@ -39,6 +40,7 @@ def test_same_question_same_file(toy, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["other.fmu"]
 
 
+@pytest.mark.long
 def test_fmus_built_together_are_those_built_alone(tmp_path, monkeypatch):
     """One child describes those that the cache lacks, each with its own configuration; equal sources, equal bytes.
 

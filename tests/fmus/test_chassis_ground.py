@@ -40,6 +40,7 @@ class Body(Probe):
         return sum(self[f"energy.{part}"] for part in ("kinetic", "gravity", "spring", "contact", "dissipated"))
 
 
+@pytest.mark.long
 def test_a_hull_slides_as_far_as_friction_says():
     """A hull slides by v^2 / (2 mu g); wheels and idlers are pulled up and do not touch."""
     v, mu = 3.0, 0.3

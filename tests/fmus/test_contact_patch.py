@@ -140,6 +140,7 @@ def test_links_feel_an_obstacle_as_a_bed_of_springs_does(radius):
     assert abs(level / bed - 1.0).max() > 0.9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("height", "plate"), [(0.05, 0.0), (0.004, 0.5)])
 def test_grousers_feel_what_is_under_them_and_the_plate_what_is_higher(height, plate):
     """Pads half as long as a link, each with its stiffness: twice the push of a bed of springs, none between them.

@@ -39,6 +39,7 @@ def trace(component, parameters):
     return np.array(rows)
 
 
+@pytest.mark.long
 def test_parameters_of_a_config_are_the_defaults_of_its_fmu(toy):
     given = {"start.x": 0.1 + 0.2, "stiffness": 130, "substeps": 7, "trouble": "warn"}
     with Component(build_toy(parameters=given), "toy") as own, Component(toy, "toy") as plain:

@@ -125,11 +125,13 @@ def assigned_within(a, b):
     assigned(a, b)
 
 
+@pytest.mark.long
 def test_an_exception_comes_out_of_a_kernel_that_a_kernel_calls():
     with pytest.raises(ValueError, match=r"cannot assign slice of shape \(2,\) from input of shape \(3,\)"):
         assigned_within(np.zeros(2), np.zeros(3))
 
 
+@pytest.mark.long
 def test_kernels_that_make_arrays_or_receive_new_ones_say_so():
     """They are declared as allocating, or nothing would free the arrays; numba itself notices only some of them."""
     functions: dict[tuple[str, str], ast.FunctionDef] = {}

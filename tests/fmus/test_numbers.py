@@ -122,6 +122,7 @@ BEAMS = (  # arms with numbers of their own, and an idler on a slope
 )  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("part_name", "settings"),
     [
@@ -166,6 +167,7 @@ TEN = (
 )  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part_name", ["chassis", "left_track", "left_drive"])
 def test_a_host_that_sets_ten_keys_has_the_bits_of_a_scene_that_sets_them(part_name):
     """It sets them in the FMU of another vehicle; one more number off shows."""

@@ -48,6 +48,7 @@ print("survived")
 """
 
 
+@pytest.mark.long
 def test_fmu_of_another_build_is_refused_in_one_sentence(toy, tmp_path, environment):
     sentence, end = python(FOREIGN, foreign(toy, tmp_path), toy, toy, env=environment)
     assert sentence.startswith("toy: Toy was built from other sources (000000000000) than the fmus package")
@@ -79,6 +80,7 @@ def of_tracks():
     return drive, chain
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("others", [lambda: [build_toy(start=0.2)], pytest.param(of_tracks, marks=pytest.mark.long)])
 def test_fmus_run_one_after_the_other_where_cotrack_is_not_installed(toy, environment, tmp_path, others):
     """They run in one process, but not one from another build of the package.

@@ -56,6 +56,7 @@ def test_the_body_of_a_stub_is_that_of_classes_without_their_own(module):
     assert caller(Square(3.0)) == area(Square(3.0)) == 6.0
 
 
+@pytest.mark.long
 def test_each_namesake_has_a_stub_that_documents_it():
     functions = [
         (path, part, [ast.unparse(mark) for mark in part.decorator_list])

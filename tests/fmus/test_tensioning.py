@@ -121,6 +121,7 @@ def search(config, tension, links=tensioning.CABLES):
     return tensioning.search(config, "idler", tension, "vehicle.track", links)
 
 
+@pytest.mark.long
 def test_a_tension_out_of_reach_is_told_with_the_nearest_which_can_be_had():
     config = track_of(scene_of(6))
     place = search(config, 1845.3)

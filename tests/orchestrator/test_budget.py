@@ -48,6 +48,7 @@ def test_logs_of_any_size_unpack_to_a_multiple_of_it():
         honest.take(65 << 20)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("make", [
     pytest.param(hostile.empty_records, marks=pytest.mark.long),  # a second or more; these unpack to too much
     hostile.lone_messages, hostile.many_large_chunks,

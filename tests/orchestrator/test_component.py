@@ -218,6 +218,7 @@ def test_fmu_is_unpacked_once_by_content(toy, fresh_cache, tmp_path):
     assert [path.name for path in (fresh_cache / "unpacked").iterdir()] == [folder.name for folder in folders]
 
 
+@pytest.mark.long
 def test_cache_may_lie_anywhere(tmp_path, monkeypatch):
     place = tmp_path / "a b" / "größe [1] 50%"
     monkeypatch.setenv("COTRACK_CACHE", str(place))

@@ -265,6 +265,7 @@ def test_a_coupled_track_at_its_stable_step_knows_its_coupling_alone(tmp_path):
     assert own["total"] == own["coupling"] > 0.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("groups", "without"), [("['tension']", ["pins"]), ("['tension','position']", [])])
 def test_observables_without_an_estimate_are_named(cotrack, groups, without):
     own = last(cotrack.done(*SHORT, "--set", f"track.link_outputs={groups}"))["error"]

@@ -79,6 +79,7 @@ def test_parquet_gives_every_bit_back(chunked, tmp_path):
             assert tuple(units) == log.topics[topic].units
 
 
+@pytest.mark.long
 def test_row_groups_are_filled_and_hold_every_row_once(chunked, tmp_path, monkeypatch):
     for size, topic in ((4000, "/left_track/links"), (4000, "/left_track/out"), (1, "/stats/chassis")):
         monkeypatch.setattr(export_module, "GROUP", size)

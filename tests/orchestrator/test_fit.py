@@ -215,6 +215,7 @@ def test_a_smooth_rest_above_the_digits_is_no_exact_fit(data, measured, tmp_path
     assert "exact" not in found.verdict
 
 
+@pytest.mark.long
 def test_the_command_writes_a_scene_that_runs(cotrack, data, noise, monkeypatch, tmp_path):
     """A second start has the same answer with the same runs; it does not replace a file that it reads."""
     mapped = [part for name in SIGNALS for part in ("--map", f"{name}={name}", "--noise", f"{name}={noise[name]!r}")]

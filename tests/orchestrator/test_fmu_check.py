@@ -322,6 +322,7 @@ def test_faults_of_a_plain_pythonfmu_fmu_are_found(slaves, slave, name, words):
     assert any(words in sentence for sentence in verdict.faults), verdict
 
 
+@pytest.mark.long
 def test_the_command_prints_a_table_and_an_object(oscillator, cotrack, monkeypatch):
     monkeypatch.setattr(runner, "CHECKS", dict.fromkeys(("units", "states")))
     clean, wrong = oscillator(), oscillator("STATE_WITHOUT_SPEED")

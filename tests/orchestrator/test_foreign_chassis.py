@@ -75,6 +75,7 @@ def unbalanced(scene, bare, tmp_path_factory):
     return path, run(scene, bare, path, **{"track.link_outputs": True})
 
 
+@pytest.mark.long
 def test_it_stands_on_its_tracks(driven, scene):
     path, result = driven
     assert result["status"] == "ok", result["message"]
@@ -142,6 +143,7 @@ def test_its_energies_are_in_the_ledger(driven, scaled):
     assert abs(broken.integration["chassis"]) > 100.0 * abs(energy["integration"]["chassis"])
 
 
+@pytest.mark.long
 def test_without_energies_it_is_outside_of_the_ledger(driven, unbalanced):
     """The ports delivered what its own energies say; the balance is that of tracks and drives."""
     whole, energy = driven[1]["energy"], unbalanced[1]["energy"]

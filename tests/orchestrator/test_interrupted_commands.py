@@ -101,6 +101,7 @@ def test_a_recorder_that_dies_fails_the_run(cotrack, monkeypatch, place, error, 
     assert ("no space left on device" in err) == isinstance(error, OSError)
 
 
+@pytest.mark.long
 def test_a_run_of_a_study_raises_what_is_no_answer_of_the_model(monkeypatch, tmp_path):
     """A full disk, and a signal; a refusal of a component is an answer. Without ``answer`` they are in the summary."""
     short = scene.load("hanging_chain", "rigid", {"run.stop": 0.02, "expect": {}})

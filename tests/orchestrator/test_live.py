@@ -88,6 +88,7 @@ def test_a_run_that_goes_on_is_shown_as_far_as_it_came(rig, tmp_path, monkeypatc
     assert len(curve) == 301
 
 
+@pytest.mark.long
 def test_steps_between_two_records_of_links_wait(rig, tmp_path, monkeypatch):
     """Steps between two records of links wait: with short windows nothing is lost or repeated."""
     monkeypatch.setattr(rerun_scene, "RATE", 1e4)

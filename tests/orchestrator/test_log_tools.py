@@ -79,6 +79,7 @@ def base(request, tmp_path_factory):
     return Base(BASES[request.param](tmp_path_factory.mktemp("base") / "whole.mcap"))
 
 
+@pytest.mark.long
 @settings(max_examples=25)
 @given(st.integers(0, 2**32))
 def test_random_damage_is_told_and_what_is_read_is_right(base, seed):

@@ -117,6 +117,7 @@ def test_a_wrong_dimension_a_missing_column_and_a_clock_for_columns_with_one_are
             read(file, columns, UNITS.get, clock)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", BINARY)
 def test_a_damaged_file_is_one_sentence(run, cotrack, tmp_path, kind):
     file = write(tmp_path / f"m.{kind}", T_TEST, V_TEST)

@@ -50,6 +50,7 @@ def runs(logs):
         yield RunData(slope), RunData(level)
 
 
+@pytest.mark.long
 def test_thrust_and_load_are_the_weight_along_and_across_the_slope(runs):
     slope, _ = runs
     weight = WEIGHT * np.array([0.0, 0.0, -1.0])

@@ -236,6 +236,7 @@ def test_discrete_inputs_are_held_in_steps_that_are_repeated(files, tmp_path, ru
             assert replay.verify().equal
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("scheme", "tolerance"), [("gauss_seidel", 1e-12), ("iterative", 1e-5)])
 def test_units_change_nothing_but_rounding(files, tmp_path, scheme, tolerance):
     """The same system with b in N and K; an iteration ends within its tolerance."""

@@ -111,6 +111,7 @@ def test_what_computes_anew_says_which_version_made_a_log(cotrack, tmp_path, com
     assert len(err.splitlines()) == 2
 
 
+@pytest.mark.long
 def test_compare_works_across_versions(cotrack, cut, tmp_path):
     """Logs of different versions compare: newer keys have their defaults in the older log."""
     with Log(OLD) as log:

@@ -39,6 +39,7 @@ hanging = pytest.fixture(scope="module")(hanging_log)
 # --- data in the page ------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_the_command_that_runs_it_again_gives_the_same_scene(vehicle, hanging, cotrack, tmp_path):
     with Log(hanging) as log:
         words = command(RunData(log))
@@ -199,6 +200,7 @@ def test_scenes_that_say_anything_have_a_page(tmp_path, kind):
 # --- two runs --------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_two_runs_stand_side_by_side(vehicle, html, tmp_path):
     other = tmp_path / "other.mcap"
     assert simulate(load("straight", "rigid", [*SETTINGS, "run.step=2.5 ms"]), other)["status"] == "ok"

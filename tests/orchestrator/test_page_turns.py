@@ -47,6 +47,7 @@ def value(cell):
     return float(size) * (1e3 if unit[0] == "k" else 1e-3 if unit[:2] == "mm" else 1.0)
 
 
+@pytest.mark.long
 def test_the_tension_of_the_vehicle_table_is_that_of_the_standing_vehicle(vehicle, turning):
     """As keys.md says: the m113 starts with it in equilibrium, and with 13.5 % more as drawn."""
     for path, more in ((vehicle, 1.135), (turning, 1.0)):

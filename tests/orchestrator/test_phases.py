@@ -266,6 +266,7 @@ def contradicts(kind, first, last, top):
     return abs(change) > least + 0.01 or (kind == "rest" and max(abs(first), abs(last)) > least)
 
 
+@pytest.mark.long
 @given(SPEEDS, st.lists(st.sampled_from([-0.3, 0.0, 0.0, 0.3]), min_size=5, max_size=5),
        st.floats(0.2, 5.0), st.floats(0.0, 0.6), st.floats(0.2, 5.0))  # fmt: skip
 def test_no_state_contradicts_the_speeds_at_its_ends(corners, yaw_rates, top, ringing, frequency):

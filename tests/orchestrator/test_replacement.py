@@ -38,6 +38,7 @@ def driven(drive, tmp_path_factory):
     return path, simulate(rig(drive), path)
 
 
+@pytest.mark.long
 def test_a_copy_of_our_own_drive_gives_the_same_records(tmp_path, cotrack):
     """Log and digest are those of the scene without --replace; the log says what ran."""
     settings = [f"--set={key}={json.dumps(value)}" for key, value in SHORT.items()]
@@ -174,6 +175,7 @@ def large(drive, tmp_path_factory):
     return changed(drive, file, lambda each: each._replace(unit=LARGE.get(each.unit, each.unit)), units)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "run", [{}, {"run.variable": {"tolerance": 1e-3, "estimate": "power"}}], ids=["fixed", "power"]
 )
@@ -230,6 +232,7 @@ def braked(drive, brake, *connections):
     return rig(drive, **{"fmu.idler_drive": given, "connections": connections})
 
 
+@pytest.mark.long
 def test_further_connections_reach_fmus_of_the_user(drive, brake, tmp_path):
     """Discrete values of the beginning of the step, Reals as the coupling holds them; parts of ours may be sources."""
     texts = ("drive.steps -> idler_drive.ticks", "drive.fast -> idler_drive.gate")
@@ -413,6 +416,7 @@ def test_a_unit_that_is_not_declared_is_that_of_the_part_and_other_names_of_unit
 # --- files -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_path_is_relative_to_its_scene_or_to_the_folder(cotrack, drive, tmp_path):
     text = scene_text("rig").replace("# [fmu]", "[fmu]")
     (tmp_path / "far").mkdir()

@@ -95,6 +95,7 @@ def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
     assert digest(tmp_path / "again.mcap") != digest(whole), "the twin, whose next step is half as long, must differ"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("track", [
     "rigid", pytest.param("flexible", marks=pytest.mark.long), pytest.param("native", marks=pytest.mark.study),
 ])  # fmt: skip

@@ -192,6 +192,7 @@ def test_a_vehicle_without_hitch_and_seats_tows_nothing_and_seats_nobody():
     assert load("straight").recording_for(["ride"]).seats == ("driver",)
 
 
+@pytest.mark.long
 def test_runs_of_one_scene():
     """Runs of one scene may differ in computation, recording, name, checks and FMUs of the user, in nothing else."""
     whole = load("straight").resolved()

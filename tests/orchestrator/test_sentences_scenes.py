@@ -283,6 +283,7 @@ def leaves(value, above=""):
         yield from leaves(inner, f"{above}{key}.")
 
 
+@pytest.mark.long
 def test_no_value_ends_otherwise_than_in_a_sentence():
     """Every key of a scene accepts values of all kinds or refuses them in a sentence."""
     scene_keys = list(leaves(load("hanging_chain").resolved()))

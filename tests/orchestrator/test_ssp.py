@@ -303,6 +303,7 @@ def test_an_edited_archive_has_its_own_values_times_and_parts(chain, tmp_path, c
     assert message.endswith("edited.ssp': parts or connections are not those of its scene: it runs as a free system")
 
 
+@pytest.mark.long
 def test_an_archive_of_others_is_a_free_system(lag, tmp_path):
     """Two first-order systems: the exact solution, with an error of order 2 in the communication step."""
     file, errors = packed_lags(tmp_path / "lags.ssp", lag), []
@@ -321,6 +322,7 @@ def test_an_archive_of_others_is_a_free_system(lag, tmp_path):
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_commands_on_a_free_system(lag, cotrack, tmp_path):
     packed_lags(tmp_path / "lags.ssp", lag)
     out = cotrack.done("show", "lags.ssp")

@@ -21,6 +21,7 @@ from orchestrator.results.units import figure
 from orchestrator.scene.scene import load
 
 
+@pytest.mark.long
 def test_an_open_ledger_is_not_a_success(cotrack, tmp_path):
     """An open energy balance is a failure: a chain without checks falls 20 cm per step."""
     text = (resources.files("orchestrator") / "gallery" / "released_chain.toml").read_text(encoding="utf-8")
@@ -35,6 +36,7 @@ def test_an_open_ledger_is_not_a_success(cotrack, tmp_path):
         assert lines(result)[0] == f"fall, flexible links: {'energy balance open' if wanted else 'ok'}"
 
 
+@pytest.mark.long
 def test_a_failed_check_is_exit_1(cotrack):
     """Also one whose signals were not recorded."""
     status, out, _ = cotrack(*SHORT, "--set", "expect.rest.expected=1")

@@ -230,6 +230,7 @@ def test_a_curve_lies_on_its_circle(tmp_path):
     assert np.array(own["heights"])[:22, :31] == pytest.approx(heights[:44:2, :62:2], abs=1e-12)
 
 
+@pytest.mark.long
 def test_a_scene_names_a_survey_beside_it_and_settings_place_it(tmp_path, cotrack, monkeypatch):
     tif(tmp_path / "hills.tif")
     crg(tmp_path / "road.crg")
@@ -253,6 +254,7 @@ def test_a_scene_names_a_survey_beside_it_and_settings_place_it(tmp_path, cotrac
     )
 
 
+@pytest.mark.long
 def test_show_tells_where_a_map_lies(cotrack, tmp_path):
     crg(tmp_path / "a.crg")
     out = cotrack.done("show", "straight", "--set", f"ground.heightmap.heights={tmp_path / 'a.crg'}")

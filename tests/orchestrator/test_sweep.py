@@ -116,6 +116,7 @@ def test_rows_equal_single_runs_bit_by_bit(cotrack, tmp_path):
     assert len({row["sag, m"] for row in rows}) == 4, "rows do not belong to their settings"
 
 
+@pytest.mark.long
 def test_the_function_returns_the_table_that_it_writes(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     settings = {"chain.links": 8, "run.stop": 0.02, "expect.rest.expected": 1}
@@ -274,6 +275,7 @@ def test_tables_and_pictures_are_written_whole_or_not_at_all(tmp_path):
 # --- further figures ---
 
 
+@pytest.mark.long
 def test_further_figures_are_those_of_the_log(cotrack, tmp_path):
     wanted = ("--for", "sag", "--for", "max:chain.tension.max", "--for", "links", "--for", "ride")
     options = (*CHAIN, "--no-estimate", "--keep-logs", *SPANS)
@@ -306,6 +308,7 @@ def derivative(found, key, figure):
     return found.derivatives[list(found.numbers).index(key), list(found.figures).index(figure)]
 
 
+@pytest.mark.long
 def test_a_hanging_chain_pulls_in_proportion_to_its_weight(tmp_path):
     """All forces are in proportion to mass and gravity, the sag to neither; the span acts as two runs say."""
     found = sensitivity_of(tmp_path / "s", MASS, GRAVITY, SPAN, WIDTH)

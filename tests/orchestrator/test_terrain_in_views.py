@@ -190,6 +190,7 @@ def test_points_of_the_line_lie_on_the_ground(settings):
 
 
 @pytest.mark.long
+@pytest.mark.long
 def test_a_ground_that_is_no_ground_is_refused(driven, monkeypatch):
     with Log(driven) as log:
         run = RunData(log)

@@ -69,6 +69,7 @@ def column(batch, name):
     return np.array((batch[name].cast("int64") if name == "time" else batch[name]).to_pylist())
 
 
+@pytest.mark.long
 def test_rerun_holds_bodies_curves_and_events(driven, expected, tmp_path):
     chunk = pytest.importorskip("rerun.chunk")
     rerun_scene.show(driven, tmp_path / "run.rrd", "ground")
@@ -184,6 +185,7 @@ def test_curves_are_every_record(driven):
 # --- films and stills ------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_film_has_the_pictures_of_its_time(hanging, tmp_path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     log = stretched(hanging, tmp_path / "slow.mcap", np.arange(5) * 0.12)

@@ -219,6 +219,7 @@ def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
         assert entries(out) == [], "turning cables and rigid links follow the vehicle"
 
 
+@pytest.mark.long
 def test_what_a_track_has_said_is_part_of_its_state():
     """Warnings of a track are part of its state: they repeat after a restored state or a new start only."""
     scene = placed(load("rig", "flexible"))
@@ -255,6 +256,7 @@ def test_what_a_track_has_said_is_part_of_its_state():
     assert [status for _, status, _ in heard] == [1, 1]
 
 
+@pytest.mark.long
 def test_a_step_that_fails_tells_what_it_warned_of(toy):
     heard = []
     with Component(build_toy(creaks=True), "toy", lambda *message: heard.append(message)) as component:

@@ -50,6 +50,7 @@ def pressed_work(point: SoilPoint, depth: float) -> float:
     )
 
 
+@pytest.mark.long
 def test_a_pressed_plate_sinks_and_takes_work():
     """10 kN on a link on dry sand: 137.8755 mm, 656.550 J."""
     point = SoilPoint(law())

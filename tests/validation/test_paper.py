@@ -25,6 +25,7 @@ def test_models_are_told_apart_and_one_that_is_missing_is_a_sentence():
         scene(Model("a", "b", "rigid", ("track.nonsense=1",), "-", "k"))
 
 
+@pytest.mark.long
 def test_a_log_fits_by_its_scene_its_fmus_and_its_end(tmp_path, monkeypatch):
     path = tmp_path / "a.mcap"
     settings = ("run.stop=0.02 s", "chain.links=6", "track.start=displaced")

@@ -14,6 +14,7 @@ def values(rows):
     return {row.figures["key"]: row for row in rows}
 
 
+@pytest.mark.long
 def test_equations_of_the_paper_hold_for_the_elements(monkeypatch):
     rows = values(equations.rows())
     assert all(row.ok is True for row in rows.values()), [row.case for row in rows.values() if not row.ok]
