@@ -74,17 +74,14 @@ class Beam(Element):
         y = np.asarray(y)[..., None]
         return self.e[t, i, half] + y * self.e[t, i, half + 2], self.v[t, i, half] + y * self.v[t, i, half + 2]
 
-    def gradients(self, xi, y, z, e=None) -> Floats:
-        """Deformation gradient F (T, n, 3, 3), columns r_x, r_y, r_z, at one place of all links."""
-        e = self.e if e is None else e
+    def slope(self, xi: float, y: float, z: float) -> Floats:
+        """Gradients r_x (T, n, 3) at one place of all links."""
         C, l = hermite(xi, self.pitch, 1), self.pitch
-        D = np.array([[C[0], C[1], -y / l, -z / l, C[2], C[3], y / l, z / l],
-                      [0, 0, 1 - xi, 0, 0, 0, xi, 0], [0, 0, 0, 1 - xi, 0, 0, 0, xi]])  # fmt: skip
-        return np.einsum("ja,...ai->...ij", D, e)
+        return np.tensordot(self.e, [C[0], C[1], -y / l, -z / l, C[2], C[3], y / l, z / l], (2, 0))
 
     def gradients_at(self, xi: float) -> Floats:
         """Gradients r_x (T, n, 3) of the axis of all links at a fraction of their length."""
-        return self.gradients(xi, 0.0, 0.0)[..., 0]
+        return self.slope(xi, 0.0, 0.0)
 
     @property
     def young(self) -> float:
@@ -95,16 +92,20 @@ class Beam(Element):
         more, less = self.parts(self.e + 0.5 * change), self.parts(self.e - 0.5 * change)
         return [(w, s - r) for (w, s), (_, r) in zip(more, less, strict=True)]
 
+    @cached_property
+    def strain_rates(self) -> list[tuple[float, Floats]]:
+        return self.strain_changes(self.v)
+
     @property
     def damping_tension(self) -> Floats:
         tau = float(self.part.parameters["material.relaxation_time"])
-        pairs = zip(self.strain_changes(self.v), self.strain_changes(self.stretch_mode), strict=True)
+        pairs = zip(self.strain_rates, self.strain_changes(self.stretch_mode), strict=True)
         return 2.0 * tau / self.pitch * sum(w * rate * by for (w, rate), (_, by) in pairs)
 
-    @property
+    @cached_property
     def material_loss(self) -> Floats:
         tau = float(self.part.parameters["material.relaxation_time"])
-        return 2.0 * tau * sum(w * rate**2 for w, rate in self.strain_changes(self.v)).sum(1)
+        return 2.0 * tau * sum(w * rate**2 for w, rate in self.strain_rates).sum(1)
 
     @cached_property
     def stress(self) -> Floats:
@@ -113,11 +114,11 @@ class Beam(Element):
         for x in gauss(4)[0]:
             for y in (-0.5 * self.wide, 0.5 * self.wide):
                 for z in (-self.vehicle["section"]["outer_fibre"], self.vehicle["section"]["outer_fibre"]):
-                    slope = self.gradients(x, y, z)[..., 0]
+                    slope = self.slope(x, y, z)
                     largest = np.maximum(largest, abs(self.young * 0.5 * ((slope**2).sum(-1) - 1.0)))
         return largest
 
-    @property
+    @cached_property
     def pin_axes(self) -> Floats:
         axis = np.concatenate([self.e[:, :, 2], self.e[:, -1:, 6]], axis=1)[:, : self.nodes]
         return axis / np.linalg.norm(axis, axis=-1, keepdims=True)
@@ -127,7 +128,7 @@ class Beam(Element):
         """E times Green's strain xx at mid-width, mean along the link, outside and inside, Pa."""
         off, (x, w) = self.vehicle["section"]["outer_fibre"], gauss(4)
         return tuple(
-            sum(b * self.young * 0.5 * ((self.gradients(a, 0.0, z)[..., 0] ** 2).sum(-1) - 1.0)
+            sum(b * self.young * 0.5 * ((self.slope(a, 0.0, z) ** 2).sum(-1) - 1.0)
                 for a, b in zip(x, w, strict=True))
             for z in (off, -off)
         )  # fmt: skip
@@ -150,22 +151,29 @@ class Beam(Element):
         volume, terms = 0.5 * section["area"] * self.pitch, []
         (x, w), (s, m) = gauss(4), gauss(2)
 
-        def strains(a: float, y: float, z: float) -> tuple[Floats, Floats, Floats]:
-            """Normal strains, the two shears with the axis, and the shear within the section."""
-            F = self.gradients(a, y, z, e)
-            C = np.einsum("...ij,...ik->...jk", F, F)
-            normal = 0.5 * (np.stack([C[..., i, i] for i in range(3)], -1) - 1.0)
-            return normal, np.stack([C[..., 0, 1], C[..., 0, 2]], -1), C[..., 1, 2]
+        rows = np.ascontiguousarray(np.moveaxis(e, (-2, -1), (0, 1)))
 
+        def dot(u: Floats, v: Floats) -> Floats:
+            return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+        def strains(y: float, z: float) -> tuple[list[Floats], list[Floats], Floats]:
+            """Normal strains, the two shears with the axis, and the shear within the section."""
+            r_x = axis + y / self.pitch * widening + z / self.pitch * thickening
+            return [0.5 * (dot(r_x, r_x) - 1.0), *across], [dot(r_x, r_y), dot(r_x, r_z)], within
+
+        widening, thickening = rows[6] - rows[2], rows[7] - rows[3]
         for a, wa in zip(x, w, strict=True):
+            axis = np.tensordot(self.centreline(a, 1), rows, 1)
+            r_y, r_z = rows[2] + a * widening, rows[3] + a * thickening  # the same over the section
+            across, within = [0.5 * (dot(r, r) - 1.0) for r in (r_y, r_z)], dot(r_y, r_z)
             for b, wb in zip(s - 0.5, m, strict=True):
                 for c, wc in zip(s - 0.5, m, strict=True):
-                    normal, along, within = strains(a, b * self.wide, c * self.high)
+                    normal, along, within = strains(b * self.wide, c * self.high)
                     w = volume * wa * wb * wc
-                    terms += [(w * E, normal[..., i]) for i in range(3)]
-                    terms += [(w * twist * G, along[..., i]) for i in range(2)] + [(w * G, within)]
-            normal, along, _ = strains(a, 0.0, 0.0)
-            terms.append((volume * wa * lame, normal.sum(-1)))
-            terms += [(volume * wa * (2.0 * G - E), normal[..., i]) for i in range(3)]
-            terms += [(volume * wa * (5.0 / 6.0 - twist) * G, along[..., i]) for i in range(2)]
+                    terms += [(w * E, strain) for strain in normal]
+                    terms += [(w * twist * G, shear) for shear in along] + [(w * G, within)]
+            normal, along, _ = strains(0.0, 0.0)
+            terms.append((volume * wa * lame, sum(normal)))
+            terms += [(volume * wa * (2.0 * G - E), strain) for strain in normal]
+            terms += [(volume * wa * (5.0 / 6.0 - twist) * G, shear) for shear in along]
         return terms

@@ -298,8 +298,7 @@ class General(Cable):
     @property
     def damping_tension(self) -> Floats:
         x, w = self.points[0]
-        line = (self.ends[1] - self.ends[0]) / np.linalg.norm(self.ends[1] - self.ends[0], axis=-1, keepdims=True)
-        return np.einsum("p,tnp,tnpi,tni->tn", w, self.stretch_drag(x)[0], self.slopes(self.e, x), line)
+        return np.einsum("p,tnp,tnpi,tni->tn", w, self.stretch_drag(x)[0], self.slopes(self.e, x), self.line)
 
     @property
     def material_loss(self) -> Floats:

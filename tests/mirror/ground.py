@@ -15,6 +15,7 @@ from mirror.record import Floats
 BLEND = 0.5  # m on both sides of y = 0: the left side turns into the right one
 SMALL = 1e-5  # m, for differences of heights
 FAR = 0.1  # m above the ground
+SAME = 1e-10  # m, between foot points that are one; the differences of heights leave 1e-12
 
 
 class Ground:
@@ -52,14 +53,17 @@ class Ground:
         """
         x, y = p[:, 0].copy(), p[:, 1].copy()
         near = p[:, 2] - self.height(x, y) < FAR
+        q = p[near]
+        u, v = q[:, 0], q[:, 1]
         for _ in range(30):
-            over = np.where(near, p[:, 2] - self.height(x, y), 0.0)
-            ahead, left = self.gradient(x, y)
-            x, y = p[:, 0] + over * ahead, p[:, 1] + over * left
+            over = q[:, 2] - self.height(u, v)
             if self.waves is None:  # towards the foot on a plane, without iteration
-                along = over / (1.0 + self.slopes @ self.slopes)
-                x, y = p[:, 0] + along * ahead, p[:, 1] + along * left
+                over /= 1.0 + self.slopes @ self.slopes
+            (ahead, left), before = self.gradient(u, v), u
+            u, v = q[:, 0] + over * ahead, q[:, 1] + over * left
+            if self.waves is None or abs(u - before).max(initial=0.0) < SAME:
                 break
+        x[near], y[near] = u, v
         ahead, left = self.gradient(x, y)
         n = np.stack([-ahead, -left, np.ones(len(p))], axis=1)
         n /= np.linalg.norm(n, axis=1, keepdims=True)
@@ -70,4 +74,4 @@ class Ground:
 def smooth(t: Floats) -> Floats:
     """Polynomial of degree 5 from 0 at t = 0 to 1 at t = 1, level and without curvature at both ends."""
     t = np.clip(t, 0.0, 1.0)
-    return 6.0 * t**5 - 15.0 * t**4 + 10.0 * t**3
+    return t * t * t * (10.0 + t * (6.0 * t - 15.0))

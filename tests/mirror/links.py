@@ -29,12 +29,14 @@ def gauss(count: int) -> tuple[Floats, Floats]:
 
 def hermite(xi, l: float, derivative: int = 0) -> Floats:
     """Cubic shape functions of position and slope at both ends, or their derivatives by length (..., 4)."""
-    table = ([1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1])  # by powers of xi
-    shapes = []
-    for a, row in enumerate(table):
-        p = np.polynomial.Polynomial(row).deriv(derivative) if derivative else np.polynomial.Polynomial(row)
-        shapes.append(p(np.asarray(xi, float)) * (l if a % 2 else 1.0) / l**derivative)
-    return np.stack(shapes, axis=-1)
+    table = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], float).T  # powers of xi, shapes
+    for _ in range(derivative):
+        table = table[1:] * np.arange(1.0, len(table))[:, None]
+    x = np.asarray(xi, float)[..., None]
+    shapes = 0.0 * x
+    for row in table[::-1]:
+        shapes = row + x * shapes
+    return shapes * [1.0, l, 1.0, l] / l**derivative
 
 
 class Chain:
@@ -68,7 +70,22 @@ class Chain:
     pins: Floats
     rates: Floats
 
-    @property
+    def __copy__(self) -> Chain:
+        """Return a chain whose coordinates may be changed: what was computed from them is not copied."""
+        other = object.__new__(type(self))
+        derived = {
+            name for kind in type(self).__mro__ for name, a in vars(kind).items() if isinstance(a, cached_property)
+        }
+        other.__dict__ = {name: a for name, a in self.__dict__.items() if name not in derived}
+        return other
+
+    @cached_property
+    def line(self) -> Floats:
+        """Unit vector from the first to the last pin of each link (T, n, 3)."""
+        line = self.ends[1] - self.ends[0]
+        return line / np.linalg.norm(line, axis=-1, keepdims=True)
+
+    @cached_property
     def ends(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Both pins of each link, and their velocities, (T, n, 3) each."""
         return self.pins[:, : self.n], self.pins[:, self.second], self.rates[:, : self.n], self.rates[:, self.second]
@@ -204,7 +221,7 @@ class Element(Chain):
         x, w = gauss(4)
         return np.einsum("p,pa,tna->tn", w, self.centreline(x), self.e[..., 2])
 
-    @property
+    @cached_property
     def middle(self) -> Floats:
         return 0.5 * (self.ends[0] + self.ends[1])
 
@@ -212,7 +229,7 @@ class Element(Chain):
         """Accelerations (T, n, rows, 3), world frame, from derivatives ``a`` of the rates (T, nodes, w)."""
         return self.coordinates(a, False)
 
-    @property
+    @cached_property
     def momentum(self) -> Floats:
         """Momentum of each link (T, n, 3)."""
         x, w = gauss(4)
@@ -221,8 +238,7 @@ class Element(Chain):
     @cached_property
     def stretch_mode(self) -> Floats:
         """Change of coordinates (T, n, rows, 3) by a unit stretch along the line of the pins."""
-        line = self.ends[1] - self.ends[0]
-        line = line / np.linalg.norm(line, axis=-1, keepdims=True)
+        line = self.line
         mode, half = np.zeros_like(self.e), self.e.shape[2] // 2
         mode[:, :, 0], mode[:, :, half] = -0.5 * self.pitch * line, 0.5 * self.pitch * line
         mode[:, :, 1] = mode[:, :, half + 1] = line

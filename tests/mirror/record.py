@@ -34,7 +34,7 @@ class Part:
 
     def finish(self, t: Floats) -> None:
         self.t, self.h = t, np.diff(t)
-        self.u, self.y, self.state = np.array(self._u), np.array(self._y), np.array(self._x)
+        self.u, self.y, self.state = np.array(self._u), np.array(self._y, order="F"), np.array(self._x)
 
     def __getitem__(self, name: str) -> Floats:
         """An output at all instants (K + 1)."""
@@ -56,7 +56,7 @@ class Part:
     def replaced_outputs(self, names: Sequence[str], fault: Callable[[Floats], Floats]):
         """Replace outputs by faulty values within the context."""
         columns = [self.outputs[name] for name in names]
-        original = self.y[:, columns].copy()
+        original = self.y[:, columns]
         self.y[:, columns] = fault(original)
         yield
         self.y[:, columns] = original

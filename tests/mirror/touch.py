@@ -89,6 +89,7 @@ class Touch(NamedTuple):
     losses: Floats  # (T, causes) W
     along: Floats  # (T, n) N: forces along a link times their distance from its middle, over its length
     power_in: Floats  # (T) W: power that wheels and links put in
+    covering: Floats  # (T) W, what rims and guides take in and do not lose
     depth: Floats  # (T) m
     load: Floats  # (T) N on the ground
     slide: Floats  # (T, 3) N m/s: load times velocity of the points on the ground
@@ -101,19 +102,19 @@ class Touch(NamedTuple):
 
 
 class _ContactSums:
-    def __init__(self, chain: Chain, wheels: Wheels) -> None:
+    def __init__(self, chain: Chain, wheels: Wheels, only_energy: bool = False) -> None:
         T, m = wheels.centre.shape[:2]
         z = np.zeros
-        self.chain, self.wheels = chain, wheels
+        self.chain, self.wheels, self.only_energy = chain, wheels, only_energy
         self.nudged = []
-        for end in range(2) if isinstance(chain, Element) else ():
+        for end in range(2) if isinstance(chain, Element) and not only_energy else ():
             row = chain.shared_row + end * (chain.e.shape[2] // 2)
             for k, way in enumerate(chain.shared_nudges):
                 self.nudged.append((end, k, chain.nudged(row, NUDGE * way), chain.nudged(row, -NUDGE * way)))
         self.t = Touch(z((T, m, 6)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.nodes, 3)),
-                       z(T), z((T, len(CAUSES))), z((T, chain.n)), z(T), z(T), z(T), z((T, 3)), z((T, chain.n, 3)),
-                       z((T, chain.n)), z((T, chain.n, 3)), z((T, chain.nodes, 3)), z((T, chain.n, 2, 3)),
-                       z((T, len(CAUSES))))  # fmt: skip
+                       z(T), z((T, len(CAUSES))), z((T, chain.n)), *(z(T) for _ in range(4)), z((T, 3)),
+                       z((T, chain.n, 3)), z((T, chain.n)), z((T, chain.n, 3)), z((T, chain.nodes, 3)),
+                       z((T, chain.n, 2, 3)), z((T, len(CAUSES))))  # fmt: skip
 
     def add(
         self, t, index, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple, place: tuple = ()
@@ -123,6 +124,9 @@ class _ContactSums:
         ``place``: of ``Chain.point``, of points on links.
         """
         sums, f = self.t, push.force
+        np.add.at(sums.stored, t, push.stored)
+        if self.only_energy:
+            return
         for end, k, more, less in self.nudged if place else ():
             way = (more.point(t, index, *place)[0] - less.point(t, index, *place)[0]) / (2.0 * NUDGE)
             np.add.at(sums.shared, (t, index, end, k), (f * way).sum(-1))
@@ -133,17 +137,14 @@ class _ContactSums:
             np.add.at(sums.force, (t, index), f)
             if kind == GUIDE:
                 np.add.at(sums.horns, (t, index), f)
-            arm, ends = x - self.chain.middle[t, index], self.chain.ends
+            arm, line = x - self.chain.middle[t, index], self.chain.line[t, index]
             np.add.at(sums.torque, (t, index), np.cross(arm, f))
-            line = (ends[1] - ends[0])[t, index]
-            line = line / np.linalg.norm(line, axis=-1, keepdims=True)
             np.add.at(sums.along, (t, index), (f * line).sum(-1) * (arm * line).sum(-1) / self.chain.pitch)
         if m is None:
             np.add.at(sums.ground, (t, index), f)
         else:
             arm = x - self.wheels.centre[t, m]
             np.add.at(sums.wrench, (t, m), -np.concatenate([f, np.cross(arm, f)], axis=-1))
-        np.add.at(sums.stored, t, push.stored)
         np.add.at(sums.losses, (t, kind[0]), push.friction_loss)
         np.add.at(sums.losses, (t, kind[1]), push.damping_loss)
         np.add.at(sums.power_in, t, -(f * w).sum(-1))
@@ -384,24 +385,42 @@ def teeth(sums: _ContactSums, law: Law, m: int, outline: Outline) -> None:
         sums.add(t[on], j[on], x[on], w[on], depth[on], push, m, TOOTH)
 
 
-def touch(chain: Chain, wheels: Wheels, covering: bool = False) -> Touch:
-    """All contacts of a track, or only those that cover more or less of a link as it moves."""
-    part, vehicle = chain.part, chain.vehicle
-    laws = {pair: Law.of(part.parameters, vehicle["contact"], pair) for pair in ("sprocket", "wheel", "ground")}
-    outline, sums = Outline(vehicle), _ContactSums(chain, wheels)
-    for m, wheel in enumerate(drawn(vehicle, part.config["track"]["wheels"])):
+def _law(chain: Chain, pair: str) -> Law:
+    return Law.of(chain.part.parameters, chain.vehicle["contact"], pair)
+
+
+def cover(sums: _ContactSums, outline: Outline) -> None:
+    """Contacts of all wheels that cover more or less of a link as it moves."""
+    chain, law = sums.chain, _law(sums.chain, "wheel")
+    for m, wheel in enumerate(drawn(chain.vehicle, chain.part.config["track"]["wheels"])):
         toothed = wheel["kind"] == "teeth"
-        if toothed and not covering:
-            teeth(sums, laws["sprocket"], m, outline)
         rim = outline.rim if toothed else wheel["radius"]
         if not toothed or outline.lugs > 1:
-            rims(sums, laws["wheel"], m, rim)
+            rims(sums, law, m, rim)
         if chain.guided:
             disc = outline.top if toothed and outline.lugs == 1 else rim + HORN
-            guides(sums, laws["wheel"], m, disc, vehicle["guide"]["clearance"])
-    if part.config["track"]["ground"] and not covering:
+            guides(sums, law, m, disc, chain.vehicle["guide"]["clearance"])
+
+
+def covering_energy(chain: Chain, wheels: Wheels) -> Floats:
+    """Energy stored in the contacts that cover more or less of a link as it moves (T), J."""
+    sums = _ContactSums(chain, wheels, only_energy=True)
+    cover(sums, Outline(chain.vehicle))
+    return sums.t.stored
+
+
+def touch(chain: Chain, wheels: Wheels) -> Touch:
+    """All contacts of a track."""
+    part, vehicle = chain.part, chain.vehicle
+    outline, sums = Outline(vehicle), _ContactSums(chain, wheels)
+    cover(sums, outline)
+    sums.t.covering[:] = sums.t.power_in - sums.t.losses.sum(1)
+    for m, wheel in enumerate(drawn(vehicle, part.config["track"]["wheels"])):
+        if wheel["kind"] == "teeth":
+            teeth(sums, _law(chain, "sprocket"), m, outline)
+    if part.config["track"]["ground"]:
         if soil := part.config["track"].get("soil"):
             soft_ground(sums, soft.Law(soil, vehicle["track"]["width"]), Ground(part.scene))
         else:
-            hard_ground(sums, laws["ground"], Ground(part.scene))
+            hard_ground(sums, _law(chain, "ground"), Ground(part.scene))
     return sums.t

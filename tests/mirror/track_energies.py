@@ -12,7 +12,7 @@ from mirror.forces import across, pulls
 from mirror.links import Rigid
 from mirror.motion import rotation_of
 from mirror.record import Floats
-from mirror.touch import CAUSES, touch
+from mirror.touch import CAUSES, covering_energy
 from mirror.track_series import integrated, wheel_names
 
 MOMENT = 1e-7  # s, for differences of stored energies
@@ -78,10 +78,8 @@ def ledger(view: View, names: Sequence[str]) -> Floats:
 def patch_defect(view: View, names: Sequence[str]) -> Floats:
     """Power into contacts less their losses and the growth of stored energy a moment later, integrated, J."""
     c, w = view.chain, view.wheels
-    after, before = (touch(c.advanced(tau), w.advanced(tau), covering=True) for tau in (MOMENT, -MOMENT))
-    now = touch(c, w, covering=True)
-    grown = (after.stored - before.stored) / (2.0 * MOMENT)
-    return integrated(view, now.power_in - now.losses.sum(1) - grown)[:, None]
+    after, before = (covering_energy(c.advanced(tau), w.advanced(tau)) for tau in (MOMENT, -MOMENT))
+    return integrated(view, view.touch.covering - (after - before) / (2.0 * MOMENT))[:, None]
 
 
 def end_load_work(view: View, names: Sequence[str]) -> Floats:
