@@ -197,10 +197,13 @@ def _measured(
 
 
 def _inside(one: MeasuredSignal, span: Window, window: Window, file: str) -> MeasuredSignal:
-    """Samples of a signal with a number in the window and the span of a run; raises BadInput for none."""
-    inside = within(one.t, window) & within(one.t, span) & ~np.isnan(one.values)
-    if not inside.any():
-        raise BadInput(f"{file}: '{one.column}' has no sample in the time of the run, {span.start:g} to {span.end:g} s")
+    """Samples of a signal with a number in the window and a run's span; raises BadInput for none, or one of many."""
+    common, known = Window(max(window.start, span.start), min(window.end, span.end)), ~np.isnan(one.values)
+    inside = within(one.t, common) & known
+    if inside.sum() < min(known.sum(), 2) or not inside.any():
+        count = f"one sample of {known.sum()}" if inside.any() else "no sample"
+        time = f"the time that is fitted, {common.start:g} to {common.end:g} s"
+        raise BadInput(f"{file}: '{one.column}' has {count} in {time}")
     return one._replace(t=one.t[inside], values=one.values[inside])
 
 

@@ -91,6 +91,8 @@ COMMANDS = {
     f"{FIT} --free chain.span --data DATA": "is given twice, which would make errors too small",
     f"{FIT} --free chain.span --noise chain.sag=1": "noise chain.sag: this signal is given no column",
     f"{FIT} --free chain.span --map chain.pull=a": "a run of hanging_chain has no signal 'chain.pull'",
+    f"{FIT} --free chain.span --to 0": "'a' has one sample of 6 in the time that is fitted, 0 to 0 s",
+    f"{FIT} --free chain.span --shift 9": "'a' has no sample in the time that is fitted, 0 to 0.05 s",
     f"{FIT} --free chain.span --shift find": "shift find: the run of the start differs from ",
     f"{SWEEP}x": "vary x: must be KEY=a:b:n or KEY=x,y,z",
     f"{SWEEP}x=1,,2": "a value is empty",
