@@ -109,12 +109,13 @@ static int make_step(Instance *a, double t, double h) {
 
 int main(void) {
     char word[16], path[1024], guid[64];
-    int steps = 0, stages = 0;
+    int steps = 0, first = 0, stages = 0; /* a driver's stage is -1 */
     double h = 0.0;
     while (scanf("%15s", word) == 1 && strcmp(word, "run")) {
         if (!strcmp(word, "instance")) {
             Instance *a = &all[n];
             if (n == INSTANCES || scanf("%1023s %63s %d %d %d", path, guid, &a->stage, &a->inputs, &a->outputs) != 5) return 5;
+            if (a->stage < first) first = a->stage;
             if (a->stage >= stages) stages = a->stage + 1;
             load(path, guid);
         } else if (!strcmp(word, "states")) {
@@ -129,7 +130,7 @@ int main(void) {
     double *spent = malloc((size_t)steps * sizeof *spent);
     for (int k = 0; k < steps; k++) {
         double began = now();
-        for (int stage = 0; stage < stages; stage++) {
+        for (int stage = first; stage < stages; stage++) {
             for (int i = 0; i < m; i++)
                 if (all[wires[i].to].stage == stage) all[wires[i].to].u[wires[i].input] = all[wires[i].from].y[wires[i].output];
             for (int i = 0; i < n; i++) {
