@@ -147,14 +147,49 @@ def test_instances_share_a_process_only_where_there_are_too_many(guest, tmp_path
     (supervisor, "MOST", 1, "2 FMUs need processes of their own, and a run has at most 1"),
     (supervisor.resource, "getrlimit", lambda which: (40, 4096),
      r"2 FMUs need (\d+) open files, 40 are allowed: ulimit -n \1$"),
+    (supervisor, "fcntl", None, "a: processes of FMUs of yours need Linux: set in_process = true"),
 ])  # fmt: skip
-def test_too_many_fmus_are_refused(guest, tmp_path, monkeypatch, owner, name, value, said):
+def test_fmus_that_get_no_process_are_refused(guest, tmp_path, monkeypatch, owner, name, value, said):
     monkeypatch.setattr(owner, name, value)
     other = foreign_fmus.build(
         tmp_path / "Other.fmu", "guest", GUEST, library=foreign_fmus.library_of(guest), states=True
     )
     with pytest.raises(ComponentFailed, match=said):
         run(tmp_path, {"a": entry(guest), "b": entry(other)})
+
+
+WITHOUT_POSIX = """
+import sys, os
+sys.modules.update(dict.fromkeys(["fcntl", "resource", "pwd", "grp", "termios"]))
+del os.memfd_create
+from orchestrator.__main__ import main
+for line in sys.stdin.read().splitlines():
+    sys.argv[1:] = line.split()
+    try:
+        main()
+    except SystemExit as end:
+        assert not end.code, line
+"""
+
+
+@pytest.mark.long
+def test_without_posix_all_but_processes_of_others_fmus_runs(tmp_path):
+    """As on Windows, where ``fcntl`` and ``resource`` cannot be imported: run, report, build."""
+    commands = (
+        "run hanging_chain --stop 0.05 --no-estimate -o chain.mcap", "report chain.mcap -o chain.html",
+        "build hanging_chain --track rigid --native -o built",
+    )  # fmt: skip
+    program = [sys.executable, "-P", "-c", WITHOUT_POSIX]
+    options = {
+        "capture_output": True,
+        "text": True,
+        "cwd": tmp_path,
+        "env": os.environ | {"PYTHONPATH": str(supervisor.ROOT)},
+    }
+    done = subprocess.run(program, input="\n".join(commands), **options)
+    assert done.returncode == 0, done.stderr
+    assert {"chain.mcap", "chain.html", "built"} <= {file.name for file in tmp_path.iterdir()}
+    assert [file.suffix for file in (tmp_path / "built").iterdir()] == [".fmu"]
 
 
 @pytest.mark.parametrize("coupling", ["tracks_first", "jacobi", "gauss_seidel"])

@@ -8,9 +8,7 @@ unless it has left the group of the process.
 
 from __future__ import annotations
 
-import fcntl
 import os
-import resource
 import signal
 import socket
 import subprocess
@@ -31,6 +29,12 @@ from numpy.typing import NDArray
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests.process import LONGEST, LOST, pair, receive, send
 from orchestrator.cosim.messages import FATAL, PRINTED, Hear
+
+try:
+    import fcntl
+    import resource
+except ImportError:  # no POSIX: ``Rooms.open`` says what is missing
+    fcntl = resource = None  # type: ignore[assignment]
 
 MOST = 64  # processes of one run
 PERIOD = 0.1  # s between two looks at calls that take long
@@ -237,7 +241,12 @@ class Rooms(AbstractContextManager["Rooms"]):
         self._thread: threading.Thread | None = None
 
     def open(self, wanted: Sequence[RoomRequest]) -> dict[str, Room]:
-        """Start the processes of instances, all at once; raises ComponentFailed if they are too many."""
+        """Start the processes of instances, all at once; raises ComponentFailed for too many, and without Linux."""
+        if not wanted:
+            return {}
+        if fcntl is None or not hasattr(os, "memfd_create"):
+            name = wanted[0].name
+            raise ComponentFailed(f"{name}: processes of FMUs of yours need Linux: set in_process = true")
         sharing = {each.fmu for each in wanted if not each.alone}
         needed = sum(each.alone for each in wanted) + len(sharing)
         if needed > MOST:
@@ -245,7 +254,7 @@ class Rooms(AbstractContextManager["Rooms"]):
                 f"{needed} FMUs need processes of their own, and a run has at most {MOST}: set in_process = true"
             )
         files = len(os.listdir("/dev/fd")) + DESCRIPTORS * len(wanted) + SPARE
-        if wanted and files > (limit := resource.getrlimit(resource.RLIMIT_NOFILE)[0]) >= 0:
+        if files > (limit := resource.getrlimit(resource.RLIMIT_NOFILE)[0]) >= 0:
             raise ComponentFailed(f"{len(wanted)} FMUs need {files} open files, {limit} are allowed: ulimit -n {files}")
         free = MOST - needed
         rooms: dict[str, Room] = {}
@@ -261,7 +270,7 @@ class Rooms(AbstractContextManager["Rooms"]):
             else:
                 rooms[each.name] = room = shared.pop(0)
                 shared.append(room)
-        if rooms and self._thread is None:
+        if self._thread is None:
             self._thread = threading.Thread(target=self._watch, name="guests", daemon=True)
             self._thread.start()
         return rooms
