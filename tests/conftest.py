@@ -20,9 +20,9 @@ import foreign_fmus
 import psutil
 import pytest
 import typer
+from built_toy import build_toy
 from hypothesis import HealthCheck, settings
 
-from fmus.fmi.build import build_shell
 from orchestrator.cli import app, main
 from orchestrator.log.stream import Stream
 
@@ -31,7 +31,6 @@ settings.register_profile("untimed", deadline=None, suppress_health_check=[Healt
 settings.load_profile("untimed")
 
 HERE = Path(__file__).resolve().parent
-TOY = HERE / "toy"
 ROOT = HERE.parent
 
 
@@ -67,11 +66,6 @@ def pytest_collection_modifyitems(items):
         return first.index(name) if name in first else len(first), -sizes[item.path], str(item.path)
 
     items.sort(key=place)
-
-
-def build_toy(folder=None, name=None, **config):
-    """Build the FMU of a mass on a spring; ``config`` sets the number of spare inputs and outputs."""
-    return build_shell(TOY / "toy_fmu.py", {"spare": 3, "start": 0.1, **config}, folder, name, packages=[TOY])
 
 
 @cache

@@ -15,7 +15,7 @@ import zipfile
 from itertools import product
 
 import pytest
-from conftest import build_toy
+from built_toy import build_toy
 
 from fmus.cache import limit as cache_limit
 from fmus.cache.files import UntrustedFolder, cache_folder, private_folder, read_checked, write_checked

@@ -16,7 +16,7 @@ from fmus.cache.files import read_checked, write_checked
 TOY_RUN = """
 import sys
 from pathlib import Path
-from conftest import build_toy
+from built_toy import build_toy
 from orchestrator.cosim.component import Component
 def heard(name, status, message):
     print(status, message)

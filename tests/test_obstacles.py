@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -242,20 +243,23 @@ def test_the_points_of_grousers_are_those_of_a_link_in_their_place():
     assert np.array_equal(sections(LINK | {"grouser": whole}, (3, 2), False), sections(LINK, (3, 2), False))
 
 
+@cache
+def heights_over(*settings):
+    """Heights of the first wheel of a vehicle that drives off."""
+    moving = vehicle(*HALF, *DRIVES, *settings)
+    return history(moving, ["chassis.left.road_wheel[1].position.z"], 1.45, 0.005)[:, 0]
+
+
 @pytest.mark.long
-@pytest.mark.parametrize(("radius", "places", "missed"), [(0.02, 8, 4), (0.05, 4, 2), (0.152, 4, 3)])
+@pytest.mark.parametrize(("radius", "places", "missed"), [(0.02, 4, 2), (0.05, 4, 2), (0.152, 4, 3)])
 def test_wheels_rise_over_half_rounds_at_every_place_of_a_link(radius, places, missed):
     """Within 5 % of the rise with 32 points along a link; with those of level ground one place is missed (twin)."""
 
-    def heights_over(*settings):
-        moving = vehicle(*HALF, *DRIVES, *settings)
-        return history(moving, ["chassis.left.road_wheel[1].position.z"], 1.45, 0.005)[:, 0]
-
     def rise(place, points):
         obstacle = f"ground.half_round={{x=[{0.75 + place * LINK['pitch'] / places}], radius={radius}}}"
-        return (heights_over(obstacle, f"ground.refinement={list(points)}") - level).max()
+        return (heights_over(obstacle, f"ground.refinement={list(points)}") - heights_over()).max()
 
-    level, chosen = heights_over(), refinement({"half_round": {"radius": radius}}, LINK, 0.0)
+    chosen = refinement({"half_round": {"radius": radius}}, LINK, 0.0)
     most = [rise(place, (16, 1)) for place in range(places)]
     assert most == pytest.approx([rise(place, chosen) for place in range(places)], rel=0.05)
     assert abs(rise(missed, LEVEL) / most[missed] - 1.0) > (0.02 if radius > 0.1 else 0.5)

@@ -7,7 +7,7 @@ import sys
 import zipfile
 
 import pytest
-from conftest import TOY, build_toy
+from built_toy import TOY, build_toy
 
 from fmus import ahead
 from fmus.cache.sources import ROOT, search_path, source_hash, sources

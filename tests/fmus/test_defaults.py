@@ -6,7 +6,7 @@ from functools import cache
 import named_ports
 import numpy as np
 import pytest
-from conftest import build_toy
+from built_toy import build_toy
 
 from fmus.driver.model import Model as Driver
 from fmus.fmi.description import bounds

@@ -8,7 +8,7 @@ from ctypes import c_double, c_int32, c_int64
 import fmpy
 import numpy as np
 import pytest
-from conftest import TOY, build_toy
+from built_toy import TOY, build_toy
 from fmi3_instance import begun3
 from native_cases import CHAIN, CHASSIS, DRIVE, H, begun, native, ran
 from test_numbers import drive, parts

@@ -5,7 +5,7 @@ import sys
 import zipfile
 
 import pytest
-from conftest import build_toy
+from built_toy import build_toy
 
 from fmus.fmi.build import build
 from fmus.vehicles.vehicle import read_table, vehicle

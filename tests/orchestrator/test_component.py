@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from conftest import build_toy
+from built_toy import build_toy
 
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack

@@ -7,7 +7,8 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from conftest import build_toy, messages
+from built_toy import build_toy
+from conftest import messages
 
 from fmus.fmi.build import build_all
 from orchestrator.cli import main
