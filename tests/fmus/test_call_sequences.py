@@ -25,6 +25,7 @@ def python_fmu(case):
     return build(part.kind, {**part.config, "parameters": part.parameters})
 
 
+@pytest.mark.filterwarnings("ignore:overflow encountered in dot")  # of values up to 1e308
 @pytest.mark.parametrize(("make", "count"), [(lambda: native(DRIVE), 30), (lambda: native3(DRIVE), 30), (build_toy, 8)])
 def test_an_fmu_answers_as_the_rules_say(make, count):
     done = [call for seed in range(count) for call in calls.sequence(make(), seed)]

@@ -49,7 +49,7 @@ READERS = (
 def test_every_reading_command_says_first_that_a_log_was_cut_off(cotrack, cut, command):
     paths = {"LOG": cut / "cut.mcap", "WHOLE": cut / "whole.mcap"}
     status, _, err = cotrack(*(paths.get(word, word) for word in command))
-    with warnings.catch_warnings(record=True) as said, Log(paths["LOG"]) as log:
+    with pytest.warns(notices.LogNotice) as said, Log(paths["LOG"]) as log:
         last = max(float(log.read(topic).t[-1]) for topic in ("/chain/out", "/chain/links"))
     assert status == 0, err
     assert [str(one.message) for one in said] == [log.cut_off]
