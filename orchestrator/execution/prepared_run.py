@@ -19,6 +19,7 @@ from orchestrator.cosim.graph import ComponentFailed, Recordable, Stages, System
 from orchestrator.cosim.observers import Checkpoints, Logging, ReachedPoint, TimedCheckpoints
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.manifest import STATS_PERIOD
+from orchestrator.kernels.compiled import kernels
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.system_scene import SystemScene
@@ -154,6 +155,7 @@ def pace_of(run: RunTable) -> master.Clock | VariableStep | PowerResidual:
 
 def warm_up(stages: Stages, h: float) -> None:
     """Do one step and restore the state bit by bit, so that compiling and loading count as start-up."""
+    kernels()
     for member in (member for stage in stages for member in stage):
         component = member.component
         if not isinstance(component, Component) or not component.warms_up:

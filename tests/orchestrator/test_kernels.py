@@ -13,6 +13,7 @@ import pytest
 from numba.extending import register_jitable
 
 from orchestrator.cosim.program import Worker
+from orchestrator.execution.prepared_run import warm_up
 from orchestrator.kernels import compiled as compiled_module
 from orchestrator.kernels.compiled import CAN_STEP, REAL, WORD, compiled
 from orchestrator.kernels.intrinsics import (
@@ -283,3 +284,9 @@ def test_an_edit_of_any_source_is_another_object_file(tmp_path, monkeypatch):
             file.write("# edited\n")
         keys.add(compiled_module.cache_key())
     assert len(keys) == 1 + len(sources) >= 6
+
+
+def test_loading_them_counts_as_start_up():
+    compiled_module.kernels.cache_clear()
+    warm_up((), 1e-3)
+    assert compiled_module.kernels.cache_info().currsize == 1
