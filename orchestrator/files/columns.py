@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,15 @@ from orchestrator.files.budget import CSV_LINE, OverBudget, read_file
 # floats (1e20 of CF, 9.97e36 of netCDF, the largest of float32).
 MARKS = (-9999.0, -99999.0, -32767.0, -32768.0, -2147483648.0)
 HUGE = 1e19
+ELEMENT = re.compile(r".*\S[\[(]\d+(?:, ?\d+)*[\])]")  # an element of an array; a dimensionless "v [1]" has a blank
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # begin what a spreadsheet runs (OWASP, CSV injection)
 
 
 def head(cell: str) -> tuple[str, str]:
-    """Name and unit in a head, "v [km/h]", "v (km/h)" or "v, km/h"; "" without a unit."""
+    """Name and unit in a head, "v [km/h]", "v (km/h)" or "v, km/h"; "" without a unit, as of an element, "v[1,2]"."""
     text = cell.strip()
+    if ELEMENT.fullmatch(text):
+        return text, ""
     for opening, closing in ("[]", "()", (",", "")):
         name, bracket, unit = text.removesuffix(closing).rpartition(opening)
         if bracket and text.endswith(closing):

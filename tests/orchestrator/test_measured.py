@@ -69,6 +69,7 @@ def test_the_rounding_of_a_column_is_known_by_its_digits(form):
         ("v [km/h]", "v", 3.6), ('"v, km/h"', "v, km/h", 3.6), (" v (mm/s) ", "v", 1e3),
         (' "v, km/h"', "v, km/h", 3.6), ("v", "v:km/h", 3.6),
         ("v [mm/s]", "v [mm/s]:km/h", 3.6), ("v", "v", 1.0), ("a:b", "a:b", 1.0), ("v (front) [m/s]", "v (front)", 1.0),
+        ('"v[1,2]"', "v[1,2]", 1.0), ("v[3]", "v[3]:km/h", 3.6), ("v[3] [km/h]", "v[3]", 3.6), ("v(10)", "v(10)", 1.0),
     ],
 )  # fmt: skip
 def test_an_offset_in_any_unit(run, write, head, column, factor):
