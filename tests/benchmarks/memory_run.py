@@ -1,4 +1,4 @@
-"""One run, to measure its memory."""
+"""Runs one after the other, to measure their memory."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from orchestrator.scene.scene import load
 from orchestrator.studies.leaving_out import peak
 
 
-def measure(scene: str, track: str, stop: float, settings: Sequence[str] = ()) -> float:
-    """Peak memory of this process after a run to ``stop`` s, MB."""
-    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        result = simulate(load(scene, track, [f"run.stop={stop} s", *settings]), Path(folder) / "run.mcap")
-    if result["status"] != "ok":
-        raise RuntimeError(result["message"])
-    return peak()
+def measure(scene: str, track: str, stops: Sequence[float], settings: Sequence[str] = ()) -> list[float]:
+    """Peak memory of this process after each run to one of ``stops``, s, in their order, MB."""
+    peaks = []
+    for stop in stops:
+        with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+            result = simulate(load(scene, track, [f"run.stop={stop} s", *settings]), Path(folder) / "run.mcap")
+        if result["status"] != "ok":
+            raise RuntimeError(result["message"])
+        peaks.append(peak())
+    return peaks

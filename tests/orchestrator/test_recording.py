@@ -307,8 +307,7 @@ HALF = ["symmetric=true", "planar=true", "run.step=2 ms"]  # the fast form of a 
 @pytest.mark.long
 def test_a_long_run_needs_no_more_memory_than_a_short_one():
     """A run of 15 s needs no more memory than one of 3 s; its whole log would take 57 MB more."""
-    options = {"scene": "straight", "track": "flexible", "settings": HALF}
-    short, long = (isolated("memory_run", stop=stop, **options) for stop in (3.0, 15.0))
+    short, long = isolated("memory_run", scene="straight", track="flexible", stops=(3.0, 15.0), settings=HALF)
     assert long < short + 30.0
 
 
