@@ -89,11 +89,11 @@ def test_exact_data_give_the_numbers_back(data, noise, tmp_path):
 
 @pytest.mark.long
 def test_noisy_data_give_the_numbers_within_their_errors(data, noise, tmp_path):
-    """Errors are those of the scatter: the sum of 6 squares in units of the errors is chi-squared."""
-    found = [fitted(data(seed), tmp_path / "fit", noise=noise) for seed in range(3)]
+    """Errors are those of the scatter: the sum of 10 squares in units of the errors is chi-squared."""
+    found = [fitted(data(seed), tmp_path / "fit", noise=noise) for seed in range(5)]
     assert all(one.ok and one.verdict.startswith("fitted: ") for one in found), [one.verdict for one in found]
     squares, off = (float(np.sum(np.square([deviations(one, factor) for one in found]))) for factor in (1.0, 1.02))
-    low, high = 0.676, 18.55  # 0.5 and 99.5 % of chi-squared with 6 degrees of freedom
+    low, high = 2.16, 25.2  # 0.5 and 99.5 % of chi-squared with 10 degrees of freedom
     assert low < squares < high
     assert off > high, "numbers 2 per cent off would be noticed"
 
