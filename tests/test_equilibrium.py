@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from random_vehicles import random_vehicle
+import random_vehicles
 from vehicle_in_process import InProcess
 
 from fmus.interface.model import StepFailed
@@ -226,7 +226,7 @@ def test_soil_moves_no_idler_and_adds_tension():
 
 
 @pytest.mark.long
-def test_what_does_not_stand_keeps_its_tension_as_drawn():
+def test_what_does_not_stand_keeps_its_tension_as_drawn(monkeypatch):
     for settings, why in (
         (("vehicle.gravity=0",), "without gravity"),
         (("start.state=drawn", "vehicle.chassis.centre=[9, 0, 0.4]"), "tips over"),
@@ -236,7 +236,14 @@ def test_what_does_not_stand_keeps_its_tension_as_drawn():
         assert scene.standing.drawn == pytest.approx([14.38e3], rel=1e-3)
         assert scene.standing.tracks == ()
     with pytest.raises(BadInput, match=r"tension = 1845\.3 N: no place of the idler was found where the"):
-        placed(load("straight", "rigid", {"vehicle": random_vehicle(6)}))
+        placed(load("straight", "rigid", {"vehicle": random_vehicles.random_vehicle(6)}))
+
+    def sags(vehicle, guess):
+        raise StepFailed("it has sagged")
+
+    monkeypatch.setattr(equilibrium.VehicleOnChains, "come_to_rest", sags)
+    with pytest.raises(BadInput, match=r"at the nearest as drawn it has sagged; it is not reached with the idler"):
+        placed(load("straight", "rigid", {"vehicle": random_vehicles.random_vehicle(6)}))
 
 
 @pytest.mark.long
@@ -531,7 +538,7 @@ def test_a_placed_scene_keeps_its_place():
 @pytest.mark.long
 def test_a_vehicle_that_cannot_rest_is_refused_in_an_engineer_s_words(monkeypatch, uncached):
     """Wheels too small for their load pass through the links: the chain has two tensions there, and none is taken."""
-    table = random_vehicle(20)
+    table = random_vehicles.random_vehicle(20)
     scene = load("straight", "flexible", {"vehicle": table})
     config = {**closed_track_config(scene), "link_outputs": False}
     idler = tension_wheel(config, "idler", scene.vehicle.track.tension)
@@ -555,10 +562,26 @@ def test_a_vehicle_that_cannot_rest_is_refused_in_an_engineer_s_words(monkeypatc
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(("k", "model"), [(13, "flexible"), (78, "flexible"), (74, "rigid")])
+def test_vehicles_whose_chains_are_hard_to_lay_out_start(k, model, monkeypatch):
+    """Their chains are far on the way still, carry another tension there, or would snap past a roller (twin)."""
+    monkeypatch.setattr(random_vehicles, "SEED", 9090)
+    scene = placed(load("straight", model, {"vehicle": random_vehicles.random_vehicle(k), "symmetric": True}))
+    told, asked = scene.start.equilibrium.tracks[0].tension, scene.vehicle.track.tension
+    assert told == pytest.approx(asked, rel=0.01)
+    track = InProcess(scene)["left_track"]
+    assert track["tension.mean"] == pytest.approx(told, rel=1e-3)
+    if model == "rigid":
+        assert track["tension.max"] < 1.1 * asked
+        monkeypatch.setattr(equilibrium.RigidLinks, "_settle_slowly", lambda model, pins: None)
+        assert InProcess(scene)["left_track"]["tension.max"] > 1.5 * asked
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("leans", [False, True])
 def test_a_run_s_track_has_the_tension_of_the_equilibrium(monkeypatch, uncached, leans):
     """Of a slack crawler-like vehicle, and one that leans; a chain laid out otherwise is refused."""
-    settings = {} if leans else {"vehicle": random_vehicle(16)}
+    settings = {} if leans else {"vehicle": random_vehicles.random_vehicle(16)}
     if leans:
         settings["vehicle.chassis.centre"] = [-2.006, 0.1, 0.406]
 
@@ -579,7 +602,8 @@ def test_a_run_s_track_has_the_tension_of_the_equilibrium(monkeypatch, uncached,
 @pytest.mark.long
 def test_a_chain_that_finds_no_rest_in_soil_is_lowered_in_shorter_stages(monkeypatch, uncached):
     """A vehicle that sinks by 167 mm; in stages of 50 mm its chain is lost (twin)."""
-    settings = {"vehicle": random_vehicle(104), "ground.soil.name": "clayey_soil_38", "run.allow": ["belly"]}
+    settings = {"vehicle": random_vehicles.random_vehicle(104), "ground.soil.name": "clayey_soil_38"}
+    settings["run.allow"] = ["belly"]
     rest = placed(load("straight", "flexible", settings)).start.equilibrium
     assert rest.height == pytest.approx(-0.1673, abs=1e-4)
     monkeypatch.setattr(start, "FINER", 0)
@@ -593,5 +617,5 @@ def test_a_tension_that_jumps_ends_the_search(monkeypatch, uncached):
     found, one = [], standing.tension_wheel
     monkeypatch.setattr(standing, "tension_wheel", lambda *given: found.append(one(*given)) or found[-1])
     with pytest.raises(BadInput, match=r"nearest tension found is \S+ N, and it jumps: the vehicle rests in two ways"):
-        placed(load("straight", "flexible", {"vehicle": random_vehicle(20)}))
+        placed(load("straight", "flexible", {"vehicle": random_vehicles.random_vehicle(20)}))
     assert len(found) < standing.MOST // 2

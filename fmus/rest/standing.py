@@ -79,9 +79,11 @@ def standing_vehicle(
         search = _Search(chassis, tracks, tension, found("cables") if links == "rigid" else None)
         try:
             places, pushes, drawn, rest = cached_result("places", "standing", [*request, links], search.run)
-        except (InvalidParameter, StepFailed):
-            if search.missed and search.guess is None:  # wheels that are too far out or in: what fails is their result
-                raise BadInput(f"vehicle.track.tension = {tension:.6g} N: {search.missed}") from None
+        except (InvalidParameter, StepFailed) as error:
+            if search.missed and search.guess is None:  # wheels too far out or in may be the cause of what fails
+                raise BadInput(
+                    f"vehicle.track.tension = {tension:.6g} N: at the nearest as drawn {error}; it is {search.missed}"
+                ) from None
             raise
         return StandingVehicle(places, pushes, drawn, read_equilibrium(rest))
 

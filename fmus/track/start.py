@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from math import ceil
 from typing import Any
 
@@ -140,6 +141,8 @@ class LaidChain:
                 except StepFailed:  # a slack chain on wheels may be on its way still: search on from there
                     if not (rest and self.wheel_list):
                         raise
+                    with suppress(StepFailed):
+                        return self.find_equilibrium(self.start_rows)
                     self.find_equilibrium(self.start_rows)
 
     def _lean(self, pins: Floats) -> None:
