@@ -242,7 +242,7 @@ def test_what_does_not_stand_keeps_its_tension_as_drawn(monkeypatch):
         raise StepFailed("it has sagged")
 
     monkeypatch.setattr(equilibrium.VehicleOnChains, "come_to_rest", sags)
-    with pytest.raises(BadInput, match=r"at the nearest as drawn it has sagged; it is not reached with the idler"):
+    with pytest.raises(BadInput, match=r"N: not reached with the idler .*; at the nearest as drawn: it has sagged"):
         placed(load("straight", "rigid", {"vehicle": random_vehicles.random_vehicle(6)}))
 
 

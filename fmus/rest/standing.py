@@ -82,7 +82,7 @@ def standing_vehicle(
         except (InvalidParameter, StepFailed) as error:
             if search.missed and search.guess is None:  # wheels too far out or in may be the cause of what fails
                 raise BadInput(
-                    f"vehicle.track.tension = {tension:.6g} N: at the nearest as drawn {error}; it is {search.missed}"
+                    f"vehicle.track.tension = {tension:.6g} N: {search.missed}; at the nearest as drawn: {error}"
                 ) from None
             raise
         return StandingVehicle(places, pushes, drawn, read_equilibrium(rest))
