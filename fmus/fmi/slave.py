@@ -45,7 +45,7 @@ from fmus.fmi.same_build import SameBuild
 from fmus.fmi.saved import SlaveState, from_bytes, to_bytes
 from fmus.interface import numbers
 from fmus.interface.defaults import check_names, check_value, configured_ports, experiment
-from fmus.interface.model import InvalidParameter, ModelProtocol, StepFailed, finite, flaw_of_state
+from fmus.interface.model import ComponentModel, InvalidParameter, StepFailed, finite, flaw_of_state
 from fmus.interface.ports import LINKS_ARRAY, REALS_ARRAY, Port, variables
 from fmus.kernels.jit import compiled_before
 from fmus.vehicles.ranges import contradictions
@@ -148,7 +148,7 @@ class Slave(Fmi2Slave):
     ``same_build``); an FMU of another build is refused, because it would silently run the wrong code.
     """
 
-    model: type[ModelProtocol]
+    model: type[ComponentModel]
 
     def __init_subclass__(cls) -> None:
         _add_references(vars(sys.modules[cls.__module__]))  # the shell runs once more before each release

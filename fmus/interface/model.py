@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ def finite(values: Floats) -> bool:
     return math.isfinite(values.dot(values)) or bool(np.isfinite(values).all())
 
 
-def flaw_of_state(model: ModelProtocol, state: Floats) -> str:
+def flaw_of_state(model: ComponentModel, state: Floats) -> str:
     """Why an initialised model cannot have this flat state; empty if it can."""
     if state.shape != model.state.shape:
         return f"{state.size} numbers for {model.state.size}"
@@ -91,9 +91,12 @@ class FreeParameters(NamedTuple):
 
 
 class ComponentModel:
-    """Base of the components' models: ``parts`` (named tuples of arrays and numbers) and kernels on them.
+    """Base of the components' models, without FMI: ``parts`` (named tuples of arrays and numbers) and kernels on them.
 
-    A model that starts calls ``begin`` with its parts. The kernels are
+    ``ports`` lists Real inputs first, then Real outputs, then Real link outputs, then Integer outputs, then
+    parameters (Real and String). ``state`` holds everything that changes between steps in one contiguous float64
+    array that is allocated once: a model is saved by copying it (and ``counters``), and restored by copying back in
+    place. A model that starts calls ``begin`` with its parts. The kernels are
 
     - ``start_kernel(parts, messages, p)``: sets the state to the start for the parameters ``p``, those of
       ``start_parameters``; returns 0 or an index of ``refusals``;
@@ -111,15 +114,18 @@ class ComponentModel:
     start_parameters: tuple[str, ...] = ()  # names of the parameters that ``start_kernel`` reads
     ports: tuple[Port, ...]
     inputs: int  # number of Real inputs
-    indices: tuple[tuple[int, int], ...] = ()  # see ``ModelProtocol``
+    indices: tuple[tuple[int, int], ...] = ()  # (place in the state, entries) of the indices that the state holds
     state: Floats
-    counters: NDArray[np.int64]
-    link_ports = 0
+    counters: NDArray[np.int64]  # values of the Integer outputs, in port order
+    link_ports = 0  # number of link outputs, the last of the Real outputs (computed only when read)
     unconnected: Floats = np.zeros(0)  # start values of the inputs of mounts: one that has them is moved by nothing
     start_kernel: Callable[..., int]
     step_kernel: Callable[..., int]
     output_kernel: Callable[..., None]
     link_output_kernel: Callable[..., None] | None = None
+
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        """Make a model from ``config``, the resolved JSON that the build packed beside the component."""
 
     @classmethod
     def reads(cls, config: Mapping[str, Any]) -> list[str]:
@@ -157,7 +163,7 @@ class ComponentModel:
         return True
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
-        """See ``ModelProtocol``."""
+        """Set ``state`` to the start; raises InvalidParameter or StepFailed."""
         raise NotImplementedError
 
     def compile(self, parameters: Mapping[str, float | int | str]) -> None:
@@ -220,42 +226,6 @@ class ComponentModel:
         return self._show_links
 
     def warnings(self) -> list[str]:
-        """Return, and forget, the warnings since the last call."""
+        """Return, and forget, the warnings since the last call: sentences to log with status warning."""
         new, self._new_warnings = self._new_warnings, []
         return new
-
-
-class ModelProtocol(Protocol):
-    """Protocol of a component without FMI.
-
-    ``ports`` lists Real inputs first, then Real outputs, then Real link outputs, then Integer outputs, then
-    parameters (Real and String). ``state`` holds everything that changes between steps in one contiguous float64
-    array that is allocated once: a model is saved by copying it (and ``counters``), and restored by copying back in
-    place.
-    """
-
-    step_kernel: Any  # the kernel of a step: compiled at the first step on a machine
-    ports: tuple[Port, ...]
-    link_ports: int  # number of link outputs, the last of the Real outputs (computed only when read)
-    state: Floats
-    counters: NDArray[np.int64]  # values of the Integer outputs, in port order
-    indices: tuple[tuple[int, int], ...]  # (place in the state, entries) of the indices that the state holds
-    unconnected: Floats  # see ``ComponentModel``
-
-    def __init__(self, config: Mapping) -> None:
-        """Make a model from ``config``, the resolved JSON that the build packed beside the component."""
-
-    def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
-        """Set ``state`` to the start; raises InvalidParameter or StepFailed."""
-
-    def step(self, t: float, h: float, u: Floats) -> None:
-        """Advance ``state`` from t to t + h with the inputs ``u`` of time t; raises StepFailed."""
-
-    def outputs(self, y: Floats) -> None:
-        """Write the Real outputs (without link outputs) that belong to ``state`` into ``y``."""
-
-    def link_outputs(self, y: Floats) -> None:
-        """Write the Real link outputs that belong to ``state`` into ``y``."""
-
-    def warnings(self) -> list[str]:
-        """Return, and forget, the warnings since the last call: sentences to log with status warning."""

@@ -28,7 +28,7 @@ def header(
 ) -> str:
     """Text of ``model.h`` without the digest of the shape, for FMI 3.0 if ``arrays`` are given, else for FMI 2.0.
 
-    ``sizes``: lengths of the blocks x, n, f, k, z; ``indices``: see ``interface.model.ModelProtocol``; ``sentences``:
+    ``sizes``: lengths of the blocks x, n, f, k, z; ``indices``: see ``interface.model.ComponentModel``; ``sentences``:
     tables of texts by name.
     """
     reals = [port for port in variables if isinstance(port.start, float)]
