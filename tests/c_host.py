@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fmus.native.machine_code import LINUX, WINDOWS, compiler
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.fmu_files import unpack
+from orchestrator.fmi.fmu_files import unpack
 from orchestrator.scene.assembly import build_native_all
 
 HOST = Path(__file__).parent / "host" / "host.c"

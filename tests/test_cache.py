@@ -19,11 +19,11 @@ from built_toy import build_toy
 
 from fmus.cache import limit as cache_limit
 from fmus.cache.files import UntrustedFolder, cache_folder, private_folder, read_checked, write_checked
-from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.master import RunOutcome
 from orchestrator.execution import precision
 from orchestrator.execution.precision import Setting
 from orchestrator.execution.truth import FIGURES, LOGS, truth
+from orchestrator.fmi.fmu_files import unpack
 from orchestrator.scene.scene import load
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="no owners and modes there")

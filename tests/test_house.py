@@ -21,7 +21,7 @@ BASES = {"fmus.track_rigid", "fmus.track_rigid.model"}  # from which another kin
 
 # Packages of the orchestrator by level: each imports only from levels below its own, anywhere in its modules.
 STOREYS = (
-    ("files", "vocabulary"), ("kernels",), ("log",), ("cosim",), ("results",), ("scene", "fmu_check"),
+    ("files", "vocabulary"), ("kernels", "fmi"), ("log",), ("cosim",), ("results",), ("scene", "fmu_check"),
     ("execution",), ("studies",), ("recorded_run",), ("cli",),
 )  # fmt: skip
 # Rooms of fmus from the lowest: each imports only from those before its own, anywhere in its modules.
@@ -32,13 +32,12 @@ ROOMS = (
 )  # fmt: skip
 # Modules that run any co-simulation FMU and depend on no FMU of the project.
 IN_COSIM = (
-    "base_units component messages variable_arrays fmi2_library fmi3_library fmu_files model_description graph"
-    " mixed_exchange program row_writer master"
+    "base_units callbacks component fast_calls messages variables texts graph mixed_exchange program row_writer master"
 )
 GENERIC = [
     *(
         file.relative_to(ORCHESTRATOR).as_posix()
-        for place in ("files", "kernels", "cosim/coupling", "cosim/guests", "log", "fmu_check")
+        for place in ("files", "kernels", "fmi", "cosim/coupling", "cosim/guests", "log", "fmu_check")
         for file in sorted((ORCHESTRATOR / place).glob("*.py"))
         # a log's system.json as the project writes it; files of tests
         if file.name not in ("recorded_system.py", "tools.py", "measured_formats.py", "bags.py")

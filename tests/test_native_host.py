@@ -17,7 +17,7 @@ from vehicle_in_process import InProcess
 
 from fmus.fmi.build import build_all
 from fmus.native.machine_code import compiler
-from orchestrator.cosim.fmu_files import unpack
+from orchestrator.fmi.fmu_files import unpack
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load

@@ -19,8 +19,8 @@ import typer
 
 from fmus.track.choices import TRACKS
 from fmus.vehicles.tables import BadInput, path_text
-from orchestrator.cosim.messages import WARNING
 from orchestrator.cosim.narration import Narration
+from orchestrator.fmi.slave import WARNING
 from orchestrator.log.extra import lacking
 from orchestrator.log.notices import LogNotice
 
@@ -163,8 +163,9 @@ def refusals() -> tuple[type[Exception], ...]:
     from fmus.fmi.build import BuildFailed
     from orchestrator.cosim.checkpoint import UnusableCheckpoint
     from orchestrator.cosim.coupling.scheme import CouplingFailed
-    from orchestrator.cosim.graph import ComponentFailed, Miswired
+    from orchestrator.cosim.graph import Miswired
     from orchestrator.execution.replays import UnfitLog
+    from orchestrator.fmi.slave import ComponentFailed
     from orchestrator.log.extra import NotInstalled
     from orchestrator.log.log_file import LogFailed
     from orchestrator.log.reader import LogUnreadable, Missing

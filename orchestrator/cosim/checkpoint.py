@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import ComponentFailed, Floats
+from orchestrator.cosim.graph import Floats
 from orchestrator.cosim.messages import ComponentWarning
+from orchestrator.fmi.slave import ComponentFailed
 
 _LENGTH = struct.Struct("<Q")
 _KINDS = ("<f8", "|u1")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.messages import ComponentWarning
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.time_series import Floats
 
 Indices = NDArray[np.intp]
@@ -64,10 +65,6 @@ class System(NamedTuple):
 
     instances: tuple[Instance, ...]
     connections: tuple[Connection, ...]
-
-
-class ComponentFailed(RuntimeError):
-    """An FMU cannot be loaded or a call failed; the message is one sentence with the instance name."""
 
 
 class ComponentEnded(ComponentFailed):

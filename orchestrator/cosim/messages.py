@@ -6,10 +6,10 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)  # FMI status
+from orchestrator.fmi.slave import DISCARD, ERROR, PENDING, WARNING
+
 PRINTED = "printed"  # category of what an FMU prints
 Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a warning only the first of its kind
-Hear = Callable[[int, str, str], None]  # FMI status, message, category
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 

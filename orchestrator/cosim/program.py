@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.graph import ComponentFailed, Floats, Indices
+from orchestrator.cosim.graph import Floats, Indices
 from orchestrator.cosim.row_writer import RowWriter
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, record
 from orchestrator.log.time_series import Rule

@@ -24,12 +24,13 @@ from fmus.track.choices import TRACKS
 from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import power_residual
-from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System
+from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.cosim.guests.supervisor import Room, RoomRequest, Rooms
 from orchestrator.cosim.messages import Logger
-from orchestrator.cosim.model_description import loadable
 from orchestrator.cosim.observers import statistics_names
-from orchestrator.cosim.variable_arrays import LINK_FAMILIES
+from orchestrator.cosim.variables import LINK_FAMILIES
+from orchestrator.fmi.model_description import loadable
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.signal_names import did_you_mean, worded
 from orchestrator.results.measures import FIGURES
 from orchestrator.scene.assembly import assemble, system
@@ -172,9 +173,11 @@ def load_components(
     for connection in graph.connections:
         if connection.carries == "discrete":
             target, source = components[connection.target], components[connection.source]
-            target.input_texts |= dict.fromkeys(connection.inputs, source.texts)
+            target.variables.input_texts |= dict.fromkeys(connection.inputs, source.variables.texts)
             pairs = zip(connection.inputs, connection.outputs, strict=True)
-            target.links_in |= {into: f"{source.name}.{output} -> {target.name}.{into}" for into, output in pairs}
+            target.variables.links_in |= {
+                into: f"{source.name}.{output} -> {target.name}.{into}" for into, output in pairs
+            }
     own = [instance for instance in graph.instances if instance.guest is None]
     start, stop = times
     for instance in own:  # whose times are those of the scene
@@ -182,7 +185,7 @@ def load_components(
     initialised = {instance.name: components[instance.name] for instance in own}
     guests = [instance for instance in graph.instances if instance.guest is not None]
     initialise(guests, graph.connections, components, initialised, times)
-    power_residual.check_bonds(graph.connections, lambda instance, name: components[instance].dimension(name))
+    power_residual.check_bonds(graph.connections, lambda instance, name: components[instance].variables.dimension(name))
     return components
 
 

@@ -192,7 +192,7 @@ def _commit() -> str:
 
 def attach_texts(recorder: Recorder, components: Mapping[str, Component]) -> None:
     """Attach the texts of connected Strings, which the log holds as numbers."""
-    texts = {signal: words for each in components.values() for signal, words in each.recorded_texts().items()}
+    texts = {signal: words for each in components.values() for signal, words in each.variables.recorded_texts().items()}
     if texts:
         recorder.attach(TEXTS, as_json(texts))
 

@@ -29,12 +29,13 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.cosim import checkpoint, master
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import ComponentFailed, Feed, Stages, wire
+from orchestrator.cosim.graph import Feed, Stages, wire
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import Logging, ProgressBar
-from orchestrator.cosim.variable_arrays import LINK_FAMILIES
+from orchestrator.cosim.variables import LINK_FAMILIES
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.execution.simulate import simulate
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.log_metadata import CHECKPOINT
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Rule

@@ -15,10 +15,11 @@ from orchestrator.cosim.coupling import coupling
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme, copy_inputs, require_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import ComponentFailed, Recordable, Stages, System, wire
+from orchestrator.cosim.graph import Recordable, Stages, System, wire
 from orchestrator.cosim.observers import Checkpoints, Logging, ReachedPoint, TimedCheckpoints
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.manifest import STATS_PERIOD
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.kernels.compiled import kernels
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.log.recorder import Recorder

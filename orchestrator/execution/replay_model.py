@@ -69,7 +69,7 @@ class Replay(NamedTuple):
         known, so it can be replayed itself. Raises BadInput, UnfitLog.
         """
         log, name, model = self.log, self.component.name, self.model
-        own = self.component.conversions, self.component.converted_units
+        own = self.component.variables.conversions, self.component.variables.converted_units
         instance = Instance(
             name,
             model.fmu,
@@ -138,10 +138,10 @@ def open_replay(
                 starts=model.numbers.starts if model.numbers else (),
             ) as component,
         ):
-            component.know_texts(texts_of(log))
+            component.variables.know_texts(texts_of(log))
             component.start_time = 0.0 if guest is None else _start_time(log)
             component.start_with(entry.get("inputs", {}))
-            settable = set(component.parameters)
+            settable = set(component.variables.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in settable}
             yield Replay(log, component, parameters, model)
 

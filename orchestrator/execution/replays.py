@@ -166,7 +166,7 @@ def answer(
             if len(component.y_links) and recorder.due(f"/{name}/links", k):
                 component.read_links()
                 recorder.write(f"/{name}/links", k, t, h, component.y_links)
-        if texts := component.recorded_texts():
+        if texts := component.variables.recorded_texts():
             recorder.attach(TEXTS, json.dumps(texts).encode())
         recorder.close("ok", "", len(inputs.t), warnings=[asdict(warning) for warning in component.warnings])
     return len(inputs.t)

@@ -14,7 +14,6 @@ from fmus.fmi.build import BuildFailed
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.scheme import CouplingFailed
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests.supervisor import Rooms
 from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.narration import Narration
@@ -25,6 +24,7 @@ from orchestrator.execution.loading import load_scene, require_signals
 from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
 from orchestrator.files.command import command_scope
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.container import BESIDE_A_RUN
 from orchestrator.log.log_file import LogFailed, check_writable
 from orchestrator.log.message_records import Event

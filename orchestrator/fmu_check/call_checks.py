@@ -12,8 +12,8 @@ from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
-from orchestrator.cosim.messages import WARNING
-from orchestrator.cosim.model_description import number_of_elements
+from orchestrator.fmi.model_description import number_of_elements
+from orchestrator.fmi.slave import WARNING
 from orchestrator.fmu_check.instance import (
     CallRefused,
     Instance,
@@ -44,37 +44,48 @@ class Misuse(NamedTuple):
 
 def _set(causality: str, instance: Instance, subject: Subject) -> int:
     """Set the first Real of a causality to its value plus 1."""
-    variables = [v for v in subject.variables(causality, subject.fmi.REAL) if v.variability in ("fixed", "continuous")]
+    variables = [v for v in subject.variables(causality, subject.fmi.real) if v.variability in ("fixed", "continuous")]
     if not variables:
-        raise NotApplicable(f"there is no {subject.fmi.REAL} {causality}")
+        raise NotApplicable(f"there is no {subject.fmi.real} {causality}")
     references = [variables[0].valueReference]
     return instance.set_reals(references, instance.get_reals(references, number_of_elements(variables[0]))[1] + 1.0)
 
 
-def _call(function: str, instance: Instance, subject: Subject) -> int:
-    fmi = subject.fmi
-    arguments = {fmi.LATE: fmi.setup(subject.start), "DoStep": fmi.step(subject.start, subject.step)}
-    return instance.call(function, *arguments.get(function, ()))
+def _step(instance: Instance, subject: Subject) -> int:
+    return int(instance.attempt(instance.slave.step, subject.start, subject.step, False))
 
 
-def _enter_twice(instance: Instance, subject: Subject) -> int:
-    function, *arguments = subject.fmi.entry(subject.start)[-1]
-    return instance.call(function, *arguments)
+def _enter(instance: Instance, subject: Subject) -> int:
+    return int(instance.attempt(instance.slave.enter_initialisation))
+
+
+def _late(instance: Instance, subject: Subject) -> int:
+    if subject.is_fmi3:
+        return _enter(instance, subject)
+    return int(instance.attempt(instance.slave.setup, subject.start, None))
+
+
+def _exit(instance: Instance, subject: Subject) -> int:
+    return int(instance.attempt(instance.slave.exit_initialisation))
+
+
+def _terminate(instance: Instance, subject: Subject) -> int:
+    return int(instance.attempt(instance.slave.terminate))
 
 
 MISUSES = (
-    Misuse("DoStep", "before initialisation", "instantiated", partial(_call, "DoStep")),
-    Misuse("ExitInitializationMode", "without entry", "instantiated", partial(_call, "ExitInitializationMode")),
-    Misuse("Terminate", "before initialisation", "instantiated", partial(_call, "Terminate")),
-    Misuse("DoStep", "in initialisation mode", "initialising", partial(_call, "DoStep")),
-    Misuse("EnterInitializationMode", "twice", "initialising", _enter_twice),
-    Misuse("{fmi.LATE}", "after initialisation", "running", lambda i, s: _call(s.fmi.LATE, i, s)),
-    Misuse("Set{fmi.REAL}", "of an output", "running", partial(_set, "output")),
-    Misuse("Set{fmi.REAL}", "of a fixed parameter while running", "running", partial(_set, "parameter")),
-    Misuse("Get{fmi.REAL}", "of an unknown value reference", "running", lambda i, s: i.get_reals([UNKNOWN], 1)[0]),
-    Misuse("Set{fmi.REAL}", "of an unknown value reference", "running", lambda i, s: i.set_reals([UNKNOWN], [0.0])),
-    Misuse("DoStep", "after termination", "terminated", partial(_call, "DoStep")),
-    Misuse("Terminate", "twice", "terminated", partial(_call, "Terminate")),
+    Misuse("DoStep", "before initialisation", "instantiated", _step),
+    Misuse("ExitInitializationMode", "without entry", "instantiated", _exit),
+    Misuse("Terminate", "before initialisation", "instantiated", _terminate),
+    Misuse("DoStep", "in initialisation mode", "initialising", _step),
+    Misuse("EnterInitializationMode", "twice", "initialising", _enter),
+    Misuse("{fmi.late}", "after initialisation", "running", _late),
+    Misuse("Set{fmi.real}", "of an output", "running", partial(_set, "output")),
+    Misuse("Set{fmi.real}", "of a fixed parameter while running", "running", partial(_set, "parameter")),
+    Misuse("Get{fmi.real}", "of an unknown value reference", "running", lambda i, s: i.get_reals([UNKNOWN], 1)[0]),
+    Misuse("Set{fmi.real}", "of an unknown value reference", "running", lambda i, s: i.set_reals([UNKNOWN], [0.0])),
+    Misuse("DoStep", "after termination", "terminated", _step),
+    Misuse("Terminate", "twice", "terminated", _terminate),
 )
 
 
@@ -85,7 +96,7 @@ def check_phases(subject: Subject) -> Verdict:
     for misuse in subject.each(MISUSES):
         subject.doing = f"in {misuse.name(subject)}"
         with suppress(NotApplicable), Instance(subject) as instance:
-            _enter(instance, misuse.phase)
+            _bring(instance, misuse.phase)
             status = misuse.call(instance, subject)
             refused += status > WARNING
             for fault in instance.fatal(status) if status > WARNING else ["accepted"]:
@@ -96,23 +107,23 @@ def check_phases(subject: Subject) -> Verdict:
             faults += part(subject)
         except CallRefused as refusal:
             faults.append(str(refusal))
-    words = f"{refused} calls outside their phase and another {subject.fmi.TOKEN} are refused"
+    words = f"{refused} calls outside their phase and another {subject.fmi.token} are refused"
     note = f"{words}; {subject.name('Reset')} makes a new start"
     return Verdict(note, tuple(faults))
 
 
-def _enter(instance: Instance, phase: str) -> None:
+def _bring(instance: Instance, phase: str) -> None:
     if phase == "initialising":
         instance.enter()
     elif phase != "instantiated":
         instance.initialise()
         instance.run(0, 2)
         if phase == "terminated":
-            instance.must("Terminate")
+            instance.terminate()
 
 
 def _with_another_token(subject: Subject) -> str:
-    return f"{subject.name(subject.fmi.INSTANTIATE)} with another {subject.fmi.TOKEN}"
+    return f"{subject.name(subject.fmi.instantiate)} with another {subject.fmi.token}"
 
 
 def _takes_foreign_token(subject: Subject) -> bool:
@@ -129,7 +140,7 @@ def _terminated(subject: Subject) -> list[str]:
     subject.doing = f"when outputs were read after {subject.name('Terminate')}"
     with Instance(subject) as instance:
         instance.initialise()
-        instance.must("Terminate")
+        instance.terminate()
         instance.outputs()
     return []
 
@@ -141,10 +152,10 @@ def _reset(subject: Subject) -> list[str]:
     with Instance(subject) as instance:
         instance.initialise()
         first = instance.run()
-        instance.must("Reset")
+        instance.reset()
         instance.initialise()
         names = subject.differing(first, instance.run())
-        instance.must("Reset")
+        instance.reset()
     return [f"after {reset} a run differs from that of a new instance in {listed(names)}"] if names else []
 
 
@@ -188,7 +199,7 @@ VALUES = math.nan, math.inf
 def check_non_finite_inputs(subject: Subject) -> Verdict:
     """Set each element of a Real input to NaN and to infinity for a step, in instances of their own."""
     if not subject.inputs:
-        raise NotApplicable(f"there are no {subject.fmi.REAL} inputs")
+        raise NotApplicable(f"there are no {subject.fmi.real} inputs")
     refused, faults = 0, []
     names = names_of(subject.inputs)
     for place, name in subject.each([*enumerate(names)]):

@@ -11,7 +11,7 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 
 from orchestrator.cosim.base_units import inverse_factors
-from orchestrator.fmu_check import fmi3
+from orchestrator.fmi.model_description import library_file
 from orchestrator.fmu_check.instance import (
     CallRefused,
     Floats,
@@ -30,7 +30,7 @@ def check_description(subject: Subject) -> Verdict:
     """Validate modelDescription.xml, by FMPy with the XSD of its version, and the terminals; load the binary."""
     faults = [" ".join(problem.split()) for problem in validate_fmu(str(subject.fmu))]
     folder, description = subject.unpacked
-    if subject.fmi is fmi3:
+    if subject.is_fmi3:
         faults += _faults_of_terminals(folder / TERMINALS, {v.name for v in description.modelVariables})
     binaries = sorted(path.name for path in (folder / "binaries").glob("*"))
     try:
@@ -39,7 +39,8 @@ def check_description(subject: Subject) -> Verdict:
     except NotApplicable as refusal:
         faults.append(str(refusal))
     documented = "documented" if (folder / "documentation" / "index.html").is_file() else "no documentation"
-    note = f"valid; {documented}; binaries for {', '.join(binaries)}, that for {subject.fmi.PLATFORM} loads"
+    here = library_file(folder, description).parent.name
+    note = f"valid; {documented}; binaries for {', '.join(binaries)}, that for {here} loads"
     return Verdict(note, tuple(faults))
 
 
@@ -64,15 +65,15 @@ def check_units(subject: Subject) -> Verdict:
     Other tools need them to compare the ends of a connection. A Real without a unit is right unless all are without.
     """
     reals = [
-        v for causality in ("input", "output", "parameter") for v in subject.variables(causality, subject.fmi.REAL)
+        v for causality in ("input", "output", "parameter") for v in subject.variables(causality, subject.fmi.real)
     ]
     if not reals:
-        return Verdict(f"there are no {subject.fmi.REAL} inputs, outputs and parameters", outcome="not applicable")
+        return Verdict(f"there are no {subject.fmi.real} inputs, outputs and parameters", outcome="not applicable")
     defined = {unit.name: unit for unit in subject.description.unitDefinitions}
     units = {v.name: v.unit or (v.declaredType.unit if v.declaredType is not None else None) for v in reals}
     bare = [name for name, unit in units.items() if unit is None]
     used = [*dict.fromkeys(unit for unit in units.values() if unit is not None)]
-    faults = [] if used else [f"none of {len(reals)} {subject.fmi.REAL}s has a unit: connections cannot be checked"]
+    faults = [] if used else [f"none of {len(reals)} {subject.fmi.real}s has a unit: connections cannot be checked"]
     faults += [f"unit '{unit}' is not defined" for unit in used if unit not in defined]
     faults += [
         f"unit '{unit}' has no base units: connections cannot be checked"
@@ -81,7 +82,7 @@ def check_units(subject: Subject) -> Verdict:
     ]
     faults += inverse_factors(subject.description)
     without = f"; without a unit: {listed(bare)}" if bare else ""
-    return Verdict(f"{len(reals)} {subject.fmi.REAL}s in {len(used)} units with base units{without}", tuple(faults))
+    return Verdict(f"{len(reals)} {subject.fmi.real}s in {len(used)} units with base units{without}", tuple(faults))
 
 
 CHANGE = 1e-3  # of an input, relative, absolute below 1
@@ -111,7 +112,7 @@ def check_dependencies(subject: Subject) -> Verdict:
             instance.enter()
             pairs = _dependent(subject, instance)
             faults += _undeclared("in initialisation mode", pairs, description.initialUnknowns, subject.owner)
-            instance.must("ExitInitializationMode")
+            instance.leave_initialisation()
             instance.run(0, 2)
             try:
                 pairs = _dependent(subject, instance)

@@ -6,26 +6,27 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
-from ctypes import c_double, c_uint
+from ctypes import c_double, c_int, c_uint
 from functools import cached_property, partial
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.messages import FATAL, OK, WARNING, CallMessages, Logger
-from orchestrator.cosim.model_description import (
+from orchestrator.cosim.messages import CallMessages, Logger
+from orchestrator.fmi import fmi3
+from orchestrator.fmi.model_description import (
     LIBRARIES,
     describe,
     element_names,
+    is_fmi3,
     load_library,
     number_of_elements,
+    opening,
     require_binary,
     start_values,
 )
-from orchestrator.fmu_check import fmi2, fmi3
+from orchestrator.fmi.slave import FATAL, OK, WARNING, ComponentFailed, NotInstantiated
 from orchestrator.log.time_series import Floats
 
 SHOWN = 3  # faults in the sentence of a verdict
@@ -65,7 +66,39 @@ def listed(names: list[str]) -> str:
 
 
 STATUS = "OK", "Warning", "Discard", "Error", "Fatal"
-VERSIONS = {"2.0": fmi2, "3.0": fmi3}
+
+
+class Version(NamedTuple):
+    """Types and words of a version of FMI."""
+
+    prefix: str  # of functions
+    instantiate: str
+    token: str  # what an instantiation has to name
+    real: str  # type of the inputs that vary
+    getters: tuple[tuple[str, Any, tuple[str, ...]], ...]  # function, C type, types of variables
+    late: str  # a call that has to come before the first step
+
+
+WHOLE = "Int64", "Int8", "Int16", "Int32", "UInt8", "UInt16", "UInt32", "UInt64"
+VERSIONS = {
+    "2.0": Version(
+        *("fmi2", "Instantiate", "guid", "Real"),
+        (
+            ("GetReal", c_double, ("Real",)),
+            ("GetInteger", c_int, ("Integer", "Enumeration")),
+            ("GetBoolean", c_int, ("Boolean",)),
+        ),
+        "SetupExperiment",
+    ),
+    "3.0": Version(
+        *("fmi3", "InstantiateCoSimulation", "instantiation token", "Float64"),
+        tuple(
+            (f"Get{kind}", fmi3.TYPES[kind], (kind, "Enumeration") if kind == "Int64" else (kind,))
+            for kind in ("Float64", "Float32", *WHOLE, "Boolean")
+        ),
+        "EnterInitializationMode",
+    ),
+}
 STEP = 1e-3  # s, communication step of an FMU without a default
 STEPS = 20  # communication steps of a run
 AMPLITUDES = (1e-3, 1e-6)  # of inputs that vary, relative to their start values, absolute below 1
@@ -83,12 +116,12 @@ class Subject:
         self.fmu, self._note, self._step = fmu, note, step
         self.instances, self.doing = 0, ""  # words for a piece of work
         self.unfinished: dict[str, Any] = {}  # note and outcome of a check without time enough
-        self.kept: Any = None  # library, instance and how to free it, of an FMU that is reset instead of a new one
+        self.kept: Any = None  # slave of an FMU that is reset instead of a new one
         self.deadline = math.inf  # s since the epoch
 
     def enter(self, function: str) -> None:
-        """Note a call."""
-        self._note(f"{self.doing} ({self.name(function)})" if self.doing else f"in {self.name(function)}")
+        """Note a call of a function of FMI."""
+        self._note(f"{self.doing} ({function})" if self.doing else f"in {function}")
 
     def each(self, pieces: Sequence[Any]) -> Iterator[Any]:
         """Pieces of work while there is time; ``unfinished`` says how many of them if it does not suffice."""
@@ -112,13 +145,18 @@ class Subject:
         return self.unpacked[1]
 
     @cached_property
-    def fmi(self) -> ModuleType:
-        """Functions, types and words of the FMU's version of FMI."""
+    def is_fmi3(self) -> bool:
+        """Whether it is one of FMI 3.0."""
+        return is_fmi3(self.description)
+
+    @cached_property
+    def fmi(self) -> Version:
+        """Types and words of the FMU's version of FMI."""
         return VERSIONS[self.description.fmiVersion[:3]]
 
     def name(self, function: str) -> str:
         """Return the whole name of a function."""
-        return f"{self.fmi.PREFIX}{function}"
+        return f"{self.fmi.prefix}{function}"
 
     @cached_property
     def step(self) -> float:
@@ -145,12 +183,12 @@ class Subject:
     @cached_property
     def inputs(self) -> list[Any]:
         """Inputs that vary: those of the type Real, or Float64."""
-        return self.variables("input", self.fmi.REAL)
+        return self.variables("input", self.fmi.real)
 
     @cached_property
     def outputs(self) -> list[Any]:
         """Outputs other than Strings and Binaries, in the order of their values."""
-        return [variable for _, _, kinds in self.fmi.GETTERS for variable in self.variables("output", *kinds)]
+        return [variable for _, _, kinds in self.fmi.getters for variable in self.variables("output", *kinds)]
 
     @cached_property
     def owner(self) -> dict[str, str]:
@@ -187,19 +225,19 @@ def names_of(variables: Sequence[Any]) -> list[str]:
     return [name for variable in variables for name in element_names(variable)]
 
 
-def instantiate(subject: Subject, token: str | None, hear: Logger) -> tuple[Any, Any, Callable[[], None]]:
-    """Return the library, an instance and the function that frees it; raises ComponentFailed.
+def instantiate(subject: Subject, token: str | None, logger: Logger) -> Any:
+    """Return a new instance, a slave of ``fmi``; raises ComponentFailed.
 
     ``token``: another guid or instantiation token than that of the description.
     """
-    (folder, description), said = subject.unpacked, CallMessages("checked", hear)
+    (folder, description), said = subject.unpacked, CallMessages("checked", logger)
     require_binary(folder, description, subject.fmu)
     library = load_library(folder, description, subject.fmu)
-    given = library, folder, "checked", token or description.guid or "", partial(said.receive, time=0.0)
-    handle, close = LIBRARIES[description.fmiVersion[:3]].instantiate(*given)
-    if not handle:
-        raise ComponentFailed(said.refusal())
-    return library, handle, close
+    made = opening(folder, description, "checked", token or "")
+    try:
+        return LIBRARIES[made.version].Slave(library, made, partial(said.receive, time=0.0), subject.enter)
+    except NotInstantiated:
+        raise ComponentFailed(said.refusal()) from None
 
 
 class Instance(AbstractContextManager["Instance"]):
@@ -215,55 +253,58 @@ class Instance(AbstractContextManager["Instance"]):
         self._lost = self._running = False
         self._once = bool(subject.description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
         if subject.kept is not None and token is None:
-            (self._library, self._handle, self._close), subject.kept = subject.kept, None
-            self.must("Reset")
+            self.slave, subject.kept = subject.kept, None
+            self.reset()
             return
         if subject.instances and self._once:
             raise NotApplicable("the FMU can be instantiated only once per process")
-        subject.enter(subject.fmi.INSTANTIATE)
         try:
-            self._library, self._handle, self._close = instantiate(subject, token, self._hear)
+            self.slave = instantiate(subject, token, self._receive)
         except ComponentFailed as failure:
             raise (CallRefused if subject.instances or token else NotApplicable)(str(failure)) from None
         subject.instances += 1
 
-    def _hear(self, name: str, status: int, message: str) -> None:
+    def _receive(self, name: str, status: int, message: str) -> None:
         if status > WARNING:
             self._messages.append(" ".join(message.split()))
 
-    def call(self, function: str, *arguments: Any) -> int:
-        """Make a call, named without its prefix; return its status."""
+    def attempt(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Call a function of the slave; return its result, a status or a tuple that begins with it."""
         self._messages.clear()
-        self._subject.enter(function)
-        status = int(getattr(self._library, self._subject.name(function))(self._handle, *arguments))
+        result = function(*arguments)
+        status = result[0] if isinstance(result, tuple) else result
         self._lost |= status == FATAL
-        if status <= WARNING and function in ("ExitInitializationMode", "Terminate", "Reset"):
-            self._running = function == "ExitInitializationMode"
-        return status
+        return result
 
-    def must(self, function: str, *arguments: Any) -> None:
-        """Make a call that has to succeed; raises CallRefused."""
-        self._require(function, self.call(function, *arguments))
+    def must(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Make a call that has to succeed; return what follows its status. Raises CallRefused."""
+        result = self.attempt(function, *arguments)
+        status, *found = result if isinstance(result, tuple) else (result,)
+        self._require(status)
+        return found[0] if found else None
 
-    def _require(self, function: str, status: int) -> None:
+    def _require(self, status: int) -> None:
         if status > WARNING:
             name = self._subject.name(STATUS[status]) if status <= FATAL else str(status)
             message = f": {self._messages[0]}" if self._messages else ""
-            raise CallRefused(f"{self._subject.name(function)} has the status {name}{message}")
+            raise CallRefused(f"{self.slave.failed} has the status {name}{message}")
 
     def set_reals(self, references: Sequence[int], values: Sequence[float] | Floats) -> int:
         """Set variables of the type Real or Float64, all elements of each; return the status."""
         content = (c_double * len(values))(*values)
-        return self.call(f"Set{self._subject.fmi.REAL}", *self._arguments(references, content))
+        return int(self._values(f"Set{self._subject.fmi.real}", references, content))
 
     def get_reals(self, references: Sequence[int], count: int) -> tuple[int, Floats]:
         """Return the status and the ``count`` values of variables of the type Real or Float64."""
         content = (c_double * count)()
-        status = self.call(f"Get{self._subject.fmi.REAL}", *self._arguments(references, content))
+        status = self._values(f"Get{self._subject.fmi.real}", references, content)
         return status, np.array(content)
 
-    def _arguments(self, references: Sequence[int], content: Any) -> tuple[Any, ...]:
-        return tuple(self._subject.fmi.values((c_uint * len(references))(*references), content))
+    def _values(self, function: str, references: Sequence[int], content: Any) -> int:
+        """Set or get variables, all elements of each."""
+        n = len(references)
+        arguments = (c_uint * n)(*references), n, content, *[len(content)] * self._subject.is_fmi3
+        return int(self.attempt(self.slave.call, function, *arguments))
 
     def try_inputs(self, values: Sequence[float] | Floats) -> int:
         """Set all inputs that vary; return the status."""
@@ -271,37 +312,52 @@ class Instance(AbstractContextManager["Instance"]):
 
     def set_inputs(self, values: Sequence[float] | Floats) -> None:
         """Set all inputs that vary; raises CallRefused."""
-        self._require(f"Set{self._subject.fmi.REAL}", self.try_inputs(values))
+        self._require(self.try_inputs(values))
 
     def outputs(self) -> Floats:
         """Return all outputs, by element; raises CallRefused."""
         parts = []
-        for function, c_type, kinds in self._subject.fmi.GETTERS:
+        for function, c_type, kinds in self._subject.fmi.getters:
             variables = self._subject.variables("output", *kinds)
             content = (c_type * sum(map(number_of_elements, variables)))()
             if variables:
-                self.must(function, *self._arguments([v.valueReference for v in variables], content))
+                self._require(self._values(function, [v.valueReference for v in variables], content))
             parts.append(np.array(content, dtype=float))
         return np.concatenate(parts)
 
     def enter(self) -> None:
         """Bring a new instance into initialisation mode; raises CallRefused."""
-        for function, *arguments in self._subject.fmi.entry(self._subject.start):
-            self.must(function, *arguments)
+        self.must(self.slave.setup, self._subject.start, None)
+        self.must(self.slave.enter_initialisation)
 
     def initialise(self) -> None:
         """Bring a new instance to its first step; raises CallRefused."""
         self.enter()
-        self.must("ExitInitializationMode")
+        self.leave_initialisation()
+
+    def leave_initialisation(self) -> None:
+        """Bring an instance from initialisation mode to its first step; raises CallRefused."""
+        self.must(self.slave.exit_initialisation)
+        self._running = True
+
+    def terminate(self) -> None:
+        """Terminate; raises CallRefused."""
+        self.must(self.slave.terminate)
+        self._running = False
+
+    def reset(self) -> None:
+        """Return to a new instance; raises CallRefused."""
+        self.must(self.slave.reset)
+        self._running = False
 
     def step(self, k: int, amplitude: float | None = None) -> Floats:
         """Make step k of a run with varying inputs; return all outputs. Raises CallRefused."""
         subject, h = self._subject, self._subject.step
         self.set_inputs(subject.input_values(k, subject.amplitude if amplitude is None else amplitude))
-        arguments = subject.fmi.step(subject.start + k * h, h)
-        self.must("DoStep", *arguments)
-        if wrong := subject.fmi.fault_of_step(arguments):
-            raise CallRefused(f"{subject.name('DoStep')} {wrong}")
+        status = self.attempt(self.slave.step, subject.start + k * h, h, False)
+        if notes := self.slave.step_notes:
+            raise CallRefused(f"{subject.name('DoStep')} {'; '.join(notes)}")
+        self._require(status)
         return self.outputs()
 
     def run(self, first: int = 0, count: int = STEPS) -> Floats:
@@ -310,7 +366,7 @@ class Instance(AbstractContextManager["Instance"]):
 
     def attempt_step(self, t: float, h: float) -> tuple[bool, list[str]]:
         """Try a step of length h from t after the start, both in s; return whether it is taken, and its faults."""
-        status = self.call("DoStep", *self._subject.fmi.step(self._subject.start + t, h))
+        status = self.attempt(self.slave.step, self._subject.start + t, h, False)
         if status > WARNING:
             return False, self.fatal(status)
         values = zip(names_of(self._subject.outputs), self.outputs(), strict=True)
@@ -323,12 +379,11 @@ class Instance(AbstractContextManager["Instance"]):
 
     def __exit__(self, *ended: object) -> None:
         if self._running and not self._lost:
-            self.call("Terminate")
+            self.attempt(self.slave.terminate)
         if self._once and not self._lost:
-            self._subject.kept = self._library, self._handle, self._close
+            self._subject.kept = self.slave
         elif not self._lost:
-            self._subject.enter("FreeInstance")
-            self._close()
+            self.slave.free()
 
 
 def with_faults(what: str, faults: list[str]) -> list[str]:

@@ -10,7 +10,6 @@ import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from ctypes import byref, c_size_t, c_void_p
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,7 +30,7 @@ from orchestrator.fmu_check.instance import (
 def check_repeatability(subject: Subject) -> Verdict:
     """Compare a run with a second one, with two that step in turn, and with one whose steps another thread makes."""
     varied = f"inputs vary by {subject.amplitude:g}" if subject.amplitude else "inputs keep their start values"
-    inputs = varied if subject.inputs else f"no {subject.fmi.REAL} inputs"
+    inputs = varied if subject.inputs else f"no {subject.fmi.real} inputs"
     (expected,) = _again(subject)
     faults = []
     for where, runs in (
@@ -83,42 +82,25 @@ def check_states(subject: Subject) -> Verdict:
     with Instance(subject) as first:
         first.initialise()
         first.run(0, BEFORE)
-        state, fmi = c_void_p(), subject.fmi
-        first.must(f"Get{fmi.STATE}", byref(state))
+        state = first.must(first.slave.save)
         expected = first.run(BEFORE, AFTER)
         for time in ("first", "second"):
             subject.doing = f"when a state was restored the {time} time"
-            first.must(f"Set{fmi.STATE}", state)
+            first.must(first.slave.restore, state)
             if names := subject.differing(expected, first.run(BEFORE, AFTER)):
                 faults.append(f"steps after restoring a state the {time} time differ in {listed(names)}")
-        content = _serialised(first, state, fmi) if can.canSerializeFMUstate else b""
-        first.must(f"Free{fmi.STATE}", byref(state))
+        content = first.must(first.slave.dump, state) if can.canSerializeFMUstate else b""
+        first.must(first.slave.discard, state)
     if not can.canSerializeFMUstate:
         return Verdict("restored twice, the same bits; canSerializeFMUstate is not declared", tuple(faults))
     subject.doing = "when a state was carried into a second instance"
     with Instance(subject) as second:
         second.initialise()
-        _restore(second, content, fmi)
+        second.must(second.slave.discard, second.must(second.slave.load, content))
         if names := subject.differing(expected, second.run(BEFORE, AFTER)):
             faults.append(f"steps of a second instance with the state's bytes differ in {listed(names)}")
     note = f"restored twice, the same bits; as {len(content)} bytes into a second instance too"
     return Verdict(note, tuple(faults))
-
-
-def _serialised(instance: Instance, state: c_void_p, fmi: Any) -> bytes:
-    size = c_size_t()
-    instance.must(f"Serialized{fmi.STATE}Size", state, byref(size))
-    content = (fmi.BYTE * size.value)()
-    instance.must(f"Serialize{fmi.STATE}", state, content, size)
-    return bytes(content)
-
-
-def _restore(instance: Instance, content: bytes, fmi: Any) -> None:
-    state = c_void_p()
-    buffer = (fmi.BYTE * len(content)).from_buffer_copy(content)
-    instance.must(fmi.DESERIALIZE, buffer, len(content), byref(state))
-    instance.must(f"Set{fmi.STATE}", state)
-    instance.must(f"Free{fmi.STATE}", byref(state))
 
 
 SMALL = 1e-310  # a number that has less than the usual digits
@@ -164,7 +146,7 @@ def check_surroundings(subject: Subject) -> Verdict:
 def _pieces(subject: Subject) -> Iterator[str]:
     """Yield the words for each piece of work that is done."""
     with Instance(subject) as instance:
-        yield subject.name(subject.fmi.INSTANTIATE)
+        yield subject.name(subject.fmi.instantiate)
         instance.initialise()
         yield "the initialisation"
         for k in range(STEPS):

@@ -17,7 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from orchestrator.cosim.model_description import BadDescription, describe
+from orchestrator.fmi.model_description import BadDescription, describe
 from orchestrator.fmu_check import call_checks, description_checks, run_checks
 from orchestrator.fmu_check.instance import VERSIONS, CallRefused, NotApplicable, Subject, Verdict
 

@@ -28,7 +28,7 @@ from fmus.track.link_outputs import INTERVAL
 from fmus.vehicles.tables import BadInput
 from orchestrator import __version__
 from orchestrator.cosim.graph import Connection
-from orchestrator.cosim.variable_arrays import LINK_FAMILIES
+from orchestrator.cosim.variables import LINK_FAMILIES
 from orchestrator.files.folders import flaw
 from orchestrator.scene.archive.elements import DOCUMENT_NAME, FMU
 from orchestrator.scene.assembly import assemble, build_native_all

@@ -37,9 +37,10 @@ from orchestrator.cosim.base_units import (
     unit_of,
 )
 from orchestrator.cosim.component import description_of
-from orchestrator.cosim.graph import ComponentFailed, Connection, GuestTerms, Instance, Quantity
-from orchestrator.cosim.model_description import ALLOWED, loadable
-from orchestrator.cosim.variable_arrays import LINK_FAMILIES
+from orchestrator.cosim.graph import Connection, GuestTerms, Instance, Quantity
+from orchestrator.cosim.variables import LINK_FAMILIES
+from orchestrator.fmi.model_description import ALLOWED, loadable
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.parts import Assembly, Part
 from orchestrator.scene.system_scene import SystemScene

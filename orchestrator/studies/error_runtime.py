@@ -21,11 +21,11 @@ from fmus.cache.files import reporting_errors
 from fmus.fmi.build import BuildFailed
 from fmus.track.choices import TRACKS
 from orchestrator.cosim.coupling.scheme import CouplingFailed
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution import precision
 from orchestrator.execution.estimate import estimate
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.truth import ORDER, require_known, truth
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.log_file import LogFailed
 from orchestrator.results import output_files
 from orchestrator.results.difference import INTERVAL, differences_of_logs, worst

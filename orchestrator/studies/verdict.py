@@ -19,8 +19,8 @@ from scipy.optimize import brentq
 from fmus.fmi.build import BuildFailed
 from fmus.vehicles.sides import way_a_turn
 from fmus.vehicles.tables import BadInput
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log, Missing
 from orchestrator.results import chain_measures, vehicle_measures
 from orchestrator.results.run_data import EVER, RunData, Window

@@ -13,7 +13,7 @@ from fmpy.fmi3 import FMU3Slave
 from native_cases import H, ran
 
 from fmus.native.pack import build_native, with_constants
-from orchestrator.cosim.fmu_files import unpack
+from orchestrator.fmi.fmu_files import unpack
 
 
 def native3(case):

@@ -13,7 +13,7 @@ from vehicle_in_process import InProcess
 
 from fmus.native.pack import build_native, with_constants
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.fmu_files import unpack
+from orchestrator.fmi.fmu_files import unpack
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 

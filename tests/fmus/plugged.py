@@ -5,7 +5,7 @@ from __future__ import annotations
 from fmi3_instance import Three, scalars
 from lxml import etree
 
-from orchestrator.cosim.fmu_files import unpack
+from orchestrator.fmi.fmu_files import unpack
 
 
 class Plugged(Three):

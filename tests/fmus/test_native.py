@@ -25,8 +25,8 @@ from fmus.native import machine_code
 from fmus.native.pack import build_native, with_constants
 from fmus.physics.contact.soil.memory import MADE
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.fmu_files import unpack
-from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.fmi.fmu_files import unpack
+from orchestrator.fmi.slave import ComponentFailed
 
 # functions of libm, which chooses their code by processor; compilers make some of them of operators
 MATHEMATICAL = (

@@ -25,7 +25,7 @@ from fmus.native.header import header
 from fmus.native.machine_code import HERE, LINUX, WINDOWS, compiler, sources
 from fmus.track import link_outputs
 from fmus.track.link_outputs import GROUPS
-from orchestrator.cosim.fmu_files import unpack
+from orchestrator.fmi.fmu_files import unpack
 from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.products import scene_products
 from orchestrator.scene.scene import load

@@ -15,7 +15,7 @@ from native_cases import CHAIN, CHASSIS, DRIVE, H, ran
 
 from fmus.native.machine_code import LINUX, WINDOWS, compiler
 from fmus.native.pack import build_native, targets_windows, with_constants
-from orchestrator.cosim.fmu_files import unpack
+from orchestrator.fmi.fmu_files import unpack
 
 pytestmark = pytest.mark.study
 STEPS = 300

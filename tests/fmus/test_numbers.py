@@ -35,8 +35,8 @@ from fmus.native.pack import build_native, build_native_shape, with_constants
 from fmus.physics.contact.ground import bumpy_ground
 from fmus.vehicles.ranges import contradictions
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.fmu_files import unpack
-from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.fmi.fmu_files import unpack
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed

@@ -25,9 +25,9 @@ from fmus.native import machine_code, numbers_file, pack
 from fmus.native.pack import build_native, build_native_shape
 from fmus.vehicles.tables import BadInput, to_si
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.fmu_files import unpack
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.truth import truth
+from orchestrator.fmi.fmu_files import unpack
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.scene.scene import load
 
 

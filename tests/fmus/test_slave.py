@@ -16,9 +16,10 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
 import fmus.fmi.slave
-from orchestrator.cosim.component import REALS, Component
-from orchestrator.cosim.fmu_files import unpack
-from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.cosim.component import Component
+from orchestrator.cosim.fast_calls import REALS
+from orchestrator.fmi.fmu_files import unpack
+from orchestrator.fmi.slave import ComponentFailed
 
 H = 1e-3
 LINKS = ("links.base.lo", "links.base.hi", "links.size")  # address and bytes of the link outputs

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fmpy.fmi3 import fmi3Byte
 
-from orchestrator.cosim.fmu_files import unpack
-from orchestrator.cosim.model_description import describe
-from orchestrator.fmu_check import fmi3
+from orchestrator.fmi.fmu_files import unpack
+from orchestrator.fmi.model_description import describe
 from orchestrator.fmu_check.instance import Subject, instantiate
 
 OK, DISCARD, ERROR, FATAL = 0, 2, 3, 4
@@ -31,7 +31,8 @@ class Driven:
 
     def __init__(self, fmu: Path) -> None:
         self.messages: list[str] = []
-        description, self.library, self.handle, self._free = self._instantiated(fmu)
+        description, slave = self._instantiated(fmu)
+        self.library, self.handle, self._free = slave.library, slave.handle, slave.free
 
         def of(causality: str) -> list[Any]:
             return [
@@ -46,10 +47,10 @@ class Driven:
         self.python = (unpack(fmu) / "resources" / "slavemodule.txt").is_file()
         self.refused, self.refused_step = (FATAL, DISCARD) if self.python else (ERROR, ERROR)
 
-    def _instantiated(self, fmu: Path) -> tuple[Any, Any, Any, Callable[[], None]]:
-        """Description, library, instance, and the function that frees it."""
+    def _instantiated(self, fmu: Path) -> tuple[Any, Any]:
+        """Description and slave."""
         subject = Subject(fmu)
-        return subject.description, *instantiate(subject, None, lambda name, status, text: self._heard(status, text))
+        return subject.description, instantiate(subject, None, lambda name, status, text: self._heard(status, text))
 
     def _start(self, variable: Any) -> Any:
         return float(variable.start)
@@ -168,10 +169,10 @@ class Driven3(Driven):
     """Instance of an FMU of FMI 3.0: the same calls, with arrays; times come with the entry of initialisation."""
 
     fmi = 3
-    byte = fmi3.BYTE
+    byte = fmi3Byte
     RENAMED: Mapping[str, str] = {"DeSerializeFMUstate": "DeserializeFMUState"}
 
-    def _instantiated(self, fmu: Path) -> tuple[Any, Any, Any, Callable[[], None]]:
+    def _instantiated(self, fmu: Path) -> tuple[Any, Any]:
         made = super()._instantiated(fmu)
         self._sizes = {v.valueReference: math.prod(v.shape) for v in made[0].modelVariables if v.type == "Float64"}
         (self._time,) = (v.valueReference for v in made[0].modelVariables if v.causality == "independent")

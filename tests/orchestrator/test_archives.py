@@ -9,9 +9,9 @@ from foreign_fmus import Variable
 from ssd_texts import MILLIMETRES, SPACES, bound, component, connection, connectors, document, packed, system, values
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
 from orchestrator.files import budget
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log
 from orchestrator.scene.ssp_scene import load_ssp
 

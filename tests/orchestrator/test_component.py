@@ -10,9 +10,9 @@ import pytest
 from built_toy import build_toy
 
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.fmu_files import unpack
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.program import Program, Stage
+from orchestrator.fmi.fmu_files import unpack
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.kernels.compiled import CAN_STEP
 
 H = 1e-3
@@ -41,7 +41,7 @@ def test_arrays_follow_the_description_and_inputs_count_during_initialisation(to
         assert component.outputs == ("x", "v", "copy[1]", "copy[2]", "copy[3]")
         assert component.links == ("link[1].tension", "link[2].tension", "link[3].tension")
         assert component.integers == ("solver.steps", "status")
-        assert component.parameters == ("start.x", "stiffness", "damping", "substeps", "trouble")
+        assert component.variables.parameters == ("start.x", "stiffness", "damping", "substeps", "trouble")
         assert (component.unit("stiffness"), component.unit("v"), component.unit("status")) == ("N/m", "m/s", "1")
         arrays = component.u, component.y, component.y_links, component.counters
         component.u[:] = 5.0, 0.0, 0.0, 0.0

@@ -18,12 +18,13 @@ from orchestrator.cosim.coupling.jacobi import Coupling as Jacobi
 from orchestrator.cosim.coupling.scheme import CouplingFailed, require_states
 from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System, wire
+from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.master import Clock, run
 from orchestrator.execution import replay_model
 from orchestrator.execution.loading import load_scene
 from orchestrator.execution.prepared_run import PreparedRun
 from orchestrator.execution.simulate import simulate
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load

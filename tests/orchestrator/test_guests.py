@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from foreign_fmus import Variable
 
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests import process, supervisor
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.simulate import simulate
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.scene.scene import any_from_table, load

@@ -12,10 +12,10 @@ from short_run import SHORT, last
 
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import scheme
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.program import Program
 from orchestrator.execution import estimate, loading, replay_model, simulate, summary
 from orchestrator.execution.prepared_run import PreparedRun
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.log_file import LogFailed
 from orchestrator.log.page import Page
 from orchestrator.log.reader import Log

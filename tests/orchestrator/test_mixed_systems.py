@@ -14,10 +14,10 @@ from ssd_texts import MILLIMETRES, bound, component, connection, document, packe
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, base_unit, conversion, unit_of
-from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.cosim.model_description import describe
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.simulate import simulate
+from orchestrator.fmi.model_description import describe
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import verify
 from orchestrator.scene.scene import any_from_table
@@ -512,8 +512,10 @@ def test_whole_numbers_keep_the_range_of_their_type(whole, tmp_path):
     ({"p.UInt32": -1}, [], f"a: parameter 'p.UInt32' = -1: must be 0 to {2**32 - 1}"),
     ({"p.UInt32": 1.5}, [], "a: parameter 'p.UInt32' = 1.5: must be of type UInt32"),
     ({"p.Int64": 300}, ["a.y.Int64 -> b.u.Int8"], "b: a.y.Int64 -> b.u.Int8 is 300: it can be -128 to 127"),
-    ({"p.Int64": 2**60}, [], f"a: y.Int64 is {2**60}: it can be {1 - 2**53} to {2**53 - 1} (t = 0 s)"),
-    ({"p.UInt64": 2**64 - 1}, [], f"a: y.UInt64 is {2**63 - 1}: it can be 0 to {2**53 - 1}"),
+    ({"p.Int64": 2**60}, ["a.y.Int64 -> b.u.Int64"],
+     f"b: a.y.Int64 -> b.u.Int64 is {2**60}: it can be {1 - 2**53} to {2**53 - 1}"),
+    ({"p.UInt64": 2**64 - 2**11}, ["a.y.UInt64 -> b.u.UInt64"],
+     f"b: a.y.UInt64 -> b.u.UInt64 is {2**64 - 2**11}: it can be 0 to {2**53 - 1}"),
     ({"p.e": 6}, [], "a: parameter 'p.e' = 6: must be one of 1 low, 5 middle, 9 high"),
     ({"p.e": "highest"}, [], "a: parameter 'p.e' = 'highest': must be one of 1 low, 5 middle, 9 high"),
     ({"p.e": True}, [], "a: parameter 'p.e' = True: must be one of 1 low, 5 middle, 9 high"),
@@ -523,6 +525,21 @@ def test_numbers_that_do_not_fit_are_refused_before_the_run(whole, tmp_path, giv
         of_whole(tmp_path, whole, given, wires)
     assert str(caught.value).startswith(said)
     assert not (tmp_path / "w.mcap").exists()
+
+
+@pytest.mark.parametrize(("kind", "value", "held"), [
+    ("Int64", 2**53 + 1, 2**53), ("Int64", -(2**60) - 1, -(2**60)), ("UInt64", 2**63 - 1, 2**63),
+    ("UInt64", 2**64 - 1, 2**63),
+])  # fmt: skip
+def test_a_number_that_a_log_cannot_hold_is_a_warning_with_its_value(whole, tmp_path, kind, value, held):
+    found, summary = of_whole(tmp_path, whole, {f"p.{kind}": value}, [])
+    assert summary["status"] == "ok", summary["message"]
+    assert [each["text"] for each in summary["warnings"] if each["component"] == "a"] == [
+        f"output 'y.{kind}' is {value}, which the log cannot hold: it has {held}"
+    ]
+    assert found[f"stats.a.y.{kind}"] == held
+    _, exact = of_whole(tmp_path, whole, {f"p.{kind}": 2**53 - 1}, [])
+    assert exact["warnings"] == []
 
 
 @pytest.mark.parametrize("way", ["kernels", "Python"])

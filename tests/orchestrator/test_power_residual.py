@@ -138,8 +138,8 @@ def test_bonds_that_are_none_are_refused(connections, said):
 
 def test_units_of_an_fmu(toy):
     with Component(toy, "toy") as component:
-        assert component.dimension("force") == (1, 1, -2, 0, 0, 0, 0, 0)
-        assert component.dimension("v") == (0, 1, -1, 0, 0, 0, 0, 0)
+        assert component.variables.dimension("force") == (1, 1, -2, 0, 0, 0, 0, 0)
+        assert component.variables.dimension("v") == (0, 1, -1, 0, 0, 0, 0, 0)
 
 
 def test_the_wheels_of_a_vehicle_are_bonds(tmp_path):

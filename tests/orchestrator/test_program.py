@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from orchestrator.cosim.coupling import scheme
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.program import InputCopy, Program, Stage, Worker, processors
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.execution.simulate import simulate
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.kernels.compiled import CAN_STEP, kernels
 from orchestrator.kernels.tables import ASLEEP, FREE, SUBMITTED, StepCall, record
 from orchestrator.log.page import HEAD, Block

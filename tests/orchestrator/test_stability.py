@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.scene.scene import load
 from orchestrator.studies import Row, stability, step_limits, verdict
 from orchestrator.studies.step_limits import Oscillator, amplification

@@ -16,8 +16,8 @@ from short_run import last
 
 import orchestrator as offered
 from fmus.vehicles.tables import BadInput
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution import summary
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.log_file import LogFailed
 from orchestrator.log.reader import Log
 from orchestrator.results import chain_measures, output_files

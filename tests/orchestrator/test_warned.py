@@ -15,10 +15,11 @@ from orchestrator.cli import main
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.coupling.iterative import Coupling as Iterative
-from orchestrator.cosim.graph import ComponentFailed, Connection, Instance, System, wire
+from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.messages import ComponentWarning, WarningList
 from orchestrator.cosim.program import Program
 from orchestrator.execution import loading, prepared_run, replay_model
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify
 from orchestrator.scene.assembly import assemble

@@ -13,9 +13,10 @@ import numpy as np
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs, Past
-from orchestrator.cosim.graph import ComponentFailed, Feed, Floats, Member, Stages
+from orchestrator.cosim.graph import Feed, Floats, Member, Stages
 from orchestrator.cosim.program import InputCopy, Program, Stage
 from orchestrator.cosim.row_writer import RowWriter
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.kernels.compiled import CAN_STEP
 from orchestrator.log.time_series import Rule, wired_inputs
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import CouplingFailed, SavedPoint, Scheme
-from orchestrator.cosim.graph import ComponentFailed, Feed, Floats
+from orchestrator.cosim.graph import Feed, Floats
+from orchestrator.fmi.slave import ComponentFailed
 
 SAFETY = 0.9
 MIN_RATIO, MAX_RATIO = 0.2, 2.0  # bounds of the ratio of two steps

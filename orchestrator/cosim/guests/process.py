@@ -1,8 +1,8 @@
 """Process of a guest: ``python -m orchestrator.cosim.guests.process CONNECTION MEMORY``, two file descriptors.
 
-It makes the calls of FMI 2.0 that come over the connection, one after another, and replies with the status, the
-function that failed, its arguments as the FMU has left them, and the messages of the FMU. Inputs and outputs of a step
-are in the shared memory. It ends with the connection, also if the FMU never returns, and ends what it has started.
+It calls the methods of slaves that come over the connection, one after another, and replies with the status, the
+function that failed, the result, and the messages of the FMU. Inputs and outputs of a step are in the shared memory.
+It ends with the connection, also if the FMU never returns, and ends what it has started.
 
 Objects go over a socket that keeps the bounds of packets, which takes one system call each way. They are JSON, which
 cannot hold code, with bytes in base64.
@@ -18,16 +18,17 @@ import socket
 import sys
 import threading
 from base64 import b64decode, b64encode
-from collections.abc import Sequence
-from ctypes import c_char, c_char_p, c_double, c_uint, cast
+from contextlib import suppress
 from json import JSONDecoder, JSONEncoder
 from mmap import mmap
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from orchestrator.cosim import fmi2_library
-from orchestrator.cosim.guests.fmi3 import Fmi3
-from orchestrator.cosim.messages import FATAL, WARNING
+import numpy as np
+
+from orchestrator.fmi import fmi2, fmi3
+from orchestrator.fmi.slave import FATAL, OK, WARNING, Exchange, NotInstantiated, Opening, failed, worse
 
 PACKET = 1 << 16  # bytes
 MOST, LONGEST = 100, 2000  # messages of a call that are errors or not, and characters of each, that are passed on
@@ -91,98 +92,122 @@ class Messages:
         return [*kept, (WARNING, f"{left_out} further messages left out", "")] if left_out else kept
 
 
-Failing = tuple[int, str]  # status, function that failed or ""
-Buffers = list[Any]
+SLAVES: dict[str, ModuleType] = {"2.0": fmi2, "3.0": fmi3}
 
 
-class Guest:
-    """Instance with its exchange through the shared memory."""
+class Served:
+    """Slave of this process, whose methods the run calls by name; states and exchanges have numbers there."""
 
-    def __init__(self, memory: int, opening: dict[str, Any]) -> None:
-        self.messages = Messages()
-        folder, identifier = Path(opening["folder"]), opening["identifier"]
-        given = folder, opening["name"], opening["guid"], self.messages
-        self.library: Any
-        if opening["version"] == "2.0":
-            self.library = fmi2_library.load(folder, identifier)
-            self.handle, self.free = fmi2_library.instantiate(self.library, *given)
-        else:
-            self.library = Fmi3(folder, identifier, opening["elements"])
-            self.handle, self.free = self.library.instantiate(*given)
-        self._memory = mmap(memory, 0)
-        self._u, self._y = (self._shared(*opening[name]) for name in ("inputs", "outputs"))
+    def __init__(self, memory: int, opening: dict[str, Any], messages: Messages) -> None:
+        made = Opening(**opening)
+        module = SLAVES[made.version]
+        self._slave = module.Slave(module.load(Path(made.folder), made.identifier), made, messages)
+        self._memory, self._whole = memory, np.int32 if made.version == "2.0" else np.int64
+        self._exchanges: list[tuple[Exchange, Any]] = []  # with their values
+        self._with_steps: list[Exchange] = []
+        self._states: dict[int, Any] = {}
+        self._known = 0  # number of the last state
 
-    def _shared(self, references: Sequence[int], place: int) -> tuple[Any, int, Any]:
-        """References, number and values of Reals in the shared memory."""
-        n = len(references)
-        return (c_uint * n)(*references), n, (c_double * max(n, 1)).from_buffer(self._memory, place)
+    @property
+    def failed(self) -> str:
+        """Function of FMI that failed last."""
+        return str(self._slave.failed)
 
-    def call(self, function: str, *arguments: Any) -> Failing:
-        """Make a call with arguments of its C types."""
-        status = int(getattr(self.library, function)(self.handle, *arguments))
-        return status, "" if 0 <= status <= WARNING else function
+    def exchange(self, kind: Any, references: list[int], place: int | None, with_steps: bool) -> int:
+        """Make an exchange; ``place``: of its values in the shared memory, in bytes."""
+        values: Any = [b""] * len(references)
+        if place is not None:
+            values = np.frombuffer(mmap(self._memory, 0), np.float64, len(references), place)
+        elif kind != "String":
+            values = np.zeros(len(references), np.float64 if kind == "Real" else self._whole)
+        made = self._slave.exchange(kind, references, values)
+        self._exchanges.append((made, values))
+        self._with_steps += [made] * with_steps
+        return OK
 
-    def write(self) -> Failing:
-        """Set the inputs of the memory."""
-        return self.call("fmi2SetReal", *self._u) if self._u[1] else (0, "")
+    def set(self, number: int, content: Any = None) -> int:
+        """Set the values of an exchange; None: those in the shared memory."""
+        exchange, values = self._exchanges[number]
+        if content is not None:
+            values[:] = content if isinstance(content, list) else np.frombuffer(content, values.dtype)
+        return exchange.set()
 
-    def read(self) -> Failing:
-        """Get the outputs into the memory."""
-        return self.call("fmi2GetReal", *self._y) if self._y[1] else (0, "")
+    def get(self, number: int, is_shared: bool) -> tuple[int, Any]:
+        """Get the values of an exchange; the result is a list of them as bytes, or of texts."""
+        exchange, values = self._exchanges[number]
+        status = exchange.get()
+        if is_shared:
+            return status, None
+        return status, values if isinstance(values, list) else [values.tobytes()]
 
-    def step(self, *arguments: Any) -> Failing:
-        """Step, then read."""
-        stepped = self.call("fmi2DoStep", *arguments)
-        if stepped[1]:
-            return stepped
-        read = self.read()
-        return max(stepped, read) if not read[1] else read
+    def step(self, t: float, h: float, no_rollback: bool) -> int:
+        """Step, then get what goes with steps."""
+        status = self._slave.step(t, h, no_rollback)
+        for exchange in self._with_steps:
+            if not failed(status):
+                status = worse(status, exchange.get())
+        return int(status)
 
-    def close(self) -> Failing:
-        """Free the instance."""
-        self.free()
-        return 0, ""
+    def save(self) -> tuple[int, int]:
+        """Save the state; the result is its number."""
+        return self._numbered(*self._slave.save())
 
-    def converted(self, function: str, arguments: Sequence[Any]) -> tuple[list[Any], Buffers]:
-        """Arguments of C types, and the buffers in which the FMU finds and leaves values."""
-        kinds = getattr(getattr(self.library, function), "argtypes", None) or [None] * (len(arguments) + 1)
-        made, buffers = [], []
-        for argument, kind in zip(arguments, kinds[1:], strict=True):
-            if isinstance(argument, bytes | list):
-                content = (c_char_p * len(argument)) if isinstance(argument, list) else (c_char * len(argument))
-                buffer = content(*argument) if isinstance(argument, list) else content.from_buffer_copy(argument)
-                buffers.append(buffer)
-                argument = buffer if kind is None or isinstance(argument, list) else cast(buffer, kind)
-            made.append(argument)
-        return made, buffers
+    def load(self, content: bytes) -> tuple[int, int]:
+        """Restore the state of these bytes; the result is that of ``save``."""
+        return self._numbered(*self._slave.load(content))
 
+    def _numbered(self, status: int, state: Any) -> tuple[int, int]:
+        self._known += 1
+        self._states[self._known] = state
+        return status, self._known
 
-def _content(buffer: Any) -> bytes | list[bytes]:
-    return [text or b"" for text in buffer] if buffer._type_ is c_char_p else bytes(buffer)
+    def restore(self, number: int) -> int:
+        """Restore a saved state."""
+        return int(self._slave.restore(self._states[number]))
+
+    def discard(self, number: int) -> int:
+        """Release a saved state."""
+        return int(self._slave.discard(self._states.pop(number)))
+
+    def dump(self, number: int) -> tuple[int, bytes]:
+        """Serialise a saved state."""
+        status, content = self._slave.dump(self._states[number])
+        return int(status), content
+
+    def discarded(self) -> tuple[int, list[Any]]:
+        """See ``fmi.slave.Slave``."""
+        return OK, [*self._slave.discarded()]
+
+    def __getattr__(self, method: str) -> Any:
+        """Method of the slave."""
+        return getattr(self._slave, method)
 
 
 def serve(connection: socket.socket, memory: int) -> None:
     """Make all calls until the connection ends."""
-    guests: dict[int, Guest] = {}
+    slaves: dict[int, Served] = {}
+    messages: dict[int, Messages] = {}
     while True:
-        number, written, function, *arguments = receive(connection)
-        guest = guests.get(number)
+        number, written, method, *arguments = receive(connection)
+        log, status, function = messages.setdefault(number, Messages()), OK, ""
         result: Any = None
         try:
-            if guest is None:
-                guest = guests[number] = Guest(memory, *arguments)
-                failing, result = (0, ""), bool(guest.handle)
+            if number not in slaves:
+                with suppress(NotInstantiated):
+                    slaves[number] = Served(memory, arguments[0], log)
+                result = number in slaves
             else:
-                failing = guest.write() if written else (0, "")
-                if not failing[1] and hasattr(Guest, function):
-                    failing = getattr(guest, function)(*arguments)
-                elif not failing[1]:
-                    made, buffers = guest.converted(function, arguments)
-                    failing = guest.call(function, *made)
-                    result = [_content(buffer) for buffer in buffers]
+                served = slaves[number]
+                for exchange in written:
+                    status = worse(status, served.set(exchange))
+                if not failed(status):
+                    done = getattr(served, method)(*arguments)
+                    found, result = done if isinstance(done, tuple) else (done, None)
+                    status = worse(status, int(found))
+                function = served.failed if failed(status) else ""
         except Exception as error:
-            failing, result = (FATAL, function), f"{type(error).__name__}: {error}"
-        send(connection, (number, *failing, result, guest.messages.take() if guest else []))
+            status, function, result = FATAL, method, f"{type(error).__name__}: {error}"
+        send(connection, (number, status, function, result, log.take()))
 
 
 def _end_with(descriptor: int) -> None:

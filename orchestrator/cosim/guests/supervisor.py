@@ -26,9 +26,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.cosim.guests.process import LONGEST, LOST, pair, receive, send
-from orchestrator.cosim.messages import FATAL, PRINTED, Hear
+from orchestrator.cosim.messages import PRINTED
+from orchestrator.fmi.slave import FATAL, ComponentFailed, LogCallback
 
 try:
     import fcntl
@@ -78,7 +78,7 @@ class Room:
         self.is_ready = False  # it has made a call
         self.ended = ""  # words on the end of the process
         self.printed: deque[str] = deque(maxlen=LAST_LINES)
-        self.hear: Hear = lambda status, text, category: None
+        self.hear: LogCallback = lambda status, text, category: None
         self._instances = self._open = 0
         self._doing: dict[int, Doing] = {}  # by instance
         self._replies: dict[int, Reply] = {}  # that nobody has waited for yet
@@ -140,8 +140,8 @@ class Room:
         finally:
             self.began = 0.0
 
-    def take(self, number: int, given: Sequence[Any] = ()) -> Reply:
-        """Wait for the reply to an instance; its value is like the buffers ``given``, if it is a list."""
+    def take(self, number: int, fits: Callable[[Any], bool]) -> Reply:
+        """Wait for the reply to an instance; ``fits``: whether a value is one, where no function has failed."""
         self.doing = self._doing[number]
         self.began = time.monotonic()
         try:
@@ -155,9 +155,10 @@ class Room:
                         self._replies[whose], self.is_ready = (status, failed, value, messages), True
                     case _:
                         raise ValueError
-            value = self._replies[number][2] if number in self._replies else None
-            if isinstance(value, list) and [*map(_form, value)] != [*map(_form, given)]:
-                raise ValueError
+            if number in self._replies:
+                _, failed, value, _ = self._replies[number]
+                if not failed and not fits(value):
+                    raise ValueError
         except (OSError, EOFError):
             self._end(self.doing)
         except (ValueError, TypeError, RecursionError):
@@ -220,11 +221,6 @@ class Room:
             self._connection.close()
             self._wait()
             self._memory.close()
-
-
-def _form(content: Any) -> Any:
-    """Types of texts in a list, or number of bytes."""
-    return [*map(type, content)] if isinstance(content, list) else len(content) if isinstance(content, bytes) else -1
 
 
 class Rooms(AbstractContextManager["Rooms"]):

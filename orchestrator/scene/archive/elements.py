@@ -18,9 +18,9 @@ from xml.etree.ElementTree import ParseError, fromstring
 from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.base_units import QUANTITIES, UNCHANGED, BaseUnit, Conversion, base_unit, unit_of
 from orchestrator.cosim.component import description_of
-from orchestrator.cosim.fmu_files import unpack
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.files.budget import DOCUMENT, NESTING, OverBudget, UnpackedBudget, read_file
+from orchestrator.fmi.fmu_files import unpack
+from orchestrator.fmi.slave import ComponentFailed
 
 VERSIONS = "1.0", "2.0"
 REAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")

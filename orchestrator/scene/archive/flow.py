@@ -18,8 +18,8 @@ from xml.etree.ElementTree import Element as Node
 
 from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, conversion
-from orchestrator.cosim.fmu_files import unpack
-from orchestrator.cosim.model_description import loadable
+from orchestrator.fmi.fmu_files import unpack
+from orchestrator.fmi.model_description import loadable
 from orchestrator.scene.archive.elements import (
     FLOATS,
     INTEGER,

@@ -14,8 +14,8 @@ from typing import Any
 
 from fmus.fmi.build import BuildFailed, identity
 from fmus.vehicles.tables import BadInput
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.execution.simulate import simulate
+from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.kinds import Scene

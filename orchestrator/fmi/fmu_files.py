@@ -10,7 +10,6 @@ import zlib
 from pathlib import Path
 
 from fmus.cache.files import cache_folder, make_folder, private_folder, replacing, temporary_folder, write
-from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.files.budget import (
     DESCRIBED,
     DESCRIBED_RATIO,
@@ -21,6 +20,7 @@ from orchestrator.files.budget import (
     check_zip,
     open_file,
 )
+from orchestrator.fmi.slave import ComponentFailed
 
 DESCRIPTION = "modelDescription.xml"
 PIECE = 1 << 20  # bytes unpacked at once

@@ -30,12 +30,12 @@ from fmpy import read_model_description
 from fmpy.model_description import ModelVariable
 from lxml import etree
 
-from orchestrator.cosim import fmi2_library, fmi3_library
-from orchestrator.cosim.fmu_files import DESCRIPTION, unpack
-from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.fmi import fmi2, fmi3
+from orchestrator.fmi.fmu_files import DESCRIPTION, unpack
+from orchestrator.fmi.slave import ComponentFailed, Opening
 
 Elements = Sequence[tuple[int, str, int, int]]  # value reference, type, size and place in its array
-LIBRARIES: dict[str, ModuleType] = {"2.0": fmi2_library, "3.0": fmi3_library}  # by the version of FMI
+LIBRARIES: dict[str, ModuleType] = {"2.0": fmi2, "3.0": fmi3}  # by the version of FMI
 RANGES: dict[str, tuple[float, float]] = {f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)}
 RANGES |= {f"U{kind}": (0, 2 * most + 1) for kind, (_, most) in RANGES.items()} | {"Integer": RANGES["Int32"]}
 KINDS = {"Float64": "Real", "Float32": "Real"} | dict.fromkeys(RANGES, "Integer")
@@ -120,9 +120,15 @@ def _loadable(fmu: Path) -> Loadable:
         raise ComponentFailed(f"'{fmu}' has {error}") from None
 
 
+def library_file(folder: Path, description: Any) -> Path:
+    """File of the library of an unpacked FMU for this platform; it need not exist."""
+    module = LIBRARIES[description.fmiVersion[:3]]
+    return Path(module.binary(folder, description.coSimulation.modelIdentifier))
+
+
 def require_binary(folder: Path, description: Any, fmu: Path) -> None:
     """Raise ComponentFailed for an FMU without a library for this platform."""
-    library = LIBRARIES[description.fmiVersion[:3]].binary(folder, description.coSimulation.modelIdentifier)
+    library = library_file(folder, description)
     if not library.is_file():
         raise ComponentFailed(f"'{fmu}' has no binary for {library.parent.name}")
 
@@ -133,6 +139,14 @@ def load_library(folder: Path, description: Any, fmu: Path) -> Any:
         return LIBRARIES[description.fmiVersion[:3]].load(folder, description.coSimulation.modelIdentifier)
     except Exception as error:
         raise ComponentFailed(f"cannot load the binary of '{fmu}': {error}") from None
+
+
+def opening(
+    folder: Path, description: Any, name: str, token: str = "", elements: Elements = (), resources: str | None = None
+) -> Opening:
+    """Data that make an instance of an unpacked FMU; ``token``: another one than that of its description."""
+    identifier, token = description.coSimulation.modelIdentifier, token or description.guid or ""
+    return Opening(description.fmiVersion[:3], str(folder), identifier, name, token, elements, resources)
 
 
 def is_fmi3(description: Any) -> bool:
