@@ -16,8 +16,8 @@ DECLARED = re.compile(r"^FMI3_Export fmi3\w+TYPE\s+(fmi3\w+);", re.MULTILINE)
 SLOTS = {"u": "input", "p": "parameter", "y": "output"}
 
 
-def description(starts=(), limits=""):
-    """Model description; ``starts``: start values by name, ``limits``: attributes of p.UInt8."""
+def description(starts=(), limits="", more=""):
+    """Model description; ``starts``: start values by name, ``limits``: attributes of p.UInt8, ``more``: variables."""
     given, variables = dict(starts), []
     for k, kind in enumerate(TYPES):
         for slot, (letter, causality) in enumerate(SLOTS.items()):
@@ -31,7 +31,7 @@ def description(starts=(), limits=""):
         '<fmiModelDescription fmiVersion="3.0" modelName="w" instantiationToken="w">'
         '<CoSimulation modelIdentifier="whole3"/><TypeDefinitions>'
         f'<EnumerationType name="Level">{items}</EnumerationType></TypeDefinitions>'
-        f"<ModelVariables>{''.join(variables)}</ModelVariables><ModelStructure/></fmiModelDescription>"
+        f"<ModelVariables>{''.join(variables)}{more}</ModelVariables><ModelStructure/></fmiModelDescription>"
     )
 
 

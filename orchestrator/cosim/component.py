@@ -109,7 +109,8 @@ class Component(AbstractContextManager["Component"]):
         if len(starts):
             reals = len(self.variables.reals_in)
             self.u[:reals] = starts[:reals]
-        for sentence in inverse_factors(self.description) if guest is not None else ():
+        notes = [*inverse_factors(self.description), self._loaded.unused] if guest is not None else []
+        for sentence in filter(None, notes):
             self._receive(WARNING, sentence, "")
         self._open(fmu, remote, resources)
 
@@ -304,6 +305,8 @@ class Component(AbstractContextManager["Component"]):
             hint = f" (did you mean '{near[0]}'?)" if near else ""
             raise ComponentFailed(f"{self.name}: there is no parameter '{name}'{hint}")
         variable = known.by_name[name]
+        if variable.causality == "structuralParameter":
+            raise ComponentFailed(f"{self.name}: '{name}' is a structural parameter: arrays keep their sizes")
         try:
             value = self._loaded.taken(variable, value, self._guest is not None)
         except ValueError as error:

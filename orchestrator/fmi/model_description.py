@@ -65,6 +65,7 @@ class Loadable(NamedTuple):
     description: Any  # with the variables of FMI 2.0
     elements: Elements = ()  # of FMI 3.0: what each value reference of the description stands for
     whole: Any = c_int  # C type in which Integers, Enumerations and Booleans are exchanged
+    unused: str = ""  # sentence on what of it is not used
 
     def own_type(self, variable: Any) -> str:
         """Type of a variable in its version of FMI."""
@@ -208,7 +209,17 @@ def _of_scalars(folder: Path, content: bytes) -> Loadable:
         if variable.type in KINDS and variable.causality != "independent"
         for scalar in _scalars(variable, elements)
     ]
-    return Loadable(folder, _changed(description, modelVariables=scalars), tuple(elements), c_int64)
+    return Loadable(
+        folder, _changed(description, modelVariables=scalars), tuple(elements), c_int64, _on_clocks(description)
+    )
+
+
+def _on_clocks(description: Any) -> str:
+    variables = description.modelVariables
+    clocks = ", ".join(variable.name for variable in variables if variable.type == "Clock")
+    clocked = ", ".join(variable.name for variable in variables if variable.clocks)
+    held = f": {clocked} may keep their start values" if clocked else ""
+    return f"its clocks ({clocks}) need event mode, which is not used{held}" if clocks else ""
 
 
 def _scalars(variable: Any, elements: list[tuple[int, str, int, int]]) -> Iterator[ModelVariable]:

@@ -1,5 +1,6 @@
 /* FMI 3.0: y = u + p for each type of whole numbers, y = p for an Enumeration, behind those of Int64.
-   y.Int64 grows by p.Int32 in each step. */
+   y.Int64 grows by p.Int32 in each step. p.Int16 is the manner of its third step: -30001 ends the run, -30002 does so
+   in its middle, -30003 returns early, -30004 is said to end in its middle, -30005 asks for event mode. */
 #include "fmi3.h"
 #include <stdlib.h>
 #include <string.h>
@@ -49,8 +50,8 @@ EXPORT fmi3Status fmi3Terminate(fmi3Instance p) { return advance(p); }
 EXPORT fmi3Status fmi3DoStep(fmi3Instance p, fmi3Float64 t, fmi3Float64 h, fmi3Boolean a, fmi3Boolean *b,
                              fmi3Boolean *c, fmi3Boolean *d, fmi3Float64 *last) {
     (void)a;
-    *b = *c = *d = false;
-    *last = t + h;
-    ((Model *)p)->steps++;
+    int manner = ++((Model *)p)->steps == 3 ? -30000 - ((Model *)p)->Int16[1] : 0;
+    *b = manner == 5, *c = manner == 1 || manner == 2, *d = manner == 3;
+    *last = manner > 1 && manner < 5 ? t + 0.5 * h : t + h;
     return advance(p);
 }

@@ -474,9 +474,14 @@ def test_an_fmu_without_reals_is_recorded(files, tmp_path, cotrack, monkeypatch)
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """FMU of FMI 3.0 with all types of whole numbers."""
-    return whole_fmu.build(tmp_path_factory.mktemp("whole"))()
+def whole_packed(tmp_path_factory):
+    """Function that packs the FMU of FMI 3.0 with all types of whole numbers."""
+    return whole_fmu.build(tmp_path_factory.mktemp("whole"))
+
+
+@pytest.fixture(scope="module")
+def whole(whole_packed):
+    return whole_packed()
 
 
 def of_whole(folder, file, parameters, connections=(), names="ab"):
@@ -552,6 +557,48 @@ def test_a_number_that_does_not_fit_later_fails_the_run_with_link_and_time(whole
     assert summary["message"] == f"b: a.y.Int64 -> b.u.Int8 is 150: {allowed}"
     assert (summary["status"], found["b.u.Int8"]) == ("failed", 120)
     assert verify(tmp_path / "w.mcap").code == 0
+
+
+ENDED = "a has ended the run at t = "
+
+
+@pytest.mark.parametrize("way", ["kernels", "Python"])
+@pytest.mark.parametrize(("manner", "said", "warned", "steps"), [
+    (0, "", "", 5),
+    (-1, f"{ENDED}0.03 s", "", 3),  # in a step that it completes, which counts
+    (-2, f"{ENDED}0.025 s", "", 2),
+    (-3, "a: fmi3DoStep failed with FMI status 2; the step from t = 0.02 s ended at t = 0.025 s", "", 2),
+    (-4, "", "fmi3DoStep reaches 0.025 s, not 0.03 s, without early return", 5),
+    (-5, "", "fmi3DoStep asks for event mode, which is not used", 5),
+])  # fmt: skip
+def test_flags_of_a_step_of_fmi3_are_looked_at(whole, tmp_path, monkeypatch, way, manner, said, warned, steps):
+    monkeypatch.setattr("orchestrator.cosim.coupling.scheme.CAN_STEP", way != "Python")
+    table = {"name": "w", "title": "w", "assembly": "fmus", "run": {"stop": 0.05, "step": 0.01}}
+    table["fmu"] = {
+        "a": {"file": str(whole), "parameters": {"p.Int16": manner - 30000 * (manner < 0)}},
+        "b": {"file": str(whole)},
+    }
+    summary = simulate(any_from_table(table | {"connections": ["a.y.Int8 -> b.u.Int8"]}, "w.toml"), tmp_path / "w.mcap")
+    assert said in summary["message"]
+    assert summary["communication_steps"] == steps
+    assert (summary["status"] == "failed") == (manner == -3)
+    assert [each["text"] for each in summary["warnings"]] == [warned] * bool(warned)
+    assert verify(tmp_path / "w.mcap").code == 0
+
+
+def test_clocks_and_structural_parameters_are_told_or_refused(whole_packed, tmp_path):
+    clock = '<Clock name="c" valueReference="91" causality="input" variability="discrete" intervalVariability="fixed"/>'
+    late = '<Int8 name="late" valueReference="2" causality="output" variability="discrete" clocks="91"/>'
+    sizes = '<UInt64 name="n" valueReference="70" causality="structuralParameter" variability="fixed" start="0"/>'
+    fmu = whole_packed("clocks.fmu", more=clock + late + sizes)
+    table = {"name": "w", "title": "w", "assembly": "fmus", "run": {"stop": 0.05, "step": 0.01}}
+    summary = simulate(any_from_table(table | {"fmu": {"a": {"file": str(fmu)}}}, "w.toml"), tmp_path / "w.mcap")
+    told = "its clocks (c) need event mode, which is not used: late may keep their start values"
+    assert [each["text"] for each in summary["warnings"]] == [told]
+    table["fmu"] = {"a": {"file": str(fmu), "parameters": {"n": 5}}}
+    with pytest.raises((BadInput, ComponentFailed), match="'n' is a structural parameter: arrays keep their sizes"):
+        simulate(any_from_table(table, "w.toml"), tmp_path / "n.mcap")
+    assert not (tmp_path / "n.mcap").exists()
 
 
 @pytest.mark.parametrize(("given", "value"), [("high", 9), (5, 5)])
