@@ -24,7 +24,7 @@ from fmus.track.choices import TRACKS
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.cosim.graph import wire
-from orchestrator.execution.loading import load_components
+from orchestrator.cosim.initialisation import load_components
 from orchestrator.execution.prepared_run import pace_of
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed

@@ -18,9 +18,9 @@ from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import GuestTerms, Instance, System
 from orchestrator.cosim.guests.supervisor import Rooms
+from orchestrator.cosim.initialisation import open_rooms
 from orchestrator.cosim.messages import Logger
 from orchestrator.execution import replays
-from orchestrator.execution.loading import open_rooms
 from orchestrator.execution.manifest import NATIVE, as_json, model_description, system_table
 from orchestrator.files.budget import FMU, OverBudget, open_file
 from orchestrator.log.log_metadata import BRANCHED, path_text_of

@@ -20,7 +20,7 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
 from orchestrator.execution import estimate, manifest, summary
 from orchestrator.execution.interrupt import Interrupt, interruptible
-from orchestrator.execution.loading import load_scene, require_signals
+from orchestrator.execution.loading import load_scene
 from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
 from orchestrator.files.command import command_scope
@@ -34,6 +34,7 @@ from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import chain_checks
 from orchestrator.scene.assembly import assemble
+from orchestrator.scene.expectations import require_signals
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Assembly
 from orchestrator.scene.replacement import unfit

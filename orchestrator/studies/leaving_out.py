@@ -24,8 +24,8 @@ import numpy as np
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim import master
+from orchestrator.cosim.initialisation import load_components
 from orchestrator.cosim.observers import Logging
-from orchestrator.execution.loading import load_components
 from orchestrator.execution.manifest import open_log
 from orchestrator.execution.prepared_run import PreparedRun
 from orchestrator.execution.simulate import simulate

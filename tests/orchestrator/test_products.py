@@ -15,7 +15,7 @@ from fmus.track.choices import TRACKS
 from fmus.track.link_outputs import INTERVAL
 from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.cosim.graph import wire
-from orchestrator.execution.loading import load_components
+from orchestrator.cosim.initialisation import load_components
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.products import build_to, gallery_products, scene_products

@@ -14,8 +14,7 @@ from ssd_texts import LAG, LAGS, packed_lags
 
 from fmus.ground.soils import named
 from fmus.vehicles.tables import BadInput
-from orchestrator.execution import loading
-from orchestrator.scene import commented_file
+from orchestrator.scene import commented_file, expectations
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import VehicleScene
 from orchestrator.scene.scene import KINDS, OLD_SCENES, changed_scene, from_table, load, scene_names
@@ -333,7 +332,7 @@ TWO_RATES = "did you mean 'chassis.body_rate.z' or 'chassis.chassis.angular_velo
 
 def require_signals(scene, signal, *settings):
     loaded = load(scene, None, [f'expect.own={{signal="{signal}", expected=1, tolerance=1}}', *settings])
-    loading.require_signals(loaded, assemble(loaded).parts)
+    expectations.require_signals(loaded, assemble(loaded).parts)
 
 
 @pytest.mark.parametrize(

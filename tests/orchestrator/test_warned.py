@@ -16,6 +16,7 @@ from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.coupling.iterative import Coupling as Iterative
 from orchestrator.cosim.graph import Connection, Instance, System, wire
+from orchestrator.cosim.initialisation import load_components
 from orchestrator.cosim.messages import ComponentWarning, WarningList
 from orchestrator.cosim.program import Program
 from orchestrator.execution import loading, prepared_run, replay_model
@@ -134,7 +135,7 @@ def test_sweeps_of_an_iteration_count_once(toy):
     wires = tuple(Connection(a, ("x",), b, ("force",)) for a, b in (("one", "two"), ("two", "one")))
     graph = System(instances, wires)
     with ExitStack() as stack:
-        components = loading.load_components(graph, (0.0, 1.0), stack)
+        components = load_components(graph, (0.0, 1.0), stack)
         with Iterative(wire(graph, components), tolerance=1e-9) as scheme:
             for k in range(5):
                 scheme.advance(k * H, H)
