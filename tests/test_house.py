@@ -20,12 +20,12 @@ COMPONENTS = [components.folder(kind) for kind in components.KINDS]
 BASES = {"fmus.track_rigid", "fmus.track_rigid.model"}  # from which another kind of track may derive its model
 
 # Packages of the orchestrator by level: each imports only from levels below its own, anywhere in its modules.
-STOREYS = (
+LAYERS = (
     ("files", "vocabulary"), ("kernels", "fmi"), ("log",), ("cosim",), ("results",), ("scene", "fmu_check"),
     ("execution",), ("studies",), ("recorded_run",), ("cli",),
 )  # fmt: skip
-# Rooms of fmus from the lowest: each imports only from those before its own, anywhere in its modules.
-ROOMS = (
+# Packages of fmus from the lowest: each imports only from those before its own, anywhere in its modules.
+PACKAGES = (
     "cache", "kernels", "physics", "interface", "vehicles", "start", "ground", "track", "components", "fmi", "drives",
     *("track_rigid", "track_flexible", "chassis", "sprocket_drive", "steering_differential", "driver"),
     *("ahead", "native", "monolith", "rest"),
@@ -37,7 +37,7 @@ IN_COSIM = (
 GENERIC = [
     *(
         file.relative_to(ORCHESTRATOR).as_posix()
-        for place in ("files", "kernels", "fmi", "cosim/coupling", "cosim/guests", "log", "fmu_check")
+        for place in ("files", "kernels", "fmi", "cosim/coupling", "cosim/processes", "log", "fmu_check")
         for file in sorted((ORCHESTRATOR / place).glob("*.py"))
         # a log's system.json as the project writes it; files of tests
         if file.name not in ("recorded_system.py", "tools.py", "measured_formats.py", "bags.py")
@@ -45,7 +45,7 @@ GENERIC = [
     *(f"cosim/{name}.py" for name in IN_COSIM.split()),
     "execution/replays.py",
 ]
-DOORS = {
+ALLOWED_IMPORTS = {
     "fmus.ahead", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.cache.pack", "fmus.fmi.build",
     "fmus.fmi.saved", "fmus.fmi.terminals", "fmus.ground.refinement", "fmus.ground.soils", "fmus.ground.tables",
     "fmus.ground.terrain", "fmus.interface.defaults",
@@ -56,7 +56,7 @@ DOORS = {
 }  # fmt: skip
 PROOF = ROOT / "tests"
 # Imports inside a function, and why they may close a circle.
-LATE = {
+LOCAL_IMPORTS = {
     ("fmus.physics.chain.interface", "fmus.physics.chain.rolling"): "a chain that touches nothing has no contacts",
     ("orchestrator.log.measured_formats", "orchestrator.log.bags"): "a scene rarely reads a bag, and it takes long",
     ("orchestrator.scene.kinds", "orchestrator.scene.scene"): "a scene is changed by what reads all kinds of scenes",
@@ -130,10 +130,10 @@ def reachable(module: str, seen: set[str] | None = None) -> set[str]:
     return packages.union(*(reachable(inner, seen) for inner in ours(modules, "fmus")))
 
 
-def later_rooms(room: str, source: str) -> set[str]:
-    """Rooms behind its own in ``ROOMS`` that a source of a room of fmus imports."""
+def later_packages(package: str, source: str) -> set[str]:
+    """Packages behind its own in ``PACKAGES`` that a source of a package of fmus imports."""
     named = {name.split(".")[1] for name in ours(imports(source), "fmus") if "." in name}
-    return {name for name in named if ROOMS.index(name) > ROOMS.index(room)}
+    return {name for name in named if PACKAGES.index(name) > PACKAGES.index(package)}
 
 
 def test_fmus_never_look_back():
@@ -143,12 +143,12 @@ def test_fmus_never_look_back():
 
 
 def test_rooms_of_fmus_import_one_way():
-    rooms = {file: file.relative_to(FMUS).parts[0].removesuffix(".py") for file in sources(FMUS)}
-    assert {*rooms.values()} == {*ROOMS, "__init__"}
-    for file, room in rooms.items():
-        if room != "__init__":
-            assert later_rooms(room, text(file)) == set(), file
-    assert later_rooms("start", "from fmus.track import steps") == {"track"}
+    packages = {file: file.relative_to(FMUS).parts[0].removesuffix(".py") for file in sources(FMUS)}
+    assert {*packages.values()} == {*PACKAGES, "__init__"}
+    for file, package in packages.items():
+        if package != "__init__":
+            assert later_packages(package, text(file)) == set(), file
+    assert later_packages("start", "from fmus.track import steps") == {"track"}
 
 
 def test_imports_go_round_in_no_circle_but_for_late_ones():
@@ -158,7 +158,7 @@ def test_imports_go_round_in_no_circle_but_for_late_ones():
         found = imports(text(file), for_types=False)
         graph[module] = {one for package in ("fmus", "orchestrator") for one in ours(found, package)} - {module}
         graph[module] -= {one for one in graph[module] if ROOT.joinpath(*one.split(".")).is_dir()}
-    for above, below in LATE:
+    for above, below in LOCAL_IMPORTS:
         graph[above].remove(below)
         with pytest.raises(CycleError):
             TopologicalSorter({**graph, above: graph[above] | {below}}).prepare()
@@ -234,21 +234,21 @@ def test_generic_modules_import_nothing_of_fmus_but_the_cache(name):
     assert files <= set(GENERIC), "a generic module imports one that is not"
 
 
-def rooms(modules: set[str]) -> set[str]:
+def packages(modules: set[str]) -> set[str]:
     """Packages of the orchestrator that contain these modules."""
-    known = {room for storey in STOREYS for room in storey}
+    known = {package for layer in LAYERS for package in layer}
     return {name.split(".")[1] for name in modules if name.startswith("orchestrator.")} & known
 
 
-def test_rooms_import_from_storeys_below_alone():
+def test_rooms_import_from_layers_below_alone():
     below: set[str] = set()
-    for names in STOREYS:
-        for room in names:
-            for file in sources(ORCHESTRATOR / room) or [ORCHESTRATOR / f"{room}.py"]:
-                assert rooms(imports(text(file))) <= {room, *below}, file
+    for names in LAYERS:
+        for package in names:
+            for file in sources(ORCHESTRATOR / package) or [ORCHESTRATOR / f"{package}.py"]:
+                assert packages(imports(text(file))) <= {package, *below}, file
         below |= {*names}
-    assert not rooms(imports(text(ORCHESTRATOR / "__init__.py"))), "the package itself imports on request only"
-    assert rooms(imports("from orchestrator import cli\nimport orchestrator.log.reader")) == {"cli", "log"}
+    assert not packages(imports(text(ORCHESTRATOR / "__init__.py"))), "the package itself imports on request only"
+    assert packages(imports("from orchestrator import cli\nimport orchestrator.log.reader")) == {"cli", "log"}
     known = {*below, "__init__", "__main__", "cotrack", "book"}
     found = {file.relative_to(ORCHESTRATOR).parts[0].removesuffix(".py") for file in sources(ORCHESTRATOR)}
     assert found == known
@@ -271,7 +271,7 @@ def test_scenes_know_of_results_the_figures_alone():
 
 def test_orchestrator_reaches_into_fmus_through_few_doors():
     for file in sources(ORCHESTRATOR):
-        inner = ours(imports(text(file)), "fmus") - DOORS - {"fmus"}
+        inner = ours(imports(text(file)), "fmus") - ALLOWED_IMPORTS - {"fmus"}
         assert inner == ({"fmus.physics.ancf.cable", "fmus.physics.ancf.element"} if file == TO_PHYSICS else set()), (
             file
         )

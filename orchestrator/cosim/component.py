@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, inverse_factors
 from orchestrator.cosim.fast_calls import FastCalls, Places, places
-from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, Floats, GuestTerms
-from orchestrator.cosim.guests.remote import RemoteSlave
-from orchestrator.cosim.guests.supervisor import Room
+from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, Floats, ImportSettings
 from orchestrator.cosim.messages import CallMessages, ComponentWarning, Logger, WarningList, status_text
 from orchestrator.cosim.mixed_exchange import MixedExchange
+from orchestrator.cosim.processes.remote import RemoteSlave
+from orchestrator.cosim.processes.supervisor import SlaveProcess
 from orchestrator.cosim.variables import Variables
 from orchestrator.fmi import fmi2
 from orchestrator.fmi.model_description import is_fmi3, load_library, loadable, opening
@@ -69,18 +69,18 @@ class Component(AbstractContextManager["Component"]):
         discrete: Collection[str] = (),
         conversions: Mapping[str, Conversion] = NO_CONVERSIONS,
         units: Mapping[str, str] = NO_CONVERSIONS,
-        guest: GuestTerms | None = None,
-        room: Room | None = None,
+        imported: ImportSettings | None = None,
+        process: SlaveProcess | None = None,
         resources: Path | None = None,
         starts: Sequence[float] = (),
     ) -> None:
         """Load and instantiate an FMU.
 
         ``discrete``: connected variables that are no Reals, which follow them in the arrays. ``conversions``,
-        ``units``, ``guest``, ``resources`` and ``starts``: as of ``graph.Instance``. ``room``: process in which it is
-        loaded, instead of this one.
+        ``units``, ``imported``, ``resources`` and ``starts``: as of ``graph.Instance``. ``process``: that in which it
+        is loaded, instead of this one.
         """
-        self.name, self._starts, self._guest = name, starts, guest
+        self.name, self._starts, self._imported = name, starts, imported
         self._messages = CallMessages(name, logger)
         self._clock = np.zeros(1)  # s from the start of the run, beginning of the last step
         self.start_time = 0.0  # s, time of the FMU at the start of the run
@@ -93,14 +93,14 @@ class Component(AbstractContextManager["Component"]):
         self._places = Places()
         self._loaded = loadable(fmu)
         self.description = self._loaded.description
-        if room is None and is_fmi3(self.description):
+        if process is None and is_fmi3(self.description):
             raise ComponentFailed(
                 f"'{fmu}' is an FMU of FMI 3.0: only a process of its own runs it (in_process = false); FMUs of cotrack"
                 " run in that of the run: build them of FMI 2.0"
             )
-        remote = None if room is None else RemoteSlave(room, self._receive)
+        remote = None if process is None else RemoteSlave(process, self._receive)
         memory = None if remote is None else remote.memory
-        self.variables = Variables(name, self._loaded, discrete, conversions, units, memory, guest is not None)
+        self.variables = Variables(name, self._loaded, discrete, conversions, units, memory, imported is not None)
         self.inputs, self.outputs, self.links = self.variables.inputs, self.variables.outputs, self.variables.links
         self.u, self.y, self.y_links = self.variables.u, self.variables.y, self.variables.y_links
         self.integers, self.counters = self.variables.integers, self.variables.counters
@@ -109,7 +109,7 @@ class Component(AbstractContextManager["Component"]):
         if len(starts):
             reals = len(self.variables.reals_in)
             self.u[:reals] = starts[:reals]
-        notes = [*inverse_factors(self.description), self._loaded.unused] if guest is not None else []
+        notes = [*inverse_factors(self.description), self._loaded.unused] if imported is not None else []
         for sentence in filter(None, notes):
             self._receive(WARNING, sentence, "")
         self._open(fmu, remote, resources)
@@ -136,7 +136,7 @@ class Component(AbstractContextManager["Component"]):
         self._first_link = slave.exchange("Real", v.references(v.links[:1]), v.y_links[:1])
         self._mixed: MixedExchange | None = None
         if v.is_mixed:
-            check = None if self._guest is None else self._check_finite
+            check = None if self._imported is None else self._check_finite
             self._mixed = MixedExchange(slave, v, (self._u, self._y, self._y_links), self._receive, check)
 
     def _check_finite(self, names: Sequence[str], values: Floats) -> int:
@@ -145,7 +145,7 @@ class Component(AbstractContextManager["Component"]):
             return OK
         where = int(np.flatnonzero(~np.isfinite(values))[0])
         sentence = f"output '{names[where]}' is {values[where]}"
-        if self._guest is None or self._guest.non_finite == "warn":
+        if self._imported is None or self._imported.non_finite == "warn":
             self._receive(WARNING, sentence, "")
             return WARNING
         self._receive(ERROR, f'{sentence} (fmu.{self.name}.non_finite = "warn" lets the run go on)', "")
@@ -163,7 +163,7 @@ class Component(AbstractContextManager["Component"]):
     @property
     def warms_up(self) -> bool:
         """Whether a step that is taken back saves time later: not of an FMU of the user, which compiles nothing."""
-        return self._guest is None and bool(self.description.coSimulation.canGetAndSetFMUstate)
+        return self._imported is None and bool(self.description.coSimulation.canGetAndSetFMUstate)
 
     @property
     def wall_time(self) -> float:
@@ -193,7 +193,7 @@ class Component(AbstractContextManager["Component"]):
     @property
     def slave(self) -> Slave:
         """Its slave; raises ComponentFailed if it is closed."""
-        if self._slave is None or (self._phase == "lost" and self._guest is not None):
+        if self._slave is None or (self._phase == "lost" and self._imported is not None):
             raise ComponentFailed(f"{self.name}: the component is closed")
         return self._slave
 
@@ -216,7 +216,7 @@ class Component(AbstractContextManager["Component"]):
         if status == DISCARD and function.endswith("DoStep") and not self._messages.has_error:
             return self._discarded_step(function)
         sentence = self._messages.first_error() or status_text(function, status)
-        if (function if ends else "t = ") not in sentence and (self._guest is not None or not starts):
+        if (function if ends else "t = ") not in sentence and (self._imported is not None or not starts):
             sentence += f" ({function}{'' if ends else f', t = {float(self._clock[0]):.6g} s'})"
         return ComponentFailed(f"{self.name}: {sentence}")
 
@@ -308,7 +308,7 @@ class Component(AbstractContextManager["Component"]):
         if variable.causality == "structuralParameter":
             raise ComponentFailed(f"{self.name}: '{name}' is a structural parameter: arrays keep their sizes")
         try:
-            value = self._loaded.taken(variable, value, self._guest is not None)
+            value = self._loaded.taken(variable, value, self._imported is not None)
         except ValueError as error:
             raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: {error}") from None
         if name in self.inputs and variable.type != "String":
@@ -387,7 +387,7 @@ class Component(AbstractContextManager["Component"]):
 
     def _find_places(self) -> None:
         """Find the FMU's Reals in memory, where inputs, outputs and link outputs can be copied."""
-        own = self._guest is None and self._mixed is None
+        own = self._imported is None and self._mixed is None
         self._places = places(self.slave, self.variables) if own else Places()
         if self._fast is not None:
             self._fast.copy_at(self._places)

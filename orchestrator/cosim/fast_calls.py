@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.callbacks import EXCHANGE, STEP, Callbacks
-from orchestrator.cosim.guests.remote import RemoteSlave
 from orchestrator.cosim.mixed_exchange import MixedExchange
+from orchestrator.cosim.processes.remote import RemoteSlave
 from orchestrator.cosim.variables import Variables
 from orchestrator.fmi import fmi2
 from orchestrator.fmi.slave import Slave, failed

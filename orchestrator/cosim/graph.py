@@ -24,7 +24,7 @@ Quantity = Literal["value", "mean", "state", "rate", "discrete"]
 NO_CONVERSIONS: Mapping[str, Any] = MappingProxyType({})
 
 
-class GuestTerms(NamedTuple):
+class ImportSettings(NamedTuple):
     """How an FMU of the user is loaded and watched."""
 
     in_process: bool = False  # in the process of the run, not in one of its own
@@ -42,7 +42,7 @@ class Instance(NamedTuple):
     # By Real: of an input from what its source outputs to what the FMU gets, of an output to what others get.
     conversions: Mapping[str, Conversion] = NO_CONVERSIONS
     units: Mapping[str, str] = NO_CONVERSIONS  # of outputs with a conversion
-    guest: GuestTerms | None = None  # None: a component of ours
+    imported: ImportSettings | None = None  # None: a component of ours
     resources: Path | None = None  # folder with the numbers of the instance; None: those of the FMU
     starts: Sequence[float] = ()  # start values of its Reals, inputs first; empty: those of the FMU
 

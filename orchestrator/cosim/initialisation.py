@@ -19,8 +19,8 @@ import scipy  # loads its parts when they are used
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import power_residual
 from orchestrator.cosim.graph import Connection, Instance, System
-from orchestrator.cosim.guests.supervisor import Room, RoomRequest, Rooms
 from orchestrator.cosim.messages import Logger
+from orchestrator.cosim.processes.supervisor import ProcessPool, ProcessRequest, SlaveProcess
 from orchestrator.fmi.model_description import loadable
 from orchestrator.fmi.slave import ComponentFailed
 
@@ -30,14 +30,14 @@ def load_components(
     times: tuple[float, float],
     stack: ExitStack,
     logger: Logger | None = None,
-    rooms: Rooms | None = None,
+    pool: ProcessPool | None = None,
 ) -> dict[str, Component]:
     """Load and initialise every instance; they are unloaded with the stack. ``times``: start and stop of FMUs, s.
 
     Our FMUs start by their parameters, those of the user then in the order of flow.
     """
     discrete = discrete_variables(graph.connections)
-    placed_in = open_rooms(graph.instances, stack.enter_context(rooms or Rooms()))
+    placed_in = open_processes(graph.instances, stack.enter_context(pool or ProcessPool()))
     components = {
         instance.name: stack.enter_context(
             Component(
@@ -47,8 +47,8 @@ def load_components(
                 discrete=discrete.get(instance.name, ()),
                 conversions=instance.conversions,
                 units=instance.units,
-                guest=instance.guest,
-                room=placed_in.get(instance.name),
+                imported=instance.imported,
+                process=placed_in.get(instance.name),
                 resources=instance.resources,
                 starts=instance.starts,
             )
@@ -64,32 +64,32 @@ def load_components(
             target.variables.links_in |= {
                 into: f"{source.name}.{output} -> {target.name}.{into}" for into, output in pairs
             }
-    own = [instance for instance in graph.instances if instance.guest is None]
+    own = [instance for instance in graph.instances if instance.imported is None]
     start, stop = times
     for instance in own:  # whose times are those of the scene
         components[instance.name].initialise(instance.parameters, 0.0, stop - start)
     initialised = {instance.name: components[instance.name] for instance in own}
-    guests = [instance for instance in graph.instances if instance.guest is not None]
-    initialise(guests, graph.connections, components, initialised, times)
+    foreign = [instance for instance in graph.instances if instance.imported is not None]
+    initialise(foreign, graph.connections, components, initialised, times)
     power_residual.check_bonds(graph.connections, lambda instance, name: components[instance].variables.dimension(name))
     return components
 
 
-def open_rooms(instances: Iterable[Instance], rooms: Rooms) -> dict[str, Room]:
-    """Rooms of FMUs of the user, by their names; raises ComponentFailed."""
+def open_processes(instances: Iterable[Instance], pool: ProcessPool) -> dict[str, SlaveProcess]:
+    """Processes of FMUs of the user, by their names; raises ComponentFailed."""
     wanted, inside = [], set()
     for instance in instances:
-        if instance.guest is None or instance.fmu is None:
+        if instance.imported is None or instance.fmu is None:
             continue
         alone = loadable(instance.fmu).description.coSimulation.canBeInstantiatedOnlyOncePerProcess
-        if not instance.guest.in_process:
-            wanted.append(RoomRequest(instance.name, instance.fmu, alone, instance.guest.limit))
+        if not instance.imported.in_process:
+            wanted.append(ProcessRequest(instance.name, instance.fmu, alone, instance.imported.limit))
         elif alone and instance.fmu in inside:
             once = f"'{instance.fmu}' can be instantiated once per process"
             raise ComponentFailed(f"{instance.name}: {once}: leave out in_process = true of this instance")
         else:
             inside.add(instance.fmu)
-    return rooms.open(wanted)
+    return pool.open(wanted)
 
 
 def discrete_variables(connections: Iterable[Connection]) -> dict[str, set[str]]:

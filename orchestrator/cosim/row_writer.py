@@ -49,9 +49,9 @@ class RowWriter:
         self._counts: RowCounts | None = None
 
     @property
-    def room(self) -> int:
+    def free_rows(self) -> int:
         """Number of steps that fit into the pages."""
-        return min(page.room * every for page, every in zip(self._pages, (1, self.every), strict=False))
+        return min(page.free_rows * every for page, every in zip(self._pages, (1, self.every), strict=False))
 
     @property
     def due(self) -> int:

@@ -10,9 +10,9 @@ from fmus.ahead import start_compilation
 from fmus.track.choices import TRACKS
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import System
-from orchestrator.cosim.guests.supervisor import Rooms
 from orchestrator.cosim.initialisation import load_components
 from orchestrator.cosim.messages import Logger
+from orchestrator.cosim.processes.supervisor import ProcessPool
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import Assembly, Part
@@ -29,13 +29,13 @@ def load_scene(
     stack: ExitStack,
     logger: Logger | None,
     native: bool = False,
-    rooms: Rooms | None = None,
+    pool: ProcessPool | None = None,
     announce: Callable[[str], object] = lambda line: None,
     detail: Callable[[str], object] = lambda line: None,
 ) -> tuple[SystemScene, System, dict[str, Component]]:
     """Place an assembled scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed.
 
-    ``rooms``: where FMUs of the user get their processes; they are closed with the stack. ``announce`` gets a line for
+    ``pool``: where FMUs of the user get their processes; they are closed with the stack. ``announce`` gets a line for
     what takes long or is a risk, ``detail`` what is being done of the start.
     """
     if given := [part.name for part in assembly.parts if part.fmu is not None]:
@@ -62,7 +62,7 @@ def load_scene(
             process.wait()
         raise
     detail("components are initialised")
-    return scene, graph, load_components(graph, scene.run.times, stack, logger, rooms)
+    return scene, graph, load_components(graph, scene.run.times, stack, logger, pool)
 
 
 def _compile_in_processes(parts: Sequence[Part]) -> list[subprocess.Popen[str]]:

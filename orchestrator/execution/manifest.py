@@ -121,7 +121,7 @@ def system_table(graph: System, components: Mapping[str, Any] | None = None) -> 
             {
                 "name": instance.name,
                 **({} if instance.fmu is None else _file(instance.fmu)),
-                **({} if instance.fmu is None or instance.guest else {"numbers": numbers_digest(instance)}),
+                **({} if instance.fmu is None or instance.imported else {"numbers": numbers_digest(instance)}),
                 "parameters": dict(instance.parameters),
                 "stage": instance.stage,
                 **({"conversions": dict(instance.conversions)} if instance.conversions else {}),

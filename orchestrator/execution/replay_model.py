@@ -16,10 +16,10 @@ from fmus.track.choices import TRACKS
 from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.graph import GuestTerms, Instance, System
-from orchestrator.cosim.guests.supervisor import Rooms
-from orchestrator.cosim.initialisation import open_rooms
+from orchestrator.cosim.graph import ImportSettings, Instance, System
+from orchestrator.cosim.initialisation import open_processes
 from orchestrator.cosim.messages import Logger
+from orchestrator.cosim.processes.supervisor import ProcessPool
 from orchestrator.execution import replays
 from orchestrator.execution.manifest import NATIVE, as_json, model_description, system_table
 from orchestrator.files.budget import FMU, OverBudget, open_file
@@ -121,16 +121,16 @@ def open_replay(
             raise BadInput(
                 f"'{name}' of the log exchanged values in units of its own FMU: no other one takes its place"
             )
-        guest = None if built_here(model.fmu) else GuestTerms()
-        instance = Instance(name, model.fmu, {}, 0, guest=guest)
+        imported = None if built_here(model.fmu) else ImportSettings()
+        instance = Instance(name, model.fmu, {}, 0, imported=imported)
         with (
-            Rooms() as rooms,
+            ProcessPool() as pool,
             Component(
                 model.fmu,
                 name,
                 logger,
-                guest=guest,
-                room=open_rooms([instance], rooms).get(name),
+                imported=imported,
+                process=open_processes([instance], pool).get(name),
                 discrete={*outputs, *_names(log, f"/{name}/in")},
                 conversions={variable: own[variable] for variable in outputs if variable in own},
                 units=entry.get("units", {}),
@@ -139,7 +139,7 @@ def open_replay(
             ) as component,
         ):
             component.variables.know_texts(texts_of(log))
-            component.start_time = 0.0 if guest is None else _start_time(log)
+            component.start_time = 0.0 if imported is None else _start_time(log)
             component.start_with(entry.get("inputs", {}))
             settable = set(component.variables.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in settable}

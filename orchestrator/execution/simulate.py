@@ -14,10 +14,10 @@ from fmus.fmi.build import BuildFailed
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.scheme import CouplingFailed
-from orchestrator.cosim.guests.supervisor import Rooms
 from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
+from orchestrator.cosim.processes.supervisor import ProcessPool
 from orchestrator.execution import estimate, manifest, summary
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene
@@ -99,9 +99,9 @@ def _simulate(
         require_signals(scene, assembly.parts)
     reached = ReachedPoint()
     with ExitStack() as stack:
-        rooms = Rooms(interrupt.signals, announce)
+        pool = ProcessPool(interrupt.signals, announce)
         detail = getattr(narration, "set_detail", announce)
-        loaded = load_scene(scene, assembly, stack, logger, native, rooms, announce, detail)
+        loaded = load_scene(scene, assembly, stack, logger, native, pool, announce, detail)
         run = PreparedRun.prepare(*loaded, continuation)
         for line in _shared_parameters(run, assembly):
             announce(f"{scene.name}: {line}")
@@ -244,7 +244,7 @@ def record_companion(interrupt: Interrupt, scene: Scene, path: Path, native: boo
     """
     try:
         with ExitStack() as stack:
-            loaded = load_scene(scene, assemble(scene), stack, None, native, Rooms(interrupt.signals))
+            loaded = load_scene(scene, assemble(scene), stack, None, native, ProcessPool(interrupt.signals))
             return _recorded(PreparedRun.prepare(*loaded), path, interrupt)
     except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable, BadInput) as failure:
         interrupt.failure = str(failure) if isinstance(failure, LogFailed) else interrupt.failure

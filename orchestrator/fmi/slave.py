@@ -1,7 +1,7 @@
 """Instance of an FMU in one interface, whatever its version of FMI and its process.
 
 Numbers are exchanged with arrays, Strings with lists of bytes. Every call returns an FMI status. The functions of both
-versions are in ``fmi2`` and ``fmi3``; ``cosim.guests`` has the slave of another process.
+versions are in ``fmi2`` and ``fmi3``; ``cosim.processes`` has the slave of another process.
 """
 
 from __future__ import annotations

@@ -199,7 +199,7 @@ class Page:
         block.count = row + 1
 
     @property
-    def room(self) -> int:
+    def free_rows(self) -> int:
         """Number of rows that the block can still take."""
         return self.capacity + 1 - self.block.count
 

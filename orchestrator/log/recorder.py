@@ -152,7 +152,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._raise_failure()
             page.add(sequence, t, h, values)
             self._bytes += page.size
-            self._hand_over_if_full(sequence, page.room > 0)
+            self._hand_over_if_full(sequence, page.free_rows > 0)
 
     def copy(self, messages: Messages, chosen: NDArray[np.bool_]) -> Series:
         """Record the ``chosen`` (m,) messages of a topic again; return them. Raises like ``write``."""
@@ -183,7 +183,7 @@ class Recorder(AbstractContextManager["Recorder"]):
                 self._check_time(topic, float(page.block.t[page.block.count - 1]))
                 self._bytes += n * page.size
                 last = max(last, int(page.block.sequence[page.block.count - 1]))
-            self._hand_over_if_full(last, all(self._pages[topic].room for topic in rows) and not self._overdue)
+            self._hand_over_if_full(last, all(self._pages[topic].free_rows for topic in rows) and not self._overdue)
 
     def _check_time(self, topic: str, t: float) -> None:
         if not 0.0 <= t < LONGEST:
@@ -196,10 +196,10 @@ class Recorder(AbstractContextManager["Recorder"]):
         if self._closing:
             raise ValueError(f"the log {self.path} is closed")
 
-    def _hand_over_if_full(self, sequence: int, room: bool) -> None:
-        """Hand over a full chunk, or if a page has no ``room``; wait if the disk is far behind."""
+    def _hand_over_if_full(self, sequence: int, has_room: bool) -> None:
+        """Hand over a full chunk, or where a page ``has_room`` no more; wait if the disk is far behind."""
         self._last = sequence
-        if self._bytes >= CHUNK or not room:
+        if self._bytes >= CHUNK or not has_room:
             self._hand_over()
             while len(self._backlog) > BACKLOG and self._failure is None:
                 self._condition.wait()

@@ -37,7 +37,7 @@ from orchestrator.cosim.base_units import (
     unit_of,
 )
 from orchestrator.cosim.component import description_of
-from orchestrator.cosim.graph import Connection, GuestTerms, Instance, Quantity
+from orchestrator.cosim.graph import Connection, ImportSettings, Instance, Quantity
 from orchestrator.cosim.variables import LINK_FAMILIES
 from orchestrator.fmi.model_description import ALLOWED, loadable
 from orchestrator.fmi.slave import ComponentFailed
@@ -381,8 +381,8 @@ def user_instance(each: Replacement, ends: Ends, connections: Sequence[Connectio
     converted = conversions(part.name, each.variables, each.ports, ends, connections)
     units = {name: each.ports[name].unit for name in converted if each.variables[name].causality == "output"}
     file = Path(table.file)
-    guest = GuestTerms(table.in_process, table.call_limit or math.inf, table.non_finite)
-    terms = converted, units, None if built_here(file) else guest
+    imported = ImportSettings(table.in_process, table.call_limit or math.inf, table.non_finite)
+    terms = converted, units, None if built_here(file) else imported
     return Instance(part.name, file, {**parameters, **table.parameters}, part.stage, *terms)
 
 

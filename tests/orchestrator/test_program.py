@@ -233,7 +233,7 @@ class Sheet:
 
     def __init__(self, width):
         self.block = Block(np.zeros((10, HEAD + width)), count=2)
-        self.room = 8
+        self.free_rows = 8
 
     def added(self, n):
         """Sequence numbers, times, step lengths and values of the n rows after them."""
@@ -262,7 +262,7 @@ def marched(n, failing=0):
             break
         rows.append(np.concatenate([a for which in ("u", "y") for a in (getattr(one, which) for one in pairs[1])]))
     done = programs[0].step_batch(tape, 4, n, 0.1)
-    assert (lent, tape.room) == ([True], 8)
+    assert (lent, tape.free_rows) == ([True], 8)
     return pairs[0], done, tape, sheets, np.array(rows)
 
 

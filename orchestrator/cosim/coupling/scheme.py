@@ -116,7 +116,7 @@ class Scheme:
         if self.failure is not None:
             raise self.failure
         start = perf_counter()
-        done, n = 1, min(n, self.row_writer.room if self.row_writer else 1, int(LONGEST_BATCH / self._seconds))
+        done, n = 1, min(n, self.row_writer.free_rows if self.row_writer else 1, int(LONGEST_BATCH / self._seconds))
         if n > 1 and self._program is not None and self.row_writer is not None and self._all_compiled:
             now = self.outputs()
             done = self._program.step_batch(self.row_writer, k, n, h)

@@ -1,9 +1,9 @@
-"""Rooms: processes of FMUs that are not ours, and the thread that watches their calls.
+"""Processes of FMUs that are not ours, and the thread that watches their calls.
 
-A call goes over a socket; inputs and outputs of a step are in shared memory. A guest may end, hang, print, change its
-folder or its rounding mode: the run gets a status Fatal with a sentence, and its own process stays as it is. Instances
-of one FMU share a process only when there are more than ``MOST`` of them. What a guest has started ends with it,
-unless it has left the group of the process.
+A call goes over a socket; inputs and outputs of a step are in shared memory. Such an FMU may end, hang, print, change
+its folder or its rounding mode: the run gets a status Fatal with a sentence, and its own process stays as it is.
+Instances of one FMU share a process only when there are more than ``MAX_PROCESSES`` of them. Programs that an FMU has
+started end with it, unless they have left the group of the process.
 """
 
 from __future__ import annotations
@@ -26,31 +26,31 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.guests.process import LONGEST, LOST, pair, receive, send
 from orchestrator.cosim.messages import PRINTED
+from orchestrator.cosim.processes.server import LOST, MAX_MESSAGE, pair, receive, send
 from orchestrator.fmi.slave import FATAL, ComponentFailed, LogCallback
 
 try:
     import fcntl
     import resource
-except ImportError:  # no POSIX: ``Rooms.open`` says what is missing
+except ImportError:  # no POSIX: ``ProcessPool.open`` says what is missing
     fcntl = resource = None  # type: ignore[assignment]
 
-MOST = 64  # processes of one run
+MAX_PROCESSES = 64  # processes of one run
 PERIOD = 0.1  # s between two looks at calls that take long
 GRACE = 1.0  # s that a call may still take after an interruption
-PATIENCE = 4.0  # s of a call until it is told, then twice as long each time
+PATIENCE = 4.0  # s of a call until it is reported, then twice as long each time
 STARTING = 30.0  # s that a process may take to start, which is no call of the FMU
 CLOSING = 2.0  # s that a process may take to end
-SHOWN = 3  # printed lines of a process that are shown
+MAX_SHOWN_LINES = 3  # printed lines of a process that are shown
 LAST_LINES = 5  # printed lines that a sentence about the end of a process may quote
-LARGEST = 1 << 23  # bytes of a reply beyond those of its request: messages and their form
+MAX_REPLY = 1 << 23  # bytes of a reply beyond those of its request: messages and their form
 DESCRIPTORS, SPARE = 5, 32  # open files of an FMU, and of the rest of a run
 ROOT = Path(__file__).resolve().parents[3]
 
 
-class RoomRequest(NamedTuple):
-    """Instance that is to have a room."""
+class ProcessRequest(NamedTuple):
+    """Instance that is to have a process."""
 
     name: str
     fmu: Path
@@ -68,7 +68,7 @@ def words(doing: Doing) -> str:
     return function if t is None else f"{function} at t = {t:.6g} s"
 
 
-class Room:
+class SlaveProcess:
     """Process with instances of one FMU. Calls come from one thread at a time."""
 
     def __init__(self, name: str, limit: float) -> None:
@@ -78,18 +78,18 @@ class Room:
         self.is_ready = False  # it has made a call
         self.ended = ""  # words on the end of the process
         self.printed: deque[str] = deque(maxlen=LAST_LINES)
-        self.hear: LogCallback = lambda status, text, category: None
+        self.log: LogCallback = lambda status, text, category: None
         self._instances = self._open = 0
         self._doing: dict[int, Doing] = {}  # by instance
         self._replies: dict[int, Reply] = {}  # that nobody has waited for yet
         self._sent = 0  # bytes of the largest request
-        descriptor = os.memfd_create("guest", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+        descriptor = os.memfd_create("fmu", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL)  # reading it never fails
         self._memory, self._size = os.fdopen(descriptor, "r+b", 0), 0
         ours, theirs = pair()
         inherited = theirs.fileno(), self._memory.fileno()
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "orchestrator.cosim.guests.process", *map(str, inherited)],
+            [sys.executable, "-P", "-m", "orchestrator.cosim.processes.server", *map(str, inherited)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -99,20 +99,20 @@ class Room:
         )
         theirs.close()
         self._connection = ours
-        self._listener = threading.Thread(target=self._listen, name="guest", daemon=True)
+        self._listener = threading.Thread(target=self._listen, name="fmu", daemon=True)
         self._listener.start()
 
     def _listen(self) -> None:
-        """Hear what the process prints."""
+        """Pass on what the process prints."""
         assert self._process.stdout is not None
         heard = 0
-        for line in iter(partial(self._process.stdout.readline, LONGEST), b""):
+        for line in iter(partial(self._process.stdout.readline, MAX_MESSAGE), b""):
             text = line.decode("utf-8", "replace").rstrip()
             if text:
                 self.printed.append(text)
                 heard += 1
-                if heard <= SHOWN:
-                    self.hear(0, text if heard < SHOWN else f"{text}; more is not shown", PRINTED)
+                if heard <= MAX_SHOWN_LINES:
+                    self.log(0, text if heard < MAX_SHOWN_LINES else f"{text}; more is not shown", PRINTED)
 
     def enter(self) -> int:
         """Return the number of a new instance."""
@@ -146,7 +146,7 @@ class Room:
         self.began = time.monotonic()
         try:
             while number not in self._replies and not self.ended:
-                match receive(self._connection, LARGEST + 2 * self._sent):
+                match receive(self._connection, MAX_REPLY + 2 * self._sent):
                     case [int(whose), int(status), str(failed), value, [*messages]] if (
                         whose in self._doing.keys() - self._replies.keys()
                         and abs(status) < 1 << 31
@@ -223,8 +223,8 @@ class Room:
             self._memory.close()
 
 
-class Rooms(AbstractContextManager["Rooms"]):
-    """Rooms of a run, and the thread that watches their calls.
+class ProcessPool(AbstractContextManager["ProcessPool"]):
+    """Processes of a run, and the thread that watches their calls.
 
     :param signals: returns the number of interrupting signals so far.
     :param say: receives a line about a call that takes long.
@@ -232,11 +232,11 @@ class Rooms(AbstractContextManager["Rooms"]):
 
     def __init__(self, signals: Callable[[], int] = lambda: 0, say: Callable[[str], None] = lambda line: None) -> None:
         self._signals, self._say = signals, say
-        self._rooms: list[Room] = []
+        self._processes: list[SlaveProcess] = []
         self._closed = threading.Event()
         self._thread: threading.Thread | None = None
 
-    def open(self, wanted: Sequence[RoomRequest]) -> dict[str, Room]:
+    def open(self, wanted: Sequence[ProcessRequest]) -> dict[str, SlaveProcess]:
         """Start the processes of instances, all at once; raises ComponentFailed for too many, and without Linux."""
         if not wanted:
             return {}
@@ -245,59 +245,60 @@ class Rooms(AbstractContextManager["Rooms"]):
             raise ComponentFailed(f"{name}: processes of FMUs of yours need Linux: set in_process = true")
         sharing = {each.fmu for each in wanted if not each.alone}
         needed = sum(each.alone for each in wanted) + len(sharing)
-        if needed > MOST:
+        if needed > MAX_PROCESSES:
             raise ComponentFailed(
-                f"{needed} FMUs need processes of their own, and a run has at most {MOST}: set in_process = true"
+                f"{needed} FMUs need processes of their own, and a run has at most {MAX_PROCESSES}: set"
+                " in_process = true"
             )
         files = len(os.listdir("/dev/fd")) + DESCRIPTORS * len(wanted) + SPARE
         if files > (limit := resource.getrlimit(resource.RLIMIT_NOFILE)[0]) >= 0:
             raise ComponentFailed(f"{len(wanted)} FMUs need {files} open files, {limit} are allowed: ulimit -n {files}")
-        free = MOST - needed
-        rooms: dict[str, Room] = {}
-        by_fmu: dict[Path, list[Room]] = {}
+        free = MAX_PROCESSES - needed
+        processes: dict[str, SlaveProcess] = {}
+        by_fmu: dict[Path, list[SlaveProcess]] = {}
         for each in wanted:
             shared = by_fmu.setdefault(each.fmu, [])
             if each.alone or not shared or free:
                 free -= bool(shared) and not each.alone
-                rooms[each.name] = room = Room(each.name, each.limit)
-                self._rooms.append(room)
+                processes[each.name] = process = SlaveProcess(each.name, each.limit)
+                self._processes.append(process)
                 if not each.alone:
-                    shared.append(room)
+                    shared.append(process)
             else:
-                rooms[each.name] = room = shared.pop(0)
-                shared.append(room)
+                processes[each.name] = process = shared.pop(0)
+                shared.append(process)
         if self._thread is None:
-            self._thread = threading.Thread(target=self._watch, name="guests", daemon=True)
+            self._thread = threading.Thread(target=self._watch, name="fmus", daemon=True)
             self._thread.start()
-        return rooms
+        return processes
 
     def __exit__(self, *ended: object) -> None:
         self._closed.set()
         if self._thread is not None:
             self._thread.join()
-        for room in self._rooms:
-            room.close()
+        for process in self._processes:
+            process.close()
 
     def _watch(self) -> None:
         signals, since = self._signals(), 0.0
-        told: dict[Room, float] = {}
+        reported: dict[SlaveProcess, float] = {}
         while not self._closed.wait(PERIOD):
             now = time.monotonic()
             count = self._signals()
             if count > signals and not since:
                 since = now
-            for room in self._rooms:
-                began = room.began
+            for process in self._processes:
+                began = process.began
                 if not began:
-                    told.pop(room, None)
+                    reported.pop(process, None)
                     continue
-                if room.has_ended():
-                    room.kill()
+                if process.has_ended():
+                    process.kill()
                 waited = now - began
                 if since and (now - since > GRACE or count > signals + 1):
-                    room.stop("was interrupted")
-                elif waited > room.limit + (0.0 if room.is_ready else STARTING):
-                    room.stop(f"has not returned within {room.limit:g} s")
-                elif waited > told.get(room, PATIENCE):
-                    told[room] = 2.0 * waited
-                    self._say(f"{room.name}: {words(room.doing)} has not returned for {waited:.0f} s")
+                    process.stop("was interrupted")
+                elif waited > process.limit + (0.0 if process.is_ready else STARTING):
+                    process.stop(f"has not returned within {process.limit:g} s")
+                elif waited > reported.get(process, PATIENCE):
+                    reported[process] = 2.0 * waited
+                    self._say(f"{process.name}: {words(process.doing)} has not returned for {waited:.0f} s")

@@ -1,5 +1,6 @@
-"""Process of a guest: ``python -m orchestrator.cosim.guests.process CONNECTION MEMORY``, two file descriptors.
+"""Process of FMUs that are not ours: ``python -m orchestrator.cosim.processes.server CONNECTION MEMORY``.
 
+Both arguments are file descriptors.
 It calls the methods of slaves that come over the connection, one after another, and replies with the status, the
 function that failed, the result, and the messages of the FMU. Inputs and outputs of a step are in the shared memory.
 It ends with the connection, also if the FMU never returns, and ends what it has started.
@@ -31,7 +32,10 @@ from orchestrator.fmi import fmi2, fmi3
 from orchestrator.fmi.slave import FATAL, OK, WARNING, Exchange, NotInstantiated, Opening, failed, worse
 
 PACKET = 1 << 16  # bytes
-MOST, LONGEST = 100, 2000  # messages of a call that are errors or not, and characters of each, that are passed on
+MAX_MESSAGES, MAX_MESSAGE = (
+    100,
+    2000,
+)  # messages of a call that are errors or not, and characters of each, that are passed on
 LOST = os.EX_IOERR  # exit status where the FMU has closed the descriptors of the connection
 _MORE, _LAST = b"+", b"."  # first byte of a packet
 
@@ -82,8 +86,8 @@ class Messages:
         """Keep a message if there is room for it."""
         alike = status > WARNING
         self._counts[alike] += 1
-        if self._counts[alike] <= MOST:
-            self._kept.append((status, text[:LONGEST], category))
+        if self._counts[alike] <= MAX_MESSAGES:
+            self._kept.append((status, text[:MAX_MESSAGE], category))
 
     def take(self) -> list[tuple[int, str, str]]:
         """Return the messages, after them the number of those left out."""

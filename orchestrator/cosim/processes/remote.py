@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.guests.supervisor import Room
+from orchestrator.cosim.processes.supervisor import SlaveProcess
 from orchestrator.fmi import fmi2, fmi3
 from orchestrator.fmi.slave import FATAL, OK, ComponentFailed, Kind, LogCallback, NotInstantiated, Opening, failed
 
@@ -19,19 +19,19 @@ ENDINGS = ("terminate", "free")  # calls after the last step
 class RemoteSlave:
     """See ``fmi.slave.Slave``. Exchanges of arrays of ``memory`` cost no packet of their own in a step."""
 
-    def __init__(self, room: Room, log: LogCallback) -> None:
-        self._room, self._log, self._number = room, log, room.enter()
+    def __init__(self, process: SlaveProcess, log: LogCallback) -> None:
+        self._process, self._log, self._number = process, log, process.enter()
         self._places: dict[int, int] = {}  # of arrays in the shared memory, by their addresses
         self._time: float | None = None  # s, of the present step
         self._exchanges = 0
         self._written: list[int] = []  # exchanges that are set with the next call
         self.is_fresh = False  # what goes with steps is in the memory
         self.failed = ""
-        room.hear = log
+        process.log = log
 
     def memory(self, n: int) -> NDArray[np.float64]:
         """Return n doubles, 0, that are shared with the process."""
-        array, place = self._room.memory(n)
+        array, place = self._process.memory(n)
         self._places[array.ctypes.data] = place
         return array
 
@@ -49,11 +49,11 @@ class RemoteSlave:
         """Begin a call; ``function``: of FMI, if it is not that of the method."""
         written, self._written, self.is_fresh = self._written, [], False
         time = None if method in ENDINGS else self._time
-        self._room.post(self._number, (function or self.functions[method], time), written, method, *arguments)
+        self._process.post(self._number, (function or self.functions[method], time), written, method, *arguments)
 
     def take(self, fits: Callable[[Any], bool] = lambda result: result is None) -> tuple[int, Any]:
         """Return status and result of the call that was begun; ``fits``: whether a result is one."""
-        status, function, result, messages = self._room.take(self._number, fits)
+        status, function, result, messages = self._process.take(self._number, fits)
         self.failed = self.functions.get(function, function)  # a method, where Python has failed
         for message in messages:
             self._log(*message)
@@ -132,7 +132,7 @@ class RemoteSlave:
     def free(self) -> int:
         """Free the instance; the process ends with its last one."""
         status, _ = self._call("free")
-        self._room.leave()
+        self._process.leave()
         return status
 
 

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from foreign_fmus import Variable
 
-from orchestrator.cosim.guests import process, supervisor
 from orchestrator.cosim.narration import Narration
+from orchestrator.cosim.processes import server, supervisor
 from orchestrator.execution.simulate import simulate
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log
@@ -102,8 +102,8 @@ def dies(*_):
 
 
 @pytest.mark.parametrize(("owner", "name", "broken", "error"), [
-    (supervisor, "LONGEST", "no number", TypeError),  # of bytes that are heard at once
-    (supervisor.Room, "has_ended", dies, KeyError),  # who watches
+    (supervisor, "MAX_MESSAGE", "no number", TypeError),  # of bytes that are heard at once
+    (supervisor.SlaveProcess, "has_ended", dies, KeyError),  # who watches
 ])  # fmt: skip
 def test_a_thread_that_dies_fails_the_run(guest, tmp_path, monkeypatch, owner, name, broken, error):
     """Who hears and who watches the guests."""
@@ -137,14 +137,14 @@ def test_a_guest_cannot_move_print_or_round_for_others(guest, tmp_path, capfd, i
 @pytest.mark.parametrize(("alone", "shared"), [(True, False), (False, True)])
 def test_instances_share_a_process_only_where_there_are_too_many(guest, tmp_path, monkeypatch, alone, shared):
     """Their static variable tells."""
-    monkeypatch.setattr(supervisor, "MOST", 8 if alone else 1)
+    monkeypatch.setattr(supervisor, "MAX_PROCESSES", 8 if alone else 1)
     _, path = run(tmp_path, {"a": entry(guest), "b": entry(guest)})
     together = outputs(path, "b")[1]["together"][-1]
     assert together == (2.0 * STOP if shared else STOP)
 
 
 @pytest.mark.parametrize(("owner", "name", "value", "said"), [
-    (supervisor, "MOST", 1, "2 FMUs need processes of their own, and a run has at most 1"),
+    (supervisor, "MAX_PROCESSES", 1, "2 FMUs need processes of their own, and a run has at most 1"),
     (supervisor.resource, "getrlimit", lambda which: (40, 4096),
      r"2 FMUs need (\d+) open files, 40 are allowed: ulimit -n \1$"),
     (supervisor, "fcntl", None, "a: processes of FMUs of yours need Linux: set in_process = true"),
@@ -321,9 +321,9 @@ def test_messages_of_a_call_are_bounded_and_counted(guest, tmp_path):
     summary, _ = run(tmp_path, {"a": entry(guest, FLOODS)}, logger=lambda *line: lines.append(line[2]))
     said = [each for each in summary["warnings"] if "left out" in each["text"]]
     assert [(each["text"], each["count"]) for each in said] == [
-        (f"{5000 - process.MOST} further messages left out", 33)
+        (f"{5000 - server.MAX_MESSAGES} further messages left out", 33)
     ]
-    assert sum("says nothing" in line for line in lines) == 33 * process.MOST
+    assert sum("says nothing" in line for line in lines) == 33 * server.MAX_MESSAGES
 
 
 sprung = []
@@ -342,17 +342,17 @@ def test_messages_hold_no_code():
     """Pickled objects would run some."""
     pickle.loads(pickle.dumps(Trap()))
     assert len(sprung) == 1
-    ours, theirs = process.pair()
+    ours, theirs = server.pair()
     with ours, theirs:
         theirs.sendall(b"." + pickle.dumps(Trap()))
         with pytest.raises(ValueError, match="decode"):
-            process.receive(ours)
+            server.receive(ours)
         for content in (["a", 0.1, None, [b"\x00\xff", [b"", b"text"]], float("inf")], {"u": [[1, 2], 3]}, "\udcff"):
-            process.send(theirs, content)
-            assert process.receive(ours) == content
-        process.send(theirs, "x" * 2000)
+            server.send(theirs, content)
+            assert server.receive(ours) == content
+        server.send(theirs, "x" * 2000)
         with pytest.raises(ValueError, match="too large"):
-            process.receive(ours, 1000)
+            server.receive(ours, 1000)
     assert len(sprung) == 1
 
 
@@ -374,8 +374,8 @@ def test_an_answer_that_is_none_ends_the_guest(guest, tmp_path, monkeypatch, rep
 
 
 def test_a_guest_cannot_shrink_the_memory_of_the_run(guest):
-    with supervisor.Rooms() as rooms:
-        (one,) = rooms.open([supervisor.RoomRequest("a", guest, False, 1.0)]).values()
+    with supervisor.ProcessPool() as pool:
+        (one,) = pool.open([supervisor.ProcessRequest("a", guest, False, 1.0)]).values()
         one.memory(8)
         shared = [int(each.name) for each in Path("/proc/self/fd").iterdir() if "memfd:" in os.path.realpath(each)]
         assert shared
