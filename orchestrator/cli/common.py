@@ -9,7 +9,7 @@ import os
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
@@ -37,7 +37,7 @@ def plain(text: str) -> str:
     return shown if len(text) <= LONGEST else f"{shown} ..."
 
 
-def summary(result: dict[str, Any], verbose: bool = False) -> None:
+def summary(result: Mapping[str, Any], verbose: bool = False) -> None:
     """Print the summary of a run, in ten lines and those on what is wrong, or all if it is to be ``verbose``."""
     from orchestrator.execution.summary_text import MOST, lines
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -100,7 +100,7 @@ def run(
     _report(result, status, as_json, verbose)
 
 
-def _report(result: dict[str, Any], status: int, as_json: bool, verbose: bool) -> NoReturn:
+def _report(result: Mapping[str, Any], status: int, as_json: bool, verbose: bool) -> NoReturn:
     """Print the summary of a run, unless its input was bad, and exit."""
     print_message(result["message"], status)
     if as_json:

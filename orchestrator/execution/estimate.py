@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,7 +31,7 @@ from orchestrator.scene.tables import VariableStepTable
 PARTS = ("coupling", "integration")
 Differences = dict[str, ObservableDifference]  # by observable
 # Records a scene, unless it has a log already, and returns its outcome (``simulate.record_companion``).
-RecordRun = Callable[[Scene, Path], dict[str, Any]]
+RecordRun = Callable[[Scene, Path], Mapping[str, Any]]
 
 
 class Companions(NamedTuple):
@@ -84,7 +84,7 @@ class _NoEstimate(Exception):
 
 
 def estimate(
-    scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun, in_parts: bool = False
+    scene: Scene, log: Path, summary: Mapping[str, Any], record: RecordRun, in_parts: bool = False
 ) -> dict[str, Any]:
     """Estimate the relative errors of a recorded run, in total and by observable, or give the reason.
 
@@ -126,7 +126,7 @@ def estimate(
     }
 
 
-def _coarser_scenes(scene: Scene, summary: dict[str, Any], steps: list[int]) -> Companions:
+def _coarser_scenes(scene: Scene, summary: Mapping[str, Any], steps: list[int]) -> Companions:
     """Scenes of the coarser runs; ``steps``: internal steps of each track."""
     simulated, count = summary["simulated_time"], summary["communication_steps"]
     if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
@@ -136,7 +136,7 @@ def _coarser_scenes(scene: Scene, summary: dict[str, Any], steps: list[int]) -> 
 
 
 def _record_coarser(
-    scene: Scene, summary: dict[str, Any], tracks: set[str], wanted: Companions, record: RecordRun, folder: Path
+    scene: Scene, summary: Mapping[str, Any], tracks: set[str], wanted: Companions, record: RecordRun, folder: Path
 ) -> tuple[dict[str, Path], str]:
     """Record the coarser runs, which have the same tracks; return their logs by name, and why four_times has none."""
     logs: dict[str, Path] = {}
@@ -155,7 +155,7 @@ def _record_coarser(
 
 
 def _why_not(
-    scene: Scene, tracks: set[str], outcome: dict[str, Any], finer: dict[str, Any] | None, companion: Scene
+    scene: Scene, tracks: set[str], outcome: Mapping[str, Any], finer: Mapping[str, Any] | None, companion: Scene
 ) -> str:
     """Return what is wrong with a coarser run, or nothing; ``finer``: outcome of a run that has to have more steps."""
     if outcome["status"] != "ok" or energy_warning(outcome["energy"]):
@@ -217,7 +217,7 @@ def _observable_error(found: dict[str, ObservableDifference], is_single: bool) -
     }
 
 
-def _steps(tracks: set[str], summary: dict[str, Any]) -> list[int]:
+def _steps(tracks: set[str], summary: Mapping[str, Any]) -> list[int]:
     """Return the number of internal steps of each track."""
     return [cost["steps"] for name, cost in summary["components"].items() if name in tracks]
 

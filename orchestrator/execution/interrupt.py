@@ -17,7 +17,6 @@ class Interrupt:
     def __init__(self) -> None:
         self.requested = self.deferring = False
         self.terminated = False  # by another signal than that of Ctrl-C: nothing more is waited for
-        self.failure = ""  # sentence on a log that could not be written
         self._count = 0
         self._woken, self._wakes = socket.socketpair()
         for end in (self._woken, self._wakes):
@@ -29,6 +28,15 @@ class Interrupt:
         self.terminated |= number != signal.SIGINT
         if repeated or not self.deferring:
             raise KeyboardInterrupt
+
+    @contextmanager
+    def deferred(self, deferring: bool = True) -> Iterator[None]:
+        """Let the first signal wait in this block; with False, inside of such a block, it raises at once."""
+        before, self.deferring = self.deferring, deferring
+        try:
+            yield
+        finally:
+            self.deferring = before
 
     @property
     def descriptor(self) -> int:

@@ -85,7 +85,7 @@ def _computed_states(scene: Scene, steps: int) -> bytes:
         summary = simulate(scene, Path(folder) / "run.mcap")
         if summary["status"] != "ok":
             raise ComponentFailed(f"{scene.name}: {summary['message']}")
-        with Log(Path(summary["log"])) as log:
+        with Log(Path(str(summary["log"]))) as log:
             _, saved = checkpoint.states(log.attachment(f"{CHECKPOINT}{steps}"))
     states = {name: from_bytes(state).state for name, state in saved.items()}
     content = io.BytesIO()

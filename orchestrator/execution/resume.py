@@ -24,6 +24,7 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.execution.manifest import NATIVE, numbers_digest
 from orchestrator.execution.prepared_run import Continuation
 from orchestrator.execution.simulate import simulate
+from orchestrator.execution.summary import Summary
 from orchestrator.log import tools
 from orchestrator.log.log_metadata import BRANCHED, CHECKPOINT, checkpoint_step, path_text_of
 from orchestrator.log.reader import Log
@@ -44,7 +45,7 @@ def resume(
     logger: Logger | None = None,
     narration: Narration | None = None,
     settings: Sequence[str] = (),
-) -> dict[str, Any]:
+) -> Summary:
     """Resume a run from the last checkpoint by ``at``, s, until ``stop``, s.
 
     None stands for the last checkpoint and for the scene's stop. The log may be that of an interrupted or killed run.

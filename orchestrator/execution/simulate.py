@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
-from functools import partial
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from textwrap import shorten
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from fmus.fmi.build import BuildFailed
 from fmus.vehicles.tables import BadInput
@@ -23,6 +22,7 @@ from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene
 from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
+from orchestrator.execution.summary import Summary
 from orchestrator.files.command import command_scope
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.container import BESIDE_A_RUN
@@ -37,7 +37,7 @@ from orchestrator.scene.assembly import assemble
 from orchestrator.scene.expectations import require_signals
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.parts import Assembly
-from orchestrator.scene.replacement import unfit
+from orchestrator.scene.replacement import interface_mismatches
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.values import implausible_numbers
 
@@ -55,8 +55,8 @@ def simulate(
     native: bool = False,
     continuation: Continuation | None = None,
     answer: bool = False,
-) -> dict[str, Any]:
-    """Build, run, record and evaluate a scene; return the summary (``summary.empty``).
+) -> Summary:
+    """Build, run, record and evaluate a scene; return the summary.
 
     ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take 0.75
     of the run's own time; "parts" makes a third one, which tells coupling and integration. ``native``: use native FMUs,
@@ -67,112 +67,165 @@ def simulate(
     and writes no log. Later failures are reported in the summary's status and message.
     """
     check_writable(path)
-    with interruptible() as handler:
+    with interruptible() as interrupt:
+        simulation = _Simulation(scene, path, interrupt, native, logger, narration)
         try:
-            result = _simulate(scene, path, logger, narration, estimated, handler, native, continuation)
+            result = simulation.run(estimated, continuation)
         except (BuildFailed, ComponentFailed):
-            if handler.requested:  # an interruption makes a component report a failure
+            if interrupt.requested:  # an interruption makes a component report a failure
                 raise KeyboardInterrupt from None
             raise
-    if answer and handler.requested:
+    if answer and interrupt.requested:
         raise KeyboardInterrupt
-    if answer and handler.failure:
-        raise OSError(handler.failure)
+    if answer and simulation.log_failure:
+        raise OSError(simulation.log_failure)
     return result
 
 
-def _simulate(
-    scene: SystemScene,
-    path: Path,
-    logger: Logger | None,
-    narration: Narration | None,
-    estimated: bool | Literal["parts"],
-    interrupt: Interrupt,
-    native: bool = False,
-    continuation: Continuation | None = None,
-) -> dict[str, Any]:
-    start, result = time.perf_counter(), summary.empty(scene.name, scene.variant)
-    announce = narration or (lambda line: None)
-    assembly = assemble(scene)
-    misfits = unfit(scene, assembly)
-    if continuation is None:  # the checks of a log's scene have been compared before its run
-        require_signals(scene, assembly.parts)
-    reached = ReachedPoint()
-    with ExitStack() as stack:
-        pool = ProcessPool(interrupt.signals, announce)
-        detail = getattr(narration, "set_detail", announce)
-        loaded = load_scene(scene, assembly, stack, logger, native, pool, announce, detail)
+class _Simulation:
+    """One run: it is prepared, steps, is evaluated, and its log is closed. ``log_failure``: why a log ended early."""
+
+    def __init__(
+        self,
+        scene: SystemScene,
+        path: Path,
+        interrupt: Interrupt,
+        native: bool,
+        logger: Logger | None,
+        narration: Narration | None,
+    ) -> None:
+        self._scene, self._path, self._interrupt, self._native = scene, path, interrupt, native
+        self._logger, self._narration = logger, narration
+        self._announce: Callable[[str], object] = narration or (lambda line: None)
+        self._summary, self.log_failure = summary.empty(scene.name, scene.variant), ""
+        self._file: Path | None = None  # the log, once it is open
+        self._reached = ReachedPoint()
+
+    def run(self, estimated: bool | Literal["parts"], continuation: Continuation | None) -> Summary:
+        """Run, record and evaluate; return the summary. Raises as ``simulate``."""
+        start, result = time.perf_counter(), self._summary
+        with ExitStack() as stack:
+            run, early_warnings = self._prepared(stack, continuation)
+            result["warnings"] = early_warnings
+            with ExitStack() as waiting:  # a signal waits until the log is closed
+                try:
+                    with self._open(run, continuation) as recorder:
+                        observers = self._observers(run, recorder, stack)
+                        result["startup_time"] = time.perf_counter() - start
+                        waiting.enter_context(self._interrupt.deferred())
+                        outcome = self._step(run, recorder, observers)
+                        result["warnings"] = [*early_warnings, *run.warnings()]
+                        outcome, found = self._evaluate(run, recorder, outcome, estimated)
+                        if outcome.steps:
+                            recorder.write_events(found)
+                        self._close(recorder, outcome)
+                        self._file = recorder.file if recorder.replaces else self._path
+                except LogFailed as failure:
+                    self.log_failure, (k, t) = str(failure), (self._reached.k, self._reached.t)
+                    outcome = master.RunOutcome("failed", f"{failure}, at t = {t:.6g} s", k, t)
+                    _add(result, outcome_entries(outcome, result["wall_time"]))
+        result["warnings"] = [*early_warnings, *run.warnings()]
+        if self._file is not None:
+            result["log"] = str(self._file)
+            result["log_bytes"] = self._file.stat().st_size if self._file.exists() else 0
+        return result
+
+    def _prepared(
+        self, stack: ExitStack, continuation: Continuation | None
+    ) -> tuple[PreparedRun, list[dict[str, Any]]]:
+        """Run that is ready to step, and its warnings so far."""
+        scene, announce = self._scene, self._announce
+        assembly = assemble(scene)
+        mismatches = interface_mismatches(scene, assembly)
+        if continuation is None:  # the checks of a log's scene have been compared before its run
+            require_signals(scene, assembly.parts)
+        pool = ProcessPool(self._interrupt.signals, announce)
+        detail = getattr(self._narration, "set_detail", announce)
+        loaded = load_scene(scene, assembly, stack, self._logger, self._native, pool, announce, detail)
         run = PreparedRun.prepare(*loaded, continuation)
         for line in _shared_parameters(run, assembly):
             announce(f"{scene.name}: {line}")
-        result["warnings"] = early_warnings = _early_warnings(run, logger, misfits)
-        log_opened, file = False, path
+        return run, _early_warnings(run, self._logger, mismatches)
+
+    @contextmanager
+    def _open(self, run: PreparedRun, continuation: Continuation | None) -> Iterator[Recorder]:
+        """The log, with what an earlier run has recorded."""
+        about, further_metadata = (
+            {"fmus": NATIVE} if self._native else {},
+            continuation.metadata if continuation else {},
+        )
+        parts = run.scene, run.graph, run.components, run.scheme
+        with open_log(self._path, *parts, about, further_metadata) as recorder:
+            self._file = recorder.file
+            if continuation is not None:
+                continuation.copy_records(recorder)
+            yield recorder
+
+    def _observers(self, run: PreparedRun, recorder: Recorder, stack: ExitStack) -> list[master.Observer]:
+        name, stop = self._scene.name, run.scene.run.stop
+        observers: list[master.Observer] = [self._reached, *run.observers(recorder, self._reached)]
+        if self._narration:
+            observers.append(stack.enter_context(ProgressBar(name, stop, self._narration)))
+        if recorder.replaces:
+            self._announce(f"{name}: the log is {recorder.file} until the run has ended, then {self._path}")
+        self._announce(f"{name}: {stop:g} s are simulated")
+        return observers
+
+    def _step(self, run: PreparedRun, recorder: Recorder, observers: list[master.Observer]) -> master.RunOutcome:
+        """Step to the end, write all that the log needs but its end, end the processes of FMUs."""
+        outcome = run.step_to_end(observers, self._interrupt, cast("dict[str, Any]", self._summary))
+        attach_texts(recorder, run.components)
+        recorder.write_remaining()
+        for component in run.components.values():
+            if component.is_remote:  # the end of another one could be that of this process
+                component.close()
+        return outcome
+
+    def _evaluate(
+        self, run: PreparedRun, recorder: Recorder, outcome: master.RunOutcome, estimated: bool | Literal["parts"]
+    ) -> tuple[master.RunOutcome, list[Event]]:
+        """Evaluate the log and estimate the error, which a signal ends; return the outcome and the events."""
+        result, interrupt, found = self._summary, self._interrupt, list[Event]()
+        before = interrupt.requested and not interrupt.terminated  # Ctrl-C ended a wait for an FMU
         try:
-            about, further_metadata = {"fmus": NATIVE} if native else {}, continuation.metadata if continuation else {}
-            with open_log(path, run.scene, run.graph, run.components, run.scheme, about, further_metadata) as recorder:
-                log_opened, file = True, recorder.file
-                if continuation is not None:
-                    continuation.copy_records(recorder)
-                observers: list[master.Observer] = [reached, *run.observers(recorder, reached)]
-                if narration:
-                    observers.append(stack.enter_context(ProgressBar(scene.name, run.scene.run.stop, narration)))
-                if recorder.replaces:
-                    announce(f"{scene.name}: the log is {recorder.file} until the run has ended, then {path}")
-                announce(f"{scene.name}: {run.scene.run.stop:g} s are simulated")
-                result["startup_time"] = time.perf_counter() - start
-                interrupt.deferring = True
-                outcome = run.step_to_end(observers, interrupt, result)
-                attach_texts(recorder, run.components)
-                recorder.write_remaining()
-                for component in run.components.values():
-                    if component.is_remote:  # the end of another one could be that of this process
-                        component.close()
-                result["warnings"] = [*early_warnings, *run.warnings()]
-                run_events: list[Event] = []
-                before = interrupt.requested and not interrupt.terminated  # Ctrl-C ended a wait for an FMU
-                interrupt.deferring = False
-                try:
-                    if outcome.steps and not interrupt.terminated:
-                        announce(f"{scene.name}: results are read from the log")
-                        entries, run_events = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
-                        result |= entries
-                        if estimated:
-                            companion = partial(record_companion, interrupt, native=native)
-                            _estimate_error(run.scene, recorder.file, result, companion, announce, estimated == "parts")
-                    if interrupt.requested and not before and outcome.status == "ok":  # in a coarser run
-                        raise KeyboardInterrupt
-                except KeyboardInterrupt:
-                    outcome = outcome._replace(status="interrupted", message="interrupted while it was evaluated")
-                    result |= {"status": "failed", "message": outcome.message}
-                interrupt.deferring = True
-                if outcome.steps:
-                    recorder.write_events(run_events)
-                _close(recorder, outcome, result)
-                file = recorder.file if recorder.replaces else path
-        except LogFailed as failure:
-            interrupt.failure = str(failure)
-            outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
-            result |= outcome_entries(outcome, result["wall_time"])
-            result["warnings"] = [*early_warnings, *run.warnings()]
-        interrupt.deferring = False
-    result["warnings"] = [*early_warnings, *run.warnings()]
-    if log_opened:
-        result["log"] = str(file)
-    return result | {"log_bytes": file.stat().st_size if log_opened and file.exists() else 0}
+            with interrupt.deferred(False):
+                if outcome.steps and not interrupt.terminated:
+                    self._announce(f"{run.scene.name}: results are read from the log")
+                    entries, found = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
+                    _add(result, entries)
+                    if estimated and result["status"] == "ok" and isinstance(run.scene, Scene):
+                        self._estimate(run.scene, recorder.file, estimated == "parts")
+                if interrupt.requested and not before and outcome.status == "ok":  # in a coarser run
+                    raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            outcome = outcome._replace(status="interrupted", message="interrupted while it was evaluated")
+            _add(result, {"status": "failed", "message": outcome.message})
+        return outcome, found
+
+    def _estimate(self, scene: Scene, file: Path, in_parts: bool) -> None:
+        """Estimate the error of a run that ended well by coarser runs."""
+
+        def companion(coarser: Scene, path: Path) -> dict[str, Any]:
+            outcome, log_failure = record_companion(self._interrupt, coarser, path, self._native)
+            self.log_failure = log_failure or self.log_failure
+            return outcome
+
+        self._announce(f"{scene.name}: the error is estimated by runs with longer steps")
+        self._summary["error"] = estimate.estimate(scene, file, self._summary, companion, in_parts)
+
+    def _close(self, recorder: Recorder, outcome: master.RunOutcome) -> None:
+        """Close the log of a run, which has failed if the model left its range of validity."""
+        result = self._summary
+        invalidity = summary.invalidity(result["validity"])
+        status = "failed" if invalidity else outcome.status
+        message = "; ".join(filter(None, (outcome.message, invalidity)))
+        recorder.close(status, message, outcome.steps, manifest.encode_results(result), result["warnings"])
+        result["seal"] = recorder.seal
 
 
-def _estimate_error(
-    scene: SystemScene,
-    file: Path,
-    result: dict[str, Any],
-    companion: estimate.RecordRun,
-    announce: Callable[[str], object],
-    in_parts: bool,
-) -> None:
-    """Add the error of a run that ended well to its summary, by coarser runs (``companion``)."""
-    if result["status"] == "ok" and isinstance(scene, Scene):
-        announce(f"{scene.name}: the error is estimated by runs with longer steps")
-        result["error"] = estimate.estimate(scene, file, result, companion, in_parts)
+def _add(result: Summary, entries: Mapping[str, Any]) -> None:
+    """Add entries to a summary."""
+    cast("dict[str, Any]", result).update(entries)
 
 
 def _shared_parameters(run: PreparedRun, assembly: Assembly) -> Iterator[str]:
@@ -186,21 +239,13 @@ def _shared_parameters(run: PreparedRun, assembly: Assembly) -> Iterator[str]:
             yield shorten(f"{instance.name} gets from the scene {', '.join(given)}", MOST_NARRATED, placeholder=" ...")
 
 
-def _close(recorder: Recorder, outcome: master.RunOutcome, result: dict[str, Any]) -> None:
-    """Close the log of a run, which has failed if the model left its range of validity."""
-    invalidity = summary.invalidity(result["validity"])
-    status, message = "failed" if invalidity else outcome.status, "; ".join(filter(None, (outcome.message, invalidity)))
-    recorder.close(status, message, outcome.steps, manifest.encode_results(result), result["warnings"])
-    result["seal"] = recorder.seal
-
-
 def _early_warnings(
-    run: PreparedRun, logger: Logger | None, misfits: Sequence[tuple[str, str]]
+    run: PreparedRun, logger: Logger | None, mismatches: Sequence[tuple[str, str]]
 ) -> list[dict[str, Any]]:
-    """Return warnings about FMUs of the user (``misfits``), recording and scene; the logger gets them too."""
+    """Return warnings about FMUs of the user (``mismatches``), recording and scene; the logger gets them too."""
     has_links = any(component.links for component in run.components.values())
     aliases = run.scene.aliasing_warning if has_links else ""
-    sentences = [*misfits, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
+    sentences = [*mismatches, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
     sentences += [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
     if logger:
         for component, text in sentences:
@@ -236,8 +281,10 @@ def _evaluate_log(
     return entries | summary.judgement(outcome.message, entries, run), run_events
 
 
-def record_companion(interrupt: Interrupt, scene: Scene, path: Path, native: bool = False) -> dict[str, Any]:
-    """Record a scene, by native FMUs if the run has them; return its outcome.
+def record_companion(
+    interrupt: Interrupt, scene: Scene, path: Path, native: bool = False
+) -> tuple[dict[str, Any], str]:
+    """Record a scene, by native FMUs if the run has them; return its outcome, and why its log could not be written.
 
     An outcome has status and message, times, components, energy and the path of the log, named as in a summary. A
     signal ends the run. No failure is raised: it is a status.
@@ -245,19 +292,19 @@ def record_companion(interrupt: Interrupt, scene: Scene, path: Path, native: boo
     try:
         with ExitStack() as stack:
             loaded = load_scene(scene, assemble(scene), stack, None, native, ProcessPool(interrupt.signals))
-            return _recorded(PreparedRun.prepare(*loaded), path, interrupt)
+            return _recorded(PreparedRun.prepare(*loaded), path, interrupt), ""
     except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable, BadInput) as failure:
-        interrupt.failure = str(failure) if isinstance(failure, LogFailed) else interrupt.failure
-        return {"status": "failed", "message": str(failure)}
+        return {"status": "failed", "message": str(failure)}, str(failure) if isinstance(failure, LogFailed) else ""
 
 
 def _recorded(run: PreparedRun, path: Path, interrupt: Interrupt) -> dict[str, Any]:
     result: dict[str, Any] = {"log": str(path)}
-    with open_log(path, run.scene, run.graph, run.components, run.scheme) as recorder:
-        interrupt.deferring = True
+    with (
+        interrupt.deferred(),
+        open_log(path, run.scene, run.graph, run.components, run.scheme) as recorder,
+    ):
         outcome = run.step_to_end(run.observers(recorder, ReachedPoint()), interrupt, result)
         recorder.close(outcome.status, outcome.message, outcome.steps)
-    interrupt.deferring = False
     with Log(path, kept=BESIDE_A_RUN) as log:
         data = RunData(log)
         result |= summary.balance(data)

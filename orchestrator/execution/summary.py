@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -29,8 +29,43 @@ from orchestrator.vocabulary.limits import LARGEST_RESIDUAL
 LAST = 1.0  # s: without run.window observables are means over the last second
 
 
-def empty(scene: str, track: str | None) -> dict[str, Any]:
-    """Return a summary with all keys, as before the run."""
+class Summary(TypedDict):
+    """Outcome of a run, as ``--json`` prints it; times in s."""
+
+    scene: str
+    track: str | None  # kind of links
+    status: str  # ok or failed
+    message: str
+    simulated_time: float
+    startup_time: float
+    wall_time: float  # of stepping
+    cpu_time: float
+    real_time_factor: float
+    communication_steps: int
+    rejected_steps: int
+    log: str | None
+    log_bytes: int
+    seal: str  # root of the log's seal
+    components: dict[str, dict[str, float | int]]  # wall time and counters
+    fmus: dict[str, dict[str, str]]  # FMUs of the user by component: file name and hash
+    energy: dict[str, Any] | None  # ``results.energy.Ledger``
+    energy_missing: str  # why there is no energy balance
+    error: dict[str, Any] | None  # ``estimate.estimate``
+    checks: dict[str, dict[str, Any]]
+    checks_after_end: dict[str, dict[str, float]]
+    checks_left_out: dict[str, str]  # reasons by name
+    observables: dict[str, float]
+    windows: dict[str, dict[str, float]]
+    places: dict[str, str]
+    phases: list[dict[str, Any]]
+    track_tension: dict[str, Any]  # asked, and of the tracks at rest: ``scene.placing.track_tension``
+    warnings: list[dict[str, Any]]
+    validity: list[dict[str, Any]]
+    passed_over: list[str]
+
+
+def empty(scene: str, track: str | None) -> Summary:
+    """Return a summary as before the run."""
     return {
         "scene": scene,
         "track": track,
@@ -45,20 +80,20 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "rejected_steps": 0,
         "log": None,
         "log_bytes": 0,
-        "seal": "",  # root of the log's seal
+        "seal": "",
         "components": {},
-        "fmus": {},  # FMUs of the user by component: file name and hash
+        "fmus": {},
         "energy": None,
-        "energy_missing": "",  # why there is no energy balance
+        "energy_missing": "",
         "error": None,
         "checks": {},
         "checks_after_end": {},
-        "checks_left_out": {},  # reasons by name
+        "checks_left_out": {},
         "observables": {},
         "windows": {},
         "places": {},
         "phases": [],
-        "track_tension": {},  # asked, and of the tracks at rest: ``scene.placing.track_tension``
+        "track_tension": {},
         "warnings": [],
         "validity": [],
         "passed_over": [],

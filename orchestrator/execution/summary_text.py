@@ -50,7 +50,7 @@ def _percent(share: float) -> str:
     return f"{figure(100.0 * share, 2)} %"
 
 
-def _headline(r: dict[str, Any]) -> str:
+def _headline(r: Mapping[str, Any]) -> str:
     """Return the first line: scene, links, verdict, number of met checks."""
     links = f", {r['track']} links" if r["track"] else ""
     met, *late = summary.check_counts(r)
@@ -60,7 +60,7 @@ def _headline(r: dict[str, Any]) -> str:
     return f"{r['scene']}{links}: {verdict}{checks}{ended}"
 
 
-def _pace(r: dict[str, Any]) -> str:
+def _pace(r: Mapping[str, Any]) -> str:
     """Return the line about run time and real-time factor; empty for a run whose cost is not known."""
     if not r["wall_time"]:
         return ""
@@ -74,7 +74,7 @@ def _pace(r: dict[str, Any]) -> str:
     return f"{simulated}, {pace} real time, after {r['startup_time']:.3g} s of start-up"
 
 
-def _observables(r: dict[str, Any]) -> list[str]:
+def _observables(r: Mapping[str, Any]) -> list[str]:
     """Return a line per averaging window with its finite observables."""
     lines: dict[str, list[str]] = {}
     for key, value in r["observables"].items():
@@ -250,7 +250,7 @@ def _cost(name: str, cost: dict[str, Any]) -> str:
     return f"{name} computed for {cost['wall_time']:.3g} s{solver}"
 
 
-def lines(r: dict[str, Any], most: int | None = None) -> list[str]:
+def lines(r: Mapping[str, Any], most: int | None = None) -> list[str]:
     """Return the lines of a summary: verdict, figures, energy, what is wrong, cost; the last one names the log.
 
     ``most``: leave out met checks and details, and put phases into one line, for so many lines without those on what

@@ -87,7 +87,7 @@ def replacements(where: str, parts: Sequence[Part]) -> list[Replacement]:
     return [_replacement(where, part, part.fmu) for part in parts if part.fmu is not None]
 
 
-def unfit(scene: SystemScene, assembly: Assembly) -> list[tuple[str, str]]:
+def interface_mismatches(scene: SystemScene, assembly: Assembly) -> list[tuple[str, str]]:
     """Warnings about FMUs of the user, as part and sentence; raises BadInput if one does not fit its connections."""
     where, variable_steps = scene.where, scene.run.variable is not None
     found = replacements(where, assembly.parts)

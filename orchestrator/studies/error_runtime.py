@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from itertools import cycle, product
 from operator import itemgetter
@@ -190,10 +190,10 @@ def _folder() -> tempfile.TemporaryDirectory[str]:
     return tempfile.TemporaryDirectory(prefix="cotrack-runs-")
 
 
-_summaries: dict[str, dict[str, Any]] = {}  # summaries by scene
+_summaries: dict[str, Mapping[str, Any]] = {}  # summaries by scene
 
 
-def record(scene: Scene) -> dict[str, Any]:
+def record(scene: Scene) -> Mapping[str, Any]:
     """Summary of a run, done once in this process; raises KeyboardInterrupt."""
     key = json.dumps(scene.resolved(), sort_keys=True)
     if key not in _summaries:

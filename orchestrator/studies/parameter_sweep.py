@@ -20,6 +20,7 @@ from fmus.vehicles.tables import BadInput, path_text, value_text
 from orchestrator.execution import summary
 from orchestrator.execution.estimate import PARTS
 from orchestrator.execution.simulate import simulate
+from orchestrator.execution.summary import Summary
 from orchestrator.files.budget import DOCUMENT, read_file
 from orchestrator.log.extra import NotInstalled, library
 from orchestrator.results import output_files
@@ -155,7 +156,7 @@ def run_case(
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = log or Path(folder) / "run.mcap"
         result = simulate(scene, path, estimated=estimated, native=native, answer=True)
-        further, missing = figures_of_log(result["log"], wanted) if wanted and "log" in result else ({}, [])
+        further, missing = figures_of_log(result["log"], wanted) if wanted and result["log"] else ({}, [])
     energy, error = result["energy"], result["error"] or {"message": ""}
     unknown = f"estimated error: not known, {error['message']}" if error["message"] else ""
     note = "; ".join(filter(None, (result["message"], unknown, *missing)))
@@ -165,7 +166,7 @@ def run_case(
     return [Row("", "", known | further | {"log": log and f"logs/{log.name}"}, ok, note)]
 
 
-def _figures(result: dict[str, Any], energy: dict[str, Any] | None, error: dict[str, Any]) -> dict[str, Any]:
+def _figures(result: Summary, energy: dict[str, Any] | None, error: dict[str, Any]) -> dict[str, Any]:
     """Figures of a summary by column, in their order."""
     checks, errors = result["checks"], error.get("observables", {})
     not_met = summary.missed_checks(result)

@@ -325,7 +325,7 @@ def test_companions_have_the_bits_of_single_runs(tmp_path):
     outcomes = []
     for step in (1, 2):
         scene, path = short(f"run.step={step} ms"), tmp_path / f"{step}.mcap"
-        outcomes.append(record_companion(Interrupt(), scene, path))
+        outcomes.append(record_companion(Interrupt(), scene, path)[0])
         single = simulate(scene, tmp_path / "single.mcap")
         same = ("status", "message", "communication_steps", "energy", "validity")
         assert {name: outcomes[-1][name] for name in same} == {name: single[name] for name in same}
@@ -344,8 +344,9 @@ def test_a_companion_that_fails_is_a_status(tmp_path, monkeypatch, end):
     if end == "not valid":
         found = Exceedance("penetration", "chain", 0.01, "", 0.2, 0.1, FAILURE)
         monkeypatch.setattr(summary, "balance", lambda run: {"energy": None, "validity": [found._asdict()]})
-    outcome = record_companion(interrupt, short("run.step=1 ms"), path)
+    outcome, log_failure = record_companion(interrupt, short("run.step=1 ms"), path)
     assert (outcome["status"], bool(outcome["message"])) == ("failed", True)
+    assert log_failure == outcome["message"] * (end == "no file")
     assert not interrupt.deferring, "a signal in what follows would not end it"
 
 

@@ -24,7 +24,7 @@ from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.commented_file import scene_text
 from orchestrator.scene.placing import placed
 from orchestrator.scene.products import scene_products, write_ssp
-from orchestrator.scene.replacement import End, typed, unfit
+from orchestrator.scene.replacement import End, interface_mismatches, typed
 from orchestrator.scene.scene import load
 
 TEXTS = ("gear", "Integer", 1), ("on", "Boolean", False), ("word", "String", "")  # further variables of `gain`
@@ -410,7 +410,7 @@ def test_a_unit_that_is_not_declared_is_that_of_the_part_and_other_names_of_unit
             return each._replace(unit=unit) if each.name == "sprocket.torque.y" else each
 
         scene = rig(changed(drive, tmp_path / "other.fmu", named, {**UNITS, "Nm": UNITS["N.m"]}))
-        assert [text for _, text in unfit(scene, assemble(scene))][:-1] == texts
+        assert [text for _, text in interface_mismatches(scene, assemble(scene))][:-1] == texts
 
 
 # --- files -----------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ the estimate were chosen, ``HELD_OUT`` others: scenes, vehicles, soils, speeds, 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +96,7 @@ def _row(part: str, scene: Scene, truth: Path, times: float) -> Row:
     log = Path(str(summary.get("log")))
     made: list[Path] = []
 
-    def coarser(companion: Scene, _: Path) -> dict[str, Any]:
+    def coarser(companion: Scene, _: Path) -> Mapping[str, Any]:
         outcome = record(companion)
         made.append(Path(str(outcome.get("log"))))
         return outcome

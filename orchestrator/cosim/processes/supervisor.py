@@ -230,7 +230,9 @@ class ProcessPool(AbstractContextManager["ProcessPool"]):
     :param say: receives a line about a call that takes long.
     """
 
-    def __init__(self, signals: Callable[[], int] = lambda: 0, say: Callable[[str], None] = lambda line: None) -> None:
+    def __init__(
+        self, signals: Callable[[], int] = lambda: 0, say: Callable[[str], object] = lambda line: None
+    ) -> None:
         self._signals, self._say = signals, say
         self._processes: list[SlaveProcess] = []
         self._closed = threading.Event()

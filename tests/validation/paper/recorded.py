@@ -15,6 +15,7 @@ from typing import Any
 from fmus.fmi.build import BuildFailed, identity
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution.simulate import simulate
+from orchestrator.execution.summary import Summary
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.scene.assembly import assemble, system
@@ -53,7 +54,7 @@ def ensure(model: Model, folder: Path, stop: float) -> str:
     return "made now"
 
 
-def ran(scene: Scene, file: Path) -> dict[str, Any]:
+def ran(scene: Scene, file: Path) -> Summary:
     """Run a scene into a log; return its summary. Raises RuntimeError if it fails, and KeyboardInterrupt."""
     result = simulate(scene, file)
     if result["status"] == "interrupted":

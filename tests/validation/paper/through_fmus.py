@@ -53,7 +53,7 @@ def _counted(coupled: Scene, explicit: Sequence[Scene], piece: float) -> list[np
     """Steps, evaluations and restarts (3,) of both tracks of each scene, in the last piece of ``coupled``."""
     with (
         tempfile.TemporaryDirectory(prefix="cotrack-") as folder,
-        Log(Path(ran(coupled, Path(folder) / "run.mcap")["log"])) as log,
+        Log(Path(str(ran(coupled, Path(folder) / "run.mcap")["log"]))) as log,
     ):
         states = dict(saved(log))[BEGIN]
         return [sum(_stepped(each, name, states[name], log) for name in TRACKS) for each in explicit]  # type: ignore[misc]
