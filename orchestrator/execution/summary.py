@@ -9,6 +9,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from fmus.ground.tables import is_terrain
 from orchestrator.log.angles import turn_of
 from orchestrator.log.reader import Missing
 from orchestrator.results import run_data
@@ -26,6 +27,7 @@ from orchestrator.scene.tables import Check
 from orchestrator.vocabulary import and_list
 from orchestrator.vocabulary.limits import LARGEST_RESIDUAL
 
+OTHER_TENSION = 0.05  # relative difference of a tension from the one asked
 LAST = 1.0  # s: without run.window observables are means over the last second
 
 
@@ -123,7 +125,7 @@ def balance(run: RunData) -> dict[str, Any]:
     except Missing as missing:
         energy = {"energy": None, "energy_missing": str(missing)}
     found = validity(run)
-    told = *found.passed_over, *_unreached_window(run), *other_vehicles(run)
+    told = *found.passed_over, *_unreached_window(run), *other_vehicles(run), *other_tension(run.scene)
     return energy | {"validity": [entry._asdict() for entry in found.entries], "passed_over": [*told]}
 
 
@@ -132,6 +134,22 @@ def other_vehicles(run: RunData) -> list[str]:
     if not (others := [name for name in run.all_tracks if name not in run.tracks]):
         return []
     return [f"figures are those of the vehicle of {and_list([*run.tracks])}: {and_list(others)} are of another one"]
+
+
+def other_tension(scene: Mapping[str, Any]) -> list[str]:
+    """Return a sentence if tracks that start on level, hard ground carry another mean tension than is asked."""
+    ground, found = scene.get("ground") or {}, track_tension(scene)
+    level = not any(ground.get(key) for key in ("soil", "bump")) and not is_terrain(ground)
+    if not (level and found and found["asked"]) or found["drawn"] or scene["vehicle"].get("right"):
+        return []
+    mean = float(np.mean(found["start"]))
+    if abs(mean / found["asked"] - 1.0) <= OTHER_TENSION:
+        return []
+    asked = f"vehicle.track.tension = {1e-3 * found['asked']:.4g} kN is asked"
+    return [
+        f"tracks carry {1e-3 * mean:.4g} kN at the start, where {asked}: the links come to rest otherwise than cables"
+        " there; another tension, or track.model = 'flexible', may help"
+    ]
 
 
 def _unreached_window(run: RunData) -> list[str]:

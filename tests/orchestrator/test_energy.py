@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.execution.simulate import simulate
-from orchestrator.execution.summary import balance, energy_warning, other_vehicles
+from orchestrator.execution.summary import balance, energy_warning, other_tension, other_vehicles
 from orchestrator.log.reader import Log
 from orchestrator.results.energy import ledger, rotation_vectors
 from orchestrator.results.measures import FIGURES
@@ -97,6 +97,33 @@ def test_a_torque_apart_from_its_force_leaves_no_balance_and_the_summary_says_wh
             "the work of left_drive.mount.torque.x -> chassis.left.idler.torque.x is"
         )
         assert balance(RunData(log))["energy_missing"] == ""
+
+
+@pytest.mark.parametrize(("changes", "said"), [
+    ({}, True),
+    ({"start": {"equilibrium": {"tracks": [{"tension": 10.3e3}, {"tension": 10.6e3}], "height": 0.0}}}, False),
+    ({"start": {"equilibrium": None}}, False),  # as drawn
+    ({"ground": {"soil": {"name": "dry_sand"}}}, False),
+    ({"ground": {"grade": 0.3}}, False),
+    ({"vehicle": {"track": {"tension": 10e3}, "right": {"track": {"tension": 20e3}}}}, False),
+])  # fmt: skip
+def test_another_tension_than_is_asked_is_said(changes, said):
+    """Of a start on level, hard ground by more than 5 %."""
+    tracks = [{"tension": tension, "sag": 0.1, "loads": (), "others": {}} for tension in (10.4e3, 10.7e3)]
+    rest = {"tracks": tracks, "height": -0.1}
+    standing = rest | {"drawn": [9e3], "why": ""}
+    scene = {
+        "standing": standing,
+        "start": {"equilibrium": rest},
+        "vehicle": {"track": {"tension": 10e3}},
+        "ground": {},
+    }
+    for key, value in changes.items():
+        if (equilibrium := value.get("equilibrium")) is not None:
+            value = {"equilibrium": equilibrium | {"tracks": [tracks[0] | each for each in equilibrium["tracks"]]}}
+        scene[key] = value
+    told = "tracks carry 10.55 kN at the start, where vehicle.track.tension = 10 kN is asked: the links come to rest"
+    assert [text.startswith(told) for text in other_tension(scene)] == [True] * said
 
 
 def test_figures_are_those_of_one_vehicle(driven):
