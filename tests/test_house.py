@@ -28,7 +28,7 @@ LAYERS = (
 PACKAGES = (
     "cache", "kernels", "physics", "interface", "vehicles", "start", "ground", "track", "components", "fmi", "drives",
     *("track_rigid", "track_flexible", "chassis", "sprocket_drive", "steering_differential", "driver"),
-    *("ahead", "native", "monolith", "rest"),
+    *("precompile", "native", "monolith", "rest"),
 )  # fmt: skip
 # Modules that run any co-simulation FMU and depend on no FMU of the project.
 IN_COSIM = (
@@ -46,7 +46,7 @@ GENERIC = [
     "execution/replays.py",
 ]
 ALLOWED_IMPORTS = {
-    "fmus.ahead", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.cache.pack", "fmus.fmi.build",
+    "fmus.precompile", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.cache.pack", "fmus.fmi.build",
     "fmus.fmi.saved", "fmus.fmi.terminals", "fmus.ground.refinement", "fmus.ground.soils", "fmus.ground.tables",
     "fmus.ground.terrain", "fmus.interface.defaults",
     "fmus.interface.ports", "fmus.interface.units", "fmus.monolith.model", "fmus.native.pack",

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import pytest
 
 from fmus import components
-from fmus.ahead import component_ports
 from fmus.physics.contact.laws import LAWS
+from fmus.precompile import component_ports
 from fmus.track.choices import TRACKS
 from orchestrator.cosim.coupling import COUPLINGS
 from orchestrator.scene.assembly import assemble

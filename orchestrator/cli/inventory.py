@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fmus.ahead import loaded_contents
 from fmus.ground.refinement import LEVEL, gaps, sections
+from fmus.precompile import loaded_contents
 from fmus.track.choices import TRACKS
 from fmus.vehicles.sides import SIDES, beams, of_side, smooth_wheels
 from fmus.vehicles.tables import BadInput

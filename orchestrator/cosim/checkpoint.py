@@ -50,9 +50,9 @@ def can_save(scheme: Scheme) -> bool:
     )
 
 
-def save(scheme: Scheme, point: CommunicationPoint, pace: Mapping[str, Floats] = NO_MEMORY) -> bytes:
-    """Serialise the run with the memory of its ``pace``; raises ComponentFailed."""
-    arrays = {"at": np.array(point, dtype=np.float64)} | {f"pace:{name}": values for name, values in pace.items()}
+def save(scheme: Scheme, point: CommunicationPoint, memory: Mapping[str, Floats] = NO_MEMORY) -> bytes:
+    """Serialise the run with the ``memory`` of its step control; raises ComponentFailed."""
+    arrays = {"at": np.array(point, dtype=np.float64)} | {f"pace:{name}": values for name, values in memory.items()}
     warnings = {}
     for component in _components(scheme):
         state = component.save()
@@ -84,12 +84,12 @@ def restore(
     content: bytes,
     scheme: Scheme,
     step: int,
-    restore_pace: Callable[[Scheme, Mapping[str, Floats]], None] | None = None,
+    restore_memory: Callable[[Scheme, Mapping[str, Floats]], None] | None = None,
     adapt_state: Callable[[Component, bytes], bytes] = lambda _, state: state,
 ) -> CommunicationPoint:
     """Restore initialised components and their coupling from a checkpoint at ``step``; raises UnusableCheckpoint.
 
-    ``restore_pace`` restores the memory of the step control; ``adapt_state`` maps a saved state to what its component
+    ``restore_memory`` restores the memory of the step control; ``adapt_state`` maps a saved state to what its component
     gets.
     """
     with _decoded(content) as arrays:
@@ -100,8 +100,8 @@ def restore(
             component.y[:] = arrays[f"y:{component.name}"]
             component.set_warnings(_warnings(warnings[component.name]))
         scheme.restore_memory(_named(arrays, "past:"))
-        if restore_pace is not None:
-            restore_pace(scheme, _named(arrays, "pace:"))
+        if restore_memory is not None:
+            restore_memory(scheme, _named(arrays, "pace:"))
         k, t, h = arrays["at"].tolist()
         if k != step or not 0.0 < h <= t < np.inf:
             raise ValueError(f"it is of step {k:g}, {t:g} s, not of step {step}")

@@ -23,8 +23,8 @@ def patience(observers: Sequence[Observer], k: int) -> int:
     )
 
 
-class Pace(Protocol):
-    """Step length control: fixed (``Clock``) or by an error estimate (``coupling.variable_step``)."""
+class StepControl(Protocol):
+    """Step length control: fixed (``FixedStep``) or by an error estimate (``coupling.variable_step``)."""
 
     @property
     def step(self) -> float:
@@ -37,7 +37,7 @@ class Pace(Protocol):
         """
 
 
-class Clock(NamedTuple):
+class FixedStep(NamedTuple):
     """Fixed communication points t_k = k H."""
 
     step: float  # H, s
@@ -64,7 +64,7 @@ class RunOutcome(NamedTuple):
 
 def run(
     scheme: Scheme,
-    pace: Pace,
+    step_control: StepControl,
     observers: Sequence[Observer],
     interrupted: Callable[[], bool] = lambda: False,
     continued_from: tuple[int, float] | None = None,
@@ -74,9 +74,9 @@ def run(
     ``continued_from``: number of steps and time, s, that an earlier run has reached and its observers have seen.
     """
     k, t = continued_from or (0, 0.0)
-    h, observed = pace.step, continued_from is not None
+    h, observed = step_control.step, continued_from is not None
     with scheme:
-        steps = pace.walk(scheme, partial(patience, observers))
+        steps = step_control.walk(scheme, partial(patience, observers))
         while True:
             for observer in () if observed else observers:
                 observer(k, t, h)

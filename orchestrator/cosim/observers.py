@@ -166,7 +166,7 @@ class Checkpoints:
 
 
 class TimedCheckpoints:
-    """Observer that writes checkpoints of variable steps, every ``period`` s, where the pace allows one.
+    """Observer that writes checkpoints of variable steps, every ``period`` s, where the step control allows one.
 
     Checkpoints are at multiples of ``every`` steps. ``start``: time at which the run continues, s.
     """
@@ -175,12 +175,12 @@ class TimedCheckpoints:
         self,
         recorder: Recorder,
         scheme: Scheme,
-        pace: VariableStep | PowerResidual,
+        step_control: VariableStep | PowerResidual,
         period: float,
         every: int,
         start: float,
     ) -> None:
-        self.recorder, self.scheme, self.pace = recorder, scheme, pace
+        self.recorder, self.scheme, self.step_control = recorder, scheme, step_control
         self.period, self.every = period, every
         self._due = self._after(start)
 
@@ -189,7 +189,7 @@ class TimedCheckpoints:
 
     def __call__(self, k: int, t: float, h: float) -> None:
         """Write a checkpoint if it is due."""
-        if t < self._due - 1e-9 or k % self.every or (memory := self.pace.memory(self.scheme)) is None:
+        if t < self._due - 1e-9 or k % self.every or (memory := self.step_control.memory(self.scheme)) is None:
             return
         self._due = self._after(t)
         self.recorder.attach(

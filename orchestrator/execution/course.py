@@ -37,7 +37,7 @@ from orchestrator.results.table import Table
 from orchestrator.scene.scene import read_file_table
 from orchestrator.scene.settings import hint
 
-TOLD = 0.05  # share of the damage below the knee that is told
+REPORTED = 0.05  # share of the damage below the knee that is told
 ALMOST = 0.01  # of a circuit, that a whole one may lack
 ESTIMATES = ("all links", "worst links", "seeds", "halves", "records", "error", "rest")
 ALL, WORST, SEEDS, HALVES, RECORDS, ERROR, REST = range(len(ESTIMATES))
@@ -93,7 +93,7 @@ class CourseLife(NamedTuple):
         damage = self.damage(track)[:, ALL, 0, k]
         share = float(damage @ self.below_knee[track][:, k]) / (float(damage.sum()) or 1.0)
         knee = f"{100.0 * share:.3g} % of the damage by {DETAILS[k]} is by cycles below the knee of its S-N line, where"
-        notes = (f"{knee} slope_beyond counts: few tests reach that far",) if share >= TOLD else ()
+        notes = (f"{knee} slope_beyond counts: few tests reach that far",) if share >= REPORTED else ()
         return Table.of(f"Life on a course of {len(self.names)} runs", columns, rows, notes)
 
     def runs(self) -> Table:

@@ -6,7 +6,7 @@ import subprocess
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
-from fmus.ahead import start_compilation
+from fmus.precompile import start_compilation
 from fmus.track.choices import TRACKS
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import System

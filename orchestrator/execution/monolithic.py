@@ -198,7 +198,7 @@ def run(
     scene = placed(scene)
     assembly = assemble(scene)
     graph = system(assembly)
-    clock = master.Clock(scene.run.step, scene.run.steps)
+    clock = master.FixedStep(scene.run.step, scene.run.steps)
     if initial_states is not None:
         clock = clock._replace(steps_done=round(initial_states.time / clock.step))
         if clock.steps_done >= clock.steps:

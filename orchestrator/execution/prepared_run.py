@@ -47,7 +47,7 @@ class PreparedRun(NamedTuple):
     graph: System
     components: dict[str, Component]
     scheme: Scheme
-    pace: master.Clock | VariableStep | PowerResidual
+    step_control: master.FixedStep | VariableStep | PowerResidual
     restored_point: Any  # number, time and state of the checkpoint; None at the start
 
     @classmethod
@@ -61,23 +61,23 @@ class PreparedRun(NamedTuple):
         """Wire, warm up and, if ``continuation`` is given, restore; raises CouplingFailed, UnusableCheckpoint."""
         stages = wire(graph, components)
         scheme: Scheme = coupling(scene.run.coupling.scheme)(stages, **scene.run.coupling.options())
-        pace, restored_point = pace_of(scene.run), None
-        if isinstance(pace, VariableStep):
+        step_control, restored_point = step_control_of(scene.run), None
+        if isinstance(step_control, VariableStep):
             require_states(scheme, "a variable step")
         warm_up(stages, scene.run.step)
         if continuation is not None:
-            restore_memory = None if isinstance(pace, master.Clock) else pace.restore_memory
+            restore_memory = None if isinstance(step_control, master.FixedStep) else step_control.restore_memory
             restored_point = checkpoint.restore(
                 continuation.checkpoint, scheme, continuation.step, restore_memory, continuation.adapt_state
             )
-            if isinstance(pace, master.Clock):
-                pace = pace._replace(steps_done=restored_point.k)
-        return cls(scene, graph, components, scheme, pace, restored_point)
+            if isinstance(step_control, master.FixedStep):
+                step_control = step_control._replace(steps_done=restored_point.k)
+        return cls(scene, graph, components, scheme, step_control, restored_point)
 
     def observers(self, recorder: Recorder, reached: ReachedPoint) -> list[master.Observer]:
         """Return the observers for log and checkpoints; they start at the checkpoint of the run, if any."""
-        scene, scheme, pace, restored_point = self.scene, self.scheme, self.pace, self.restored_point
-        every = max(1, round(STATS_PERIOD / pace.step))
+        scene, scheme, step_control, restored_point = self.scene, self.scheme, self.step_control, self.restored_point
+        every = max(1, round(STATS_PERIOD / step_control.step))
         logging = Logging(recorder, list(self.components.values()), every, scene.records_statistics)
         scheme.row_writer = logging.row_writer
         if restored_point is not None:
@@ -88,13 +88,13 @@ class PreparedRun(NamedTuple):
             stride = (
                 scene.links_every if scene.records_statistics else 1
             )  # statistics between two records are not in a checkpoint
-            if isinstance(pace, master.Clock):
-                steps = stride * ceil(max(1, round(min(period / pace.step, MOST_STEPS))) / stride)
+            if isinstance(step_control, master.FixedStep):
+                steps = stride * ceil(max(1, round(min(period / step_control.step, MOST_STEPS))) / stride)
                 observers.append(Checkpoints(recorder, scheme, steps))
             else:
                 observers.append(
                     TimedCheckpoints(
-                        recorder, scheme, pace, period, stride, restored_point.t if restored_point else 0.0
+                        recorder, scheme, step_control, period, stride, restored_point.t if restored_point else 0.0
                     )
                 )
         return observers
@@ -107,7 +107,7 @@ class PreparedRun(NamedTuple):
         try:
             outcome = master.run(
                 self.scheme,
-                self.pace,
+                self.step_control,
                 observers,
                 lambda: interrupt.requested,
                 self.restored_point and self.restored_point[:2],
@@ -115,9 +115,10 @@ class PreparedRun(NamedTuple):
         finally:
             result["wall_time"] = time.perf_counter() - wall_start
         result |= outcome_entries(outcome, result["wall_time"], self.restored_point.t if self.restored_point else 0.0)
+        control = self.step_control
         result |= {
             "cpu_time": time.process_time() - cpu_start,
-            "rejected_steps": 0 if isinstance(self.pace, master.Clock) else self.pace.rejected_steps,
+            "rejected_steps": 0 if isinstance(control, master.FixedStep) else control.rejected_steps,
             "components": {name: cost(component) for name, component in self.components.items()},
         }
         return outcome
@@ -129,11 +130,10 @@ class PreparedRun(NamedTuple):
     def forced_steps(self) -> list[dict[str, Any]]:
         """Warning of variable steps that were kept with too large an error, if there are any."""
         variable = self.scene.run.variable
-        if variable is None or isinstance(self.pace, master.Clock) or not self.pace.forced_steps:
+        if variable is None or isinstance(self.step_control, master.FixedStep) or not self.step_control.forced_steps:
             return []
-        text = (
-            f"{self.pace.forced_steps} steps of run.variable.shortest = {variable.shortest:g} s have too large an error"
-        )
+        count = self.step_control.forced_steps
+        text = f"{count} steps of run.variable.shortest = {variable.shortest:g} s have too large an error"
         return [{"component": "run", "text": text, "time": 0.0, "count": 1}]
 
 
@@ -143,11 +143,11 @@ def component_warnings(components: Mapping[str, Recordable]) -> list[dict[str, A
     return [asdict(warning) for warning in sorted(entries, key=lambda warning: warning.time)]
 
 
-def pace_of(run: RunTable) -> master.Clock | VariableStep | PowerResidual:
+def step_control_of(run: RunTable) -> master.FixedStep | VariableStep | PowerResidual:
     """Return the step length control of a run, fixed or variable."""
     variable = run.variable
     if variable is None:
-        return master.Clock(run.step, run.steps)
+        return master.FixedStep(run.step, run.steps)
     limits = run.stop, run.step, variable.tolerance, variable.shortest, variable.longest
     if variable.estimate == "power":
         return PowerResidual(*limits, REFERENCE_ENERGY if variable.energy is None else variable.energy)

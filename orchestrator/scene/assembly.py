@@ -7,8 +7,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
 
-from fmus.ahead import component_ports
 from fmus.fmi.build import Product, build_shapes, start_values
+from fmus.precompile import component_ports
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.fmu_table import Pair, joined, pair_of, require_free_inputs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fmus.ahead import component_ports
+from fmus.precompile import component_ports
 from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.observers import statistics_names
 from orchestrator.cosim.variables import LINK_FAMILIES

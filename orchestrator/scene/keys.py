@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
-from fmus.ahead import component_ports
+from fmus.precompile import component_ports
 from fmus.track.choices import TRACKS
 from fmus.vehicles.ranges import VEHICLE, PlausibleRange
 from fmus.vehicles.tables import allowed, units

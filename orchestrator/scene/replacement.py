@@ -21,10 +21,10 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any, Literal, NamedTuple, get_args
 
-from fmus.ahead import component_ports
 from fmus.fmi.build import built_here
 from fmus.fmi.terminals import MEMBER, Carried, carried, read_terminals, terminals
 from fmus.interface.ports import UNITS
+from fmus.precompile import component_ports
 from fmus.vehicles.tables import BadInput, path_text
 from orchestrator.cosim.base_units import (
     QUANTITIES,

@@ -242,7 +242,9 @@ def run(name: str, side: PairedRun, path: Path) -> tuple[float, float]:
         prepared = PreparedRun.prepare(scene, graph, components)
         with open_log(path, scene, graph, components, prepared.scheme) as recorder:
             cpu, wall = time.process_time(), time.perf_counter()
-            outcome = master.run(prepared.scheme, prepared.pace, [Logging(recorder, list(components.values()), 100)])
+            outcome = master.run(
+                prepared.scheme, prepared.step_control, [Logging(recorder, list(components.values()), 100)]
+            )
             recorder.close(outcome.status, outcome.message, outcome.steps)
             cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     if outcome.status != "ok":

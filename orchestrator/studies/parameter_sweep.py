@@ -38,7 +38,7 @@ from orchestrator.studies.variations import Design
 from orchestrator.studies.wanted_figures import WantedFigure, figures_of_log, recording_settings, wanted_figures
 
 NOT_MET = "checks not met"
-TOLD = "distance", "speed", "settlement", "ground_force", "tension_max", "tension_mean", "pin_force"
+REPORTED = "distance", "speed", "settlement", "ground_force", "tension_max", "tension_mean", "pin_force"
 MOST_TOLD = 3  # of these are said of a case as it finishes, the first that it has
 HIDDEN = ("log", "warnings", "wall_time", "estimated error of ")  # in the whole table alone
 UNITS = {"wall_time": "s"} | {name: one.figure.unit for name, one in OBSERVABLES.items() if one.figure.unit != "1"}
@@ -200,7 +200,7 @@ class Sweep:
         (row,) = rows
         if row.figures.get("status") != "ok":
             return f": failed: {row.note}"
-        values = {name: row.figures.get(name) for name in TOLD}
+        values = {name: row.figures.get(name) for name in REPORTED}
         known = [name for name, value in values.items() if isinstance(value, float) and math.isfinite(value)]
         shown = known[:MOST_TOLD]
         return ": " + ", ".join(f"{name.replace('_', ' ')} {values[name]:.5g} {UNITS[name]}" for name in shown)

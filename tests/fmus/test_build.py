@@ -9,7 +9,7 @@ import zipfile
 import pytest
 from built_toy import TOY, build_toy
 
-from fmus import ahead
+from fmus import precompile
 from fmus.cache.sources import ROOT, search_path, source_hash, sources
 from fmus.fmi.build import KINDS, BuildFailed, Shell, build_shells
 from orchestrator.fmu_check import runner
@@ -70,7 +70,7 @@ def test_fmus_built_together_are_those_built_alone(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "child", ["fmus.fmi.build", "fmus.ahead contents", "fmus.ahead kernels", "orchestrator.fmu_check.runner"]
+    "child", ["fmus.fmi.build", "fmus.precompile contents", "fmus.precompile kernels", "orchestrator.fmu_check.runner"]
 )
 def test_a_child_finds_what_its_parent_finds(tmp_path, monkeypatch, child):
     """Packages that came by PYTHONPATH, or that the program put on its path, are on that of every child."""
@@ -89,8 +89,8 @@ def test_a_child_finds_what_its_parent_finds(tmp_path, monkeypatch, child):
     part = ("SprocketDrive", {}, {})
     calls = {
         "fmus.fmi.build": lambda: build_toy(start=0.77),
-        "fmus.ahead contents": lambda: ahead.loaded_contents([part]),
-        "fmus.ahead kernels": lambda: ahead.start_compilation([part]),
+        "fmus.precompile contents": lambda: precompile.loaded_contents([part]),
+        "fmus.precompile kernels": lambda: precompile.start_compilation([part]),
         "orchestrator.fmu_check.runner": lambda: runner.in_child("units", tmp_path / "a.fmu", None, 1.0),
     }
     with pytest.raises((OSError, BuildFailed), match="no child here"):
@@ -149,7 +149,7 @@ def compiled_by_a_step(part, cache, environment):
     """Whether a step in a new process compiles any kernel."""
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM], input=json.dumps(part), capture_output=True, text=True, check=True,
-        env={**environment, "COTRACK_CACHE": str(cache), "PYTHONPATH": str(ahead.ROOT.parent)},
+        env={**environment, "COTRACK_CACHE": str(cache), "PYTHONPATH": str(precompile.ROOT.parent)},
     )  # fmt: skip
     return "is compiled" in done.stderr
 
@@ -159,18 +159,18 @@ def compiled_by_a_step(part, cache, environment):
 def test_what_was_compiled_beside_is_not_compiled_again(environment, monkeypatch, tmp_path, part):
     assert compiled_by_a_step(part, tmp_path / "empty", environment), "the twin"
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "cache"))
-    process = ahead.start_compilation([part])
+    process = precompile.start_compilation([part])
     assert process is not None
     assert process.wait(timeout=120) == 0
-    assert ahead.start_compilation([part]) is None
+    assert precompile.start_compilation([part]) is None
     assert not compiled_by_a_step(part, tmp_path / "cache", environment)
 
 
 def test_parts_that_cannot_start_are_left_to_the_fmus(fresh_cache):
-    process = ahead.start_compilation([("SprocketDrive", {"vehicle": {}, "drive": {}}, {})])
+    process = precompile.start_compilation([("SprocketDrive", {"vehicle": {}, "drive": {}}, {})])
     assert process is not None
     assert process.wait(timeout=120) == 0
-    other = ahead.start_compilation([DRIVE])
+    other = precompile.start_compilation([DRIVE])
     assert other is not None
     other.kill()  # its compilation takes seconds
     other.wait()

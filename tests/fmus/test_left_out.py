@@ -9,7 +9,7 @@ import sys
 import pytest
 from m113 import VEHICLE
 
-from fmus.ahead import loaded_contents
+from fmus.precompile import loaded_contents
 
 PROGRAM = """
 import json, sys

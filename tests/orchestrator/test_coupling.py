@@ -19,7 +19,7 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed, require_states
 from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Connection, Instance, System, wire
-from orchestrator.cosim.master import Clock, run
+from orchestrator.cosim.master import FixedStep, run
 from orchestrator.execution import replay_model
 from orchestrator.execution.loading import load_scene
 from orchestrator.execution.prepared_run import PreparedRun
@@ -66,7 +66,7 @@ def test_a_mean_taken_for_a_value_costs_an_order():
             tuple(m._replace(feeds=tuple(f._replace(carries="value", rates=None) for f in m.feeds)) for m in stage)
             for stage in stages
         )
-        assert run(Jacobi(stages, threads=False), Clock(h, round(2 / h)), []).status == "ok"
+        assert run(Jacobi(stages, threads=False), FixedStep(h, round(2 / h)), []).status == "ok"
         truth = expm(whole(FREE) * 2.0) @ FREE.start
         errors.append(abs(b.x[0] - truth[2]))
     assert math.log2(errors[0] / errors[1]) < 1.3
@@ -124,7 +124,7 @@ def test_uneven_steps_keep_the_order():
 
 def test_iteration_that_does_not_converge_says_so():
     stages, *_ = coupled("spring", DAMPED)
-    outcome = run(Iterative(stages, 1e-12, 2, threads=False), Clock(0.3, 10), [])
+    outcome = run(Iterative(stages, 1e-12, 2, threads=False), FixedStep(0.3, 10), [])
     assert outcome.status == "failed"
     assert "a.v still changes by" in outcome.message
     assert "after 2 iterations at t = " in outcome.message
@@ -169,7 +169,7 @@ def test_observers_see_every_point_once_with_the_inputs_of_the_step_and_the_impu
             assert b.u.tolist() == a.y[[a.outputs.index(name) for name in b.inputs]].tolist()
         before.append(b.y[[b.outputs.index(name) for name in a.inputs]].tolist())
 
-    assert run(couple("tracks_first", stages), Clock(0.1, 5), [watch])[:3] == ("ok", "", 5)
+    assert run(couple("tracks_first", stages), FixedStep(0.1, 5), [watch])[:3] == ("ok", "", 5)
     assert seen == [(k, k * 0.1) for k in range(6)]
 
 
@@ -183,12 +183,12 @@ def test_a_failure_ends_the_run_with_its_sentence_and_an_interruption_between_st
         step(t, h)
 
     b.step = failing
-    outcome = run(couple("tracks_first", stages), Clock(0.1, 100), [lambda k, t, h: seen.append(k)])
+    outcome = run(couple("tracks_first", stages), FixedStep(0.1, 100), [lambda k, t, h: seen.append(k)])
     assert outcome[:3] == ("failed", "motion: no convergence at t = 0.3 s", 3)
     assert (outcome.time, seen) == (pytest.approx(0.3), [0, 1, 2, 3])
     scheme = couple("tracks_first", coupled("wrench", FREE)[0])
     seen.clear()
-    outcome = run(scheme, Clock(0.1, 100), [lambda k, t, h: seen.append(k)], lambda: len(seen) > 4)
+    outcome = run(scheme, FixedStep(0.1, 100), [lambda k, t, h: seen.append(k)], lambda: len(seen) > 4)
     assert (outcome.status, outcome.steps, seen) == ("interrupted", 4, [0, 1, 2, 3, 4])
 
 
@@ -219,7 +219,7 @@ def pulled(pair, variant, pace):
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_two_fmus(pair, variant):
-    coarse, fine = (pulled(pair, variant, Clock(h, round(2.0 / h))) for h in (0.1, 0.05))
+    coarse, fine = (pulled(pair, variant, FixedStep(h, round(2.0 / h))) for h in (0.1, 0.05))
     declared = 1 if variant.endswith("constant") else 2
     assert math.log2(coarse / fine) == pytest.approx(declared, abs=0.35)
 
@@ -266,7 +266,7 @@ def test_steps_that_are_kept_with_too_large_an_error_are_a_warning():
     for tolerance, said in ((1e-12, ["10 steps of run.variable.shortest = 0.01 s have too large an error"]), (1.0, [])):
         pace = VariableStep(0.2, 0.01, tolerance, 0.01, 0.01)
         run(couple("tracks_first", coupled("wrench", DAMPED)[0]), pace, [])
-        prepared = SimpleNamespace(pace=pace, scene=SimpleNamespace(run=run_table))
+        prepared = SimpleNamespace(step_control=pace, scene=SimpleNamespace(run=run_table))
         assert [warning["text"] for warning in PreparedRun.forced_steps(prepared)] == said
 
 

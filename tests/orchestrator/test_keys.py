@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft202012Validator
 
-from fmus.ahead import component_ports
+from fmus.precompile import component_ports
 from fmus.vehicles.tables import BadInput
 from orchestrator.cli.key_reference import key_text, measure_keys, page
 from orchestrator.results.measures import FIGURES

@@ -7,10 +7,10 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from fmus.ahead import component_ports
 from fmus.cache.sources import source_hash
 from fmus.fmi.build import KINDS
 from fmus.ground.tables import number_meanings
+from fmus.precompile import component_ports
 from fmus.track.choices import TRACKS
 from fmus.track.link_outputs import INTERVAL
 from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst

@@ -19,7 +19,7 @@ from orchestrator.cosim.coupling import coupling
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Stages
-from orchestrator.cosim.master import Clock, run
+from orchestrator.cosim.master import FixedStep, run
 from orchestrator.studies import Case, Row
 from orchestrator.studies.step_limits import Oscillator, radius
 from tests.validation.compared import checked, table, write
@@ -59,7 +59,7 @@ def couple(variant: str, stages: Stages) -> Scheme:
 
 
 def follow(
-    variant: str, sides: tuple[Stages, Slave, Slave], pace: Clock | VariableStep, truth: Callable[[float], Floats]
+    variant: str, sides: tuple[Stages, Slave, Slave], pace: FixedStep | VariableStep, truth: Callable[[float], Floats]
 ) -> float:
     """Run a coupling; return the largest error of both positions, m. ``truth`` is called in order of time."""
     stages, a, b = sides
@@ -86,7 +86,7 @@ def run_free(variant: str, cut: str, h: float) -> tuple[float, float]:
         x = ahead @ x if t else x
         return x
 
-    worst = follow(variant, sides, Clock(h, round(END / h)), truth)
+    worst = follow(variant, sides, FixedStep(h, round(END / h)), truth)
     _, a, b = sides
     return worst, energy(FREE, np.array([*a.x[:2], *b.x])) / energy(FREE, np.array(FREE.start))
 
@@ -101,7 +101,7 @@ def grows(variant: str, cut: str, h: float, o: Oscillator = DAMPED, steps: int =
         sizes.append(max(float(np.abs(a.x).max()), float(np.abs(b.x).max())))
 
     with np.errstate(over="ignore", invalid="ignore"):
-        run(couple(variant, stages), Clock(h, steps), [watch], lambda: len(sizes) > 1 and not sizes[-1] < 1e100)
+        run(couple(variant, stages), FixedStep(h, steps), [watch], lambda: len(sizes) > 1 and not sizes[-1] < 1e100)
     if len(sizes) < steps:
         return True
     quarter = steps // 4
@@ -139,7 +139,7 @@ def observed_limit(variant: str, cut: str, predicted: float) -> float:
     return math.sqrt(low * high)
 
 
-def run_struck(variant: str, pace: Clock | VariableStep) -> tuple[float, int]:
+def run_struck(variant: str, pace: FixedStep | VariableStep) -> tuple[float, int]:
     """Run with a hammer blow on mass 2; return the largest position error, m, and the steps of side a."""
     stages, a, b, truth = struck(STRUCK)
     return follow(variant, (stages, a, b), pace, truth), a.steps
@@ -182,7 +182,7 @@ TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 def steps_at_equal_error(tolerances: tuple[float, ...]) -> list[Row]:
     """Rows of the number of fixed steps that reach the error of variable ones, and the ratio of both."""
     rows = []
-    errors, costs = np.array([run_struck("gauss_seidel linear", Clock(h, round(STRUCK_END / h))) for h in FIXED]).T
+    errors, costs = np.array([run_struck("gauss_seidel linear", FixedStep(h, round(STRUCK_END / h))) for h in FIXED]).T
     for tolerance in tolerances:
         pace = VariableStep(STRUCK_END, 0.02, tolerance, 1e-5, 1.0)
         error, cost = run_struck("gauss_seidel linear", pace)

@@ -77,7 +77,7 @@ def hold_forces(s: ChainState, w: ChainWork) -> None:
 
 
 @kernel
-def book(share: float, s: ChainState, w: ChainWork) -> None:
+def add_turning(share: float, s: ChainState, w: ChainWork) -> None:
     """Add ``share`` s of the turning before a step and of that after it, as losses are summed."""
     add_share(share, s.turning, s.turned)
     add_share(share, w.bushes.turning, s.turned)

@@ -22,7 +22,7 @@ import numpy as np
 
 from fmus.kernels.jit import allocating, kernel, noalias
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.bushing import book, hold_forces
+from fmus.physics.chain.bushing import add_turning, hold_forces
 from fmus.physics.chain.integration import DONE, IntegrationOutcome
 from fmus.physics.chain.interface import commit_contacts, end_work, first_speed, newton, newton_joints, observe, speed
 from fmus.physics.chain.report import REJECTED, SPEED, STEPS, TRAVEL, WORK, accumulate
@@ -144,7 +144,7 @@ def advance(
         accumulate(report, 0.5 * dt, s.sums)
         accumulate(report, 0.5 * dt, w.sums)
         report[WORK] += end_work(links, env, dt, s, w)
-        book(0.5 * dt, s, w)
+        add_turning(0.5 * dt, s, w)
         store_evaluation(s, w)
         if short:
             keep_auxiliary_values(w.before, s, dt)

@@ -157,22 +157,22 @@ def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
     rounding = max(1e-16, np.finfo(float).eps * pitch * abs(pins).max())  # rounding of a chord far from the origin
     for _ in range(50):
         chord = np.roll(pins, -1, axis=0)[:last] - pins[:last]
-        misfit = (np.einsum("ij,ij->i", chord, chord) - pitch * pitch) / 2.0
-        if abs(misfit).max() < rounding:
+        residual = (np.einsum("ij,ij->i", chord, chord) - pitch * pitch) / 2.0
+        if abs(residual).max() < rounding:
             return pins
-        # the shortest change dp with J dp = -misfit is J^T x, J J^T x = -misfit
+        # the shortest change dp with J dp = -residual is J^T x, J J^T x = -residual
         link, next_link = np.arange(last), (np.arange(last) + 1) % n
         both = free[link] * 1.0 + free[next_link]
         A = np.diag(np.einsum("ij,ij->i", chord, chord) * both)  # J J^T: neighbours share a pin
         for i, j in zip(link[: last if closed else last - 1], next_link, strict=False):
             shared = free[j] * (chord[i, 0] * chord[j, 0] + chord[i, 1] * chord[j, 1])
             A[i, j], A[j, i] = A[i, j] - shared, A[j, i] - shared
-        pull = solved(A, -misfit)[:, None] * chord
+        pull = solved(A, -residual)[:, None] * chord
         change = np.zeros_like(pins)
         change[link] -= pull * free[link, None]
         change[next_link] += pull * free[next_link, None]
         pins += change  # rounded once
-    raise ValueError(f"its links of {pitch:g} m cannot be closed: {abs(misfit).max() / pitch:.3g} m are left open")
+    raise ValueError(f"its links of {pitch:g} m cannot be closed: {abs(residual).max() / pitch:.3g} m are left open")
 
 
 def hanging_arc(first: Floats, last: Floats, pitch: float, links: int) -> Floats:

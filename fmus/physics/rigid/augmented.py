@@ -44,7 +44,7 @@ class AugmentedSystem(NamedTuple):
     axes_after: np.ndarray  # (p, 2, 3) axis rows of the link after each pin
     iteration_matrix: np.ndarray  # (n, 6, 6) K of each link; ``factor`` inverts it in place
     residual: np.ndarray  # (n, 6) r of the links, N and N m
-    gap: np.ndarray  # (p, r) C, misfit of the equations of the pins, m and rad; r = 5, with bushes 6
+    gap: np.ndarray  # (p, r) C, residual of the equations of the pins, m and rad; r = 5, with bushes 6
     correction: np.ndarray  # (n, 6) dx of the links, m and rad
     multiplier_correction: np.ndarray  # (p, r) dl of the multipliers, N and N m
     schur_complement: np.ndarray  # (3, p, r, r) B K^-1 B^T + D: diagonal, upper, lower

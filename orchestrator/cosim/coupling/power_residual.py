@@ -95,7 +95,7 @@ class PowerResidualState(NamedTuple):
 
 
 class PowerResidual:
-    """Pace that keeps the power residual of a step below a tolerance by a PI controller.
+    """Step control that keeps the power residual of a step below a tolerance by a PI controller.
 
     :param stop: end, s.
     :param step: length of the first step, s.

@@ -32,7 +32,7 @@ class VariableStepState(NamedTuple):
 
 
 class VariableStep:
-    """Pace that keeps the error of a step below a tolerance.
+    """Step control that keeps the error of a step below a tolerance.
 
     :param stop: end, s.
     :param step: length of the first step, s.

@@ -9,7 +9,7 @@ P = j - 1 to the first one of link Q = j by the m equations (2) of the paper, B 
     K y + B^T lambda = b,   B y = g   =>   S lambda = B K^-1 b - g,   S = B K^-1 B^T
 
 K is block diagonal link by link, so S is (cyclic) block tridiagonal with one m x m block a pin: O(n). In an explicit
-step K is the mass, factored once, and g the misfit of the accelerations. The equations are linear: B is constant, and
+step K is the mass, factored once, and g the residual of the accelerations. The equations are linear: B is constant, and
 rounding errors in positions and velocities are removed with the same factors after each step. The absent pin of an open
 chain and the cut one of a loop that a spring closes have no equation. In an implicit step the spring, of stiffness k,
 is a compliant equation, B y - mu / k = 0.
@@ -144,7 +144,7 @@ def solve(links: ConstrainedCables, w: Work) -> None:
 
 
 @namesake
-def misfit(links: ConstrainedCables, q: Floats, w: Work) -> None:
+def residual(links: ConstrainedCables, q: Floats, w: Work) -> None:
     gap, indices = w.joints.gap, chosen(links.bushing, LAYOUT, BUSHED)
     for j in range(links.n):
         for k in range(placed(indices)):
@@ -156,7 +156,7 @@ def project(links: ConstrainedCables, s: State, w: Work) -> None:
     for q in (s.q, s.v):
         w.right_side[:] = 0.0
         w.own[:] = 0.0
-        misfit(links, q, w)
+        residual(links, q, w)
         solve(links, w)
         correct(links, w, Motion(q, w.change[1], w.change[1]), AS_THEY_ARE, np.inf)
 

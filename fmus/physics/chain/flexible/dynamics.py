@@ -31,12 +31,12 @@ from fmus.physics.chain.flexible.interface import (
     in_space,
     lateral_bending_frequency,
     layout,
-    misfit,
     orthogonalise,
     outer_and_inner,
     pin_axis,
     pin_speed,
     predict_axes,
+    residual,
     solve_accelerations,
     solve_pins,
     start_frame_position,
@@ -106,7 +106,7 @@ def newton(
                 return CROWDED, where, w.points.number[0]
         if fresh and factor(links, w) >= 0:
             return SINGULAR, where, worst
-        misfit(links, x.q, w)
+        residual(links, x.q, w)
         solve_pins(links, w, fresh)
         counters[ITERATIONS] += 1
         if contacts is not None:
@@ -157,7 +157,7 @@ def accelerations(links: FlexibleLinks, contacts: Contacts | None, env: Environm
     accelerate_origin(links, x, w)
     evaluate(links, contacts, env, x, NOTHING, w, False)
     change[:] = 0.0
-    misfit(links, change, w)
+    residual(links, change, w)
     solve_accelerations(links, x, w)
     correct(links, w, Motion(change, w.change[1], w.change[1], s.axes), NOTHING, np.inf)
 

@@ -265,12 +265,12 @@ def factor(links: FlexibleLinks, w: Work) -> int:
 
 @dispatch("joints", default=True)
 def solve(links: FlexibleLinks, w: Work) -> None:
-    """Solve for the correction of the pins in ``w.right_side``, from residuals there and the gap of ``misfit``."""
+    """Solve for the correction of the pins in ``w.right_side``, from residuals there and the gap of ``residual``."""
     block_cyclic.solve(w.diagonal, w.upper, w.factors, links.closed == 1, w.right_side)
 
 
 @dispatch("joints", default=True)
-def misfit(links: FlexibleLinks, q: Floats, w: Work) -> None:
+def residual(links: FlexibleLinks, q: Floats, w: Work) -> None:
     """Misfit of the pin equations by the coordinates, rates or accelerations ``q`` (nodes, width)."""
 
 

@@ -93,7 +93,7 @@ class ConstrainedJoints(NamedTuple):
     schur_complement: np.ndarray  # (3, n, m, m) diagonal, upper, lower
     factors: Factors  # factors of these blocks
     multipliers: np.ndarray  # (n, m) forces of the pins on the links that begin there, reversed, N
-    gap: np.ndarray  # (n, m) misfit of the equations
+    gap: np.ndarray  # (n, m) residual of the equations
     scratch: np.ndarray  # (2 m)
     whole: tuple[int, ...]  # length 2 m
     places: np.ndarray  # (n + 1, 3) positions of the pins, m, each pin once

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 LIMIT = 5e-5  # largest step of links that touch or whose pins are damped, s
 CORRECTIONS = 4  # most corrections of the projection
-OPEN = 1e-8  # misfit of a pin after the projection that counts as a failure, m and rad
+OPEN = 1e-8  # residual of a pin after the projection that counts as a failure, m and rad
 STABLE = 2.4  # step times the highest rate of a closing spring
 ANY = Slopes(0.0, 0.0, 0.0)  # for evaluations without a matrix
 

@@ -76,7 +76,7 @@ def close_rates(links: RigidLinks, h: float, s: State, w: Work) -> None:
 
 
 TOLERANCE = 1e-8  # correction at the end of the iteration, m
-GAP = 1e-11  # misfit of a pin that counts as closed, m and rad: 1e-12 of the length of a track
+GAP = 1e-11  # residual of a pin that counts as closed, m and rad: 1e-12 of the length of a track
 # A predicted motion is kept if pins are closed and residuals of links at most FORCE times the tolerance, relative to
 # weight and pull. Below TINY, s, corrections would be rounding, which 1/h^2 enlarges: COARSE bounds are enough.
 FORCE, TINY, COARSE_GAP, COARSE_FORCE = 100.0, 1e-6, 1e-8, 1.0

@@ -61,7 +61,7 @@ def _started(parts: Sequence[Recipe]) -> Contents:
     from fmus.fmi.build import BuildFailed  # the child does not need it
 
     child = subprocess.run(
-        [sys.executable, "-m", "fmus.ahead", "contents"],
+        [sys.executable, "-m", "fmus.precompile", "contents"],
         input=json.dumps(parts),
         text=True,
         capture_output=True,
@@ -119,7 +119,7 @@ def start_compilation(parts: Sequence[Recipe], patience: int = 0) -> subprocess.
         return None
     COMPILED.info("kernels of %s are compiled beside", ", ".join(kind for kind, _, _ in left))
     child = subprocess.Popen(
-        [sys.executable, "-m", "fmus.ahead", "kernels", str(patience)],
+        [sys.executable, "-m", "fmus.precompile", "kernels", str(patience)],
         stdin=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env={**os.environ, "PYTHONPATH": search_path(ROOT.parent)},
