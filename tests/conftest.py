@@ -99,7 +99,7 @@ def drive(tmp_path_factory):
 @pytest.fixture(scope="session")
 def environment():
     """Environment of a child process in which the packages under test and the toy can be imported."""
-    path = os.pathsep.join([str(ROOT), str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])
+    path = os.pathsep.join([str(ROOT), str(HERE), str(HERE / "support"), *filter(None, [os.environ.get("PYTHONPATH")])])
     return {**os.environ, "PYTHONPATH": path, "NUMBA_DISABLE_JIT": "0"}
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from fmus.cache.pack import LEVEL
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tests"))
+sys.path.append(str(ROOT / "tests" / "support"))
 STEPS = 4000
 DRIVING = ("drive.ramp_start=0",)  # the scene has no rest before its ramp
 OLD_LIBM = "glibc.cpu.hwcaps=-AVX2_Usable,-AVX2,-FMA,-FMA4,-AVX512F,-AVX"  # code for SSE2

@@ -19,7 +19,7 @@ def test_pytest_ends_with_its_workers_and_their_processes(tmp_path, plugin):
     (tmp_path / "test_sleep.py").write_text("import subprocess\ndef test_it(): subprocess.run(['sleep', '60'])\n")
     options = ["-p", plugin, "-n", "1", "-c", os.devnull, "--rootdir", tmp_path, tmp_path]
     command = [sys.executable, "-m", "pytest", *options]
-    path = os.pathsep.join([str(HERE), str(HERE.parent)])
+    path = os.pathsep.join([str(HERE), str(HERE / "support"), str(HERE.parent)])
     tests = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, stdout=subprocess.DEVNULL)
     try:
         for _ in range(600):

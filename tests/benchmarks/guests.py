@@ -13,9 +13,9 @@ from orchestrator.execution.loading import load_scene
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import any_from_table
-from tests import foreign_fmus
 from tests.benchmarks.timing import quiet
-from tests.foreign_fmus import Variable
+from tests.support import foreign_fmus
+from tests.support.foreign_fmus import Variable
 
 H, STEPS, REPEATS, NUMBERS = 1e-3, 2000, 5, (1, 2, 8)
 VARIABLES = (

@@ -21,7 +21,7 @@ from orchestrator.results.table import Table
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
-from tests.c_host import HOST, built, order_text
+from tests.support.c_host import HOST, built, order_text
 
 STEP, TRACK = 1e-3, "left_track"
 FIGURES = "mean", "median", "99 %", "99.9 %", "most"

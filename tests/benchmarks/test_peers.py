@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.benchmarks import chain, motion, peers
-from tests.named_ports import outputs
+from tests.support.named_ports import outputs
 
 
 @pytest.mark.long

@@ -2,7 +2,6 @@
 
 import ast
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -27,9 +26,8 @@ def test_arrays_of_kernels_that_are_apart_do_not_overlap(environment, kinds):
 
     A step of each kind of track on its wheels is checked call by call, without compilation.
     """
-    program = Path(__file__).with_name("overlaps.py")
-    path = os.pathsep.join([str(program.parent), environment["PYTHONPATH"]])
-    env = {**environment, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
+    program = Path(__file__).parents[1] / "support" / "overlaps.py"
+    env = {**environment, "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run([sys.executable, str(program), *kinds], env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     seen = json.loads(done.stdout)

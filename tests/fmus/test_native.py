@@ -199,7 +199,6 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(number,
     """A library chooses when it is instantiated; one without a choice has the kernels for any processor."""
     case = FEW[number]
     env = environment | {"COTRACK_CACHE": str(tmp_path)}
-    env["PYTHONPATH"] += f":{Path(__file__).parent}"
     command = [sys.executable, "-c", FOR_ANY, str(number)]
     file = Path(subprocess.run(command, env=env, capture_output=True, text=True, check=True).stdout.strip())
     assert library(file) != library(native(case))

@@ -15,7 +15,7 @@ from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.vehicles.tables import BadInput
 from orchestrator.scene.scene import load
 from tests.fuzz import values
-from tests.vehicle_in_process import InProcess
+from tests.support.vehicle_in_process import InProcess
 
 STEPS = (3, 3, 40)
 BASE = (

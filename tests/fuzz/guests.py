@@ -14,9 +14,9 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 from PIL import Image
 
-from tests import foreign_fmus, whole_fmu
-from tests.foreign_fmus import Variable
 from tests.fuzz import values
+from tests.support import foreign_fmus, whole_fmu
+from tests.support.foreign_fmus import Variable
 
 GUEST = (
     Variable("u", "input"), Variable("y", "output"), Variable("together", "output"),

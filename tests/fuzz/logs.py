@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from tests.fuzz import values
-from tests.orchestrator.mutated import PREFIX, Content
+from tests.support.mutated import PREFIX, Content
 
 Edit = list[Any]
 HEAD = struct.Struct("<BQ")

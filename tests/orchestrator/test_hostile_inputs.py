@@ -20,7 +20,7 @@ GALLERY = HERE.parents[1] / "orchestrator" / "gallery"
 def measured(commands, environment, folder):
     """Results of commands in forks of one process, each with 1.5 GB and 20 s."""
     child = subprocess.run(
-        [sys.executable, HERE / "limited.py", "1500", "20"],
+        [sys.executable, HERE.parent / "support" / "limited.py", "1500", "20"],
         input=json.dumps([list(map(str, command)) for command in commands]),
         stdout=subprocess.PIPE,
         text=True,

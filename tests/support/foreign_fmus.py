@@ -14,7 +14,7 @@ import fmpy
 from fmus.interface.ports import UNITS, motion_ports, wrench_ports
 from fmus.native.machine_code import FLAGS, HERE, compiler
 
-SOURCES = Path(__file__).parent / "foreign"
+SOURCES = Path(__file__).parents[1] / "foreign"
 Base = Mapping[str, float]  # attributes of a BaseUnit
 IN_C = str.maketrans(".[]", "___")
 

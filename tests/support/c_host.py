@@ -8,7 +8,7 @@ from orchestrator.cosim.component import Component
 from orchestrator.fmi.fmu_files import unpack
 from orchestrator.scene.assembly import build_native_all
 
-HOST = Path(__file__).parent / "host" / "host.c"
+HOST = Path(__file__).parents[1] / "host" / "host.c"
 
 
 def host(folder):

@@ -9,7 +9,7 @@ import fmpy
 
 from fmus.native.machine_code import FLAGS, HERE, compiler
 
-SOURCE = Path(__file__).parent / "foreign" / "whole3.c"
+SOURCE = Path(__file__).parents[1] / "foreign" / "whole3.c"
 TYPES = [f"{sign}Int{bits}" for bits in (8, 16, 32, 64) for sign in ("", "U")]
 ITEMS = {"low": 1, "middle": 5, "high": 9}
 DECLARED = re.compile(r"^FMI3_Export fmi3\w+TYPE\s+(fmi3\w+);", re.MULTILINE)

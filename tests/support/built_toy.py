@@ -4,7 +4,7 @@ from pathlib import Path
 
 from fmus.fmi.build import build_shell
 
-TOY = Path(__file__).resolve().parent / "toy"
+TOY = Path(__file__).resolve().parents[1] / "toy"
 
 
 def build_toy(folder=None, name=None, **config):
