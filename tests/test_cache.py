@@ -16,6 +16,7 @@ from itertools import product
 
 import pytest
 from built_toy import build_toy
+from damaged_files import POSIX, damage
 
 from fmus.cache import limit as cache_limit
 from fmus.cache.files import UntrustedFolder, cache_folder, private_folder, read_checked, write_checked
@@ -26,23 +27,8 @@ from orchestrator.execution.truth import FIGURES, LOGS, truth
 from orchestrator.fmi.fmu_files import unpack
 from orchestrator.scene.scene import load
 
-POSIX = pytest.mark.skipif(os.name == "nt", reason="no owners and modes there")
 DAY = 86400.0  # s
 DAMAGES = ("flip", "cut", "empty", "delete")
-
-
-def damage(file, how, rng):
-    """Damage a file in place, as a bad disk does: processes that have it open see the damage."""
-    content = bytearray(file.read_bytes())
-    if how == "delete":
-        file.unlink()
-        return
-    if how == "flip":
-        at = rng.randrange(8 * len(content))
-        content[at // 8] ^= 1 << at % 8
-    with file.open("r+b") as stream:
-        stream.write(content)
-        stream.truncate({"flip": len(content), "cut": rng.randrange(1, len(content)), "empty": 0}[how])
 
 
 # --- files -----------------------------------------------------------------------------------------

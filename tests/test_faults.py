@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import messages
-from test_cache_in_runs import TOY_RUN, run_toy
+from toy_runs import TOY_RUN, run_toy
 
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify

@@ -1,7 +1,7 @@
 """Sentences about scenes of vehicles: drives, drivers, slopes, soil, symmetric halves, layouts, tensions."""
 
 import pytest
-from test_vehicle_layouts import M113, REAR, ROLLERS, SPRING
+from vehicle_tables import M113, REAR, ROLLERS, SPRING
 
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import vehicle

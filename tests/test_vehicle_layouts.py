@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from vehicle_in_process import InProcess
+from vehicle_tables import M113, REAR, ROLLERS, SPRING
 
 from fmus.chassis.tree import WHOLE, tree
 from fmus.components import model_of
@@ -35,11 +36,6 @@ from orchestrator.studies.mobility.theory import centre_of_mass, largest_gap, la
 from orchestrator.studies.step_limits import pairs
 
 UNSTRETCHED = 1.0017  # tension of rigid links over that of the cables in whose place they stand
-M113 = vehicle(*read_table("m113")).model_dump(mode="json", exclude_none=True)
-ROLLERS = {
-    "mass": 90.0, "spin_inertia": 1.4, "transverse_inertia": 0.9, "radius": 0.118, "width": 0.3,
-    "x": [-1.0, -2.0, -3.0], "z": 0.096,
-}  # fmt: skip
 STAGGERED = {"track": {"links": 65}, "road_wheel": {"x": [x + 0.085 for x in M113["road_wheel"]["x"]]},
              "idler": {"x": -4.08}}  # fmt: skip
 
@@ -183,16 +179,6 @@ UNLIKE = {  # raised end wheels, each of another radius
     "mass": [377.0, 561.07, 561.07, 561.07, 440.0], "spin_inertia": [11.8, 26.06, 26.06, 26.06, 16.0],
 }  # fmt: skip
 RAISED = changed(road_wheel={**M113["road_wheel"], **UNLIKE})
-REAR = {
-    "mass": 200.0,
-    "spin_inertia": 4.0,
-    "transverse_inertia": 4.0,
-    "radius": 0.2,
-    "width": 0.381,
-    "x": -3.9,
-    "z": 0.35,
-}
-SPRING = {"stiffness": 1e6, "damping": 1e4, "preload": 0.0}
 LONGER = {**M113["track"], "links": 66}
 SECOND = changed(wheel={"rear_idler": {**REAR, "tensioner": SPRING}}, track=LONGER)
 BEAMS = {  # of three and two wheels; each arm has a mass of its own

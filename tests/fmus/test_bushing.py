@@ -2,40 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy
+from bushed_chains import INERTIA, KINDS, MASS, G, P, chain
 from m113 import TRACK, VEHICLE
 from named_ports import outputs, parameters
 
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
 
-P, MASS, INERTIA, G = TRACK["pitch"], TRACK["mass"], TRACK["inertia"][1], 9.81
 pytestmark = pytest.mark.long  # each kind of links is compiled anew with bushes
-NONE = {"stiffness": 0.0, "preset": 0.0, "damping": 0.0, "friction": 0.0, "radius": 0.02, "slow": 0.2}
-KINDS = [  # model, parameters, and the relative difference from rigid links that elastic ones may have
-    pytest.param(Rigid, {}, 1e-6, id="rigid"),
-    pytest.param(Flexible, {}, 2e-4, id="cable"),
-    *(  # the same kernels of bushes, compiled for other layouts
-        pytest.param(Flexible, changes, 2e-4, id="-".join(changes.values()), marks=pytest.mark.study)
-        for changes in ({"element": "planar"}, {"element": "beam"}, {"joints": "constrained"})
-    ),
-]
-
-
-def chain(model, links: int, bushing: dict, ends: dict, changes: dict, gravity: float = G, track=TRACK, **more):
-    """An open chain without wheels, initialised."""
-    vehicle = VEHICLE | {"track": track | {"bushing": NONE | bushing}}
-    config = {"links": links, "closed": False, "wheels": [], "ground": False, "gravity": gravity, "ends": ends}
-    made = model({"vehicle": vehicle, "track": config | more, "link_outputs": ["position", "force", "moment"]})
-    made.initialise(parameters(made, **changes))
-    return made
 
 
 def places(model) -> np.ndarray:
@@ -266,7 +246,7 @@ def test_a_belt_round_two_wheels_turns_its_pins_by_four_pitches_over_the_radius(
 
 AS_PYTHON = """
 import numpy as np
-from test_bushing import KINDS, P, chain
+from bushed_chains import KINDS, P, chain
 ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 3 * P, 0.0]}
 for model, changes, _ in (kind.values for kind in KINDS):
     pair = chain(model, 3, {"damping": 1e4, "friction": 0.2, "preset": 0.1}, ends, changes | {"start": "polygon"})
@@ -278,7 +258,6 @@ for model, changes, _ in (kind.values for kind in KINDS):
 
 def test_all_kinds_keep_inside_their_arrays(environment):
     """Kernels as Python check every index; the kinds that are compiled in studies alone converge here too."""
-    path = os.pathsep.join([str(Path(__file__).parent), environment["PYTHONPATH"]])
-    env = {**environment, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
+    env = {**environment, "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run([sys.executable, "-c", AS_PYTHON], env=env, capture_output=True, text=True)
     assert done.stdout.split() == ["True"] * len(KINDS), done.stderr

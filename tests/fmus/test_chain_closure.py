@@ -5,34 +5,19 @@ References are exact solutions, conserved quantities, and the same loop with eli
 
 import numpy as np
 import pytest
-from named_ports import parameters
-from test_free_chains import TABLE, Flexible, P, made, per_link
+from chain_loops import CLOSURES, SPIN, N, loop, on_wheels, run
+from free_chains import TABLE, P, per_link
 
 from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.report import DISSIPATED, KINETIC, STRAIN
-from orchestrator.scene.assembly import assemble
-from orchestrator.scene.scene import load
 
-N, SPIN = 16, 20.0  # links, rad/s
 LINKS = 64
-CLOSURES = pytest.mark.parametrize("closure", ["pin", pytest.param("spring", marks=pytest.mark.study)])
 INTEGRATORS = pytest.mark.parametrize("integrator", ["generalized_alpha", "runge_kutta"])
 SHARED = [0, 1, 2, 4]  # coordinates that two links share at a pin: position, and slope along the joint axis
 
 
-def loop(links=N, **changes):
-    changes = {name.replace("_of_", "."): value for name, value in changes.items()}
-    return made(Flexible, links, gravity=0.0, **changes)
-
-
 def gap(model):
     return np.linalg.norm(model.s.q[-1, :3] - model.s.q[0, :3])
-
-
-def run(model, time, h=1e-3):
-    for i in range(round(time / h)):
-        model.advance(i * h, h)
-    return model
 
 
 # --- closed by a spring ------------------------------------------------------------------------------------
@@ -189,16 +174,6 @@ def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
 
 
 # --- how many, and on wheels -------------------------------------------------------------------------------
-
-
-def on_wheels(*settings):
-    """Return a track of the vehicle in ``straight``, at rest, whose wheels then move away from it."""
-    scene = load("straight", "flexible", ["placed=true", *settings])
-    part = next(part for part in assemble(scene)[0] if part.name == "left_track")
-    model = Flexible(part.config)
-    model.initialise(parameters(model, **part.parameters))
-    model.rows[:] = model.start_rows
-    return model
 
 
 def shown(model):

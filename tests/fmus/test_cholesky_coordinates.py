@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from test_chain_closure import CLOSURES, loop, on_wheels, run
-from test_free_chains import Beams, PlanarCables, made, per_link
+from chain_loops import CLOSURES, loop, on_wheels, run
+from free_chains import Beams, PlanarCables, made, per_link
 
 from fmus.physics.chain.flexible import cholesky
 from fmus.physics.chain.flexible.link_layout import coordinate_indices

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_free_chains import HOLD, P, Rigid, made
+from free_chains import HOLD, P, made
 from vehicle_in_process import InProcess
 
 from fmus.monolith.model import Monolith
 from fmus.physics.chain.report import CONTACT, COUNTERS, DISSIPATED, KINETIC, STRAIN
 from fmus.physics.chain.rigid.closing import gap_and_rate
 from fmus.physics.chain.rigid.dynamics import LIMIT
+from fmus.track_rigid.model import Model as Rigid
 from orchestrator.execution import monolithic
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed

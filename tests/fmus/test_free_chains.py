@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from named_ports import parameters
+from free_chains import HOLD, LONG_BEAMS, LONG_PLANAR, LONG_RIGID, PIN, TABLE, Beams, P, PlanarCables, made, per_link
 from scipy.optimize import brentq
 
 from fmus.physics.chain import layout as chain_layout
@@ -13,23 +13,6 @@ from fmus.physics.chain.layout import catenary, close_exactly, closed_polygon, h
 from fmus.physics.chain.report import KINETIC
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
-from fmus.vehicles.vehicle import read_table, vehicle
-
-TABLE = vehicle(*read_table("m113")).model_dump()
-P, PIN = TABLE["track"]["pitch"], TABLE["track"]["inertia"][1]
-
-
-class Beams(Flexible):
-    """A chain that is made of beams."""
-
-    given: ClassVar = {"element": "beam"}
-
-    def initialise(self, parameters):
-        super().initialise({**parameters, **self.given})
-
-
-class PlanarCables(Beams):
-    given: ClassVar = {"element": "planar"}
 
 
 class General(Beams):
@@ -40,15 +23,10 @@ class Engineering(Beams):
     given: ClassVar = {"elasticity": "engineering"}
 
 
-# with kernels of their own
-LONG_RIGID, LONG_BEAMS, LONG_PLANAR = (
-    pytest.param(kind, marks=pytest.mark.long) for kind in (Rigid, Beams, PlanarCables)
-)
 BOTH = pytest.mark.parametrize("kind", [LONG_RIGID, Flexible, LONG_BEAMS])
 # cables with other strain measures are studies here; ``test_track_elasticity`` has them
 SELDOM = [pytest.param(kind, marks=pytest.mark.study) for kind in (General, Engineering)]
 EACH = pytest.mark.parametrize("kind", [LONG_RIGID, Flexible, *SELDOM, LONG_BEAMS, LONG_PLANAR])
-HOLD = {"kind": "held", "first": [1.0, 2.0]}
 
 
 AREA = TABLE["section"]["area"]
@@ -60,23 +38,6 @@ def mass_of(model):
         return model.link.mass
     M = model.work.mass
     return M[:: len(M) // 2, :: len(M) // 2].sum()
-
-
-def made(kind, links, ends=None, gravity=9.81, **changes):
-    track = {"links": links, "closed": ends is None, "wheels": [], "ground": False, "gravity": gravity, "ends": ends}
-    model = kind({"vehicle": TABLE, "track": track, "link_outputs": True})
-    given = parameters(model)
-    assert set(changes) <= set(given)
-    model.initialise(given | changes)
-    return model
-
-
-def per_link(model):
-    """Return the tensions (n) and the forces of the pins (nodes, 3), N."""
-    n, m = model.links_count, model.nodes
-    y = np.zeros(2 * n + 6 * m)
-    model.link_outputs(y)
-    return y[:n], y[2 * n + 3 * m :].reshape(m, 3)
 
 
 @pytest.mark.parametrize("links", [64, 256, 1024])

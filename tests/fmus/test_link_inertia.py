@@ -4,27 +4,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from free_chains import HOLD, LONG_BEAMS, LONG_PLANAR, LONG_RIGID, TABLE, Beams, P, PlanarCables, made
 from named_ports import parameters
 from scipy.linalg import eigh
-from test_free_chains import (
-    HOLD,
-    LONG_BEAMS,
-    LONG_PLANAR,
-    LONG_RIGID,
-    TABLE,
-    Beams,
-    Flexible,
-    P,
-    PlanarCables,
-    Rigid,
-    made,
-)
 
 from fmus.interface.model import InvalidParameter
 from fmus.physics.ancf.element import mass, straight
 from fmus.physics.chain.flexible.inertia import LEAST_SHARE
 from fmus.physics.chain.flexible.link_layout import coordinate_indices
 from fmus.physics.chain.report import KINETIC
+from fmus.track_flexible.model import Model as Flexible
+from fmus.track_rigid.model import Model as Rigid
 
 MASS, INERTIA = TABLE["track"]["mass"], tuple(TABLE["track"]["inertia"])
 ROD = MASS * P**2 / 12.0

@@ -18,7 +18,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from named_ports import output_names, parameters
 from native_cases import SOIL
-from test_suspension import FAR, LAST
+from scene_parts import drive, parts
+from suspensions import FAR, LAST
 
 from fmus.components import model_of
 from fmus.fmi.build import build_shapes, packed_config, start_values
@@ -39,7 +40,6 @@ from orchestrator.fmi.fmu_files import unpack
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.parts import Part
-from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 H = 1e-3
@@ -66,12 +66,6 @@ IDLE = {  # numbers that change nothing in the first steps, and why
     "idler.radius",  # of a chassis: the limit of the idler's way
     "road_wheel.x[2]", "road_wheel.x[3]", "road_wheel.x[4]",  # of a track: inside the belt; its wheels are at rest.*
 }  # fmt: skip
-
-
-@cache
-def parts(name="straight", kind="rigid", *settings):
-    scene = placed(load(name, kind, [*settings]))
-    return {part.name: part for part in assemble(scene).parts}
 
 
 @cache
@@ -204,9 +198,9 @@ def test_a_host_that_sets_ten_keys_has_the_bits_of_a_scene_that_sets_them(part_n
 def test_a_mount_that_nothing_moves_is_at_its_own_place():
     """In an FMU of any numbers, with the start values of its own or with those of the description."""
     drives = {x: ("SprocketDrive", {"drive": {"inertia": 9.0, "mount": [x, 0.0, 0.0]}}) for x in (0.0, -2.0, 3.0)}
-    for x, drive in drives.items():
-        (fmu,) = build_shapes([(*drive, None)])
-        values = start_values(*drive)
+    for x, placed_drive in drives.items():
+        (fmu,) = build_shapes([(*placed_drive, None)])
+        values = start_values(*placed_drive)
         assert values.inputs[0] == x
         for starts in (values.inputs, ()):
             with Component(fmu, "drive", starts=starts) as component:
@@ -461,12 +455,6 @@ def test_every_real_has_the_unit_of_its_name(scene):
 
 
 # --- native FMUs -----------------------------------------------------------------------------------
-
-
-def drive(inertia=9.0, points="", **more):
-    """Kind and config of a drive, with points of its speed."""
-    given = {"parameters": {"mode": "speed", "speed.points": points}} if points else {}
-    return "SprocketDrive", {"drive": {"inertia": inertia, "mount": [0.0, 0.0, 0.0], **more}, **given}
 
 
 def library(fmu):

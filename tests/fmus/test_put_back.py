@@ -8,14 +8,17 @@ import numpy as np
 import pytest
 from chassis_probe import Probe as Chassis
 from chassis_probe import stir
+from differentials import CHAINS, MOTORS, SIDES, differential, sway
+from drive_probe import MODES, turning
+from drive_probe import Probe as Drive
 from flexible_track import at_rest, carrier
+from free_chains import HOLD, made
 from named_ports import Probe, parameters
 from rigid_track import inputs, rolling
-from test_driver import Unicycle
-from test_free_chains import HOLD, Flexible, Rigid, made
-from test_sprocket_drive import MODES, turning
-from test_sprocket_drive import Probe as Drive
-from test_steering_differential import CHAINS, MOTORS, SIDES, differential, sway
+from unicycle import Unicycle
+
+from fmus.track_flexible.model import Model as Flexible
+from fmus.track_rigid.model import Model as Rigid
 
 OVAL = {"start.spin": 3.0, "start.ovalling": 2.0}
 JOINTS = {"formulation": "recursive", "integrator": "dormand_prince", "step": 1.0}

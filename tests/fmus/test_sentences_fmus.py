@@ -11,7 +11,7 @@ import pytest
 from built_toy import TOY, build_toy
 from fmi3_instance import begun3
 from native_cases import CHAIN, CHASSIS, DRIVE, H, begun, native, ran
-from test_numbers import drive, parts
+from scene_parts import drive, parts
 from toy.model import Model as Toy
 
 from fmus.cache import limit

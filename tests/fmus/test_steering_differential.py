@@ -2,26 +2,12 @@
 
 import numpy as np
 import pytest
+from differentials import CHAINS, MOTORS, PLACE, SIDES, H, J, both, differential, sway
 from named_ports import Probe
-from scipy.spatial.transform import Rotation
 
 from fmus.sprocket_drive.model import Model as Drive
-from fmus.steering_differential.model import Model
 
-J, H = 13.87, 1e-3
-PLACE = [0.1, 1.0795, -0.2]
-SIDES = {"left": 1.0, "right": -1.0}
 RAMP = {"ramp.start": 0.1, "ramp.end": 0.6}
-CHAINS = {"left": (30.0, -900.0, 50.0), "right": (-20.0, 500.0, 10.0)}  # chain torques on the sprockets, N m
-
-
-def both(**values):
-    """Return the same settings for both motors."""
-    return {f"{shaft}.{name}": value for name, value in values.items() for shaft in ("propulsion", "steering")}
-
-
-def differential(demanded=False, **parameters):
-    return Probe(Model({"drive": {"inertia": J, "mount": PLACE, "demanded": demanded}}), **parameters)
 
 
 def run(duration, chains=CHAINS, h=H, **parameters):
@@ -31,23 +17,6 @@ def run(duration, chains=CHAINS, h=H, **parameters):
     for _ in range(round(duration / h)):
         probe.step(h)
     return probe
-
-
-def swaying(t, side):
-    """Position, attitude, velocity and angular velocity of a mount with growing yaw and pitch rates."""
-    omega = np.array([0.1, 0.3 + 0.8 * t, 0.5 * t])
-    turn = Rotation.from_rotvec([0.1 * t, 0.3 * t + 0.4 * t * t, 0.25 * t * t])
-    arm = turn.apply(np.array(PLACE) * (1, SIDES[side], 1))
-    ahead = np.array([2.0, 0.0, 0.0])
-    return arm + t * ahead, turn, np.cross(omega, arm) + ahead, omega
-
-
-def sway(probe, name, side):
-    x, turn, v, w = swaying(probe.t, side)
-    probe.give(f"{name}.position", x)
-    probe.give(f"{name}.orientation", turn.as_quat(scalar_first=True), "wxyz")
-    probe.give(f"{name}.velocity", v)
-    probe.give(f"{name}.angular_velocity", w)
 
 
 def test_prescribed_speeds_are_those_of_two_drives():
@@ -102,15 +71,6 @@ def test_a_brake_on_a_shaft_holds_the_mean_or_the_difference_of_both_speeds(brak
         lost = probe["energy.dissipated"]
         assert (lost < 1e-12) == holds
         assert probe["energy.work"] + probe["port.work"] == pytest.approx(lost + probe["energy.kinetic"], rel=1e-9)
-
-
-MOTORS = {
-    "speeds": {"propulsion.speed.end": 10.0, "steering.speed.end": 4.0},
-    "controllers": {"propulsion.mode": "controller", "propulsion.speed.end": 10.0, "steering.mode": "controller",
-                    "steering.speed.end": 4.0},
-    "torques and brakes": {"propulsion.mode": "torque", "propulsion.torque.drive": 900.0, "steering.mode": "torque",
-                           "steering.torque.drive": 200.0, **both(**{"brake.torque": 150.0})},
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("motors", MOTORS)

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from fit_formulas import EVERYWHERE
 from made_logs import made
-from test_fit import EVERYWHERE, Experiment, FreeNumber
 
 import orchestrator as package
 from orchestrator.execution import summary
@@ -16,7 +16,8 @@ from orchestrator.results.measured_record import MeasuredSignal
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.scene.scene import load
 from orchestrator.studies import Row, least_squares
-from orchestrator.studies.least_squares import Objective, search
+from orchestrator.studies.free_numbers import FreeNumber
+from orchestrator.studies.least_squares import Experiment, Objective, search
 from orchestrator.studies.uncertainty import answer
 
 TURN = 2.0 * np.pi

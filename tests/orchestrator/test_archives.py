@@ -1,11 +1,11 @@
 """SSP archives as the standard has them: systems in systems, mappings, units, start values, dictionaries."""
 
 import itertools
-import zipfile
 
 import foreign_fmus
 import pytest
 from foreign_fmus import Variable
+from gain_fmus import START, gain_fmu, in_unit, with_maximum, with_units
 from ssd_texts import MILLIMETRES, SPACES, bound, component, connection, connectors, document, packed, system, values
 
 from fmus.vehicles.tables import BadInput
@@ -15,35 +15,7 @@ from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log
 from orchestrator.scene.ssp_scene import load_ssp
 
-GEARS = ("low", "high", "road")
-UNITS = {"m": {"m": 1}, "mm": {"m": 1, "factor": 1e-3}, "degC": {"K": 1, "offset": 273.15}, "K": {"K": 1}}
-
-
-def variables(unit_in="", unit_out="", k=2.0):
-    return (
-        Variable("u", "input", 0.0, unit=unit_in),
-        Variable("y", "output", unit=unit_out),
-        Variable("k", "parameter", k),
-        Variable("gear_start", "parameter", 1, "Enumeration", items=GEARS),
-        Variable("gear", "output", 1, "Enumeration", items=GEARS),
-        Variable("on_start", "parameter", False, "Boolean"),
-        Variable("on", "output", False, "Boolean"),
-        Variable("word_start", "parameter", "", "String"),
-        Variable("word", "output", "", "String"),
-        Variable("whole", "input", 0, "Integer"),
-    )
-
-
-def gain_fmu(tmp_path_factory):
-    """FMU y = k u without units."""
-    return foreign_fmus.build(tmp_path_factory.mktemp("gain") / "gain.fmu", "gain", variables())
-
-
 gain = pytest.fixture(scope="module")(gain_fmu)
-
-
-def with_units(gain, file, unit_in, unit_out):
-    return foreign_fmus.build(file, "gain", variables(unit_in, unit_out), UNITS, foreign_fmus.library_of(gain))
 
 
 def run(tmp_path, ssd, gain, settings=(), **files):
@@ -62,9 +34,6 @@ def run(tmp_path, ssd, gain, settings=(), **files):
                     for name, value in zip(series.names, series.values[0], strict=True)
                 }
     return found, path
-
-
-START = values(u=("Real", 3.0))
 
 
 # --- start values in the order of flow ---------------------------------------------------------------
@@ -224,23 +193,6 @@ def test_a_value_in_another_unit_is_converted(gain, tmp_path):
     binding = binding.replace("</ssv:Parameters>", f"</ssv:Parameters>{units}")
     ssd = document(system(component("s", bound(binding), "resources/cold.fmu")))
     assert run(tmp_path, ssd, gain, **{"resources/cold.fmu": cold})[0]["s.y"] == 2.0 * 293.15
-
-
-def with_maximum(gain, file):
-    """The gain with a declared maximum of k."""
-    with zipfile.ZipFile(gain) as source, zipfile.ZipFile(file, "w") as copy:
-        for name in source.namelist():
-            old, new = b'<Real start="2.0"', b'<Real max="5" start="2.0"'
-            assert name != "modelDescription.xml" or old in source.read(name)
-            copy.writestr(name, source.read(name).replace(old, new))
-    return file
-
-
-def in_unit(unit, defined=""):
-    """Start value 3 of u in a unit, of a set that defines another one."""
-    units = f'<ssv:Units><ssc:Unit name="{defined}"><ssc:BaseUnit m="1"/></ssc:Unit></ssv:Units>' if defined else ""
-    binding = START.replace('value="3.0"', f'value="3.0" unit="{unit}"')
-    return bound(binding.replace("</ssv:Parameters>", f"</ssv:Parameters>{units}"))
 
 
 @pytest.mark.parametrize("binding", [

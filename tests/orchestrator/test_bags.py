@@ -11,8 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mcap.writer import Writer
-from test_keys import toml_lines
-from test_measured import SPEED, UNITS, T, measured_run
+from measured_files import SPEED, UNITS, T, measured_run
+from scene_files import toml_lines
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cli import inventory

@@ -5,7 +5,7 @@ import re
 import cotrack as installed
 import numpy as np
 import pytest
-from life_logs import LINE, TABLE, log_of
+from life_logs import LENGTH, LINE, TABLE, log_of, waves
 from made_logs import STEP
 
 from fmus.vehicles.tables import BadInput
@@ -16,19 +16,11 @@ from orchestrator.results.analyses import life
 from orchestrator.results.run_data import RunData
 
 PER_NEWTON = life.stresses(TABLE.model_dump())["pin bending"]
-LENGTH = 0.4  # m: a chain of four links goes round in a second
 
 
 def one_cycle(amplitude):
     """Damage of the bending of a pin by a cycle with this amplitude, N."""
     return float(life.damage_of(np.array([PER_NEWTON * amplitude]), LINE.model_dump())[0])
-
-
-def waves(*amplitudes, seconds=4.0, growth=None):
-    """Forces of four pins, a cycle in every circuit, each a quarter behind the one before; ``growth``: (m,) factor."""
-    t = np.arange(0.0, seconds + 0.5 * STEP, STEP)
-    phase = 2.0 * np.pi * (t[:, None] - np.arange(4) / 4.0)
-    return 60e3 - np.array(amplitudes) * np.cos(phase) * (1.0 if growth is None else growth(t)[:, None])
 
 
 def course_of(folder, *runs):

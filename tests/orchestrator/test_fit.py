@@ -2,12 +2,11 @@
 
 import csv
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from fit_formulas import EVERYWHERE, FORMULAS, NOISE, POINTS, START, Formula, S, formula, solved
 from made_logs import made
 from scipy.stats import chi2
 
@@ -259,51 +258,6 @@ def test_the_command_writes_a_scene_that_runs(cotrack, data, noise, monkeypatch,
 
 
 # --- formulas instead of runs ---
-
-POINTS = np.linspace(0.0, 1.0, 101)
-NOISE = 0.1
-EVERYWHERE = -np.inf, np.inf
-START = (1.0, *EVERYWHERE)
-
-
-@dataclass
-class Formula(Objective):
-    """Objective whose run is a formula of the numbers."""
-
-    model: Callable = None
-
-    def values(self, points):
-        return [[self.model(*self.numbers(u))] for u in points]
-
-
-def formula(model, truth, free, seed=1):
-    """Objective of measured values of a model, with noise of a seed; ``free``: start, low and high of each number."""
-    drawn = NOISE * np.random.default_rng(seed).standard_normal(len(POINTS)) if seed is not None else 0.0
-    signal = MeasuredSignal("y", "y", "1", POINTS, model(*truth) + drawn, False, {})
-    experiment = Experiment(load("hanging_chain"), signals=(signal,))
-    numbers = tuple(FreeNumber(f"p{k}", *one, abs(one[0])) for k, one in enumerate(free))
-    return Formula((experiment,), numbers, {"y": NOISE}, model=model)
-
-
-S = POINTS
-FORMULAS = {
-    "line": (lambda a, b: a + b * S, (2.0, 3.0), [START] * 2),
-    "parabola": (lambda a, b, c: a + b * S + c * S**2, (2.0, 3.0, 1.5), [START] * 3),
-    "bent": (lambda a, b, c: a + b * S + c * S**2, (2.0, 3.0, 2.0), [START] * 3),
-    "weak": (lambda a: 0.01 * a * S, [1.0], [START]),
-    "exponential": (lambda a: 0.0176 * np.exp(a) * S, [1.0], [(1.1, *EVERYWHERE)], None),
-    "ripple": (lambda a: 1e-3 * np.sin(2e4 * a) + 0.05 * a * S, [1.0], [(1.1, *EVERYWHERE)]),
-    "flat": (lambda a: 1e-3 * np.sin(2e5 * a) + 0.5 * S, [1.0], [(1.1, *EVERYWHERE)]),
-    "springs": (lambda k1, k2: 10.0 * S / (1.0 / k1 + 1.0 / k2), [2.0, 3.0], [(1.9, *EVERYWHERE)] * 2),
-    "wave": (lambda a: np.cos(a * S), [31.0], [(8.0, 1.0, 50.0)]),
-    "idle": (lambda a, b, c: a + 0.0 * b + c * S, [2.0, 1.0, 3.0], [START] * 3),
-    "bound": (lambda a, b: a + b * S, (2.0, 3.0), [(1.0, 0.0, 1.5), START]),
-}
-
-
-def solved(name):
-    task = formula(*FORMULAS[name])
-    return answer(task, search(task))
 
 
 @pytest.mark.parametrize("name", ["line", "parabola"])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft202012Validator
+from scene_files import toml_lines
 
 from fmus.precompile import component_ports
 from fmus.vehicles.tables import BadInput
@@ -188,10 +189,6 @@ def test_schema_and_command_accept_and_refuse_the_same(check, tmp_path):
                 (tmp_path / "own.toml").write_text(toml_lines(table))
                 with pytest.raises(BadInput):
                     load(str(tmp_path / "own.toml"))
-
-
-def toml_lines(table):
-    return "\n".join(toml_text({key: value})[2:-2] for key, value in table.items())
 
 
 def test_schema_command(cotrack):

@@ -13,7 +13,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mutated import Content, change_bytes
 from recorded import ATTACHMENTS, STEP, TOPICS, chunked_log, ragged, small_log, spans
-from test_wires import write as write_wired
+from wired_logs import write as write_wired
 
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate

@@ -7,29 +7,13 @@ from math import sqrt
 import numpy as np
 import pytest
 from made_logs import made, of_columns
-from test_phases import made as made_vehicle
-from test_phases import times, trapezoid
+from measured_files import FORCE, SPEED, STEP, UNITS, T, measured_run
+from motion_logs import made as made_vehicle
+from motion_logs import times, trapezoid
 
 import orchestrator as package
 from orchestrator.results.analyses.signal_picture import figure_of
 from orchestrator.results.measured_record import MeasuredSignal, read, rounding
-
-STEP = 1e-3
-T = STEP * np.arange(2001)
-SPEED = 3.0 + np.sin(2.0 * np.pi * T) + 0.3 * np.sin(9.0 * T)
-FORCE = 2e4 + 5e3 * np.cos(7.0 * T)
-UNITS = {"chassis.speed": "m/s", "chassis.force": "N", "chassis.slip": "1"}
-
-
-def measured_run(tmp_path_factory):
-    """A run of 2 s with a speed, a force and a constant slip."""
-    topics = {"/chassis/out": [("speed", "m/s"), ("force", "N"), ("slip", "1")]}
-    values = np.stack([SPEED, FORCE, np.full(len(T), 0.25)], axis=1)
-    path = made(
-        tmp_path_factory.mktemp("measured") / "a.mcap", topics, {"/chassis/out": (T, values)}, None, ("chassis",)
-    )
-    return package.Run(path)
-
 
 run = pytest.fixture(scope="module")(measured_run)
 

@@ -6,8 +6,22 @@ import tracemalloc
 import numpy as np
 import pytest
 from made_logs import made
+from measured_files import (
+    FORCE,
+    LIBRARIES,
+    SPEED,
+    STEP,
+    UNITS,
+    T,
+    measured_run,
+    scaled,
+    signal,
+    waveform,
+    write,
+    write_mf4,
+    write_tdms,
+)
 from mutated import Content
-from test_measured import FORCE, SPEED, STEP, UNITS, T, measured_run
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.log import measured_formats
@@ -17,62 +31,9 @@ from orchestrator.results.measured_record import read
 
 T_TEST = 5.0 * STEP * np.arange(301)  # of the test, which ends earlier
 V_TEST = 3.6 * (np.interp(T_TEST, T, SPEED) + 0.1 * np.sin(20.0 * T_TEST))  # km/h
-LIBRARIES = {"csv": "csv", "parquet": "pyarrow", "mf4": "asammdf", "tdms": "nptdms", "mcap": "mcap"}
 BINARY = [name for name in LIBRARIES if name != "csv"]
 SPEED_V = {"chassis.speed": "v"}
 run = pytest.fixture(scope="module")(measured_run)
-
-
-def write_csv(path, t, v, unit):
-    rows = "".join(f"{a!r},{'' if b != b else repr(b)}\n" for a, b in zip(t.tolist(), v.tolist(), strict=True))
-    path.write_text(f"t [s],v [{unit}]\n{rows}")
-
-
-def write_parquet(path, t, v, unit):
-    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    nulls = arrow.array(v, mask=np.isnan(v))  # as other programs write gaps
-    parquet.write_table(arrow.table({"t [s]": t, f"v [{unit}]": nulls}), path)
-
-
-def signal(name, t, v, unit, **more):
-    invalid = {"invalidation_bits": np.isnan(v)} if v.dtype.kind == "f" and np.isnan(v).any() else {}
-    samples = np.nan_to_num(v) if v.dtype.kind == "f" else v
-    return pytest.importorskip("asammdf").Signal(samples, t, name=name, unit=unit, **invalid, **more)
-
-
-def write_mf4(path, groups):
-    """Write groups, a name and signals each."""
-    with pytest.importorskip("asammdf").MDF(version="4.10") as file:
-        for name, signals in groups:
-            file.append(signals, acq_name=name)
-        file.save(path, overwrite=True)
-
-
-def write_tdms(path, segments, mode="w"):
-    """Write segments, each of channels: group, name, values, properties."""
-    nptdms = pytest.importorskip("nptdms")
-    with nptdms.TdmsWriter(path, mode=mode) as file:
-        for channels in segments:
-            file.write_segment([nptdms.ChannelObject(*channel) for channel in channels])
-
-
-def waveform(t, unit="km/h", **more):
-    return {"wf_increment": float(t[1] - t[0]), "wf_start_offset": float(t[0]), "unit_string": unit} | more
-
-
-def write(path, t, v, unit="km/h"):
-    """Write one signal ``v`` over ``t`` by the library of the format."""
-    kind = path.suffix[1:]
-    pytest.importorskip(LIBRARIES[kind])
-    if kind == "mf4":
-        write_mf4(path, [("test", [signal("v", t, v, unit)])])
-    elif kind == "tdms":
-        write_tdms(path, [[("test", "v", v, waveform(t, unit))]])
-    elif kind == "mcap":
-        made(path, {"/v/out": [("v", unit)]}, {"/v/out": (t, v[:, None])}, None, ("v",))
-    else:
-        {"csv": write_csv, "parquet": write_parquet}[kind](path, t, v, unit)
-    return path
 
 
 def column(kind):
@@ -244,11 +205,6 @@ def test_groups_of_mdf_have_their_own_clocks(run, tmp_path):
     assert alone.shift == pytest.approx(0.0, abs=1e-6)
 
 
-def over_angle():
-    """A signal over an angle."""
-    return signal("v", np.arange(3.0), np.arange(3.0), "m/s", master_metadata=("angle", 2))
-
-
 def test_channels_of_tdms_begin_when_they_began(tmp_path):
     """Channels whose starts differ lie so beside each other; a channel without times takes a clock of the file."""
     date = np.datetime64("2026-11-28T10:00:00.25")
@@ -271,13 +227,6 @@ def test_channels_of_tdms_begin_when_they_began(tmp_path):
     assert read(file, {"chassis.speed": "w"}, UNITS.get, "second")[0].t == pytest.approx(np.arange(9.0), abs=1e-12)
     (tmp_path / "m.tdms_index").write_bytes(b"old")  # is not looked at
     assert len(read(file, SPEED_V, UNITS.get)) == 1
-
-
-def scaled(kind="Linear", slope=0.5, **more):
-    return {
-        "NI_Scaling_Status": "unscaled", "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": kind,
-        "NI_Scale[0]_Linear_Slope": slope, "NI_Scale[0]_Linear_Y_Intercept": 0.0, **more,
-    }  # fmt: skip
 
 
 def test_scales_and_segments_of_tdms(tmp_path):

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motion_logs import made, phases_of, times, trapezoid
 from packed import unpacked
 from page_logs import embedded
-from test_phases import made, phases_of, times, trapezoid
 
 import orchestrator as package
 from orchestrator.log.reader import Log

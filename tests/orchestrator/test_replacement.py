@@ -7,7 +7,7 @@ import shutil
 import foreign_fmus
 import numpy as np
 import pytest
-from foreign_drive import INERTIA, PARAMETERS, SHORT, TORQUE, H, changed, rig
+from foreign_drive import INERTIA, PARAMETERS, SHORT, TORQUE, H, brake_fmu, braked, changed, rig
 from foreign_fmus import DRIVE, UNITS, Variable
 
 from fmus.fmi.build import build
@@ -209,27 +209,7 @@ def test_a_drive_in_other_units_drives_as_well(drive, large, tmp_path, run):
         pass
 
 
-MORE = (
-    Variable("ticks", "input", 0, "Integer"),
-    Variable("gate", "input", False, "Boolean"),
-    Variable("pull", "input", unit="kN"),
-)
-
-
-def brake_fmu(tmp_path_factory):
-    """The drive at the place of the idler, with further inputs."""
-    units, place = {**UNITS, "kN": {**UNITS["N"], "factor": 1e3}}, -placed(rig()).rig.axle_distance
-    there = [each._replace(start=place) if each.name.endswith("mount.position.x") else each for each in DRIVE]
-    return foreign_fmus.build(tmp_path_factory.mktemp("brake") / "Brake.fmu", "drive", (*there, *MORE), units)
-
-
 brake = pytest.fixture(scope="module")(brake_fmu)
-
-
-def braked(drive, brake, *connections):
-    """The rig with FMUs of the user at both ends, and connections to them."""
-    given = {"file": str(brake), "parameters": {"torque": 0.0, "inertia": INERTIA}}
-    return rig(drive, **{"fmu.idler_drive": given, "connections": connections})
 
 
 @pytest.mark.long

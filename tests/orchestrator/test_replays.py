@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from chain_logs import SETTINGS, altered, chain_log
 from made_logs import made
 from mutated import Content
 from short_run import SHORT
@@ -30,26 +31,9 @@ from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 
 REFUSED = BadInput, LogUnreadable, replays.UnfitLog
-SETTINGS = ("run.stop=0.02", "chain.links=8", "run.links=7", "expect={}")
-
-
-def chain_log(tmp_path_factory):
-    """Log of a hanging chain of eight links."""
-    path = tmp_path_factory.mktemp("replay") / "chain.mcap"
-    assert simulate(load("hanging_chain", "flexible", SETTINGS), path)["status"] == "ok"
-    return path
 
 
 log = pytest.fixture(scope="module")(chain_log)
-
-
-def altered(log, path, change):
-    """The log with another system.json and scene.json; all checksums are valid."""
-    content = Content(log)
-    tables = {name: json.loads(content.attachments[f"{name}.json"]) for name in ("system", "scene")}
-    change(**tables)
-    content.attachments |= {f"{name}.json": json.dumps(table).encode() for name, table in tables.items()}
-    return content.write(path)
 
 
 def fmu_of(track="flexible"):

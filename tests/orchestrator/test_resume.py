@@ -12,6 +12,7 @@ from operator import getitem
 import numpy as np
 import pytest
 from mutated import Content
+from rig_logs import RIG, ran, rig_log
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.checkpoint import UnusableCheckpoint
@@ -20,7 +21,6 @@ from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.execution import replay_model, summary_text
 from orchestrator.execution.resume import branched_scene, resume
-from orchestrator.execution.simulate import simulate
 from orchestrator.log.log_metadata import CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import RECOVERED, WHOLE, recover, verify
@@ -29,24 +29,11 @@ from orchestrator.results.energy import ledger
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
 
-RIG = ("run.stop=0.06", "run.checkpoints=0.02", "run.links=7", "expect={}", "drive.ramp_start=0")
-
-
-def ran(path, scene, track, *settings, native=False):
-    summary = simulate(load(scene, track, settings), path, native=native)
-    assert summary["status"] == "ok", summary["message"]
-    return path
-
 
 def digest(path):
     assert verify(path).code == WHOLE
     with Log(path) as log:
         return log.digest()
-
-
-def rig_log(tmp_path_factory):
-    """Log of the rig with three checkpoints."""
-    return ran(tmp_path_factory.mktemp("logs") / "rig.mcap", "rig", "rigid", *RIG)
 
 
 rig = pytest.fixture(scope="module")(rig_log)

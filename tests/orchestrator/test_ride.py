@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from made_logs import made
-from scipy.spatial.transform import Rotation
+from seat_logs import seat_log, sines
 
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import ride, vibration
@@ -92,21 +92,6 @@ def test_a_low_pass_has_its_corner_and_its_slope():
 
 
 # --- of a log ---
-
-TURNED = Rotation.from_euler("ZYX", [0.7, 0.2, -0.1])
-MOTION = [("seat.driver.acceleration." + axis, "m/s2") for axis in "xyz"]
-ATTITUDE = [("chassis.orientation." + part, "1") for part in "wxyz"]
-
-
-def seat_log(folder, own, t, names=MOTION + ATTITUDE):
-    """Log of a seat with accelerations ``own`` (m, 3) in the axes of a hull that is turned, pitched and rolled."""
-    q = np.tile(TURNED.as_quat(scalar_first=True), (len(t), 1))
-    rows = {"/chassis/out": (t, np.hstack([TURNED.apply(own), q])[:, : len(names)])}
-    return made(folder / "seat.mcap", {"/chassis/out": names}, rows, instances=("chassis",))
-
-
-def sines(t):
-    return np.stack([2.0 * np.sin(2 * np.pi * 2.0 * t), 0.0 * t, 5.0 * np.sin(2 * np.pi * 4.5 * t)], axis=1)
 
 
 def test_a_seat_is_looked_at_in_the_axes_of_the_hull(tmp_path, cotrack):

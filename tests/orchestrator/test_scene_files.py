@@ -7,6 +7,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from data_files import MAP, ROUGH, STEP, WAVES, read_file, write_parquet, write_tdms
 from PIL import Image
 
 from fmus.ground.tables import GroundTable, is_terrain
@@ -14,7 +15,6 @@ from fmus.ground.terrain import heights, terrain
 from fmus.vehicles.tables import BadInput
 from orchestrator.scene.data_files import OF_DRIVER, UNITS, read_files
 from orchestrator.scene.drive_tables import DriverTable, HitchTable, VehicleDriveTable
-from orchestrator.scene.height_files import read_heights
 from orchestrator.scene.scene import load
 
 PAIRS = [[0.0, 0.0], [2.0, -8.5], [3e1, 4.0]]
@@ -34,28 +34,12 @@ def test_two_columns_with_or_without_a_heading(tmp_path, heading):
     assert read_text(tmp_path, "0,0\n1,-9998\n")[1] == [1.0, -9998.0], "a mark of no data is -9999"
 
 
-def write_parquet(path, columns):
-    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    parquet.write_table(arrow.table({f"{name} [{unit}]": values for name, unit, values in columns}), path)
-
-
 def write_mf4(path, columns):
     asammdf = pytest.importorskip("asammdf")
     (_, _, t), *others = columns
     with asammdf.MDF(version="4.10") as file:
         file.append([asammdf.Signal(values, t, name=name, unit=unit) for name, unit, values in others])
         file.save(path, overwrite=True)
-
-
-def write_tdms(path, channels):
-    """Write channels (name, unit, values, start, step)."""
-    nptdms = pytest.importorskip("nptdms")
-    with nptdms.TdmsWriter(path) as file:
-        found = [
-            nptdms.ChannelObject("g", name, values, {"unit_string": unit, "wf_increment": h, "wf_start_offset": start})
-            for name, unit, values, start, h in channels
-        ]
-        file.write_segment(found or [nptdms.RootObject({})])
 
 
 @pytest.mark.parametrize("kind", ["parquet", "mf4", "tdms"])
@@ -115,10 +99,6 @@ def test_every_drive_may_name_files(tmp_path, place):
     assert drive == {"points": PAIRS, "torque_points": [[1.0, 2.0]]}
 
 
-STEP = "ground.step={x=[3, 4], rise='20 cm'}"
-ROUGH = "ground.rough={iso_class='D', start=1}"
-WAVES = "ground.washboard={amplitude=0.05, wavelength=1.5, start=1, phase='90 deg'}"
-MAP = "ground.heightmap={heights=[[0, 0.1], [0, 0.1], [0.2, 0]], corner=[1, -2], spacing=[1, 4], start=1}"
 ALL = (
     "ground.grade=20 %", "ground.bank=-0.1", "ground.incline_start=2", STEP, "ground.half_round={x=[6], radius=0.1}",
     "ground.trench={start=8, width=1, depth=0.5}", "ground.kerb={y=-1.5, rise=0.1, start=2}", WAVES, ROUGH,
@@ -141,12 +121,6 @@ def test_units_and_defaults_and_the_way_to_a_terrain():
     assert load("straight", "rigid").resolved()["ground"] == {"hull": False}
     steep = MAP.replace("[[0, 0.1], [0, 0.1], [0.2, 0]]", "[[0, 39.9], [9.9, 49]]")  # ten on one is the limit
     assert load("straight", "rigid", [steep]).ground.heightmap.heights[0][1] == 39.9
-
-
-def read_file(path, **keys):
-    table = {"ground": {"heightmap": {"heights": path.name, "corner": [0, 0], "spacing": [1, 1], **keys}}}
-    read_heights(table, path.parent, "mine.toml")
-    return table["ground"]["heightmap"]
 
 
 def test_heights_from_a_csv_file_and_an_array(tmp_path):

@@ -12,23 +12,33 @@ import zipfile
 import numpy as np
 import pytest
 import rasterio
-from foreign_drive import changed, rig
+from chain_logs import altered, chain_log
+from foreign_drive import brake_fmu, braked, changed, rig
 from foreign_fmus import UNITS as SI
+from gain_fmus import gain_fmu, in_unit, with_maximum, with_units
 from mcap.writer import Writer
+from measured_files import (
+    SPEED,
+    UNITS,
+    T,
+    measured_run,
+    over_angle,
+    scaled,
+    signal,
+    waveform,
+    write,
+    write_mf4,
+    write_tdms,
+)
 from mutated import Content
 from rasterio.transform import Affine
 from recorded import STEP, chunked_log, disk, small_log, spans
+from rewritten_logs import rewritten, sealed_log
+from rig_logs import RIG, ran, rig_log
 from ssd_texts import MILLIMETRES, bound, component, connection, connectors, document, packed, system, values
-from test_archives import gain_fmu, in_unit, with_maximum, with_units
-from test_measured import SPEED, UNITS, T, measured_run
-from test_measured_formats import over_angle, scaled, signal, waveform, write, write_mf4, write_tdms
-from test_replacement import brake_fmu, braked
-from test_replays import altered, chain_log
-from test_resume import RIG, ran, rig_log
-from test_seal import rewritten, sealed_log
-from test_survey_files import ROWS, SURFACE, asc, crg, gap, read_map, tif
-from test_wires import TOPICS as WIRED
-from test_wires import WIRES
+from survey_files import ROWS, SURFACE, asc, crg, gap, read_map, tif
+from wired_logs import TOPICS as WIRED
+from wired_logs import WIRES
 
 from orchestrator.execution import replay_model
 from orchestrator.execution.resume import branched_scene, resume

@@ -10,12 +10,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from analysis_logs import driven_log
-from life_logs import BUSHING, TABLE, log_of, worn
+from fit_formulas import FORMULAS, formula, solved
+from life_logs import BUSHING, LENGTH, TABLE, log_of, waves, worn
 from made_logs import STEP, made
-from test_course import LENGTH, waves
-from test_fit import FORMULAS, formula, solved
-from test_measures import PITCH, TEETH, Record, on_the_sprocket
-from test_ride import ATTITUDE, MOTION, seat_log, sines
+from run_records import PITCH, TEETH, Record, on_the_sprocket
+from seat_logs import ATTITUDE, MOTION, seat_log, sines
 
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import read_table, vehicle

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from data_files import MAP, ROUGH, STEP, WAVES, read_file, write_parquet, write_tdms
 from made_logs import of_columns
 from matplotlib import image
 from PIL import Image
-from test_scene_files import MAP, ROUGH, STEP, WAVES, read_file, write_parquet, write_tdms
 from view_logs import hanging_log, stretched
 
 from fmus.interface.model import InvalidParameter

@@ -8,40 +8,13 @@ import rasterio
 from jsonschema import Draft202012Validator
 from PIL import Image
 from rasterio.transform import Affine, from_origin
+from survey_files import GRID, KEEP, ROWS, SURFACE, TOP, U, V, X, Y, asc, crg, hill, read_map, tif
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.scene.height_files import read_heights
 from orchestrator.scene.keys import scene_schema
 from orchestrator.scene.scene import load
 
-X, Y = 700.0 + 2.0 * np.arange(5), 300.0 + 3.0 * np.arange(4)  # m, of the middles of cells
-TOP = (704.0, 309.0)
 FOOT, SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
-
-
-def hill(x, y):
-    """Height, m, with its top at ``TOP``, different along x and y and on each side."""
-    return 5.0 - 0.25 * np.abs(x - TOP[0]) - 0.5 * np.abs(y - TOP[1]) + 0.125 * (x > TOP[0])
-
-
-GRID = hill(X[:, None], Y[None, :])  # lines follow x, columns y
-ROWS = GRID.T[::-1]  # as in a file: from north to south, from west to east
-
-
-def read_map(path, **keys):
-    table = {"ground": {"heightmap": {"heights": path.name, **keys}}}
-    read_heights(table, path.parent, "mine.toml")
-    return table["ground"]["heightmap"]
-
-
-def tif(path, rows=ROWS, *, more=lambda made: None, **profile):
-    shape = {"height": rows.shape[0], "width": rows.shape[1], "count": 1, "dtype": rows.dtype.name}
-    places = {"crs": "EPSG:25832", "transform": from_origin(699.0, 310.5, 2.0, 3.0)}
-    with rasterio.open(path, "w", driver="GTiff", **{**shape, **places, **profile}) as made:
-        for band in range(1, made.count + 1):
-            made.write(rows, band)
-        more(made)
-    return path
 
 
 def geotiff_by_hand(path, point):
@@ -50,13 +23,6 @@ def geotiff_by_hand(path, point):
     keys = (1, 1, 0, 3, 1024, 0, 1, 1, 1025, 0, 1, 2 if point else 1, 3072, 0, 1, 25832)
     tags = {33550: (2.0, 3.0, 0.0), 33922: tie, 34735: keys}
     Image.fromarray(ROWS.astype(np.float32)).save(path, tiffinfo=tags)
-    return path
-
-
-def asc(path, where="xllcorner 699\nyllcorner 298.5", size="dx 2\ndy 3", rows=ROWS, mark="-9999"):
-    lines = "\n".join(" ".join(f"{z:.17g}" for z in row) for row in rows)
-    header = f"ncols {rows.shape[1]}\nnrows {rows.shape[0]}\n{where}\n{size}\nNODATA_value {mark}\n"
-    path.write_text(header + lines + "\n")
     return path
 
 
@@ -120,13 +86,6 @@ def test_scale_offset_and_units_become_metres(tmp_path):
     assert np.array_equal(read_map(asc(tmp_path / "b.asc", rows=ROWS + 0.1))["heights"], GRID + 0.1)  # no float32
 
 
-def gap(value, kind=float, rows=ROWS):
-    """Rows with two places without data."""
-    rows = rows.astype(kind)
-    rows[1, 2] = rows[3, 0] = value
-    return rows
-
-
 def test_blocks_that_a_sparse_file_leaves_out_are_gaps(tmp_path):
     path = tmp_path / "a.tif"
     tiles = {"driver": "GTiff", "tiled": True, "blockxsize": 16, "blockysize": 16, "sparse_ok": True}
@@ -135,29 +94,6 @@ def test_blocks_that_a_sparse_file_leaves_out_are_gaps(tmp_path):
         made.write(np.ones((16, 16), "f4"), 1, window=rasterio.windows.Window(0, 0, 16, 16))
     with pytest.raises(BadInput, match="column 17 is 0"):
         read_map(path)
-
-
-U, V = 0.5 * np.arange(9), np.array([-1.0, -0.5, 0.0, 0.5, 1.0])  # m, along and across a road
-SURFACE = 0.01 * U[:, None] ** 2 + 0.04 * V[None, :] + 0.02 * U[:, None] * V[None, :]
-KEEP = ()  # an empty section of modifiers
-NUMBERED = [f"long section {i + 1},m" for i in range(len(V))]
-
-
-def crg(path, z=SURFACE, mods=KEEP, head=(), channels=(), names=NUMBERED):
-    """Road as text, 20 characters a number: ``channels`` are pairs of names and columns of the reference line."""
-    sections = {
-        "$ROAD_CRG": ["REFERENCE_LINE_INCREMENT = 0.5", "LONG_SECTION_V_RIGHT = -1", "LONG_SECTION_V_LEFT = 1",
-                      "LONG_SECTION_V_INCREMENT = 0.5", *head],
-        "$ROAD_CRG_MODS": mods,
-        "$KD_DEFINITION": ["#:LDFI", *(f"D:{name}" for name in (*dict(channels), *names))],
-    }  # fmt: skip
-    lines = [line for key, content in sections.items() if content is not None for line in (key, *content, "$")]
-    lines.append(72 * "$")
-    for row in np.column_stack([*dict(channels).values(), z]):
-        words = [20 * "*" if np.isnan(value) else f"{value:20.14f}" for value in row]
-        lines += ["".join(words[k : k + 4]) for k in range(0, len(words), 4)]
-    path.write_text("\n".join([*lines, ""]))
-    return path
 
 
 def test_a_straight_road_is_exact_at_its_own_nodes(tmp_path):

@@ -72,3 +72,13 @@ def worn(path, bushing=BUSHING):
     topics = {"/track/links": [(name, "1") for name in names], "/track/out": [("travel", "m")]}
     values = np.stack([0.5 * t, 0.5 * t, 3.0 * t, 5.0 * t], axis=1)
     return made(path, topics, {"/track/links": (t, values), "/track/out": (t, -2.0 * t[:, None])}, scene)
+
+
+LENGTH = 0.4  # m: a chain of four links goes round in a second
+
+
+def waves(*amplitudes, seconds=4.0, growth=None):
+    """Forces of four pins, a cycle in every circuit, each a quarter behind the one before; ``growth``: (m,) factor."""
+    t = np.arange(0.0, seconds + 0.5 * STEP, STEP)
+    phase = 2.0 * np.pi * (t[:, None] - np.arange(4) / 4.0)
+    return 60e3 - np.array(amplitudes) * np.cos(phase) * (1.0 if growth is None else growth(t)[:, None])
