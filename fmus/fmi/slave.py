@@ -5,12 +5,6 @@ Real parameters, Integers, Strings, and last the addresses of the link outputs a
 copies them in less than a microsecond, while `get_real` makes two Python objects of each number. A value reference is
 the index in that order, so that get and set are array accesses.
 
-pythonfmu 0.7.0 releases references that it does not own: one of the shell's globals at every instantiation, and one
-each of class, instance and log queue whenever an exception leaves a call. `_add_references` adds as many, so that a
-refusal is an ordinary FMI status, and neither a second refusal nor freeing the instance crashes the process. It also
-passes queued messages to the host while an exception is set, and a host in Python may clear it. Python 3.13 prints a
-SystemError then: there messages queued before a refusal wait for the next call, and the exception carries the sentence.
-
 The module is long because pythonfmu wants all FMI calls as methods of one class, and they share its arrays.
 """
 
@@ -24,7 +18,6 @@ import sys
 import traceback
 import uuid
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from functools import wraps
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -41,6 +34,14 @@ from fmus.cache.files import cache_folder, check_trust, reporting_errors, unlogg
 from fmus.cache.sources import ROOT, source_hash
 from fmus.fmi.description import document
 from fmus.fmi.phases import ALLOWED, InstancePhase, not_allowed, refused_step
+from fmus.fmi.pythonfmu_faults import (
+    MESSAGES_WAIT,
+    MOST_BYTES,
+    Refused,
+    add_references,
+    finalise_at_exit,
+    printf_format,
+)
 from fmus.fmi.same_build import SameBuild
 from fmus.fmi.saved import SlaveState, from_bytes, to_bytes
 from fmus.interface import numbers
@@ -52,23 +53,7 @@ from fmus.vehicles.ranges import contradictions
 
 BUILD = source_hash()  # hash of the fmus sources of this process
 OK, WARNING, ERROR = 0, 1, 3  # values of the output `status`, those of fmi2Status
-MOST_BYTES = 1500  # bytes of a message: importers have buffers of 2 kB
-MESSAGES_WAIT = sys.version_info >= (3, 13)  # where a call is refused
 _INT_MAX = 2**31 - 1  # fmi2Integer is 32 bits wide
-_FINALISED: set[Path] = set()
-
-
-def _printf_format(text: str) -> str:
-    """Printf format of a text, as FMI reads messages; the wrapper crashes on invalid UTF-8 and on other formats."""
-    cut = text.encode("utf-8", "replace")[:MOST_BYTES].decode("utf-8", "ignore")  # not cut inside a character
-    return cut.replace("\0", "").replace("%", "%%")
-
-
-class Refused(RuntimeError):
-    """Refusal of an FMI call; pythonfmu logs the repr as a printf format, so the repr is the sentence as one line."""
-
-    def __repr__(self) -> str:
-        return _printf_format(" ".join(str(self).split()))
 
 
 def _build_mismatch(packed: str, name: str = "this FMU") -> Refused:
@@ -97,12 +82,6 @@ def _place(values: NDArray[np.float64]) -> tuple[int, int, int]:
     return low, high, values.nbytes
 
 
-def _add_references(*objects: object) -> None:
-    """Add a reference to each object, for pythonfmu to release; a container would keep dangling entries."""
-    for item in objects:
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
-
-
 def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator: refuse calls that the phase does not allow; log any exception, raise one that pythonfmu survives."""
     name = "fmi2" + call.__name__.title().replace("_", "")
@@ -122,7 +101,7 @@ def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
             if MESSAGES_WAIT:
                 self._waiting = self.log_queue[:]
                 self.log_queue.clear()
-            _add_references(type(self), self, self.log_queue)
+            add_references(type(self), self, self.log_queue)
             raise Refused(sentence) from None
 
     return guarded
@@ -151,7 +130,7 @@ class Slave(Fmi2Slave):
     model: type[ComponentModel]
 
     def __init_subclass__(cls) -> None:
-        _add_references(vars(sys.modules[cls.__module__]))  # the shell runs once more before each release
+        add_references(vars(sys.modules[cls.__module__]))  # the shell runs once more before each release
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
@@ -174,7 +153,7 @@ class Slave(Fmi2Slave):
 
     def _load(self, resources: Path) -> None:
         # before anything may be refused: the process of a refused FMU exits too
-        _finalise_at_exit(resources.parent / "binaries" / "linux64" / f"{type(self).__name__}.so")
+        finalise_at_exit(resources.parent / "binaries" / "linux64" / f"{type(self).__name__}.so")
         packed = (resources / "build.txt").read_text().strip()
         if packed != BUILD:
             raise _build_mismatch(packed, type(self).__name__)
@@ -555,7 +534,7 @@ class Slave(Fmi2Slave):
 
     def log(self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None) -> None:
         """Queue a message."""
-        super().log(_printf_format(msg), status, category)
+        super().log(printf_format(msg), status, category)
 
     # ---------------------------------------------------------------- modelDescription.xml
 
@@ -573,18 +552,3 @@ class Slave(Fmi2Slave):
             categories=self.log_categories,
             experiment=self._experiment,
         )
-
-
-def _finalise_at_exit(library: Path) -> None:
-    """Register an exit handler that ends the wrapper's helper thread before libraries are unloaded.
-
-    Otherwise an exit may abort: std::thread is destroyed while joinable, or, where that thread started the interpreter
-    and has to end it, LLVM is already unloaded. Exit handlers run last in, first out: this one is registered after that
-    of LLVM and before any step. The library stays loaded, so that the handler stays valid.
-    """
-    if library in _FINALISED or not sys.platform.startswith("linux") or not library.exists():
-        return
-    _FINALISED.add(library)
-    with suppress(OSError, AttributeError):  # another libc or wrapper: there is no such thread
-        finalise = ctypes.CDLL(str(library)).finalizePythonInterpreter
-        ctypes.CDLL(None).__cxa_atexit(finalise, None, None)
