@@ -24,6 +24,7 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
+from orchestrator.fmi.library_calls import LibraryCalls
 from orchestrator.fmi.slave import OK, CallNote, Kind, LogCallback, NotInstantiated, Opening, failed
 
 C_TYPES: dict[str, Any] = {"Real": c_double, "Integer": c_int, "Boolean": c_int}
@@ -58,14 +59,15 @@ def load(folder: Path, identifier: str) -> Any:
     return made.dll
 
 
-class Slave:
+class Slave(LibraryCalls):
     """See ``slave.Slave``; raises NotInstantiated. ``library``: of ``load``."""
 
+    prefix = "fmi2"
     functions: Mapping[str, str] = FUNCTIONS
     step_notes: Sequence[str] = ()
 
     def __init__(self, library: Any, opening: Opening, log: LogCallback, note: CallNote | None = None) -> None:
-        self.library, self.failed, self._note = library, "", note
+        super().__init__(library, note)
         folder = Path(opening.folder)
         resources = folder / "resources" if opening.resources is None else Path(opening.resources)
         self._environment = id(log)
@@ -76,7 +78,7 @@ class Slave:
         self._functions.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
         self._functions.componentEnvironment = self._environment
         addLoggerProxy(byref(self._functions))  # formats the printf arguments, which ctypes cannot take
-        self._enter("Instantiate")
+        self.enter("Instantiate")
         self.handle = library.fmi2Instantiate(
             opening.name.encode(),
             1,  # co-simulation
@@ -90,32 +92,15 @@ class Slave:
             _callbacks.pop(self._environment, None)
             raise NotInstantiated
 
-    def _enter(self, function: str) -> str:
-        name = f"fmi2{function}"
-        if self._note is not None:
-            self._note(name)
-        return name
-
     def address(self, function: str) -> int:
         """Address of a function, named without its prefix."""
         return cast(getattr(self.library, f"fmi2{function}"), c_void_p).value or 0
-
-    def call(self, function: str, *arguments: Any) -> int:
-        """Make a call, named without its prefix."""
-        name = self._enter(function)
-        status = int(getattr(self.library, name)(self.handle, *arguments))
-        if failed(status):
-            self.failed = name
-        return status
 
     def setup(self, start: float, stop: float | None) -> int:
         return self.call("SetupExperiment", False, 0.0, start, stop is not None, 0.0 if stop is None else stop)
 
     def enter_initialisation(self) -> int:
         return self.call("EnterInitializationMode")
-
-    def exit_initialisation(self) -> int:
-        return self.call("ExitInitializationMode")
 
     def exchange(self, kind: Kind, references: Sequence[int], values: Any, with_steps: bool = False) -> Exchange:
         return Exchange(self, kind, references, values)
@@ -151,12 +136,6 @@ class Slave:
         if failed(status := self.call("DeSerializeFMUstate", create_string_buffer(content, size), size, byref(state))):
             return status, state
         return self.call("SetFMUstate", state), state
-
-    def reset(self) -> int:
-        return self.call("Reset")
-
-    def terminate(self) -> int:
-        return self.call("Terminate")
 
     def free(self) -> int:
         self.library.fmi2FreeInstance(self.handle)

@@ -19,6 +19,7 @@ from typing import Any
 import fmpy
 from fmpy.fmi3 import FMU3Slave, fmi3Byte, fmi3IntermediateUpdateCallback, fmi3LogMessageCallback
 
+from orchestrator.fmi.library_calls import LibraryCalls
 from orchestrator.fmi.slave import (
     DISCARD,
     OK,
@@ -68,16 +69,18 @@ class _Variable:
         self.is_known = size == 1  # else a setter gets the other elements first
 
 
-class Slave:
+class Slave(LibraryCalls):
     """See ``slave.Slave``; raises NotInstantiated. ``library``: of ``load``.
 
     An FMU that asks for the end of the simulation in a step that it completes ends the run with the next one.
     """
 
+    prefix = "fmi3"
     functions: Mapping[str, str] = FUNCTIONS
 
     def __init__(self, library: Any, opening: Opening, log: LogCallback, note: CallNote | None = None) -> None:
-        self.library, self.failed, self._note, self._log = library, "", note, log
+        super().__init__(library, note)
+        self._log = log
 
         def receive(environment: object, status: int, category: bytes, message: bytes) -> None:
             log(status, (message or b"").decode("utf-8", "replace"), (category or b"").decode("utf-8", "replace"))
@@ -85,7 +88,7 @@ class Slave:
         self._callbacks = fmi3LogMessageCallback(receive), fmi3IntermediateUpdateCallback()  # live as long as it
         folder = Path(opening.folder) / "resources"
         resources = f"{folder}{os.sep}".encode() if folder.is_dir() else None
-        self._enter("InstantiateCoSimulation")
+        self.enter("InstantiateCoSimulation")
         self.handle = library.fmi3InstantiateCoSimulation(
             *(opening.name.encode(), opening.token.encode(), resources, False, True),
             *(False, False, None, 0, None, *self._callbacks),  # no event mode, no early return
@@ -98,20 +101,6 @@ class Slave:
         self.step_notes: list[str] = []
         self._has_ended, self._reached = False, math.nan
 
-    def _enter(self, function: str) -> str:
-        name = f"fmi3{function}"
-        if self._note is not None:
-            self._note(name)
-        return name
-
-    def call(self, function: str, *arguments: Any) -> int:
-        """Make a call, named without its prefix."""
-        name = self._enter(function)
-        status = int(getattr(self.library, name)(self.handle, *arguments))
-        if failed(status):
-            self.failed = name
-        return status
-
     def setup(self, start: float, stop: float | None) -> int:
         self._times = False, 0.0, start, stop is not None, 0.0 if stop is None else stop
         self._has_ended = False
@@ -119,9 +108,6 @@ class Slave:
 
     def enter_initialisation(self) -> int:
         return self.call("EnterInitializationMode", *self._times)
-
-    def exit_initialisation(self) -> int:
-        return self.call("ExitInitializationMode")
 
     def exchange(self, kind: Kind, references: Sequence[int], values: Any, with_steps: bool = False) -> Exchange:
         return Exchange(self, [self._elements[reference] for reference in references], values)
@@ -174,12 +160,6 @@ class Slave:
         if failed(status := self.call("DeserializeFMUState", buffer, len(content), byref(state))):
             return status, state
         return self.restore(state), state
-
-    def reset(self) -> int:
-        return self.call("Reset")
-
-    def terminate(self) -> int:
-        return self.call("Terminate")
 
     def free(self) -> int:
         self.library.fmi3FreeInstance(self.handle)
