@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from analysis_logs import driven_log
 from life_logs import worn
 from made_logs import STEP, made
+from short_runs import driven_log
 
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import circuit, power, signal_curves, signal_picture

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from short_run import SHORT, last
+from short_runs import SHORT, last
 
 from fmus.vehicles import vehicle as vehicles
 from fmus.vehicles.tables import BadInput

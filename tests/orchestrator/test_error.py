@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from short_run import SHORT, last
+from short_runs import SHORT, last
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution import estimate as estimating

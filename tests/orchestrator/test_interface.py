@@ -6,7 +6,7 @@ from pathlib import Path
 import cotrack as package
 import numpy as np
 import pytest
-from short_run import SHORT, last
+from short_runs import SHORT, last
 
 from fmus.vehicles.tables import BadInput
 from orchestrator import recorded_run

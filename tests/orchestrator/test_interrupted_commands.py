@@ -8,7 +8,7 @@ import threading
 import time
 
 import pytest
-from short_run import SHORT, last
+from short_runs import SHORT, last
 
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import scheme

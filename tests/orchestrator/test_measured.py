@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from made_logs import made, of_columns
 from measured_files import FORCE, SPEED, STEP, UNITS, T, measured_run
-from motion_logs import made as made_vehicle
-from motion_logs import times, trapezoid
+from motion_logs import motion_log, times, trapezoid
 
 import orchestrator as package
 from orchestrator.results.analyses.signal_picture import figure_of
@@ -125,7 +124,7 @@ def test_windows_and_phases(run, write, tmp_path):
     assert (d.start, d.end, d.instants, d.rms) == (0.5, 1.0, 501, pytest.approx(0.0, abs=1e-12))
     assert only(run.compare_measured(file, {"chassis.speed": "v"}, start=1.001)).mean == pytest.approx(-1.0, abs=1e-12)
     t = times(8.5)
-    vehicle = package.Run(made_vehicle(tmp_path / "v.mcap", t, trapezoid(t)))
+    vehicle = package.Run(motion_log(tmp_path / "v.mcap", t, trapezoid(t)))
     record = write("t,v", t[t < 7.0], (trapezoid(t) + 0.2)[t < 7.0])
     compared = vehicle.compare_measured(record, {"chassis.speed": "v:1"}, by_phase=True).differences
     assert [d.window for d in compared] == ["whole", "rest", "acceleration", "steady", "braking"]  # no rest after 7 s

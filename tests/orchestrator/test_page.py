@@ -8,18 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import opened
-from packed import unpacked
-from page_logs import (
-    HOSTILE,
-    SETTINGS,
-    embedded,
-    hanging_log,
-    page,
-    signal,
-    vehicle_log,
-    vehicle_page,
-    written,
-)
+from made_logs import written
+from report_pages import HOSTILE, embedded, page, signal, unpacked, vehicle_page
+from short_runs import FALLING, checked_log, falling_log
 
 from orchestrator.execution.log_report import command
 from orchestrator.execution.simulate import simulate
@@ -31,9 +22,9 @@ from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.units import number
 from orchestrator.scene.scene import load
 
-vehicle = pytest.fixture(scope="module")(vehicle_log)
+vehicle = pytest.fixture(scope="module")(falling_log)
 html = pytest.fixture(scope="module")(vehicle_page)
-hanging = pytest.fixture(scope="module")(hanging_log)
+hanging = pytest.fixture(scope="module")(checked_log)
 
 
 # --- data in the page ------------------------------------------------------------------------------
@@ -167,7 +158,7 @@ COMPLETE = "The record is complete"
 def test_a_page_says_how_the_run_ended(vehicle, hanging, tmp_path_factory, cotrack, tmp_path, kind, told, untold):
     path = {
         "chain": lambda: hanging,
-        "off": lambda: hanging_log(tmp_path_factory, "expect.sag.expected=2.7"),
+        "off": lambda: checked_log(tmp_path_factory, "expect.sag.expected=2.7"),
         "vehicle": lambda: vehicle,
         "cut": lambda: cut(vehicle, 0.8),
         "saved": lambda: recovered(vehicle, cotrack),
@@ -203,7 +194,7 @@ def test_scenes_that_say_anything_have_a_page(tmp_path, kind):
 @pytest.mark.long
 def test_two_runs_stand_side_by_side(vehicle, html, tmp_path):
     other = tmp_path / "other.mcap"
-    assert simulate(load("straight", "rigid", [*SETTINGS, "run.step=2.5 ms"]), other)["status"] == "ok"
+    assert simulate(load("straight", "rigid", [*FALLING, "run.step=2.5 ms"]), other)["status"] == "ok"
     alone, html = embedded(html), page(other, vehicle)
     data = embedded(html)
     traces, drawn, shown = data["charts"]["speed"]["traces"], data["charts"]["tension-map"], data["player"]["reference"]

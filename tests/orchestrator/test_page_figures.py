@@ -10,20 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from made_logs import made
-from packed import unpacked
-from page_logs import (
-    HOSTILE,
-    change,
-    charts_of,
-    embedded,
-    page,
-    side_of_links,
-    signal,
-    vehicle_log,
-    vehicle_page,
-    written,
-)
+from made_logs import made, written
+from report_pages import HOSTILE, change, charts_of, embedded, page, side_of_links, signal, unpacked, vehicle_page
+from short_runs import falling_log
 
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorded_system import signal_description
@@ -45,7 +34,7 @@ from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.units import number, percent
 from orchestrator.scene.scene import load
 
-vehicle = pytest.fixture(scope="module")(vehicle_log)
+vehicle = pytest.fixture(scope="module")(falling_log)
 html = pytest.fixture(scope="module")(vehicle_page)
 
 

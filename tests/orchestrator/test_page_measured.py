@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motion_logs import made, phases_of, times, trapezoid
-from packed import unpacked
-from page_logs import embedded
+from motion_logs import motion_log, phases_of, times, trapezoid
+from report_pages import embedded, unpacked
 
 import orchestrator as package
 from orchestrator.log.reader import Log
@@ -21,7 +20,7 @@ EARLIER = 12.5  # s, of the clock of the test
 def run(tmp_path_factory):
     """Log of a vehicle that accelerates and brakes, with a tension that rises with the time."""
     t = times(8.5)
-    return made(tmp_path_factory.mktemp("measured") / "v.mcap", t, trapezoid(t), tension=1e4 + 1e3 * t)
+    return motion_log(tmp_path_factory.mktemp("measured") / "v.mcap", t, trapezoid(t), tension=1e4 + 1e3 * t)
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +99,7 @@ def test_both_curves_are_drawn(run, measured_csv, tmp_path):
 def test_moving_means_end_where_nothing_was_measured(tmp_path):
     """A run that is drawn as a band is drawn with moving means of both."""
     t = times(4.0)
-    log = made(tmp_path / "band.mcap", t, 0.0 * t, tension=1e4 + 500.0 * np.sin(200.0 * np.pi * t))
+    log = motion_log(tmp_path / "band.mcap", t, 0.0 * t, tension=1e4 + 500.0 * np.sin(200.0 * np.pi * t))
     rows = [f"{0.01 * k!r},{'' if 100 < k < 200 else 9.9}" for k in range(50, 301)]
     (tmp_path / "m.csv").write_text("\n".join(["t,F [kN]", *rows]))
     columns = {"left_track.tension.max": "F"}

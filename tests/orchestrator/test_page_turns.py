@@ -9,9 +9,9 @@ import sys
 
 import numpy as np
 import pytest
-from packed import unpacked
-from page_logs import embedded, page, signal, vehicle_log, vehicle_page, written
-from view_logs import ran
+from made_logs import written
+from report_pages import embedded, page, signal, unpacked, vehicle_page
+from short_runs import falling_log, ran
 
 from orchestrator.execution.log_report import report
 from orchestrator.log.reader import Log
@@ -25,7 +25,7 @@ from orchestrator.results.units import hours, number
 
 SPEEDS = [f"drive.{side}.speed_points=[[0.05,0],[0.7,{speed}]]" for side, speed in (("left", 6), ("right", 9))]
 SIDES = ("left", "right")
-vehicle = pytest.fixture(scope="module")(vehicle_log)
+vehicle = pytest.fixture(scope="module")(falling_log)
 html = pytest.fixture(scope="module")(vehicle_page)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motion_logs import CORNERS, STEP, TOP, made, phases_of, times, trapezoid
+from motion_logs import CORNERS, STEP, TOP, motion_log, phases_of, times, trapezoid
 
 from orchestrator.results.analyses import motion_states, phases
 from orchestrator.results.approximations import breaks
@@ -24,7 +24,7 @@ def test_bounds_of_a_trapezoid_are_found_to_a_step(tmp_path, even, by):
     """Each bound follows its corner in both directions."""
     t, corners = times(CORNERS[-1], even), np.add(CORNERS, [by, 0.0, -by, 0.0, 0.0])
     longest = float(np.diff(t).max())
-    of = phases_of(made(tmp_path / "t.mcap", t, trapezoid(t, corners=corners)))
+    of = phases_of(motion_log(tmp_path / "t.mcap", t, trapezoid(t, corners=corners)))
     assert [one.kind for one in of] == KINDS
     off = bounds(of) - corners
     assert np.abs(off).max() <= 1.01 * longest
@@ -38,12 +38,12 @@ def test_ringing_makes_no_phases(tmp_path):
     for begin, size in ((CORNERS[1], 0.35), (CORNERS[3], -0.3)):
         since = np.maximum(t - begin, 0.0)
         v += size * np.exp(-1.5 * since) * np.sin(2 * np.pi * 1.2 * since)
-    of = phases_of(made(tmp_path / "r.mcap", t, v))
+    of = phases_of(motion_log(tmp_path / "r.mcap", t, v))
     assert [one.kind for one in of] == KINDS
     np.testing.assert_allclose(bounds(of), CORNERS, atol=0.25)
     assert of[2].speed == pytest.approx(TOP, rel=0.01)
     harder = v + (trapezoid(t, 0.5 * TOP, (4.0, 4.2, 5.0, 5.2)))
-    assert len(phases_of(made(tmp_path / "h.mcap", t, harder))) > len(KINDS), "the twin: 1.5 times is no ringing"
+    assert len(phases_of(motion_log(tmp_path / "h.mcap", t, harder))) > len(KINDS), "the twin: 1.5 times is no ringing"
 
 
 @pytest.mark.parametrize(("swing", "kind"), [(0.2, "steady"), (0.0, "braking")])
@@ -54,7 +54,7 @@ def test_a_phase_that_begins_at_a_crest_of_ringing_is_steady(tmp_path, swing, ki
     fall = 0.0 if swing else 0.22 * np.minimum(since / 1.25, 1.0)
     v = np.interp(t, [0.65, 2.15], [0.0, 1.96 + (swing or 0.22)]) - fall
     v -= swing * (1.0 - np.exp(-0.3 * since) * np.cos(2.0 * np.pi * 1.2 * since))
-    of = phases_of(made(tmp_path / "n.mcap", t, v, np.where(t > 3.4, -0.25, 0.0)))
+    of = phases_of(motion_log(tmp_path / "n.mcap", t, v, np.where(t > 3.4, -0.25, 0.0)))
     assert [one.kind for one in of] == ["rest", "acceleration", kind, "turn"]
 
 
@@ -63,7 +63,7 @@ def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
     t = times(8.0)
     corners = [1.03, 1.53, 3.01, 4.01, 5.53, 6.13]
     yaw_rate = np.interp(t, corners, [0.0, -0.3, -0.3, 0.3, 0.3, 0.0])
-    of = phases_of(made(tmp_path / "s.mcap", t, np.full(len(t), 3.0), yaw_rate))
+    of = phases_of(motion_log(tmp_path / "s.mcap", t, np.full(len(t), 3.0), yaw_rate))
     assert [(one.kind, one.turning) for one in of] == [
         ("steady", ""), ("turn", "right"), ("turn", "left"), ("steady", ""),
     ]  # fmt: skip
@@ -86,10 +86,10 @@ def test_the_begin_of_a_slow_turn_is_straight(tmp_path):
     """
     t = times(7.0)
     yaw_rate = np.interp(t, [2.0, 6.0], [0.0, 0.2])
-    of = phases_of(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), yaw_rate))
+    of = phases_of(motion_log(tmp_path / "b.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), yaw_rate))
     assert [(one.kind, one.turning) for one in of] == [("rest", ""), ("acceleration", ""), ("turn", "left")]
     assert of[1].end == pytest.approx(2.6, abs=2.01 * STEP)
-    sharper = phases_of(made(tmp_path / "c.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), 1.4 * yaw_rate))
+    sharper = phases_of(motion_log(tmp_path / "c.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), 1.4 * yaw_rate))
     assert [one.turning for one in sharper] == ["", "", "left", "left"]
 
 
@@ -100,7 +100,7 @@ def test_the_begin_of_a_slow_turn_is_straight(tmp_path):
 ])  # fmt: skip
 def test_quick_stops_and_reversals_are_braking(tmp_path, corners, speeds, kinds, ends):
     t = times(7.0)
-    of = phases_of(made(tmp_path / "b.mcap", t, np.interp(t, corners, speeds)))
+    of = phases_of(motion_log(tmp_path / "b.mcap", t, np.interp(t, corners, speeds)))
     assert [one.kind for one in of] == kinds
     np.testing.assert_allclose(bounds(of), ends, atol=2.01 * STEP)
     assert of[-1].speed == pytest.approx(speeds[-1])
@@ -110,11 +110,11 @@ def test_quick_stops_and_reversals_are_braking(tmp_path, corners, speeds, kinds,
 def test_a_pivot_is_a_turn_and_a_crawl_is_no_rest(tmp_path):
     t = times(4.0)
     yaw_rate = np.interp(t, [1.0, 1.5], [0.0, 1.5])
-    of = phases_of(made(tmp_path / "p.mcap", t, 0.0 * t, yaw_rate))
+    of = phases_of(motion_log(tmp_path / "p.mcap", t, 0.0 * t, yaw_rate))
     assert [phases.phase_name(one) for one in of] == ["rest", "turn left"]
     assert of[1].radius == 0.0
-    assert [one.kind for one in phases_of(made(tmp_path / "c.mcap", t, 0.05 + 0.0 * t))] == ["steady"]
-    assert [one.kind for one in phases_of(made(tmp_path / "r.mcap", t, 0.02 + 0.0 * t))] == ["rest"]
+    assert [one.kind for one in phases_of(motion_log(tmp_path / "c.mcap", t, 0.05 + 0.0 * t))] == ["steady"]
+    assert [one.kind for one in phases_of(motion_log(tmp_path / "r.mcap", t, 0.02 + 0.0 * t))] == ["rest"]
 
 
 def stairs(t, size=1.0):
@@ -131,9 +131,9 @@ def test_short_pieces_of_one_way_are_no_rest(tmp_path):
     t = times(4.5)
 
     def kinds(name, v, *more):
-        return [one.kind for one in phases_of(made(tmp_path / f"{name}.mcap", t, v, *more))]
+        return [one.kind for one in phases_of(motion_log(tmp_path / f"{name}.mcap", t, v, *more))]
 
-    of = phases_of(made(tmp_path / "s.mcap", t[t < 4.0], stairs(t[t < 4.0])))
+    of = phases_of(motion_log(tmp_path / "s.mcap", t[t < 4.0], stairs(t[t < 4.0])))
     assert [one.kind for one in of] == ["rest", "acceleration", "steady"]
     assert (of[2].speed, of[2].way) == (pytest.approx(0.42, rel=0.02), pytest.approx(0.42 * 2.5, rel=0.03))
     turning = np.where((t > 2.0) & (t < 2.8), 0.3 * np.sign(np.sin(5 * np.pi * t)), 0.0)  # yaw rate cuts pieces, too
@@ -141,7 +141,7 @@ def test_short_pieces_of_one_way_are_no_rest(tmp_path):
     rocking = np.interp(t, np.arange(1.0, 4.01, 0.2), 0.05 * (-1.0) ** np.arange(16)) * (t >= 1.0) * (t < 4.0)
     assert kinds("r", rocking) == ["rest"], "the twin"
     corners = [1.0, 1.4, 1.78, 2.18]
-    of = phases_of(made(tmp_path / "o.mcap", t, np.interp(t, corners, [0.0, 0.25, 0.25, 0.0])))
+    of = phases_of(motion_log(tmp_path / "o.mcap", t, np.interp(t, corners, [0.0, 0.25, 0.25, 0.0])))
     assert [one.kind for one in of] == KINDS
     assert of[2].speed == pytest.approx(0.25, rel=0.02)
     assert of[2].way < motion_states.STAYS
@@ -155,10 +155,10 @@ def test_thresholds_scale_with_the_vehicle(tmp_path, size, kind):
     t = times(4.0)
     track = {"pitch": size * motion_states.TRACK / 64, "links": 64}
     scene = {"vehicle": {"track": track}}
-    (of,) = phases_of(made(tmp_path / "c.mcap", t, 0.01 + 0.0 * t, scene=scene))
+    (of,) = phases_of(motion_log(tmp_path / "c.mcap", t, 0.01 + 0.0 * t, scene=scene))
     assert of.kind == kind
     assert (motion_states.STANDS * size**0.5 < 0.01) == (kind == "steady")
-    again = phases_of(made(tmp_path / "d.mcap", t, stairs(t, size**0.5), scene=scene))
+    again = phases_of(motion_log(tmp_path / "d.mcap", t, stairs(t, size**0.5), scene=scene))
     assert [one.kind for one in again] == ["rest", "acceleration", "steady"], "the same motion of another size"
 
 
@@ -166,12 +166,12 @@ def test_both_at_once(tmp_path):
     """A turn during acceleration: one phase for each pair of states."""
     t = times(6.0)
     yaw_rate = np.interp(t, [2.0, 2.4], [0.0, 0.4])
-    of = phases_of(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 3.5], [0.0, 5.0]), yaw_rate))
+    of = phases_of(motion_log(tmp_path / "b.mcap", t, np.interp(t, [1.0, 3.5], [0.0, 5.0]), yaw_rate))
     called = ["rest", "acceleration", "acceleration, turning left", "turn left"]
     assert [phases.phase_name(one) for one in of] == called
     np.testing.assert_allclose(bounds(of), [1.0, 2.0, 3.5, 6.0], atol=1.01 * STEP)
     short = np.interp(t, [2.0, 2.1, 2.4, 2.5], [0.0, 0.4, 0.4, 0.0])
-    of = phases_of(made(tmp_path / "s.mcap", t, np.interp(t, [1.0, 3.5], [0.0, 5.0]), short))
+    of = phases_of(motion_log(tmp_path / "s.mcap", t, np.interp(t, [1.0, 3.5], [0.0, 5.0]), short))
     assert [phases.phase_name(one) for one in of] == [*called[:3], "acceleration", "steady"], "1 m/s in 0.5 s of it"
 
 
@@ -183,7 +183,7 @@ def test_a_vehicle_that_its_drives_push_on_does_not_brake(tmp_path, power, kind)
     t = times(CORNERS[-1])
     begin, end = CORNERS[2:4]
     work = np.interp(t, [begin, begin + 0.4 * (end - begin), end], np.cumsum([9.0, *power]))
-    of = phases_of(made(tmp_path / "w.mcap", t, trapezoid(t), work=work))
+    of = phases_of(motion_log(tmp_path / "w.mcap", t, trapezoid(t), work=work))
     assert [one.kind for one in of] == [*KINDS[:3], kind, KINDS[4]]
     text = phases.sentence(of[3]._asdict())
     assert f"{kind} from 4.00 to 0.00 m/s over " in text
@@ -195,7 +195,7 @@ def test_figures_are_those_of_the_records(tmp_path, even):
     t = times(CORNERS[-1], even)
     v = trapezoid(t)
     slip, work, tension = 0.01 * v + 0.002 * np.sin(50.0 * t), 1e4 * t**2, 1e4 + 3e3 * np.sin(9.0 * t)
-    path = made(tmp_path / "f.mcap", t, v, None, slip, tension, work)
+    path = motion_log(tmp_path / "f.mcap", t, v, None, slip, tension, work)
     of = phases_of(path)
     for one in of:
         a, b = np.searchsorted(t, [one.start, one.end])
@@ -254,21 +254,23 @@ def test_a_slow_ramp_is_no_steady_motion(tmp_path):
     for shape, high in ((t / 60.0, 3.2), (stairs, 3.7)):
         for start, kind in ((0.0, "acceleration"), (high, "steady")):
             v = start + (4.0 - start) * shape
-            of = phases_of(made(tmp_path / f"{start}.mcap", t[: len(v)], v))
+            of = phases_of(motion_log(tmp_path / f"{start}.mcap", t[: len(v)], v))
             assert {one.kind for one in of} - {"rest"} == {kind}
 
 
 def test_what_a_log_does_not_hold_is_left_out(tmp_path):
     t = times(2.0)
-    alone = phases_of(made(tmp_path / "a.mcap", t, trapezoid(t), tracks=("left_track",)))[0]
+    alone = phases_of(motion_log(tmp_path / "a.mcap", t, trapezoid(t), tracks=("left_track",)))[0]
     assert alone.slip_left == 0.0
     assert alone.slip_right != alone.slip_right
-    bare = phases_of(made(tmp_path / "b.mcap", t, trapezoid(t), tracks=()))[0]
+    bare = phases_of(motion_log(tmp_path / "b.mcap", t, trapezoid(t), tracks=()))[0]
     assert bare.tension_track == ""
     assert "tension" not in phases.sentence(bare._asdict())
     broken = trapezoid(t)
     broken[700:] = np.nan
-    assert phases_of(made(tmp_path / "n.mcap", t, broken))[-1].end == t[699], "the last phase ends with the last number"
+    assert phases_of(motion_log(tmp_path / "n.mcap", t, broken))[-1].end == t[699], (
+        "the last phase ends with the last number"
+    )
 
 
 def test_a_broken_line_of_many_breaks_is_found(tmp_path):

@@ -4,10 +4,12 @@ import base64
 
 import numpy as np
 import pytest
-from packed import unpacked
+from made_logs import stretched
+from report_pages import unpacked
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
-from view_logs import STEP, bodies_of, decoded, driven_log, hanging_log, stretched, terrain_log
+from short_runs import STEP, hanging_log, settling_log, terrain_log
+from view_files import bodies_of, decoded
 
 from fmus.ground.refinement import refinement
 from fmus.physics.contact.guide import HORN
@@ -22,7 +24,7 @@ from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.shapes import HORN_SIZE, teeth
 from orchestrator.results.views.solids import across, block, convex, draped, prism
 
-driven = pytest.fixture(scope="module")(driven_log)
+driven = pytest.fixture(scope="module")(settling_log)
 hanging = pytest.fixture(scope="module")(hanging_log)
 shown = pytest.fixture(bodies_of)
 
@@ -116,7 +118,7 @@ def depths_apart(log, bodies, poses, model, surface):
 ])  # fmt: skip
 def test_links_lie_as_deep_in_the_drawn_ground_as_was_recorded(tmp_path_factory, model, allowed):
     """On level ground and a bump, on a slope and a half round; twins: the ground by 3 % of a pad higher."""
-    path = {"flexible": driven_log, "rigid": terrain_log}[model](tmp_path_factory)
+    path = {"flexible": settling_log, "rigid": terrain_log}[model](tmp_path_factory)
     for log, bodies, poses in bodies_of(path):
         right = bodies.ground
         plane, curved = depths_apart(log, bodies, poses, model, right)

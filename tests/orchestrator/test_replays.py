@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from chain_logs import SETTINGS, altered, chain_log
 from made_logs import made
-from mutated import Content
-from short_run import SHORT
+from mutated import Content, altered
+from short_runs import CHAIN, SHORT, chain_log
 
 from fmus.fmi.build import build, identity
 from fmus.vehicles.tables import BadInput
@@ -38,7 +37,7 @@ log = pytest.fixture(scope="module")(chain_log)
 
 def fmu_of(track="flexible"):
     """Our own build of the chain."""
-    (part,) = assemble(load("hanging_chain", track, SETTINGS)).parts
+    (part,) = assemble(load("hanging_chain", track, CHAIN)).parts
     return build(part.kind, part.config)
 
 
@@ -151,7 +150,7 @@ def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
     """Other numbers give the run with those numbers, to the bit, because a chain has no inputs."""
     heavier = "vehicle.gravity=10.0"
     run = tmp_path / "run.mcap"
-    assert simulate(load("hanging_chain", "flexible", (*SETTINGS, heavier)), run)["status"] == "ok"
+    assert simulate(load("hanging_chain", "flexible", (*CHAIN, heavier)), run)["status"] == "ok"
     answer = tmp_path / "answer.mcap"
     with replay_model.open_replay(log, "chain", None, settings=[heavier]) as again:
         assert not again.model.as_recorded

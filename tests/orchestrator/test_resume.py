@@ -12,7 +12,7 @@ from operator import getitem
 import numpy as np
 import pytest
 from mutated import Content
-from rig_logs import RIG, ran, rig_log
+from short_runs import RIG, rig_log, simulated
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.checkpoint import UnusableCheckpoint
@@ -42,7 +42,7 @@ rig = pytest.fixture(scope="module")(rig_log)
 @pytest.mark.long
 @pytest.mark.parametrize("coupling", COUPLINGS)
 def test_every_coupling_goes_on_as_if_nothing_had_been(tmp_path, coupling):
-    whole = ran(tmp_path / "whole.mcap", "rig", "rigid", *RIG, f"run.coupling={coupling}")
+    whole = simulated(tmp_path / "whole.mcap", "rig", "rigid", *RIG, f"run.coupling={coupling}")
     for at, step in ((0.02, 20), (0.05, 40)):
         summary = resume(whole, tmp_path / "again.mcap", at)
         assert (summary["status"], summary["communication_steps"]) == ("ok", 60)
@@ -59,7 +59,7 @@ def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
     The brake slips: where it holds the idler, steps become as long as the time between checkpoints.
     """
     variable = (f"run.variable.estimate={estimate}", "run.variable.tolerance=1e-5", "idler_drive.brake=5 N m")
-    whole = ran(tmp_path / "whole.mcap", "rig", "rigid", *RIG, *variable)
+    whole = simulated(tmp_path / "whole.mcap", "rig", "rigid", *RIG, *variable)
     with Log(whole) as log:
         numbers = sorted(step for name in log.attachments if (step := checkpoint_step(name)) is not None)
         out = log.read("/track/out")
@@ -89,7 +89,7 @@ def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
 def test_vehicles_go_on(tmp_path, track):
     settings = ("run.stop=0.03", "run.checkpoints=0.01", "expect={}", "drive.ramp_start=0", "run.step=1 ms")
     native = track == "native"
-    whole = ran(tmp_path / "whole.mcap", "straight", "flexible" if native else track, *settings, native=native)
+    whole = simulated(tmp_path / "whole.mcap", "straight", "flexible" if native else track, *settings, native=native)
     resume(whole, tmp_path / "again.mcap", 0.01)
     assert digest(tmp_path / "again.mcap") == digest(whole)
     with replay_model.open_replay(tmp_path / "again.mcap", "chassis", None) as again:
@@ -100,7 +100,7 @@ def test_vehicles_go_on(tmp_path, track):
     ("track", "key"), [("rigid", "vehicle.contact.sprocket.damping"), ("flexible", "vehicle.material.youngs_modulus")]
 )
 def test_a_branch_with_the_same_number_is_the_run_that_was_not_interrupted(tmp_path, track, key):
-    whole = ran(tmp_path / "whole.mcap", "rig", track, *RIG)
+    whole = simulated(tmp_path / "whole.mcap", "rig", track, *RIG)
     with Log(whole) as log:
         number = reduce(getitem, key.split("."), log.table("scene.json"))
     summary = resume(whole, tmp_path / "same.mcap", 0.02, settings=[f"{key}={number!r}"])
@@ -151,7 +151,7 @@ def test_a_branch_may_have_other_obstacles_soil_and_loads():
 
 
 def test_a_longer_run_is_that_of_a_longer_scene(rig, tmp_path):
-    longer = ran(tmp_path / "longer.mcap", "rig", "rigid", *RIG, "run.stop=0.1")
+    longer = simulated(tmp_path / "longer.mcap", "rig", "rigid", *RIG, "run.stop=0.1")
     result = resume(rig, tmp_path / "on.mcap", stop=0.1)
     assert digest(tmp_path / "on.mcap") == digest(longer)
     (pace,) = (line for line in summary_text.lines(result) if " simulated in " in line)
@@ -181,7 +181,7 @@ def test_a_killed_run_goes_on(rig, tmp_path):
     process.wait()
     with Log(killed) as log:
         assert log.closing is None
-    whole = ran(tmp_path / "whole.mcap", "rig", "rigid", *RIG, "run.stop=2")
+    whole = simulated(tmp_path / "whole.mcap", "rig", "rigid", *RIG, "run.stop=2")
     resume(killed, tmp_path / "again.mcap")
     assert digest(tmp_path / "again.mcap") == digest(whole)
     assert recover(killed, tmp_path / "saved.mcap").code == RECOVERED
@@ -212,7 +212,7 @@ def test_bytes_that_are_no_checkpoint_are_refused(rig, tmp_path):
 @pytest.mark.long
 def test_what_was_warned_of_is_not_forgotten(tmp_path):
     settings = ("run.stop=0.14", "expect={}", 'tracks=["left"]', "track.axes=fixed", "run.checkpoints=0.13")
-    whole = ran(tmp_path / "whole.mcap", "settle", "flexible", *settings)
+    whole = simulated(tmp_path / "whole.mcap", "settle", "flexible", *settings)
     resume(whole, tmp_path / "again.mcap")
     with Log(whole) as log, Log(tmp_path / "again.mcap") as again:
         assert len(log.closing["warnings"]) == 1
@@ -220,7 +220,7 @@ def test_what_was_warned_of_is_not_forgotten(tmp_path):
 
 
 def test_a_checkpoint_is_small_and_changes_nothing(rig, tmp_path):
-    without = ran(tmp_path / "without.mcap", "rig", "rigid", *RIG, "run.checkpoints=false")
+    without = simulated(tmp_path / "without.mcap", "rig", "rigid", *RIG, "run.checkpoints=false")
     assert digest(without) == digest(rig)
     with Log(rig) as log:
         sizes = [len(log.attachment(name)) for name in log.attachments if checkpoint_step(name)]

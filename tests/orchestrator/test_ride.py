@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from made_logs import made
-from seat_logs import seat_log, sines
+from made_logs import made, seat_log, sines
 
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import ride, vibration

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
-from packed import unpacked
-from view_logs import decoded
+from report_pages import unpacked
+from view_files import decoded
 
 from fmus.physics.contact.soil.memory import deepest_at
 from orchestrator.execution.simulate import simulate

@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType
 from mutated import Content
 from rewritten_logs import SAVED, rewritten, sealed_log
-from short_run import SHORT
+from short_runs import SHORT
 
 from orchestrator.execution import replay_model, resume
 from orchestrator.log.reader import Log, LogUnreadable

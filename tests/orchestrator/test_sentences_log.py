@@ -12,7 +12,6 @@ import zipfile
 import numpy as np
 import pytest
 import rasterio
-from chain_logs import altered, chain_log
 from foreign_drive import brake_fmu, braked, changed, rig
 from foreign_fmus import UNITS as SI
 from gain_fmus import gain_fmu, in_unit, with_maximum, with_units
@@ -30,11 +29,11 @@ from measured_files import (
     write_mf4,
     write_tdms,
 )
-from mutated import Content
+from mutated import Content, altered
 from rasterio.transform import Affine
 from recorded import STEP, chunked_log, disk, small_log, spans
 from rewritten_logs import rewritten, sealed_log
-from rig_logs import RIG, ran, rig_log
+from short_runs import RIG, chain_log, rig_log, simulated
 from ssd_texts import MILLIMETRES, bound, component, connection, connectors, document, packed, system, values
 from survey_files import ROWS, SURFACE, asc, crg, gap, read_map, tif
 from wired_logs import TOPICS as WIRED
@@ -375,13 +374,13 @@ def another_build(g):
 
 
 def without_checkpoints(g):
-    log = ran(g.p / "none.mcap", "rig", "rigid", *RIG, "run.checkpoints=false")
+    log = simulated(g.p / "none.mcap", "rig", "rigid", *RIG, "run.checkpoints=false")
     resume(log, g.p / "new.mcap")
 
 
 def another_size(g):
     short = ("run.stop=0.02", "run.checkpoints=0.01", "chain.links=8", "expect={}")
-    chain = ran(g.p / "chain.mcap", "hanging_chain", "flexible", *short)
+    chain = simulated(g.p / "chain.mcap", "hanging_chain", "flexible", *short)
     resume(chain, g.p / "new.mcap", 0.01, settings=["chain.links=9"])
 
 

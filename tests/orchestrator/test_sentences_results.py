@@ -9,12 +9,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from analysis_logs import driven_log
 from fit_formulas import FORMULAS, formula, solved
 from life_logs import BUSHING, LENGTH, TABLE, log_of, waves, worn
-from made_logs import STEP, made
+from made_logs import ATTITUDE, SEAT_MOTION, STEP, made, seat_log, sines
 from run_records import PITCH, TEETH, Record, on_the_sprocket
-from seat_logs import ATTITUDE, MOTION, seat_log, sines
+from short_runs import driven_log
 
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import read_table, vehicle
@@ -176,7 +175,7 @@ def moving(path, count):
     return made(path, topics, {"/chassis/out": (T[:count], np.zeros((count, 5)))}, None, ("chassis",))
 
 
-def seated(path, own=sines, t=T, names=MOTION + ATTITUDE, **options):
+def seated(path, own=sines, t=T, names=SEAT_MOTION + ATTITUDE, **options):
     return called(ride.of, seat_log(path.parent, own(t), t, names), **options)
 
 

@@ -9,7 +9,7 @@ import foreign_fmus
 import pytest
 from pydantic import ValidationError
 from scene_files import BARE, scene_file
-from short_run import last
+from short_runs import last
 from ssd_texts import LAG, LAGS, packed_lags
 
 from fmus.ground.soils import named

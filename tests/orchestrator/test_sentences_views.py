@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from data_files import MAP, ROUGH, STEP, WAVES, read_file, write_parquet, write_tdms
-from made_logs import of_columns
+from made_logs import of_columns, stretched
 from matplotlib import image
 from PIL import Image
-from view_logs import hanging_log, stretched
+from short_runs import hanging_log
 
 from fmus.interface.model import InvalidParameter
 from fmus.monolith.model import Monolith

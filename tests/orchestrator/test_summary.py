@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from short_run import SHORT, last
+from short_runs import SHORT, last
 
 from orchestrator.execution import summary, summary_text
 from orchestrator.execution.log_report import summary_of

@@ -12,7 +12,7 @@ import pytest
 from designs import shown
 from matplotlib.figure import Figure
 from scipy.stats import qmc
-from short_run import last
+from short_runs import last
 
 import orchestrator as offered
 from fmus.vehicles.tables import BadInput

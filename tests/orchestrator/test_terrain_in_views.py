@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from packed import unpacked
-from view_logs import bodies_of, decoded, terrain_log
+from report_pages import unpacked
+from short_runs import terrain_log
+from view_files import bodies_of, decoded
 
 from fmus.ground.contact import ground_shape
 from fmus.ground.terrain import heights

@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from analysis_logs import driven_log
 from made_logs import STEP, made
 from mcap.reader import make_reader
 from scipy.spatial import ConvexHull
+from short_runs import driven_log
 
 from orchestrator.log.message_records import WARNINGS
 from orchestrator.log.reader import Log

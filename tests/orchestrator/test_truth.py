@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from short_run import last
+from short_runs import last
 
 from fmus.monolith.model import Monolith
 from fmus.physics.chain.report import KINETIC

@@ -8,11 +8,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made_logs import of_columns
+from made_logs import of_columns, stretched
 from matplotlib import image
 from matplotlib.text import Text
 from PIL import Image
-from view_logs import bodies_of, driven_log, hanging_log, stretched
+from short_runs import hanging_log, settling_log
+from view_files import bodies_of
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.command import command_scope
@@ -26,7 +27,7 @@ from orchestrator.results.views.bodies import EVERY, Bodies
 from orchestrator.results.views.plots import curves, plots
 from orchestrator.scene.scene import load
 
-driven = pytest.fixture(scope="module")(driven_log)
+driven = pytest.fixture(scope="module")(settling_log)
 hanging = pytest.fixture(scope="module")(hanging_log)
 shown = pytest.fixture(bodies_of)
 

@@ -24,7 +24,7 @@ def trapezoid(t, top=TOP, corners=CORNERS):
     return np.interp(t, corners[:4], (0.0, top, top, 0.0))
 
 
-def made(path, t, v, yaw_rate=None, slip=None, tension=None, work=None, tracks=TRACKS, scene=None):
+def motion_log(path, t, v, yaw_rate=None, slip=None, tension=None, work=None, tracks=TRACKS, scene=None):
     """Log of a vehicle with this motion; its heading is the integral of the yaw rate."""
     zero = np.zeros(len(t))
     yaw_rate = zero if yaw_rate is None else yaw_rate

@@ -1,6 +1,7 @@
 """Damaged logs: bytes flipped, cut or inserted; content of a log, to be changed and written with right checksums."""
 
 import hashlib
+import json
 import random
 from pathlib import Path
 from typing import Self
@@ -112,3 +113,12 @@ def change_bytes(data: bytes, chance: random.Random) -> bytes:
         if not changed:
             changed += b"\x89"
     return bytes(changed)
+
+
+def altered(log, path, change):
+    """The log with another system.json and scene.json; all checksums are valid."""
+    content = Content(log)
+    tables = {name: json.loads(content.attachments[f"{name}.json"]) for name in ("system", "scene")}
+    change(**tables)
+    content.attachments |= {f"{name}.json": json.dumps(table).encode() for name, table in tables.items()}
+    return content.write(path)

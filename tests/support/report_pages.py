@@ -1,5 +1,6 @@
-"""Runs and made-up logs whose pages the tests read, and the page of a log."""
+"""The page of a log: its text, its numbers, and the signals that they show."""
 
+import base64
 import json
 import re
 import warnings
@@ -7,8 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest import mock
 
-from made_logs import of_columns
-from view_logs import ran
+import numpy as np
 
 from orchestrator.execution import log_report
 from orchestrator.log.notices import LogNotice
@@ -17,21 +17,6 @@ from orchestrator.results.page import document
 from orchestrator.results.run_data import RunData
 
 HOSTILE = "</script><b onload='x()'>&\"\u2028<img src=https://example.org/x.png>"
-# the vehicle falls onto its springs, so that there is motion
-BUMP = "ground.bump={start=0.5, rise=0.2, slope=0.35, length=0.6, radius=0.15}"
-SETTINGS = ["run.stop=0.06 s", "start.state=drawn", BUMP]
-CHECKS = ("sag", "sag_discrete", "tension", "tension_discrete")
-HANGING = ["run.stop=0.02 s", *(f"expect.{name}.{end}" for name in CHECKS for end in ("from=0 s", "to=0.02 s"))]
-
-
-def vehicle_log(tmp_path_factory):
-    """Log of a vehicle of rigid links that falls onto its springs."""
-    return ran(tmp_path_factory, "straight", "rigid", SETTINGS)
-
-
-def hanging_log(tmp_path_factory, *settings):
-    """Log of a short run of a hanging chain, with its checks."""
-    return ran(tmp_path_factory, "hanging_chain", "flexible", [*HANGING, *settings])
 
 
 def page(path, reference=None):
@@ -45,14 +30,17 @@ def page(path, reference=None):
 
 
 def embedded(html):
+    """Data in the text of a page."""
     return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)[1])
 
 
 def charts_of(path, reference=None):
+    """Charts in the page of a log."""
     return embedded(page(path, reference))["charts"]
 
 
 def signal(log, name):
+    """Times and values of a signal."""
     topic, column = log.find(name)
     series = log.read(topic)
     return series.t, series.values[:, column]
@@ -62,13 +50,6 @@ def change(log, name):
     """Last value of a signal less its first one."""
     values = signal(log, name)[1]
     return values[-1] - values[0]
-
-
-def written(path, columns, t, scene=None, closed="ok", links=None, **options):
-    """Write a log of outputs by instance and name; ``links`` are link outputs of "a"."""
-    columns = columns | {f"a.{name}": values for name, values in (links or {}).items()}
-    message = "" if closed == "ok" else "it blew up"
-    return of_columns(path, columns, t, scene, unit="N", step=1e-3, status=closed, message=message, **options)
 
 
 def side_of_links(log):
@@ -89,3 +70,8 @@ def vehicle_page(vehicle):
     if vehicle not in PAGES:
         PAGES[vehicle] = page(vehicle)
     return PAGES[vehicle]
+
+
+def unpacked(content):
+    """Array (m,) of float32 that a page holds as base64."""
+    return np.frombuffer(base64.b64decode(content), "<f4")
