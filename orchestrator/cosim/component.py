@@ -1,7 +1,4 @@
-"""Component: a loaded co-simulation FMU, called through fmpy with preallocated arrays.
-
-All calls of an instance share its handle, arrays and phase: they are the methods of one class.
-"""
+"""Component: an FMU in a run, which has a slave of ``fmi``, arrays, a phase, messages and saved states."""
 
 from __future__ import annotations
 
