@@ -58,23 +58,22 @@ class FastCalls:
         self, slave: Slave, variables: Variables, reals: Any, mixed: MixedExchange | None, start: float, t: float
     ) -> None:
         self._slave, self._callbacks, self._has_callbacks = slave, Callbacks(), set[str]()
-        begin = 0
         if mixed is not None:
             setter = self._callback("set_real", EXCHANGE, lambda *_: mixed.write()), 0
             getter = self._callback("get_real", EXCHANGE, lambda _, which, *more: _read(mixed, which)), _OUTPUTS
             self._links = _LINKS
         else:
+            assert isinstance(slave, fmi2.Slave)
             u, y, links = reals
-            setter = slave.address("SetReal"), addressof(u.references)  # type: ignore[attr-defined]
-            getter = slave.address("GetReal"), addressof(y.references)  # type: ignore[attr-defined]
+            setter = slave.address("SetReal"), addressof(u.references)
+            getter = slave.address("GetReal"), addressof(y.references)
             self._links = addressof(links.references)
-        if isinstance(slave, fmi2.Slave):
-            step, instance = slave.address("DoStep"), int(slave.handle)
-        else:
-            step, instance = self._callback("do_step", STEP, lambda _, t, h, keep: slave.step(t, h, keep)), 1
         if isinstance(slave, RemoteSlave):
             begin = self._callbacks.address(STEP, lambda _, *step: slave.begin_step(*step))
-            step = self._callback("do_step", STEP, lambda *_: slave.finish_step())
+            step, instance = self._callback("do_step", STEP, lambda *_: slave.finish_step()), 1
+        else:
+            assert isinstance(slave, fmi2.Slave)
+            step, instance, begin = slave.address("DoStep"), int(slave.handle), 0
         inputs = *setter, len(variables.u), variables.u.ctypes.data
         outputs = *getter, len(variables.raw), variables.raw.ctypes.data
         call = StepCall(instance, *inputs, step, *outputs, start, t, 0.0, 1, begin)

@@ -105,8 +105,8 @@ class RemoteSlave:
         self._written.append(number)
 
     def discarded(self) -> tuple[bool, float]:
-        _, found = self._call("discarded", (), lambda result: isinstance(result, list) and len(result) == 2)
-        return (bool(found[0]), float(found[1])) if found else (False, float("nan"))
+        _, found = self._call("discarded", (), lambda result: [*map(type, result)] == [bool, float])
+        return (found[0], found[1]) if found else (False, float("nan"))
 
     def save(self) -> tuple[int, Any]:
         return self._call("save", (), lambda result: isinstance(result, int))
