@@ -24,6 +24,8 @@ from contextlib import contextmanager
 from contextvars import Context
 from dataclasses import asdict, replace
 from functools import cache
+from multiprocessing import synchronize
+from multiprocessing.context import SpawnContext
 from pathlib import Path
 
 from pebble import ProcessExpired, ProcessPool
@@ -99,9 +101,24 @@ def run(
     return [row for k in range(len(cases)) for row in rows_of[k]]
 
 
+class _LastingLocks(SpawnContext):
+    """Starts processes anew; keeps their locks until the pool has ended.
+
+    A pool of Pebble 5.2.3 removes them before it ends its processes, and one that is still starting prints a traceback.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._locks: list[synchronize.RLock] = []
+
+    def RLock(self) -> synchronize.RLock:  # noqa: N802 (name of Python)
+        self._locks.append(super().RLock())
+        return self._locks[-1]
+
+
 def _in_processes(cases: Sequence[Case], remaining: Sequence[int], workers: int) -> FinishedCases:
     workers = max(1, min(workers, len(remaining)))
-    context = multiprocessing.get_context("spawn")
+    context = _LastingLocks()
     with _own_modules(), _single_threads(), ProcessPool(workers, initializer=_end_with_parent, context=context) as pool:
         waiting: dict[Future[CaseResult], int] = {
             pool.schedule(attempt, args=(cases[k],), timeout=cases[k].limit): k for k in remaining

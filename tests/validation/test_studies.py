@@ -89,6 +89,49 @@ def test_warnings_of_numpy_in_processes_do_not_reach_stderr(capfd):
     assert capfd.readouterr().err == ""
 
 
+LATE = """
+import fcntl, os, signal
+from multiprocessing.context import SpawnProcess
+from orchestrator.studies import Case, Row, pool
+
+def row():
+    if os.path.exists("pipe"):
+        open("pipe").close()  # when the second process has come so far
+    return [Row("0", "in time")]
+
+def start(process, start=SpawnProcess.start):
+    start(process)
+    os.environ["PLACE"] = "second"
+
+if __name__ == "__main__":
+    os.mkfifo("pipe")
+    os.environ["PLACE"] = "first"
+    SpawnProcess.start = start
+    pool.run([Case("0", str(k), row) for k in range(2)], 2)
+else:
+    file = open("lock", "w")
+    if os.environ["PLACE"] == "first":
+        fcntl.flock(file, fcntl.LOCK_EX)
+    else:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        with open("pipe", "w"):
+            os.unlink("pipe")
+        fcntl.flock(file, fcntl.LOCK_EX)  # until the first has ended
+        open("late", "w").close()
+"""
+
+
+@pytest.mark.long
+def test_a_process_that_starts_when_all_cases_are_done_ends_without_a_word(tmp_path, environment):
+    """The second process imports the study when the first one, which did both cases, has ended."""
+    (tmp_path / "study.py").write_text(LATE)
+    done = subprocess.run(
+        [sys.executable, "study.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (tmp_path / "late").exists()
+
+
 @pytest.mark.long
 def test_processes_take_our_modules_not_those_of_an_fmu_that_ran_here(tmp_path, monkeypatch):
     (tmp_path / "fmus").mkdir()
