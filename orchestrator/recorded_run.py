@@ -8,7 +8,6 @@ from __future__ import annotations
 import html
 import io
 import os
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -20,9 +19,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
-from orchestrator.cosim.narration import Narration
 from orchestrator.execution import log_report, summary, summary_text
 from orchestrator.execution.simulate import simulate
+from orchestrator.files.progress import Progress
 from orchestrator.log.angles import continuous, turn_of
 from orchestrator.log.export import columns_of, to_pandas
 from orchestrator.log.reader import Log, Missing
@@ -287,11 +286,6 @@ def run(
     else:
         raise BadInput(f"track = '{track}': a scene that is loaded has its track model; cotrack.load takes another one")
     path = Path(log) if log is not None else Path("logs") / resolved.log_name
-    with Narration(_write_progress) if progress else nullcontext() as narration:
-        result = simulate(resolved, path, narration=narration, estimated=estimate, native=native)
+    with Progress(resolved.name) if progress else nullcontext():
+        result = simulate(resolved, path, estimated=estimate, native=native)
     return Run(result["log"] or path, result)
-
-
-def _write_progress(line: str) -> None:
-    sys.stderr.write(f"... {line}\n")
-    sys.stderr.flush()

@@ -180,8 +180,8 @@ def test_a_cache_that_cannot_be_written(environment, toy_answer, tmp_path, optio
 HUNDRED = """
 import json, os
 from pathlib import Path
-from orchestrator.cosim.narration import Narration
 from orchestrator.execution.simulate import simulate
+from orchestrator.files.progress import Progress
 from orchestrator.scene.scene import load
 scene = load("hanging_chain", "rigid", ["chain.links=8", "expect={}", "run.stop=0.004"])
 def used():
@@ -189,8 +189,8 @@ def used():
     return memory, len(os.listdir("/proc/self/fd")), len(os.listdir("/proc/self/task"))
 seen = []
 for k in range(100):
-    with Narration(lambda line: None) as narration:
-        assert simulate(scene, Path("a.mcap"), None, narration)["status"] == "ok"
+    with Progress("run", lambda line: None):
+        assert simulate(scene, Path("a.mcap"))["status"] == "ok"
     seen.append(used())
 print(json.dumps(seen))
 """

@@ -22,14 +22,16 @@ import typer
 from fmus.cache.limit import keep_limit
 from fmus.vehicles.tables import BadInput
 from orchestrator import __version__
-from orchestrator.cli import common, log_commands
+from orchestrator.cli import log_commands
 from orchestrator.cli.analysis_commands import analyse, life, plot, view
-from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, print_message, print_notices, show_usage
+from orchestrator.cli.common import USAGE_ERROR, Printing, message_and_status, print_message, show_usage
 from orchestrator.cli.result_commands import compare, replay, report
 from orchestrator.cli.run_commands import resume, run, truth
 from orchestrator.cli.scene_commands import build, cache, check, keys, new, scenes, schema, show, ssp, vehicles, warm
 from orchestrator.cli.study_commands import fit, sensitivity, study, sweep
 from orchestrator.files.command import command_scope
+from orchestrator.files.messages import LOG
+from orchestrator.files.progress import Progress
 
 app = typer.Typer(
     name="cotrack",
@@ -64,15 +66,12 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _common(
-    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="print the installed version")
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="print tracebacks; give it before the command")] = False,
 ) -> None:
-    logging.getLogger("cotrack").setLevel(logging.DEBUG if debug else logging.NOTSET)
-    context.with_resource(narration)
-    narration.set_task(str(context.invoked_subcommand))
+    LOG.setLevel(logging.DEBUG if debug else logging.NOTSET)
 
 
 def _stop(number: int, frame: object) -> None:
@@ -83,9 +82,8 @@ def _stop(number: int, frame: object) -> None:
 
 def main(command: Callable[..., Any] = app) -> None:
     """Run a command line; an error ends as one sentence, with exit status 2 for bad input."""
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(common.PlainFormatter())
-    logging.basicConfig(handlers=[handler], level=logging.WARNING)
+    task = next((word for word in sys.argv[1:] if not word.startswith("-")), "cotrack")
+    logging.getLogger().addHandler(printing := Printing())
     for stream in (sys.stdout, sys.stderr):  # file names may hold bytes that are not text
         with suppress(AttributeError):  # a closed stream, or one that is not the system's
             stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
@@ -93,8 +91,8 @@ def main(command: Callable[..., Any] = app) -> None:
         signal.signal(number, _stop)
     status: Any = 0
     try:
-        with warnings.catch_warnings(), command_scope():
-            print_notices()
+        with warnings.catch_warnings(), command_scope(), Progress(task):
+            warnings.simplefilter("ignore", RuntimeWarning)  # of overflow; the results say what became of it
             status = command(standalone_mode=False)
     except KeyboardInterrupt:
         status = 130
@@ -107,6 +105,7 @@ def main(command: Callable[..., Any] = app) -> None:
     if status == 130:  # typer's status for Ctrl-C
         status = print_message("interrupted", 1)
     keep_limit()
+    logging.getLogger().removeHandler(printing)
     atexit.register(gc.freeze)  # otherwise the interpreter goes through all objects of the libraries: half a second
     for stream in (sys.stdout, sys.stderr):
         try:

@@ -8,8 +8,7 @@ import logging
 import os
 import sys
 import traceback
-import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
@@ -19,22 +18,11 @@ import typer
 
 from fmus.track.choices import TRACKS
 from fmus.vehicles.tables import BadInput, path_text
-from orchestrator.cosim.narration import Narration
-from orchestrator.fmi.slave import WARNING
+from orchestrator.files.messages import LOG, plain
 from orchestrator.log.extra import lacking
-from orchestrator.log.notices import LogNotice
 
 if TYPE_CHECKING:
     from orchestrator.results.measured_record import MeasuredFile
-
-
-LONGEST = 1000  # longest printed sentence, characters
-
-
-def plain(text: str) -> str:
-    """Return text of any origin as one line of printable characters, shortened to LONGEST."""
-    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:LONGEST])
-    return shown if len(text) <= LONGEST else f"{shown} ..."
 
 
 def summary(result: Mapping[str, Any], verbose: bool = False) -> None:
@@ -55,14 +43,6 @@ def print_json(result: object) -> None:
     from orchestrator.results.units import finite
 
     print(json.dumps(finite(result)))
-
-
-class PlainFormatter(logging.Formatter):
-    """Formatter of messages of any origin, each as one line."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """Return the line."""
-        return f"cotrack: {plain(record.getMessage())}"
 
 
 LONGEST_MESSAGE = 380  # characters of an error: names and values of the user may have any length
@@ -116,18 +96,9 @@ def beside(log: Path, ending: str) -> Path:
     return log.with_name(f"{log.stem}{ending}")
 
 
-def print_progress(line: str) -> None:
-    """Print one line of progress on stderr."""
-    with suppress(OSError, ValueError):  # stderr is closed
-        print(f"... {plain(line)}", file=sys.stderr, flush=True)
-
-
-narration = Narration(print_progress)
-
-
 def message_and_status(error: Exception) -> tuple[str, int]:
     """Return message and exit status for an error."""
-    if logging.getLogger("cotrack").isEnabledFor(logging.DEBUG):
+    if LOG.isEnabledFor(logging.DEBUG):
         traceback.print_exception(error)
     if isinstance(error, ImportError) and not (error.name or "").startswith(("fmus", "orchestrator")):
         return shortened(lacking(error)), 2
@@ -185,22 +156,19 @@ def refusals() -> tuple[type[Exception], ...]:
     )
 
 
-def print_notices() -> None:
-    """Print every LogNotice once on stderr from now on; other warnings are shown as before."""
-    default_show: Callable[..., None] = warnings.showwarning
-    printed_notices: set[str] = set()
+class Printing(logging.Handler):
+    """Prints messages on stderr, each once."""
 
-    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
-        if issubclass(category, RuntimeWarning):  # of numbers that overflow; the results say what became of them
-            logging.getLogger("cotrack").debug("%s", message)
-        elif not issubclass(category, LogNotice):
-            default_show(message, category, *where, **more)
-        elif str(message) not in printed_notices:
-            printed_notices.add(str(message))
-            print_message(str(message), 0)
+    def __init__(self) -> None:
+        super().__init__()
+        self._printed: set[str] = set()
 
-    warnings.showwarning = show  # type: ignore[assignment]
-    warnings.simplefilter("always", LogNotice)
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a message that is a new one."""
+        message = record.getMessage()
+        if message not in self._printed:
+            self._printed.add(message)
+            print_message(message, 0)
 
 
 def print_message(message: str, status: int) -> int:
@@ -214,12 +182,6 @@ def print_message(message: str, status: int) -> int:
 def exit_with(message: str, status: int) -> NoReturn:
     """End the command with a message and an exit status."""
     sys.exit(print_message(message, status))
-
-
-def log_warning(instance: str, status: int, message: str) -> None:
-    """Log a component's FMI warning; anything worse ends the run with its own message."""
-    if status == WARNING:
-        logging.getLogger("cotrack").warning("%s: %s", instance, message)
 
 
 WithOption = Annotated[

@@ -24,7 +24,6 @@ from orchestrator.cli.common import (
     To,
     WithOption,
     exit_with,
-    log_warning,
     measured_file,
     print_json,
     print_lines,
@@ -72,7 +71,7 @@ def replay(
         raise BadInput(f"{changes[0]} is for one component: --component {' or '.join(names)}")
     verdicts = {}
     for name in names:
-        with replay_model.open_replay(log, name, other, log_warning, settings or ()) as opened:
+        with replay_model.open_replay(log, name, other, settings or ()) as opened:
             opened.log.require_window(start, end)
             if changes and not (opened.model.as_recorded and output is None):
                 path = output or log.with_name(_answer_name(log, name, other, settings or ()))

@@ -23,13 +23,12 @@ from orchestrator.cli.common import (
     VehicleOption,
     beside,
     exit_with,
-    log_warning,
     message_and_status,
-    narration,
     print_json,
     print_message,
     with_vehicle,
 )
+from orchestrator.files.messages import PROGRESS
 
 if TYPE_CHECKING:
     from orchestrator.scene.kinds import Scene
@@ -77,7 +76,7 @@ def run(
     verbose: Verbose = False,
 ) -> None:
     """Run a scene, record it, evaluate its checks and estimate its error."""
-    narration(f"{scene}: the scene is read")
+    PROGRESS.info("%s: the scene is read", scene)
     from orchestrator.execution import summary
     from orchestrator.scene.fmu_table import replacing_fmus
 
@@ -91,7 +90,7 @@ def run(
         from orchestrator.execution.simulate import simulate
 
         path = log or Path("logs") / resolved.log_name
-        result = simulate(resolved, path, log_warning, narration, estimated=estimated, native=native)
+        result = simulate(resolved, path, estimated=estimated, native=native)
         status = 0 if summary.is_passed(result) else 1
     except KeyboardInterrupt:
         result["message"], status = "interrupted", 1
@@ -160,7 +159,7 @@ def resume(
     window = {"at": at, "stop": stop}
     branch = {key: value for key, value in window.items() if value is not None} | dict(pairs(settings or ()))
     path = output or beside(log, f"-branch{file_part(branch)}.mcap" if settings else "-resumed.mcap")
-    result = go_on(log, path, at, stop, log_warning, narration, settings or ())
+    result = go_on(log, path, at, stop, settings or ())
     _report(result, 0 if summary.is_passed(result) else 1, as_json, verbose)
 
 
@@ -188,7 +187,7 @@ def truth(
     if against:
         _check_comparable(against, resolved, scene)
     try:
-        converged = module.truth(resolved, narration)
+        converged = module.truth(resolved)
     except module.TruthFailed as failure:
         exit_with(str(failure), 1)
     deviations = differences_of_logs(against, converged.log) if against else {}

@@ -23,10 +23,10 @@ from orchestrator.cli.common import (
     Settings,
     TrackOption,
     VehicleOption,
-    narration,
     print_json,
     with_vehicle,
 )
+from orchestrator.files.messages import PROGRESS
 
 if TYPE_CHECKING:
     from orchestrator.fmu_check.instance import Verdict
@@ -270,7 +270,7 @@ def check(
 
 
 def _begin(fmu: str, name: str) -> None:
-    narration.set_task(f"{fmu}: {name}")
+    PROGRESS.debug("%s: %s", fmu, name)
 
 
 def _print_table(fmu: Path, verdicts: Mapping[str, Verdict]) -> None:

@@ -28,7 +28,6 @@ from orchestrator.cli.common import (
     VehicleOption,
     estimated,
     measured_file,
-    narration,
     with_vehicle,
 )
 
@@ -92,12 +91,11 @@ def conduct(
     """Run the cases of a study, write its files, print its table and exit; raises BadInput."""
     from orchestrator.studies import pool
     from orchestrator.studies.parameter_sweep import NOT_MET
-    from orchestrator.studies.pool import Store, progress_bar
+    from orchestrator.studies.pool import Store, finished_cases
 
     try:
-        told = getattr(module, "told", lambda rows: "")
-        with narration.suppressed(), progress_bar(name, len(cases), told) as done:
-            rows = pool.run(cases, workers, scheduler, Store(output / "cases"), done)
+        done = finished_cases(len(cases), getattr(module, "told", lambda rows: ""))
+        rows = pool.run(cases, workers, scheduler, Store(output / "cases"), done)
         files = module.write(output, name, rows, module.TITLE)
     except OSError as error:
         raise BadInput(f"the folder {output} cannot be written: {error}") from None
@@ -199,12 +197,11 @@ def fit(
 
     source = measured_file(Path(data[0]), mapped, clock, shift)
     assert source is not None
-    with narration.suppressed():
-        found = fitted(
-            scene, data, source.columns, free, output, track=track, settings=with_vehicle(vehicle, settings), part=part,
-            clock=clock, shift=shift, noise=dict(map(_noise, noise or ())), scan=scan, start=start, end=end,
-            native=native, workers=workers, told=lambda text: print(f"... {text}", file=sys.stderr),
-        )  # fmt: skip
+    found = fitted(
+        scene, data, source.columns, free, output, track=track, settings=with_vehicle(vehicle, settings), part=part,
+        clock=clock, shift=shift, noise=dict(map(_noise, noise or ())), scan=scan, start=start, end=end,
+        native=native, workers=workers,
+    )  # fmt: skip
     print(found.verdict)
     print(found.table.markdown())
     print(found.residuals.markdown())
@@ -246,11 +243,10 @@ def sensitivity(
     """
     from orchestrator.studies import sensitivity as derivatives
 
-    with narration.suppressed():
-        found, files = derivatives.sensitivity(
-            scene, output, keys or (), track=track, settings=with_vehicle(vehicle, settings), figures=figures or (),
-            native=native, workers=workers, told=lambda text: print(f"... {text}", file=sys.stderr),
-        )  # fmt: skip
+    found, files = derivatives.sensitivity(
+        scene, output, keys or (), track=track, settings=with_vehicle(vehicle, settings), figures=figures or (),
+        native=native, workers=workers,
+    )  # fmt: skip
     print(found.table().markdown())
     for path in files:
         print(path)

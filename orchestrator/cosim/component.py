@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, inverse_factors
 from orchestrator.cosim.fast_calls import FastCalls, Places, places
 from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, Floats, ImportSettings
-from orchestrator.cosim.messages import CallMessages, ComponentWarning, Logger, WarningList, status_text
+from orchestrator.cosim.messages import CallMessages, ComponentWarning, WarningList, status_text
 from orchestrator.cosim.mixed_exchange import MixedExchange
 from orchestrator.cosim.processes.remote import RemoteSlave
 from orchestrator.cosim.processes.supervisor import SlaveProcess
@@ -57,11 +57,10 @@ class Component(AbstractContextManager["Component"]):
     itself holds it. Every failure raises ComponentFailed, with the message that the FMU logged, if any.
     """
 
-    def __init__(  # noqa: PLR0913, the terms of an instance
+    def __init__(
         self,
         fmu: Path,
         name: str,
-        logger: Logger | None = None,
         *,
         discrete: Collection[str] = (),
         conversions: Mapping[str, Conversion] = NO_CONVERSIONS,
@@ -78,7 +77,7 @@ class Component(AbstractContextManager["Component"]):
         is loaded, instead of this one.
         """
         self.name, self._starts, self._imported = name, starts, imported
-        self._messages = CallMessages(name, logger)
+        self._messages = CallMessages(name)
         self._clock = np.zeros(1)  # s from the start of the run, beginning of the last step
         self.start_time = 0.0  # s, time of the FMU at the start of the run
         self._states: list[ComponentState] = []

@@ -19,7 +19,6 @@ import scipy  # loads its parts when they are used
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import power_residual
 from orchestrator.cosim.graph import Connection, Instance, System
-from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.processes.supervisor import ProcessPool, ProcessRequest, SlaveProcess
 from orchestrator.fmi.model_description import loadable
 from orchestrator.fmi.slave import ComponentFailed
@@ -29,7 +28,6 @@ def load_components(
     graph: System,
     times: tuple[float, float],
     stack: ExitStack,
-    logger: Logger | None = None,
     pool: ProcessPool | None = None,
 ) -> dict[str, Component]:
     """Load and initialise every instance; they are unloaded with the stack. ``times``: start and stop of FMUs, s.
@@ -43,7 +41,6 @@ def load_components(
             Component(
                 instance.fmu,
                 instance.name,
-                logger,
                 discrete=discrete.get(instance.name, ()),
                 conversions=instance.conversions,
                 units=instance.units,

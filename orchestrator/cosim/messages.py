@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from orchestrator.files.messages import RUN
 from orchestrator.fmi.slave import DISCARD, ERROR, PENDING, WARNING
 
 PRINTED = "printed"  # category of what an FMU prints
-Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a warning only the first of its kind
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 
@@ -62,21 +63,20 @@ class WarningList:
 class CallMessages:
     """Messages of an instance: its warnings since the start, and the errors of its last call."""
 
-    def __init__(self, component: str, logger: Logger | None) -> None:
-        self._component, self._logger = component, logger
+    def __init__(self, component: str) -> None:
+        self._component = component
         self._errors: list[tuple[int, str]] = []  # FMI status, text
         self.warnings = WarningList(component)
 
     def receive(self, status: int, message: str, category: str, time: float) -> None:
-        """Take a message of the step from ``time``, s, and pass it on; of a warning only the first of its kind."""
+        """Take a message of the step from ``time``, s, and log it; of a warning only the first of its kind."""
         if category == PRINTED:
             status, message = WARNING, f"it prints: {message}"  # shown, but no warning of the FMU
         elif status == WARNING and not self.warnings.add(message, time):
             return
         if status >= DISCARD and category != "traceback":
             self._errors.append((status, message))
-        if self._logger is not None:
-            self._logger(self._component, status, message)
+        RUN.log(logging.WARNING if status == WARNING else logging.DEBUG, "%s: %s", self._component, message)
 
     def clear(self) -> None:
         """Forget the errors of the last call."""

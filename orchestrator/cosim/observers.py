@@ -10,11 +10,8 @@ import math
 import re
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from orchestrator.cosim import checkpoint
 from orchestrator.cosim.component import WALL_TIME, Component
@@ -23,13 +20,13 @@ from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Floats, Recordable
 from orchestrator.cosim.master import NO_LIMIT
-from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.row_writer import RowWriter
+from orchestrator.files.messages import PROGRESS
 from orchestrator.log.log_metadata import CHECKPOINT
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.time_series import Rule, Wire
 
-REFRESH = 0.2  # s of wall time between updates of the bar
+REFRESH = 0.2  # s of wall time between messages of progress
 STATS = (WALL_TIME,)  # last signals of /stats/<instance>, after the counters
 
 
@@ -197,47 +194,29 @@ class TimedCheckpoints:
         )
 
 
-class ProgressBar:
-    """Simulated time and real-time factor: a bar if stderr is a terminal, else a detail of the narration."""
+class TimeReached:
+    """Logs simulated time and real-time factor, a few times a second, as progress.
 
-    def __init__(self, title: str, stop: float, narration: Narration) -> None:
-        self._stop, self._narration, self._displayed = stop, narration, ExitStack()
+    :param stop: end of the run, s.
+    """
+
+    def __init__(self, stop: float) -> None:
+        self._stop = stop
         self._start = self._next = 0.0
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.completed:.2f}/{task.total:g} s  {task.fields[factor]:.2f} x real time"),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-            auto_refresh=False,
-            transient=True,
-        )
-        self._task: TaskID = self._bar.add_task(title, total=stop, factor=0.0)
-
-    def __enter__(self) -> ProgressBar:
-        if self._bar.console.is_terminal:
-            self._displayed.enter_context(self._narration.suppressed())
-            self._displayed.enter_context(self._bar)
-        return self
-
-    def __exit__(self, *ended: object) -> None:
-        self._displayed.close()
 
     def patience(self, k: int) -> int:
-        """Return a number above any run: the bar follows the wall clock, not the steps."""
+        """Return a number above any run: progress follows the wall clock, not the steps."""
         return NO_LIMIT
 
     def __call__(self, k: int, t: float, h: float) -> None:
-        """Show time t, a few times a second."""
+        """Log time t, s, if it is due."""
         now = time.perf_counter()
         if not k:
             self._start = now
         elif now >= self._next or t >= self._stop - 1e-12:
             self._next = now + REFRESH
-            factor = t / (now - self._start)
-            self._narration.set_detail(f"{t:.4g} of {self._stop:g} s simulated, {factor:.2f} x real time")
-            self._bar.update(self._task, completed=t, factor=factor)
-            self._bar.refresh()
+            text, count = "%.4g of %g s simulated, %.2f x real time", {"done": t, "of": self._stop}
+            PROGRESS.debug(text, t, self._stop, t / (now - self._start), extra=count)
 
 
 STATISTICS_PARTS = ("mean", "least", "most")  # order of the parts in a topic

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 
 from fmus.precompile import start_compilation
@@ -11,8 +11,8 @@ from fmus.track.choices import TRACKS
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import System
 from orchestrator.cosim.initialisation import load_components
-from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.processes.supervisor import ProcessPool
+from orchestrator.files.messages import PROGRESS
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.kinds import Scene, VehicleScene
 from orchestrator.scene.parts import Assembly, Part
@@ -27,32 +27,28 @@ def load_scene(
     scene: SystemScene,
     assembly: Assembly,
     stack: ExitStack,
-    logger: Logger | None,
     native: bool = False,
     pool: ProcessPool | None = None,
-    announce: Callable[[str], object] = lambda line: None,
-    detail: Callable[[str], object] = lambda line: None,
 ) -> tuple[SystemScene, System, dict[str, Component]]:
     """Place an assembled scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed.
 
-    ``pool``: where FMUs of the user get their processes; they are closed with the stack. ``announce`` gets a line for
-    what takes long or is a risk, ``detail`` what is being done of the start.
+    ``pool``: where FMUs of the user get their processes; they are closed with the stack.
     """
     if given := [part.name for part in assembly.parts if part.fmu is not None]:
-        announce(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
+        PROGRESS.info(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
     if isinstance(scene, VehicleScene) and scene.track.axes == "free" and scene.leaves_plane:
-        announce(f"{scene.name}: {scene.leaves_plane}: {OTHER_KERNELS}")
-    announce(f"{scene.name}: components are built and initialised")
+        PROGRESS.info(f"{scene.name}: {scene.leaves_plane}: {OTHER_KERNELS}")
+    PROGRESS.info(f"{scene.name}: components are built and initialised")
     processes: list[subprocess.Popen[str]] = []
     try:
         if isinstance(scene, Scene) and not scene.placed:
             processes = _compile_in_processes(assembly.parts)
-            detail("the places of idlers and hull are solved from static equilibrium")
+            PROGRESS.debug("the places of idlers and hull are solved from static equilibrium")
             scene = placed(scene)
             assembly = assemble(scene)
-        detail(f"FMUs are built or found: {len(assembly.parts)}")
+        PROGRESS.debug(f"FMUs are built or found: {len(assembly.parts)}")
         graph = system(assembly, native)
-        detail("kernels are compiled in processes of their own")
+        PROGRESS.debug("kernels are compiled in processes of their own")
         for process in processes:
             process.wait()
     except BaseException:  # bad input, or a signal, which the processes need not have received
@@ -61,8 +57,8 @@ def load_scene(
         for process in processes:
             process.wait()
         raise
-    detail("components are initialised")
-    return scene, graph, load_components(graph, scene.run.times, stack, logger, pool)
+    PROGRESS.debug("components are initialised")
+    return scene, graph, load_components(graph, scene.run.times, stack, pool)
 
 
 def _compile_in_processes(parts: Sequence[Part]) -> list[subprocess.Popen[str]]:

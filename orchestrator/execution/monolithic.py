@@ -30,8 +30,7 @@ from orchestrator.cosim import checkpoint, master
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Feed, Stages, wire
-from orchestrator.cosim.narration import Narration
-from orchestrator.cosim.observers import Logging, ProgressBar
+from orchestrator.cosim.observers import Logging, TimeReached
 from orchestrator.cosim.variables import LINK_FAMILIES
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.execution.simulate import simulate
@@ -178,7 +177,6 @@ def run(
     scene: Scene,
     path: Path,
     refine: float = 1.0,
-    narration: Narration | None = None,
     interrupted: Callable[[], bool] = lambda: False,
     integrator: str = EQUAL,
     rtol: float = TOLERANCE,
@@ -189,10 +187,9 @@ def run(
 
     The communication step of the scene is the interval of the outputs. ``refine`` divides the internal step; the
     ``integrator`` "adams" chooses its steps by ``rtol`` and ``atol`` (``Monolith``). ``initial_states``: states of a
-    co-simulation of the scene (``states_at``), from which the run continues to the scene's stop. ``narration``
-    receives the progress. The cost holds internal step (the longest allowed) and wall time, s, and the numbers of
-    steps, evaluations, rejected steps and restarts, and the mean order. Raises BadInput, BuildFailed or
-    ComponentFailed before the first step.
+    co-simulation of the scene (``states_at``), from which the run continues to the scene's stop. The cost holds
+    internal step (the longest allowed) and wall time, s, and the numbers of steps, evaluations, rejected steps and
+    restarts, and the mean order. Raises BadInput, BuildFailed or ComponentFailed before the first step.
     """
     scene.require_own_parts("a monolith has")
     scene = placed(scene)
@@ -221,11 +218,9 @@ def run(
         recorder = stack.enter_context(open_log(path, scene, graph, parts, scheme, about))
         stats_every = max(1, round(STATS_PERIOD / clock.step))
         logging = Logging(recorder, list(parts.values()), stats_every)
-        observers: list[master.Observer] = [logging]
+        observers: list[master.Observer] = [logging, TimeReached(scene.run.stop)]
         if initial_states is not None:
             logging.continue_after(clock.steps_done, initial_states.time, clock.step)
-        if narration:
-            observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
         start = time.perf_counter()
         outcome = master.run(
             scheme, clock, observers, interrupted, initial_states and (clock.steps_done, initial_states.time)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import logging
 from collections.abc import Callable, Iterable
 from operator import attrgetter
 from pathlib import Path
@@ -18,6 +17,7 @@ from fmus.cache.files import UntrustedFolder, cache_folder, check_trust, make_fo
 from fmus.cache.files import write as put
 from fmus.vehicles.tables import BadInput, to_si
 from orchestrator.files.budget import DOCUMENT, read_file
+from orchestrator.files.messages import LOG
 
 SHIPPED = Path(__file__).parents[1] / "gallery" / "precision.json"
 
@@ -66,9 +66,7 @@ def _rows(file: Path) -> list[Setting]:
     except UntrustedFolder as error:
         report_error(error)
     except (OSError, ValueError, TypeError, LookupError, RecursionError):
-        logging.getLogger("cotrack").warning(
-            "the table %s is damaged and is left out: 'cotrack study error-runtime' writes it again", file
-        )
+        LOG.warning("the table %s is damaged and is left out: 'cotrack study error-runtime' writes it again", file)
     return []
 
 

@@ -18,7 +18,6 @@ from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.graph import ImportSettings, Instance, System
 from orchestrator.cosim.initialisation import open_processes
-from orchestrator.cosim.messages import Logger
 from orchestrator.cosim.processes.supervisor import ProcessPool
 from orchestrator.execution import replays
 from orchestrator.execution.manifest import NATIVE, as_json, model_description, system_table
@@ -96,9 +95,7 @@ class Replay(NamedTuple):
 
 
 @contextmanager
-def open_replay(
-    path: Path, name: str, other: str | None, logger: Logger | None = None, settings: Sequence[str] = ()
-) -> Iterator[Replay]:
+def open_replay(path: Path, name: str, other: str | None, settings: Sequence[str] = ()) -> Iterator[Replay]:
     """Open the component ``name`` of a log, or ``other`` (a track model or an FMU file) in its place.
 
     ``settings``, KEY=VALUE, change the scene in the log; recording and idler position stay. Raises BadInput, UnfitLog,
@@ -128,7 +125,6 @@ def open_replay(
             Component(
                 model.fmu,
                 name,
-                logger,
                 imported=imported,
                 process=open_processes([instance], pool).get(name),
                 discrete={*outputs, *_names(log, f"/{name}/in")},

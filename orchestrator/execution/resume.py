@@ -19,8 +19,6 @@ from fmus.ground.tables import SLOPES, is_plane
 from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.checkpoint import time_of
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.messages import Logger
-from orchestrator.cosim.narration import Narration
 from orchestrator.execution.manifest import NATIVE, numbers_digest
 from orchestrator.execution.prepared_run import Continuation
 from orchestrator.execution.simulate import simulate
@@ -42,8 +40,6 @@ def resume(
     path: Path,
     at: float | None = None,
     stop: float | None = None,
-    logger: Logger | None = None,
-    narration: Narration | None = None,
     settings: Sequence[str] = (),
 ) -> Summary:
     """Resume a run from the last checkpoint by ``at``, s, until ``stop``, s.
@@ -82,7 +78,7 @@ def resume(
             continuation = continuation._replace(
                 metadata=metadata, adapt_state=partial(transferred_state, settings=settings)
             )
-        return simulate(scene, path, logger, narration, native=native, continuation=continuation)
+        return simulate(scene, path, native=native, continuation=continuation)
 
 
 def _scene(log: Log, stop: float | None) -> Scene:

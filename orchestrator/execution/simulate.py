@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from textwrap import shorten
@@ -13,9 +13,7 @@ from fmus.fmi.build import BuildFailed
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.scheme import CouplingFailed
-from orchestrator.cosim.messages import Logger
-from orchestrator.cosim.narration import Narration
-from orchestrator.cosim.observers import ProgressBar, ReachedPoint
+from orchestrator.cosim.observers import ReachedPoint, TimeReached
 from orchestrator.cosim.processes.supervisor import ProcessPool
 from orchestrator.execution import estimate, manifest, summary
 from orchestrator.execution.interrupt import Interrupt, interruptible
@@ -24,6 +22,7 @@ from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
 from orchestrator.execution.summary import Summary
 from orchestrator.files.command import command_scope
+from orchestrator.files.messages import PROGRESS, RUN, silent
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.container import BESIDE_A_RUN
 from orchestrator.log.log_file import LogFailed, check_writable
@@ -49,8 +48,6 @@ MOST_NARRATED = 300  # characters of a line about parameters
 def simulate(
     scene: SystemScene,
     path: Path,
-    logger: Logger | None = None,
-    narration: Narration | None = None,
     estimated: bool | Literal["parts"] = False,
     native: bool = False,
     continuation: Continuation | None = None,
@@ -58,7 +55,7 @@ def simulate(
 ) -> Summary:
     """Build, run, record and evaluate a scene; return the summary.
 
-    ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take 0.75
+    ``estimated``: two additional coarser runs estimate the error; they take 0.75
     of the run's own time; "parts" makes a third one, which tells coupling and integration. ``native``: use native FMUs,
     which give the same numbers. ``continuation``: checkpoint of an earlier run (``resume``).
     ``answer``: raise what is no answer of the model: KeyboardInterrupt, and OSError for a log that cannot be written.
@@ -68,7 +65,7 @@ def simulate(
     """
     check_writable(path)
     with interruptible() as interrupt:
-        simulation = _Simulation(scene, path, interrupt, native, logger, narration)
+        simulation = _Simulation(scene, path, interrupt, native)
         try:
             result = simulation.run(estimated, continuation)
         except (BuildFailed, ComponentFailed):
@@ -85,18 +82,8 @@ def simulate(
 class _Simulation:
     """One run: it is prepared, steps, is evaluated, and its log is closed. ``log_failure``: why a log ended early."""
 
-    def __init__(
-        self,
-        scene: SystemScene,
-        path: Path,
-        interrupt: Interrupt,
-        native: bool,
-        logger: Logger | None,
-        narration: Narration | None,
-    ) -> None:
+    def __init__(self, scene: SystemScene, path: Path, interrupt: Interrupt, native: bool) -> None:
         self._scene, self._path, self._interrupt, self._native = scene, path, interrupt, native
-        self._logger, self._narration = logger, narration
-        self._announce: Callable[[str], object] = narration or (lambda line: None)
         self._summary, self.log_failure = summary.empty(scene.name, scene.variant), ""
         self._file: Path | None = None  # the log, once it is open
         self._reached = ReachedPoint()
@@ -110,7 +97,7 @@ class _Simulation:
             with ExitStack() as waiting:  # a signal waits until the log is closed
                 try:
                     with self._open(run, continuation) as recorder:
-                        observers = self._observers(run, recorder, stack)
+                        observers = self._observers(run, recorder)
                         result["startup_time"] = time.perf_counter() - start
                         waiting.enter_context(self._interrupt.deferred())
                         outcome = self._step(run, recorder, observers)
@@ -134,18 +121,16 @@ class _Simulation:
         self, stack: ExitStack, continuation: Continuation | None
     ) -> tuple[PreparedRun, list[dict[str, Any]]]:
         """Run that is ready to step, and its warnings so far."""
-        scene, announce = self._scene, self._announce
+        scene = self._scene
         assembly = assemble(scene)
         mismatches = interface_mismatches(scene, assembly)
         if continuation is None:  # the checks of a log's scene have been compared before its run
             require_signals(scene, assembly.parts)
-        pool = ProcessPool(self._interrupt.signals, announce)
-        detail = getattr(self._narration, "set_detail", announce)
-        loaded = load_scene(scene, assembly, stack, self._logger, self._native, pool, announce, detail)
+        loaded = load_scene(scene, assembly, stack, self._native, ProcessPool(self._interrupt.signals))
         run = PreparedRun.prepare(*loaded, continuation)
         for line in _shared_parameters(run, assembly):
-            announce(f"{scene.name}: {line}")
-        return run, _early_warnings(run, self._logger, mismatches)
+            PROGRESS.info("%s: %s", scene.name, line)
+        return run, _early_warnings(run, mismatches)
 
     @contextmanager
     def _open(self, run: PreparedRun, continuation: Continuation | None) -> Iterator[Recorder]:
@@ -161,14 +146,12 @@ class _Simulation:
                 continuation.copy_records(recorder)
             yield recorder
 
-    def _observers(self, run: PreparedRun, recorder: Recorder, stack: ExitStack) -> list[master.Observer]:
+    def _observers(self, run: PreparedRun, recorder: Recorder) -> list[master.Observer]:
         name, stop = self._scene.name, run.scene.run.stop
-        observers: list[master.Observer] = [self._reached, *run.observers(recorder, self._reached)]
-        if self._narration:
-            observers.append(stack.enter_context(ProgressBar(name, stop, self._narration)))
+        observers: list[master.Observer] = [self._reached, *run.observers(recorder, self._reached), TimeReached(stop)]
         if recorder.replaces:
-            self._announce(f"{name}: the log is {recorder.file} until the run has ended, then {self._path}")
-        self._announce(f"{name}: {stop:g} s are simulated")
+            PROGRESS.info("%s: the log is %s until the run has ended, then %s", name, recorder.file, self._path)
+        PROGRESS.info("%s: %g s are simulated", name, stop)
         return observers
 
     def _step(self, run: PreparedRun, recorder: Recorder, observers: list[master.Observer]) -> master.RunOutcome:
@@ -190,7 +173,7 @@ class _Simulation:
         try:
             with interrupt.deferred(False):
                 if outcome.steps and not interrupt.terminated:
-                    self._announce(f"{run.scene.name}: results are read from the log")
+                    PROGRESS.info("%s: results are read from the log", run.scene.name)
                     entries, found = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
                     _add(result, entries)
                     if estimated and result["status"] == "ok" and isinstance(run.scene, Scene):
@@ -210,7 +193,7 @@ class _Simulation:
             self.log_failure = log_failure or self.log_failure
             return outcome
 
-        self._announce(f"{scene.name}: the error is estimated by runs with longer steps")
+        PROGRESS.info("%s: the error is estimated by runs with longer steps", scene.name)
         self._summary["error"] = estimate.estimate(scene, file, self._summary, companion, in_parts)
 
     def _close(self, recorder: Recorder, outcome: master.RunOutcome) -> None:
@@ -239,21 +222,15 @@ def _shared_parameters(run: PreparedRun, assembly: Assembly) -> Iterator[str]:
             yield shorten(f"{instance.name} gets from the scene {', '.join(given)}", MOST_NARRATED, placeholder=" ...")
 
 
-def _early_warnings(
-    run: PreparedRun, logger: Logger | None, mismatches: Sequence[tuple[str, str]]
-) -> list[dict[str, Any]]:
-    """Return warnings about FMUs of the user (``mismatches``), recording and scene; the logger gets them too."""
+def _early_warnings(run: PreparedRun, mismatches: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
+    """Log and return warnings about FMUs of the user (``mismatches``), recording and scene."""
     has_links = any(component.links for component in run.components.values())
     aliases = run.scene.aliasing_warning if has_links else ""
     sentences = [*mismatches, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
     sentences += [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
-    if logger:
-        for component, text in sentences:
-            logger(component, 1, text)
-        for entry in chain_checks.contact_steps_of_scene(
-            run.scene.resolved()
-        ):  # the validity ledger lists them as well
-            logger(entry.component, 1, entry.sentence)
+    in_ledger = chain_checks.contact_steps_of_scene(run.scene.resolved())  # of validity, not among the warnings
+    for component, text in [*sentences, *((entry.component, entry.sentence) for entry in in_ledger)]:
+        RUN.warning("%s: %s", component, text)
     return [{"component": component, "text": text, "time": 0.0, "count": 1} for component, text in sentences]
 
 
@@ -290,8 +267,8 @@ def record_companion(
     signal ends the run. No failure is raised: it is a status.
     """
     try:
-        with ExitStack() as stack:
-            loaded = load_scene(scene, assemble(scene), stack, None, native, ProcessPool(interrupt.signals))
+        with silent(), ExitStack() as stack:
+            loaded = load_scene(scene, assemble(scene), stack, native, ProcessPool(interrupt.signals))
             return _recorded(PreparedRun.prepare(*loaded), path, interrupt), ""
     except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable, BadInput) as failure:
         return {"status": "failed", "message": str(failure)}, str(failure) if isinstance(failure, LogFailed) else ""

@@ -15,6 +15,7 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from contextvars import copy_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,8 +23,8 @@ from fmus.cache.files import cache_folder, error_text, private_folder, read_chec
 from fmus.monolith.model import content
 from fmus.track.link_outputs import STANDARD
 from fmus.vehicles.tables import BadInput
-from orchestrator.cosim.narration import Narration
 from orchestrator.execution import monolithic
+from orchestrator.files.messages import PROGRESS, silent
 from orchestrator.results.difference import INTERVAL, ObservableDifference, differences_of_logs
 from orchestrator.scene import assembly, footing, kinds, parts, placing, tables
 from orchestrator.scene.kinds import Scene
@@ -55,8 +56,8 @@ class Truth(NamedTuple):
         return self.difference[observable].absolute / (2.0**ORDER - 1.0)
 
 
-def truth(scene: Scene, narration: Narration | None = None) -> Truth:
-    """Find or build the truth of a scene; ``narration`` receives the progress.
+def truth(scene: Scene) -> Truth:
+    """Find or build the truth of a scene.
 
     The truth depends on the physics of the scene and on the sources, not on the communication step nor on the
     components' integrators. Two processes that want the same truth build it once; a damaged one is built again.
@@ -72,9 +73,8 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
             with _locked(folder.with_suffix(".lock")):
                 stored = _stored_figures(folder)
                 if stored is None:
-                    if narration:
-                        narration(f"{scene.name}: its truth is computed by two monolithic runs in short steps")
-                    stored, built = _build(scene, folder, narration), True
+                    PROGRESS.info("%s: its truth is computed by two monolithic runs in short steps", scene.name)
+                    stored, built = _build(scene, folder), True
     except OSError as error:
         raise BadInput(f"truth: it cannot be kept in the cache: {error_text(error)}") from None
     figures = {name: value for name, value in stored.items() if name != "sha256"}
@@ -132,15 +132,15 @@ def key(scene: Scene) -> str:
     return hashlib.sha256("\0".join(hashed).encode()).hexdigest()[:24]
 
 
-def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str, Any]:
+def _build(scene: Scene, folder: Path) -> dict[str, Any]:
     """Do both runs in parallel; move the complete logs into place, then the figures."""
     stop = threading.Event()
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix="fresh-", ignore_cleanup_errors=True) as scratch:
         logs = [Path(scratch) / name for name in LOGS]
         with ThreadPoolExecutor(2) as pool:
             runs = [
-                pool.submit(monolithic.run, scene, log, refine, progress, stop.is_set)
-                for log, refine, progress in zip(logs, (2.0, 1.0), (None, narration), strict=True)
+                pool.submit(copy_context().run, run, scene, log, refine, stop.is_set)
+                for log, refine, run in zip(logs, (2.0, 1.0), (silent()(monolithic.run), monolithic.run), strict=True)
             ]
             try:
                 results = [future.result() for future in runs]

@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
 from ctypes import c_double, c_int, c_uint
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchestrator.cosim.messages import CallMessages, Logger
+from orchestrator.cosim.messages import CallMessages
 from orchestrator.fmi import fmi3
 from orchestrator.fmi.model_description import (
     LIBRARIES,
@@ -225,19 +225,24 @@ def names_of(variables: Sequence[Any]) -> list[str]:
     return [name for variable in variables for name in element_names(variable)]
 
 
-def instantiate(subject: Subject, token: str | None, logger: Logger) -> Any:
+def instantiate(subject: Subject, token: str | None, messages: CallMessages) -> Any:
     """Return a new instance, a slave of ``fmi``; raises ComponentFailed.
 
-    ``token``: another guid or instantiation token than that of the description.
+    ``token``: another guid or instantiation token than that of the description. ``messages`` gets the errors of calls.
     """
-    (folder, description), said = subject.unpacked, CallMessages("checked", logger)
+    folder, description = subject.unpacked
+
+    def receive(status: int, message: str, category: str) -> None:
+        if status > WARNING:
+            messages.receive(status, message, category, 0.0)
+
     require_binary(folder, description, subject.fmu)
     library = load_library(folder, description, subject.fmu)
     made = opening(folder, description, "checked", token or "")
     try:
-        return LIBRARIES[made.version].Slave(library, made, partial(said.receive, time=0.0), subject.enter)
+        return LIBRARIES[made.version].Slave(library, made, receive, subject.enter)
     except NotInstantiated:
-        raise ComponentFailed(said.refusal()) from None
+        raise ComponentFailed(messages.refusal()) from None
 
 
 class Instance(AbstractContextManager["Instance"]):
@@ -249,7 +254,7 @@ class Instance(AbstractContextManager["Instance"]):
 
     def __init__(self, subject: Subject, token: str | None = None) -> None:
         self._subject = subject
-        self._messages: list[str] = []
+        self._messages = CallMessages("checked")
         self._lost = self._running = False
         self._once = bool(subject.description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
         if subject.kept is not None and token is None:
@@ -259,14 +264,10 @@ class Instance(AbstractContextManager["Instance"]):
         if subject.instances and self._once:
             raise NotApplicable("the FMU can be instantiated only once per process")
         try:
-            self.slave = instantiate(subject, token, self._receive)
+            self.slave = instantiate(subject, token, self._messages)
         except ComponentFailed as failure:
             raise (CallRefused if subject.instances or token else NotApplicable)(str(failure)) from None
         subject.instances += 1
-
-    def _receive(self, name: str, status: int, message: str) -> None:
-        if status > WARNING:
-            self._messages.append(" ".join(message.split()))
 
     def attempt(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Call a function of the slave; return its result, a status or a tuple that begins with it."""
@@ -286,7 +287,7 @@ class Instance(AbstractContextManager["Instance"]):
     def _require(self, status: int) -> None:
         if status > WARNING:
             name = self._subject.name(STATUS[status]) if status <= FATAL else str(status)
-            message = f": {self._messages[0]}" if self._messages else ""
+            message = f": {said}" if (said := self._messages.first_error()) else ""
             raise CallRefused(f"{self.slave.failed} has the status {name}{message}")
 
     def set_reals(self, references: Sequence[int], values: Sequence[float] | Floats) -> int:

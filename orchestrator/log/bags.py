@@ -27,12 +27,12 @@ import zstandard
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import AT_ONCE, MEASURED_SAMPLES, OverBudget, open_file
+from orchestrator.files.messages import LOG
 from orchestrator.log.angles import continuous
 from orchestrator.log.container import Container
 from orchestrator.log.extra import library
 from orchestrator.log.measured_formats import BAGS, EXTRA, SHOWN, Choose, FileColumn, Read, Samples
 from orchestrator.log.message_records import LOG_TIME, PREFIX
-from orchestrator.log.notices import notice
 from orchestrator.log.time_series import Floats
 
 NAMES = ("name", "names", "joint_names")  # lists that name the elements of the arrays beside them
@@ -60,10 +60,10 @@ def _listed(folder: Path) -> list[Path]:
     except Exception as error:  # of its own classes, of what is missing
         raise BadInput(f"{about} lists no files of a bag: {' '.join(f'{error}'.split()):.{SHOWN}}") from None
     if missing := sorted({*listed} - {one.name for one in files}):
-        notice(f"{folder}: metadata.yaml lists {', '.join(missing)[:SHOWN]}, which is not there")
+        LOG.warning(f"{folder}: metadata.yaml lists {', '.join(missing)[:SHOWN]}, which is not there")
     wanted = [one for one in files if one.name in listed] or files
     if others := [one.name for one in files if one not in wanted]:
-        notice(f"{folder}: not read is {', '.join(others)[:SHOWN]}, which metadata.yaml does not list")
+        LOG.warning(f"{folder}: not read is {', '.join(others)[:SHOWN]}, which metadata.yaml does not list")
     return wanted
 
 
@@ -149,7 +149,7 @@ def _decoder(path: Path, channel: Channel) -> Callable[[bytes], Any]:
         kind = kind if kind in store.types else next(iter(parsed[0]))  # as rosbags spells it
     elif channel.language == "ros2none":  # .db3, as ROS 2 wrote them until 2023
         store = types.get_typestore(types.Stores.ROS2_HUMBLE)
-        notice(f"{path} has no definitions of its types: those of ROS 2 Humble are taken")
+        LOG.warning(f"{path} has no definitions of its types: those of ROS 2 Humble are taken")
     try:
         store.get_msgdef(kind)
     except KeyError as missing:
@@ -333,7 +333,7 @@ def read_bag(path: Path, choose: Choose, wanted: Collection[str]) -> Read:
     commanding = {topic for topic, kind in kinds.items() if COMMANDS.match(kind)}
     chosen = choose([FileColumn(one.name, one.name, one.unit, True, one.topic in commanding) for one in columns])
     for sentence in dict.fromkeys(samples[k][1] for k in chosen):
-        notice(f"{path}: {sentence}")
+        LOG.warning(f"{path}: {sentence}")
     return {k: samples[k][0] for k in chosen}
 
 

@@ -13,6 +13,7 @@ from mcap.writer import MCAP0_MAGIC
 from orchestrator.files.budget import open_file
 from orchestrator.files.command import is_input
 from orchestrator.files.folders import flaw
+from orchestrator.files.messages import LOG
 from orchestrator.log import notices
 
 try:
@@ -30,13 +31,13 @@ class LogFailed(RuntimeError):
 def prepared_file(path: Path) -> tuple[Path, Path]:
     """Make the folder of a log; return the file it ends as and the one to write: beside an older log, if there is one.
 
-    Issues a LogNotice for each file that a killed run has left. Raises LogFailed, OSError.
+    Logs a warning for each file that a killed run has left. Raises LogFailed, OSError.
     """
     check_writable(path)
     target = target_of(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     for file in left_behind(target):
-        notices.notice(notices.left_behind(file))
+        LOG.warning(notices.left_behind(file))
     return target, beside(target) if target.is_file() else target
 
 

@@ -35,8 +35,8 @@ import numpy as np
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import MEASURED, MEASURED_BINARY, MEASURED_ROWS, MEASURED_SAMPLES, OverBudget, open_file
 from orchestrator.files.columns import csv_lines, head, number
+from orchestrator.files.messages import LOG
 from orchestrator.log.extra import NotInstalled, library
-from orchestrator.log.notices import notice
 from orchestrator.log.time_series import Floats
 
 EXTRA = "measured"
@@ -268,7 +268,7 @@ def _tdms(path: Path, choose: Choose) -> Read:
         stream.seek(0)
         with nptdms.TdmsFile.open(stream) as file:
             if file.file_status.incomplete_final_segment or file.file_status.channel_statuses:
-                notice(f"{path} was cut off: its last segment is incomplete")
+                LOG.warning(f"{path} was cut off: its last segment is incomplete")
             channels = [channel for group in file.groups() for channel in group.channels()]
             present = []
             for c in channels:

@@ -1,8 +1,7 @@
-"""Notices about a log that is read, issued as warnings; commands print them first on stderr."""
+"""Sentences about a log that is read, which a command prints first on stderr."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from textwrap import shorten
@@ -11,10 +10,6 @@ from typing import Any
 from orchestrator import __version__
 
 TOPICS = 200  # characters of a notice
-
-
-class LogNotice(UserWarning):
-    """A sentence about a log that is read."""
 
 
 def cut_off(path: Path, t: float) -> str:
@@ -54,9 +49,3 @@ def other_version(path: Path, versions: Mapping[str, str]) -> str:
     if version == __version__:
         return ""
     return f"{path} was made by cotrack {version}, and this is cotrack {__version__}, which computes other numbers"
-
-
-def notice(sentence: str) -> None:
-    """Issue a LogNotice with the sentence, unless it is empty."""
-    if sentence:
-        warnings.warn(sentence, LogNotice, stacklevel=3)

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.files.budget import DOCUMENT, check_size
+from orchestrator.files.messages import LOG
 from orchestrator.log import log_metadata, notices, seal, signal_names
 from orchestrator.log.angles import continuous, turn_of
 from orchestrator.log.container import KEPT, Container, ForeignLog, LogUnreadable
@@ -50,7 +51,7 @@ class Log(AbstractContextManager["Log"]):
     of the closing record, "" without one; attachments are checked by it when they are read, all by ``seal_faults``.
     ``unsound``: sentence about a run that failed or a log that was cut off, empty for another one.
 
-    :param unfinished: the run may still be going on; otherwise opening a log that was cut off issues a LogNotice.
+    :param unfinished: the run may still be going on; otherwise opening a log that was cut off logs a warning.
     :param by_index: open the log by the summary at its end if this is whole; False: look at every record.
     :param kept: bytes of unpacked messages that stay in memory until the log is closed.
     :raises LogUnreadable: if the file is missing or no log.
@@ -81,8 +82,8 @@ class Log(AbstractContextManager["Log"]):
         self.cut_off = cut_off if is_cut_off else ""
         closing = self.closing or {"status": ""}
         self.unsound = notices.failed(self.path, closing["message"]) if closing["status"] == "failed" else self.cut_off
-        if not unfinished:
-            notices.notice(self.unsound)
+        if self.unsound and not unfinished:
+            LOG.warning(self.unsound)
         self._places: dict[str, tuple[str, int]] = {}
         for topic, about in self.topics.items():
             for column in range(len(about.names)):
@@ -407,20 +408,22 @@ class Log(AbstractContextManager["Log"]):
             raise LogUnreadable(f"{faults[0]}; 'cotrack log recover' writes a log of what it holds now, sealed anew")
 
     def notice_seal(self) -> None:
-        """Issue a LogNotice if the log is not as it was sealed; reads the whole file."""
-        notices.notice("".join(self.seal_faults()))
+        """Log a warning if the log is not as it was sealed; reads the whole file."""
+        for fault in self.seal_faults():
+            LOG.warning(fault)
 
     def check_repeatable(self) -> None:
         """Raise LogUnreadable if the run did not record its inputs, or the log is not as it was sealed.
 
-        Issues a LogNotice if another version ran.
+        Logs a warning if another version ran.
         """
         if self.metadata.get("run", {}).get(log_metadata.INPUTS) == log_metadata.UNRECORDED:
             raise LogUnreadable(
                 f"{self.path} cannot be replayed or resumed: its inputs were not recorded (run.inputs = false)"
             )
         self.check_seal()
-        notices.notice(notices.other_version(self.path, self.metadata.get("versions", {})))
+        if other := notices.other_version(self.path, self.metadata.get("versions", {})):
+            LOG.warning(other)
 
     def checksums(self) -> list[str]:
         """Check attachments and the checksums over all bytes; return faults as sentences (chunks: ``intact``)."""

@@ -22,7 +22,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log import log_metadata, notices, schema, seal
+from orchestrator.files.messages import LOG
+from orchestrator.log import log_metadata, schema, seal
 from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.log_file import LogFailed, log_failed, prepared_file
 from orchestrator.log.message_records import EVENTS_CHANNEL, EVENTS_TOPIC, LONGEST, Event, Messages, event_records
@@ -294,7 +295,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         """Return the file that this log of a run with a status replaces."""
         with suppress(LogUnreadable), Log(self._target, unfinished=True) as earlier:
             if status != "ok" and (earlier.closing or {}).get("status") == "ok":
-                notices.notice(f"{self._target} is kept: its run ended well, and this one did not")
+                LOG.warning("%s is kept: its run ended well, and this one did not", self._target)
                 return self._target.with_name(f"{self._target.stem}{FAILED}{self._target.suffix}")
         return self._target
 

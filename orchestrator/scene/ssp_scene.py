@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 from fmus.fmi.build import start_values
 from fmus.vehicles.tables import BadInput, path_text, value_text
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
+from orchestrator.files.messages import LOG
 from orchestrator.scene.archive.structure import Structure, read_structure
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.fmu_table import Pair
@@ -47,7 +47,7 @@ def load_ssp(file: Path, track: str | None, settings: Sequence[str] | Mapping[st
             raise BadInput(f"{where}: {key}: the FMUs of an archive are as they are: set {', '.join(OPEN[:3])} alone")
     structure = read_structure(file)
     for sentence in structure.ignored:
-        logging.getLogger("cotrack").warning("%s", sentence)
+        LOG.warning("%s", sentence)
     if structure.stop is None and "run.stop" not in dict(pairs(settings)):
         raise BadInput(f"{where}: its DefaultExperiment has no stopTime: run.stop gives one")
     scene = _own_scene(structure, where)
@@ -104,7 +104,7 @@ def _own_scene(structure: Structure, where: str) -> Scene | None:
     if _is_that(structure, assembly):
         return from_table({**table, "fmu": _fmus(structure, scene, assembly)}, where)
     sentence = "%s: parts or connections are not those of its scene: it runs as a free system"
-    logging.getLogger("cotrack").warning(sentence, where)
+    LOG.warning(sentence, where)
     return None
 
 

@@ -9,7 +9,7 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.command import command_scope
-from orchestrator.log.notices import notice
+from orchestrator.files.messages import LOG
 from orchestrator.log.reader import Log, Missing
 from orchestrator.log.time_series import within
 from orchestrator.results import output_files
@@ -87,15 +87,13 @@ def fit(  # noqa: PLR0913, the options of the command
     end: float = math.inf,
     native: bool = False,
     workers: int = 1,
-    told: Callable[[str], None] = lambda text: None,
 ) -> Fitted:
     """Fit numbers of a scene to measured signals; write tables, picture and the fitted scene into the folder.
 
     ``data``: file, or several, which get one set of numbers; "SCENE=FILE" was measured in another scene. ``columns``:
     column of each file by signal, with ``clock`` and ``shift`` as of ``compare``. ``free``: texts ``KEY`` or
     ``KEY=FROM:TO``. ``noise``: standard deviation of a sample by signal, in its unit; it is estimated where it is
-    missing. ``scan``: points of the ranges that are tried as starts. ``start``, ``end``: window, s. ``told`` gets a
-    line at each step of the search.
+    missing. ``scan``: points of the ranges that are tried as starts. ``start``, ``end``: window, s.
 
     ``part``: component that is stepped alone with the inputs that the log ``scene`` has of it.
 
@@ -125,12 +123,12 @@ def fit(  # noqa: PLR0913, the options of the command
     results = [folder / name for name in FILES]
     output_files.check_unread(*results)
     if earlier := [path.name for path in results if path.exists()]:
-        notice(f"in {folder} are replaced: {', '.join(earlier)}")
+        LOG.warning("in %s are replaced: %s", folder, ", ".join(earlier))
     make_folder(folder)
     experiments = tuple(one for one, _, _ in measured)
     clocks = {one.file: one for _, each, _ in measured for one in each}
     numbers += tuple(one for one in clocks.values() if one.low < one.high)
-    task = Objective(experiments, numbers, dict(noise or {}), workers, pool.Store(folder / "cases"), told)
+    task = Objective(experiments, numbers, dict(noise or {}), workers, pool.Store(folder / "cases"))
     notes = [text for *_, each in measured for text in each]
     try:
         found = search(task, scan)

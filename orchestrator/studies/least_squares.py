@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -27,6 +27,7 @@ import numpy as np
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.simulate import simulate
+from orchestrator.files.messages import PROGRESS
 from orchestrator.log.angles import turn_of, turns_beside
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
@@ -79,7 +80,7 @@ class Experiment(NamedTuple):
         """Log a run with other numbers; raises BadInput, RuntimeError where it fails, KeyboardInterrupt."""
         if self.part is not None:
             settings = [f"{key}={number!r}" for key, number in numbers.items()]
-            with open_replay(self.part.log, self.part.component, self.part.track, None, settings) as replay:
+            with open_replay(self.part.log, self.part.component, self.part.track, settings) as replay:
                 if not replay.answer(path):
                     raise BadInput(f"{self.part.log} holds no step of '{self.part.component}'")
             return
@@ -115,7 +116,6 @@ class Objective:
     noise: Mapping[str, float]  # by signal, in its unit; that of others is estimated
     workers: int = 1
     store: pool.Store | None = None
-    told: Callable[[str], None] = lambda text: None
     runs: int = 0
     _values: dict[tuple[float, ...], list[Floats] | str] = field(default_factory=dict)
 
@@ -275,7 +275,7 @@ def search(task: Objective, scanned: int = 0) -> Search:
         again, _ = task.with_found_shifts(u)
         u = u if task.sums([u], noise) <= task.sums([again], noise) else again
     except FitFailed as failure:
-        task.told(f"the first search, by differences over {100.0 * COARSE:g} % of a number, ends: {failure}")
+        PROGRESS.info(f"the first search, by differences over {100.0 * COARSE:g} % of a number, ends: {failure}")
     converged = False
     for _ in range(1 if all(known) else ROUNDS):
         steps, columns, _ = smooth_steps(task, u, noise)
@@ -311,7 +311,7 @@ def _search_from(
         except FitFailed:  # a shorter step is tried
             return np.full(len(columns) + len(u), np.inf)
         r = np.concatenate([d / s for d, s in zip(difference, noise, strict=True)])
-        task.told(f"sum of squares {r @ r:.6g} at {', '.join(f'{x:.8g}' for x in task.numbers(v))}")
+        PROGRESS.info(f"sum of squares {r @ r:.6g} at {', '.join(f'{x:.8g}' for x in task.numbers(v))}")
         sums.append((float(r @ r), v))
         last = [size for size, _ in sums[-STANDS:]]
         if len(last) == STANDS and max(last) - min(last) < min(STILL * min(last), UNFELT):
@@ -352,7 +352,7 @@ def _best_start(task: Objective, scanned: int, noise: Sequence[float]) -> Floats
     if scanned:
         place = ", ".join(f"{x:.6g}" for x in task.numbers(points[best])) if best else "the start"
         failed = f"{int(np.isnan(sums).sum())} runs fail"
-        task.told(f"scan of {scanned} points: {failed}, the least sum of squares {sums[best]:.6g} is at {place}")
+        PROGRESS.info(f"scan of {scanned} points: {failed}, the least sum of squares {sums[best]:.6g} is at {place}")
     return points[best]
 
 

@@ -29,16 +29,14 @@ from multiprocessing.context import SpawnContext
 from pathlib import Path
 
 from pebble import ProcessExpired, ProcessPool
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from fmus.cache.files import write
 from fmus.fmi.build import BuildFailed
 from fmus.vehicles.tables import BadInput
 from orchestrator.cosim.program import processors
+from orchestrator.files.messages import LOG, PROGRESS, silent
 from orchestrator.log.extra import installation
 from orchestrator.log.log_file import LogFailed
-from orchestrator.log.notices import notice
 from orchestrator.studies import Case, Row
 
 ROOT = str(Path(__file__).resolve().parents[2])  # folder of our packages
@@ -55,7 +53,7 @@ def attempt(case: Case) -> CaseResult:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # of overflow; the rows have what became of it
-            rows = Context().run(case.function, *case.arguments)  # its faults are its own, not the command's
+            rows = Context().run(silent()(case.function), *case.arguments)  # its faults are not the command's
         return [replace(row, item=row.item or case.item, case=row.case or case.name) for row in rows], True
     except Exception as error:
         cause: BaseException | None = error
@@ -82,7 +80,7 @@ def run(
             rows_of[k] = stored
             done(case, stored)
     if store and store.unanswered:
-        notice(f"runs that the machine failed are done again: {store.unanswered}")
+        LOG.warning("runs that the machine failed are done again: %d", store.unanswered)
         store.unanswered = 0
     remaining = sorted(set(range(len(cases))) - set(rows_of), key=lambda k: -cases[k].seconds)
     if scheduler is not None:
@@ -194,31 +192,17 @@ def _single_threads() -> Iterator[None]:
             del os.environ[name]
 
 
-@contextmanager
-def progress_bar(
-    title: str, count: int, told: Callable[[Rows], str] = lambda rows: ""
-) -> Iterator[Callable[[Case, Rows], None]]:
-    """Callback for each finished case: a progress bar if stderr is a terminal, else one line each.
+def finished_cases(count: int, told: Callable[[Rows], str]) -> Callable[[Case, Rows], None]:
+    """Return a function that logs each finished case of ``count`` as progress, with what is ``told`` of its rows."""
+    done, began = itertools.count(1), time.monotonic()
 
-    ``told``: what is said of the rows of a case.
-    """
-    console, done, began = Console(stderr=True), itertools.count(1), time.monotonic()
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-        TextColumn("{task.fields[last]}"),
-    )  # fmt: skip
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(title, total=count, last="")
+    def finished(case: Case, rows: Rows) -> None:
+        number, spent = next(done), time.monotonic() - began
+        left = f"; {spent / number * (count - number):.0f} s left" if spent > LONG and number < count else ""
+        text, counted = "%d/%d %s%s%s", {"done": number, "of": count}
+        PROGRESS.info(text, number, count, case.name, told(rows), left, extra=counted)
 
-        def tell(case: Case, rows: Rows) -> None:
-            bar.update(task, advance=1, last=case.name)
-            number, spent = next(done), time.monotonic() - began
-            left = f"; {spent / number * (count - number):.0f} s left" if spent > LONG and number < count else ""
-            text = f"{number}/{count} {case.name}{told(rows)}{left}"
-            if told(rows) or not console.is_terminal:
-                console.print(text, markup=False, highlight=False, soft_wrap=True)
-
-        yield tell
+    return finished
 
 
 PACKAGES = ("fmus", "orchestrator")

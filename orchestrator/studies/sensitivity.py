@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmus.vehicles.tables import BadInput
+from orchestrator.files.messages import PROGRESS
 from orchestrator.log.time_series import Floats
 from orchestrator.results import output_files
 from orchestrator.results.measures import OBSERVABLES
@@ -69,7 +70,6 @@ def sensitivity(
     figures: Sequence[str] = (),
     native: bool = False,
     workers: int = 1,
-    told: Callable[[str], None] = lambda text: None,
 ) -> tuple[Sensitivity, list[Path]]:
     """Derivatives of the figures of a scene by its numbers; write tables and a picture into the folder ``output``.
 
@@ -82,7 +82,7 @@ def sensitivity(
     found, folder = numbers_of(loaded, keys), Path(output)
     make_folder(folder)
     store = pool.Store(folder / "cases")
-    result = _derivatives(loaded, found, wanted, native, workers, store, told)
+    result = _derivatives(loaded, found, wanted, native, workers, store)
     exact = result.table()
     derivatives = Table.of_records(
         "", [Column("key", "key"), *map(figure_column, result.figures)],
@@ -126,7 +126,7 @@ def _changed(scene: Scene, key: str, value: float, h: float) -> tuple[float, Sce
 
 def _derivatives(
     scene: Scene, numbers: dict[str, float], wanted: tuple[WantedFigure, ...], native: bool, workers: int,
-    store: pool.Store, told: Callable[[str], None],
+    store: pool.Store,
 ) -> Sensitivity:  # fmt: skip
     def case(name: str, one: Scene) -> Case:
         return Case(scene.name, name, run_case, (one, native, False, None, wanted), one.run.stop, math.inf)
@@ -149,7 +149,7 @@ def _derivatives(
             for change, one in filter(None, pair):
                 changes.append((key, change))
                 cases.append(case(f"{key} {100.0 * change:+g} %", one))
-        told(f"steps of {100.0 * h:g} %: {len(cases)} runs")
+        PROGRESS.info("steps of %g %%: %d runs", 100.0 * h, len(cases))
         rows = dict(zip(changes, pool.run(cases, workers, None, store), strict=True))
         for (key, once), (_, twice) in zip(changes[::2], changes[1::2], strict=True):
             both = [_slopes(rows[key, change], names, middle, change) for change in (once, twice)]

@@ -35,7 +35,7 @@ def cost(fmu: Path, n: int, in_process: bool, steps: int = STEPS) -> float:
     table = {"name": "g", "title": "g", "assembly": "fmus", "fmu": fmus, "connections": connections}
     scene = any_from_table(table | {"run": {"step": H, "stop": steps * H}}, "guests.toml")
     with ExitStack() as stack:
-        placed, graph, components = load_scene(scene, assemble(scene), stack, None)
+        placed, graph, components = load_scene(scene, assemble(scene), stack)
         scheme = stack.enter_context(coupling(placed.run.coupling.scheme)(wire(graph, components)))
         scheme.advance(0.0, H)
         with quiet():

@@ -80,7 +80,7 @@ def pieces_of(scene: Scene, native: bool, pieces: int, steps: int, log: Path) ->
     """Wall times of pieces, s; every second one is recorded, the first is not."""
     h, coupling, period = scene.run.step, scene.run.coupling, scene.run.checkpoints
     with ExitStack() as stack:
-        placed, graph, components = load_scene(scene, assemble(scene), stack, None, native)
+        placed, graph, components = load_scene(scene, assemble(scene), stack, native)
         scheme = stack.enter_context(class_of(coupling.scheme)(wire(graph, components), **coupling.options()))
         recorder = stack.enter_context(open_log(log, placed, graph, components, scheme))
         logging = Logging(recorder, list(components.values()), max(1, round(STATS_PERIOD / h)))

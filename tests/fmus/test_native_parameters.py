@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
+from logged import logged
 from native_cases import CHASSIS, DRIVE, FEW, MANY, H, begun, ran, raw
 
 from fmus.chassis.tree import BODY, WHOLE
@@ -174,16 +175,16 @@ def test_a_mass_that_is_set_alone_is_said_once(factor):
     """More mass m on the springs of the start falls with m g over the mass of the hull, to which leaves add a part."""
     run = ran(CHASSIS._replace(settings=("run.stop=1 s", "run.step=1 ms"), steps=3))  # on level ground
     mass = {"chassis.mass": factor * numbers.values(run.part.config)["chassis.mass"]}
-    model, messages = type(run.member.model)(numbers.with_values(run.part.config, mass)), []
+    model = type(run.member.model)(numbers.with_values(run.part.config, mass))
     model.initialise(run.part.parameters)
     file = build_native(run.part.kind, with_constants(run.part.kind, run.part.config, run.part.parameters))
-    with Component(file, "chassis", lambda name, status, text: messages.append(text)) as component:
+    with logged() as messages, Component(file, "chassis") as component:
         component.initialise(run.part.parameters | mass)
         for k in range(3):
             model.step(k * H, H, run.u[k])
             stepped(component, run.u[k], k * H)
     warnings, tree = model.warnings(), model.tree
-    assert warnings == messages
+    assert [f"chassis: {warning}" for warning in warnings] == messages
     assert len(warnings) == (factor != 1.0)
     for warning in warnings:
         push = (1.0 - 1.0 / factor) * mass["chassis.mass"] * tree.gravity[0]

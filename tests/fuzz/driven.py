@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from fmpy.fmi3 import fmi3Byte
 
+from orchestrator.cosim.messages import CallMessages
 from orchestrator.fmi.fmu_files import unpack
 from orchestrator.fmi.model_description import describe
 from orchestrator.fmu_check.instance import Subject, instantiate
@@ -21,6 +22,19 @@ LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3  # kinds of a status
 
 class Wrong(AssertionError):
     """A call that did what the rules do not allow."""
+
+
+class _Errors(CallMessages):
+    """Errors of an instance, in a list of the caller."""
+
+    def __init__(self, texts: list[str]) -> None:
+        super().__init__("fuzzed")
+        self._texts = texts
+
+    def receive(self, status: int, message: str, category: str, time: float) -> None:
+        """Keep the message, unless it is a traceback."""
+        if not message.startswith("Traceback"):
+            self._texts.append(message)
 
 
 class Driven:
@@ -50,7 +64,7 @@ class Driven:
     def _instantiated(self, fmu: Path) -> tuple[Any, Any]:
         """Description and slave."""
         subject = Subject(fmu)
-        return subject.description, instantiate(subject, None, lambda name, status, text: self._heard(status, text))
+        return subject.description, instantiate(subject, None, _Errors(self.messages))
 
     def _start(self, variable: Any) -> Any:
         return float(variable.start)
@@ -58,10 +72,6 @@ class Driven:
     def _of(self, function: str) -> Any:
         """Function of the library by its name in FMI 2.0, without prefix."""
         return getattr(self.library, f"fmi2{function}")
-
-    def _heard(self, status: int, text: str) -> None:
-        if status >= DISCARD and not text.startswith("Traceback"):
-            self.messages.append(text)
 
     def close(self) -> None:
         """Free the saved states and the instance."""

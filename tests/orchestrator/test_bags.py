@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from logged import logged
 from mcap.writer import Writer
 from measured_files import SPEED, UNITS, T, measured_run
 from scene_files import toml_lines
@@ -18,7 +19,6 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.cli import inventory
 from orchestrator.log.bags import contents
 from orchestrator.log.container import LogUnreadable
-from orchestrator.log.notices import LogNotice
 from orchestrator.results.measured_record import read
 from orchestrator.scene.commented_file import scene_text
 from orchestrator.scene.data_files import read_files
@@ -146,13 +146,12 @@ def test_each_kind_of_bag_gives_the_figures_of_csv(run, kinds, tmp_path, form):
             plugin, _, mode = form.replace("folder", "MCAP").partition(" ")
             file = write(tmp_path / f"{is_same}", kinds, odometry(kinds, v), plugin, mode)
             file = file.parent if form == "folder" else file
-        with pytest.warns(LogNotice, match="receipt" if form in ("json", "lz4", "loose") else "header.stamp"):
+        with logged("receipt" if form in ("json", "lz4", "loose") else "header.stamp"):
             found = run.compare_measured(file, {**COLUMN})
         assert (figures(found) == pytest.approx(figures(from_csv), abs=1e-12, rel=0.0)) == is_same
         assert found.notes == ("'/odom.twist.twist.linear.x' has no unit and is taken in m/s",)
 
 
-@pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
 def test_a_comparison_comes_to_the_noise(run, kinds, tmp_path):
     """Noise of 0.05 m/s, a clock of its own, messages out of order; with the times of receipt it is twice as much."""
     chance = np.random.default_rng(1)
@@ -177,17 +176,17 @@ def test_stamps_count_and_messages_that_came_late_are_sorted(kinds, tmp_path):
     messages.append((0.35, kinds.odometry(t[9], -1.0)))
     file = write(tmp_path / "a", kinds, {"/odom": messages})
     told = "/odom are those of header.stamp; 1 of 11 came late, by up to 0.03 s, and are sorted; 1 with the time of an"
-    with pytest.warns(LogNotice, match=told):
+    with logged(told):
         (found,) = read(file, COLUMN, UNITS.get)
     assert found.t == pytest.approx(t - 0.25, abs=1e-9)
     assert found.values == pytest.approx(100.0 * t, abs=1e-9)
     unset = [(x, kinds.odometry(1e-9 * -START, 1.0)) for x in t]
-    with pytest.warns(LogNotice, match="those of receipt$"):
+    with logged("those of receipt$"):
         assert read(write(tmp_path / "b", kinds, {"/odom": unset}), COLUMN, UNITS.get)[0].t == pytest.approx(
             t, abs=1e-9
         )
     other = [(x, kinds.odometry(x - 1e9, 1.0)) for x in t]  # since boot
-    with pytest.warns(LogNotice, match="another clock"):
+    with logged("another clock"):
         assert read(write(tmp_path / "c", kinds, {"/odom": other}), COLUMN, UNITS.get)[0].t == pytest.approx(
             t, abs=1e-6
         )
@@ -202,7 +201,7 @@ def test_topics_of_one_clock_have_one_zero(kinds, tmp_path):
     boot = [(2.0 * x, kinds.odometry(2.0 * x - 1e9, x)) for x in t[3:]]
     file = write(tmp_path / "a", kinds, {"/joints": joints, "/odom": odometry, "/boot": boot})
     other = {"chassis.force": "/joints.velocity[l]", "chassis.slip": "/boot.twist.twist.linear.x"}
-    with pytest.warns(LogNotice, match="of another clock, on which 10 s is 0$"):
+    with logged("of another clock, on which 10 s is 0$"):
         joint, since_boot, speed = read(file, {**other, **COLUMN}, UNITS.get)
     assert speed.t == pytest.approx(t, abs=1e-9)
     assert joint.t == pytest.approx(t[15:], abs=1e-9)  # not 0, and not 3 s, its receipt
@@ -218,9 +217,7 @@ def test_stamps_that_are_not_set_or_hours_off_are_times_of_receipt(run, kinds, c
         stamps = np.where((t > 0.995) & (t < 1.015), fault, t)
         messages = [(x + 0.001, kinds.odometry(at, 100.0 * x)) for x, at in zip(t, stamps, strict=True)]
         file = write(tmp_path / "a", kinds, {"/odom": messages})
-        with pytest.warns(
-            LogNotice, match="header.stamp; 2 of 200, without one or hours from the others, stand at the"
-        ):
+        with logged("header.stamp; 2 of 200, without one or hours from the others, stand at the"):
             (found,) = read(file, COLUMN, UNITS.get)
         assert found.t == pytest.approx(t - 0.001 + 0.001 * (stamps != t), abs=1e-9)
         assert found.values == pytest.approx(100.0 * t)
@@ -243,7 +240,7 @@ def test_a_folder_is_the_files_of_its_metadata(kinds, tmp_path):
     write(tmp_path / "b", kinds, {"/odom": [(x - 1e5, kinds.odometry(x - 1e5, 9.0)) for x in t]})
     file = write(tmp_path / "a", kinds, {"/odom": [(x, kinds.odometry(x, x)) for x in t]})
     shutil.copy(tmp_path / "b" / "b.mcap", tmp_path / "a" / "other.mcap")
-    with pytest.warns(LogNotice, match="not read is other.mcap, which metadata.yaml does not list"):
+    with logged("not read is other.mcap, which metadata.yaml does not list"):
         (found,) = read(tmp_path / "a", COLUMN, UNITS.get)
     assert found.values == pytest.approx(t)
     (file.parent / "metadata.yaml").unlink()
@@ -252,14 +249,14 @@ def test_a_folder_is_the_files_of_its_metadata(kinds, tmp_path):
         shutil.copy(part, tmp_path / "a" / f"part_{k}.mcap")
     for name in ("a.mcap", "other.mcap"):
         (tmp_path / "a" / name).unlink()
-    with pytest.warns(LogNotice) as told:
+    with logged(".") as told:
         (found,) = read(tmp_path / "a", COLUMN, UNITS.get)
     assert len(found.t) == 72
-    assert not any("late" in str(one.message) for one in told)
+    assert not any("late" in sentence for sentence in told)
     (tmp_path / "a" / "metadata.yaml").write_text(
         "rosbag2_bagfile_information: {relative_file_paths: [part_3.mcap, x.db3]}"
     )
-    with pytest.warns(LogNotice, match="lists x.db3, which is not there"):
+    with logged("lists x.db3, which is not there"):
         assert len(read(tmp_path / "a", COLUMN, UNITS.get)[0].t) == 6
     (tmp_path / "a" / "metadata.yaml").write_text("[")
     with pytest.raises(BadInput, match=r"metadata\.yaml lists no files of a bag"):
@@ -278,14 +275,14 @@ def test_orientations_and_numbers_that_are_none_are_gaps(kinds, tmp_path):
         none = np.zeros(9)
         messages.append((x, k["Imu"](kinds.header(x), q, covariance, kinds.vector(), none, kinds.vector(), none)))
     file = write(tmp_path / "a", kinds, {"/imu": messages})
-    with pytest.warns(LogNotice, match="3 of 20 have no orientation and are gaps"):
+    with logged("3 of 20 have no orientation and are gaps"):
         (found,) = read(file, {"chassis.slip": "/imu.orientation.heading"}, lambda name: "rad")
     assert np.flatnonzero(np.isnan(found.values)).tolist() == [0, 8, 12]
     known = ~np.isnan(found.values)
     assert found.values[known] == pytest.approx(yaw[known], abs=1e-9)
     texts = {x: json.dumps({"v": None if x < 0.25 else x}).encode() for x in t}
     file = write_mcap(tmp_path / "b.mcap", ("/v", "json", ("V", "jsonschema", b"{}"), texts))
-    with pytest.warns(LogNotice):
+    with logged("."):
         assert read(file, {"chassis.slip": "/v"}, UNITS.get)[0].values == pytest.approx(t[3:])
     assert contents(file)["/v"]["numbers"] == ["/v.v"]
     frame = kinds.kind["TransformStamped"]
@@ -296,7 +293,7 @@ def test_orientations_and_numbers_that_are_none_are_gaps(kinds, tmp_path):
         ]))
         for x in t
     ]  # fmt: skip
-    with pytest.warns(LogNotice):
+    with logged("."):
         (found,) = read(
             write(tmp_path / "c", kinds, {"/tf": moves}),
             {"chassis.slip": "/tf.transforms[b].transform.translation.x"}, UNITS.get,
@@ -305,7 +302,6 @@ def test_orientations_and_numbers_that_are_none_are_gaps(kinds, tmp_path):
     assert len(found.t) == 40
 
 
-@pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
 def test_elements_have_numbers_or_names(kinds, tmp_path):
     """Two nodes publish their joints in one topic; transforms are named by their frames."""
     t = 0.1 * np.arange(6)
@@ -339,7 +335,6 @@ def test_elements_have_numbers_or_names(kinds, tmp_path):
             read(file, {"chassis.slip": column}, UNITS.get)
 
 
-@pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
 def test_quaternions_become_angles(kinds, tmp_path):
     """Heading beyond half a turn, nose down 0.2 rad, right side down 0.1 rad: q = q_z q_y q_x."""
     t, headings = 0.1 * np.arange(50), 0.15 * np.arange(50)
@@ -360,7 +355,6 @@ def test_quaternions_become_angles(kinds, tmp_path):
         read(file, {"chassis.speed": "/q.heading"}, UNITS.get)
 
 
-@pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
 def test_fixes_become_metres_from_the_first(kinds, tmp_path):
     """Radii of curvature of the ellipsoid of GPS at 48 degrees; two messages come before the first fix."""
     pytest.importorskip("pyproj")
@@ -384,7 +378,6 @@ def test_fixes_become_metres_from_the_first(kinds, tmp_path):
     assert of_bare.values == pytest.approx(north.values[2:], abs=1e-9)
 
 
-@pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
 def test_a_drive_takes_a_column(kinds, tmp_path):
     """A factor makes a speed one of a sprocket, a start leaves out what was before."""
     t = 0.5 * np.arange(9)
@@ -414,7 +407,6 @@ def test_show_tells_how_points_go_on():
     assert told == ", speed holds from point to point, steering.torque is linear between points"
 
 
-@pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
 def test_commands_hold_and_measured_speeds_are_linear(kinds, tmp_path, monkeypatch):
     """By the type of their messages, where the scene does not say; points of a setting are no commands."""
     twist = kinds.kind["Twist"](kinds.vector(0.3), kinds.vector())
@@ -449,7 +441,6 @@ def test_commands_hold_and_measured_speeds_are_linear(kinds, tmp_path, monkeypat
         load("straight", None, ["drive.interpolation='hold'"])
 
 
-@pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
 def test_what_is_not_asked_for_is_not_unpacked(tmp_path):
     """Another topic has no definition, and its chunks are damaged; in the same chunks the damage is told."""
     texts = {t: b'{"v": 1.0}' for t in (0.0, 0.1)}
@@ -468,7 +459,6 @@ def test_what_is_not_asked_for_is_not_unpacked(tmp_path):
             assert "recover" not in str(told.value)
 
 
-@pytest.mark.filterwarnings("ignore::orchestrator.log.notices.LogNotice")
 def test_a_database_without_definitions_has_those_of_humble(run, kinds, tmp_path):
     file = write(tmp_path / "a", kinds, odometry(kinds), "SQLITE3")
     for kind in ("nav_msgs/msg/Odometry", "their_msgs/msg/Odometry"):
@@ -478,7 +468,7 @@ def test_a_database_without_definitions_has_those_of_humble(run, kinds, tmp_path
             base.execute("UPDATE topics SET type = ?", (kind,))
         base.close()
         if kind.startswith("nav"):
-            with pytest.warns(LogNotice, match="Humble"):
+            with logged("Humble"):
                 assert read(file.parent, COLUMN, UNITS.get)[0].values == pytest.approx(V_TEST, abs=1e-12)
         else:
             with pytest.raises(BadInput, match="no definition of its type 'their_msgs/msg/Odometry'"):
@@ -545,7 +535,7 @@ def test_a_robot_at_rest_is_read(tmp_path):
     messages = {1e-3 * k: struct.pack("<Id", 256, 2.0) for k in range(20_000)}
     file = write_mcap(tmp_path / "a.mcap", ("/v", "cdr", about, messages))
     assert file.stat().st_size < 500_000
-    with pytest.warns(LogNotice):
+    with logged("."):
         assert set(read(file, {"chassis.slip": "/v"}, UNITS.get)[0].values) == {2.0}
     assert contents(file)["/v"]["numbers"] == ["/v.data"]
 
@@ -555,7 +545,7 @@ def test_a_database_whose_path_means_another_one_is_refused(run, kinds, tmp_path
     file = write(tmp_path / "a", kinds, odometry(kinds), "SQLITE3")
     for name in ("run1.db3", "run%31.db3"):
         shutil.copy(file, tmp_path / name)
-    with pytest.warns(LogNotice):
+    with logged("."):
         read(tmp_path / "run1.db3", COLUMN, UNITS.get)
     with pytest.raises(BadInput, match="rename it"):
         read(tmp_path / "run%31.db3", COLUMN, UNITS.get)

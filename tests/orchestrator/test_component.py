@@ -1,7 +1,7 @@
 """A component is any FMI 2.0 co-simulation FMU: its arrays and its messages."""
 
+import logging
 import re
-import threading
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 
@@ -11,6 +11,7 @@ from built_toy import build_toy
 
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.program import Program, Stage
+from orchestrator.files.messages import RUN
 from orchestrator.fmi.fmu_files import unpack
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.kernels.compiled import CAN_STEP
@@ -102,13 +103,9 @@ def test_values_are_copied_where_they_lie(toy, tmp_path):
     assert len(set(bits.values())) == len(bits) // 2
 
 
-def test_components_step_side_by_side_in_threads(toy):
+def test_components_step_side_by_side_in_threads(toy, caplog):
     """Each has its own numbers, failures and messages."""
-    heard, lock = [], threading.Lock()
-
-    def logger(name, status, message):
-        with lock:
-            heard.append((name, status))
+    caplog.set_level(logging.DEBUG, RUN.name)
 
     def run(component):
         component.initialise({})
@@ -126,14 +123,15 @@ def test_components_step_side_by_side_in_threads(toy):
         return y
 
     with (
-        Component(toy, "one", logger) as one,
-        Component(toy, "two", logger) as two,
-        Component(toy, "three", logger) as three,
+        Component(toy, "one") as one,
+        Component(toy, "two") as two,
+        Component(toy, "three") as three,
         ThreadPoolExecutor(2) as pool,
     ):
         alone, *both = run(three), *pool.map(run, (one, two))
     assert all(np.array_equal(each, alone) for each in both)
-    assert sorted(heard) == [(name, 3) for name in ("one", "three", "two") for _ in range(2)]  # message and traceback
+    heard = sorted(message.partition(":")[0] for message in caplog.messages)
+    assert heard == ["one", "one", "three", "three", "two", "two"]  # message and traceback
 
 
 @pytest.mark.skipif(not CAN_STEP, reason="no kernels for this system")

@@ -11,6 +11,7 @@ from made_logs import made
 from scipy.stats import chi2
 
 from orchestrator.execution.simulate import simulate
+from orchestrator.files.progress import Progress
 from orchestrator.log.reader import Log
 from orchestrator.results.measured_record import MeasuredSignal
 from orchestrator.results.run_data import EVER, RunData
@@ -309,11 +310,11 @@ def test_small_valleys_are_crossed(truth, monkeypatch):
 
 def test_a_first_search_whose_runs_fail_is_told_and_the_second_goes_on(monkeypatch):
     """Runs fail farther from the start than the second search goes, and nearer than the differences of the first."""
-    task, told = formula(lambda a: a * S, [1.02], [START], None), []
+    task = formula(lambda a: a * S, [1.02], [START], None)
     values = task.values
     monkeypatch.setattr(task, "values", lambda at: ["no rest" if abs(u[0]) > 0.05 else values([u])[0] for u in at])
-    task.told = told.append
-    assert task.numbers(search(task).u) == pytest.approx([1.02], abs=1e-9)
+    with Progress("fit", (told := []).append):
+        assert task.numbers(search(task).u) == pytest.approx([1.02], abs=1e-9)
     assert told[0] == "the first search, by differences over 10 % of a number, ends: no rest"
 
 
@@ -393,9 +394,9 @@ def test_chi_squared_is_judged_by_samples_and_signals(off):
 def test_a_search_stops_where_the_sum_of_squares_stands_still(stands, monkeypatch):
     """Runs round by far more than steps of derivatives do: without the rule the search goes on."""
     monkeypatch.setattr(least_squares, "STANDS", stands)
-    task, told = formula(lambda a, b: a + b * S + 1e-5 * np.sin(1e8 * (a + b * S)), [2.0, 3.0], [START] * 2), []
-    task.told = told.append
-    end = search(task)
+    task = formula(lambda a, b: a + b * S + 1e-5 * np.sin(1e8 * (a + b * S)), [2.0, 3.0], [START] * 2)
+    with Progress("fit", (told := []).append):
+        end = search(task)
     assert end.converged
     assert (len(told) < 10) == (stands != 99)
 

@@ -14,10 +14,11 @@ import foreign_fmus
 import numpy as np
 import pytest
 from foreign_fmus import Variable
+from logged import logged
 
-from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.processes import server, supervisor
 from orchestrator.execution.simulate import simulate
+from orchestrator.files.progress import Progress
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
@@ -55,9 +56,9 @@ def entry(guest, manner=0, **more):
     return {"file": str(guest), "parameters": {"manner": manner, "when": WHEN}, **more}
 
 
-def run(tmp_path, fmus, connections=(), logger=None, **more):
+def run(tmp_path, fmus, connections=(), **more):
     path = tmp_path / "guests.mcap"
-    return simulate(any_from_table(table(fmus, connections, **more), "guests.toml"), path, logger), path
+    return simulate(any_from_table(table(fmus, connections, **more), "guests.toml"), path), path
 
 
 def outputs(path, name="a"):
@@ -255,8 +256,9 @@ def test_a_run_that_hangs_can_be_interrupted(guest, tmp_path, number, when):
 ])  # fmt: skip
 def test_what_a_guest_has_started_ends_with_it(guest, tmp_path, manner, said):
     """A child holds the guest's end of the connection and of stdout, also as a copy without a program of its own."""
-    began, lines = time.monotonic(), []
-    summary, _ = run(tmp_path, {"a": entry(guest, manner, call_limit=0.3)}, logger=lambda *line: lines.append(line[2]))
+    began = time.monotonic()
+    with logged() as lines:
+        summary, _ = run(tmp_path, {"a": entry(guest, manner, call_limit=0.3)})
     assert time.monotonic() - began < 5.0  # the child lasts 30 s or for ever
     assert summary["message"].startswith(said)
     assert summary["status"] == ("failed" if said else "ok")
@@ -305,7 +307,8 @@ def test_a_run_that_is_interrupted_at_the_end_of_a_guest_is_whole(guest, tmp_pat
     told.lines = []
     monkeypatch.setattr(supervisor, "PATIENCE", 0.2)
     scene = any_from_table(table({"a": entry(guest, HANGS_AT_END)}), "guests.toml")
-    summary = simulate(scene, tmp_path / "guests.mcap", narration=Narration(told))
+    with Progress("run", told):
+        summary = simulate(scene, tmp_path / "guests.mcap")
     assert (summary["status"], summary["message"], summary["simulated_time"]) == ("ok", "", STOP)
     assert [each["text"] for each in summary["warnings"]] == ["fmi2Terminate was interrupted"]
 
@@ -317,8 +320,8 @@ def test_an_error_of_the_initialisation_names_call_and_time(guest, tmp_path):
 
 
 def test_messages_of_a_call_are_bounded_and_counted(guest, tmp_path):
-    lines = []
-    summary, _ = run(tmp_path, {"a": entry(guest, FLOODS)}, logger=lambda *line: lines.append(line[2]))
+    with logged() as lines:
+        summary, _ = run(tmp_path, {"a": entry(guest, FLOODS)})
     said = [each for each in summary["warnings"] if "left out" in each["text"]]
     assert [(each["text"], each["count"]) for each in said] == [
         (f"{5000 - server.MAX_MESSAGES} further messages left out", 33)

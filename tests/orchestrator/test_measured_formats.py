@@ -5,6 +5,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from logged import logged
 from made_logs import made
 from measured_files import (
     FORCE,
@@ -26,7 +27,6 @@ from mutated import Content
 from fmus.vehicles.tables import BadInput
 from orchestrator.log import measured_formats
 from orchestrator.log.export import export
-from orchestrator.log.notices import LogNotice
 from orchestrator.results.measured_record import read
 
 T_TEST = 5.0 * STEP * np.arange(301)  # of the test, which ends earlier
@@ -98,7 +98,7 @@ def test_a_record_of_tdms_that_was_cut_off_is_read_with_a_notice(run, cotrack, t
     status, out, err = cotrack("compare", run.log, file.name, "--map", "chassis.speed=v")
     assert (status, err) == (0, "cotrack: m.tdms was cut off: its last segment is incomplete\n")
     assert out.splitlines()[-1].split()[-2] == "200"  # of 301
-    with pytest.warns(LogNotice):
+    with logged("."):
         (found,) = read(file, SPEED_V, UNITS.get)
     assert found.values * 3.6 == pytest.approx(V_TEST[:200], abs=1e-12)
 

@@ -1,18 +1,17 @@
 """First messages of readers: for a log that was cut off, and for one of another version."""
 
 import shutil
-import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 from life_logs import log_of
+from logged import logged
 from recorded import record_in_chunks
 
 import orchestrator as cotrack_package
 from fmus.vehicles.tables import BadInput
 from orchestrator.execution.simulate import simulate
-from orchestrator.log import notices
 from orchestrator.log.reader import Log
 from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import load
@@ -49,10 +48,10 @@ READERS = (
 def test_every_reading_command_says_first_that_a_log_was_cut_off(cotrack, cut, command):
     paths = {"LOG": cut / "cut.mcap", "WHOLE": cut / "whole.mcap"}
     status, _, err = cotrack(*(paths.get(word, word) for word in command))
-    with pytest.warns(notices.LogNotice) as said, Log(paths["LOG"]) as log:
+    with logged(".") as said, Log(paths["LOG"]) as log:
         last = max(float(log.read(topic).t[-1]) for topic in ("/chain/out", "/chain/links"))
     assert status == 0, err
-    assert [str(one.message) for one in said] == [log.cut_off]
+    assert said == [log.cut_off]
     sentence = f"{paths['LOG']} was cut off at t = {last:.6g} s: no closing record"
     assert err.splitlines()[0] == f"cotrack: {sentence}"
     assert err.count("was cut off") == 1, "the message appears once"
@@ -74,20 +73,20 @@ def test_whole_logs_and_logs_of_runs_say_nothing(cotrack, cut, tmp_path):
         assert (status, err) == (0, "")
     with Log(cut / "whole.mcap") as log:
         assert log.metadata["versions"]["cotrack"] == cotrack_package.__version__ != "0.1.0"
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", notices.LogNotice)
+    with logged() as said:
         log = record_in_chunks(tmp_path / "a.mcap")
         with Log(log):
             pass
         simulate(load("hanging_chain", "flexible", ("run.stop=0.02 s",)), tmp_path / "b.mcap", estimated=True)
+    assert said == []
 
 
 def test_functions_of_python_warn_and_pages_say_it_at_their_top(cut, tmp_path):
-    with pytest.warns(notices.LogNotice, match="no closing record"):
+    with logged("no closing record"):
         cotrack_package.compare(cut / "cut.mcap", cut / "whole.mcap")
     for logs in (("whole", "cut"), ("cut",)):
         one, *other = (cut / f"{name}.mcap" for name in logs)
-        with pytest.warns(notices.LogNotice, match="no closing record"):
+        with logged("no closing record"):
             cotrack_package.report(one, tmp_path / "p.html", *other)
         assert "cut.mcap was cut off at t = " in (tmp_path / "p.html").read_text(encoding="utf-8").split("<nav")[0]
 

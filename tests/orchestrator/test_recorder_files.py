@@ -12,13 +12,13 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from logged import logged
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from recorded import STEP, TOPICS, disk, record, values, write_steps
 
 from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.log_file import LogFailed, check_writable, growing_log, left_behind
-from orchestrator.log.notices import LogNotice
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
@@ -182,7 +182,7 @@ def test_a_killed_run_leaves_the_older_log_and_its_own(tmp_path):
     assert verify(path).code == WHOLE
     with Log(tmp_path / "a.running.mcap", unfinished=True) as log:
         assert log.read("/a/out").values.tolist() == [[7.0]]
-    with pytest.warns(LogNotice, match=r"a\.running\.mcap was left by a run that was killed: 'cotrack resume'"):
+    with logged(r"a\.running\.mcap was left by a run that was killed: 'cotrack resume'"):
         record(path, steps=20)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.mcap", "a.running.mcap"]
     assert verify(path).sentences[0].endswith("20 steps")

@@ -18,6 +18,7 @@ from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary_text import lines
+from orchestrator.files.progress import Progress
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, system
@@ -250,14 +251,10 @@ def test_parameters_of_the_part_are_converted(tmp_path):
 
 def test_that_an_fmu_runs_its_code_is_said_once(drive, tmp_path):
     lines = []
-
-    def narration(line):
-        lines.append(line)
-
-    narration.set_detail = lambda detail: None
     own = next(i for i in system(assemble(placed(rig()))).instances if i.name == "drive")
     for file in (drive, own.fmu):
-        simulate(rig(file, {}, **{"run.stop": 2 * H}), tmp_path / "rig.mcap", narration=narration)
+        with Progress("run", lines.append):
+            simulate(rig(file, {}, **{"run.stop": 2 * H}), tmp_path / "rig.mcap")
     assert sum("an FMU runs code with your rights" in line for line in lines) == 2
     (line,) = [line for line in lines if "gets from the scene" in line]
     name, value = next(item for item in own.parameters.items() if f" {item[0]} = " in line)

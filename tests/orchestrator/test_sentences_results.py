@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fit_formulas import FORMULAS, formula, solved
 from life_logs import BUSHING, LENGTH, TABLE, log_of, waves, worn
+from logged import logged
 from made_logs import ATTITUDE, SEAT_MOTION, STEP, made, seat_log, sines
 from run_records import PITCH, TEETH, Record, on_the_sprocket
 from short_runs import driven_log
@@ -19,7 +20,6 @@ from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import read_table, vehicle
 from orchestrator.execution import course, summary, summary_text
 from orchestrator.execution.estimate import estimate
-from orchestrator.log.notices import LogNotice
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.results import chain_measures, vehicle_measures
 from orchestrator.results.analyses import envelope, fatigue, life, phases, ride, spectrum, wear
@@ -336,7 +336,7 @@ def test_a_table_has_its_doubts_as_notes(tmp_path):
     notes = called(wear.of, worn(tmp_path / "w.mcap", {**BUSHING, "wear": 0.0}), window=Window(0.0, 0.1)).notes()
     assert "needs track.bushing.wear" in notes[-1]
     calm = log_of(tmp_path / "c.mcap", np.zeros((3000, 2)), status="failed", message="it fell over")
-    with pytest.warns(LogNotice):
+    with logged("."):
         notes = analyse(calm, "life", window=Window(0.0, 0.3)).table().notes
     for said in ("no pin of track is damaged", f"{calm}: its run failed: it fell over", "went round"):
         assert any(said in note for note in notes), said

@@ -1,6 +1,7 @@
 """Warnings of components in summary, JSON and log: each kind once, with time and count."""
 
 import json
+import logging
 import sys
 from contextlib import ExitStack
 from dataclasses import asdict
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from built_toy import build_toy
 from conftest import messages
+from logged import logged
 
 from fmus.fmi.build import build_all
 from orchestrator.cli import main
@@ -20,6 +22,7 @@ from orchestrator.cosim.initialisation import load_components
 from orchestrator.cosim.messages import ComponentWarning, WarningList
 from orchestrator.cosim.program import Program
 from orchestrator.execution import loading, prepared_run, replay_model
+from orchestrator.files.messages import RUN
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify
@@ -32,17 +35,16 @@ CREAKS = "the spring creaks at 5 % of its load"
 
 
 @pytest.fixture
-def cotrack(capsys, caplog, monkeypatch, tmp_path):
-    """Return a function that calls the command: exit code, stdout, lines on stderr and of the log."""
+def cotrack(capsys, monkeypatch, tmp_path):
+    """Return a function that calls the command: exit code, stdout, lines on stderr."""
     monkeypatch.chdir(tmp_path)
 
     def call(*arguments):
         monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
             main()
-        said, logged = capsys.readouterr(), list(caplog.messages)
-        caplog.clear()
-        return ended.value.code or 0, said.out, [*logged, *messages(said.err).splitlines()]
+        said = capsys.readouterr()
+        return ended.value.code or 0, said.out, messages(said.err).replace("cotrack: ", "").splitlines()
 
     return call
 
@@ -93,8 +95,7 @@ def test_steps_taken_back_take_their_warnings_with_them_but_for_what_is_said_onc
 
 
 def test_a_component_that_warns_at_every_step_is_heard_once(toy):
-    heard = []
-    with Component(toy, "toy", lambda *message: heard.append(message)) as component:
+    with logged() as heard, Component(toy, "toy") as component:
         component.initialise({"trouble": "warn"}, start=0.1)
         assert component.warnings == []
         for k in range(5):
@@ -103,7 +104,7 @@ def test_a_component_that_warns_at_every_step_is_heard_once(toy):
         component.step(5 * H, H)
         component.restore(saved)
         assert component.warnings == [ComponentWarning("toy", CREAKS, 0.0, 5)]
-        assert heard == [("toy", 1, CREAKS)]
+        assert heard == [f"toy: {CREAKS}"]
         component.initialise({"trouble": "none"})
         component.step(0.0, H)
         assert component.warnings == [], "a new start clears the warnings"
@@ -228,8 +229,7 @@ def test_what_a_track_has_said_is_part_of_its_state():
     scene = placed(load("rig", "flexible"))
     part = next(part for part in assemble(scene).parts if part.name == "track")
     (file,) = build_all([(part.kind, part.config, None)])
-    heard = []
-    with Component(file, "track", lambda *message: heard.append(message)) as track:
+    with logged() as heard, Component(file, "track") as track:
 
         def step(t, turn):
             """Step with a drive that is turned about x, rad."""
@@ -256,15 +256,15 @@ def test_what_a_track_has_said_is_part_of_its_state():
             track.read_counters()
             assert track.counters[track.integers.index("status")] == 1
             assert [(one.time, one.count) for one in track.warnings] == [(H, 1)]
-    assert [status for _, status, _ in heard] == [1, 1]
+    assert len(heard) == 2
 
 
 @pytest.mark.long
-def test_a_step_that_fails_tells_what_it_warned_of(toy):
-    heard = []
-    with Component(build_toy(creaks=True), "toy", lambda *message: heard.append(message)) as component:
+def test_a_step_that_fails_tells_what_it_warned_of(toy, caplog):
+    caplog.set_level(logging.DEBUG, RUN.name)
+    with Component(build_toy(creaks=True), "toy") as component:
         component.initialise({"trouble": "raise"}, start=0.01)
         with pytest.raises(ComponentFailed, match="the spring broke"):
             component.step(0.0, H)
         assert [one.text for one in component.warnings] == [CREAKS]
-    assert [status for _, status, _ in heard] == [1, 3, 3]
+    assert [record.levelname for record in caplog.records] == ["WARNING", "DEBUG", "DEBUG"]

@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-import warnings
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest import mock
@@ -11,7 +10,6 @@ from unittest import mock
 import numpy as np
 
 from orchestrator.execution import log_report
-from orchestrator.log.notices import LogNotice
 from orchestrator.results.ground_surface import ground
 from orchestrator.results.page import document
 from orchestrator.results.run_data import RunData
@@ -21,8 +19,7 @@ HOSTILE = "</script><b onload='x()'>&\"\u2028<img src=https://example.org/x.png>
 
 def page(path, reference=None):
     """HTML of the page of a log, without the library that draws its curves."""
-    with TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore", LogNotice)
+    with TemporaryDirectory() as folder:
         written_page = Path(folder) / "x.html"
         with mock.patch.multiple(document, plotting=str), mock.patch.multiple(log_report, plotting=str):
             log_report.report(path, written_page, reference, different=True)

@@ -6,13 +6,14 @@ import sys
 import numpy as np
 
 TOY_RUN = """
-import sys
+import logging, sys
 from pathlib import Path
 from built_toy import build_toy
 from orchestrator.cosim.component import Component
-def heard(name, status, message):
-    print(status, message)
-with Component(build_toy(), "toy", heard) as component:
+from orchestrator.files.messages import RUN
+RUN.setLevel(logging.DEBUG)
+RUN.addHandler(logging.StreamHandler(sys.stdout))
+with Component(build_toy(), "toy") as component:
     component.initialise({})
     for i in range(3):
         component.step(i * 1e-3, 1e-3)

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.messages import PRINTED
 from orchestrator.cosim.processes.server import LOST, MAX_MESSAGE, pair, receive, send
+from orchestrator.files.messages import PROGRESS
 from orchestrator.fmi.slave import FATAL, ComponentFailed, LogCallback
 
 try:
@@ -227,13 +228,10 @@ class ProcessPool(AbstractContextManager["ProcessPool"]):
     """Processes of a run, and the thread that watches their calls.
 
     :param signals: returns the number of interrupting signals so far.
-    :param say: receives a line about a call that takes long.
     """
 
-    def __init__(
-        self, signals: Callable[[], int] = lambda: 0, say: Callable[[str], object] = lambda line: None
-    ) -> None:
-        self._signals, self._say = signals, say
+    def __init__(self, signals: Callable[[], int] = lambda: 0) -> None:
+        self._signals = signals
         self._processes: list[SlaveProcess] = []
         self._closed = threading.Event()
         self._thread: threading.Thread | None = None
@@ -303,4 +301,4 @@ class ProcessPool(AbstractContextManager["ProcessPool"]):
                     process.stop(f"has not returned within {process.limit:g} s")
                 elif waited > reported.get(process, PATIENCE):
                     reported[process] = 2.0 * waited
-                    self._say(f"{process.name}: {words(process.doing)} has not returned for {waited:.0f} s")
+                    PROGRESS.info("%s: %s has not returned for %.0f s", process.name, words(process.doing), waited)

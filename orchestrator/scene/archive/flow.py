@@ -9,7 +9,6 @@ it, later ones earlier ones (SSP 1.0, ParameterBinding).
 
 from __future__ import annotations
 
-import logging
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from xml.etree.ElementTree import Element as Node
 
 from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, conversion
+from orchestrator.files.messages import LOG
 from orchestrator.fmi.fmu_files import unpack
 from orchestrator.fmi.model_description import loadable
 from orchestrator.scene.archive.elements import (
@@ -322,7 +322,7 @@ def _in_unit(given: Given, target: Target, flowing: FlowingValue, what: str) -> 
     if base is None and unit[:1] == "[":
         unit = unit[1:-1]
         base = first.element.units.get(unit)
-        logging.getLogger("cotrack").warning("%s: the unit '%s' is not defined: '%s' is taken", what, given.unit, unit)
+        LOG.warning("%s: the unit '%s' is not defined: '%s' is taken", what, given.unit, unit)
     if unit and unit != wanted and (base is None or (wanted and target.converts)):
         bases = base, first.base(wanted)
         if bases[0] is None or bases[1] is None or bases[0].exponents != bases[1].exponents:
