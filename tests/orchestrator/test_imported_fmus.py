@@ -2,6 +2,7 @@
 
 import ctypes
 import json
+import logging
 import os
 import pickle
 import signal
@@ -18,6 +19,7 @@ from logged import logged
 
 from orchestrator.cosim.processes import server, supervisor
 from orchestrator.execution.simulate import simulate
+from orchestrator.files.messages import RUN
 from orchestrator.files.progress import Progress
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.reader import Log
@@ -319,14 +321,14 @@ def test_an_error_of_the_initialisation_names_call_and_time(guest, tmp_path):
         run(tmp_path, {"a": fmu})
 
 
-def test_messages_of_a_call_are_bounded_and_counted(guest, tmp_path):
-    with logged() as lines:
-        summary, _ = run(tmp_path, {"a": entry(guest, FLOODS)})
+def test_messages_of_a_call_are_bounded_and_counted(guest, tmp_path, caplog):
+    caplog.set_level(logging.DEBUG, RUN.name)
+    summary, _ = run(tmp_path, {"a": entry(guest, FLOODS)})
     said = [each for each in summary["warnings"] if "left out" in each["text"]]
     assert [(each["text"], each["count"]) for each in said] == [
         (f"{5000 - server.MAX_MESSAGES} further messages left out", 33)
     ]
-    assert sum("says nothing" in line for line in lines) == 33 * server.MAX_MESSAGES
+    assert sum("says nothing" in line for line in caplog.messages) == 33 * server.MAX_MESSAGES
 
 
 sprung = []

@@ -18,6 +18,7 @@ import pytest
 
 from fmus.vehicles.tables import BadInput
 from orchestrator import studies
+from orchestrator.files.progress import Progress
 from orchestrator.studies import Case, Row, pool
 from orchestrator.studies.pool import Store
 from tests.validation import compared, element_cases, estimates, mechanics, meshes
@@ -44,7 +45,6 @@ def test_a_case_from_the_command_to_the_figure(validate, monkeypatch, tmp_path):
     only(monkeypatch, FRAME)
     status, out, err = validate("mechanics", "--quick", "--workers", 1, "-o", "found")
     assert status == 0, err
-    assert "1/1 L-frame" in err
     assert "| 11 | L-frame of beams with a rigid corner, tip x, m |" in out
     made = {file.name for file in (tmp_path / "found").iterdir() if file.is_file()}
     assert made == {"mechanics.csv", "mechanics-convergence.csv", "mechanics.md", "mechanics.png", "mechanics.svg"}
@@ -55,6 +55,12 @@ def test_a_case_from_the_command_to_the_figure(validate, monkeypatch, tmp_path):
     assert [row["ok"] for row in rows] == ["ok", "ok", ""]
     points = list(csv.DictReader((tmp_path / "found" / "mechanics-convergence.csv").open()))
     assert [float(p["size"]) for p in points] == [6, 12, 24, 6, 12, 24]
+
+
+def test_each_case_that_is_done_is_told():
+    with Progress("study", (lines := []).append):
+        pool.run([SUM, BAD], done=pool.finished_cases(2, lambda rows: ": failed" * (rows[0].ok is False)))
+    assert lines == ["1/2 sum", "2/2 bad: failed"]
 
 
 def test_a_missed_tolerance_is_exit_1(validate, monkeypatch):
