@@ -100,7 +100,7 @@ def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float
     except (OSError, ValueError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else f"{error}{other_suffix(path)}"
         raise BadInput(f"{key}: cannot be read: {reason}") from None
-    pairs, sizes = [], [1.0, 1.0]
+    pairs, lines, sizes = [], [], [1.0, 1.0]
     for line, row in rows:
         try:
             first, second = (number(cell) for cell in row)
@@ -109,11 +109,12 @@ def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float
                 raise BadInput(f"{key}, line {line}: must be two numbers") from None
             sizes = [*_sizes(key, row, units), 1.0, 1.0]  # a first line of fewer cells is a title
             continue
-        for value in (first, second):
-            if no_data(np.array(value)):
-                raise BadInput(f"{key}, line {line}: {value:.7g} is a mark of no data: leave the line out")
-        pairs.append([first * sizes[0], second * sizes[1]])
-    return pairs
+        pairs.append([first, second])
+        lines.append(line)
+    found = np.array(pairs).reshape(-1, 2)
+    for at, place in np.argwhere(no_data(found))[:1]:
+        raise BadInput(f"{key}, line {lines[at]}: {found[at, place]:.7g} is a mark of no data: leave the line out")
+    return (found * sizes[:2]).tolist()
 
 
 def _of_columns(path: Path, key: str, units: tuple[str, str], column: str = "") -> list[list[float]]:
