@@ -15,6 +15,7 @@ named.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from math import sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -118,13 +119,18 @@ def read_shifted(run: RunData, source: MeasuredFile, window: Window = EVER) -> M
         if signal not in run.log and column in run.log:
             raise BadInput(f"'{signal}' is no signal of the run, but '{column}' is: the map is {column}={signal}")
     measured = read(file, source.columns, run.log.unit, source.clock)
+
+    def pairs() -> list[Pair]:
+        return [(*run.signal(each.signal, window), each) for each in measured]
+
     if source.shift == FIND:
-        seconds, doubt = find_shift([(*run.signal(each.signal, window), each) for each in measured])
+        seconds, doubt = find_shift(pairs())
     else:
         seconds, doubt = _seconds(source.shift), ""
         first, last = min(float(each.t[0]) for each in measured), max(float(each.t[-1]) for each in measured)
         begin, end = run.span
-        if not seconds and abs(first - begin) > ELSEWHERE * min(last - first, end - begin):
+        apart = not seconds and abs(first - begin) > ELSEWHERE * min(last - first, end - begin)
+        if apart and _fits_elsewhere(pairs()):
             doubt = f"the record begins at {first:.6g} s, the run at {begin:.6g} s: shift = {FIND} aligns their clocks"
     doubts, signals = [doubt], list[MeasuredSignal]()
     for each in measured:
@@ -204,7 +210,7 @@ def _difference(
         )  # fmt: skip
 
 
-ELSEWHERE = 0.1  # of the shorter record, by which both begin apart where a shift is proposed
+ELSEWHERE = 0.1  # of the shorter record, by which both begin apart where a shift may be proposed
 GRID = 1_000_000  # most grid intervals of both records
 SHARE = 0.5  # of the shorter record, in which records must overlap
 PRECISION = 1e-10  # s
@@ -220,9 +226,7 @@ def find_shift(pairs: Sequence[Pair]) -> tuple[float, str]:
 
     Raises Missing if no measured signal varies.
     """
-    varying = [pair for pair in pairs if len(pair[0]) > 1 and len(set(pair[2].values[~np.isnan(pair[2].values)])) > 1]
-    if not varying:
-        raise Missing("no shift can be found: no mapped signal varies in the file")
+    varying = _varying(pairs)
     # The finer record sets the grid, so that an undersampled oscillation has its least difference there too.
     finest = min(float(np.median(np.diff(t))) for pair in varying for t in (pair[0], pair[2].t) if len(t) > 1)
     span = max(sum(float(t[-1] - t[0]) for t in (pair[0], pair[2].t)) for pair in varying)
@@ -237,6 +241,22 @@ def find_shift(pairs: Sequence[Pair]) -> tuple[float, str]:
     other, cost = _refined(varying, start + int(np.argmin(others)) * interval, interval)
     near = sqrt(cost) <= NEAR * sqrt(least) + NEARLY
     return shift, _doubt(shift, sqrt(least), other, sqrt(cost)) if near else ""
+
+
+def _varying(pairs: Sequence[Pair]) -> list[Pair]:
+    """Those whose measured signal varies; raises Missing for none."""
+    varying = [pair for pair in pairs if len(pair[0]) > 1 and len(set(pair[2].values[~np.isnan(pair[2].values)])) > 1]
+    if not varying:
+        raise Missing("no shift can be found: no mapped signal varies in the file")
+    return varying
+
+
+def _fits_elsewhere(pairs: Sequence[Pair]) -> bool:
+    """Whether records that vary differ clearly less at another shift than 0: one that begins late may be in place."""
+    with suppress(Missing):
+        least = _mean_cost(_varying(pairs), find_shift(pairs)[0])
+        return sqrt(_mean_cost(_varying(pairs), 0.0)) > NEAR * sqrt(least) + NEARLY
+    return False
 
 
 def _doubt(shift: float, least: float, other: float, rms: float) -> str:
@@ -259,15 +279,18 @@ def _refined(pairs: Sequence[Pair], best: float, interval: float) -> tuple[float
     """Shift within two grid intervals of ``best`` with the least cost, s, and that cost."""
     from scipy.optimize import minimize_scalar
 
-    def cost(shift: float) -> float:
-        return float(sum(_cost(pair, shift) for pair in pairs)) / len(pairs)
-
     # The tolerance of scipy grows with the variable, so it counts from the best shift.
     refined = minimize_scalar(
-        lambda more: cost(best + more), bounds=(-2.0 * interval, 2.0 * interval), options={"xatol": PRECISION}
+        lambda more: _mean_cost(pairs, best + more),
+        bounds=(-2.0 * interval, 2.0 * interval),
+        options={"xatol": PRECISION},
     )
-    at_best = cost(best)
+    at_best = _mean_cost(pairs, best)
     return (best + float(refined.x), float(refined.fun)) if refined.fun < at_best else (best, at_best)
+
+
+def _mean_cost(pairs: Sequence[Pair], shift: float) -> float:
+    return float(sum(_cost(pair, shift) for pair in pairs)) / len(pairs)
 
 
 def _cost(pair: Pair, shift: float) -> float:

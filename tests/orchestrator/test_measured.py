@@ -149,13 +149,17 @@ def test_a_shift_is_found(run, write, shift, rate):
     assert only(given).rms == pytest.approx(0.0, abs=1e-12 if abs(shift) < 1e6 else 1e-5)
 
 
-@pytest.mark.parametrize(("begin", "told"), [(10.5, True), (9.5, True), (10.15, False)])
-def test_a_record_that_begins_apart_from_the_run_is_told(write, tmp_path, begin, told):
-    """By more than a tenth of the run of 2 s from 10 s on, which is shorter than the record."""
+@pytest.mark.parametrize(
+    ("begin", "ahead", "told"), [(10.5, 0.0, False), (9.5, 0.0, False), (10.5, 0.5, True), (10.0, 0.15, False)]
+)
+def test_a_record_on_another_clock_than_the_run_is_told(write, tmp_path, begin, ahead, told):
+    """Where both begin apart by a tenth of the run of 2 s from 10 s on; a topic may begin late, or early, in place."""
     late = package.Run(of_columns(tmp_path / "late.mcap", {"chassis.speed": SPEED}, 10.0 + T))
-    t = np.arange(begin, 20.0, 0.01)
-    notes = late.compare_measured(write("t,v:1", t, t), {"chassis.speed": "v:1"}).notes
-    assert any("shift = find aligns their clocks" in note for note in notes) == told, notes
+    t = np.arange(begin, 14.0, 0.01)
+    v = 3.0 + np.sin(2.0 * np.pi * (t - 10.0)) + 0.3 * np.sin(9.0 * (t - 10.0))
+    compared = late.compare_measured(write("t,v:1", t + ahead, v), {"chassis.speed": "v:1"})
+    assert any("shift = find aligns their clocks" in note for note in compared.notes) == told, compared.notes
+    assert (only(compared).rms < 1e-6) == (ahead == 0.0)
 
 
 def test_the_record_may_be_longer_than_the_run_and_offset(run, write):
