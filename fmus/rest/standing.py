@@ -169,6 +169,8 @@ class _Search:
         if self.cables is not None and vehicle.lays_out_otherwise():  # as a run does: so the search goes on from there
             vehicle = self._vehicle(places, pushes)
             self.guess = vehicle.come_to_rest(self.guess)
+            if differ := vehicle.lays_out_otherwise():  # no run starts from there
+                raise StepFailed(differ)
         rest = vehicle.as_equilibrium(self.guess)._replace(tracks=vehicle.tracks_at_rest())
         return StandingVehicle(places, pushes, tensions, rest)
 

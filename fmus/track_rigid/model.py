@@ -13,6 +13,7 @@ from fmus.physics.chain import state
 from fmus.physics.chain.bushing import without_losses
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import HELD, PINNED
+from fmus.physics.chain.layout import encloses
 from fmus.physics.chain.report import DEPTH
 from fmus.physics.chain.rigid.dynamics import LIMIT, longest
 from fmus.physics.chain.rigid.initial_state import open_closing_pin, settle, start_released, write_outputs
@@ -30,7 +31,7 @@ from fmus.track.start import not_at_rest
 REST = ImplicitMethod(BACKWARD, 1e-11, False)  # integrator towards static equilibrium
 SLOWLY = REST._replace(tolerance=1e-9)  # where Newton's corrections shrink too slowly for that
 TURNED_OVER = 0.7  # cosine of half the angle, 90 degrees, by which links may turn on that way
-SLOW, LESS = 1e4, 0.9  # rotary inertia, over their own, of links that shall not snap past a tooth; depth that is less
+SLOW, LESS = 1e4, 0.9  # rotary inertia, over their own, of links that shall not snap past a body; depth that is less
 
 
 class Model(TrackModel):
@@ -120,7 +121,7 @@ class Model(TrackModel):
         place(self.rigid, pins, s, w)
         if rest and not spin:
             self.find_equilibrium(self.start_rows)
-            if self.wheel_list and self.report[DEPTH] > self.rigid.face:
+            if self.wheel_list and self._depth() > self.rigid.face:
                 self._settle_slowly(pins)
         else:
             w.wheels[:] = self.start_rows
@@ -129,7 +130,7 @@ class Model(TrackModel):
 
     def _settle_slowly(self, pins: Floats) -> None:
         """Search again for a chain that rests deep in a body, as a pin through a tooth; what is less deep stays."""
-        found, factor = self.state.copy(), self.rotary_factor
+        found, depth, factor = self.state.copy(), self._depth(), self.rotary_factor
         self.state[:] = 0.0
         place(self.rigid, pins, self.s, self.work)
         try:
@@ -137,12 +138,17 @@ class Model(TrackModel):
             self.find_equilibrium(self.start_rows)
             self.rotary_factor = factor
             self.find_equilibrium(self.start_rows)
-            better = self.report[DEPTH] < LESS * found[self.s.flat.size + DEPTH]
+            better = self._depth() < LESS * depth
         except StepFailed:
             better = False
         self.rotary_factor = factor
         if not better:
             self.state[:] = found
+
+    def _depth(self) -> float:
+        """Depth in a body, m; infinite for a loop that has snapped past a whole wheel, which lies outside of it."""
+        inside = not self.closed or encloses(self.pins()[:, [0, 2]], self.start_rows[:, [0, 2]])
+        return float(self.report[DEPTH]) if inside else np.inf
 
     def find_equilibrium(self, rows: Floats) -> None:
         """See ``TrackModel``."""

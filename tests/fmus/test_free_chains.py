@@ -282,3 +282,12 @@ def test_a_chain_of_many_links_is_let_go(kind):
         model.step(1e-3 * k, 1e-3, np.zeros(0))
     np.testing.assert_allclose(per_link(model)[0], before, rtol=1e-2)
     assert model.report[KINETIC] > 1e-3
+
+
+def test_a_loop_encloses_what_lies_within_it_also_where_it_sags():
+    loop = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 1.0], [0.0, 2.0]])
+    inside, below_the_sag, beside, above = [1.0, 1.0], [2.0, 0.9], [5.0, 1.0], [2.0, 1.1]
+    for way in (loop, loop[::-1]):
+        assert chain_layout.encloses(way, np.array([inside, below_the_sag]))
+        for point in (beside, above, [2.0, -0.1]):
+            assert not chain_layout.encloses(way, np.array([inside, point]))

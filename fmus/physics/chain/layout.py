@@ -145,6 +145,15 @@ def closed_polygon(
     return close_exactly(np.roll(pins, -(int(np.argmax(pins[:, 0])) // lugs * lugs), axis=0), pitch, closed=True)
 
 
+def encloses(pins: Floats, points: Floats) -> bool:
+    """Whether all ``points`` (m, 2) lie within the closed polygon ``pins`` (n, 2): an odd number of chords above."""
+    (x, z), (next_x, next_z) = pins.T, np.roll(pins, -1, axis=0).T
+    u, w = points.T[:, :, None]
+    across = (x > u) != (next_x > u)
+    above = (next_z - z) * (u - x) > (w - z) * (next_x - x)  # of a chord that goes forward
+    return bool(((across & (above == (next_x > x))).sum(axis=1) % 2).all())
+
+
 def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
     """Nearest polygon to ``pins`` (n, 2) with all chords equal to the ``pitch``, m, to rounding.
 
