@@ -240,6 +240,7 @@ def _implausible_numbers(scene: SystemScene) -> list[tuple[str, str]]:
         *filter(None, [scene.shortened]),
         *implausible_numbers(scene.resolved(), scene.where),
         *scene.narrow_obstacles,
+        *scene.unused_points,
     ]
     return [("scene", sentence) for sentence in sentences]
 

@@ -33,7 +33,11 @@ OVER_TIME = ("speed_points", "torque_points", "brake_points")
 NUMBER = r"\d+\.?\d*(?:[eE][-+]?\d+)?"
 
 
-class Commands(list[list[float]]):
+class FilePoints(list[list[float]]):
+    """Points that a file has."""
+
+
+class Commands(FilePoints):
     """Points that are recorded commands: each holds until the next one, unless the scene says otherwise."""
 
 
@@ -50,6 +54,23 @@ def set_interpolation(table: Tables, where: str) -> None:
             if len(kinds) > 1:
                 raise BadInput(f"{where}: {name} has commands beside other points: interpolation = says how they go on")
             drive["interpolation"] = "hold" if True in kinds else "linear"
+
+
+def points_behind(table: Tables, stop: float) -> Iterator[str]:
+    """Yield a sentence for each list of points over time of a file of which a run that ends at ``stop``, s, has a part.
+
+    One point behind the end is usual where points are linear, and so are several of a list that is written by hand.
+    """
+    for name, drive in _drives(table):
+        for key in OVER_TIME:
+            if not isinstance(points := drive.get(key), FilePoints):
+                continue
+            behind = sum(t > stop * (1.0 + 1e-9) for t, _ in points)
+            if behind > (not isinstance(points, Commands)):
+                yield (
+                    f"{name}.{key}: {behind} of {len(points)} points of its file are behind the end of the run,"
+                    f" run.stop = {stop:.10g} s; run.stop = {points[-1][0]:.10g} s has them all"
+                )
 
 
 def read_files(table: Tables, folder: Path, where: str) -> None:
@@ -82,7 +103,7 @@ def _named(folder: Path, text: str) -> tuple[Path, str]:
     return (folder / text[: ends[0]], text[ends[0] + 1 :]) if ends else (folder / text, "")
 
 
-def _of_bag(text: str, path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
+def _of_bag(text: str, path: Path, key: str, units: tuple[str, str]) -> FilePoints:
     """Pairs from "COLUMN[:UNIT][*FACTOR][@START]" of a bag; those before START s are left out but for the last one."""
     name, factor, start = re.findall(rf"(?s)^(.+?)(?:\*(-?{NUMBER}))?(?:@({NUMBER}))?$", text)[0]
     read = _of_columns(path, key, units, name)
@@ -91,7 +112,7 @@ def _of_bag(text: str, path: Path, key: str, units: tuple[str, str]) -> list[lis
     return type(read)(np.maximum(pairs, [0.0, -np.inf]).tolist())
 
 
-def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
+def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> FilePoints:
     """Pairs of numbers, SI, from a file with two columns, which in CSV may have a first line of names with units."""
     if path.suffix.lower() in {*SUFFIXES, ".mcap"} - {".csv"} or path.is_dir():
         return _of_columns(path, key, units)
@@ -114,10 +135,10 @@ def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float
     found = np.array(pairs).reshape(-1, 2)
     for at, place in np.argwhere(no_data(found))[:1]:
         raise BadInput(f"{key}, line {lines[at]}: {found[at, place]:.7g} is a mark of no data: leave the line out")
-    return (found * sizes[:2]).tolist()
+    return FilePoints((found * sizes[:2]).tolist())
 
 
-def _of_columns(path: Path, key: str, units: tuple[str, str], column: str = "") -> list[list[float]]:
+def _of_columns(path: Path, key: str, units: tuple[str, str], column: str = "") -> FilePoints:
     """Pairs, SI, from the two columns of a file, from one that has times of its own, or from a ``column`` of a bag."""
     found: list[FileColumn] = []
 
@@ -144,7 +165,7 @@ def _of_columns(path: Path, key: str, units: tuple[str, str], column: str = "") 
     for row, place in np.argwhere(no_data(pairs))[:1]:
         raise BadInput(f"{key}, row {row + 1}: {pairs[row, place]:.7g} is a mark of no data: leave the row out")
     pairs = pairs * [*_sizes(key, [f"{one.name} [{one.unit}]" for one in found], units)]
-    return (Commands if found[-1].commands else list)(pairs.tolist())
+    return (Commands if found[-1].commands else FilePoints)(pairs.tolist())
 
 
 def _sizes(key: str, row: list[str], units: tuple[str, str]) -> Iterator[float]:

@@ -164,6 +164,7 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
     data_files.set_interpolation(table, f"{name}.toml")
     read_heights(table, Path(), f"{name}.toml")  # settings may place the map
     loaded = _new_scene({"name": name, **table}, f"{name}.toml", vehicle_file)
+    loaded._unused = tuple(data_files.points_behind(table, loaded.run.stop))
     return _with_suitable_step(loaded.read_from("", dict(pairs(settings))))
 
 

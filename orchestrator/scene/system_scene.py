@@ -66,6 +66,7 @@ class SystemScene(FrozenTable):
 
     _archive: str = PrivateAttr("")  # SSP archive that it comes from
     _shortened: str = PrivateAttr("")  # sentence about a step that its vehicle shortened
+    _unused: tuple[str, ...] = PrivateAttr(())  # sentences about points of files behind its end
     _settings: Mapping[str, Any] = PrivateAttr(default_factory=dict)  # by which it differs from its file, by dotted key
 
     def __eq__(self, other: object) -> bool:
@@ -81,6 +82,11 @@ class SystemScene(FrozenTable):
     def where(self) -> str:
         """Beginning of messages about it: its archive, or the file of its name."""
         return self._archive or f"{self.name}.toml"
+
+    @property
+    def unused_points(self) -> list[str]:
+        """Sentences about points of files behind its end."""
+        return [f"{self.where}: {sentence}" for sentence in self._unused]
 
     @property
     def narrow_obstacles(self) -> list[str]:

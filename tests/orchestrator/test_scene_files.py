@@ -13,7 +13,7 @@ from PIL import Image
 from fmus.ground.tables import GroundTable, is_terrain
 from fmus.ground.terrain import heights, terrain
 from fmus.vehicles.tables import BadInput
-from orchestrator.scene.data_files import OF_DRIVER, UNITS, read_files
+from orchestrator.scene.data_files import OF_DRIVER, UNITS, Commands, points_behind, read_files
 from orchestrator.scene.drive_tables import DriverTable, HitchTable, VehicleDriveTable
 from orchestrator.scene.scene import load
 
@@ -88,6 +88,33 @@ def test_units_of_columns_are_those_of_the_keys():
             points = next(one for one in schema[key]["anyOf"] if one.get("type") == "array")
             assert tuple(one["unit"] for one in points["items"]["prefixItems"]) == units[key], key
     assert {key for _, key in found} == UNITS.keys()
+
+
+@pytest.mark.parametrize(
+    ("text", "settings", "told"),
+    [
+        ("t [ms],n\n0,0\n1,2\n2,3\n30,3\n40.5,3\n", [], "2 of 5 points"),
+        ("0,0\n0.01,2\n30,3\n", [], ""),  # the line to one point behind the end is driven
+        ("0,0\n2,2\n30,3\n", ["drive.speed_points=[[0, 0], [2, 2], [30, 3]]"], ""),  # by hand
+        ("0,0\n2,2\n30,3\n", ["run.stop=30"], ""),
+    ],
+)
+def test_points_of_a_file_behind_the_end_are_told(cotrack, monkeypatch, tmp_path, text, settings, told):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.csv").write_text(text)
+    asked = ["drive.speed_points=a.csv", "run.stop=0.02", *settings]
+    found = load("sprocket_bench", None, asked).unused_points
+    run_stop = "run.stop = 0.02 s; run.stop = 0.0405 s has them all"
+    sentence = f"drive.speed_points: {told} of its file are behind the end of the run, {run_stop}"
+    assert found == [f"sprocket_bench.toml: {sentence}"] * bool(told)
+    if told:
+        sets = [part for one in asked for part in ("--set", one)]
+        assert sentence in " ".join("".join(cotrack("run", "sprocket_bench", *sets, "--no-estimate")[1:]).split())
+
+
+def test_a_command_behind_the_end_is_lost():
+    (told,) = points_behind({"drive": {"left": {"speed_points": Commands([[0.0, 1.0], [3.0, 0.0]])}}}, 2.0)
+    assert told.startswith("drive.left.speed_points: 1 of 2 points")
 
 
 @pytest.mark.parametrize("place", [("drive",), ("idler_drive",), ("driver",), ("drive", "left"), ("drive", "steering")])
