@@ -152,8 +152,14 @@ RECOIL = {"preload": 9e4, "stiffness": 4e5}
             {"idler": {**M113["idler"], "transverse_inertia": 1e308}},
             "idler.transverse_inertia = 1e+308 kg m^2: must be 0 to 1e+08 kg m^2",
         ),
-        ({"guide": {**M113["guide"], "clearance": 1.1e17}}, "guide.clearance = 1.1e+17: must be at most 1e+17 in size"),
-        ({"idler": {**M113["idler"], "x": -1e300}}, "idler.x = -1e+300: must be at most 1e+17 in size, in SI units"),
+        ({"guide": {**M113["guide"], "clearance": 1.1e17}}, "guide.clearance = 1.1e+17: must be 0 to 50 m"),
+        ({"idler": {**M113["idler"], "x": -1e300}}, "idler.x = -1e+300: must be -1000 to 1000 m"),
+        ({"chassis": {**M113["chassis"], "hull": [[1.0, 0.0, 2e3]]}}, "chassis.hull[1][3] = 2000.0: must be -1000 to"),
+        (
+            {"chassis": {**M113["chassis"], "inertia": [1.0, 1e13, 1e13]}},
+            "chassis.inertia = 1e+13 kg m^2: must be 0",
+        ),
+        ({"right": {"idler": {"x": -5e3}}}, "right.idler.x = -5000.0: must be -1000 to 1000 m"),
         ({"road_wheel": {**M113["road_wheel"], "width": 1e308}}, "road_wheel.width = 1e+308 m: must be 0 to 50 m"),
         (
             {"wheel": {"rear": {**REAR, "tensioner": {**SPRING, "wheel": "idler"}}}},

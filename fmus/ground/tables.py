@@ -189,7 +189,7 @@ class HeightMapTable(FrozenTable):
     """heights, m, or a file of them: lines follow x, columns y (.csv, .npy of numbers); a grey image of 16 bits
     (.png), seen from above with x up and y to the left; a survey (.tif, .asc), whose rows run from north to south, with
     x to the east and y to the north; or a road (.crg)"""
-    range: tuple[Length, Length] | None = None
+    range: tuple[Place, Place] | None = None
     """heights of black and white of an image"""
     corner: tuple[Place, Place]
     """least x and y of the grid (middles of cells); required except for a survey or a road, which it moves"""

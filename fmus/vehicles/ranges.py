@@ -3,8 +3,8 @@
 A run warns of a number outside its plausible range; a number outside its possible range is refused. ``VEHICLE`` is the
 table for vehicles; the table for scenes (``orchestrator/scene``) has the same type. Plausible are machines from toys of
 some kilograms to the largest crawlers. The possible range ends where a number must be a mistake of unit or decimal
-point, and where doubles no longer resolve the smaller parts of the vehicle beside it; numbers without a range of their
-own are at most LARGEST in size.
+point, and where doubles no longer resolve the smaller parts of the vehicle beside it; that of other numbers of vehicles
+is in their type, and others of scenes are at most LARGEST in size.
 """
 
 from __future__ import annotations
@@ -53,6 +53,10 @@ VEHICLE = (
     *(
         PlausibleRange(f"{part}.transverse_inertia", "kg m^2", (0.0, 2e4), (0.0, 1e8), PART)
         for part in ("sprocket", *WHEELS)
+    ),
+    *(
+        PlausibleRange(f"{part}inertia", "kg m^2", (0.0, 1e10), (0.0, 1e12), PART)
+        for part in ("chassis.", "track.", "road_arm.pin_", "road_arm.long_")
     ),
     *(
         PlausibleRange(f"{part}.width", "m", (0.0, 5.0), (0.0, 50.0), PART)
@@ -108,7 +112,6 @@ def contradictions(vehicle: Mapping[str, Any]) -> Iterator[str]:
         if links % lugs:
             yield f"{above}track.links = {links}: must be divisible by sprocket.pins_per_gap = {lugs}"
     yield from range_violations(vehicle, VEHICLE, "possible")
-    yield from too_large(vehicle, VEHICLE)
     for part in ("chassis", "track"):
         moments = (vehicle.get(part) or {}).get("inertia") or (1.0, 1.0, 1.0)
         if max(moments) > ROUNDED * (others := sum(moments) - max(moments)):

@@ -12,16 +12,17 @@ from fmus.vehicles.ranges import Mistake
 from fmus.vehicles.sides import SIDES, beams, of_side, of_wheels, places_of_wheels
 from fmus.vehicles.tables import (
     Damping,
-    Distance,
     Each,
     EachPlace,
     Force,
     FrozenTable,
+    Gap,
     In,
     Inertia,
     Length,
     Mass,
     OrEach,
+    Size,
     Stiffness,
     When,
     ratio,
@@ -30,7 +31,7 @@ from fmus.vehicles.tables import (
 Place = tuple[Length, Length]
 Beam = Annotated[tuple[Annotated[int, Field(ge=1, le=12)], ...], Field(min_length=2)]
 Wheels = Annotated[tuple[Annotated[int, Field(ge=1, le=12)], ...], Field(min_length=1)]
-Torsion = Annotated[float, In("N m/rad", ge=0)]
+Torsion = Annotated[float, In("N m/rad", ge=0, le=1e13)]
 Angle = Annotated[float, In("rad", gt=-6.3, lt=6.3)]
 
 
@@ -72,20 +73,20 @@ class SpringCurveTable(ElementTable):  # noqa: D101
 
 
 class GasSpringTable(ElementTable):  # noqa: D101
-    pressure: Annotated[Each, OrEach(Annotated[float, In("Pa", gt=0)])]
+    pressure: Annotated[Each, OrEach(Annotated[float, In("Pa", gt=0, le=1e10)])]
     """absolute pressure of the gas in the drawn position"""
-    area: Annotated[Each, OrEach(Annotated[float, In("m^2", gt=0)])]
+    area: Annotated[Each, OrEach(Annotated[float, In("m^2", gt=0, le=10)])]
     """area of the piston, which moves along the spring-damper"""
-    volume: Annotated[Each, OrEach(Annotated[float, In("m^3", gt=0)])]
+    volume: Annotated[Each, OrEach(Annotated[float, In("m^3", gt=0, le=1e3)])]
     """volume of the gas in the drawn position"""
     exponent: Annotated[float, ratio(ge=1.0, le=2.0)] = 1.3
     """polytropic exponent: 1 is slow (isothermal), 1.4 fast (adiabatic)"""
-    ambient: Annotated[float, In("Pa", ge=0)] = 101325.0
+    ambient: Annotated[float, In("Pa", ge=0, le=1e10)] = 101325.0
     """pressure of the air on the other side of the piston"""
 
 
 class DamperCurveTable(ElementTable):  # noqa: D101
-    speed: tuple[Annotated[float, In("m/s")], ...]
+    speed: tuple[Annotated[float, In("m/s", ge=-1e3, le=1e3)], ...]
     """speeds of compression along the spring-damper, rising, 0 among them; negative is rebound"""
     force: tuple[Force, ...]
     """push of the damper at these speeds, of the sign of the speed, straight lines between and beyond, besides
@@ -93,14 +94,14 @@ class DamperCurveTable(ElementTable):  # noqa: D101
 
 
 class RotaryDamperTable(ElementTable):  # noqa: D101
-    damping: Annotated[Each, OrEach(Annotated[float, In("N m s/rad", ge=0)])]
+    damping: Annotated[Each, OrEach(Annotated[float, In("N m s/rad", ge=0, le=1e11)])]
     """damping about the pivot of the arm, of all wheels or a list with that of each"""
 
 
 class StopTable(ElementTable):  # noqa: D101
-    gap: Annotated[Each, OrEach(Annotated[float, In("m", ge=0)])]
+    gap: Annotated[Each, OrEach(Gap)]
     """vertical way of the wheel centre in the hull from the drawn position to the stop"""
-    stiffness: Annotated[Each, OrEach(Annotated[float, In("N/m", gt=0)])]
+    stiffness: Annotated[Each, OrEach(Annotated[float, In("N/m", gt=0, le=1e13)])]
     """stiffness of the stop at the wheel centre"""
     damping: Annotated[Each, OrEach(Damping)] = 0.0
     """damping of the stop at the wheel centre"""
@@ -136,7 +137,7 @@ class SuspensionTable(FrozenTable):  # noqa: D101
 class RecoilTable(FrozenTable):  # noqa: D101
     preload: Force
     """push of the wheel at which the recoil spring begins to give; it must exceed the push at the start"""
-    stiffness: Annotated[float, In("N/m", gt=0)]
+    stiffness: Annotated[float, In("N/m", gt=0, le=1e13)]
     """stiffness of the recoil spring, in line with the stiffness of the tensioner"""
 
 
@@ -151,7 +152,7 @@ class SlideTable(FrozenTable):
     """push on the wheel, away from the sprocket, besides the one that balances the track at the start"""
     angle: Annotated[float, In("rad", gt=-1.4, lt=1.4)] = 0.0
     """angle of the slide in the hull from x towards z: with a positive one the wheel rises as it moves forward"""
-    travel: Distance = 0.1
+    travel: Size = 0.1
     """displacement of the wheel, either way from its place at the start, beyond which a run warns of an idler"""
     recoil: RecoilTable | None = None
     """preloaded spring in line with the wheel's, which gives beyond its preload only"""

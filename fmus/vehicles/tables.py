@@ -180,14 +180,16 @@ def ratio(**bounds: float) -> In:
 
 Mass = Annotated[float, In("kg", gt=0)]
 Inertia = Annotated[float, In("kg m^2", gt=0)]
-Length = Annotated[float, In("m")]
+Length = Annotated[float, In("m", ge=-1e3, le=1e3)]  # of a machine, and places on it
+Size = Annotated[float, In("m", gt=0, le=50)]  # of a part
+Gap = Annotated[float, In("m", ge=0, le=50)]
 FARTHEST = 1e6  # m; beyond, a double cannot resolve contact penetrations
 Place = Annotated[float, In("m", ge=-FARTHEST, le=FARTHEST)]
 Angle = Annotated[float, In("rad")]
 Distance = Annotated[float, In("m", gt=0)]
-Force = Annotated[float, In("N")]
-Stiffness = Annotated[float, In("N/m", ge=0)]
-Damping = Annotated[float, In("N s/m", ge=0)]
+Force = Annotated[float, In("N", ge=-1e11, le=1e11)]
+Stiffness = Annotated[float, In("N/m", ge=0, le=1e13)]
+Damping = Annotated[float, In("N s/m", ge=0, le=1e11)]
 Each = float | tuple[float, ...]  # of all wheels of a side, or of each
 EachPlace = tuple[float, float] | tuple[tuple[float, float], ...]
 

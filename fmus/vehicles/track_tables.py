@@ -14,27 +14,29 @@ from pydantic import Field, model_validator
 
 from fmus.vehicles.ranges import Mistake
 from fmus.vehicles.sides import of_wheels
-from fmus.vehicles.tables import Distance, Force, FrozenTable, In, Inertia, Length, Mass, ratio, to_si, value_text
+from fmus.vehicles.tables import Force, FrozenTable, Gap, In, Inertia, Length, Mass, Size, ratio, to_si, value_text
 
 STIFFER = 10.0  # bending stiffness of flexible links over that of their belt: nine tenths of it bends in the bushes
 POISSON = 0.3  # Poisson's ratio, of beams
-Stress = Annotated[float, In("Pa", gt=0)]
-Notch = Annotated[float, ratio(ge=1.0)]
+Stress = Annotated[float, In("Pa", gt=0, le=1e16)]
+Area = Annotated[float, In("m^2", gt=0, le=10)]
+Bending = Annotated[float, In("m^4", gt=0, le=10)]
+Factor = Annotated[float, ratio(ge=1.0, le=1e3)]
 
 
 class BeltTable(FrozenTable):  # noqa: D101
-    bending: Annotated[float, In("N m^2", gt=0)]
+    bending: Annotated[float, In("N m^2", gt=0, le=1e12)]
     """stiffness EI of the belt in bending: track.bushing.stiffness = bending / track.pitch"""
-    relaxation_time: Annotated[float, In("s", ge=0)] = 0.0
+    relaxation_time: Annotated[float, In("s", ge=0, le=1e3)] = 0.0
     """damping over stiffness of the belt in bending, of track.bushing.damping too"""
-    axial: Annotated[float, In("N", gt=0)] | None = None
+    axial: Annotated[float, In("N", gt=0, le=1e16)] | None = None
     """stiffness EA of the belt in stretch, of flexible links: it gives section and material, without relaxation time,
     where their tables do not say otherwise; rigid links do not stretch"""
-    length: Distance | None = None
+    length: Annotated[float, In("m", gt=0, le=1e3)] | None = None
     """length of the belt: track.pitch = length / track.links"""
-    mass: Mass | None = None
+    mass: Annotated[float, In("kg", gt=0, le=1e8)] | None = None
     """mass of the belt: track.mass = mass / track.links"""
-    thickness: Distance | None = None
+    thickness: Size | None = None
     """thickness of the belt: track.face is half of it, track.inertia that of a box of pitch, width and thickness"""
 
     def of_links(self, links: int, width: float, pitch: float = 0.0, mass: float = 0.0) -> dict[str, object]:
@@ -76,7 +78,7 @@ class BushingTable(FrozenTable):  # noqa: D101
     """coefficient of friction between pin and link, under the force of the pin"""
     radius: Annotated[float, In("m", gt=0, lt=1)] | None = None
     """radius at which a pin rubs; with friction"""
-    slow: Annotated[float, In("rad/s", gt=0)] = 0.2
+    slow: Annotated[float, In("rad/s", gt=0, le=1e5)] = 0.2
     """rate of turning below which the friction of a pin grows in proportion to it"""
     wear: Annotated[float, In("1/Pa", ge=0, le=1e-9)] = 0.0
     """volume that wears off per force and way of rubbing (Archard)"""
@@ -87,9 +89,9 @@ class BushingTable(FrozenTable):  # noqa: D101
 class GrouserTable(FrozenTable):  # noqa: D101
     height: Annotated[float, In("m", ge=0, le=2)]
     """height of a bar or pad over the outer face of its link, track.face"""
-    length: Distance
+    length: Size
     """length of a bar or pad along the track"""
-    width: Distance | None = None
+    width: Size | None = None
     """width of a bar or pad; without it track.width"""
     count: Annotated[int, Field(ge=1, le=8)] = 1
     """number of bars or pads of a link, each in the middle of an equal part of the pitch"""
@@ -100,15 +102,15 @@ class TrackTable(FrozenTable):  # noqa: D101
     """number of links of a track"""
     lateral: Length
     """distance of the track's plane from the plane of symmetry"""
-    pitch: Distance
+    pitch: Size
     """distance between the pins of a link"""
     mass: Mass
     """mass of a link"""
     inertia: tuple[Inertia, Inertia, Inertia]
     """moments of inertia of a link about its own x (along), y (pin), z (normal)"""
-    face: Annotated[float, In("m", ge=0)]
+    face: Gap
     """distance of both faces of a link, towards the ground and towards the wheels, from the line of the pins"""
-    width: Distance
+    width: Size
     """width of a link"""
     tension: Force
     """mean static tension of the vehicle standing on level, hard ground: the idler's place is solved for it. Flexible
@@ -148,29 +150,29 @@ class TrackTable(FrozenTable):  # noqa: D101
 
 
 class SectionTable(FrozenTable):  # noqa: D101
-    area: Annotated[float, In("m^2", gt=0)]
+    area: Area
     """area of the section"""
-    bending: Annotated[float, In("m^4", gt=0)]
+    bending: Bending
     """second moment of area for bending in the plane of the track"""
-    lateral_bending: Annotated[float, In("m^4", gt=0)]
+    lateral_bending: Bending
     """second moment of area for bending to the side, of beams"""
-    torsion: Annotated[float, In("m^4", gt=0)]
+    torsion: Bending
     """torsion constant of Saint-Venant, of beams; at most bending + lateral_bending"""
-    outer_fibre: Distance
+    outer_fibre: Size
     """distance of the outer fibre from the neutral axis, for the stress of bending"""
 
 
 class MaterialTable(FrozenTable):  # noqa: D101
     youngs_modulus: Annotated[float, In("Pa", gt=0)]
     """Young's modulus"""
-    shear_modulus: Annotated[float, In("Pa", gt=0)]
+    shear_modulus: Stress
     """shear modulus, of beams"""
     relaxation_time: Annotated[float, In("s", ge=0)]
     """damping constants of the material over its Young's modulus"""
 
 
 class GuideTable(FrozenTable):  # noqa: D101
-    clearance: Annotated[float, In("m", ge=0)]
+    clearance: Gap
     """lateral play of a guide horn, on each side, between the discs of a wheel; of rigid links and beams"""
 
 
@@ -179,11 +181,11 @@ class FatigueTable(FrozenTable):
 
     stress: Stress
     """amplitude at the knee, for a stress that alternates about 0"""
-    cycles: Annotated[float, ratio(gt=0)] = 2e6
+    cycles: Annotated[float, ratio(gt=0, le=1e15)] = 2e6
     """cycles at the knee"""
-    slope: Annotated[float, ratio(ge=1.0)] = 5.0
+    slope: Factor = 5.0
     """slope above the knee: cycles = cycles at the knee (stress / amplitude)^slope"""
-    slope_beyond: Annotated[float, ratio(ge=1.0)] | None = None
+    slope_beyond: Factor | None = None
     """slope below the knee; without it 2 slope - 1 (Haibach 1970)"""
     mean_stress: Literal["none", "goodman", "morrow", "walker", "swt"] = "goodman"
     """rule by which the mean of a cycle counts"""
@@ -193,26 +195,26 @@ class FatigueTable(FrozenTable):
     """true fracture strength, of the rule morrow"""
     exponent: Annotated[float, ratio(gt=0.0, le=1.0)] = 0.65
     """exponent of the rule walker; swt is 0.5"""
-    scatter: Annotated[float, ratio(ge=1.0)] = 3.0
+    scatter: Factor = 3.0
     """life that 10 % of the parts reach over the one that 90 % reach"""
 
 
 class LifeTable(FrozenTable):  # noqa: D101
-    pin_diameter: Distance
+    pin_diameter: Size
     """diameter of a pin"""
     lugs: Annotated[int, Field(ge=1, le=20)]
     """lugs of the link on one end, which stand between one more of the next link; all carry alike"""
-    inner_lug: Distance
+    inner_lug: Size
     """width of one of these lugs"""
-    outer_lug: Distance
+    outer_lug: Size
     """width of an outermost lug of the next link, which carries half as much"""
-    gap: Annotated[float, In("m", ge=0)] = 0.0
+    gap: Gap = 0.0
     """gap between two lugs"""
-    body_area: Annotated[float, In("m^2", gt=0)]
+    body_area: Area
     """net section of the body of a link across its pull"""
-    pin_factor: Notch = 1.0
+    pin_factor: Factor = 1.0
     """stress concentration factor of the pin in bending"""
-    body_factor: Notch = 1.0
+    body_factor: Factor = 1.0
     """stress concentration factor of the net section"""
     pin: FatigueTable
     """life of the pin"""

@@ -35,6 +35,7 @@ from fmus.vehicles.tables import (
     Length,
     Mass,
     OrEach,
+    Size,
     Stiffness,
     When,
     first_error,
@@ -84,17 +85,17 @@ class SprocketTable(FrozenTable):  # noqa: D101
     pins_per_gap: Annotated[int, Field(ge=1, le=8), When(teeth=GIVEN, gaps_per_pin=(1,))] = 1
     """pins from a lug to the next one of a finely cut belt: with 3, teeth push every third pin, and a rim bears the
     faces of the links between by contact.wheel. It must divide the number of links"""
-    pitch: Annotated[Distance | None, When(teeth=GIVEN)] = None
+    pitch: Annotated[Size | None, When(teeth=GIVEN)] = None
     """pitch of the chain that the teeth were made for; without it that of the track, which grows by wear"""
-    outer_radius: Annotated[Distance | None, When(teeth=GIVEN)] = None
+    outer_radius: Annotated[Size | None, When(teeth=GIVEN)] = None
     """radius of the tips of the teeth; must exceed the pitch radius"""
-    pin_radius: Annotated[Distance | None, When(teeth=GIVEN)] = None
+    pin_radius: Annotated[Size | None, When(teeth=GIVEN)] = None
     """radius of the cylinders on the links that the teeth seat"""
-    seat_clearance: Annotated[Distance | None, When(teeth=GIVEN)] = None
+    seat_clearance: Annotated[Size | None, When(teeth=GIVEN)] = None
     """radius of a seat between two teeth less the pin radius"""
     flank_angle: Annotated[Annotated[float, In("rad", gt=0.0, lt=1.2)] | None, When(teeth=GIVEN)] = None
     """angle of a flank against the radius through the seat, leaning outward"""
-    tip_radius: Annotated[Distance | None, When(teeth=GIVEN)] = None
+    tip_radius: Annotated[Size | None, When(teeth=GIVEN)] = None
     """rounding of the tip of a tooth"""
 
     @model_validator(mode="after")
@@ -256,7 +257,7 @@ class VehicleTable(FrozenTable):
     """name of the vehicle"""
     title: str = ""
     """one line about the vehicle"""
-    longest_step: Annotated[float, In("s", gt=0)] | None = None
+    longest_step: Annotated[float, In("s", gt=0, le=10)] | None = None
     """longest communication step that suits the vehicle: scenes with a longer one take a part of theirs"""
     gravity: Annotated[float, In("m/s^2", ge=0)] = 9.81
     """acceleration of gravity, downwards"""

@@ -10,6 +10,7 @@ from jsonschema import Draft202012Validator
 from scene_files import toml_lines
 
 from fmus.precompile import component_ports
+from fmus.vehicles.ranges import VEHICLE
 from fmus.vehicles.tables import BadInput
 from orchestrator.cli.key_reference import key_text, measure_keys, page
 from orchestrator.results.measures import FIGURES
@@ -86,7 +87,10 @@ def test_keys_of_drives_driver_and_load_are_parameters_of_their_fmus():
         ("vehicle.contact.ground.friction", "vehicle.contact.ground.friction: ratio, 0 to 100, required\n    coeff"),
         ("vehicle.chassis.inertia", "vehicle.chassis.inertia: kg m^2, [> 0, > 0, > 0], required\n    moments of"),
         ("vehicle.tensioner.travel", "vehicle.tensioner.travel: m, 1e-06 to 50, default 0.1\n"),
-        ("push", "push: N, number, default 0.0, assembly vehicle, solved by the run\n    share of the tensioners'"),
+        (
+            "push",
+            "push: N, -1e+11 to 1e+11, default 0.0, assembly vehicle, solved by the run\n    share of the",
+        ),
         ("expect.NAME.measure", f"expect.NAME.measure: one of {len(FIGURES)} names\n    measure that is"),
     ],
 )
@@ -284,3 +288,17 @@ def test_points_of_a_source_elsewhere_are_written(tmp_path, monkeypatch):
 )
 def test_text_of_values_reads_back(value):
     assert tomllib.loads(f"x = {toml_text(value)}") == {"x": value}
+
+
+def test_every_number_of_a_vehicle_has_an_end():
+    """In its type, or by a range of its own; a part of 1e17 m is no vehicle."""
+    schema, ranges = vehicle_schema(), {one.key for one in VEHICLE}
+
+    def open_ended(entry):
+        inner = [*entry.get("anyOf", ()), *entry.get("prefixItems", ()), *filter(None, [entry.get("items")])]
+        endless = entry.get("type") == "number" and not {"maximum", "exclusiveMaximum"} & {*entry}
+        return endless or any(map(open_ended, inner))
+
+    found = {key.removeprefix("right.") for key, entry, _ in entries(schema, schema["$defs"]) if open_ended(entry)}
+    assert found - ranges == set()
+    assert "road_wheel.mass" in found
