@@ -239,8 +239,7 @@ def _implausible_numbers(scene: SystemScene) -> list[tuple[str, str]]:
     sentences = [
         *filter(None, [scene.shortened]),
         *implausible_numbers(scene.resolved(), scene.where),
-        *scene.narrow_obstacles,
-        *scene.unused_points,
+        *scene.unfelt,
     ]
     return [("scene", sentence) for sentence in sentences]
 

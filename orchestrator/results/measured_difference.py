@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 from math import sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -120,17 +121,15 @@ def read_shifted(run: RunData, source: MeasuredFile, window: Window = EVER) -> M
             raise BadInput(f"'{signal}' is no signal of the run, but '{column}' is: the map is {column}={signal}")
     measured = read(file, source.columns, run.log.unit, source.clock)
 
-    def pairs() -> list[Pair]:
-        return [(*run.signal(each.signal, window), each) for each in measured]
-
+    pairs = [(*run.signal(each.signal, window), each) for each in measured]
     if source.shift == FIND:
-        seconds, doubt = find_shift(pairs())
+        seconds, doubt = find_shift(pairs)
     else:
         seconds, doubt = _seconds(source.shift), ""
         first, last = min(float(each.t[0]) for each in measured), max(float(each.t[-1]) for each in measured)
         begin, end = run.span
         apart = not seconds and abs(first - begin) > ELSEWHERE * min(last - first, end - begin)
-        if apart and _fits_elsewhere(pairs()):
+        if apart and _fits_elsewhere(pairs):
             doubt = f"the record begins at {first:.6g} s, the run at {begin:.6g} s: shift = {FIND} aligns their clocks"
     doubts, signals = [doubt], list[MeasuredSignal]()
     for each in measured:
@@ -279,13 +278,12 @@ def _refined(pairs: Sequence[Pair], best: float, interval: float) -> tuple[float
     """Shift within two grid intervals of ``best`` with the least cost, s, and that cost."""
     from scipy.optimize import minimize_scalar
 
+    cost = partial(_mean_cost, pairs)
     # The tolerance of scipy grows with the variable, so it counts from the best shift.
     refined = minimize_scalar(
-        lambda more: _mean_cost(pairs, best + more),
-        bounds=(-2.0 * interval, 2.0 * interval),
-        options={"xatol": PRECISION},
+        lambda more: cost(best + more), bounds=(-2.0 * interval, 2.0 * interval), options={"xatol": PRECISION}
     )
-    at_best = _mean_cost(pairs, best)
+    at_best = cost(best)
     return (best + float(refined.x), float(refined.fun)) if refined.fun < at_best else (best, at_best)
 
 

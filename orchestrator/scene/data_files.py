@@ -63,13 +63,12 @@ def points_behind(table: Tables, stop: float) -> Iterator[str]:
     """
     for name, drive in _drives(table):
         for key in OVER_TIME:
-            if not isinstance(points := drive.get(key), FilePoints):
-                continue
-            behind = sum(t > stop * (1.0 + 1e-9) for t, _ in points)
-            if behind > (not isinstance(points, Commands)):
+            points = drive.get(key)
+            behind = [t for t, _ in points if t > stop * (1.0 + 1e-9)] if isinstance(points, FilePoints) else []
+            if len(behind) > (not isinstance(points, Commands)):
                 yield (
-                    f"{name}.{key}: {behind} of {len(points)} points of its file are behind the end of the run,"
-                    f" run.stop = {stop:.10g} s; run.stop = {points[-1][0]:.10g} s has them all"
+                    f"{name}.{key}: {len(behind)} of {len(drive[key])} points of its file are behind the run's end,"
+                    f" run.stop = {stop:.10g} s; run.stop = {behind[-1]:.10g} s has them all"
                 )
 
 

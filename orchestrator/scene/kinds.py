@@ -311,10 +311,11 @@ class VehicleScene(Scene):
         return None if self.turns else self.start.heading
 
     @property
-    def narrow_obstacles(self) -> list[str]:
-        """One sentence for each feature of the ground that may pass between contact points of a link."""
+    def unfelt(self) -> list[str]:
+        """As of any scene, and one sentence for each feature of the ground that may pass between contact points."""
         ground, track = self.ground.model_dump(exclude_none=True), self.vehicle.track.model_dump()
-        return [f"{self.where}: {sentence}" for sentence in passed_over(ground, track, self.kept_heading)]
+        narrow = passed_over(ground, track, self.kept_heading)
+        return [*super().unfelt, *(f"{self.where}: {sentence}" for sentence in narrow)]
 
     @property
     def _lopsided(self) -> str:

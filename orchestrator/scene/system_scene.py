@@ -84,14 +84,9 @@ class SystemScene(FrozenTable):
         return self._archive or f"{self.name}.toml"
 
     @property
-    def unused_points(self) -> list[str]:
-        """Sentences about points of files behind its end."""
+    def unfelt(self) -> list[str]:
+        """Sentences about points of files behind its end, and obstacles that may pass between contact points."""
         return [f"{self.where}: {sentence}" for sentence in self._unused]
-
-    @property
-    def narrow_obstacles(self) -> list[str]:
-        """Sentences about obstacles that may pass between contact points."""
-        return []
 
     def read_from(self, archive: str, settings: Mapping[str, Any]) -> Self:
         """The scene as one of an SSP archive (empty for none) with settings: for messages and the name of its log."""

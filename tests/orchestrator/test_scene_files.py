@@ -103,9 +103,9 @@ def test_points_of_a_file_behind_the_end_are_told(cotrack, monkeypatch, tmp_path
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.csv").write_text(text)
     asked = ["drive.speed_points=a.csv", "run.stop=0.02", *settings]
-    found = load("sprocket_bench", None, asked).unused_points
+    found = load("sprocket_bench", None, asked).unfelt
     run_stop = "run.stop = 0.02 s; run.stop = 0.0405 s has them all"
-    sentence = f"drive.speed_points: {told} of its file are behind the end of the run, {run_stop}"
+    sentence = f"drive.speed_points: {told} of its file are behind the run's end, {run_stop}"
     assert found == [f"sprocket_bench.toml: {sentence}"] * bool(told)
     if told:
         sets = [part for one in asked for part in ("--set", one)]
