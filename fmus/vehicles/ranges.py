@@ -171,8 +171,8 @@ def numbers(table: Any, key: str = "") -> Iterator[tuple[str, float]]:
         for name, inner in table.items():
             yield from numbers(inner, f"{key}.{name}" if key else name)
     elif isinstance(table, list | tuple):
-        for inner in table:
-            yield from numbers(inner, key)
+        for inner in table:  # long lists of points: no generator for each float
+            yield from ((key, inner),) if isinstance(inner, float) else numbers(inner, key)
     elif isinstance(table, float):
         yield key, table
 

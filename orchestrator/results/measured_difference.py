@@ -225,7 +225,9 @@ def find_shift(pairs: Sequence[Pair]) -> tuple[float, str]:
 
     Raises Missing if no measured signal varies.
     """
-    varying = _varying(pairs)
+    varying = [pair for pair in pairs if len(pair[0]) > 1 and len(set(pair[2].values[~np.isnan(pair[2].values)])) > 1]
+    if not varying:
+        raise Missing("no shift can be found: no mapped signal varies in the file")
     # The finer record sets the grid, so that an undersampled oscillation has its least difference there too.
     finest = min(float(np.median(np.diff(t))) for pair in varying for t in (pair[0], pair[2].t) if len(t) > 1)
     span = max(sum(float(t[-1] - t[0]) for t in (pair[0], pair[2].t)) for pair in varying)
@@ -242,19 +244,11 @@ def find_shift(pairs: Sequence[Pair]) -> tuple[float, str]:
     return shift, _doubt(shift, sqrt(least), other, sqrt(cost)) if near else ""
 
 
-def _varying(pairs: Sequence[Pair]) -> list[Pair]:
-    """Those whose measured signal varies; raises Missing for none."""
-    varying = [pair for pair in pairs if len(pair[0]) > 1 and len(set(pair[2].values[~np.isnan(pair[2].values)])) > 1]
-    if not varying:
-        raise Missing("no shift can be found: no mapped signal varies in the file")
-    return varying
-
-
 def _fits_elsewhere(pairs: Sequence[Pair]) -> bool:
-    """Whether records that vary differ clearly less at another shift than 0: one that begins late may be in place."""
+    """Whether records differ clearly less at another shift than 0: what begins late may be in place."""
     with suppress(Missing):
-        least = _mean_cost(_varying(pairs), find_shift(pairs)[0])
-        return sqrt(_mean_cost(_varying(pairs), 0.0)) > NEAR * sqrt(least) + NEARLY
+        least = _mean_cost(pairs, find_shift(pairs)[0])
+        return sqrt(_mean_cost(pairs, 0.0)) > NEAR * sqrt(least) + NEARLY
     return False
 
 
@@ -292,7 +286,7 @@ def _mean_cost(pairs: Sequence[Pair], shift: float) -> float:
 
 
 def _cost(pair: Pair, shift: float) -> float:
-    """Mean squared difference over the measured variance; infinite without common instants."""
+    """Mean squared difference over the measured variance, 0 of a constant; infinite without common instants."""
     t, values, measured = pair
     measured, _ = measured.shifted(shift).beside(t, values)
     sides = ObservableSamples(t, values[:, None]), ObservableSamples(measured.t, measured.values[:, None])
@@ -301,7 +295,7 @@ def _cost(pair: Pair, shift: float) -> float:
     if not known.any():
         return np.inf
     durations = record_durations(instants(*sides))
-    return (rms((a - b)[known], durations[known]) / float(np.nanstd(measured.values))) ** 2
+    return (rms((a - b)[known], durations[known]) / (float(np.nanstd(measured.values)) or np.inf)) ** 2
 
 
 def _on_grid(pairs: Sequence[Pair], interval: float) -> tuple[float, Floats]:

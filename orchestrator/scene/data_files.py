@@ -120,7 +120,7 @@ def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> FilePoints:
     except (OSError, ValueError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else f"{error}{other_suffix(path)}"
         raise BadInput(f"{key}: cannot be read: {reason}") from None
-    pairs, lines, sizes = [], [], [1.0, 1.0]
+    found, sizes = [], [1.0, 1.0]
     for line, row in rows:
         try:
             first, second = (number(cell) for cell in row)
@@ -129,12 +129,11 @@ def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> FilePoints:
                 raise BadInput(f"{key}, line {line}: must be two numbers") from None
             sizes = [*_sizes(key, row, units), 1.0, 1.0]  # a first line of fewer cells is a title
             continue
-        pairs.append([first, second])
-        lines.append(line)
-    found = np.array(pairs).reshape(-1, 2)
-    for at, place in np.argwhere(no_data(found))[:1]:
-        raise BadInput(f"{key}, line {lines[at]}: {found[at, place]:.7g} is a mark of no data: leave the line out")
-    return FilePoints((found * sizes[:2]).tolist())
+        found.append([line, first, second])
+    lines, pairs = np.split(np.array(found).reshape(-1, 3), [1], axis=1)
+    for at, place in np.argwhere(no_data(pairs))[:1]:
+        raise BadInput(f"{key}, line {lines[at, 0]:g}: {pairs[at, place]:.7g} is a mark of no data: leave the line out")
+    return FilePoints((pairs * sizes[:2]).tolist())
 
 
 def _of_columns(path: Path, key: str, units: tuple[str, str], column: str = "") -> FilePoints:
