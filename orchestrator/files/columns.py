@@ -61,9 +61,10 @@ def csv_lines(path: Path, most: int, most_lines: int, delimiters: str = ",") -> 
     except UnicodeDecodeError as error:
         byte = f"byte {error.object[error.start]:#x} at {error.start}"
         raise ValueError(f"it is no text in UTF-8 ({byte}): save it as CSV in UTF-8") from None
+    ended = text.count("\n") > most_lines  # known without a look at each line
     with io.StringIO(text, newline=None) as lines:
         for place, line in enumerate(lines, 1):
-            if place > most_lines:
+            if ended or place > most_lines:
                 raise OverBudget(f"it has more than {most_lines} lines")
             if len(line) > CSV_LINE:
                 raise OverBudget(f"line {place} has more than {CSV_LINE} characters")
