@@ -46,7 +46,7 @@ from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_p
 from fmus.fmi.terminals import terminal_files
 from fmus.ground.tables import number_meanings
 from fmus.interface import numbers
-from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment
+from fmus.interface.defaults import EXPERIMENT, KEY, all_ports, experiment
 from fmus.interface.model import InvalidParameter
 from fmus.interface.numbers import MEANINGS
 from fmus.interface.ports import Port
@@ -130,10 +130,7 @@ def packed_config(kind: str, config: Mapping[str, Any]) -> dict[str, Any]:
 def _configured(kind: str, config: Mapping[str, Any]) -> tuple[Port, ...]:
     """Ports of the FMU of a kind of component with a packed config; raises BuildFailed."""
     try:
-        known = model_of(kind)(config).ports
-        ports = (*known, *numbers.ports(config, number_meanings(), known))
-        check_names(ports, config)
-        return configured_ports(ports, config)
+        return all_ports(model_of(kind)(config).ports, config, number_meanings())
     except InvalidParameter as error:
         raise BuildFailed(f"cannot build {Path(KINDS[kind]).stem}: {error}") from None
 
@@ -357,7 +354,7 @@ def _child() -> None:
         try:
             FmuBuilder.build_FMU(script.absolute(), dest=shell["target"], project_files=child_input["project"])
         except Exception as error:
-            kind = "" if type(error).__name__ == "Refused" else f"{type(error).__name__}: "
+            kind = "" if type(error).__name__ == "RefusedCall" else f"{type(error).__name__}: "
             sys.exit(f"{script.stem}: {kind}{(str(error).splitlines() or ['no message'])[-1]}")
 
 

@@ -1,7 +1,8 @@
 """State machine of an FMU instance: phases, the FMI calls allowed in each, communication points.
 
-Sources: FMI 2.0.4, section 4.2.4, and FMI 3.0.2, sections 2.3 and 4.2 (co-simulation). `slave.py` and the front ends
-`native/fmi2.c` and `native/fmi3.c` use these tables. Calls that are not in them are allowed in every phase.
+Sources: FMI 2.0.4, section 4.2.4, and FMI 3.0.2, sections 2.3 and 4.2 (co-simulation). `slave.py`,
+`model_instance.py` and the front ends `native/fmi2.c` and `native/fmi3.c` use these tables. Calls that are not in them
+are allowed in every phase.
 
 Deviations: a call that is refused (fmi2Error) and a step that cannot be done (fmi2Discard) leave the instance as it
 was, so there are no phases for an error and a failed step: the next call, with good input or a shorter step, goes on.
@@ -14,6 +15,10 @@ import math
 from enum import IntEnum
 
 from fmus.interface.sentences import Sentence, format_sentence
+
+
+class Refused(RuntimeError):
+    """Refusal of an FMI call; the message is one sentence."""
 
 
 class InstancePhase(IntEnum):

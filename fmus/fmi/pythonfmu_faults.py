@@ -26,8 +26,8 @@ def printf_format(text: str) -> str:
     return cut.replace("\0", "").replace("%", "%%")
 
 
-class Refused(RuntimeError):
-    """Refusal of an FMI call; pythonfmu logs the repr as a printf format, so the repr is the sentence as one line."""
+class RefusedCall(RuntimeError):
+    """A call's end for pythonfmu, which logs the repr as a printf format: the repr is the sentence as one line."""
 
     def __repr__(self) -> str:
         return printf_format(" ".join(str(self).split()))

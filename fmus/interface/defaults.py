@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from fmus.interface import numbers
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import Port
 
@@ -55,6 +56,16 @@ def check_names(ports: Iterable[Port], config: Mapping[str, Any]) -> None:
     for name in config.get(KEY, {}):
         if name not in names:
             raise InvalidParameter(f"there is no parameter '{name}'")
+
+
+def all_ports(
+    known: Iterable[Port], config: Mapping[str, Any], meanings: Mapping[str, numbers.Meaning]
+) -> tuple[Port, ...]:
+    """Ports of a model, ``known``, and parameters of its numbers, configured; raises InvalidParameter."""
+    known = tuple(known)
+    ports = (*known, *numbers.ports(config, meanings, known))
+    check_names(ports, config)
+    return configured_ports(ports, config)
 
 
 def experiment(config: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -21,8 +21,7 @@ from fmus.fmi.description import document
 from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
 from fmus.fmi.terminals import terminal_files
 from fmus.ground.tables import number_meanings
-from fmus.interface import numbers
-from fmus.interface.defaults import EXPERIMENT, KEY, check_names, configured_ports, experiment, parameter_values
+from fmus.interface.defaults import EXPERIMENT, KEY, all_ports, experiment, parameter_values
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import Port, variables
 from fmus.native import fmi3_description, numbers_file
@@ -161,9 +160,7 @@ class _Component:
         self.kind, self.config, self.fmi = kind, config, fmi
         self.model = model = model_of(kind)(config)
         try:
-            known = (*model.ports, *numbers.ports(config, number_meanings(), model.ports))
-            check_names(known, config)
-            ports = configured_ports(known, config)
+            ports = all_ports(model.ports, config, number_meanings())
         except InvalidParameter as error:
             raise BuildFailed(f"cannot build {kind}: {error}") from None
         values = parameter_values(ports, {})

@@ -17,7 +17,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 from logged import logged
 
-import fmus.fmi.slave
+import fmus.fmi.pythonfmu_faults
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.fast_calls import REALS
 from orchestrator.files.messages import RUN
@@ -184,13 +184,13 @@ def test_a_warning_is_told_with_its_percent_sign(toy):
 @pytest.mark.parametrize("wait", [False, True])
 def test_a_refusal_gives_its_sentence_whether_or_not_messages_wait(toy, monkeypatch, wait, caplog):
     """From Python 3.13 on, a message that is passed on while an exception is set ends that exception."""
-    monkeypatch.setattr("fmus.fmi.slave.MESSAGES_WAIT", wait or sys.version_info >= (3, 13))
+    monkeypatch.setattr("fmus.fmi.pythonfmu_faults.MESSAGES_WAIT", wait or sys.version_info >= (3, 13))
     caplog.set_level(logging.DEBUG, RUN.name)
     sentence = "stiffness = -1.0: 100 % of springs push back"
     with Component(toy, "toy") as component:
         with pytest.raises(ComponentFailed, match=re.escape(f"toy: {sentence}")):
             component.initialise({"stiffness": -1.0})
-        assert any("Traceback" in message for message in caplog.messages) is not fmus.fmi.slave.MESSAGES_WAIT
+        assert any("Traceback" in message for message in caplog.messages) is not fmus.fmi.pythonfmu_faults.MESSAGES_WAIT
         assert any(line.endswith(sentence) for message in caplog.messages for line in message.splitlines())
         component.set_inputs()  # a call that is not refused passes on what waits
         assert sum("Traceback" in message for message in caplog.messages) == 1
