@@ -128,13 +128,14 @@ class Worker:
         ctypes.CDLL(None).sem_init(ctypes.c_void_p(self._bell.ctypes.data), 0, 0)
         self.mailbox = record(Mailbox(bell=self._bell.ctypes.data))
         self.address = int(self.mailbox.ctypes.data)
+        self._kernels = kernels()  # held: two threads that load them at once get two, and the cache keeps one
         self._thread = threading.Thread(target=self._work, name="step", daemon=True)
         self._thread.start()
 
     def _work(self) -> None:
-        kernels().work(self.address, POLLS)
+        self._kernels.work(self.address, POLLS)
 
     def close(self) -> None:
         """End the thread, which must have no task."""
-        kernels().set_state(self.address, ENDED)
+        self._kernels.set_state(self.address, ENDED)
         self._thread.join()
