@@ -27,7 +27,7 @@ from fmus.cache.files import cache_folder, cached_result, private_folder, read_c
 from fmus.cache.sources import ROOT, search_path, source_hash, sources
 from fmus.components import KINDS, model_of
 from fmus.interface.ports import Port
-from fmus.kernels.jit import COMPILED
+from fmus.kernels.numba_internals.compilation import COMPILED
 
 SHORT = 5  # links of a shortened chain
 Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters

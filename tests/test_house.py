@@ -45,12 +45,14 @@ GENERIC = [
     *(f"cosim/{name}.py" for name in IN_COSIM.split()),
     "execution/replays.py",
 ]
+INSIDE_NUMBA = "fmus.kernels", "fmus.kernels.numba_internals"  # of which no other module knows anything
+PROMISED = {"intrinsic", "overload", "register_jitable"}  # by numba.extending
 ALLOWED_IMPORTS = {
     "fmus.precompile", "fmus.cache", "fmus.cache.files", "fmus.cache.limit", "fmus.cache.pack", "fmus.fmi.build",
     "fmus.fmi.saved", "fmus.fmi.terminals", "fmus.ground.refinement", "fmus.ground.soils", "fmus.ground.tables",
     "fmus.ground.terrain", "fmus.interface.defaults",
     "fmus.interface.ports", "fmus.interface.units", "fmus.monolith.model", "fmus.native.pack",
-    "fmus.rest.equilibrium", "fmus.rest.standing", "fmus.rest.tensioning",
+    "fmus.rest.equilibrium", "fmus.rest.standing", "fmus.rest.tensioning", *INSIDE_NUMBA,
     "fmus.start", "fmus.track.choices", "fmus.track.link_outputs", "fmus.vehicles.ranges",
     "fmus.vehicles.sides", "fmus.vehicles.tables", "fmus.vehicles.vehicle",
 }  # fmt: skip
@@ -187,6 +189,32 @@ def test_a_component_stands_alone(folder):
     assert [word for word in ("equations", "ports", "state") if word not in page] == []
 
 
+def into_numba(source: str) -> set[str]:
+    """Names inside numba that a source imports, and attributes of numba's modules that it sets."""
+    found = {name for name in imports(source) if name.startswith("numba.")}
+    inner = {name for name in found if name.split(".")[1] == "core" or "._" in name}
+    low = {name for name in found if name.startswith("numba.extending.")} - {f"numba.extending.{n}" for n in PROMISED}
+    targets = [each for node in nodes(source) if isinstance(node, ast.Assign) for each in node.targets]
+    targets += [node.args[0] for node in nodes(source) if isinstance(node, ast.Call) and node.args
+                and ast.unparse(node.func) == "setattr"]  # fmt: skip
+    return inner | low | {name for each in targets if (name := ast.unparse(each)).startswith(("numba.", "config."))}
+
+
+def test_one_package_knows_the_inside_of_numba():
+    """No other imports from it or changes numba, and its tested version is there alone."""
+    room = FMUS / "kernels" / "numba_internals"
+    reaching = {file for file in sources(FMUS, ORCHESTRATOR) if into_numba(text(file))}
+    assert {file for file in reaching if not file.is_relative_to(room)} == set()
+    assert {file.name for file in reaching} == {"compilation.py", "references.py"}
+    assert [file.name for file in sources(FMUS, ORCHESTRATOR) if '"0.68' in text(file)] == ["__init__.py"]
+    for line in ("import numba.core.types", "def f():\n    from numba.core import cgutils", "numba.config.OPT = 0",
+                 "from numba.extending import unbox", "setattr(numba.njit, 'x', 1)"):  # fmt: skip
+        assert into_numba(line), line
+    assert not into_numba(
+        "import numba\nfrom numba import types\nfrom numba.extending import intrinsic\nx = numba.config.OPT"
+    )
+
+
 def test_every_folder_with_a_shell_is_a_component():
     assert {file.parent.name for file in FMUS.glob("*/*_fmu.py")} == set(COMPONENTS)
 
@@ -200,7 +228,7 @@ def test_physics_knows_arrays_and_kernels_only():
     allowed = {"numpy", "scipy", "numba"} | set(sys.stdlib_module_names)
     for file in sources(FMUS / "physics"):
         for name in imports(text(file)):
-            inside = name.startswith(("fmus.physics", "fmus.kernels.jit", "fmus.kernels.by_reference"))
+            inside = name.startswith(("fmus.physics", "fmus.kernels.jit"))
             assert inside or name == "fmus" or name.split(".")[0] in allowed, (file, name)
 
 
@@ -228,7 +256,7 @@ def test_the_cache_knows_the_standard_library_alone():
 @pytest.mark.parametrize("name", GENERIC)
 def test_generic_modules_import_nothing_of_fmus_but_the_cache(name):
     modules = imports(text(ORCHESTRATOR / name))
-    assert ours(modules, "fmus") <= {"fmus.cache", "fmus.cache.files", "fmus.cache.pack"}
+    assert ours(modules, "fmus") <= {"fmus.cache", "fmus.cache.files", "fmus.cache.pack", *INSIDE_NUMBA}
     inner = {module.removeprefix("orchestrator.").replace(".", "/") for module in ours(modules, "orchestrator")}
     files = {f"{module}.py" for module in inner if (ORCHESTRATOR / f"{module}.py").is_file()}  # the others are folders
     assert files <= set(GENERIC), "a generic module imports one that is not"

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.kernels.by_reference import by_reference
-from fmus.kernels.jit import kernel, plain
+from fmus.kernels.jit import by_reference, kernel, plain
 from fmus.physics.arrays import Floats, Integers, Matrix, Vector
 from fmus.physics.elementary import cos, hypot, sin
 from fmus.vehicles.sides import SIDES, beams, of_side, of_wheels, places_of_wheels, road_arms, smooth_wheels

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from fmus.interface.ports import Port
 from fmus.interface.sentences import GAPS, Sentence, format_sentence
-from fmus.kernels.by_reference import by_reference
-from fmus.kernels.jit import entry, kernel, plain
+from fmus.kernels.jit import by_reference, entry, kernel, plain
 from fmus.physics.arrays import Floats
 
 

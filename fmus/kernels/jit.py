@@ -1,171 +1,27 @@
-"""Compilation of kernels, cached by the content of their sources.
-
-numba's own cache is keyed by the path of the source file, so that an FMU unpacked elsewhere compiles again, and reads
-that file alone, so that an edited callee in another module is missed and old machine code runs. Here a kernel is keyed
-by a hash of its module and of every module of this package that it reaches by imports. An overload is one file, named
-by signature, by the same hash of the classes in it, by processor and compiler, and written as a whole, so processes may
-compile at the same time. A file with a wrong checksum is compiled again, because damaged machine code would end the
-process. A kernel that the cache lacks is taken from a pack, if there is one (``fmus.cache.pack``).
-"""
+"""Declaration of kernels; ``numba_internals`` compiles them, cached by the content of their sources."""
 
 from __future__ import annotations
 
-import gc
-import hashlib
 import inspect
-import logging
-import pickle
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
-from functools import cache, wraps
+from collections.abc import Callable
+from functools import wraps
 from importlib import import_module
 from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any, TypeVar
 
-import llvmlite
-import llvmlite.binding
 import numba
-import numpy
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
-from numba.core.compiler import Compiler
-from numba.core.serialize import dumps
 from numba.extending import overload
 
-from fmus.cache import pack
-from fmus.cache.files import cache_folder, private_folder, read_checked, reporting_errors, write_checked
 from fmus.cache.sources import reachable_hash
-from fmus.kernels import by_reference, linking  # noqa: F401 - change how numba passes tuples, and how it links
+from fmus.kernels.numba_internals.compilation import INNER, OPTIONS, REACHED, compiled
+from fmus.kernels.numba_internals.compilation import compiled_before as compiled_before
+from fmus.kernels.numba_internals.references import by_reference as by_reference
 
-COMPILED = logging.getLogger("cotrack.kernels")  # logs each kernel that has to be compiled
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of its Python function
 Class = TypeVar("Class", bound=type)
-IMPLEMENTED, REACHED = "_implemented", "_reached"  # attributes of a class: module by group of functions; their hash
-# numba's settings that change the machine code of a source
-SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "DEBUGINFO_DEFAULT")
-
-
-class _Locator(_CacheLocator):
-    """Folder and stamp of a kernel in the cache, from the hash of the sources that it reaches."""
-
-    def __init__(self, function: Callable[..., Any], file: str) -> None:
-        self._py_file = file  # numba names it in warnings
-        self._module = function.__module__
-        self._line = function.__code__.co_firstlineno
-        self._stamp = reachable_hash(function.__module__, Path(file))
-
-    def get_cache_path(self) -> str:
-        return str(cache_folder() / "kernels" / f"{self._module}-{self._stamp[:20]}")
-
-    def ensure_cache_path(self) -> None:
-        private_folder(Path(self.get_cache_path()))
-
-    def get_source_stamp(self) -> str:
-        return self._stamp
-
-    def get_disambiguator(self) -> str:
-        return str(self._line)
-
-    @classmethod
-    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator:
-        return cls(py_func, py_file)
-
-
-class _Implementation(CompileResultCacheImpl):
-    _locator_classes = [_Locator]  # noqa: RUF012 - numba's own name for it
-
-
-class _Overloads:
-    """Overloads of a kernel, one file each: numba's index loses or swaps entries when two processes write."""
-
-    def __init__(self, folder: Path, stem: str, stamp: str) -> None:
-        self._folder, self._stem, self._stamp = folder, stem, stamp
-
-    def _path(self, key: object) -> Path:
-        settings = [getattr(numba.config, name, None) for name in SETTINGS]
-        # numba itself takes a kernel for any version of numpy
-        made = (numba.__version__, llvmlite.__version__, numpy.__version__[0], settings, self._stamp, key)
-        name = hashlib.sha256(repr(made).encode()).hexdigest()
-        return self._folder / f"{self._stem}.{name[:24]}.kernel"
-
-    def load(self, key: Any) -> Any:
-        content = None
-        with reporting_errors():
-            content = read_checked(self._path(key))
-        if content := content or self._packed(key):
-            with suppress(Exception):  # of a class that is gone
-                return pickle.loads(content)
-        COMPILED.info("%s is compiled%s", self._stem, ": no pack fits" * any(pack.names()))
-        return None
-
-    def _packed(self, key: Any) -> bytes | None:
-        """Kernel in a pack, for the level instead of this processor."""
-        if not _has_level():
-            return None
-        signature, (triple, *_), *rest = key
-        return pack.read("/".join(self._path((signature, (triple, *pack.LEVEL), *rest)).parts[-3:]))
-
-    def save(self, key: object, data: object) -> None:
-        write_checked(self._path(key), dumps(data))
-
-    def flush(self) -> None:
-        for path in self.files():
-            path.unlink(missing_ok=True)
-
-    def is_packed(self) -> bool:
-        """Whether a pack has an overload of the kernel."""
-        start = f"{pack.KERNELS}/{self._folder.name}/{self._stem}."
-        return _has_level() and any(name.startswith(start) for name in pack.names())
-
-    def files(self) -> Iterator[Path]:
-        return self._folder.glob(f"{self._stem}.*.kernel")
-
-
-@cache
-def _has_level() -> bool:
-    """Whether this processor has the level of packs."""
-    features = llvmlite.binding.get_host_cpu_features()
-    return all(features.get(name) for name in pack.FEATURES)
-
-
-def _classes(types: Iterable[Any]) -> Iterator[type]:
-    """Classes of the named tuples among numba types and inside them: they choose the module of a ``dispatch``."""
-    for numba_type in types:
-        if hasattr(numba_type, "instance_class"):
-            yield numba_type.instance_class
-        yield from _classes(getattr(numba_type, "types", ()))
-
-
-class _Cache(FunctionCache):
-    _impl_class = _Implementation
-    counts_references = False  # whether the kernel counts references to arrays
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Save an overload; raises TypeError for a kernel that returns an array without counting references."""
-        if not self.counts_references and "array(" in str(data.signature.return_type):
-            raise TypeError(f"the kernel {self._name} returns an array: it must be ``allocating``")
-        super().save_overload(sig, data)
-
-    def __init__(self, function: Callable[..., Any], part: str) -> None:
-        super().__init__(function)
-        locator, stem = self._impl.locator, f"{self._impl.filename_base}{part}"
-        self._cache_file: Any = _Overloads(Path(locator.get_cache_path()), stem, locator.get_source_stamp())
-
-    def _index_key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
-        """Key of an overload: numba's, and hashes of the sources that `dispatch` chooses for these arguments."""
-        hashes = {getattr(kind, REACHED, "") for kind in _classes(signature)}
-        return (*super()._index_key(signature, codegen), sorted(hashes))
-
-    _guard_against_spurious_io_errors = staticmethod(reporting_errors)
-
-    def has_overloads(self) -> bool:
-        """Whether there is any overload, in the cache or a pack."""
-        return any(self._cache_file.files()) or self._cache_file.is_packed()
-
-
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False, "no_cfunc_wrapper": True}
-INNER = {"no_cpython_wrapper": True}
+IMPLEMENTED = "_implemented"  # attribute of a class: module by group of functions
 
 
 def kernel(function: Kernel) -> Kernel:
@@ -176,14 +32,12 @@ def kernel(function: Kernel) -> Kernel:
     a kernel that closes over a jitted function or takes one as an argument. With ``NUMBA_DISABLE_JIT=1`` the function
     is returned unchanged; with ``NUMBA_BOUNDSCHECK=1`` it checks its indices.
     """
-    compiled: Kernel = _compiled(function, OPTIONS)
-    return compiled
+    return compiled(function, OPTIONS)
 
 
 def allocating(function: Kernel) -> Kernel:
     """Compile a kernel that makes arrays or calls one that returns them; it counts references."""
-    compiled: Kernel = _compiled(function, OPTIONS | {"_nrt": True})
-    return compiled
+    return compiled(function, OPTIONS | {"_nrt": True})
 
 
 def noalias(function: Kernel) -> Kernel:
@@ -197,52 +51,9 @@ def noalias(function: Kernel) -> Kernel:
     return function
 
 
-class _PlainCompiler(Compiler):
-    """numba's compiler without Python's cycle collection, which would take a tenth of its time."""
-
-    def compile_extra(self, function: Any) -> Any:
-        collecting = gc.isenabled()
-        gc.disable()
-        try:
-            return super().compile_extra(function)
-        finally:
-            if collecting:
-                gc.enable()
-
-
-class _NoAliasCompiler(_PlainCompiler):
-    """The compiler for kernels declared ``noalias``."""
-
-    def __init__(self, typing: Any, target: Any, library: Any, args: Any, result: Any, flags: Any, local: Any) -> None:
-        flags.noalias = True
-        super().__init__(typing, target, library, args, result, flags, local)
-
-
-def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Two kernels of a function: one that Python calls, and one for kernels, without an entry from Python.
-
-    An entry from Python checks every array of every tuple, for a chain some fifty, and takes longer to compile than
-    most kernels.
-    """
-    options = options | {"pipeline_class": _NoAliasCompiler if getattr(function, "noalias", False) else _PlainCompiler}
-    outer = numba.njit(**options)(function)
-    if outer is not function:
-        inner = numba.njit(**options | INNER)(function)
-        for compiled, part in ((outer, ""), (inner, ".inner")):
-            compiled._cache = _Cache(function, part)  # what numba's cache=True does, with our cache
-            compiled._cache.counts_references = options["_nrt"]
-        # otherwise each constant argument has a type of its own and is compiled separately
-        outer.get_call_template = lambda args, kws: inner.get_call_template(
-            tuple(map(numba.types.unliteral, args)), kws
-        )
-        outer.get_overload = inner.get_overload
-    return outer
-
-
 def plain(function: Kernel) -> Kernel:
     """Python function of a kernel, for calls that are not worth compiling."""
-    function_of: Kernel = getattr(function, "py_func", function)
-    return function_of
+    return getattr(function, "py_func", function)
 
 
 def implemented_in(**modules: str) -> Callable[[Class], Class]:
@@ -332,12 +143,5 @@ def entry(function: Callable[..., Any], *like: Any) -> Callable[..., Any]:
     At each call of a kernel numba checks the type of every array in every tuple, 8 us for a chain. Here the caller must
     pass the right types: arguments of other types are misread.
     """
-    compiled = getattr(function, "compile", None)  # none with NUMBA_DISABLE_JIT
-    return compiled(tuple(map(numba.typeof, like))) if compiled else function
-
-
-def compiled_before(function: Any) -> bool:
-    """Whether the cache has a kernel for some types of its arguments; otherwise its first call compiles."""
-    if not isinstance(getattr(function, "_cache", None), _Cache):  # NUMBA_DISABLE_JIT
-        return True
-    return function._cache.has_overloads()
+    compile_for = getattr(function, "compile", None)  # none with NUMBA_DISABLE_JIT
+    return compile_for(tuple(map(numba.typeof, like))) if compile_for else function

@@ -11,15 +11,15 @@ parameters among their choices, messages their numbers, u the inputs, y the outp
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import numba
 from numba import carray, types
 
 from fmus.interface.model import ComponentModel
 from fmus.interface.ports import Port
-from fmus.kernels.by_reference import after, refer
+from fmus.kernels.numba_internals import intermediate_code
+from fmus.kernels.numba_internals.references import after, refer
 from fmus.native.freeze import NUMBERED, DerivedNumber, Frozen
 
 FLOATS, WHOLE, TRUTHS = (types.CPointer(each) for each in (types.float64, types.int64, types.boolean))
@@ -53,7 +53,8 @@ class EntryPoint(NamedTuple):
     """Function of the library, compiled to numba's intermediate code."""
 
     name: str  # "start", "step", "show" or "show_links"
-    compiled: Any  # numba's CompileResult
+    text: str  # of LLVM
+    symbol: str  # its name there
 
 
 class Entries(NamedTuple):
@@ -68,7 +69,7 @@ class Entries(NamedTuple):
         exec(self.source, self.space)
         signatures = {"start": START, "step": STEP, "show": SHOW, "show_links": SHOW}
         known = {name: types_ for name, types_ in signatures.items() if name != "show_links" or self.has_links}
-        return tuple(EntryPoint(name, _compiled(self.space[name], types_)) for name, types_ in known.items())
+        return tuple(EntryPoint(name, *intermediate_code(self.space[name], types_)) for name, types_ in known.items())
 
     @property
     def has_links(self) -> bool:
@@ -122,11 +123,3 @@ def entries(
     for name in ("start_kernel", "step_kernel", "output_kernel", "link_output_kernel"):
         space[name] = getattr(model, name) if model.link_ports or name != "link_output_kernel" else None
     return Entries(source, space, frozen)
-
-
-def _compiled(function: Callable[..., int], signature: Any) -> Any:
-    options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    dispatcher: Any = numba.njit(nogil=True, **options)(function)
-    dispatcher.compile(signature)
-    (compiled,) = dispatcher.overloads.values()
-    return compiled

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kernels.by_reference import Reference
+from fmus.kernels.numba_internals.references import Reference
 
 LINE = 8  # floats of a cache line: an array begins with one
 BLOCKS = {"float64": "f", "int64": "k", "bool": "z"}

@@ -108,16 +108,14 @@ def emit(entries: Sequence[EntryPoint], prefix: str, platform: Platform) -> byte
 
 def _isolated_module(entry: EntryPoint, prefix: str) -> llvm.ModuleRef:
     """LLVM module of an entry; all else in it is internal, named without numba's counters and hashes."""
-    text = entry.compiled.library.get_llvm_str()
-    if address := re.search(r"inttoptr \(i64 (\d{6,})", text):
+    if address := re.search(r"inttoptr \(i64 (\d{6,})", entry.text):
         raise RuntimeError(f"the code of {entry.name} holds an address of this process, {address[1]}")
-    module, entry_name = llvm.parse_assembly(text), entry.compiled.fndesc.llvm_func_name
-    count = 0
+    module, count = llvm.parse_assembly(entry.text), 0
     for symbol in (*module.functions, *module.global_variables):
         if symbol.is_declaration:
             continue
         count += 1
-        if symbol.name == entry_name:
+        if symbol.name == entry.symbol:
             symbol.name, symbol.linkage, symbol.visibility = prefix + entry.name, "external", "hidden"
         else:
             symbol.name, symbol.linkage = f"{entry.name}.{count}", "internal"

@@ -24,6 +24,7 @@ from fmus.ground.tables import number_meanings
 from fmus.interface.defaults import EXPERIMENT, KEY, all_ports, experiment, parameter_values
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import Port, variables
+from fmus.kernels.numba_internals import other_version
 from fmus.native import fmi3_description, numbers_file
 from fmus.native.entries import Entries, entries, free_names
 from fmus.native.fmi3_description import ArrayVariable, arrays
@@ -43,7 +44,6 @@ from fmus.native.machine_code import (
     sources,
 )
 
-NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the entries rely on
 INCLUDED = ("numba",)  # distributions of which a library has compiled functions
 DERIVATIVES = {"canInterpolateInputs": "true", "maxOutputDerivativeOrder": "1"}  # of CoSimulation
 CATEGORIES = {
@@ -142,9 +142,8 @@ def _digest(texts: Sequence[str]) -> str:
 @lru_cache(maxsize=8)
 def _tools(fmi: int, platforms: tuple[Platform, ...]) -> tuple[str, ...]:
     """Versions and sources that a library is made of, besides a component; raises BuildFailed."""
-    if not version("numba").startswith(NUMBA):
-        known = ", ".join(f"{each}x" for each in NUMBA)
-        raise BuildFailed(f"native FMUs are made with numba {known}, whose insides they know, not {version('numba')}")
+    if unknown := other_version("native FMUs cannot be built"):
+        raise BuildFailed(unknown)
     try:
         compilers = [*(part for each in platforms for part in compiler(each)[1:]), compiler_release()]
     except NoCompiler as error:

@@ -25,6 +25,7 @@ import llvmlite.binding as llvm
 from fmus.cache import pack
 from fmus.cache.files import cache_folder, private_folder, read_checked, write_checked
 
+INSIDE = Path(pack.__file__).parents[1] / "kernels" / "numba_internals" / "__init__.py"  # makes intermediate code
 CAN_STEP = sys.platform == "linux" and platform.machine() == "x86_64"  # on which ``stepping`` is tested
 WORD, REAL = ctypes.c_int64, ctypes.c_double
 PACKING = {"copy_words": (WORD,) * 8}
@@ -74,9 +75,9 @@ def function(name: str, address: int, kinds: Sequence[Any]) -> Callable[..., int
 
 
 def cache_key() -> str:
-    """Hash of the sources of this folder, the compiler versions, the system and the processor type."""
+    """Hash of the sources of this folder and of ``INSIDE``, the versions of compilers, system and type of processor."""
     digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    for source in (*sorted(Path(__file__).parent.glob("*.py")), INSIDE):
         digest.update(source.name.encode() + b"\0" + hashlib.sha256(source.read_bytes()).digest())
     for text in (version("numba"), version("llvmlite"), sys.platform, platform.machine()):
         digest.update(text.encode() + b"\0")
@@ -111,23 +112,18 @@ def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef
 
     ``kinds``: C types of the arguments. Raises TypeError if the kernel needs Python's run time.
     """
-    from numba import cfunc, config, types
+    from numba import types
 
-    options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "_nrt": False}
-    settings: Any = config
+    from fmus.kernels.numba_internals import intermediate_code
+
     numba_type = {WORD: types.int64, REAL: types.float64}
     signature = types.int64(*(numba_type[kind] for kind in kinds))
-    disabled, settings.DISABLE_JIT = settings.DISABLE_JIT, 0  # Python cannot run these kernels uncompiled
-    try:
-        entry = cfunc(signature, **options)(kernel)
-    finally:
-        settings.DISABLE_JIT = disabled
-    module = llvm.parse_assembly(entry.inspect_llvm())
+    text, name = intermediate_code(kernel, signature, emitted=True, _nrt=False)
+    module = llvm.parse_assembly(text)
     for symbol in (*module.functions, *module.global_variables):
         if not symbol.is_declaration:
             symbol.linkage = "internal"
-    kernel_name = entry.native_name.removeprefix("cfunc.")  # without numba's C wrapper, which handles exceptions
-    inner = module.get_function(kernel_name)
+    inner = module.get_function(name)
     inner.linkage, inner.name = "external", kernel.__name__
     module.triple = llvm.get_process_triple()
     passes = llvm.create_pass_builder(processor(), llvm.create_pipeline_tuning_options(speed_level=2))

@@ -9,8 +9,8 @@ import numba
 import numpy as np
 import pytest
 
-from fmus.kernels.by_reference import Reference, by_reference, refer
 from fmus.kernels.jit import allocating, entry, kernel
+from fmus.kernels.numba_internals.references import Reference, by_reference, refer
 
 
 class Inner(NamedTuple):  # fields of unequal alignment

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from fmus.cache import sources
-from fmus.kernels import jit, linking
+from fmus.kernels import jit, numba_internals
+from fmus.kernels.numba_internals import compilation
 from fmus.physics.wheels import move
 
 
@@ -43,15 +44,14 @@ def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):
     This relies on numba's internals: if they change, kernels become slower and this test fails.
     """
     linkages: list[set[tuple[str, bool]]] = []  # of each library: linkage, and whether its name is made its own
-    internal = linking.internal
+    internal = compilation.internal
 
     def watched(change):
         def watch(library):
             change(library)
             defined = [each for each in library._final_module.functions if not each.is_declaration]
-            ours = {
-                (each.linkage.name, each.name.endswith(linking.OWN)) for each in defined if linking.OURS in each.name
-            }
+            named = [each for each in defined if compilation.OURS in each.name]
+            ours = {(each.linkage.name, each.name.endswith(compilation.OWN)) for each in named}
             linkages.append(ours)
 
         return watch
@@ -59,7 +59,7 @@ def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):
     rows = np.random.default_rng(1).normal(size=(7, 15))
     moved = []
     for change in (internal, lambda library: None):
-        monkeypatch.setattr(linking, "internal", watched(change))
+        monkeypatch.setattr(compilation, "internal", watched(change))
         out = np.zeros_like(rows)
         numba.njit(lambda rows, tau, out: move(rows, tau, out))(rows, 1e-3, out)
         moved.append(out)
@@ -74,7 +74,7 @@ import numba
 numba.__version__ = "0.67.9"
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 parts = [JITCodeLibrary.get_pointer_to_function, JITCPUCodegen.set_env]
-from fmus.kernels import linking
+from fmus.kernels.numba_internals import compilation
 print(parts == [JITCodeLibrary.get_pointer_to_function, JITCPUCodegen.set_env])
 """
 
@@ -83,8 +83,8 @@ def test_another_numba_compiles_its_plain_way_and_says_so(environment):
     done = subprocess.run([sys.executable, "-c", OTHER], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "True"
     assert "numba is 0.67.9, not 0.68.x" in done.stderr
-    assert numba.__version__.startswith(linking.TESTED)
-    major, minor = map(int, linking.TESTED.split(".")[:2])
+    assert numba.__version__.startswith(numba_internals.TESTED)
+    major, minor = map(int, numba_internals.TESTED.split(".")[:2])
     assert f'"numba>=0.61,<{major}.{minor + 1}"' in (sources.ROOT.parent / "pyproject.toml").read_text(encoding="utf-8")
 
 
@@ -106,8 +106,8 @@ def test_only_what_python_calls_has_machine_code(fresh_cache, monkeypatch):
         return halved(halved(x))
 
     emitted: list[str] = []
-    optimise = linking.internal
-    monkeypatch.setattr(linking, "internal", lambda library: (emitted.append(library.name), optimise(library)))
+    optimise = compilation.internal
+    monkeypatch.setattr(compilation, "internal", lambda library: (emitted.append(library.name), optimise(library)))
     assert quartered(2.0) == 0.5
     assert halved(2.0) == 1.0
     assert [name.rpartition(".")[2] for name in emitted] == ["quartered", "halved"]

@@ -30,8 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kernels.by_reference import by_reference
-from fmus.kernels.jit import implemented_in, kernel, namesake
+from fmus.kernels.jit import by_reference, implemented_in, kernel, namesake
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.arrays import Floats, Four

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.kernels.by_reference import by_reference
-from fmus.kernels.jit import implemented_in, kernel, namesake, noalias
+from fmus.kernels.jit import by_reference, implemented_in, kernel, namesake, noalias
 from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.vector import dot
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from fmus.kernels.by_reference import by_reference
-from fmus.kernels.jit import kernel
+from fmus.kernels.jit import by_reference, kernel
 from fmus.physics.arrays import Floats, Vector
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kernels.by_reference import by_reference
+from fmus.kernels.jit import by_reference
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
 from fmus.physics.chain.bushing import BushArrays, bush_arrays
