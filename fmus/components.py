@@ -16,7 +16,7 @@ def folder(kind: str) -> str:
 
 OTHERS = "Chassis", "SprocketDrive", "SteeringDifferential", "Driver"
 # kind of component -> its shell; the file names differ, because modules are global to a process
-KINDS = {
+COMPONENT_KINDS = {
     kind_name: f"{folder(kind_name)}/{folder(kind_name)}_fmu.py"
     for kind_name in (*(kind.fmu for kind in TRACKS.values()), *OTHERS)
 }

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 from fmus.cache import pack
 from fmus.cache.files import cache_folder, cached_result, private_folder, read_checked, write_checked
 from fmus.cache.sources import ROOT, search_path, source_hash, sources
-from fmus.components import KINDS, model_of
+from fmus.components import COMPONENT_KINDS, model_of
 from fmus.interface.ports import Port
 from fmus.kernels.numba_internals.compilation import COMPILED
 
@@ -91,7 +91,7 @@ def _contents_child() -> None:
 
 
 def _start_model(kind: str, config: dict[str, Any], parameters: dict[str, Any]) -> Any:
-    import_module(f"fmus.{KINDS[kind].removesuffix('.py').replace('/', '.')}")
+    import_module(f"fmus.{COMPONENT_KINDS[kind].removesuffix('.py').replace('/', '.')}")
     model_class = model_of(kind)
     model = model_class(config)
     values = {port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters

@@ -32,8 +32,8 @@ from orchestrator.scene.scene import changed_scene, from_table, load
 
 MOTION = [port.name.removeprefix("of.") for port in motion_ports("of", "output")]
 HEIGHT, LOAD = 1e-4, 5e-3  # m, and share of each wheel's load: largest motion in the first second
-LONG = ("planar", "turning", "beam")  # compile kernels of their own
-KINDS = {
+OWN_KERNELS = ("planar", "turning", "beam")  # compile kernels of their own
+TRACK_KINDS = {
     "rigid": ("rigid", ()),
     "rigid, spring": ("rigid", ("track.closure=spring",)),
     "cable": ("flexible", ()),
@@ -91,9 +91,11 @@ def uncached(monkeypatch):
         monkeypatch.setattr(module, "cached_result", lambda kind, name, request, compute: compute())
 
 
-@pytest.mark.parametrize("kind", [pytest.param(k, marks=[pytest.mark.long] if k in LONG else []) for k in KINDS])
+@pytest.mark.parametrize(
+    "kind", [pytest.param(k, marks=[pytest.mark.long] if k in OWN_KERNELS else []) for k in TRACK_KINDS]
+)
 def test_a_vehicle_stays_where_it_starts(kind):
-    model, settings = KINDS[kind]
+    model, settings = TRACK_KINDS[kind]
     scene = at_rest(model, "symmetric=true", *settings)
     assert 0.0295 < -scene.start.equilibrium.height < 0.0310, "settlement counts from the drawn position"
     far, share = moved(scene, SHORT.get(kind, 1.0))
@@ -102,10 +104,10 @@ def test_a_vehicle_stays_where_it_starts(kind):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TRACK_KINDS)
 def test_a_vehicle_on_pads_stands_higher_by_their_height(kind):
     """By 0.2 mm less, as links that tilt under wheels reach farther down; on a bar a link they tilt more (twin)."""
-    model, settings = KINDS[kind]
+    model, settings = TRACK_KINDS[kind]
     over_ground, loads = [], []
     for grouser in ("", "{height=0.04, length=0.1524}", "{height=0.04, length=0.03}"):
         given = [f"vehicle.track.grouser={grouser}"] if grouser else []
@@ -347,7 +349,7 @@ def test_a_chain_that_finds_no_rest_ahead_is_moved_back_for_a_slope(monkeypatch)
 
 
 def test_kinds_of_links_start_in_one_place():
-    solid = (kind for name, kind in KINDS.items() if name != "planar")
+    solid = (kind for name, kind in TRACK_KINDS.items() if name != "planar")
     places = [at_rest(model, *settings).start.equilibrium for model, settings in solid]
     assert all(place.model_copy(update={"tracks": places[0].tracks}) == places[0] for place in places)
     (rigid, _, cable, *_) = (place.tracks[0].tension for place in places)

@@ -16,7 +16,7 @@ from fmus import components
 ROOT = Path(__file__).parents[1]
 FMUS = ROOT / "fmus"
 ORCHESTRATOR = ROOT / "orchestrator"
-COMPONENTS = [components.folder(kind) for kind in components.KINDS]
+COMPONENTS = [components.folder(kind) for kind in components.COMPONENT_KINDS]
 BASES = {"fmus.track_rigid", "fmus.track_rigid.model"}  # from which another kind of track may derive its model
 
 # Packages of the orchestrator by level: each imports only from levels below its own, anywhere in its modules.

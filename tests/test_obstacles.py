@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
-from fmus.ground.refinement import LEVEL, MOST, gaps, passed_over, refinement, sections
+from fmus.ground.refinement import LEVEL, MAX_AUTOMATIC, gaps, passed_over, refinement, sections
 from fmus.ground.terrain import heights
 from orchestrator.execution.simulate import simulate
 from orchestrator.scene.placing import placed
@@ -214,7 +214,7 @@ def test_the_ground_chooses_the_points_of_a_link(ground, heading, expected):
 def test_what_is_narrower_than_the_points_is_told_with_both_lengths():
     sentences = [passed_over({"half_round": {"radius": r}}, LINK, 0.0) for r in (0.02, 0.01)]
     assert sentences[0] == []
-    along, _ = gaps(LINK, MOST)
+    along, _ = gaps(LINK, MAX_AUTOMATIC)
     assert "0.02 m" in sentences[1][0]
     assert f"{along:.3g} m" in sentences[1][0]
 

@@ -16,7 +16,7 @@ from orchestrator.scene.settings import set_key
 
 MORE = 1.1
 FAINT = 0.03
-KINDS = (
+PREDICTED = (
     "cable",
     pytest.param("planar", marks=pytest.mark.long),
     pytest.param("beam", marks=pytest.mark.study),
@@ -71,7 +71,7 @@ def potential(means):
     return body + 2.0 * sum(means[f"left_track.energy.{part}"] for part in ("gravity", "strain", "contact"))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", PREDICTED)
 def test_a_stiffer_contact_stores_less(kind):
     """A stiffer contact stores less: at rest d(potential)/d(ln k) is the energy in the springs k."""
     laws = load("settle", "rigid").vehicle.contact

@@ -58,7 +58,9 @@ LISTS = {
     ),
     "couplings": Listed("orchestrator/runs.md", r"^\| coupling \| order \|.*\n\|.*\n((?:\|.*\n)+)", COUPLINGS, ROW),
     "components": Listed(
-        "fmus/README.md", r"^\| (.*) \| the components \|$", [components.folder(kind) for kind in components.KINDS]
+        "fmus/README.md",
+        r"^\| (.*) \| the components \|$",
+        [components.folder(kind) for kind in components.COMPONENT_KINDS],
     ),
     "standard FMUs": Listed(
         "fmus/in_your_tool.md", r"^`cotrack build -o FOLDER` writes (.*)$", STANDARD, r"(\w+)\.fmu"

@@ -12,8 +12,8 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results import measures
-from orchestrator.results.answer_comparison import answers
 from orchestrator.results.energy import ledger
+from orchestrator.results.replayed_outputs import compared
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.vehicle_measures import third_law
 from orchestrator.scene.scene import load, scene_names
@@ -129,10 +129,10 @@ def test_replay_notices_another_parameter(ran):
 def test_rigid_links_under_the_wheels_of_flexible_ones(ran, tmp_path):
     result = ran("straight", "flexible", *BRIEF)
     with replay_model.open_replay(result["log"], "left_track", "rigid") as again:
-        assert again.answer(tmp_path / "answer.mcap") == 300
-    with Log(tmp_path / "answer.mcap") as answer, Log(result["log"]) as log:
-        assert len(answer.read("/left_track/out").t) == 301
-        comparisons = {one.signal: one for one in answers(log, answer, "left_track")}
+        assert again.record(tmp_path / "replayed.mcap") == 300
+    with Log(tmp_path / "replayed.mcap") as replayed, Log(result["log"]) as log:
+        assert len(replayed.read("/left_track/out").t) == 301
+        comparisons = {one.signal: one for one in compared(log, replayed, "left_track")}
     assert 0.0 < abs(comparisons["sprocket.force.x"].difference).mean() < comparisons["sprocket.force.x"].largest
 
 

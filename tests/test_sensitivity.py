@@ -23,7 +23,7 @@ from vehicle_in_process import InProcess
 from fmus.track.choices import TRACKS
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
-from orchestrator.cosim.graph import wire
+from orchestrator.cosim.graph import connect
 from orchestrator.cosim.initialisation import load_components
 from orchestrator.execution.prepared_run import step_control_of
 from orchestrator.scene.assembly import assemble, system
@@ -87,7 +87,7 @@ def stepped(case: Case, scene: Any) -> dict[str, float]:
         graph = system(assemble(placed(scene)))
         components = load_components(graph, scene.run.times, stack)
         run = scene.run.model_copy(update={"stop": case.duration})
-        outcome = master.run(TracksFirst(wire(graph, components)), step_control_of(run), [])
+        outcome = master.run(TracksFirst(connect(graph, components)), step_control_of(run), [])
         assert outcome.status == "ok", outcome.message
         return {
             f"{one.name}.{name}": float(value)

@@ -19,7 +19,7 @@ WEIGHT, CENTRE, TREAD = 155896.4, 0.578, 2.159  # N; height of the centre of mas
 CREEP = 0.01  # m/s, friction_velocity of the ground
 STANDING = ("drive.speed=0", "run.step=1 ms", "track.step=1 ms", "track.link_outputs=false")
 HALVES = "symmetric=true", "symmetric=false"
-KINDS = {"flexible": (), "beam": ("track.element=beam",), "turning": ("track.axes=free",)}
+CHAINS = {"flexible": (), "beam": ("track.element=beam",), "turning": ("track.axes=free",)}
 
 
 def creeping(slope: float, friction: float = 0.3) -> float:
@@ -146,10 +146,10 @@ def test_a_bank_is_a_grade_for_a_vehicle_across_it():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", CHAINS)
 def test_all_kinds_of_links_start_alike(kind):
     """All kinds of links begin to creep as rigid ones do, until guides touch: their play is free by tenths of a mm."""
-    settings = ("ground.grade=0.15", "ground.bank=0.1", *KINDS[kind])
+    settings = ("ground.grade=0.15", "ground.bank=0.1", *CHAINS[kind])
     rigid, other = standing(*settings[:2]).run(0.02), standing(*settings, model="flexible").run(0.02)
     for axis in "xyz":
         name = f"chassis.velocity.{axis}"

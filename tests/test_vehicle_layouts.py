@@ -15,7 +15,7 @@ from vehicle_tables import M113, REAR, ROLLERS, SPRING
 
 from fmus.chassis.tree import WHOLE, tree
 from fmus.components import model_of
-from fmus.driver.skid import Footing, footing
+from fmus.driver.skid import SkidVehicle, skid_vehicle
 from fmus.ground.tables import number_meanings
 from fmus.interface import numbers
 from fmus.interface.model import InvalidParameter
@@ -305,7 +305,7 @@ def read_by_others(table):
         wheel_body(f"left_track/{name}[2]", name, "left_track", table) for name in ("road_wheel", "return_roller")
     ]
     return (
-        [np.array(part).tolist() for part in footing(table)[0]], largest_step(known), centre_of_mass(known),
+        [np.array(part).tolist() for part in skid_vehicle(table)[0]], largest_step(known), centre_of_mass(known),
         pairs(scene), [(shape.radius, shape.width) for shape in shapes], ground_level(table), known.total_mass(),
         list(overlapping_wheels(table)),
     )  # fmt: skip
@@ -327,10 +327,10 @@ def test_a_list_of_equal_numbers_is_that_number():
 
 
 def test_readers_take_the_number_of_each_wheel():
-    """Raised wheels carry no load in the driver's footing; the lowest one stands on the ground, the last one hangs."""
+    """Raised wheels carry no load in the driver's vehicle; the lowest one stands on the ground, the last one hangs."""
     low, raised = (read_by_others(changed(road_wheel=wheel, return_roller=ROLLERS))
                    for wheel in (M113["road_wheel"], {**M113["road_wheel"], **UNLIKE}))  # fmt: skip
-    wheels = Footing._fields.index("wheels")
+    wheels = SkidVehicle._fields.index("wheels")
     assert (len(low[0][wheels]), len(raised[0][wheels])) == (5, 3)
     assert raised[5] == low[5]  # the ground
     assert low[6] - raised[6] == pytest.approx(2.0 * (2.0 * 561.07 - 377.0 - 440.0))
@@ -341,10 +341,10 @@ def test_readers_take_the_number_of_each_wheel():
     for known in (vehicle(table, "own") for table in (RAISED, SECOND, ON_BEAMS)):
         chains = 2.0 * known.track.links * known.track.mass
         assert tree(known.model_dump(), 2).masses[WHOLE] == pytest.approx(known.total_mass() - chains, rel=1e-12)
-        assert footing(known.model_dump())[0].mass == pytest.approx(known.total_mass(), rel=1e-12)
+        assert skid_vehicle(known.model_dump())[0].mass == pytest.approx(known.total_mass(), rel=1e-12)
     behind = changed(road_arm={**BEAMS, "mass": BEAMS["mass"][::-1]})
     places = [centre_of_mass(vehicle(table, "own"))[0] for table in (changed(road_arm=BEAMS), behind)]
-    ways = [footing(table)[1] for table in (changed(road_arm=BEAMS), behind)]
+    ways = [skid_vehicle(table)[1] for table in (changed(road_arm=BEAMS), behind)]
     moment = 2.0 * np.dot(np.subtract(BEAMS["mass"][::-1], BEAMS["mass"]), np.add(M113["road_wheel"]["x"], ARMS))
     assert np.diff(places)[0] == pytest.approx(moment / known.total_mass(), rel=1e-9)
     assert np.diff(ways)[0] == pytest.approx(moment / known.total_mass(), rel=1e-9)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from fmus.cache.files import cache_folder, check_trust
 
-KINDS = {
+CACHE_KINDS = {
     "fmus": "built FMUs",
     "libraries": "native libraries",
     "numbers": "numbers of native FMUs",
@@ -40,7 +40,7 @@ STAMP = "pruned"  # file whose time is that of the last look
 class Entry(NamedTuple):
     """Folder of results in the cache."""
 
-    kind: str  # a key of ``KINDS``
+    kind: str  # a key of ``CACHE_KINDS``
     folder: Path
     size: int  # bytes
     used: float  # time of the last use, s since the epoch
@@ -54,7 +54,7 @@ def entries() -> list[Entry]:
 
 
 def _entries(cache: Path) -> Iterator[Entry]:
-    for kind in KINDS:
+    for kind in CACHE_KINDS:
         with suppress(OSError), os.scandir(cache / kind) as folders:
             for folder in folders:
                 if KEY.fullmatch(folder.name) and folder.is_dir(follow_symlinks=False):

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.interface.course import Course, evaluate, has_points, parse_course, ramp
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import Port
+from fmus.interface.profile import Profile, evaluate, has_points, parse_profile, ramp
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
@@ -29,10 +29,10 @@ class Hitch(NamedTuple):
     first_input: int  # index of the input force
     state: int  # index in the state of the chassis, see STATES
     force: float  # constant part of the load, N, rearward
-    drag: Course  # load over the speed of the hitch, m/s, N
+    drag: Profile  # load over the speed of the hitch, m/s, N
     ramp_start: float  # s
     ramp_end: float  # s
-    speed_start: float = 0.0  # share of the load before the ramp; these two have the names of ``course.ramp``
+    speed_start: float = 0.0  # share of the load before the ramp; these two have the names of ``profile.ramp``
     speed_end: float = 1.0  # share of the load after the ramp
 
 
@@ -78,7 +78,7 @@ def hitch(place: Sequence[float], first_input: int, state: int, parameters: Mapp
     start, end = (float(parameters[f"hitch.load.ramp.{key}"]) for key in ("start", "end"))
     if end < start:
         raise InvalidParameter(f"hitch.load.ramp.end = {end:.6g} s must not be before hitch.load.ramp.start")
-    drag = parse_course("hitch.load.points", str(parameters["hitch.load.points"]), "speed force")
+    drag = parse_profile("hitch.load.points", str(parameters["hitch.load.points"]), "speed force")
     x, y, z = map(float, place)
     return Hitch((x, y, z), first_input, state, float(parameters["hitch.load.force"]), drag, start, end)
 

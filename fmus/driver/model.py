@@ -10,12 +10,12 @@ import numpy as np
 from fmus.driver.path import NONE, Path, path_of_arcs, path_through_points
 from fmus.driver.plan import empty_plan
 from fmus.driver.pursuit import PIECE, WIDTH, ControlLaw, Parts, begin, step, write_outputs
-from fmus.driver.skid import footing
+from fmus.driver.skid import skid_vehicle
 from fmus.drives.parameters import INTERPOLATIONS
-from fmus.interface.course import Course, parse_course
 from fmus.interface.defaults import configured_ports, parameter_values
 from fmus.interface.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.interface.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, field_of, motion_ports, start_pose_ports
+from fmus.interface.profile import Profile, parse_profile
 from fmus.interface.sentences import Sentence
 from fmus.physics.arrays import Floats
 from fmus.start import KEYS, start_pose
@@ -113,7 +113,7 @@ class Model(ComponentModel):
         x, y, z = (float(part) for part in vehicle["chassis"]["centre"])
         self._centre = x, y, z
         self._ahead = float(np.mean(wheel_places(vehicle))) - x
-        self._footing, _ = footing(vehicle)
+        self._skid_vehicle, _ = skid_vehicle(vehicle)
         self._creep = float(vehicle["contact"]["ground"]["friction_velocity"])
         self._radius = way_a_turn(vehicle) / (2.0 * np.pi)
         parameters = configured_ports(parameter_ports(vehicle), config)
@@ -148,7 +148,8 @@ class Model(ComponentModel):
             x=self._path.x.copy(), y=self._path.y.copy(), heading=self._path.heading.copy()
         )
         self.begin(values, Parts(
-            self._law, self._footing, self._path, world_path, empty_plan(self._path), self._centre, self.unconnected,
+            self._law, self._skid_vehicle, self._path, world_path, empty_plan(self._path), self._centre,
+            self.unconnected,
             self._rest_motion, np.zeros(self.inputs), self.state, self.counters,
         ))  # fmt: skip
 
@@ -172,13 +173,13 @@ class Model(ComponentModel):
 
     def _law_of(self, values: Mapping[str, Any]) -> ControlLaw:
         """Law from the checked parameters; raises InvalidParameter."""
-        speeds = parse_course("speed.points", str(values["speed.points"]))
+        speeds = parse_profile("speed.points", str(values["speed.points"]))
         if speeds.value.min(initial=0.0) < 0.0:
             raise InvalidParameter(f"speed.points = '{str(values['speed.points'])[:80]}' must not be negative")
         if values["interpolation"] == "hold":  # a line to each point begins at the number before its time
             time = np.stack([np.nextafter(speeds.time, -np.inf), speeds.time], axis=1).ravel()
             value = np.append(0.0, np.repeat(speeds.value, 2))[:-1]
-            speeds = Course(time, value, np.zeros(len(time)))
+            speeds = Profile(time, value, np.zeros(len(time)))
         return ControlLaw(
             radius=self._radius,
             ahead=self._ahead,

@@ -19,11 +19,9 @@ from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.elementary import atan2, cos, hypot, of_each, sin
 
 ARC_LENGTH = 0.05  # length of the arcs of a curve through points, m
-LONGEST = 1e5  # largest length of such a curve, m
+MAX_CURVE = 1e5  # largest length of such a curve, m
 NEAREST_TOLERANCE = 1e-9  # distance along the path at which the nearest point counts as found, m
-MOST_ITERATIONS = (
-    20  # towards the nearest point; enough as long as the run does not warn that the path is lost (a test)
-)
+MAX_ITERATIONS = 20  # towards the nearest point; enough as long as the run does not warn that the path is lost (a test)
 
 
 class Path(NamedTuple):
@@ -78,8 +76,8 @@ def path_through_points(name: str, text: str) -> Path:
     steps = of_each(hypot, *np.diff(points, axis=0).T)
     if len(points) < 2 or not (steps > 0.0).all():
         raise InvalidParameter(f"{name} = '{text[:80]}': must be at least two points, each apart from the next")
-    if steps.sum() > LONGEST:
-        raise InvalidParameter(f"{name} = '{text[:80]}': is {steps.sum():.3g} m long, {LONGEST:g} m are allowed")
+    if steps.sum() > MAX_CURVE:
+        raise InvalidParameter(f"{name} = '{text[:80]}': is {steps.sum():.3g} m long, {MAX_CURVE:g} m are allowed")
     spline = CubicSpline(np.concatenate([[0.0], np.cumsum(steps)]), points, bc_type="natural")
     fine = [np.linspace(a, b, int(np.ceil((b - a) / ARC_LENGTH)), endpoint=False) for a, b in pairwise(spline.x)]
     u = np.concatenate([*fine, spline.x[-1:]])
@@ -157,7 +155,7 @@ def nearest(path: Path, piece: int, x: float, y: float, s: float) -> tuple[float
     leads to it.
     """
     left, begin, direction = 0.0, piece_range(path, piece)[0], path.direction[path.first[piece]]
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         px, py, h, c = point(path, piece, s)
         ahead = direction * ((x - px) * cos(h) + (y - py) * sin(h))
         left = (y - py) * cos(h) - (x - px) * sin(h)

@@ -19,8 +19,8 @@ from fmus.driver import path as route
 from fmus.driver import plan as planning
 from fmus.driver import skid
 from fmus.drives.mount import rest_if_unconnected
-from fmus.interface.course import Course, evaluate, has_points, ramp
 from fmus.interface.model import no_rotation
+from fmus.interface.profile import Profile, evaluate, has_points, ramp
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.elementary import atan, atan2, cos, hypot, root, sin
@@ -62,7 +62,7 @@ class ControlLaw(NamedTuple):
     speed_end: float  # after the ramp
     ramp_start: float  # s
     ramp_end: float  # s
-    speeds: Course  # replaces the ramp
+    speeds: Profile  # replaces the ramp
     friction: float  # friction of tracks on the ground; 0: unknown, slip follows from ``width``
     creep: float  # regularisation velocity of the friction law, m/s
     grip: float  # share of the friction that the plan uses
@@ -75,7 +75,7 @@ class Parts(NamedTuple):
     """Data of a running driver: parameters, state and counters of its kernels."""
 
     law: ControlLaw
-    footing: skid.Footing
+    vehicle: skid.SkidVehicle
     local_path: route.Path  # in the frame of the start
     path: route.Path  # in the world
     plan: planning.PathPlan
@@ -99,7 +99,7 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
         path.x[k] = x + along * local_path.x[k] - across * local_path.y[k]
         path.y[k] = y + across * local_path.x[k] + along * local_path.y[k]
         path.heading[k] = local_path.heading[k] + heading
-    planning.compute(c.plan, path, bounds(c.law, c.footing))
+    planning.compute(c.plan, path, bounds(c.law, c.vehicle))
     put_point_at_rest(p, c.centre[0], c.centre[1], c.centre[2], c.rest_motion, 0)
     c.state[:] = 0.0
     c.state[TOTAL_HEADING] = heading
@@ -108,45 +108,45 @@ def begin(c: Parts, messages: Floats, p: Sequence[float]) -> int:
 
 
 @kernel
-def bounds(p: ControlLaw, footing: skid.Footing) -> planning.Bounds:
+def bounds(p: ControlLaw, vehicle: skid.SkidVehicle) -> planning.Bounds:
     """Bounds of the plan."""
     speed = max(p.speed_start, p.speed_end)
     for i in range(p.speeds.value.size):
         speed = max(speed, p.speeds.value[i])
-    grip = p.grip * friction_limit(p, footing)
+    grip = p.grip * friction_limit(p, vehicle)
     return planning.Bounds(
         speed,
         p.acceleration_lateral,
         grip,
         p.deceleration,
-        PLANNED_YAW_SHARE * largest_yaw_acceleration(p, footing),
+        PLANNED_YAW_SHARE * largest_yaw_acceleration(p, vehicle),
         p.path_tolerance,
-        turn_resistance(footing),
+        turn_resistance(vehicle),
     )
 
 
 @kernel
-def friction_limit(p: ControlLaw, footing: skid.Footing) -> float:
+def friction_limit(p: ControlLaw, vehicle: skid.SkidVehicle) -> float:
     """Acceleration that friction gives, m/s2; inf where it is unknown."""
-    return p.friction * footing.gravity if p.friction > 0.0 else np.inf
+    return p.friction * vehicle.gravity if p.friction > 0.0 else np.inf
 
 
 @kernel
-def largest_yaw_acceleration(p: ControlLaw, footing: skid.Footing) -> float:
+def largest_yaw_acceleration(p: ControlLaw, vehicle: skid.SkidVehicle) -> float:
     """Yaw acceleration that friction gives beside the resistance to turning, rad/s2; at least a tenth."""
     return (
-        friction_limit(p, footing)
-        * footing.mass
-        * (1.0 - turn_resistance(footing))
-        * footing.half_gauge
-        / footing.inertia
+        friction_limit(p, vehicle)
+        * vehicle.mass
+        * (1.0 - turn_resistance(vehicle))
+        * vehicle.half_gauge
+        / vehicle.inertia
     )
 
 
 @kernel
-def turn_resistance(footing: skid.Footing) -> float:
+def turn_resistance(vehicle: skid.SkidVehicle) -> float:
     """Share of the friction that resists turning on the spot; at most nine tenths."""
-    return min(footing.arm / footing.half_gauge, 0.9)
+    return min(vehicle.arm / vehicle.half_gauge, 0.9)
 
 
 @kernel
@@ -222,7 +222,7 @@ def hold_heading(c: Parts, point: SteeredPoint, speed: float, h: float) -> Motio
     """Target that holds the heading."""
     p, x = c.law, c.state
     x[HEADING_ERROR] = wrapped_angle(point.heading - p.heading)
-    most = largest_curvature(p, c.footing, point.ahead)
+    most = largest_curvature(p, c.vehicle, point.ahead)
     x[CURVATURE] = min(max(-p.heading_gain * x[HEADING_ERROR] / max(point.ahead, LEAST_SPEED), -most), most)
     rate = x[CURVATURE] * max(point.ahead, 0.0)
     return MotionTarget(limit_speed_change(c, point, speed, 0.0, h), rate, -p.heading_gain * rate)
@@ -266,7 +266,7 @@ def remaining_angle(path: route.Path, piece: int, point: SteeredPoint) -> float:
 def turn_on_the_spot(c: Parts, piece: int, point: SteeredPoint, speed: float, h: float) -> MotionTarget:
     """Target on a turn on the spot; half of the friction could stop it, and no track exceeds ``speed``."""
     p, x, angle = c.law, c.state, remaining_angle(c.path, piece, point)
-    x[HEADING_ERROR], x[CURVATURE], yaw_limit = -angle, 0.0, min(0.5 * largest_yaw_acceleration(p, c.footing), 1.0)
+    x[HEADING_ERROR], x[CURVATURE], yaw_limit = -angle, 0.0, min(0.5 * largest_yaw_acceleration(p, c.vehicle), 1.0)
     rate_bound = min(min(np.sqrt(2.0 * yaw_limit * abs(angle)), abs(angle) / STOP_TIME), 2.0 * speed / p.width)
     rate = min(
         max(rate_bound if angle > 0.0 else -rate_bound, x[YAW_RATE] - yaw_limit * h), x[YAW_RATE] + yaw_limit * h
@@ -288,10 +288,10 @@ def follow_piece(c: Parts, piece: int, point: SteeredPoint, speed: float, h: flo
     length = max(p.reach, p.preview * v)
     if p.friction > 0.0:
         length = max(
-            length, root(ERROR_LENGTH_FACTOR * v * v * abs(offset) / largest_yaw_acceleration(p, c.footing), 3)
+            length, root(ERROR_LENGTH_FACTOR * v * v * abs(offset) / largest_yaw_acceleration(p, c.vehicle), 3)
         )
     correction = -2.0 * direction * angle / length - atan(offset / (2.0 * length)) * 2.0 / length
-    largest = largest_curvature(p, c.footing, v)
+    largest = largest_curvature(p, c.vehicle, v)
     x[CURVATURE] = min(max(k + correction, -largest), largest)
     u, correction = direction * v, x[CURVATURE] - k
     correction_rate = -2.0 * v * correction / length - u * angle / (length * length)
@@ -299,8 +299,8 @@ def follow_piece(c: Parts, piece: int, point: SteeredPoint, speed: float, h: flo
     shift_rate = (
         direction
         * 2.0
-        * c.footing.centre_shift
-        / friction_limit(p, c.footing)
+        * c.vehicle.centre_shift
+        / friction_limit(p, c.vehicle)
         * abs(k)
         * u
         * (u * v * slope + pace * k)
@@ -313,25 +313,25 @@ def limit_speed_change(c: Parts, point: SteeredPoint, speed: float, yaw_accelera
     """Speed, m/s, limited to the change that friction allows beside the ``yaw_acceleration``, rad/s2."""
     if h == 0.0 or c.law.friction == 0.0:
         return speed
-    grip = c.law.grip * friction_limit(c.law, c.footing)
-    yaw_acceleration /= PLANNED_YAW_SHARE * largest_yaw_acceleration(c.law, c.footing)
+    grip = c.law.grip * friction_limit(c.law, c.vehicle)
+    yaw_acceleration /= PLANNED_YAW_SHARE * largest_yaw_acceleration(c.law, c.vehicle)
     most = h * planning.available_acceleration(
-        grip, turn_resistance(c.footing), point.rate, point.ahead * point.rate, yaw_acceleration
+        grip, turn_resistance(c.vehicle), point.rate, point.ahead * point.rate, yaw_acceleration
     )
     return min(max(speed, c.state[SPEED] - most), c.state[SPEED] + most)
 
 
 @kernel
-def largest_curvature(p: ControlLaw, footing: skid.Footing, speed: float) -> float:
+def largest_curvature(p: ControlLaw, vehicle: skid.SkidVehicle, speed: float) -> float:
     """Largest curvature at a speed, 1/m; corrections may use half of the friction that the plan leaves."""
-    across = min(1.1 * p.acceleration_lateral, 0.5 * (1.0 + p.grip) * friction_limit(p, footing))
+    across = min(1.1 * p.acceleration_lateral, 0.5 * (1.0 + p.grip) * friction_limit(p, vehicle))
     return min(p.curvature_largest, across / max(speed * speed, LEAST_SPEED * LEAST_SPEED))
 
 
 @kernel
 def set_demands(c: Parts, point: SteeredPoint, target: MotionTarget, pace: float, h: float) -> None:
     """Set the demanded speeds of both sprockets. (5), (6)"""
-    p, x, f = c.law, c.state, c.footing
+    p, x, f = c.law, c.state, c.vehicle
     rate_error = target.rate - point.rate
     if abs(point.ahead) > LEAST_SPEED:
         most = largest_curvature(p, f, point.ahead) * abs(point.ahead)

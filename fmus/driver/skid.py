@@ -28,13 +28,13 @@ from fmus.vehicles.sides import lowest_wheel, of_side, road_arms, smooth_wheels,
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
 HALVINGS = 8  # of a Newton correction
-MOST_REDUCTIONS = 4  # halvings of accelerations that friction cannot give
+MAX_REDUCTIONS = 4  # halvings of accelerations that friction cannot give
 LARGEST_SLIP = 0.5  # largest slip beside that of the vehicle's turn, m/s
 
 Rows = tuple[Vector, Vector, Vector]  # a matrix (3, 3)
 
 
-class Footing(NamedTuple):
+class SkidVehicle(NamedTuple):
     """Mass, geometry and loads of a vehicle, SI; x ahead and y left of its centre of mass."""
 
     mass: float  # kg
@@ -51,8 +51,8 @@ class Footing(NamedTuple):
     centre_shift: float  # distance ahead of the point about which it turns, m, over the share of friction used across
 
 
-def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
-    """Footing from a vehicle's table, and x of its centre of mass in the vehicle frame, m."""
+def skid_vehicle(vehicle: Mapping[str, Any]) -> tuple[SkidVehicle, float]:
+    """Return the vehicle of a table, and x of its centre of mass in the vehicle frame, m."""
     masses, x, y, z, own_inertia = np.array(list(_bodies(vehicle))).T
     mass = masses.sum()
     ahead, up = (masses * x).sum() / mass, (masses * z).sum() / mass
@@ -63,7 +63,7 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
     shares = _shares(vehicle, bear, wheels, 0.5 * mass * gravity)
     middle = float((shares * wheels).sum())
     edge = 0.25 * track["width"]
-    unshifted = Footing(
+    unshifted = SkidVehicle(
         mass=float(mass),
         inertia=float(inertia),
         gravity=gravity,
@@ -125,7 +125,7 @@ def _shares(v: Mapping[str, Any], bear: list[tuple[float, Mapping[str, Any]]], w
 
 
 @kernel
-def _loads(p: Footing, ahead: float, left: float, k: int) -> tuple[float, float]:
+def _loads(p: SkidVehicle, ahead: float, left: float, k: int) -> tuple[float, float]:
     """Load, N, of a contact point under wheel k of the left and of the right track, which have two points each.
 
     ``ahead``, ``left``: accelerations of the vehicle, m/s2.
@@ -138,7 +138,7 @@ def _loads(p: Footing, ahead: float, left: float, k: int) -> tuple[float, float]
 
 @kernel
 def balance(
-    p: Footing, law: tuple[float, float], rate: float, ahead: float, left: float, yaw_acceleration: float, z: Vector
+    p: SkidVehicle, law: tuple[float, float], rate: float, ahead: float, left: float, yaw_acceleration: float, z: Vector
 ) -> tuple[Vector, Rows]:
     """Residuals of (5) over the weight, and their Jacobian by rows, at z.
 
@@ -188,14 +188,14 @@ def _squared_norm(r: Vector) -> float:
 
 @kernel
 def slips(
-    p: Footing, law: tuple[float, float], rate: float, ahead: float, left: float, yaw_acceleration: float, z: Vector
+    p: SkidVehicle, law: tuple[float, float], rate: float, ahead: float, left: float, yaw_acceleration: float, z: Vector
 ) -> tuple[Vector, bool]:
     """Slip left and right and lateral velocity, m/s, from the guess z; and whether (5) is solved.
 
-    Arguments as of ``balance``. Accelerations that friction cannot give are halved, up to ``MOST_REDUCTIONS`` times.
+    Arguments as of ``balance``. Accelerations that friction cannot give are halved, up to ``MAX_REDUCTIONS`` times.
     """
     share = 1.0
-    for _ in range(MOST_REDUCTIONS):
+    for _ in range(MAX_REDUCTIONS):
         solution, solved = _newton(p, law, rate, share * ahead, left, share * yaw_acceleration, z)
         if not solved:
             cold = -p.arm * rate * 0.6, p.arm * rate * 0.6, -p.arm * rate * 0.6
@@ -208,7 +208,7 @@ def slips(
 
 @kernel
 def _newton(
-    p: Footing, law: tuple[float, float], rate: float, ahead: float, left: float, yaw_acceleration: float, z: Vector
+    p: SkidVehicle, law: tuple[float, float], rate: float, ahead: float, left: float, yaw_acceleration: float, z: Vector
 ) -> tuple[Vector, bool]:
     r, A = balance(p, law, rate, ahead, left, yaw_acceleration, z)
     size, most = _squared_norm(r), LARGEST_SLIP + 3.0 * p.half_gauge * abs(rate)

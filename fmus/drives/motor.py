@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.drives.points import NO_POINTS, Points, value_at
-from fmus.interface.course import NONE, Course, evaluate, has_points, ramp
+from fmus.interface.profile import NONE, Profile, evaluate, has_points, ramp
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.elementary import cos, sin
@@ -41,7 +41,7 @@ class DriveParameters(NamedTuple):
     torques: Points = NO_POINTS  # replaces the constant torque
     brakes: Points = NO_POINTS  # replaces the constant brake torque; ``brake_torque`` is then the largest
     demand_lag: float = 0.0  # time constant with which the speed follows a demand, s; 0: no demand
-    engine: Course = NONE  # largest torque over the speed of the engine's shaft, N m and rad/s
+    engine: Profile = NONE  # largest torque over the speed of the engine's shaft, N m and rad/s
     gear_ratio: float = 1.0  # turns of the engine for one of the sprocket
     steepest_slope: float = 0.0  # steepest slope of the engine's curve at the sprocket, N m s/rad
 

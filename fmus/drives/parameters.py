@@ -11,9 +11,9 @@ import numpy as np
 from fmus.drives.motor import DriveParameters
 from fmus.drives.points import Points, parse_points
 from fmus.drives.shaft import INTEGRATED
-from fmus.interface.course import Course, parse_course
 from fmus.interface.model import InvalidParameter
 from fmus.interface.ports import BRAKE, NOT_NEGATIVE, POSITIVE, SPIN, TORQUE, TORQUE_LIMIT, Port, field_of
+from fmus.interface.profile import Profile, parse_profile
 from fmus.interface.sentences import Sentence
 from fmus.physics.integrate.runge_kutta import RK4
 
@@ -135,11 +135,11 @@ def free_numbers(values: Mapping[str, Any], demands: tuple[bool, bool], path: st
     return numbers
 
 
-def _engine(values: Mapping[str, Any], prefix: str) -> Course:
-    return parse_course(f"{prefix}engine.points", values[f"{prefix}engine.points"], "speed torque")
+def _engine(values: Mapping[str, Any], prefix: str) -> Profile:
+    return parse_profile(f"{prefix}engine.points", values[f"{prefix}engine.points"], "speed torque")
 
 
-def _steepest_slope(engine: Course) -> float:
+def _steepest_slope(engine: Profile) -> float:
     return float(np.abs(np.diff(engine.value) / np.diff(engine.time)).max(initial=0.0))
 
 
@@ -173,12 +173,12 @@ def drive_parameters(
         for name, none in (("speed.points", ""), ("speed.end", 0.0), ("stop.start", -1.0)):
             if values_of[name] != none:
                 raise no(name, f": the input {demand} says how fast it turns")
-        speeds = Points(Course(*np.zeros((3, 2))))
+        speeds = Points(Profile(*np.zeros((3, 2))))
     if torque_demand:
         for name, none in (("torque.points", ""), ("torque.drive", 0.0)):
             if values_of[name] != none:
                 raise no(name, f": the input {prefix}torque.demand says how large it is")
-        torques = Points(Course(*np.zeros((3, 2))))
+        torques = Points(Profile(*np.zeros((3, 2))))
     gear = float(values_of["gear.ratio"])
     return DriveParameters(
         inertia=inertia,

@@ -12,16 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.interface.course import NONE, Course, evaluate, interval, parse_course
+from fmus.interface.profile import NONE, Profile, evaluate, interval, parse_profile
 from fmus.kernels.jit import kernel, plain
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.elementary import exp
 
 
 class Points(NamedTuple):
-    """Points of a drive; none stand for no course."""
+    """Points of a drive; none stand for no profile."""
 
-    line: Course  # of held points: commands, and the integral of what follows them
+    line: Profile  # of held points: commands, and the integral of what follows them
     lag: float = 0.0  # time constant with which commands are followed, s; 0: straight lines
     reached: Floats = np.zeros(0)  # (n) what has followed at each point; of straight lines (0)
 
@@ -31,7 +31,7 @@ NO_POINTS = Points(NONE)
 
 def parse_points(name: str, text: str, lag: float) -> Points:
     """Points from the text of the parameter ``name``, held with a ``lag``, s, above 0; raises InvalidParameter."""
-    line = parse_course(name, text)
+    line = parse_profile(name, text)
     if not lag or not line.time.size:
         return Points(line)
     points = Points(line, lag, np.zeros(line.time.size))

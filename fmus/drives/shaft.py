@@ -12,7 +12,7 @@ import numpy as np
 
 from fmus.drives.motor import CONTROLLER, SPEED, TORQUE, DriveParameters, given_torque, motor_torque, speed_profile
 from fmus.drives.points import value_at
-from fmus.interface.course import has_points, set_line
+from fmus.interface.profile import has_points, set_line
 from fmus.interface.wrenches import WARNED
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
@@ -168,7 +168,7 @@ def warn_of_cut(p: DriveParameters, r: Floats, t: float, demand: float, message:
 
 @kernel
 def follow_demand(p: DriveParameters, x: Floats, t: float, h: float, speed: float, torque: float) -> None:
-    """Set the course of a step from the demand, held over the step and followed with the lag.
+    """Set the profile of a step from the demand, held over the step and followed with the lag.
 
     ``speed``, rad/s, counts but in mode TORQUE, where ``torque``, N m, does, up to the limit.
     """

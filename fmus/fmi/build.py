@@ -40,7 +40,7 @@ from fmus.cache.files import (
     write_checked,
 )
 from fmus.cache.sources import ROOT, reachable, search_path, source_hash, sources
-from fmus.components import KINDS, model_of
+from fmus.components import COMPONENT_KINDS, model_of
 from fmus.fmi.description import experiment_attributes
 from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
 from fmus.fmi.terminals import terminal_files
@@ -102,7 +102,7 @@ def build_shapes(products: Sequence[Product]) -> list[Path]:
     shells = []
     for kind, config, _ in products:
         own = {key: value for key, value in packed_config(kind, config).items() if key not in (KEY, EXPERIMENT)}
-        shells.append(Shell(ROOT / KINDS[kind], own, kind, numbers.shape(own)))
+        shells.append(Shell(ROOT / COMPONENT_KINDS[kind], own, kind, numbers.shape(own)))
     return build_shells(shells)
 
 
@@ -122,8 +122,8 @@ def start_values(kind: str, config: Mapping[str, Any]) -> StartValues:
 
 def packed_config(kind: str, config: Mapping[str, Any]) -> dict[str, Any]:
     """Config as an FMU has it: of the vehicle, the keys that its model reads."""
-    if kind not in KINDS:
-        raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
+    if kind not in COMPONENT_KINDS:
+        raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(COMPONENT_KINDS)}")
     return numbers.packed(config, model_of(kind).reads(config))
 
 
@@ -132,7 +132,7 @@ def _configured(kind: str, config: Mapping[str, Any]) -> tuple[Port, ...]:
     try:
         return all_ports(model_of(kind)(config).ports, config, number_meanings())
     except InvalidParameter as error:
-        raise BuildFailed(f"cannot build {Path(KINDS[kind]).stem}: {error}") from None
+        raise BuildFailed(f"cannot build {Path(COMPONENT_KINDS[kind]).stem}: {error}") from None
 
 
 def _with_numbers(fmu: Path, kind: str, config: Mapping[str, Any]) -> bytes:

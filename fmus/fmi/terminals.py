@@ -24,7 +24,7 @@ CARRIES: dict[str, Carried] = {
 FILE = "terminalsAndIcons/terminalsAndIcons.xml"
 MEMBERS = "TerminalMemberVariable"
 MEAN = "cotrack.mean"
-KINDS = {  # with the groups of their members, largest first
+TERMINAL_KINDS = {  # with the groups of their members, largest first
     "cotrack.motion_and_wrench": (*CARRIES,),
     "cotrack.motion": tuple(group for group, carried in CARRIES.items() if carried != "mean"),
 }
@@ -48,10 +48,12 @@ def terminals(model: str, inputs: Iterable[str], outputs: Iterable[str]) -> dict
         ports.setdefault(found[1], []).append(found)
     made = {}
     for port, members in ports.items():
-        kind = next((kind for kind, groups in KINDS.items() if {found[3] for found in members} >= {*groups}), "")
+        kind = next(
+            (kind for kind, groups in TERMINAL_KINDS.items() if {found[3] for found in members} >= {*groups}), ""
+        )
         if kind:
             ordered = sorted(members, key=lambda found: [*CARRIES].index(found[3]))
-            made[port] = Terminal(kind, {found[2]: found[0] for found in ordered if found[3] in KINDS[kind]})
+            made[port] = Terminal(kind, {found[2]: found[0] for found in ordered if found[3] in TERMINAL_KINDS[kind]})
     means = [*filter(DEMAND.fullmatch, names[0]), *(name for name in names[1] if name in DEMANDING.get(model, ()))]
     return made | {name: Terminal(MEAN, {"mean": name}) for name in means}
 
@@ -99,5 +101,5 @@ def carried(found: Iterable[Terminal]) -> dict[str, Carried]:
     return {
         variable: CARRIES.get(group, "mean")
         for kind, group, variable in members
-        if kind == MEAN or group in KINDS.get(kind, ())
+        if kind == MEAN or group in TERMINAL_KINDS.get(kind, ())
     }

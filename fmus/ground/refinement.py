@@ -21,7 +21,7 @@ from fmus.physics.arrays import Floats
 from fmus.vehicles.sides import grousers
 
 LEVEL = (1, 1)
-MOST = (8, 4)  # that is chosen by itself: the cost of a step grows with the points
+MAX_AUTOMATIC = (8, 4)  # that is chosen by itself: the cost of a step grows with the points
 BUMP = "bump.radius"
 LOWEST_PEAK = 5e-3  # of a map of heights that counts, m
 Table = Mapping[str, Any]
@@ -38,9 +38,9 @@ class Feature(NamedTuple):
 
 
 def refinement(ground: Table, track: Table, heading: float | None) -> tuple[int, int]:
-    """Refinement for the links of a vehicle's ``track`` on a ``ground``: its own, or as its features ask, up to MOST.
+    """Refinement for the links of a vehicle's ``track`` on a ``ground``: its own, or as its features ask.
 
-    ``heading``, rad: of a vehicle that keeps it; None of one that turns.
+    Features get MAX_AUTOMATIC at most. ``heading``, rad: of a vehicle that keeps it; None of one that turns.
     """
     if ground.get("refinement"):
         return tuple(ground["refinement"])
@@ -49,7 +49,7 @@ def refinement(ground: Table, track: Table, heading: float | None) -> tuple[int,
         a, b = _distances(feature, heading)
         along = max(along, ceil(0.5 * track["pitch"] / a - 1e-9))
         across = max(across, ceil(0.5 * track["width"] / b - 1e-9))
-    return min(along, MOST[0]), min(across, MOST[1])
+    return min(along, MAX_AUTOMATIC[0]), min(across, MAX_AUTOMATIC[1])
 
 
 def sections(track: Table, refined: Sequence[int] | None, hard: bool) -> Floats:

@@ -23,9 +23,9 @@ Slope = Annotated[float, In("1", ge=-2.0, le=2.0)]
 Radius = Annotated[float, In("m", ge=1e-3)]  # below, a link's penetration is larger than its edge
 Places = Annotated[tuple[Place, ...], Field(min_length=1, max_length=100)]
 Height = Annotated[float, In("m", plain=True, ge=-1e4, le=1e4)]
-MOST_HEIGHTS = 200_000  # of a map: a log holds them as text
+MAX_HEIGHTS = 200_000  # of a map: a log holds them as text
 STEEPEST = 10.0  # 84 degrees, between neighbours of a map: beyond is no ground, but a gap in the data or another unit
-MOST_WAVES = 6000  # of a rough profile: the time to add them grows with the square
+MAX_WAVES = 6000  # of a rough profile: the time to add them grows with the square
 EVERYWHERE = (-1e6, 1e6)  # from and to, m
 SLOPES = ("grade", "bank")  # keys that, with those of SHAPES, make a ground a terrain, whose kernels are then loaded
 SHAPES = ("step", "half_round", "trench", "kerb", "washboard", "rough", "heightmap", "friction")
@@ -44,8 +44,8 @@ def is_plane(ground: Mapping[str, Any]) -> bool:
 
 def check_points(rows: float, columns: float, remedy: str = "") -> None:
     """Raise ValueError, with ``remedy`` at its end, for a map that is empty or too large."""
-    if not 0 < rows * columns <= MOST_HEIGHTS:
-        raise ValueError(f"has {columns:.0f} x {rows:.0f} points, must have 1 to {MOST_HEIGHTS}{remedy}")
+    if not 0 < rows * columns <= MAX_HEIGHTS:
+        raise ValueError(f"has {columns:.0f} x {rows:.0f} points, must have 1 to {MAX_HEIGHTS}{remedy}")
 
 
 class BumpTable(FrozenTable):
@@ -177,8 +177,8 @@ class RoughTable(FrozenTable):
             raise ValueError(
                 f"band = [{low:g}, {high:g}] 1/m has no multiple of 1/period, period = {self.period:g} m: longer period"
             )
-        if high * self.period > MOST_WAVES:
-            raise ValueError(f"period = {self.period:g} m has more than {MOST_WAVES} waves up to {high:g} 1/m: shorter")
+        if high * self.period > MAX_WAVES:
+            raise ValueError(f"period = {self.period:g} m has more than {MAX_WAVES} waves up to {high:g} 1/m: shorter")
         return self
 
 
@@ -206,8 +206,8 @@ class HeightMapTable(FrozenTable):
         columns = {len(line) for line in self.heights}
         if len(columns) > 1:
             raise ValueError(f"heights: all lines must have as many columns, not {min(columns)} and {max(columns)}")
-        if len(self.heights) * max(columns) > MOST_HEIGHTS:
-            raise ValueError(f"heights: {len(self.heights)} x {max(columns)} are more than {MOST_HEIGHTS}: take fewer")
+        if len(self.heights) * max(columns) > MAX_HEIGHTS:
+            raise ValueError(f"heights: {len(self.heights)} x {max(columns)} are more than {MAX_HEIGHTS}: take fewer")
         for axis, spacing in enumerate(self.spacing):
             steps = np.abs(np.diff(self.heights, axis=axis))
             i, j = np.unravel_index(steps.argmax(), steps.shape)

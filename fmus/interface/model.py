@@ -23,7 +23,7 @@ class StepFailed(RuntimeError):
     """A step could not be done; the message is one sentence with time, place and residual."""
 
 
-MOST_STEPS = 10_000  # internal steps in one communication step: more would look like a process that hangs
+MAX_STEPS = 10_000  # internal steps in one communication step: more would look like a process that hangs
 
 
 def finite(values: Floats) -> bool:
@@ -45,7 +45,7 @@ def flaw_of_state(model: ComponentModel, state: Floats) -> str:
 
 TOO_MANY_STEPS = Sentence(
     "at t = {0:.6g} s a communication step of {1:.3g} s takes {2:.3g} internal steps of {3:.3g} s:"
-    f" {MOST_STEPS} are allowed"
+    f" {MAX_STEPS} are allowed"
 )
 NO_ROTATION = "at t = {0:.6g} s the input {1:name}.orientation is no rotation: its length is {2:.3g}"
 
@@ -58,7 +58,7 @@ def too_many_steps(numbers: Floats, t: float, h: float, longest: float) -> bool:
     """
     steps = h / longest
     numbers[0], numbers[1], numbers[2], numbers[3] = t, h, steps, longest
-    return not steps <= MOST_STEPS
+    return not steps <= MAX_STEPS
 
 
 @kernel

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.cache.sources import ROOT, reachable_hash
-from fmus.components import KINDS, folder
+from fmus.components import COMPONENT_KINDS, folder
 from fmus.drives import mount as mounts
 from fmus.drives import shaft
 from fmus.interface.model import Floats, InvalidParameter, StepFailed
@@ -54,13 +54,15 @@ from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
 from fmus.track.choices import ADAMS, EXPLICIT
 
-LONGEST = 1e-3  # s, internal step where nothing else bounds it
+MAX_STEP = 1e-3  # s, internal step where nothing else bounds it
 INTEGRATORS = EQUAL, ADAPTIVE = EXPLICIT, ADAMS
 
 
 def content() -> str:
     """Hash of all sources that the monolith's physics can reach, those of the components' models included."""
-    models = [reachable_hash(f"fmus.{folder(kind)}.model", ROOT / folder(kind) / "model.py") for kind in KINDS]
+    models = [
+        reachable_hash(f"fmus.{folder(kind)}.model", ROOT / folder(kind) / "model.py") for kind in COMPONENT_KINDS
+    ]
     return "".join([reachable_hash(__name__, Path(__file__)), *models])
 
 
@@ -127,7 +129,7 @@ class Monolith:
         if not self._adaptive:
             limits = [self.models[name].stable_step for name in self._chains]
             limits += [1.0 / shaft.substeps(drive, 1.0) for drive in self._shafts]
-        self.step = min([*limits, LONGEST]) / refine
+        self.step = min([*limits, MAX_STEP]) / refine
         self.effort = Effort(0, 0, 0, 0, RK4.order)
         self._reached = np.nan  # s, by Adams' methods, whose past ends there
 

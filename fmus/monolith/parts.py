@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.chassis.observe import put_sides
-from fmus.components import KINDS, model_of
+from fmus.components import COMPONENT_KINDS, model_of
 from fmus.drives import mount as mounts
 from fmus.drives import shaft
 from fmus.interface.model import Floats, InvalidParameter
@@ -48,7 +48,7 @@ class MonolithPart(NamedTuple):
 
 def initialised_model(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> Any:
     """Initialised model of a component; raises InvalidParameter or StepFailed."""
-    if kind not in KINDS:
+    if kind not in COMPONENT_KINDS:
         raise InvalidParameter(f"a monolith has no part of kind '{kind}'")
     model = model_of(kind)(config)
     defaults = {port.name: port.start for port in model.ports if port.causality == "parameter"}
@@ -149,7 +149,7 @@ class ChainSystem(NamedTuple):
     slot: ChainSlot
     links: Any  # parameters of the links
     contacts: Any  # contact partners; None without contacts
-    env: Any  # gravity, ends and carrier
+    env: Any  # gravity, ends and wheel frame
     s: Any  # state; its integrated parts are views of the stage's argument
     w: Any  # work arrays
 

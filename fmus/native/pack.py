@@ -15,7 +15,7 @@ from xml.etree.ElementTree import tostring
 
 from fmus.cache.files import CHECKSUM, cached_result
 from fmus.cache.sources import ROOT, source_hash
-from fmus.components import KINDS, model_of
+from fmus.components import COMPONENT_KINDS, model_of
 from fmus.fmi.build import DESCRIPTION, DIGITS, SHAPE, BuildFailed, archive, build_once, json_text, packed_config
 from fmus.fmi.description import document
 from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
@@ -77,7 +77,7 @@ def build_native(
     platforms = (LINUX, WINDOWS) if windows else (LINUX,)
     config = packed_config(kind, config)
     tools = _tools(fmi, platforms)
-    script = ROOT / KINDS[kind]
+    script = ROOT / COMPONENT_KINDS[kind]
     texts = [
         *key_parts(readme_beside(script), INCLUDED),
         icon_beside(script).hex(),
@@ -214,7 +214,7 @@ class _Component:
             libraries[f"binaries/{platform.fmi3_folder if fmi3 else platform.folder}/{library}"] = content
         description = self._description(guid or self.guid)
         files = {DESCRIPTION: description, **libraries}
-        script = ROOT / KINDS[self.kind]
+        script = ROOT / COMPONENT_KINDS[self.kind]
         files |= documentation(description, readme_beside(script), INCLUDED) | icon_files(script, self.fmi)
         files |= {f"resources/{numbers_file.FILE}": self.numbers(), f"resources/{SHAPE}": self.shape.encode()}
         return archive(files | terminal_files(description))

@@ -34,7 +34,7 @@ from fmus.chassis.leaf import ROOT, is_fixed
 from fmus.chassis.model import Model as Chassis
 from fmus.chassis.model import stations
 from fmus.chassis.observe import put_sides
-from fmus.driver.skid import footing
+from fmus.driver.skid import skid_vehicle
 from fmus.interface.model import InvalidParameter, StepFailed
 from fmus.interface.numbers import packed
 from fmus.interface.ports import STATE, WRENCH
@@ -224,7 +224,7 @@ def in_place_of(cables: VehicleEquilibrium, vehicle: VehicleOnChains) -> tuple[V
 
 def _reason(vehicle: Mapping[str, Any], height: float, pitch: float) -> str:
     """Why a vehicle does not come to rest, from its table and the hull's rise, m, and pitch, rad, at the end."""
-    ahead, wheels, idler = footing(vehicle)[1], vehicle["road_wheel"]["x"], vehicle["idler"]
+    ahead, wheels, idler = skid_vehicle(vehicle)[1], vehicle["road_wheel"]["x"], vehicle["idler"]
     if not min(wheels) <= ahead <= max(wheels):
         which = "ahead of its foremost" if ahead > max(wheels) else "behind its hindmost"
         beyond = max(ahead - max(wheels), min(wheels) - ahead)

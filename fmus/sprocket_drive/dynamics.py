@@ -10,7 +10,7 @@ import numpy as np
 from fmus.drives import mount, shaft
 from fmus.drives.motor import SPEED, DriveParameters, find_contradiction, speed_profile
 from fmus.interface import wrenches
-from fmus.interface.model import MOST_STEPS, no_rotation
+from fmus.interface.model import MAX_STEPS, no_rotation
 from fmus.interface.ports import STATE, WRENCH
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
@@ -65,7 +65,7 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
     if no_rotation(messages[0], t, 0, inputs, 3):
         return BAD_QUATERNION
     steps = shaft.substeps(p, h)
-    if steps > MOST_STEPS:
+    if steps > MAX_STEPS:
         messages[0, 0], messages[0, 1], messages[0, 2] = t, steps, h
         return STIFF
     demand = u[STATE + WRENCH + 1] if u.size > STATE + WRENCH + 1 else 0.0

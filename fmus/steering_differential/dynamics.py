@@ -10,7 +10,7 @@ import numpy as np
 from fmus.drives import mount, shaft
 from fmus.drives.motor import CONTRADICTIONS, SPEED, DriveParameters, find_contradiction, speed_profile
 from fmus.interface import wrenches
-from fmus.interface.model import MOST_STEPS, no_rotation
+from fmus.interface.model import MAX_STEPS, no_rotation
 from fmus.interface.ports import STATE, WRENCH
 from fmus.kernels.jit import kernel
 from fmus.physics.arrays import Floats
@@ -124,7 +124,7 @@ def step(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
         if no_rotation(messages[0], t, k, inputs, k * SIDE + 3):
             return BAD_QUATERNION
     propulsion_steps, steering_steps = shaft.substeps(g.propulsion, h), shaft.substeps(g.steering, h)
-    if max(propulsion_steps, steering_steps) > MOST_STEPS:
+    if max(propulsion_steps, steering_steps) > MAX_STEPS:
         messages[0, 0], messages[0, 1], messages[0, 2] = t, max(propulsion_steps, steering_steps), h
         return STIFF if propulsion_steps >= steering_steps else STIFF_STEERING
     demand = u[2 * SIDE + 2] if u.size > 2 * SIDE + 2 else 0.0

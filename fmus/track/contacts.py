@@ -20,7 +20,7 @@ from fmus.physics.contact.teeth import Teeth, teeth
 from fmus.physics.elementary import cos, hypot, sin
 from fmus.vehicles.sides import grousers, pins_a_turn, pitch_radius
 
-KINDS = {"rim": RIM, "teeth": TOOTHED, "driving": DRIVING}  # of the wheels of a track's config
+WHEEL_CONTACTS = {"rim": RIM, "teeth": TOOTHED, "driving": DRIVING}  # of the wheels of a track's config
 NO_TEETH = Teeth(1, *(0.0,) * 10)
 STANDING = (0.0, 0.0, 0.0)
 # Losses with which chains come to rest, those of the m113: damping over stiffness, s, friction, its velocity, m/s.
@@ -52,7 +52,7 @@ def contacts(
         touched = seated * cos(np.pi / pins_a_turn(vehicle)) - track["face"]  # by links whose pins are seated
         rim = touched if lugs > 1 else profile.top
     radius = np.array([rim if w["kind"] == "teeth" else w["radius"] for w in wheels], dtype=float)
-    kinds = KINDS | {"teeth": LUGGED} if lugs > 1 else KINDS
+    kinds = WHEEL_CONTACTS | {"teeth": LUGGED} if lugs > 1 else WHEEL_CONTACTS
     return Contacts(
         np.array([kinds[w["kind"]] for w in wheels], dtype=np.int64),
         radius,

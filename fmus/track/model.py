@@ -49,7 +49,7 @@ def bushing(track: Mapping[str, Any], bent: float = 0.0) -> Bushing | None:
     return Bushing(table["stiffness"] / left, table["preset"], table["damping"] / left, arm, table["slow"])
 
 
-KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
+END_KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
 
 
 class TrackModel(LaidChain, ComponentModel):
@@ -96,7 +96,7 @@ class TrackModel(LaidChain, ComponentModel):
         self.wheel_list = drawn(self.vehicle, self.config["wheels"])
         self.links_count = int(self.config["links"])
         self.closed = bool(self.config["closed"])
-        self.ends_kind = KINDS[self.config["ends"]["kind"]] if self.config.get("ends") else LOOP
+        self.ends_kind = END_KINDS[self.config["ends"]["kind"]] if self.config.get("ends") else LOOP
         self.nodes = self.links_count if self.closed else self.links_count + 1
         self.pitch = float(self.vehicle["track"]["pitch"])
         wheels = len(self.wheel_list)

@@ -39,15 +39,15 @@ if TYPE_CHECKING:
 # Cosine of the angle between a wheel's axis and the pins of links that stay in their plane:
 ALIGNED = 0.9999939076577904  # cos 0.2 deg: a larger angle is a warning, because the plane of the links holds back
 OUT_OF_PLANE = 0.9961946980917455  # cos 5 deg: a larger angle is a failure, because the results are wrong
-MOST_TURNED = 0.9999143275740072  # cosine of the angle (0.75 deg) by which wheels may be turned at the start
+MAX_TURNED = 0.9999143275740072  # cosine of the angle (0.75 deg) by which wheels may be turned at the start
 # Pitches by which a wheel is off its place at the start, beside the play of the guides: more than the first are a
 # warning, more than the second, which change the mean tension by 1.5 %, a failure.
 NOTICED, MISPLACED = 1e-3, 0.02
-MOST_APART = 5.0  # pitches by which the distance of a wheel from the first one may differ from that at the start
+MAX_APART = 5.0  # pitches by which the distance of a wheel from the first one may differ from that at the start
 LENGTH, REST, WHEELS = range(3)  # in ``exchange``: last step, s, 0 for none; tension at rest, N; wheels
 MOTION = 6  # numbers of a wheel: position and velocity in the track's frame
-MOST_CREATED = 0.02  # energy in a step that is warned of, over tension at rest times pitch
-MOST_TENSION = 20.0  # tension that is warned of, over that at rest
+MAX_CREATED = 0.02  # energy in a step that is warned of, over tension at rest times pitch
+MAX_TENSION = 20.0  # tension that is warned of, over that at rest
 
 
 def exchange_size(wheels: int) -> int:
@@ -97,7 +97,7 @@ def _check_places(c: CommonData, messages: Floats, t: float, cosine: float) -> i
         deviation = np.sqrt(distance_squared)
         if deviation > farthest:
             farthest, wheel = deviation, k
-    if farthest <= c.pitch and not cosine > MOST_TURNED:
+    if farthest <= c.pitch and not cosine > MAX_TURNED:
         messages[0, 0], messages[0, 1] = t, acos(max(cosine, -1.0)) * 180.0 / np.pi
         return TURNED
     if farthest > NOTICED * c.pitch:
@@ -117,7 +117,7 @@ def _check_distances(c: CommonData, messages: Floats, t: float, wheels: int) -> 
     """Compare the distances of the ``wheels`` from the first one with those at the start; 0, or the failure."""
     for k in range(1, wheels):
         distance, start_distance = _distance(c.rows, k), _distance(c.start_rows, k)
-        if not abs(distance - start_distance) < MOST_APART * c.pitch:
+        if not abs(distance - start_distance) < MAX_APART * c.pitch:
             messages[0, 0], messages[0, 1], messages[0, 2] = t, k, distance
             messages[0, 3], messages[0, 4] = start_distance, 0
             return APART
@@ -176,11 +176,11 @@ def _observe(c: CommonData, messages: Floats, t: float, h: float) -> None:
         created += energy
         if abs(energy) > largest:
             largest, wheel = abs(energy), k
-    if x[LENGTH] > 0.0 and abs(created) > MOST_CREATED * x[REST] * c.pitch and given[CREATED] == 0.0:
+    if x[LENGTH] > 0.0 and abs(created) > MAX_CREATED * x[REST] * c.pitch and given[CREATED] == 0.0:
         row = messages[1 + CREATED]
         given[CREATED] = row[0] = 1.0
         row[1], row[2], row[3], row[4] = t, wheel, x[LENGTH], abs(created)
-    if x[REST] > 0.0 and report[T_MAX] > MOST_TENSION * x[REST] and given[TAUT] == 0.0:
+    if x[REST] > 0.0 and report[T_MAX] > MAX_TENSION * x[REST] and given[TAUT] == 0.0:
         row = messages[1 + TAUT]
         given[TAUT] = row[0] = 1.0
         row[1], row[2], row[3] = t, report[T_MAX], report[T_MAX] / x[REST]

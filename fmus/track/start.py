@@ -25,7 +25,7 @@ from fmus.physics.chain.layout import (
 )
 from fmus.physics.elementary import hypot, sin
 from fmus.start import StartPose, ground_level
-from fmus.vehicles.sides import KINDS, pins_a_turn, pitch_radius, smooth_wheels, thickness
+from fmus.vehicles.sides import SMOOTH_WHEELS, pins_a_turn, pitch_radius, smooth_wheels, thickness
 
 
 def drawn(vehicle: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -42,7 +42,7 @@ def drawn(vehicle: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> li
 def drawn_keys(wheels: Sequence[Mapping[str, Any]]) -> list[str]:
     """Keys of the vehicle table that ``drawn`` reads."""
     tables = {wheel["name"].partition("[")[0] for wheel in wheels if "position" not in wheel}
-    tables = {table if table in KINDS else f"wheel.{table}" for table in tables - {"sprocket"}}
+    tables = {table if table in SMOOTH_WHEELS else f"wheel.{table}" for table in tables - {"sprocket"}}
     return [f"{table}.{key}" for table in sorted(tables) for key in ("radius", "x", "z")]
 
 

@@ -44,7 +44,7 @@ from fmus.track.link_outputs import (
 )
 from fmus.track.motions import read_wheels
 
-MOST_HALVINGS = 5  # halvings in one communication step, more of which are a warning
+MAX_HALVINGS = 5  # halvings in one communication step, more of which are a warning
 
 
 class CommonData(NamedTuple):
@@ -71,7 +71,7 @@ class Parts(NamedTuple):
 
     link: Any  # parameters of the links; their class selects the kernels
     contacts: Any  # ``physics.chain.contacts.Contacts``, or None
-    environment: Environment  # gravity, ends, carrier
+    environment: Environment  # gravity, ends, frame
     scheme: Any  # an ``ImplicitMethod``, the stages of the explicit integrator, or an ``Adams``
     common: CommonData
     s: Any  # views of the state
@@ -138,7 +138,7 @@ def implicit(c: Parts, messages: Floats, t: float, h: float, u: Floats) -> int:
 @kernel
 def warn_of_halvings(given_warnings: Floats, messages: Floats, t: float, halvings: int) -> None:
     """Warn once of a communication step at ``t`` in which the internal step was halved too often."""
-    if halvings > MOST_HALVINGS and given_warnings[HALVED] == 0.0:
+    if halvings > MAX_HALVINGS and given_warnings[HALVED] == 0.0:
         given_warnings[HALVED] = messages[1 + HALVED, 0] = 1.0
         messages[1 + HALVED, 1], messages[1 + HALVED, 2] = halvings, t
 

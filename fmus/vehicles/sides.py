@@ -7,7 +7,7 @@ from math import pi, sin
 from typing import Any
 
 SIDES = ("left", "right")
-KINDS = ("road_wheel", "idler", "return_roller")  # of smooth wheels, in the order of their ports
+SMOOTH_WHEELS = ("road_wheel", "idler", "return_roller")  # of smooth wheels, in the order of their ports
 
 
 def of_side(vehicle: Mapping[str, Any], side: str) -> Mapping[str, Any]:
@@ -62,7 +62,7 @@ def wheel_places(vehicle: Mapping[str, Any]) -> list[float]:
 def smooth_wheels(table: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Smooth wheels of a side in the order of their ports, each with ``name``, ``kind``, ``tensioner``, own numbers."""
     found = []
-    for kind in KINDS:
+    for kind in SMOOTH_WHEELS:
         given = table.get(kind) or {}
         count = max((len(value) for value in given.values() if isinstance(value, list | tuple)), default=bool(given))
         for k in range(count):  # a track has no x of road wheels whose places are its own

@@ -225,7 +225,7 @@ class FrozenTable(BaseModel):
         return {key: one for key, one in found if isinstance(one, When)}
 
     @classmethod
-    def idle(cls, table: Mapping[str, Any]) -> Iterator[str]:
+    def inactive(cls, table: Mapping[str, Any]) -> Iterator[str]:
         """Yield dotted keys of a ``table`` of a file, also of tables in it, that do not count beside its others."""
         whole, when = {key: field.default for key, field in cls.model_fields.items()} | dict(table), cls.conditions()
         for key, value in table.items():
@@ -233,7 +233,7 @@ class FrozenTable(BaseModel):
                 yield key
             elif isinstance(value, Mapping) and key in cls.model_fields:
                 kind = _table_in(cls.model_fields[key].annotation)
-                yield from (f"{key}.{inner}" for inner in (kind.idle(value) if kind else ()))
+                yield from (f"{key}.{inner}" for inner in (kind.inactive(value) if kind else ()))
 
     @model_validator(mode="after")
     def _refuse_idle(self) -> Self:
@@ -357,7 +357,7 @@ WORDS = {  # of the bounds of a number
     "exclusiveMinimum": "greater than {:g}", "minimum": "{:g} or more", "maximum": "{:g} at most",
     "exclusiveMaximum": "less than {:g}",
 }  # fmt: skip
-MOST_NAMES = 15  # that are listed
+MAX_NAMES = 15  # that are listed
 
 
 def units(entry: Schema) -> Iterator[str]:
@@ -375,13 +375,13 @@ def allowed(entry: Schema, words: Mapping[str, str]) -> str:
         return allowed(part, words)
 
     match entry:
-        case {"keys": [*known]} if len(known) < MOST_NAMES:
+        case {"keys": [*known]} if len(known) < MAX_NAMES:
             return f"table with the key{'s' * (len(known) > 1)} {', '.join(known)}"
         case {"unit": _, "anyOf": [number, _]}:  # the other one is the same as a text
             return within(number)
         case {"anyOf": [{"type": "number"} as number, {"pattern": _}, *more]}:  # alone or in a list
             return " or ".join(map(within, (number, *more)))
-        case {"enum": values} if len(values) > MOST_NAMES:
+        case {"enum": values} if len(values) > MAX_NAMES:
             return f"one of {len(values)} names"
         case {"enum": values}:
             return " or ".join(map(json.dumps, values))

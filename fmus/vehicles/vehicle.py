@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, mod
 
 from fmus.vehicles import suspension_tables, track_tables
 from fmus.vehicles.ranges import Mistake, contradictions
-from fmus.vehicles.sides import KINDS, SIDES, of_side, road_arms, smooth_wheels
+from fmus.vehicles.sides import SIDES, SMOOTH_WHEELS, of_side, road_arms, smooth_wheels
 from fmus.vehicles.suspension_tables import (
     Place,
     RoadArmTable,
@@ -225,8 +225,9 @@ class ContactTable(FrozenTable):  # noqa: D101
 
 
 TAKEN = (  # names with which ports and parameters of tracks, and those of a side of a chassis, begin
-    *KINDS, "adams", "bump_stop", "closure", "contact", "energy", "ground", "joint", "link", "link_outputs", "material",
-    "penetration", "rebound_stop", "recoil", "rest", "road_arm", "solver", "sprocket", "start", "stress", "suspension",
+    *SMOOTH_WHEELS, "adams", "bump_stop", "closure", "contact", "energy", "ground", "joint", "link", "link_outputs",
+    "material", "penetration", "rebound_stop", "recoil", "rest", "road_arm", "solver", "sprocket", "start", "stress",
+    "suspension",
     "tension", "tensioner", "torsion_bar",
 )  # fmt: skip
 

@@ -223,7 +223,7 @@ def plot(
     print(target)
 
 
-KINDS = {  # kinds of drawing that take an option, and their names in messages
+DRAWING_OPTIONS = {  # kinds of drawing that take an option, and their names in messages
     "--at": (("picture", "still"), "pictures"),
     "--above": (("picture",), "pictures"),
     "--seen-from": (("film", "still"), "films and stills"),
@@ -318,7 +318,7 @@ def _kind(output: Path | None, above: bool, in_rerun: bool, in_foxglove: bool, s
 
 def _check_drawing_options(kind: str, given: Mapping[str, Any]) -> None:
     """Raise BadInput for an option that a kind of drawing does not take."""
-    for option, (kinds, words) in KINDS.items():
+    for option, (kinds, words) in DRAWING_OPTIONS.items():
         if given[option] is not None and kind not in kinds:
             raise BadInput(f"{option} is for {words}")
     if kind == "still" and len(times := given["--at"] or ()) > 1:

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 def summary(result: Mapping[str, Any], verbose: bool = False) -> None:
     """Print the summary of a run, in ten lines and those on what is wrong, or all if it is to be ``verbose``."""
-    from orchestrator.execution.summary_text import MOST, lines
+    from orchestrator.execution.summary_text import MAX_LINES, lines
 
-    print_lines(lines(result, None if verbose else MOST))
+    print_lines(lines(result, None if verbose else MAX_LINES))
 
 
 def print_lines(lines: Iterable[str]) -> None:

@@ -12,7 +12,7 @@ from orchestrator.results.divergence import Divergence
 from orchestrator.results.measured_difference import WHOLE, MeasuredComparison
 from orchestrator.results.run_data import RunData, Window
 
-SHOWN = 12  # largest number of printed signals that only one log has
+MAX_SIGNALS = 12  # largest number of printed signals that only one log has
 
 
 def allowed_differences(allowed: Sequence[str], decisive: Mapping[str, bool]) -> dict[str, float]:
@@ -145,9 +145,9 @@ def run_line(role: str, of_run: Mapping[str, Any]) -> str:
 
 def _bit_lines(bits: Mapping[str, Any]) -> Iterator[str]:
     only = bits["only"]
-    yield from (f"not in both: {name}" for name in only[:SHOWN])
-    if len(only) > SHOWN:
-        yield f"not in both: {len(only) - SHOWN} more"
+    yield from (f"not in both: {name}" for name in only[:MAX_SIGNALS])
+    if len(only) > MAX_SIGNALS:
+        yield f"not in both: {len(only) - MAX_SIGNALS} more"
     if bits["first"] is None:
         yield f"bit by bit equal: {bits['compared']} numbers, to t = {bits['until']:.6g} s"
         return

@@ -199,13 +199,13 @@ def _size(scene: Scene, part: Part) -> str:
 
 def _points(part: Part) -> str:
     """Return how the points over time of a part go on, by their names."""
-    told = ""
+    text = ""
     for name in sorted(part.parameters):
         motor, dot, what = name.removesuffix(".points").rpartition(".")
         if name.endswith(OVER_TIME):
             held = part.parameters[f"{motor}{dot}interpolation"] == "hold"
-            told += f", {motor}{dot}{what} {'holds from point to point' if held else 'is linear between points'}"
-    return told
+            text += f", {motor}{dot}{what} {'holds from point to point' if held else 'is linear between points'}"
+    return text
 
 
 def _suspension(vehicle: Mapping[str, Any]) -> list[str]:

@@ -21,8 +21,8 @@ assembly, run, expect, fmu and connections alone."""
 
 def measure_keys() -> list[Key]:
     """All figures that checks may name."""
-    told = FIGURES.values()
-    return [Key(one.name, one.unit, "", "", f"{one.meaning}{one.none and '; none '}{one.none}") for one in told]
+    figures = FIGURES.values()
+    return [Key(one.name, one.unit, "", "", f"{one.meaning}{one.none and '; none '}{one.none}") for one in figures]
 
 
 def key_text(key: Key) -> str:

@@ -74,8 +74,8 @@ def replay(
         with replay_model.open_replay(log, name, other, settings or ()) as opened:
             opened.log.require_window(start, end)
             if changes and not (opened.model.as_recorded and output is None):
-                path = output or log.with_name(_answer_name(log, name, other, settings or ()))
-                _write_answer(log, opened, path, picture, (start, end), as_json)
+                path = output or log.with_name(_replay_name(log, name, other, settings or ()))
+                _write_replay(log, opened, path, picture, (start, end), as_json)
                 return
             verdicts[name] = opened.verify((start, end))
     if as_json:
@@ -92,7 +92,7 @@ def _verdict_as_json(verdict: Any) -> dict[str, Any]:
     return {**verdict._asdict(), "difference": difference, "equal": verdict.equal}
 
 
-def _answer_name(log: Path, component: str, other: str | None, settings: Sequence[str]) -> str:
+def _replay_name(log: Path, component: str, other: str | None, settings: Sequence[str]) -> str:
     """Return the default name of another model's log; ``other``: track model or FMU file."""
     from orchestrator.log.export import file_name
     from orchestrator.scene.settings import file_part, pairs
@@ -101,27 +101,27 @@ def _answer_name(log: Path, component: str, other: str | None, settings: Sequenc
     return f"{log.stem}-{file_name(component)}{model}{file_part(dict(pairs(settings)))}.mcap"
 
 
-def _write_answer(
+def _write_replay(
     log: Path, opened: Any, path: Path, picture: Path | None, window: tuple[float, float], as_json: bool
 ) -> None:
     """Log another model's outputs, print a table of the differences, or one JSON object, and draw both models."""
     from orchestrator.log.reader import Log
-    from orchestrator.results import answer_comparison
+    from orchestrator.results import replayed_outputs
 
     name = opened.component.name
-    if not opened.answer(path, window[1]):
+    if not opened.record(path, window[1]):
         exit_with(f"{log} holds no step of '{name}': there is nothing to replay", 1)
-    with Log(log) as recorded, Log(path) as answer:
-        answers = answer_comparison.answers(recorded, answer, name, window)
-    if not answers:
+    with Log(log) as recorded, Log(path) as replayed:
+        outputs = replayed_outputs.compared(recorded, replayed, name, window)
+    if not outputs:
         exit_with(f"log {path}: nothing of '{name}' is there to be compared from {window[0]:g} to {window[1]:g} s", 1)
     if picture is not None:
-        answer_comparison.draw(answers, picture, f"{name} of {log.name}, and {path.name} under the same inputs")
+        replayed_outputs.draw(outputs, picture, f"{name} of {log.name}, and {path.name} under the same inputs")
     if as_json:
-        signals = {answer.signal: {"unit": answer.unit, **answer.figures()} for answer in answers}
+        signals = {each.signal: {"unit": each.unit, **each.figures()} for each in outputs}
         print_json({"log": str(path), "picture": picture and str(picture), "signals": signals})
     else:
-        print_lines([*answer_comparison.lines(answers), f"log {path}", *([str(picture)] if picture else [])])
+        print_lines([*replayed_outputs.lines(outputs), f"log {path}", *([str(picture)] if picture else [])])
 
 
 def compare(

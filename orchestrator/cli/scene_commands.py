@@ -224,7 +224,7 @@ def cache(
         print(f"removed {len(removed)} folders, {_size(sum(entry.size for entry in removed))}")
     held = limit.entries()
     print(f"{cache_folder()}: {_size(sum(entry.size for entry in held))} of {_size(largest)} at most")
-    for kind, about in limit.KINDS.items():
+    for kind, about in limit.CACHE_KINDS.items():
         if own := [entry for entry in held if entry.kind == kind]:
             oldest = (time.time() - own[0].used) / 86400.0
             size = _size(sum(entry.size for entry in own))

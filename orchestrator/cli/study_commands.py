@@ -94,7 +94,7 @@ def conduct(
     from orchestrator.studies.pool import Store, finished_cases
 
     try:
-        done = finished_cases(len(cases), getattr(module, "told", lambda rows: ""))
+        done = finished_cases(len(cases), getattr(module, "remark", lambda rows: ""))
         rows = pool.run(cases, workers, scheduler, Store(output / "cases"), done)
         files = module.write(output, name, rows, module.TITLE)
     except OSError as error:

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 QUANTITIES = ("kg", "m", "s", "A", "K", "mol", "cd")  # an angle has no dimension
-SHOWN = {"km/h": 1.0 / 3.6, "kN": 1e3, "mm": 1e-3} | dict.fromkeys(("deg", "degree", "°"), math.pi / 180.0)  # in SI
+DISPLAY_UNITS = {"km/h": 1.0 / 3.6, "kN": 1e3, "mm": 1e-3} | dict.fromkeys(
+    ("deg", "degree", "°"), math.pi / 180.0
+)  # in SI
 
 
 class BaseUnit(NamedTuple):
@@ -55,7 +57,7 @@ def inverse_factors(description: Any) -> Iterator[str]:
     """Sentences on units that an FMU shows by the inverse of their factors."""
     for unit in description.unitDefinitions:
         for shown in unit.displayUnits:
-            right = getattr(unit.baseUnit, "factor", 1.0) / SHOWN.get(shown.name, math.inf)
+            right = getattr(unit.baseUnit, "factor", 1.0) / DISPLAY_UNITS.get(shown.name, math.inf)
             if right not in (0.0, 1.0) and math.isclose(shown.factor * right, 1.0, rel_tol=1e-3):
                 yield f"'{unit.name}' is shown in '{shown.name}' by {shown.factor:g}, the inverse of {right:g}"
 

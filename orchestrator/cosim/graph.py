@@ -165,7 +165,7 @@ def _indices(names: tuple[str, ...], wanted: tuple[str, ...], instance: str, wha
     return np.array([place[name] for name in wanted], dtype=np.intp)
 
 
-def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
+def connect(system: System, components: Mapping[str, Steppable]) -> Stages:
     """Return the members of every stage, with connections as index arrays; raises Miswired."""
     feeds: dict[str, list[Feed]] = {instance.name: [] for instance in system.instances}
     for connection in system.connections:

@@ -16,7 +16,7 @@ from orchestrator.fmi.model_description import Loadable
 from orchestrator.fmi.slave import Kind
 
 LINK_FAMILIES = ("link[", "joint[")  # prefixes of per-link outputs, which are read and recorded at their own rate
-KINDS: dict[Kind, tuple[str, ...]] = {
+FMI_TYPES: dict[Kind, tuple[str, ...]] = {
     "Integer": ("Integer", "Enumeration"), "Boolean": ("Boolean",), "String": ("String",),
 }  # fmt: skip
 
@@ -44,7 +44,7 @@ def out_of_range(ranges: Sequence[Any], numbers: NDArray[Any], links: Mapping[st
 def discrete_groups(loaded: Loadable, variables: Sequence[Any], first: int) -> tuple[DiscreteGroup, ...]:
     """Return the variables that are no Reals, by the functions that exchange them, from place ``first`` on."""
     groups = []
-    for kind, types in KINDS.items():
+    for kind, types in FMI_TYPES.items():
         members = [variable for variable in variables if variable.type in types]
         if members:
             n = len(members)

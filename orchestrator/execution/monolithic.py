@@ -29,7 +29,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.cosim import checkpoint, master
 from orchestrator.cosim.coupling.input_hold import Outputs
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import Feed, Stages, wire
+from orchestrator.cosim.graph import Feed, Stages, connect
 from orchestrator.cosim.observers import Logging, TimeReached
 from orchestrator.cosim.variables import LINK_FAMILIES
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
@@ -209,7 +209,7 @@ def run(
     except (RuntimeError, ValueError) as failure:
         raise ComponentFailed(f"{scene.name}: {failure}") from None
     parts: Any = {name: MonolithComponent(name, model) for name, model in monolith.models.items()}
-    scheme = MonolithScheme(wire(graph, parts), monolith)
+    scheme = MonolithScheme(connect(graph, parts), monolith)
     step = clock.step / np.ceil(clock.step / monolith.step - 1e-9)
     about = {"coupling": "monolithic", "integrator": integrator, "internal_step": repr(float(step))}
     if integrator == ADAPTIVE:

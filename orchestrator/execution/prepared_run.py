@@ -15,13 +15,13 @@ from orchestrator.cosim.coupling import coupling
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme, copy_inputs, require_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Recordable, Stages, System, wire
+from orchestrator.cosim.graph import Recordable, Stages, System, connect
 from orchestrator.cosim.observers import Checkpoints, Logging, ReachedPoint, TimedCheckpoints
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.manifest import STATS_PERIOD
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.kernels.compiled import kernels
-from orchestrator.log.message_records import MOST_STEPS
+from orchestrator.log.message_records import MAX_STEPS
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import RunTable
@@ -59,7 +59,7 @@ class PreparedRun(NamedTuple):
         continuation: Continuation | None = None,
     ) -> PreparedRun:
         """Wire, warm up and, if ``continuation`` is given, restore; raises CouplingFailed, UnusableCheckpoint."""
-        stages = wire(graph, components)
+        stages = connect(graph, components)
         scheme: Scheme = coupling(scene.run.coupling.scheme)(stages, **scene.run.coupling.options())
         step_control, restored_point = step_control_of(scene.run), None
         if isinstance(step_control, VariableStep):
@@ -89,7 +89,7 @@ class PreparedRun(NamedTuple):
                 scene.links_every if scene.records_statistics else 1
             )  # statistics between two records are not in a checkpoint
             if isinstance(step_control, master.FixedStep):
-                steps = stride * ceil(max(1, round(min(period / step_control.step, MOST_STEPS))) / stride)
+                steps = stride * ceil(max(1, round(min(period / step_control.step, MAX_STEPS))) / stride)
                 observers.append(Checkpoints(recorder, scheme, steps))
             else:
                 observers.append(

@@ -61,7 +61,7 @@ class Replay(NamedTuple):
         """Compare bit by bit with the log, in a window, s."""
         return replays.verify(self.log, self.component, self.parameters, window)
 
-    def answer(self, path: Path, end: float = ALL_TIME[1]) -> int:
+    def record(self, path: Path, end: float = ALL_TIME[1]) -> int:
         """Log the component's outputs until ``end``, s; return the number of steps (0: no log is written).
 
         The new log names the replayed log and its digest, hash and parameters of the FMU, and the scene if it is
@@ -91,7 +91,7 @@ class Replay(NamedTuple):
         links = log.topics.get(f"/{name}/links")
         every = links.every if links else model.scene.links_every if model.scene else 1
         header = replays.LogHeader(attachments, metadata, every)
-        return replays.answer(log, self.component, self.parameters, path, header, end)
+        return replays.record(log, self.component, self.parameters, path, header, end)
 
 
 @contextmanager

@@ -135,7 +135,7 @@ class LogHeader(NamedTuple):
     links_every: int  # communication steps between two records of links
 
 
-def answer(
+def record(
     log: Log, component: Component, parameters: Parameters, path: Path, header: LogHeader, end: float = ALL_TIME[1]
 ) -> int:
     """Step another model with the inputs recorded until ``end``, s, and log its outputs to ``path``.

@@ -41,7 +41,7 @@ from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.values import implausible_numbers
 
 NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be replayed or resumed"
-MOST_NARRATED = 300  # characters of a line about parameters
+MAX_NARRATED = 300  # characters of a line about parameters
 
 
 @command_scope()
@@ -51,14 +51,14 @@ def simulate(
     estimated: bool | Literal["parts"] = False,
     native: bool = False,
     continuation: Continuation | None = None,
-    answer: bool = False,
+    raise_faults: bool = False,
 ) -> Summary:
     """Build, run, record and evaluate a scene; return the summary.
 
     ``estimated``: two additional coarser runs estimate the error; they take 0.75
     of the run's own time; "parts" makes a third one, which tells coupling and integration. ``native``: use native FMUs,
     which give the same numbers. ``continuation``: checkpoint of an earlier run (``resume``).
-    ``answer``: raise what is no answer of the model: KeyboardInterrupt, and OSError for a log that cannot be written.
+    ``raise_faults``: raise what says nothing of the model, KeyboardInterrupt, and OSError of a log that ends early.
 
     Before the first step raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt
     and writes no log. Later failures are reported in the summary's status and message.
@@ -72,9 +72,9 @@ def simulate(
             if interrupt.requested:  # an interruption makes a component report a failure
                 raise KeyboardInterrupt from None
             raise
-    if answer and interrupt.requested:
+    if raise_faults and interrupt.requested:
         raise KeyboardInterrupt
-    if answer and simulation.log_failure:
+    if raise_faults and simulation.log_failure:
         raise OSError(simulation.log_failure)
     return result
 
@@ -219,7 +219,7 @@ def _shared_parameters(run: PreparedRun, assembly: Assembly) -> Iterator[str]:
         own = {} if table is None else table.parameters
         given = [f"{name} = {value}" for name, value in instance.parameters.items() if name not in own]
         if table is not None and given:
-            yield shorten(f"{instance.name} gets from the scene {', '.join(given)}", MOST_NARRATED, placeholder=" ...")
+            yield shorten(f"{instance.name} gets from the scene {', '.join(given)}", MAX_NARRATED, placeholder=" ...")
 
 
 def _early_warnings(run: PreparedRun, mismatches: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:

@@ -125,8 +125,8 @@ def balance(run: RunData) -> dict[str, Any]:
     except Missing as missing:
         energy = {"energy": None, "energy_missing": str(missing)}
     found = validity(run)
-    told = *found.passed_over, *_unreached_window(run), *other_vehicles(run), *other_tension(run.scene)
-    return energy | {"validity": [entry._asdict() for entry in found.entries], "passed_over": [*told]}
+    remarks = *found.passed_over, *_unreached_window(run), *other_vehicles(run), *other_tension(run.scene)
+    return energy | {"validity": [entry._asdict() for entry in found.entries], "passed_over": [*remarks]}
 
 
 def other_vehicles(run: RunData) -> list[str]:
@@ -299,8 +299,8 @@ def check_counts(result: Mapping[str, Any]) -> list[str]:
         f"{n} {verb}{'s' * (n == 1)}" for n, verb in ((begin, "begin"), (len(late) - begin, "end")) if n
     )
     met = len(result["checks"]) - len(missed_checks(result))
-    told = f"{counts} after the end" if counts else "", f"{left_out} left out" if left_out else ""
-    return [f"{met} of {total}", *filter(None, told)]
+    parts = f"{counts} after the end" if counts else "", f"{left_out} left out" if left_out else ""
+    return [f"{met} of {total}", *filter(None, parts)]
 
 
 def _windows_of_checks(scene: SystemScene, simulated: float, *, covered: bool) -> dict[str, Window]:

@@ -8,14 +8,14 @@ from typing import Any
 from orchestrator.execution import summary
 from orchestrator.execution.estimate import PARTS
 from orchestrator.results.convergence_index import ORDERS, SAFETY
-from orchestrator.results.energy import KINDS
+from orchestrator.results.energy import STORED_ENERGIES
 from orchestrator.results.measures import OBSERVABLES
-from orchestrator.results.run_data import SHOWN
+from orchestrator.results.run_data import HASH_DIGITS
 from orchestrator.results.table import without_rounding
 from orchestrator.results.units import figure, scaled
 from orchestrator.results.validity.exceedance import Exceedance, alike_as_one
 
-MOST = 11  # lines of a short summary
+MAX_LINES = 11  # lines of a short summary
 
 
 def _error(error: dict[str, Any]) -> str:
@@ -166,7 +166,7 @@ def validity(entries: Iterable[Mapping[str, Any]]) -> list[str]:
 def _balance(energy: dict[str, Any]) -> str:
     """Return the line about energies, largest first: what came in equals what became of it, in the printed digits."""
     flows = {"put in by the drives": energy["work"], "unaccounted for": -energy["residual"]}  # positive: it came in
-    flows |= {f"from {KINDS[kind]}": -change for kind, change in energy["stored"].items()}
+    flows |= {f"from {STORED_ENERGIES[kind]}": -change for kind, change in energy["stored"].items()}
     flows |= {f"delivered by {name.replace('_', ' ')}": -value for name, value in energy["delivered"].items()}
     flows |= {"dissipated": -energy["dissipated"], "done on the towed load": -energy.get("towed", 0.0)}
     flows["lost where contacts move along links"] = -energy["covered"]
@@ -240,7 +240,7 @@ def _check(name: str, check: dict[str, Any]) -> str:
 
 def _fmus(fmus: dict[str, dict[str, str]]) -> str:
     """Return the line about FMUs of the user."""
-    parts = [f"{name} = {fmu['file']} (sha256 {fmu['sha256'][:SHOWN]})" for name, fmu in fmus.items()]
+    parts = [f"{name} = {fmu['file']} (sha256 {fmu['sha256'][:HASH_DIGITS]})" for name, fmu in fmus.items()]
     return f"FMUs of yours: {', '.join(parts)}"
 
 

@@ -26,7 +26,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.execution import monolithic
 from orchestrator.files.messages import PROGRESS, silent
 from orchestrator.results.difference import INTERVAL, ObservableDifference, differences_of_logs
-from orchestrator.scene import assembly, footing, kinds, parts, placing, tables
+from orchestrator.scene import assembly, ground_plane, kinds, parts, placing, tables
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
 from orchestrator.scene.tables import RunTable
@@ -127,7 +127,7 @@ def key(scene: Scene) -> str:
     """Hash of a bare scene and of the sources that compute its truth."""
     physics = {name: value for name, value in scene.resolved().items() if name not in ("name", "title")}
     hashed = [json.dumps(physics, sort_keys=True), content()]
-    modules = assembly, footing, kinds, parts, placing, tables, monolithic
+    modules = assembly, ground_plane, kinds, parts, placing, tables, monolithic
     hashed += [Path(str(module.__file__)).read_text(encoding="utf-8") for module in modules]
     return hashlib.sha256("\0".join(hashed).encode()).hexdigest()[:24]
 

@@ -14,7 +14,7 @@ from contextvars import ContextVar
 LOG = logging.getLogger("cotrack")
 RUN = logging.getLogger("cotrack.run")
 PROGRESS = logging.getLogger("cotrack.progress")
-LONGEST = 1000  # characters of a line
+MAX_LINE = 1000  # characters of a line
 _silent: ContextVar[bool] = ContextVar("silent", default=False)
 
 
@@ -29,9 +29,9 @@ def silent() -> Iterator[None]:
 
 
 def plain(text: str) -> str:
-    """Return text of any origin as one line of printable characters, shortened to LONGEST."""
-    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:LONGEST])
-    return shown if len(text) <= LONGEST else f"{shown} ..."
+    """Return text of any origin as one line of printable characters, shortened to MAX_LINE."""
+    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:MAX_LINE])
+    return shown if len(text) <= MAX_LINE else f"{shown} ..."
 
 
 for _logger in (RUN, PROGRESS):

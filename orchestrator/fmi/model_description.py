@@ -38,11 +38,11 @@ Elements = Sequence[tuple[int, str, int, int]]  # value reference, type, size an
 LIBRARIES: dict[str, ModuleType] = {"2.0": fmi2, "3.0": fmi3}  # by the version of FMI
 RANGES: dict[str, tuple[float, float]] = {f"Int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)}
 RANGES |= {f"U{kind}": (0, 2 * most + 1) for kind, (_, most) in RANGES.items()} | {"Integer": RANGES["Int32"]}
-KINDS = {"Float64": "Real", "Float32": "Real"} | dict.fromkeys(RANGES, "Integer")
-KINDS |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
+FMI3_TYPES = {"Float64": "Real", "Float32": "Real"} | dict.fromkeys(RANGES, "Integer")
+FMI3_TYPES |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
 ALLOWED: dict[str, Any] = {"Real": int | float, "Integer": int, "Enumeration": int, "Boolean": bool, "String": str}
 LARGEST = 2**53 - 1  # whole numbers up to it are exact in arrays and logs, which hold doubles
-MOST_ELEMENTS = 100_000  # scalars of an FMU of FMI 3.0
+MAX_ELEMENTS = 100_000  # scalars of an FMU of FMI 3.0
 
 
 class BadDescription(ComponentFailed):
@@ -206,7 +206,7 @@ def _of_scalars(folder: Path, content: bytes) -> Loadable:
     scalars = [
         scalar
         for variable in description.modelVariables
-        if variable.type in KINDS and variable.causality != "independent"
+        if variable.type in FMI3_TYPES and variable.causality != "independent"
         for scalar in _scalars(variable, elements)
     ]
     return Loadable(
@@ -224,13 +224,13 @@ def _on_clocks(description: Any) -> str:
 
 def _scalars(variable: Any, elements: list[tuple[int, str, int, int]]) -> Iterator[ModelVariable]:
     size = number_of_elements(variable)
-    if len(elements) + size > MOST_ELEMENTS:
-        raise ValueError(f"more than {MOST_ELEMENTS} variables and elements of arrays")
+    if len(elements) + size > MAX_ELEMENTS:
+        raise ValueError(f"more than {MAX_ELEMENTS} variables and elements of arrays")
     for place, (name, start) in enumerate(zip(element_names(variable), start_values(variable), strict=True)):
         reference = len(elements)
         elements.append((variable.valueReference, variable.type, size, place))
         yield _changed(
-            variable, name=name, valueReference=reference, type=KINDS[variable.type], shape=None, start=start
+            variable, name=name, valueReference=reference, type=FMI3_TYPES[variable.type], shape=None, start=start
         )
 
 

@@ -29,7 +29,7 @@ from orchestrator.fmi.model_description import (
 from orchestrator.fmi.slave import FATAL, OK, WARNING, ComponentFailed, NotInstantiated
 from orchestrator.log.time_series import Floats
 
-SHOWN = 3  # faults in the sentence of a verdict
+MAX_FAULTS = 3  # faults in the sentence of a verdict
 
 
 class Verdict(NamedTuple):
@@ -47,9 +47,13 @@ class Verdict(NamedTuple):
     @property
     def detail(self) -> str:
         """Return the first faults, or the note."""
-        more = len(self.faults) - SHOWN
-        told = *self.faults[:SHOWN], *[f"and {more} more"] * (more > 0), *[self.note] * (self.outcome == "not finished")
-        return "; ".join(told) or self.note
+        more = len(self.faults) - MAX_FAULTS
+        parts = (
+            *self.faults[:MAX_FAULTS],
+            *[f"and {more} more"] * (more > 0),
+            *[self.note] * (self.outcome == "not finished"),
+        )
+        return "; ".join(parts) or self.note
 
 
 class NotApplicable(Exception):
@@ -61,8 +65,8 @@ class CallRefused(Exception):
 
 
 def listed(names: list[str]) -> str:
-    """Return names as text, the first SHOWN of them."""
-    return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+    """Return names as text, the first MAX_FAULTS of them."""
+    return ", ".join(names[:MAX_FAULTS]) + (f" and {len(names) - MAX_FAULTS} more" if len(names) > MAX_FAULTS else "")
 
 
 STATUS = "OK", "Warning", "Discard", "Error", "Fatal"

@@ -31,7 +31,7 @@ from orchestrator.files.messages import LOG
 from orchestrator.log.angles import continuous
 from orchestrator.log.container import Container
 from orchestrator.log.extra import library
-from orchestrator.log.measured_formats import BAGS, EXTRA, SHOWN, Choose, FileColumn, Read, Samples
+from orchestrator.log.measured_formats import BAGS, EXTRA, MAX_CHARACTERS, Choose, FileColumn, Read, Samples
 from orchestrator.log.message_records import LOG_TIME, PREFIX
 from orchestrator.log.time_series import Floats
 
@@ -58,12 +58,12 @@ def _listed(folder: Path) -> list[Path]:
         names = yaml.load(about)["rosbag2_bagfile_information"]["relative_file_paths"]
         listed = [Path(name.removesuffix(".zstd")).name for name in names]
     except Exception as error:  # of its own classes, of what is missing
-        raise BadInput(f"{about} lists no files of a bag: {' '.join(f'{error}'.split()):.{SHOWN}}") from None
+        raise BadInput(f"{about} lists no files of a bag: {' '.join(f'{error}'.split()):.{MAX_CHARACTERS}}") from None
     if missing := sorted({*listed} - {one.name for one in files}):
-        LOG.warning(f"{folder}: metadata.yaml lists {', '.join(missing)[:SHOWN]}, which is not there")
+        LOG.warning(f"{folder}: metadata.yaml lists {', '.join(missing)[:MAX_CHARACTERS]}, which is not there")
     wanted = [one for one in files if one.name in listed] or files
     if others := [one.name for one in files if one not in wanted]:
-        LOG.warning(f"{folder}: not read is {', '.join(others)[:SHOWN]}, which metadata.yaml does not list")
+        LOG.warning(f"{folder}: not read is {', '.join(others)[:MAX_CHARACTERS]}, which metadata.yaml does not list")
     return wanted
 
 
@@ -293,23 +293,23 @@ class _Column:
         times = np.where(odd, received, stamps - zero)
         t, first = np.unique(times, return_index=True)
         back = np.maximum.accumulate(times) - times
-        told = f"times of {self.topic} are those of {'receipt' if odd.all() else 'header.stamp'}"
+        sentence = f"times of {self.topic} are those of {'receipt' if odd.all() else 'header.stamp'}"
         if odd.any() and not odd.all():
-            told += f"; {odd.sum()} of {len(times)}, without one or hours from the others, stand at their receipt"
+            sentence += f"; {odd.sum()} of {len(times)}, without one or hours from the others, stand at their receipt"
         if late := np.count_nonzero(back):
-            told += f"; {late} of {len(times)} came late, by up to {NS * back.max():.3g} s, and are sorted"
+            sentence += f"; {late} of {len(times)} came late, by up to {NS * back.max():.3g} s, and are sorted"
         if len(t) < len(times):
-            told += f"; {len(times) - len(t)} with the time of an earlier one are left out"
+            sentence += f"; {len(times) - len(t)} with the time of an earlier one are left out"
         if zero:
-            told += f"; they are of another clock, on which {NS * (zero + self._start):.10g} s is 0"
+            sentence += f"; they are of another clock, on which {NS * (zero + self._start):.10g} s is 0"
         gap = np.diff(t, prepend=0)
         if (most := gap.max()) > HOUR:
             k = int(gap.argmax())
-            told += f"; {most / HOUR:.4g} hours without a message end at {NS * t[k]:.10g} s"
+            sentence += f"; {most / HOUR:.4g} hours without a message end at {NS * t[k]:.10g} s"
         values = self._of(*np.array(self._values).reshape(-1, len(self._needs))[first].T)
         if gaps := self._lacks and np.count_nonzero(np.isnan(values)):
-            told += f"; {gaps} of {len(values)} have no {self._lacks} and are gaps"
-        return Samples(values, NS * t), told
+            sentence += f"; {gaps} of {len(values)} have no {self._lacks} and are gaps"
+        return Samples(values, NS * t), sentence
 
 
 def read_bag(path: Path, choose: Choose, wanted: Collection[str]) -> Read:

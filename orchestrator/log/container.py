@@ -70,7 +70,7 @@ OF_CHUNKS = (Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX)
 LOOSE = 1 << 20  # bytes of messages outside chunks that are read at once
 KEPT = 192 << 20  # bytes of unpacked chunks that an open log keeps in memory: a report passes over it eighty times
 BESIDE_A_RUN = 8 << 20  # the same in a process that holds components too
-MOST_FAULTS = 100
+MAX_FAULTS = 100
 DAMAGE = (
     McapError, zstandard.ZstdError, struct.error, ValueError, TypeError, LookupError, MemoryError, OverflowError,
     RecursionError,
@@ -89,7 +89,7 @@ class Container:
     """Open MCAP file: topics, metadata, closing record, places of attachments and chunks.
 
     ``spans``: offset of each chunk -> first and last time in it, s. ``unpacked``: offset -> messages, of the chunks in
-    memory. ``contents``: digests of metadata and channels (``seal``). ``faults``: sentences, MOST_FAULTS at most.
+    memory. ``contents``: digests of metadata and channels (``seal``). ``faults``: sentences, MAX_FAULTS at most.
 
     :param by_index: use the summary if it is whole; otherwise, or else, every record is walked.
     :param kept: bytes of unpacked chunks that stay in memory, the first ones that are read.
@@ -146,7 +146,7 @@ class Container:
 
     def add_fault(self, sentence: str) -> None:
         """Add a sentence to ``faults`` unless it is there already."""
-        if sentence not in self.faults and len(self.faults) < MOST_FAULTS:
+        if sentence not in self.faults and len(self.faults) < MAX_FAULTS:
             self.faults.append(sentence)
 
     # --- records

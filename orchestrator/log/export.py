@@ -130,7 +130,7 @@ class Matlab:
         savemat(self._file, {"t": whole[:, :1], "values": whole[:, 1:], **texts}, appendmat=False, do_compression=True)
 
 
-KINDS: dict[str, Any] = {"csv": Csv, "parquet": Parquet, "mat": Matlab}
+WRITERS: dict[str, Any] = {"csv": Csv, "parquet": Parquet, "mat": Matlab}
 
 
 def export(
@@ -160,7 +160,7 @@ def export(
         chosen = log.choose(signals, topics)
         if not chosen:
             raise Missing(f"{path} holds nothing to export")
-        if suffix in KINDS:
+        if suffix in WRITERS:
             names = tuple(name for topic in chosen for name in _columns(log, topic, chosen[topic]).names)
             units = tuple(unit for topic in chosen for unit in _columns(log, topic, chosen[topic]).units)
             with open_table(target, suffix, Columns(names, units)) as writer:
@@ -205,7 +205,7 @@ def open_table(file: Path, kind: str, columns: Columns) -> Iterator[Writer]:
         file.parent.mkdir(parents=True, exist_ok=True)
         is_device = file.exists() and not file.is_file()  # a device is written directly
         with nullcontext(file) if is_device else replacing(file) as fresh:
-            writer = KINDS[kind](fresh, columns)
+            writer = WRITERS[kind](fresh, columns)
             try:
                 yield writer
             finally:

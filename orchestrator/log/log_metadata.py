@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from orchestrator.log import schema, seal
-from orchestrator.log.message_records import MOST_STEPS
+from orchestrator.log.message_records import MAX_STEPS
 from orchestrator.log.time_series import RULES, Topic, Wire
 
 FORMAT = "format"  # of the metadata record
@@ -86,7 +86,7 @@ def decode_channel(topic: str, about: Mapping[str, str], described: bytes) -> Re
     if not len(names) == len(set(names)) == len(units) == len(places):
         raise ValueError("names, units and places differ in number or a name is listed twice")
     every = int(about["every"])
-    if not 1 <= every <= MOST_STEPS:
+    if not 1 <= every <= MAX_STEPS:
         raise ValueError(f"a topic is not recorded every {every} steps")
     wires = _wires(about["wires"]) if "wires" in about else ()
     columns = tuple(column for column, place in enumerate(places) if place or not wires)
@@ -186,7 +186,7 @@ def _warnings(text: str) -> list[dict[str, Any]]:
     for entry in entries:
         if not isinstance(entry, dict) or {key: type(value) for key, value in entry.items()} != _WARNING_FIELDS:
             raise ValueError("a warning does not consist of component, text, time and count")
-        if not 0 < entry["count"] <= MOST_STEPS:
+        if not 0 < entry["count"] <= MAX_STEPS:
             raise ValueError("the count of a warning is out of range")
         f"{entry['component']}{entry['text']}".encode()  # ValueError for half a surrogate pair, which JSON allows
     return entries

@@ -43,7 +43,7 @@ EXTRA = "measured"
 PREAMBLE = 200  # lines in which a header is looked for, to name it
 MARKS = ";\t,"  # between cells: the first of these that the first line has
 UNITS_UNTIL = 3  # last line that may be one of units
-SHOWN = 100  # characters of a line in a message
+MAX_CHARACTERS = 100  # characters of a line in a message
 TIMING = ("wf_start_time", "wf_start_offset", "wf_increment")  # properties of a TDMS channel
 LEAD_IN, LONGEST = 28, 1 << 16  # bytes; of a path or a value
 SIZES = {1: 1, 2: 2, 3: 4, 4: 8, 5: 1, 6: 2, 7: 4, 8: 8, 9: 4, 10: 8, 25: 4, 26: 8, 33: 1, 68: 16}  # bytes by type
@@ -73,7 +73,7 @@ class Samples(NamedTuple):
 
 Choose = Callable[[Sequence[FileColumn]], Sequence[int]]
 Read = dict[int, Samples]
-Told = Mapping[tuple[str, str], set[bytes]]  # values of TDMS properties in all segments, by path and key
+Properties = Mapping[tuple[str, str], set[bytes]]  # values of TDMS properties in all segments, by path and key
 
 
 def read_samples(path: Path, choose: Choose, wanted: Collection[str] = ()) -> Read:
@@ -111,7 +111,7 @@ def other_suffix(path: Path) -> str:
 @contextmanager
 def _silent_ends() -> Iterator[None]:
     """Silence asammdf, which prints groups of damaged files and raises when it drops a file that it could not open."""
-    before, sys.unraisablehook = sys.unraisablehook, lambda told: None
+    before, sys.unraisablehook = sys.unraisablehook, lambda fault: None
     try:
         with redirect_stdout(StringIO()):
             yield
@@ -130,7 +130,11 @@ def _csv(path: Path, choose: Choose) -> Read:
     for line, cells in lines:
         if any(cell.strip() for cell in cells[len(header) :]):
             pairs = ",".join(map(".".join, zip(cells[::2], cells[1::2], strict=False)))
-            whole = f": {pairs:.{SHOWN}}" if len(cells) == 2 * len(header) else ", and a cell that holds a comma quotes"
+            whole = (
+                f": {pairs:.{MAX_CHARACTERS}}"
+                if len(cells) == 2 * len(header)
+                else ", and a cell that holds a comma quotes"
+            )
             hint = f"; decimals have a point{whole}" if len(cells) > len(header) else ""
             raise BadInput(f"{path}, line {line}: there are {len(cells)} cells, and {len(header)} columns{hint}")
         numbers.append(line)
@@ -171,15 +175,15 @@ def _hint(path: Path, line: int, cells: Sequence[str], header: Sequence[str], k:
         first = next(lines, "")
     mark = next((mark for mark in MARKS if mark in first), ",")
     if re.fullmatch(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?", texts[k]):
-        return f"; decimals have a point: {mark.join(text.replace(',', '.') for text in texts):.{SHOWN}}"
+        return f"; decimals have a point: {mark.join(text.replace(',', '.') for text in texts):.{MAX_CHARACTERS}}"
     if time := _TIME.fullmatch(texts[k]):
         hours, minutes, seconds = (float(part.replace(",", ".")) for part in time.groups())
         texts[k] = f"{3600.0 * hours + 60.0 * minutes + seconds:.12g}"
-        return f"; a clock counts seconds, for example of the day: {mark.join(texts):.{SHOWN}}"
+        return f"; a clock counts seconds, for example of the day: {mark.join(texts):.{MAX_CHARACTERS}}"
     if line <= UNITS_UNTIL and not any(re.fullmatch(r"[-+\d.,:eE]+", text) for text in texts):
         units = zip(map(head, header), (text.strip("[]()") for text in texts), strict=False)
         heads = mark.join(f"{name} [{unit}]" if unit else name for (name, _), unit in units)
-        return f"; units belong into the first line, without a line of their own: {heads:.{SHOWN}}"
+        return f"; units belong into the first line, without a line of their own: {heads:.{MAX_CHARACTERS}}"
     return ""
 
 
@@ -264,7 +268,7 @@ def _tdms(path: Path, choose: Choose) -> Read:
     nptdms = library("nptdms", EXTRA)
     nptdms.log.log_manager.set_level(logging.ERROR)  # for what is cut off there is a notice
     with open_file(path, MEASURED_BINARY) as stream:
-        told = segment_properties(stream)
+        properties = segment_properties(stream)
         stream.seek(0)
         with nptdms.TdmsFile.open(stream) as file:
             if file.file_status.incomplete_final_segment or file.file_status.channel_statuses:
@@ -279,16 +283,16 @@ def _tdms(path: Path, choose: Choose) -> Read:
             found = {}
             for k in choose(present):
                 _check_samples(len(channels[k]))
-                _check_scale(path, file, channels[k], told)
-                t = _track(path, channels[k], told, min(begins, default=None)) if present[k].timed else None
+                _check_scale(path, file, channels[k], properties)
+                t = _track(path, channels[k], properties, min(begins, default=None)) if present[k].timed else None
                 found[k] = Samples(_values(path, present[k].whole, channels[k][:]), t)
     return found
 
 
-def _check_scale(path: Path, file: Any, channel: Any, told: Told) -> None:
+def _check_scale(path: Path, file: Any, channel: Any, properties: Properties) -> None:
     """Raise BadInput if properties of a channel, its group or its file change, or npTDMS does not know a scale."""
     name = f"{channel.group_name}/{channel.name}"
-    for (where, key), values in told.items():
+    for (where, key), values in properties.items():
         if len(values) > 1 and channel.path.startswith(where):
             raise BadInput(f"{path}: '{name}' was armed again, {key} changes: save each record as a file of its own")
     about = {**file.properties, **file[channel.group_name].properties, **channel.properties}
@@ -297,11 +301,11 @@ def _check_scale(path: Path, file: Any, channel: Any, told: Told) -> None:
             raise BadInput(f"{path}: '{name}' has a scale of type '{kind}', which is not known: save it scaled")
 
 
-def _track(path: Path, channel: Any, told: Told, first: Any) -> Floats:
+def _track(path: Path, channel: Any, properties: Properties, first: Any) -> Floats:
     """Times of a TDMS channel, s, from the first start among all; raises BadInput if they are not known."""
     about, name = channel.properties, f"{channel.group_name}/{channel.name}"
     for key in TIMING:
-        if key in about and (channel.path, key) not in told:
+        if key in about and (channel.path, key) not in properties:
             raise BadInput(f"{path}: '{name}' is not read, because {key} of its segments cannot be known")
     if str(about.get("wf_xunit_string") or "s") != "s":
         raise BadInput(f"{path}: '{name}' is over {about['wf_xunit_string']}, not over time in s")
@@ -312,7 +316,7 @@ def _track(path: Path, channel: Any, told: Told, first: Any) -> Floats:
     return np.asarray(start + float(about["wf_increment"]) * np.arange(len(channel)), float)
 
 
-def segment_properties(stream: BufferedReader) -> Told:
+def segment_properties(stream: BufferedReader) -> Properties:
     """Values of each property of times, scales and units, as bytes, in the metadata of all segments of a TDMS file.
 
     A segment begins with a tag, flags (64: big-endian), a version, its length and that of its metadata (National

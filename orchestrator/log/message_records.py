@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from orchestrator.log.schema import Bytes, MessageLayout
 from orchestrator.log.time_series import Series
 
-MOST_STEPS = 2**32 - 1  # the sequence of a message has 32 bits
-LONGEST = 2**64 / 1e9  # s: times of a message are nanoseconds in 64 bits
+MAX_STEPS = 2**32 - 1  # the sequence of a message has 32 bits
+MAX_TIME = 2**64 / 1e9  # s: times of a message are nanoseconds in 64 bits
 PREFIX = 31  # bytes of a message record before its data: opcode, length, channel, sequence, two times
 SEQUENCE, LOG_TIME, PUBLISH_TIME = 11, 15, 23  # byte offsets in the record
 IDENTITY = 11  # leading bytes that depend on the file: opcode, length, channel; the rest is in the digest

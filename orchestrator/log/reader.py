@@ -30,7 +30,7 @@ from orchestrator.log.signal_names import Names, recorded_texts
 from orchestrator.log.stream import NotInOrder, Stream
 from orchestrator.log.time_series import ALL_TIME, Floats, Series, empty_series, join_series
 
-MOST_CHANGES = 3  # that a message names
+MAX_CHANGES = 3  # that a message names
 
 
 class Missing(LookupError):
@@ -377,8 +377,8 @@ class Log(AbstractContextManager["Log"]):
             )
         except LogUnreadable as damage:
             return [str(damage)]
-        more = f", and {len(changed) - MOST_CHANGES} more" if len(changed) > MOST_CHANGES else ""
-        return [f"{self.path} is not as it was sealed: {', '.join(changed[:MOST_CHANGES])}{more}"] if changed else []
+        more = f", and {len(changed) - MAX_CHANGES} more" if len(changed) > MAX_CHANGES else ""
+        return [f"{self.path} is not as it was sealed: {', '.join(changed[:MAX_CHANGES])}{more}"] if changed else []
 
     def _changes(self, closing: Mapping[str, Any], hashes: Mapping[str, str] | None) -> Iterator[str]:
         """Yield in words what is not as the closing record has it; raises LogUnreadable."""

@@ -26,7 +26,7 @@ from orchestrator.files.messages import LOG
 from orchestrator.log import log_metadata, schema, seal
 from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.log_file import LogFailed, log_failed, prepared_file
-from orchestrator.log.message_records import EVENTS_CHANNEL, EVENTS_TOPIC, LONGEST, Event, Messages, event_records
+from orchestrator.log.message_records import EVENTS_CHANNEL, EVENTS_TOPIC, MAX_TIME, Event, Messages, event_records
 from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.time_series import Series, Topic, Wire
@@ -143,7 +143,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         """Record values at time t, s, of step ``sequence`` of length h, s; ``topic`` may be a joined page.
 
         ``values``: one array per joined topic, in order; they are copied. A step that is not due is ignored. Waits only
-        if the disk is far behind. Raises ValueError unless 0 <= t < LONGEST, LogFailed.
+        if the disk is far behind. Raises ValueError unless 0 <= t < MAX_TIME, LogFailed.
         """
         page = self._pages[topic]
         if sequence % page.every:
@@ -187,8 +187,8 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._hand_over_if_full(last, all(self._pages[topic].free_rows for topic in rows) and not self._overdue)
 
     def _check_time(self, topic: str, t: float) -> None:
-        if not 0.0 <= t < LONGEST:
-            raise ValueError(f"{topic} cannot be recorded at t = {t} s: a log begins at 0 and ends by {LONGEST:g}")
+        if not 0.0 <= t < MAX_TIME:
+            raise ValueError(f"{topic} cannot be recorded at t = {t} s: a log begins at 0 and ends by {MAX_TIME:g}")
 
     def _raise_failure(self) -> None:
         """Raise the failure of the thread, if any; the caller holds the lock, as in ``_hand_over_if_full``."""

@@ -26,7 +26,7 @@ from orchestrator.log.time_series import Floats
 
 Bytes = NDArray[np.uint8]
 FIRST_NUMBER = 16  # first field number of a variable: tags of 16 to 2047 take two bytes, so values are evenly spaced
-MOST_FIELDS = 8000  # per message: protobuf's decoder keeps a message in 65,535 bytes, 8 per field
+MAX_FIELDS = 8000  # per message: protobuf's decoder keeps a message in 65,535 bytes, 8 per field
 FIXED64, LENGTH_DELIMITED = 1, 2  # protobuf wire types
 TIME_AT, LENGTH_AT = 1, 10  # byte offsets of t and h in every message
 _INDEX = re.compile(r"\[(\d+)\]")
@@ -148,8 +148,8 @@ def layout(where: Sequence[str]) -> MessageLayout:
             raise ValueError(f"the values of the field '{name}' are not counted from 0 to {len(field_members) - 1}")
     counts = {name: 0 if None in field_members else len(field_members) for name, field_members in members.items()}
     names = sorted(members, key=counts.__getitem__)  # stable sort: singles in given order, then families by length
-    if len(names) > MOST_FIELDS:
-        raise ValueError(f"a message holds {MOST_FIELDS} variables and families, not {len(names)}")
+    if len(names) > MAX_FIELDS:
+        raise ValueError(f"a message holds {MAX_FIELDS} variables and families, not {len(names)}")
     fields = tuple(Field(name, number, counts[name]) for number, name in enumerate(names, FIRST_NUMBER))
     indices = ((f.name, i if f.length else None) for f in fields for i in range(f.length or 1))
     order = np.array([members[name][index] for name, index in indices], np.intp)

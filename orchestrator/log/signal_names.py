@@ -12,7 +12,7 @@ from orchestrator.files.budget import DOCUMENT, check_size
 from orchestrator.log.container import LogUnreadable
 
 Names = str | Sequence[str]  # one, or a list
-MOST = 3  # names that a message suggests
+MAX_SUGGESTIONS = 3  # names that a message suggests
 NO_TEXTS: Mapping[str, str] = MappingProxyType({})
 
 
@@ -50,10 +50,10 @@ def components(name: str, known: Iterable[str]) -> str:
 
 
 def worded(name: str, known: Iterable[str], texts: Mapping[str, str]) -> list[str]:
-    """Return the shortest names, MOST at most, that have all words of ``name`` in themselves or their descriptions."""
+    """Return the shortest MAX_SUGGESTIONS names that have all words of ``name`` in themselves or their descriptions."""
     words = _words(name)
     found = [one for one in known if words and words <= _words(one) | _words(texts.get(one, ""))]
-    return sorted(found, key=len)[:MOST]
+    return sorted(found, key=len)[:MAX_SUGGESTIONS]
 
 
 def did_you_mean(names: Iterable[str]) -> str:

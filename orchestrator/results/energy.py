@@ -35,14 +35,14 @@ PUSHED = re.compile(r"\.(force|torque)\.[xyz]$")  # inputs through which work co
 LEAST = 1.0  # J: less counts as rest
 LEAST_OWN = 100.0  # J, scale of a component beside others: a link lifted by half a metre
 CAUSE = "dissipated."  # prefix of a track's dissipated energies by cause
-KINDS = {  # stored energy: its words
+STORED_ENERGIES = {  # stored energy: its words
     "kinetic": "motion",
     "gravity": "height",
     "strain": "strain of links",
     "spring": "springs",
     "contact": "contacts",
 }
-STORED = tuple(KINDS)
+STORED = tuple(STORED_ENERGIES)
 ABSOLUTE = ("kinetic", "strain", "contact")  # they are 0 at rest and unloaded; the zero of the others is a convention
 HELD = 0.1  # share of such an energy that counts where less is exchanged
 

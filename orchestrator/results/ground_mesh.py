@@ -16,8 +16,8 @@ from orchestrator.results.ground_surface import GroundSurface, whole_metres
 PRECISION = 1e-3  # m: largest distance of what is drawn from the surface, in height, unless there are too many corners
 PACE = 0.02  # m between the places where bends are looked for
 FINEST = 1e-4  # m: a steeper wall is drawn as wide as this
-MOST_PLACES = 50_000
-MOST = 20_000  # quadrangles of a mesh
+MAX_PLACES = 50_000
+MAX_QUADRANGLES = 20_000  # quadrangles of a mesh
 PROBES = 101  # places along a line that look for bends across it
 
 
@@ -80,7 +80,7 @@ class GroundMesh(NamedTuple):
         return np.stack([at[:, :-1], at[:, 1:]], axis=2).reshape(-1, 2, 3)
 
 
-def ground_mesh(surface: GroundSurface, low: Floats, high: Floats, most: int = MOST) -> GroundMesh:
+def ground_mesh(surface: GroundSurface, low: Floats, high: Floats, most: int = MAX_QUADRANGLES) -> GroundMesh:
     """Mesh of a terrain between two corners (2,), m, world, of at most ``most`` quadrangles."""
     at = np.linspace(low[0], high[0], PROBES)
     y = bends(lambda y: _heights(surface, at, y).T, low[1], high[1], isqrt(most) + 1)
@@ -107,7 +107,7 @@ def bends(heights: Callable[[Floats], Floats], low: float, high: float, most: in
 
     ``heights``: of places (n,), the heights (n, lines) of lines that bend at the same places, m.
     """
-    count = int(np.clip((high - low) / PACE, 2, MOST_PLACES))
+    count = int(np.clip((high - low) / PACE, 2, MAX_PLACES))
     places = np.linspace(low, high, count + 1)
     values = heights(places)
     found, found_values = [places], [values]

@@ -133,11 +133,11 @@ def read_shifted(run: RunData, source: MeasuredFile, window: Window = EVER) -> M
             doubt = f"the record begins at {first:.6g} s, the run at {begin:.6g} s: shift = {FIND} aligns their clocks"
     doubts, signals = [doubt], list[MeasuredSignal]()
     for each in measured:
-        placed, told = each.shifted(seconds), ""
+        placed, doubt = each.shifted(seconds), ""
         if turn_of(each.unit):
-            placed, told = placed.beside(*run.signal(each.signal, window))
+            placed, doubt = placed.beside(*run.signal(each.signal, window))
         signals.append(placed)
-        doubts.append(told)
+        doubts.append(doubt)
     return MeasuredRecord(file, seconds, tuple(signals), tuple(doubts))
 
 

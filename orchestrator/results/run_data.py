@@ -40,7 +40,7 @@ def link_columns(names: Sequence[str], signal: str) -> np.ndarray:
 Made = TypeVar("Made")
 Mask = NDArray[np.bool_] | bool
 BLOCK = 1000  # steps in memory at once
-SHOWN = 12  # digits of a hash in a line of text
+HASH_DIGITS = 12  # digits of a hash in a line of text
 CACHED = 4  # cached link records: measures of a scene share windows
 MIRRORED = ("left_track", "left_drive")  # instances that stand for both sides of a symmetric vehicle
 LONGEST_STEP = 1.0  # s: longest step that may end in a window
@@ -435,7 +435,7 @@ class GivenPart(NamedTuple):
     parameters: Mapping[str, Any]  # that it was given, those of the scene among them
 
     def __str__(self) -> str:
-        return f"{self.file} (sha256 {self.sha256[:SHOWN]})"
+        return f"{self.file} (sha256 {self.sha256[:HASH_DIGITS]})"
 
 
 def given_parts(run: RunData) -> dict[str, GivenPart]:

@@ -144,15 +144,15 @@ class VehicleDriveTable(DriveTable):
     """steering differential: drives the right speed less the left one, [drive] their mean; excludes left and right"""
 
     @classmethod
-    def idle(cls, table: Mapping[str, Any]) -> Iterator[str]:
+    def inactive(cls, table: Mapping[str, Any]) -> Iterator[str]:
         """As of any table; a key of [drive] counts that does so on one side."""
         common = {key: value for key, value in table.items() if key in DriveTable.model_fields}
         given = {side: entry if isinstance(entry := table.get(side), Mapping) else {} for side in SIDES}
-        idle = {side: [*DriveTable.idle({**common, **entry})] for side, entry in given.items()}
-        yield from (key for key in common if all(key in keys for keys in idle.values()))
-        yield from (f"{side}.{key}" for side in SIDES for key in idle[side] if key in given[side])
+        inactive = {side: [*DriveTable.inactive({**common, **entry})] for side, entry in given.items()}
+        yield from (key for key in common if all(key in keys for keys in inactive.values()))
+        yield from (f"{side}.{key}" for side in SIDES for key in inactive[side] if key in given[side])
         if isinstance(steering := table.get("steering"), Mapping):
-            yield from (f"steering.{key}" for key in SteeringTable.idle(steering))
+            yield from (f"steering.{key}" for key in SteeringTable.inactive(steering))
 
     @model_validator(mode="before")
     @classmethod
@@ -160,11 +160,11 @@ class VehicleDriveTable(DriveTable):
         if not isinstance(value, Mapping) or not any(isinstance(value.get(side), Mapping) for side in SIDES):
             return value
         common = {key: entry for key, entry in value.items() if key in DriveTable.model_fields}
-        nowhere = {*cls.idle(value)}
+        nowhere = {*cls.inactive(value)}
 
         def with_common(own: Mapping[str, Any]) -> dict[str, Any]:
             """A side's keys and those of [drive], without what counts on the other side alone."""
-            elsewhere = {*DriveTable.idle({**common, **own})} - {*own} - nowhere
+            elsewhere = {*DriveTable.inactive({**common, **own})} - {*own} - nowhere
             return {key: entry for key, entry in {**common, **own}.items() if key not in elsewhere}
 
         sides = {side: own for side in SIDES if isinstance(own := value.get(side) or {}, Mapping)}

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.ground.tables import MOST_HEIGHTS, check_points
+from fmus.ground.tables import MAX_HEIGHTS, check_points
 from fmus.vehicles.tables import BadInput
 from orchestrator.files.budget import MEASURED, read_file
 from orchestrator.files.columns import check_gaps, csv_lines, no_data, number
@@ -68,7 +68,7 @@ def _of_file(table: dict[str, Any]) -> dict[str, Any]:
 
 def _read_csv(path: Path) -> Floats:
     rows = []
-    for line, row in csv_lines(path, MEASURED, MOST_HEIGHTS):
+    for line, row in csv_lines(path, MEASURED, MAX_HEIGHTS):
         try:
             rows.append([number(cell) for cell in row])
         except ValueError:

@@ -20,7 +20,7 @@ from orchestrator.scene.assembly import assemble
 from orchestrator.scene.data_files import UNITS
 from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.kinds import Scene
-from orchestrator.scene.scene import KINDS, load
+from orchestrator.scene.scene import SCENE_KINDS, load
 from orchestrator.scene.settings import Schema, entries, toml_text
 from orchestrator.scene.track_table import TrackModelTable
 from orchestrator.scene.values import SCENE_RANGES, ParameterTable
@@ -56,7 +56,9 @@ def scene_schema() -> Schema:
 
     Not checked are texts with units against ranges, what relates keys to each other, and missing keys of a vehicle.
     """
-    places, schema = models_json_schema([(kind, "validation") for kind in KINDS.values()], schema_generator=TomlSchema)
+    places, schema = models_json_schema(
+        [(kind, "validation") for kind in SCENE_KINDS.values()], schema_generator=TomlSchema
+    )
     tables, vehicle = schema["$defs"], vehicle_schema()
     base = {"type": "string", "description": "vehicle, a name or a TOML file, that has all keys that are not given"}
     tables["VehicleTable"]["properties"] = {"base": base, **vehicle["properties"]}
@@ -71,7 +73,7 @@ def scene_schema() -> Schema:
     described = {key: heights.pop(key) for key in ("description",) if key in heights}
     tables["HeightMapTable"]["properties"]["heights"] = {**described, "anyOf": [heights, {"type": "string"}]}
     tables["HeightMapTable"]["required"] = ["heights"]  # the file may have its places
-    for table in (tables[kind.__name__] for kind in KINDS.values()):
+    for table in (tables[kind.__name__] for kind in SCENE_KINDS.values()):
         table["required"].remove("name")
         if whole := table["properties"].get("vehicle"):
             whole["anyOf"] = [{"type": "string"}, {"$ref": whole.pop("$ref")}]
@@ -79,7 +81,7 @@ def scene_schema() -> Schema:
     return {
         "$schema": TomlSchema.schema_dialect,
         "title": "scene",
-        "anyOf": [places[kind, "validation"] for kind in KINDS.values()],
+        "anyOf": [places[kind, "validation"] for kind in SCENE_KINDS.values()],
         "$defs": tables,
     }
 
@@ -133,7 +135,7 @@ def scene_keys() -> list[Key]:
     """All keys of scene files, table by table, those of the whole vehicle included."""
     schema = scene_schema()
     found: dict[str, dict[str, Key]] = {}
-    for assembly, kind in KINDS.items():
+    for assembly, kind in SCENE_KINDS.items():
         for key, entry, required in entries(schema["$defs"][kind.__name__], schema["$defs"]):
             if not key.startswith("vehicle.") or key == "vehicle.base":
                 found.setdefault(key, {})[assembly] = _key(key, entry, required)
@@ -164,9 +166,9 @@ def _by_table(keys: Sequence[Key]) -> list[Key]:
 def _merged(kinds: dict[str, Key]) -> Key:
     """Key that several kinds of scenes have; the page says which of them those of free FMUs have."""
     allowed = " or ".join(dict.fromkeys(key.allowed for key in kinds.values()))
-    kinds = {name: key for name, key in kinds.items() if issubclass(KINDS[name], Scene)} or kinds
+    kinds = {name: key for name, key in kinds.items() if issubclass(SCENE_KINDS[name], Scene)} or kinds
     *_, last = kinds.values()
-    everywhere = len(kinds) == sum(issubclass(kind, Scene) for kind in KINDS.values())
+    everywhere = len(kinds) == sum(issubclass(kind, Scene) for kind in SCENE_KINDS.values())
     return last._replace(allowed=allowed, assembly="" if everywhere else ", ".join(kinds))
 
 

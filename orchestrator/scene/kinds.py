@@ -20,7 +20,7 @@ from fmus.vehicles.tables import BadInput, Force, is_logged, path_text, value_te
 from fmus.vehicles.vehicle import Vehicle
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable, VehicleDriveTable
 from orchestrator.scene.fmu_table import FmuTable, pair_of, require_instance_name
-from orchestrator.scene.footing import Footing, footing
+from orchestrator.scene.ground_plane import GroundPlane, ground_plane
 from orchestrator.scene.system_scene import ASSUMED_SPEED, SystemScene
 from orchestrator.scene.tables import BenchTable, ChainTable, RigTable, StandingTable, StartTable, VehicleStartTable
 from orchestrator.scene.track_table import TrackModelTable, short_track
@@ -274,17 +274,17 @@ class VehicleScene(Scene):
         return self._teeth_rate(max(speeds) + 0.5 * (steering or 0.0) if speeds else None)
 
     @property
-    def footing(self) -> Footing:
+    def ground_plane(self) -> GroundPlane:
         """Plane under the vehicle, drawn at its position of the start with its heading."""
         vehicle, start = self.vehicle, self.start
-        return footing(self.ground, start.position, start.heading, vehicle.road_wheel.x, vehicle.track.lateral)
+        return ground_plane(self.ground, start.position, start.heading, vehicle.road_wheel.x, vehicle.track.lateral)
 
     @property
     def start_pose(self) -> dict[str, float]:
         """Start parameters that all parts share, also those of a vehicle that the ground moves or tilts."""
         from fmus.start import standing_pose  # late: it loads kernels
 
-        ground, start = self.footing[:3], self.start
+        ground, start = self.ground_plane[:3], self.start
         slope = standing_pose(self.vehicle.model_dump(), start.position, start.heading, ground) if any(ground) else {}
         return start.parameters() | slope
 

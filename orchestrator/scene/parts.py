@@ -33,7 +33,7 @@ class Part(NamedTuple):
     """Component before it is built."""
 
     name: str
-    kind: str  # kind of FMU, a key of fmus.components.KINDS; empty for an FMU of a free system
+    kind: str  # kind of FMU, a key of fmus.components.COMPONENT_KINDS; empty for an FMU of a free system
     config: dict[str, Any]  # packed into the FMU beside the model
     parameters: Parameters  # set before initialisation
     stage: int  # lower stages step first: DRIVER to CHASSIS

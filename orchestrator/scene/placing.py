@@ -14,7 +14,7 @@ from fmus.rest.tensioning import Links, WheelPlace, tension_wheel
 from fmus.start import hull_clearance
 from fmus.vehicles.tables import BadInput
 from fmus.vehicles.vehicle import VehicleTable
-from orchestrator.scene.footing import Footing
+from orchestrator.scene.ground_plane import GroundPlane
 from orchestrator.scene.kinds import RigScene, Scene, VehicleScene
 from orchestrator.scene.parts import Part, closed_track_config, own_parts
 from orchestrator.scene.tables import EquilibriumTable, StandingTable, VehicleStartTable
@@ -132,7 +132,7 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
     if scene.start.state != "equilibrium":
         return scene
     parts = {part.name: part for part in own_parts(scene.model_copy(update={"symmetric": False})).parts}
-    under, chassis = scene.footing, parts["chassis"].config
+    under, chassis = scene.ground_plane, parts["chassis"].config
     hull = {**chassis, "chassis": _standing_chassis(scene.name, chassis["chassis"], under)}
     if under.uneven and scene.ground.one_sided(scene.start.position, scene.start.heading):
         hull["chassis"] = hull["chassis"] | {"one_sided": True}
@@ -160,7 +160,7 @@ def _refuse_belly(name: str, vehicle: VehicleTable, rest: EquilibriumTable) -> N
         )
 
 
-def _standing_chassis(name: str, chassis: dict[str, Any], under: Footing) -> dict[str, Any]:
+def _standing_chassis(name: str, chassis: dict[str, Any], under: GroundPlane) -> dict[str, Any]:
     """Config of the chassis for the search of the equilibrium: hull and bare wheels on a plane, or on nothing.
 
     Raises BadInput for bare wheels on uneven ground.

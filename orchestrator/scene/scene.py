@@ -125,7 +125,7 @@ NEAREST = 3  # most keys that a message suggests
 # keys that may stand for one of their own, unless their value is a table
 SHORT_KEYS = {"track": "track.model", "run.coupling": "run.coupling.scheme"}
 
-KINDS: dict[str, type[SystemScene]] = {
+SCENE_KINDS: dict[str, type[SystemScene]] = {
     "chain": ChainScene,
     "bench": BenchScene,
     "rig": RigScene,
@@ -188,10 +188,10 @@ def _with_suitable_step(scene: SystemScene) -> SystemScene:
 
 def _change(kind: type[SystemScene], table: dict[str, Any], changes: Sequence[tuple[str, Any]]) -> None:
     """Apply settings to a table; what it had and what by them does not count any more, such as a speed, goes."""
-    before = {*kind.idle(table)}
+    before = {*kind.inactive(table)}
     for key, value in changes:
         set_key(table, key, value)
-    for key in {*kind.idle(table)} - before:
+    for key in {*kind.inactive(table)} - before:
         if not any(f"{key}.".startswith(f"{changed}.") for changed, _ in changes):
             _remove(table, key)
 
@@ -207,11 +207,11 @@ def _remove(table: dict[str, Any], key: str) -> None:
 def _kind(table: Mapping[str, Any], where: str) -> type[SystemScene]:
     """Class of scene that a table describes; raises BadInput."""
     assembly = table.get("assembly")
-    if isinstance(assembly, str) and assembly in KINDS:
-        return KINDS[assembly]
+    if isinstance(assembly, str) and assembly in SCENE_KINDS:
+        return SCENE_KINDS[assembly]
     if assembly in OLD_SCENES.values():
         raise BadInput(f"{where}: assembly = {value_text(assembly)}: {PLACE}")
-    raise BadInput(f"{where}: assembly = {value_text(assembly)}: must be one of {', '.join(KINDS)}")
+    raise BadInput(f"{where}: assembly = {value_text(assembly)}: must be one of {', '.join(SCENE_KINDS)}")
 
 
 def _complete_table(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> str:
@@ -251,9 +251,9 @@ def any_from_table(table: Mapping[str, Any], where: str, vehicle_file: str = "",
     what a new run is refused for: an earlier version took keys that do not count, which are left out.
     """
     kind, own = _kind(table, where), dict(table)
-    idle = [*kind.idle(own)] if logged else []
-    own = deepcopy(own) if idle else own
-    for key in idle:
+    inactive = [*kind.inactive(own)] if logged else []
+    own = deepcopy(own) if inactive else own
+    for key in inactive:
         _remove(own, key)
     try:
         return kind.model_validate(own, context=LOGGED if logged else None)
@@ -316,7 +316,7 @@ def _validation_sentence(error: ValidationError, where: str, model: type[SystemS
     key = ".".join(map(str, first["loc"]))
     if key.endswith(".brake_speed"):  # of scenes and logs of former versions
         return f"{text}: a brake holds below its torque and fades at no speed, leave the key out"
-    if others := [name for name, kind in KINDS.items() if key in keys(kind)]:
+    if others := [name for name, kind in SCENE_KINDS.items() if key in keys(kind)]:
         return f"{text}: it needs assembly = {' or '.join(map(repr, others))}"
     near = near_keys(key, keys(model))[:NEAREST]
     return f"{text}: did you mean {' or '.join(map(repr, near))}?" if near else text

@@ -19,7 +19,7 @@ from fmus.vehicles.tables import BadInput
 Schema = dict[str, Any]  # JSON schema
 CHOSEN = "NAME"  # in place of a part of a key that a file chooses: the names of checks, of parts with an FMU
 NAMED = "expect.", "fmu."  # tables whose tables have such names
-LONGEST = 80  # characters of settings in the name of a file
+MAX_NAME = 80  # characters of settings in the name of a file
 
 
 def setting(text: str) -> tuple[str, Any]:
@@ -49,7 +49,7 @@ def file_part(settings: Mapping[str, Any]) -> str:
     """Settings in a file's name, ``-run.stop=3s``; a digest ends them if they are long or need other characters."""
     texts = (f"-{key}={v if isinstance(v, str) else toml_text(v)}" for key, v in sorted(settings.items()))
     text = re.sub(r"(?<=\d) (?=[^\W\d])", "", "".join(texts))  # of "3 s"
-    plain = re.sub(r"[^\w.=+%,-]", "_", text, flags=re.ASCII)[:LONGEST]
+    plain = re.sub(r"[^\w.=+%,-]", "_", text, flags=re.ASCII)[:MAX_NAME]
     digest = hashlib.sha256(text.encode(errors="backslashreplace")).hexdigest()
     return plain if plain == text else f"{plain}-{digest[:8]}"
 

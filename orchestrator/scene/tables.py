@@ -18,7 +18,7 @@ from pydantic import (
 
 from fmus.vehicles.tables import Distance, Force, FrozenTable, In, When, is_logged, ratio, value_text
 from orchestrator.cosim.coupling import COUPLINGS, having
-from orchestrator.log.message_records import MOST_STEPS
+from orchestrator.log.message_records import MAX_STEPS
 from orchestrator.scene.settings import hint
 from orchestrator.scene.values import OR_FALSE, Duration, Every, Time, TrackName
 from orchestrator.vocabulary.limits import ALLOWED
@@ -261,8 +261,8 @@ class RunTable(FrozenTable):
 
     @model_validator(mode="after")
     def _check_steps(self) -> RunTable:
-        if self.stop / self.step > MOST_STEPS:
-            raise ValueError(f"stop = {self.stop:g} s is more than {MOST_STEPS} steps of {self.step:g} s")
+        if self.stop / self.step > MAX_STEPS:
+            raise ValueError(f"stop = {self.stop:g} s is more than {MAX_STEPS} steps of {self.step:g} s")
         if abs(self.stop / self.step - round(self.stop / self.step)) > 1e-6 or self.stop < self.step:
             raise ValueError(f"stop = {self.stop:g} s must be a multiple of step = {self.step:g} s")
         return self

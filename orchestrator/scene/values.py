@@ -17,12 +17,12 @@ from fmus.track.choices import TRACKS
 from fmus.vehicles.ranges import VEHICLE, PlausibleRange, impossible_sections, range_violations
 from fmus.vehicles.sides import of_side, smooth_wheels
 from fmus.vehicles.tables import FrozenTable, In
-from orchestrator.log.message_records import MOST_STEPS
+from orchestrator.log.message_records import MAX_STEPS
 from orchestrator.vocabulary.limits import shorter_step
 
 Duration = Annotated[float, In("s", gt=0)]
 Time = Annotated[float, In("s", ge=0)]
-Every = Annotated[int, Field(ge=1, le=MOST_STEPS)]
+Every = Annotated[int, Field(ge=1, le=MAX_STEPS)]
 
 
 if TYPE_CHECKING:

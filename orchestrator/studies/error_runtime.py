@@ -198,7 +198,7 @@ def record(scene: Scene) -> Mapping[str, Any]:
     key = json.dumps(scene.resolved(), sort_keys=True)
     if key not in _summaries:
         try:
-            _summaries[key] = simulate(scene, Path(_folder().name) / f"{len(_summaries)}.mcap", answer=True)
+            _summaries[key] = simulate(scene, Path(_folder().name) / f"{len(_summaries)}.mcap", raise_faults=True)
         except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
             _summaries[key] = {"status": "failed", "message": str(failure), "wall_time": 0.0}
     return _summaries[key]

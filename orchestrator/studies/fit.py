@@ -34,7 +34,7 @@ from orchestrator.scene.settings import toml_text
 from orchestrator.studies import pool
 from orchestrator.studies.free_numbers import FreeNumber, free_numbers
 from orchestrator.studies.least_squares import Experiment, FitFailed, Objective, RecordedPart, Search, rms, search
-from orchestrator.studies.uncertainty import FittedNumbers, answer
+from orchestrator.studies.uncertainty import FittedNumbers, fitted_numbers
 
 COLUMNS = (
     Column("key", "number"), Column("unit", "unit"), Column("start", "start", ".8g"), Column("fitted", "fitted", ".8g"),
@@ -134,7 +134,9 @@ def fit(  # noqa: PLR0913, the options of the command
         found = search(task, scan)
         shifts = {file: one.start for file, one in clocks.items()} | task.shifts(found.u)
         origin = " and ".join(f"{file}, {shift:g} s added to its times" for file, shift in shifts.items())
-        return _save(task, found, answer(task, found), folder, origin, notes + task.with_found_shifts(found.u)[1])
+        return _save(
+            task, found, fitted_numbers(task, found), folder, origin, notes + task.with_found_shifts(found.u)[1]
+        )
     except FitFailed as failure:
         raise BadInput(f"a run fails, so nothing is fitted: {failure}") from None
 
@@ -176,19 +178,19 @@ def _measured(
                 except Missing as error:  # the path of the log says nothing to a user
                     raise BadInput(str(error).replace(str(path), about)) from None
                 spans = [Window(*run.signal(one.signal, EVER)[0][[0, -1]]) for one in record.signals]
-                told = [_inside(*pair, window, str(data.path)) for pair in zip(record.signals, spans, strict=True)]
+                inside = [_inside(*pair, window, str(data.path)) for pair in zip(record.signals, spans, strict=True)]
                 ends = (record.shift, record.shift)
                 if data.shift == FIND:
-                    _check_found(run, told, data)
+                    _check_found(run, inside, data)
                     ends = (-math.inf, math.inf)
-                signals += told
-                files += [str(data.path)] * len(told)
-                size = 0.1 * max(float(np.ptp(one.t)) for one in told) or 1.0
+                signals += inside
+                files += [str(data.path)] * len(inside)
+                size = 0.1 * max(float(np.ptp(one.t)) for one in inside) or 1.0
                 clocks.append(FreeNumber(f"shift of {data.path}", record.shift, *ends, size, str(data.path)))
                 notes += record._replace(
                     doubts=record.doubts[data.shift == FIND :]
                 ).notes  # that of the fitted run is told
-                whole, used = (sum(len(one.t) for one in each) for each in (record.signals, told))
+                whole, used = (sum(len(one.t) for one in each) for each in (record.signals, inside))
                 if used < whole:
                     notes.append(f"{data.path}: {used} of {whole} samples have a number and are in window and run")
     return experiment._replace(signals=tuple(signals), files=tuple(files)), clocks, notes
@@ -340,6 +342,6 @@ def _toml_lines(table: Mapping[str, Any], origins: Mapping[str, str], above: str
         if isinstance(value, Mapping):
             tables += ["", f"[{key}]", *_toml_lines(value, origins, f"{key}.")]
         else:
-            told = [text for one, text in origins.items() if one == key or one.startswith(f"{key}.")]
-            lines.append(f"{name} = {toml_text(value)}" + (f"  # {told[0]}" if told else ""))
+            origin = [text for one, text in origins.items() if one == key or one.startswith(f"{key}.")]
+            lines.append(f"{name} = {toml_text(value)}" + (f"  # {origin[0]}" if origin else ""))
     return [*lines, *tables]

@@ -43,7 +43,7 @@ COARSE = 1e-1  # step of the differences of a first search, in units of a number
 STEPS = SMALL, 1e-3, 1e-2  # of differences, in units of a number's size: the first that is not rough
 ROUGH = 0.1  # change of a derivative with twice the step that is told
 ROUNDS = 3  # of searches with an estimated noise
-MOST_STEPS = 30  # of a search
+MAX_STEPS = 30  # of a search
 RESOLVED = 1e-7  # change of the variables below which a search ends: what it makes in a signal is no residual
 STILL, STANDS = 1e-4, 4  # part of the sum of squares, and UNFELT, by which so many in turn differ where it stands
 UNFELT = 0.01  # rise of the sum of squares below which a number goes back to its start
@@ -81,11 +81,11 @@ class Experiment(NamedTuple):
         if self.part is not None:
             settings = [f"{key}={number!r}" for key, number in numbers.items()]
             with open_replay(self.part.log, self.part.component, self.part.track, settings) as replay:
-                if not replay.answer(path):
+                if not replay.record(path):
                     raise BadInput(f"{self.part.log} holds no step of '{self.part.component}'")
             return
         scene = with_settings(self.scene, numbers) if numbers else self.scene
-        result = simulate(scene, path, estimated=False, native=self.native, answer=True)
+        result = simulate(scene, path, estimated=False, native=self.native, raise_faults=True)
         if result["status"] != "ok":
             raise RuntimeError(result["message"])
 
@@ -326,7 +326,7 @@ def _search_from(
     try:
         found = least_squares(
             lambda x: residual(x - 1.0), u + 1.0, lambda x: jacobian(x - 1.0), (low + 1.0, high + 1.0),
-            ftol=1e-6, xtol=end, gtol=1e-10, max_nfev=MOST_STEPS,
+            ftol=1e-6, xtol=end, gtol=1e-10, max_nfev=MAX_STEPS,
         )  # fmt: skip
     except _StandsStill:
         return min(sums, key=lambda each: each[0])[1], True

@@ -39,7 +39,7 @@ from orchestrator.studies.wanted_figures import WantedFigure, figures_of_log, re
 
 NOT_MET = "checks not met"
 REPORTED = "distance", "speed", "settlement", "ground_force", "tension_max", "tension_mean", "pin_force"
-MOST_TOLD = 3  # of these are said of a case as it finishes, the first that it has
+MAX_REMARKS = 3  # of these are said of a case as it finishes, the first that it has
 HIDDEN = ("log", "warnings", "wall_time", "estimated error of ")  # in the whole table alone
 UNITS = {"wall_time": "s"} | {name: one.figure.unit for name, one in OBSERVABLES.items() if one.figure.unit != "1"}
 
@@ -155,7 +155,7 @@ def run_case(
     """Row of a run, whose log is deleted unless it has a path. Raises as ``simulate`` does."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = log or Path(folder) / "run.mcap"
-        result = simulate(scene, path, estimated=estimated, native=native, answer=True)
+        result = simulate(scene, path, estimated=estimated, native=native, raise_faults=True)
         further, missing = figures_of_log(result["log"], wanted) if wanted and result["log"] else ({}, [])
     energy, error = result["energy"], result["error"] or {"message": ""}
     unknown = f"estimated error: not known, {error['message']}" if error["message"] else ""
@@ -195,14 +195,14 @@ class Sweep:
     cases: list[Case]
     asked: tuple[str, ...] = ()  # figures that the picture and the printed table are limited to
 
-    def told(self, rows: Sequence[Row]) -> str:
+    def remark(self, rows: Sequence[Row]) -> str:
         """Text about a case as it finishes: its first figures, or why it failed."""
         (row,) = rows
         if row.figures.get("status") != "ok":
             return f": failed: {row.note}"
         values = {name: row.figures.get(name) for name in REPORTED}
         known = [name for name, value in values.items() if isinstance(value, float) and math.isfinite(value)]
-        shown = known[:MOST_TOLD]
+        shown = known[:MAX_REMARKS]
         return ": " + ", ".join(f"{name.replace('_', ' ')} {values[name]:.5g} {UNITS[name]}" for name in shown)
 
     def table(self, rows: Sequence[Row], title: str = "") -> Table:

@@ -192,15 +192,15 @@ def _single_threads() -> Iterator[None]:
             del os.environ[name]
 
 
-def finished_cases(count: int, told: Callable[[Rows], str]) -> Callable[[Case, Rows], None]:
-    """Return a function that logs each finished case of ``count`` as progress, with what is ``told`` of its rows."""
+def finished_cases(count: int, remark: Callable[[Rows], str]) -> Callable[[Case, Rows], None]:
+    """Return a function that logs each finished case of ``count`` as progress, with the ``remark`` on its rows."""
     done, began = itertools.count(1), time.monotonic()
 
     def finished(case: Case, rows: Rows) -> None:
         number, spent = next(done), time.monotonic() - began
         left = f"; {spent / number * (count - number):.0f} s left" if spent > LONG and number < count else ""
         text, counted = "%d/%d %s%s%s", {"done": number, "of": count}
-        PROGRESS.info(text, number, count, case.name, told(rows), left, extra=counted)
+        PROGRESS.info(text, number, count, case.name, remark(rows), left, extra=counted)
 
     return finished
 

@@ -55,8 +55,8 @@ class Sensitivity(NamedTuple):
         columns += [figure_column(name, ".3g") for name in self.figures]
         records = [{"key": "as it is", **self.figures}]
         for (key, value), row in zip(self.numbers.items(), self.derivatives.tolist(), strict=True):
-            told = (ROUGH if math.isnan(one) else 0.01 * one for one in row)
-            records.append({"key": key, "value": value, **dict(zip(self.figures, told, strict=True))})
+            shown = (ROUGH if math.isnan(one) else 0.01 * one for one in row)
+            records.append({"key": key, "value": value, **dict(zip(self.figures, shown, strict=True))})
         return Table.of_records(f"Sensitivity of {self.scene}", columns, records, self.notes)
 
 

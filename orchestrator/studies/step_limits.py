@@ -148,21 +148,21 @@ def radius(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> float:
     return float(np.abs(np.linalg.eigvals(amplification(scheme, hold, cut, o, h))).max())
 
 
-LONGEST = 0.5  # s
+MAX_STEP = 0.5  # s
 RUNGE_KUTTA = 2.785  # end of the stability region on the real axis, classical method
 AMPLIFIED = 1.0 + 1e-6  # spectral radius beyond rounding
 
 
 def coupling_limit(pair: Oscillator) -> float:
-    """First step, s, at which the spectral radius exceeds 1; LONGEST if none does."""
+    """First step, s, at which the spectral radius exceeds 1; MAX_STEP if none does."""
 
     def growth(h: float) -> float:
         return radius("tracks_first", "linear", "wrench", pair, h) - AMPLIFIED
 
-    for before, after in pairwise(np.geomspace(1e-5, LONGEST, 200)):
+    for before, after in pairwise(np.geomspace(1e-5, MAX_STEP, 200)):
         if growth(after) > 0.0:
             return float(brentq(growth, before, after, rtol=1e-6))
-    return LONGEST
+    return MAX_STEP
 
 
 def explicit_limit(frequency: float, relaxation: float = 0.0) -> float:

@@ -14,8 +14,8 @@ from orchestrator.results.table import Column, Table, cell_text
 from orchestrator.results.units import scaled
 from orchestrator.studies.variations import Design, Variation
 
-MOST_CURVES = 8  # that a legend names
-MOST_MAPS = 4  # of a figure
+MAX_CURVES = 8  # that a legend names
+MAX_MAPS = 4  # of a figure
 COLOURS = ("viridis", "plasma", "cividis", "cool")  # of curves, by the key that they are curves over
 WIDE = 100.0  # largest over least of positive figures that are drawn on a logarithmic scale
 NUMBERS = " pin"  # ends the key of a column that numbers parts, which is no figure
@@ -32,7 +32,7 @@ def draw(design: Design, table: Table, title: str) -> Picture:
     numbers = [one for one in variations if one.is_number]
     words = [one for one in variations if not one.is_number]
     combinations = list(product(*([value.shown for value in one.values] for one in words)))
-    maps = combinations if len(numbers) == 2 and len(combinations) <= MOST_MAPS else []
+    maps = combinations if len(numbers) == 2 and len(combinations) <= MAX_MAPS else []
     across = len(variations) + len(maps)  # panes of a figure
     side_by_side = max(ACROSS // across, 1)  # figures
     down = max(-(-len(drawn) // side_by_side), 1)
@@ -43,7 +43,7 @@ def draw(design: Design, table: Table, title: str) -> Picture:
     for line, column in zip(panes, drawn, strict=False):
         for pane, one in zip(line, variations, strict=False):
             _draw_curves(pane, design, one, records, column, scales[column.key])
-            if column is drawn[0] and 1 < len(pane.lines) <= MOST_CURVES:
+            if column is drawn[0] and 1 < len(pane.lines) <= MAX_CURVES:
                 pane.legend(fontsize=7)
         factor, head = scales[column.key]
         values = [factor * _number(record[column.key]) for record in records]

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.studies.least_squares import MOST_STEPS, ROUGH, Objective, Search, rms
+from orchestrator.studies.least_squares import MAX_STEPS, ROUGH, Objective, Search, rms
 
 AT_BOUND = 1e-6  # of a range
 MOVED = 1e-4  # of a number's size: a search that moved by less was at its end
@@ -54,7 +54,7 @@ class FittedNumbers(NamedTuple):
     exact: bool  # every residual is at the precision of record and search
 
 
-def answer(task: Objective, end: Search) -> FittedNumbers:
+def fitted_numbers(task: Objective, end: Search) -> FittedNumbers:
     """Fitted numbers of a search; makes the runs of the profiles."""
     keys = [one.key for one in task.free]
     values, vectors = np.linalg.eigh(end.jacobian.T @ end.jacobian)
@@ -100,9 +100,9 @@ def answer(task: Objective, end: Search) -> FittedNumbers:
         if 1.0 < wider[j] < math.inf:
             notes.append(f"the error of {key} is {wider[j]:.2g} times that of its derivative, by the sum of squares")
         elif wider[j] == 1.0 and ((rises < AGREES[0] * s**2) | (rises > AGREES[1] * s**2)).any():
-            told = ", ".join(f"{rise:.2g} at {e:+g}" for e, rise in zip(s, rises, strict=True))
+            at_points = ", ".join(f"{rise:.2g} at {e:+g}" for e, rise in zip(s, rises, strict=True))
             notes.append(
-                f"the error of {key} is rough: the sum of squares rises by {told} standard errors, not by 1 and 4"
+                f"the error of {key} is rough: the sum of squares rises by {at_points} standard errors, not by 1 and 4"
             )
     if exact:
         notes.append(
@@ -126,8 +126,8 @@ def _not_the_noise(task: Objective, end: Search, covariance: Floats) -> Iterator
     sums: dict[str, Floats] = {}  # sum of squares, samples, samples less the numbers that they tell
     for one, j, d, s in zip(task.signals, parts, task.difference(end.u), end.noise, strict=True):
         if one.signal in task.noise:
-            told = np.array([np.sum((d / s) ** 2), len(d), len(d) - np.sum((j @ covariance) * j)])
-            sums[one.signal] = sums.get(one.signal, np.zeros(3)) + told
+            sums_of_signal = np.array([np.sum((d / s) ** 2), len(d), len(d) - np.sum((j @ covariance) * j)])
+            sums[one.signal] = sums.get(one.signal, np.zeros(3)) + sums_of_signal
     every = {"all signals": np.sum([*sums.values()], axis=0)} if len(sums) > 1 else {}
     for name, (size, samples, freedom) in (sums | every).items():
         low, high = chi2.ppf([0.5 * REFUSED, 1.0 - 0.5 * REFUSED], max(freedom, 1.0)) / samples
@@ -158,7 +158,7 @@ def _inseparable(keys: list[str], directions: Floats, silent: set[str]) -> list[
 
 def _unfinished(task: Objective, end: Search, profiles: tuple[ErrorProfile, ...]) -> list[str]:
     """Sentences on a search that did not end in a minimum inside of its ranges."""
-    found = [] if end.converged else [f"the search has not converged after {MOST_STEPS} steps"]
+    found = [] if end.converged else [f"the search has not converged after {MAX_STEPS} steps"]
     for one, v, a, b in zip(task.free, end.u, *task.bounds(), strict=True):
         if min(v - a, b - v) < AT_BOUND * (b - a) < math.inf:
             found.append(f"{one.key} ends at its bound, {one.low if v - a < b - v else one.high:g}")

@@ -12,7 +12,7 @@ import numpy as np
 
 from fmus.vehicles.tables import QUANTITY, BadInput
 
-MOST = 10_000  # cases of a sweep
+MAX_CASES = 10_000  # cases of a sweep
 
 
 class Value(NamedTuple):
@@ -93,8 +93,8 @@ def _check(variations: Sequence[Variation], sampled: Sequence[Variation], sample
     if seed < 0:
         raise BadInput(f"seed {seed}: must be at least 0")
     count = math.prod(len(variation.values) for variation in variations if not variation.ends) * (sample or 1)
-    if count > MOST:
-        raise BadInput(f"vary: these are {count} cases, and {MOST} are allowed")
+    if count > MAX_CASES:
+        raise BadInput(f"vary: these are {count} cases, and {MAX_CASES} are allowed")
 
 
 def _variation(text: str) -> Variation:
@@ -132,8 +132,8 @@ def _range(text: str, key: str, parts: Sequence[str]) -> Variation:
         raise BadInput(f"vary {text}: the range is empty")
     if not count:
         return Variation(text, key, unit, (), (float(low), float(high)))
-    if not (1 <= count[0] <= MOST and count[0] == int(count[0])):
-        raise BadInput(f"vary {text}: the number of points must be a whole number from 1 to {MOST}")
+    if not (1 <= count[0] <= MAX_CASES and count[0] == int(count[0])):
+        raise BadInput(f"vary {text}: the number of points must be a whole number from 1 to {MAX_CASES}")
     steps = int(count[0]) - 1
     numbers = [float(low + (high - low) * k / steps) for k in range(1, steps + 1)]
     return Variation(text, key, unit, tuple(_value(number, unit) for number in [float(low), *numbers]))

@@ -166,7 +166,7 @@ def judged_run(scene: Scene, expectation: str, row: Row | None = None) -> Row:
 def _judged_log(scene: Scene, expectation: str, row: Row, path: Path) -> Row:
     try:
         run = scene.run.model_copy(update={"allow": ALLOWED})  # the question is what integrators bear
-        result = simulate(scene.model_copy(update={"expect": {}, "run": run}), path, answer=True)
+        result = simulate(scene.model_copy(update={"expect": {}, "run": run}), path, raise_faults=True)
     except REFUSED as refusal:
         return with_verdict(row, CLEAN, str(refusal))
     if result["communication_steps"]:

@@ -20,7 +20,7 @@ class LimitKind(NamedTuple):
     advice: str = ""  # ends the sentence, with the limit over the value
 
 
-KINDS = {
+VALIDITY_KINDS = {
     "penetration": LimitKind("bodies pass through each other", "mm", fails=True),
     "tooth_jump": LimitKind("the chain jumps over teeth", "teeth", fails=True),
     "idler_travel": LimitKind("the idler is beyond the travel of its tensioner", "mm"),
@@ -41,7 +41,7 @@ KINDS = {
         advice="; {:.3g} times run.step, or track.step where links are meant, is short enough",
     ),
 }
-ALLOWED = tuple(name for name, kind in KINDS.items() if kind.fails)
+ALLOWED = tuple(name for name, kind in VALIDITY_KINDS.items() if kind.fails)
 
 # Penetration of a link, over ``track.face``. Contact springs stand for pads, rubber and flanks that yield by a few
 # millimetres (9.8 mm under a road wheel at rest, 26 mm when sprockets lock at 2.5 m/s). At 1 the surface of one body

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from orchestrator.cosim.coupling import coupling
-from orchestrator.cosim.graph import wire
+from orchestrator.cosim.graph import connect
 from orchestrator.execution.loading import load_scene
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.assembly import assemble
@@ -36,7 +36,7 @@ def cost(fmu: Path, n: int, in_process: bool, steps: int = STEPS) -> float:
     scene = any_from_table(table | {"run": {"step": H, "stop": steps * H}}, "guests.toml")
     with ExitStack() as stack:
         placed, graph, components = load_scene(scene, assemble(scene), stack)
-        scheme = stack.enter_context(coupling(placed.run.coupling.scheme)(wire(graph, components)))
+        scheme = stack.enter_context(coupling(placed.run.coupling.scheme)(connect(graph, components)))
         scheme.advance(0.0, H)
         with quiet():
             began = time.perf_counter()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.cosim.coupling import coupling as class_of
-from orchestrator.cosim.graph import wire
+from orchestrator.cosim.graph import connect
 from orchestrator.cosim.observers import Checkpoints, Logging
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.execution.loading import load_scene
@@ -81,7 +81,7 @@ def pieces_of(scene: Scene, native: bool, pieces: int, steps: int, log: Path) ->
     h, coupling, period = scene.run.step, scene.run.coupling, scene.run.checkpoints
     with ExitStack() as stack:
         placed, graph, components = load_scene(scene, assemble(scene), stack, native)
-        scheme = stack.enter_context(class_of(coupling.scheme)(wire(graph, components), **coupling.options()))
+        scheme = stack.enter_context(class_of(coupling.scheme)(connect(graph, components), **coupling.options()))
         recorder = stack.enter_context(open_log(log, placed, graph, components, scheme))
         logging = Logging(recorder, list(components.values()), max(1, round(STATS_PERIOD / h)))
         checkpoints = Checkpoints(recorder, scheme, round(period / h) if period else NEVER)

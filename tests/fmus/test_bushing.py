@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 import scipy
-from bushed_chains import INERTIA, KINDS, MASS, G, P, chain
+from bushed_chains import ELASTIC_CHAINS, INERTIA, MASS, G, P, chain
 from m113 import TRACK, VEHICLE
 from named_ports import outputs, parameters
 
@@ -49,7 +49,7 @@ def hanging(links: int, span: float, stiffness: float, preset: float) -> tuple[n
     return found.x[:-2], found.x[-2]
 
 
-@pytest.mark.parametrize(("model", "changes", "tolerance"), KINDS)
+@pytest.mark.parametrize(("model", "changes", "tolerance"), ELASTIC_CHAINS)
 def test_hanging_chain_with_bushes(model, changes, tolerance):
     links, span = 16, 0.9 * 16 * P
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [span, 0.0]}
@@ -103,7 +103,7 @@ def motion(model, changes: dict, h: float, bushing: dict) -> float:
     return float(turned(pair)[0])
 
 
-@pytest.mark.parametrize(("model", "changes", "tolerance"), KINDS)
+@pytest.mark.parametrize(("model", "changes", "tolerance"), ELASTIC_CHAINS)
 def test_two_links_swing_about_the_preset_of_their_bush(model, changes, tolerance):
     k, c, preset = 40.0, 0.2, 1e-3
     masses = np.array(
@@ -125,7 +125,7 @@ def test_two_links_swing_about_the_preset_of_their_bush(model, changes, toleranc
     assert extrapolated != pytest.approx(expected(k, 1.05 * c), rel=1e-3)
 
 
-@pytest.mark.parametrize(("model", "changes", "tolerance"), KINDS)
+@pytest.mark.parametrize(("model", "changes", "tolerance"), ELASTIC_CHAINS)
 def test_friction_of_pins_is_the_work_of_their_wear(model, changes, tolerance):
     """The ledger closes, and each pin's work is that of its friction under its force."""
     links = 8
@@ -246,9 +246,9 @@ def test_a_belt_round_two_wheels_turns_its_pins_by_four_pitches_over_the_radius(
 
 AS_PYTHON = """
 import numpy as np
-from bushed_chains import KINDS, P, chain
+from bushed_chains import ELASTIC_CHAINS, P, chain
 ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 3 * P, 0.0]}
-for model, changes, _ in (kind.values for kind in KINDS):
+for model, changes, _ in (kind.values for kind in ELASTIC_CHAINS):
     pair = chain(model, 3, {"damping": 1e4, "friction": 0.2, "preset": 0.1}, ends, changes | {"start": "polygon"})
     for k in range(3):
         pair.step(k * 1e-3, 1e-3, np.zeros(0))
@@ -260,4 +260,4 @@ def test_all_kinds_keep_inside_their_arrays(environment):
     """Kernels as Python check every index; the kinds that are compiled in studies alone converge here too."""
     env = {**environment, "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run([sys.executable, "-c", AS_PYTHON], env=env, capture_output=True, text=True)
-    assert done.stdout.split() == ["True"] * len(KINDS), done.stderr
+    assert done.stdout.split() == ["True"] * len(ELASTIC_CHAINS), done.stderr

@@ -51,7 +51,7 @@ def mass(model):
     return whole[np.ix_(used(model), used(model))]
 
 
-KINDS = pytest.mark.parametrize(
+CHAINS = pytest.mark.parametrize(
     ("kind", "given"),
     [(Flexible, {}), (Flexible, {"closure": "spring"}), (PlanarCables, {}), (Beams, {})],
     ids=["cable", "spring", "planar", "beam"],
@@ -59,7 +59,7 @@ KINDS = pytest.mark.parametrize(
 
 
 @pytest.mark.study
-@KINDS
+@CHAINS
 def test_the_mass_in_cholesky_coordinates_is_the_identity(kind, given):
     """B B^T = M, and B is triangular in some order of the coordinates.
 
@@ -79,7 +79,7 @@ def test_the_mass_in_cholesky_coordinates_is_the_identity(kind, given):
 
 
 @pytest.mark.study
-@KINDS
+@CHAINS
 def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
     """Accelerations and link forces in a random state are those of nodal coordinates."""
     models = pair(

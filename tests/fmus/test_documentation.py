@@ -6,7 +6,7 @@ import pytest
 from lxml import html
 
 from fmus.cache.sources import ROOT
-from fmus.components import KINDS
+from fmus.components import COMPONENT_KINDS
 from fmus.fmi.description import document
 from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
 from fmus.interface.ports import NOT_NEGATIVE, Port, type_of
@@ -65,13 +65,13 @@ def test_types_and_units_to_show_are_defined():
     assert kinds == ["RotationalSpeed", "AngularVelocity", "RotationalSpeed"]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", COMPONENT_KINDS)
 def test_every_component_has_an_icon_and_a_readme_that_a_build_depends_on(kind):
-    script = ROOT / KINDS[kind]
+    script = ROOT / COMPONENT_KINDS[kind]
     assert icon_files(script, 2) == {"model.png": icon_beside(script)}
     assert list(icon_files(script, 3)) == ["terminalsAndIcons/icon.png"]
     assert icon_beside(script).startswith(b"\x89PNG")
-    assert len({icon_beside(ROOT / other) for other in KINDS.values()}) == len(KINDS)
+    assert len({icon_beside(ROOT / other) for other in COMPONENT_KINDS.values()}) == len(COMPONENT_KINDS)
     assert icon_files(ROOT / "fmi" / "slave.py", 2) == {}
     readme = readme_beside(script)
     assert readme.startswith("# ")

@@ -5,7 +5,7 @@ import pytest
 from unicycle import H, Unicycle
 
 from fmus.driver import path
-from fmus.interface.course import evaluate
+from fmus.interface.profile import evaluate
 from fmus.sprocket_drive.model import Model as SprocketDrive
 from fmus.steering_differential.model import Model as SteeringDifferential
 

@@ -9,7 +9,7 @@ from skid_steering import Vehicle, turn
 from fmus.driver import path as route
 from fmus.driver import plan as planning
 from fmus.driver.pursuit import LARGEST_FRICTION_SHARE
-from fmus.driver.skid import footing, slips
+from fmus.driver.skid import skid_vehicle, slips
 from orchestrator.scene.scene import load
 
 TABLE = load("straight").vehicle.model_dump()
@@ -55,7 +55,7 @@ def test_the_nearest_point_is_found_unless_the_path_is_lost(off, found):
 
 def test_slips_of_all_demands_within_the_friction_are_found():
     """Demands of the driver have slips; far beyond the friction there are none."""
-    feet, rng = footing(TABLE)[0], np.random.default_rng(0)
+    feet, rng = skid_vehicle(TABLE)[0], np.random.default_rng(0)
     turning = 0.5 * feet.mass * feet.half_gauge / feet.inertia * feet.gravity
     for friction in (0.05, 0.3, 0.8):
         for _ in range(100):
@@ -108,9 +108,9 @@ def test_a_curve_is_met_at_the_speed_that_it_allows(lateral, agrees):
     assert np.allclose(along(path, plan, within, 0), 2.0, atol=1e-9) == agrees
 
 
-def test_footing_of_the_vehicle():
+def test_numbers_of_the_vehicle():
     """Mass and load shares agree with those of this vehicle in ``skid_steering``."""
-    stands, ahead = footing(TABLE)
+    stands, ahead = skid_vehicle(TABLE)
     known = Vehicle()
     assert stands.mass == pytest.approx(known.mass, rel=1e-9)
     assert stands.inertia == pytest.approx(38.5e3, rel=0.02)
@@ -122,17 +122,17 @@ def test_footing_of_the_vehicle():
 
 def test_a_wheel_that_the_strands_lift_keeps_a_thousandth_of_the_load():
     """Strands that pull harder than the vehicle weighs leave a share to the wheels under them."""
-    shares = footing({**TABLE, "track": {**TABLE["track"], "tension": 1e5}})[0].shares
+    shares = skid_vehicle({**TABLE, "track": {**TABLE["track"], "tension": 1e5}})[0].shares
     assert shares.sum() == pytest.approx(1.0)
     np.testing.assert_array_less([5e-4, 0.2, 0.2, 0.2, 5e-4], shares)
     np.testing.assert_array_less(shares[[0, -1]], 2e-3)
 
 
 def matched(known):
-    """Footing of the vehicle with the numbers of the independent theory."""
+    """Vehicle with the numbers of the independent theory."""
     wheels, shares = np.array(known.wheels), np.array(known.shares)
     middle = float(shares @ wheels)
-    return footing(TABLE)[0]._replace(
+    return skid_vehicle(TABLE)[0]._replace(
         mass=known.mass, height=known.height, wheels=wheels, shares=shares, middle=middle,
         variance=float(shares @ (wheels - middle) ** 2),
     )  # fmt: skip
@@ -148,7 +148,7 @@ def test_sprocket_speeds_of_a_steady_circle(sprockets, friction):
     Their sum and difference are within 2 % of the faster sprocket's speed.
     """
     known = Vehicle(friction=friction)
-    stands, _ = footing(TABLE)
+    stands, _ = skid_vehicle(TABLE)
     steady = turn(known, sprockets)
     r = steady.rate
     z, _ = slips(stands, (friction, 0.01), r, -r * steady.left, r * steady.ahead, 0.0, (-0.4 * r, 0.4 * r, 0.0))
@@ -194,7 +194,7 @@ def test_slip_of_any_motion_is_that_of_a_planar_vehicle(friction, speed, rate, t
 
 
 def test_a_yaw_acceleration_beyond_the_friction_is_reduced():
-    stands, _ = footing(TABLE)
+    stands, _ = skid_vehicle(TABLE)
     z, holds = slips(stands, (0.3, 0.01), 0.3, 0.0, 1.0, 0.9, (0.0, 0.0, 0.0))
     assert holds
     assert z[1] > 0.2

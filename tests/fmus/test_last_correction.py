@@ -18,9 +18,9 @@ from fmus.physics.chain.report import GROUND as REPORT_GROUND
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.track_flexible.model import Model
 
-KINDS = {"fixed": {}, "planar": {"element": "planar"}, "free": {"axes": "free"}, "beam": {"element": "beam"}}
+TRACK_CHAINS = {"fixed": {}, "planar": {"element": "planar"}, "free": {"axes": "free"}, "beam": {"element": "beam"}}
 MARKS = {kind: [pytest.mark.long] for kind in ("planar", "free", "beam")}  # kernels of their own
-CHAINS = [pytest.param(kind, marks=MARKS.get(kind, [])) for kind in KINDS]
+CHAINS = [pytest.param(kind, marks=MARKS.get(kind, [])) for kind in TRACK_CHAINS]
 BY = Slopes(0.0, 2e3, 4e6)
 TURN = np.array([3e-8, -2e-8])  # of free axes, rad
 
@@ -32,7 +32,7 @@ class Chain:
         track = {"links": 64, "closed": True, "wheels": wheels(), "ground": ground, "gravity": 9.81, "ends": None}
         outputs = ["force", "ground", "wheels", "teeth", "rims", "horns"]
         self.model = Model({"vehicle": TABLE, "track": track, "link_outputs": outputs})
-        self.model.initialise(parameters(self.model, **KINDS[kind]))
+        self.model.initialise(parameters(self.model, **TRACK_CHAINS[kind]))
         u = at_rest(self.model)
         for k in range(len(self.model.wheel_list)):
             u[13 * k + 7 : 13 * k + 13] = 0.3, 0.0, -0.2, 0.0, 2.0, 0.0

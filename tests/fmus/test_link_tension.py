@@ -14,7 +14,7 @@ from fmus.physics.chain.link_columns import JOINT
 from orchestrator.scene.scene import load
 
 LINKS, SPIN, STEEL = 16, 100.0, 2.06e11  # rad/s, Pa
-KINDS = {
+CHAINS = {
     "cable": ("flexible",),
     "general": ("flexible", "track.elasticity=general"),
     "engineering": ("flexible", "track.elasticity=engineering"),
@@ -51,14 +51,14 @@ def test_of_rigid_links_it_is_that_of_rods():
 
 
 @pytest.mark.parametrize("kind", [
-    "cable", *(pytest.param(kind, marks=pytest.mark.study) for kind in KINDS if kind != "cable")
+    "cable", *(pytest.param(kind, marks=pytest.mark.study) for kind in CHAINS if kind != "cable")
 ])  # fmt: skip
 def test_flexible_links_have_the_same_as_they_become_stiff(kind):
     """The tension of flexible links approaches that of rods as 1 / E."""
-    soft, stiff = (tension(*KINDS[kind], stiffer=k) / by_theory() - 1.0 for k in (1.0, 4.0))
+    soft, stiff = (tension(*CHAINS[kind], stiffer=k) / by_theory() - 1.0 for k in (1.0, 4.0))
     assert abs(soft) < 5e-4
     assert soft / stiff == pytest.approx(4.0, rel=0.02)
-    assert abs(tension(*KINDS[kind], mass=1.03 * 18.0) / by_theory() - 1.0) > 0.02
+    assert abs(tension(*CHAINS[kind], mass=1.03 * 18.0) / by_theory() - 1.0) > 0.02
 
 
 def test_rotary_inertia_beside_a_rods_is_no_part_of_it():

@@ -18,7 +18,7 @@ from native_cases import CHAIN, CHASSIS, DRIVE, H, begun, follow, native, ran
 from plugged import pairs_of_terminals, plugged_vehicle
 
 from fmus.components import model_of
-from fmus.fmi.terminals import KINDS, carried, read_terminals, terminals
+from fmus.fmi.terminals import TERMINAL_KINDS, carried, read_terminals, terminals
 from fmus.interface.ports import NOT_NEGATIVE, Port, motion_ports, variables, wrench_ports
 from fmus.native.fmi3_description import arrays
 from fmus.native.header import header
@@ -135,7 +135,7 @@ def test_description_and_terminals_are_valid_and_agree(case):
     etree.XMLSchema(etree.parse(FMPY / "schema/fmi3/fmi3TerminalsAndIcons.xsd")).assertValid(root)
     for terminal in root.iter("Terminal"):
         members = {m.get("memberName"): described[m.get("variableName")] for m in terminal}
-        assert tuple(members) == KINDS[terminal.get("terminalKind")]
+        assert tuple(members) == TERMINAL_KINDS[terminal.get("terminalKind")]
         assert [v.shape for v in members.values()] == [(4,) if m == "orientation" else (3,) for m in members]
     elements = {f"{name}.{axis}": quantity for name, quantity in carried(read_terminals(folder)).items()
                 for axis in ("wxyz" if name.endswith("orientation") else "xyz")}  # fmt: skip

@@ -12,7 +12,7 @@ from logged import logged
 from native_cases import CHASSIS, DRIVE, FEW, MANY, H, begun, ran, raw
 
 from fmus.chassis.tree import BODY, WHOLE
-from fmus.components import KINDS, model_of
+from fmus.components import COMPONENT_KINDS, model_of
 from fmus.fmi.build import packed_config
 from fmus.ground.tables import number_meanings
 from fmus.interface import numbers
@@ -72,9 +72,9 @@ OTHERS = {  # other values of all free parameters, by kind
 
 
 def test_every_kind_of_component_is_among_the_cases():
-    assert set(OTHERS) == set(KINDS)
+    assert set(OTHERS) == set(COMPONENT_KINDS)
     parts = ((case, part) for case in (*FEW, *MANY) for part in assemble(load(*case[:2], case.settings)).parts)
-    assert {part.kind for case, part in parts if part.name == case.part} == set(KINDS)
+    assert {part.kind for case, part in parts if part.name == case.part} == set(COMPONENT_KINDS)
 
 
 def told(page, pattern):

@@ -75,11 +75,11 @@ def chain(kind, links, ends, **changes):
     return of_probe(Probe(model := made(kind, links, ends, **changes), **parameters(model, **changes)))
 
 
-KINDS = {
+LAID_CHAINS = {
     "chassis": chassis, "drive": drive, "differential": gearbox, "driver": driver, "rigid": rods, "cable": cables,
     "folded": partial(chain, Flexible, 9, HOLD, start="folded", step=1e-4),
 }  # fmt: skip
-LONG = {  # kernels of their own
+OWN_KERNELS = {  # kernels of their own
     **{element: partial(cables, element=element) for element in ("planar", "beam")},
     "free": partial(cables, axes="free"),
     "recursive": partial(chain, Rigid, 16, None, **JOINTS, **OVAL),
@@ -87,10 +87,10 @@ LONG = {  # kernels of their own
 }
 
 
-@pytest.mark.parametrize("kind", [*KINDS, *(pytest.param(kind, marks=pytest.mark.long) for kind in LONG)])
+@pytest.mark.parametrize("kind", [*LAID_CHAINS, *(pytest.param(kind, marks=pytest.mark.long) for kind in OWN_KERNELS)])
 def test_a_state_that_is_put_back_goes_on_to_the_bit(kind):
     """Outputs of links too; a state of another size is not taken."""
-    model, step = (KINDS | LONG)[kind]()
+    model, step = (LAID_CHAINS | OWN_KERNELS)[kind]()
 
     def shown():
         y = np.zeros(model.link_ports)

@@ -13,7 +13,7 @@ from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 
 PITCH = 0.1524
-KINDS = [
+WHEEL_PLACES = [
     (Flexible, "cable"),
     pytest.param(Rigid, None, marks=pytest.mark.long),
     *(pytest.param(Flexible, element, marks=pytest.mark.long) for element in ("planar", "beam")),
@@ -30,7 +30,7 @@ def laid(kind, element, **parameters):
     return model, np.array([port.start for port in model.ports if port.causality == "input"])
 
 
-@pytest.mark.parametrize(("kind", "element"), KINDS)
+@pytest.mark.parametrize(("kind", "element"), WHEEL_PLACES)
 def test_wheels_of_the_other_side_are_refused_and_those_in_their_place_are_not(kind, element):
     model, wheels = laid(kind, element, **{"start.lateral": -1.0795})
     before = model.state.copy()

@@ -19,7 +19,7 @@ from tests.fuzz import oracle
 
 TOY = Path(__file__).parents[1] / "toy"
 STARTS = (0.1, 0.7)  # m, of the two FMUs
-KINDS = (
+CACHED_FILES = (
     "fmus/*/*", "kernels/*/*", "unpacked/*/modelDescription.xml", "unpacked/*/resources/*",
     "unpacked/*/binaries/linux64/*",
 )  # fmt: skip
@@ -32,7 +32,7 @@ HOWS = (
 def draw(chance: random.Random) -> dict[str, Any]:
     """One or two damages of files of the cache."""
     damages = [
-        [chance.choice(KINDS), chance.choice(HOWS), chance.random(), chance.random()]
+        [chance.choice(CACHED_FILES), chance.choice(HOWS), chance.random(), chance.random()]
         for _ in range(chance.choice((1, 1, 2)))
     ]
     return {"damages": damages}

@@ -32,7 +32,7 @@ CPU, WALL, STARTING = 4, 5, 60  # s of processor time, and of sleep, until a cas
 PERIOD = 0.25  # s between two looks at a case
 MEMORY = 700 << 20  # bytes of address space beyond what this process has
 FILES = 100 << 20  # bytes of a file
-LONGEST = 400  # characters of a sentence
+MAX_SENTENCE = 400  # characters of a sentence
 STATUSES = (0, 1, 2, 3)
 FAILED = 99  # exit status of a case whose own check has failed
 PARTIAL = re.compile(r"\.[0-9a-f]{8,32}$|\.tmp$|\.part$")  # names of files that are being written
@@ -201,7 +201,7 @@ def wrongs(ended: Ended, refusal_is_alone: bool = True) -> list[str]:
         found.append(f"exit status {ended.status}: {said[-1] if said else ''}")
     found += [f"traceback: {said[-1]}" for line in said[:1000] if line.startswith("Traceback")]
     found += [f"internal error: {text}" for text in sentences if "internal error" in text]
-    found += [f"a sentence of {len(text)} characters: {text}" for text in sentences if len(text) > LONGEST]
+    found += [f"a sentence of {len(text)} characters: {text}" for text in sentences if len(text) > MAX_SENTENCE]
     others = [line for line in said if not line.startswith(beginnings) and not PROGRESS.match(line)]
     if ended.status == 2:
         others = [line for line in others if not USAGE.match(line)]

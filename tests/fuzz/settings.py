@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from fmus.vehicles.ranges import VEHICLE
-from orchestrator.scene.scene import KINDS, load, scene_names
+from orchestrator.scene.scene import SCENE_KINDS, load, scene_names
 from orchestrator.scene.settings import keys
 from orchestrator.scene.values import SCENE_RANGES
 from tests.fuzz import values
@@ -25,7 +25,7 @@ SMALL = ("chain.links=8", "expect={}")
 def _known(scene: str) -> tuple[tuple[str, ...], dict[str, Any]]:
     """Keys of a scene and its resolved table."""
     loaded = load(scene)
-    return tuple(keys(KINDS[loaded.assembly])), loaded.resolved()
+    return tuple(keys(SCENE_KINDS[loaded.assembly])), loaded.resolved()
 
 
 @cache

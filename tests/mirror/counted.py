@@ -65,5 +65,5 @@ if __name__ == "__main__":
     for names in CALLS.values():
         for name, module in names.items():
             count(module, name)
-    rigid.MOST = 8  # rigid links would converge in any step with more iterations
+    rigid.MAX_ITERATIONS = 8  # rigid links would converge in any step with more iterations
     json.dump({kind: run(kind) for kind in CALLS}, sys.stdout)

@@ -1,6 +1,6 @@
 """Demands of a driver that knows the friction: plan by least squares, slip by root finding.
 
-The footing of the vehicle is that of ``skid.footing``, which ``fmus/test_driver_plan`` checks. Paths only go forward.
+The numbers of the vehicle are those of ``skid_vehicle``, which ``fmus/test_driver_plan`` checks. Paths go forward.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from planar_vehicle import RATE, _rates
 from scipy.optimize import root
 from skid_steering import G
 
-from fmus.driver.skid import footing
+from fmus.driver.skid import skid_vehicle
 from mirror.driver_view import PLACE, REST, SLOW, DriverView
 from mirror.record import Floats, Part
 
@@ -25,13 +25,13 @@ class PlanningDriverView(DriverView):
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
-        self.footing, _ = footing(part.config["vehicle"])
+        self.vehicle, _ = skid_vehicle(part.config["vehicle"])
         self.creep = part.config["vehicle"]["contact"]["ground"]["friction_velocity"]
         self.limit = self.p["friction"] * G
         self.grip = self.p["grip"] * self.limit
-        self.yaw_resistance = self.footing.arm / self.footing.half_gauge
+        self.yaw_resistance = self.vehicle.arm / self.vehicle.half_gauge
         self.yaw_limit = (
-            self.limit * self.footing.mass * (self.footing.half_gauge - self.footing.arm) / self.footing.inertia
+            self.limit * self.vehicle.mass * (self.vehicle.half_gauge - self.vehicle.arm) / self.vehicle.inertia
         )
         self.v = np.maximum(self.forward, 0.0)
 
@@ -145,7 +145,7 @@ class PlanningDriverView(DriverView):
 
     def _slip(self, speed: float, rate: float, moves: tuple[float, ...], z: Floats, mu: float, creep: float) -> Floats:
         """Slips and drift, m/s, that give the accelerations forward, to the left and about the vertical."""
-        f = self.footing
+        f = self.vehicle
 
         def lacks(z: Floats, creep: float) -> Floats:
             numbers = (f.mass, f.inertia, f.height, f.half_gauge, 4.0 * f.edge, 1.0, mu, creep, 1.0)
@@ -165,7 +165,7 @@ class PlanningDriverView(DriverView):
     @cached_property
     def sprockets(self) -> Floats:
         """Demanded speeds of the sprockets, rad/s, shape (K, 2)."""
-        f, far, way = self.footing, self.errors[0], self.errors[2]
+        f, far, way = self.vehicle, self.errors[0], self.errors[2]
         k, u, pace, demanded_rate, lag = (
             self.path_curvature(),
             self.v,

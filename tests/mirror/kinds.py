@@ -7,7 +7,7 @@ from mirror.cables import Cable, Engineering, General, Planar, Turning
 from mirror.links import Chain, Rigid
 from mirror.record import Part
 
-KINDS = {
+MIRRORED = {
     "TrackRigid": Rigid, "turning": Turning, "cable": Cable, "planar": Planar, "beam": Beam, "general": General,
     "engineering": Engineering,
 }  # fmt: skip
@@ -25,4 +25,4 @@ def kind_of(part: Part) -> str:
 
 def chain(part: Part) -> Chain:
     """Return the links of a track."""
-    return KINDS[kind_of(part)](part)
+    return MIRRORED[kind_of(part)](part)

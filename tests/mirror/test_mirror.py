@@ -49,7 +49,7 @@ NO_BUSHES = r"energy\..*\.pins"
 FLEXIBLE = Kind("TrackFlexible", track_checks.CHECKS, NO_BUSHES)
 # 0 by definition: rigid links have no strain; a chain in its plane turns no wheel about an upright axis, has level pins
 # and no guides; the last pins of open chains are level; a chain that turns has no pulled ends and no damped pins
-KINDS = {
+MIRRORED = {
     "TrackRigid": Kind(
         "TrackRigid",
         track_checks.CHECKS,
@@ -70,7 +70,7 @@ KINDS = {
     "SteeringDifferential": Kind("SteeringDifferential", joined_checks.CHECKS, scene="differential"),
     "Driver": Kind("Driver", driver_checks.CHECKS, scene="serpentine"),
 }
-FMUS = {kind.fmu: kind for kind in KINDS.values()}
+FMUS = {kind.fmu: kind for kind in MIRRORED.values()}
 SOMETHING = "something where nothing is"
 SOIL = r"(link\[\d+\]\.(ground|wheels|rim|horn)|joint\[\d+\]\.tooth)\..*"  # 0 for links without contact within a run
 
@@ -142,10 +142,10 @@ def noticed(kind: str) -> dict[str, set[str]]:
 
 @pytest.mark.long
 @pytest.mark.parametrize("fault", [*FAULTS, SOMETHING])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", MIRRORED)
 def test_a_planted_fault_is_noticed(kind, fault):
     """A fault planted in any output is noticed by a check of that output in one of the runs."""
-    nothing, asked = KINDS[kind].zero, KINDS[kind].asked
+    nothing, asked = MIRRORED[kind].zero, MIRRORED[kind].asked
     outputs = [
         output
         for output in noticed(kind)
@@ -161,7 +161,7 @@ def test_a_planted_fault_is_noticed(kind, fault):
 
 def test_every_kind_of_component_has_checks_and_a_scene():
     kinds = {part.kind for name in scene_names() for model in TRACKS for part in assemble(load(name, model)).parts}
-    assert set(FMUS) == kinds == set(components.KINDS)
+    assert set(FMUS) == kinds == set(components.COMPONENT_KINDS)
 
 
 # --- counters --------------------------------------------------------------------------------------
@@ -281,7 +281,7 @@ def test_no_output_is_without_a_check():
     """Every output has a run that shows it and a check; the test lists those without."""
     without = []
     for fmu, outputs in described().items():
-        for kind in (name for name, kind in KINDS.items() if kind.fmu == fmu and kind.asked != STRAINED):
+        for kind in (name for name, kind in MIRRORED.items() if kind.fmu == fmu and kind.asked != STRAINED):
             looked_at = set(noticed(kind)) | {STATUS} | (set(COUNTED) if fmu.startswith("Track") else set())
             if kind == "turning":  # runs on wheels only, so it has no last pin of an open chain
                 looked_at |= {output for output in outputs if output.startswith("joint[65].")}

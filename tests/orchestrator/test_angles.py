@@ -18,7 +18,7 @@ from orchestrator.scene.scene import load
 from orchestrator.studies import Row, least_squares
 from orchestrator.studies.free_numbers import FreeNumber
 from orchestrator.studies.least_squares import Experiment, Objective, search
-from orchestrator.studies.uncertainty import answer
+from orchestrator.studies.uncertainty import fitted_numbers
 
 TURN = 2.0 * np.pi
 T = 1e-3 * np.arange(8001)
@@ -203,7 +203,7 @@ def test_a_heading_is_fitted_over_turns(monkeypatch, unit, is_fitted):
     experiment = Experiment(load("hanging_chain"), signals=(signal,), files=("field.csv",))
     free = FreeNumber("p0", 3.0, *EVERYWHERE, 3.0), FreeNumber("p1", 0.3, *EVERYWHERE, 0.3)
     task = Objective((experiment,), free, {"y": 0.01})
-    found = answer(task, search(task))
+    found = fitted_numbers(task, search(task))
     assert (found.chi2 < 1.5 and abs(found.numbers[1] - truth[1]) < 3.0 * found.errors[1]) == is_fitted
     if is_fitted:
         assert wrapped(found.numbers[0] - truth[0]) == pytest.approx(0.0, abs=3.0 * found.errors[0])

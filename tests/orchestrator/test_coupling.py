@@ -18,7 +18,7 @@ from orchestrator.cosim.coupling.jacobi import Coupling as Jacobi
 from orchestrator.cosim.coupling.scheme import CouplingFailed, require_states
 from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Connection, Instance, System, wire
+from orchestrator.cosim.graph import Connection, Instance, System, connect
 from orchestrator.cosim.master import FixedStep, run
 from orchestrator.execution import replay_model
 from orchestrator.execution.loading import load_scene
@@ -95,7 +95,7 @@ def test_the_code_does_what_the_matrix_says(cut, variant):
 def test_stable_below_the_predicted_limit_and_not_above(cut, variant):
     limit = predicted_limit(variant, cut)
     if math.isinf(limit):
-        assert not grows(variant, cut, 0.9 * study.LONGEST, steps=200)
+        assert not grows(variant, cut, 0.9 * study.MAX_STEP, steps=200)
         return
     assert not grows(variant, cut, 0.95 * limit)
     assert grows(variant, cut, 1.05 * limit)
@@ -148,7 +148,7 @@ class NoWayBack:
 
 
 def test_components_without_states_are_refused():
-    stages = wire(System((Instance("poor", None, {}, 0),), ()), {"poor": NoWayBack()})
+    stages = connect(System((Instance("poor", None, {}, 0),), ()), {"poor": NoWayBack()})
     with pytest.raises(CouplingFailed, match="poor: the FMU cannot save its state, which coupling 'iterative' needs"):
         Iterative(stages)
     with pytest.raises(CouplingFailed, match="which a variable step needs"):
@@ -210,7 +210,7 @@ def pulled(pair, variant, pace):
     links = [Connection(s, ("x",), t, ("force",), "value", ("v",)) for s, t in (("one", "two"), ("two", "one"))]
     system = System((Instance("one", None, {}, 0), Instance("two", None, {}, 1)), tuple(links))
     name, options = VARIANTS[variant]
-    outcome = run(coupling(name)(wire(system, dict(zip(("one", "two"), pair, strict=True))), **options), pace, [])
+    outcome = run(coupling(name)(connect(system, dict(zip(("one", "two"), pair, strict=True))), **options), pace, [])
     assert outcome.status == "ok", outcome.message
     A = np.array([[0, 1, 0, 0], [-9, 0, 1, 0], [0, 0, 0, 1], [1, 0, -9, 0]], dtype=float)
     truth = expm(A * outcome.time) @ [0.1, 0.0, 0.0, 0.0]
@@ -353,7 +353,7 @@ def mean_tension(coupling, order):
         _, graph, components = load_scene(scene, assemble(scene), stack, None)
         instances = (each._replace(stage=stages[each.name.split("_")[-1]]) for each in graph.instances)
         track, chassis, samples = components["left_track"], components["chassis"], []
-        with coupling(wire(graph._replace(instances=tuple(instances)), components)) as scheme:
+        with coupling(connect(graph._replace(instances=tuple(instances)), components)) as scheme:
             for k in range(round(STOP / STEP)):
                 scheme.advance(k * STEP, STEP)
                 if (k + 1) * STEP > STOP - WINDOW:

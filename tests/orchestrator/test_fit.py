@@ -20,7 +20,7 @@ from orchestrator.studies import fit as fitting
 from orchestrator.studies import least_squares
 from orchestrator.studies.free_numbers import FreeNumber
 from orchestrator.studies.least_squares import Experiment, Objective, search
-from orchestrator.studies.uncertainty import answer
+from orchestrator.studies.uncertainty import fitted_numbers
 
 GALLERY = Path(__file__).resolve().parents[2] / "orchestrator" / "gallery"
 SETTINGS = ("chain.links=8", "run.stop=0.05", "run.links=1", "track.start=displaced", "expect={}")
@@ -286,15 +286,15 @@ def test_a_search_from_the_end_of_a_range_and_from_its_own_end():
     model, truth, _ = FORMULAS["line"]
     task = formula(model, truth, [(5.0, 0.0, 5.0)] * 2)
     end = search(task)
-    found = answer(task, end)
+    found = fitted_numbers(task, end)
     assert found.numbers == pytest.approx(truth, abs=4.0 * max(found.errors))
     again = formula(model, truth, [(number, *EVERYWHERE) for number in task.numbers(end.u)])
-    assert found.problems == answer(again, search(again)).problems == ()
+    assert found.problems == fitted_numbers(again, search(again)).problems == ()
     assert solved("bound").problems != ()
     task = formula(*FORMULAS["line"])
     end = search(task)
     off = end._replace(u=end.u + 0.2, cost=(end.cost[0], task.sums([end.u + 0.2], end.noise)[0]))
-    assert any(" is better, the sum of squares is " in problem for problem in answer(task, off).problems)
+    assert any(" is better, the sum of squares is " in problem for problem in fitted_numbers(task, off).problems)
 
 
 @pytest.mark.parametrize("truth", [0.6, 1.7, 3.0])
@@ -334,7 +334,7 @@ def test_a_profile_that_is_flat_gives_the_error():
     """A ripple below the noise makes the derivative, a line the rise of the sum of squares; with no line, nothing."""
     task = formula(*FORMULAS["ripple"])
     end, line = search(task), NOISE / (0.05 * np.linalg.norm(S))
-    found = answer(task, end._replace(jacobian=np.full((len(S), 1), 1e-3 * 2e4 * 1.1 / NOISE)))
+    found = fitted_numbers(task, end._replace(jacobian=np.full((len(S), 1), 1e-3 * 2e4 * 1.1 / NOISE)))
     assert found.errors[0] == pytest.approx(line, rel=0.1)
     assert found.errors[0] != pytest.approx(1.25 * line, rel=0.1)
     assert any(note.endswith(" times that of its derivative, by the sum of squares") for note in found.notes)
@@ -358,8 +358,8 @@ def test_a_scan_finds_the_valley():
     alone, scanned = search(task), search(task, 40)
     assert task.numbers(scanned.u) == pytest.approx([31.0], abs=0.2)
     assert scanned.cost[1] < 0.1 * alone.cost[1]
-    assert answer(task, alone).problems != ()
-    assert answer(task, scanned).problems == ()
+    assert fitted_numbers(task, alone).problems != ()
+    assert fitted_numbers(task, scanned).problems == ()
 
 
 def test_a_number_that_is_not_felt_goes_back_to_its_start():
@@ -383,7 +383,7 @@ def test_chi_squared_is_judged_by_samples_and_signals(off):
     numbers = tuple(FreeNumber(f"p{k}", *START, 1.0) for k in range(2))
     task = Formula((Experiment(load("hanging_chain"), signals=signals),), numbers, {"y": NOISE, "z": NOISE})
     task.values = lambda points: [[a + b * S] * 2 for a, b in map(task.numbers, points)]
-    found = answer(task, search(task)).problems
+    found = fitted_numbers(task, search(task)).problems
     assert [problem.partition(" is ")[0] for problem in found] == ["chi2/n of z", "chi2/n of all signals"] * off
     for problem, n in zip(found, (101, 202), strict=False):
         low, high = chi2.ppf([0.0005, 0.9995], n - n // 101) / n
@@ -434,7 +434,7 @@ def test_a_shift_is_fitted_with_the_numbers(fixed, agrees):
             (Experiment(load("hanging_chain"), signals=(signal,), files=("f",)),), free[: 2 - fixed], {"y": NOISE}
         )
         end = search(task)
-        found = answer(task, end)
+        found = fitted_numbers(task, end)
         refused += bool(found.problems)
         if not fixed:
             assert found.errors == pytest.approx(errors, rel=0.1)
@@ -449,7 +449,7 @@ def test_residuals_that_follow_each_other_are_no_success():
     """A line through a parabola of the size of the noise: chi2/n is near 1, and neighbours are alike."""
     task = formula(*FORMULAS["bent"])
     line = Formula(task.experiments, task.free[:2], {"y": NOISE}, model=FORMULAS["line"][0])
-    found = answer(line, search(line))
+    found = fitted_numbers(line, search(line))
     assert found.chi2 < 4.0
     assert any("the residuals of y are no noise" in problem for problem in found.problems)
-    assert answer(task, search(task)).problems == ()
+    assert fitted_numbers(task, search(task)).problems == ()

@@ -118,8 +118,8 @@ def test_a_run_of_a_study_raises_what_is_no_answer_of_the_model(monkeypatch, tmp
     monkeypatch.setattr(scheme, "LONGEST_BATCH", 0.0)  # calls one by one
     assert outcome(OSError(28, "No space left on device"))["status"] == "failed"
     with pytest.raises(OSError, match="no space left on device"):
-        outcome(OSError(28, "No space left on device"), answer=True)
-    assert outcome(ComponentFailed("lost"), answer=True)["message"].startswith("lost")
+        outcome(OSError(28, "No space left on device"), raise_faults=True)
+    assert outcome(ComponentFailed("lost"), raise_faults=True)["message"].startswith("lost")
 
 
 def test_a_run_that_fails_before_it_writes_names_no_log(cotrack, monkeypatch, tmp_path):

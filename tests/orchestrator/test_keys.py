@@ -19,7 +19,7 @@ from orchestrator.scene import scene as scene_module
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, HitchTable
 from orchestrator.scene.keys import OVERRIDES, facts, scene_keys, scene_schema, vehicle_keys, vehicle_schema
-from orchestrator.scene.scene import KINDS, load, read_scene, read_vehicle, scene_names
+from orchestrator.scene.scene import SCENE_KINDS, load, read_scene, read_vehicle, scene_names
 from orchestrator.scene.settings import entries, keys, toml_text
 
 ORCHESTRATOR = Path(scene_module.__file__).parents[1]
@@ -37,7 +37,7 @@ NAMED = "expect.NAME", "fmu.NAME", "vehicle.seat.NAME", "vehicle.wheel.NAME", "v
 
 def test_every_key_has_a_meaning_and_every_quantity_a_unit():
     schema, count = scene_schema(), 0
-    for kind in KINDS.values():
+    for kind in SCENE_KINDS.values():
         for key, entry, _ in entries(schema["$defs"][kind.__name__], schema["$defs"]):
             found = KEYS[key]
             assert len(found.meaning) > 10 or key.endswith(NAMED), key
@@ -45,7 +45,7 @@ def test_every_key_has_a_meaning_and_every_quantity_a_unit():
             assert bool(found.unit) == ("number" in types(entry)), key
             count += bool(found.unit)
     assert count > 200
-    assert {key for kind in KINDS.values() for key in keys(kind)} == KEYS.keys() - {"vehicle.base"}
+    assert {key for kind in SCENE_KINDS.values() for key in keys(kind)} == KEYS.keys() - {"vehicle.base"}
     for measure in measure_keys():
         assert measure.unit, measure
         assert len(measure.meaning) > 10, measure

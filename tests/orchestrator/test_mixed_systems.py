@@ -57,7 +57,7 @@ CONVERSIONS = {
     "a": {"u": (1000.0, 0.0), "warmth_in": (1.0, 273.15)},
     "b": {"u": (1.0 / 1000.0, 0.0), "warmth_in": (1.0, -273.15)},
 }
-KINDS = {variable.name: variable.kind.replace("Enumeration", "Integer") for variable in MIXED}
+FMI_TYPES = {variable.name: variable.kind.replace("Enumeration", "Integer") for variable in MIXED}
 
 
 def changed(fmu, file, change, other_units=OTHER_UNITS):
@@ -89,10 +89,10 @@ class Own:
 
     def set(self, values):
         for name, value in values.items():
-            getattr(self._fmu, f"set{KINDS[name]}")([self._references[name]], [value])
+            getattr(self._fmu, f"set{FMI_TYPES[name]}")([self._references[name]], [value])
 
     def read(self):
-        found = {out: getattr(self._fmu, f"get{KINDS[out]}")([self._references[out]])[0] for out in PAIRS.values()}
+        found = {out: getattr(self._fmu, f"get{FMI_TYPES[out]}")([self._references[out]])[0] for out in PAIRS.values()}
         self.y = {out: value.decode() if isinstance(value, bytes) else value for out, value in found.items()}
 
     def close(self):

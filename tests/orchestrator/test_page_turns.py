@@ -19,7 +19,7 @@ from orchestrator.results import turning as measures
 from orchestrator.results.analyses import spectrum
 from orchestrator.results.page.chain import longest_constant
 from orchestrator.results.page.embedded import quantity
-from orchestrator.results.page.player import LONGEST, UNIT, above
+from orchestrator.results.page.player import ARROW_LENGTH, UNIT, above
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.units import hours, number
 
@@ -118,7 +118,7 @@ def from_above_is_that_of(log, tracks):
         if np.hypot(*force) > 0.03 * view["largest"]:
             k = np.linalg.norm(feet - place, axis=1).argmin()
             assert feet[k] == pytest.approx(place, abs=0.02), "a link's middle is between its pins"
-            assert arrows[k] == pytest.approx(force * LONGEST / view["largest"], abs=UNIT)
+            assert arrows[k] == pytest.approx(force * ARROW_LENGTH / view["largest"], abs=UNIT)
 
 
 def test_links_from_above_stand_and_push_where_the_log_says(turning, scaled):

@@ -29,7 +29,7 @@ READ = {
 }
 PAGES = [page for pages in READ.values() for page in pages]
 # Blocks of no output: text; commands for a shell (installation, a whole list), of which only the names are checked.
-SHOWN = {"text", "sh"}
+PRINTED = {"text", "sh"}
 RUN = {"console", "python", "toml"}
 
 BLOCK = re.compile(r"(?:^`([\w.]+)`:\n\n)?^```(\w*)\n(.*?)^```$(?:\n\n```text\n(.*?)^```$)?", re.DOTALL | re.MULTILINE)
@@ -96,7 +96,7 @@ def test_every_block_is_run_or_declared(page):
     text = (ROOT / page).read_text(encoding="utf-8")
     assert text.count("```") == 2 * sum(1 + bool(block.output) for block in found)
     for block in found:
-        assert block.language in RUN | SHOWN, block
+        assert block.language in RUN | PRINTED, block
         assert block.file or block.language != "toml", block
         assert block.language == "python" or not block.output, block
         if block.language == "console":

@@ -10,7 +10,7 @@ from orchestrator.results.analyses import motion_states, phases
 from orchestrator.results.approximations import breaks
 from orchestrator.results.run_data import Window
 
-KINDS = ["rest", "acceleration", "steady", "braking", "rest"]
+PHASES = ["rest", "acceleration", "steady", "braking", "rest"]
 
 
 def bounds(of):
@@ -25,7 +25,7 @@ def test_bounds_of_a_trapezoid_are_found_to_a_step(tmp_path, even, by):
     t, corners = times(CORNERS[-1], even), np.add(CORNERS, [by, 0.0, -by, 0.0, 0.0])
     longest = float(np.diff(t).max())
     of = phases_of(motion_log(tmp_path / "t.mcap", t, trapezoid(t, corners=corners)))
-    assert [one.kind for one in of] == KINDS
+    assert [one.kind for one in of] == PHASES
     off = bounds(of) - corners
     assert np.abs(off).max() <= 1.01 * longest
     assert np.abs(off + 3.0 * longest).max() > 1.01 * longest, "the twin, three steps off, must differ"
@@ -39,11 +39,11 @@ def test_ringing_makes_no_phases(tmp_path):
         since = np.maximum(t - begin, 0.0)
         v += size * np.exp(-1.5 * since) * np.sin(2 * np.pi * 1.2 * since)
     of = phases_of(motion_log(tmp_path / "r.mcap", t, v))
-    assert [one.kind for one in of] == KINDS
+    assert [one.kind for one in of] == PHASES
     np.testing.assert_allclose(bounds(of), CORNERS, atol=0.25)
     assert of[2].speed == pytest.approx(TOP, rel=0.01)
     harder = v + (trapezoid(t, 0.5 * TOP, (4.0, 4.2, 5.0, 5.2)))
-    assert len(phases_of(motion_log(tmp_path / "h.mcap", t, harder))) > len(KINDS), "the twin: 1.5 times is no ringing"
+    assert len(phases_of(motion_log(tmp_path / "h.mcap", t, harder))) > len(PHASES), "the twin: 1.5 times is no ringing"
 
 
 @pytest.mark.parametrize(("swing", "kind"), [(0.2, "steady"), (0.0, "braking")])
@@ -94,7 +94,7 @@ def test_the_begin_of_a_slow_turn_is_straight(tmp_path):
 
 
 @pytest.mark.parametrize(("corners", "speeds", "kinds", "ends"), [
-    ([1.0, 3.0, 4.0, 4.3], [0.0, 3.0, 3.0, 0.0], KINDS, [1.0, 3.0, 4.0, 4.3, 7.0]),  # a quick stop is braking
+    ([1.0, 3.0, 4.0, 4.3], [0.0, 3.0, 3.0, 0.0], PHASES, [1.0, 3.0, 4.0, 4.3, 7.0]),  # a quick stop is braking
     ([1.0, 2.0, 3.0, 5.0], [0.0, 3.0, 3.0, -2.0],  # a vehicle that reverses stops on the way
      ["rest", "acceleration", "steady", "braking", "acceleration", "steady"], [1.0, 2.0, 3.0, 4.2, 5.0, 7.0]),
 ])  # fmt: skip
@@ -142,7 +142,7 @@ def test_short_pieces_of_one_way_are_no_rest(tmp_path):
     assert kinds("r", rocking) == ["rest"], "the twin"
     corners = [1.0, 1.4, 1.78, 2.18]
     of = phases_of(motion_log(tmp_path / "o.mcap", t, np.interp(t, corners, [0.0, 0.25, 0.25, 0.0])))
-    assert [one.kind for one in of] == KINDS
+    assert [one.kind for one in of] == PHASES
     assert of[2].speed == pytest.approx(0.25, rel=0.02)
     assert of[2].way < motion_states.STAYS
     between = np.interp(t, corners, [0.25, 0.0, 0.0, 0.25])
@@ -184,7 +184,7 @@ def test_a_vehicle_that_its_drives_push_on_does_not_brake(tmp_path, power, kind)
     begin, end = CORNERS[2:4]
     work = np.interp(t, [begin, begin + 0.4 * (end - begin), end], np.cumsum([9.0, *power]))
     of = phases_of(motion_log(tmp_path / "w.mcap", t, trapezoid(t), work=work))
-    assert [one.kind for one in of] == [*KINDS[:3], kind, KINDS[4]]
+    assert [one.kind for one in of] == [*PHASES[:3], kind, PHASES[4]]
     text = phases.sentence(of[3]._asdict())
     assert f"{kind} from 4.00 to 0.00 m/s over " in text
     assert phases.sentence(of[3]._asdict(), brief=True) == text.partition("; ")[0]

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from fmus.cache.sources import source_hash
-from fmus.fmi.build import KINDS
+from fmus.components import COMPONENT_KINDS
 from fmus.ground.tables import number_meanings
 from fmus.precompile import component_ports
 from fmus.track.choices import TRACKS
 from fmus.track.link_outputs import INTERVAL
 from orchestrator.cosim.coupling.tracks_first import Coupling as TracksFirst
-from orchestrator.cosim.graph import wire
+from orchestrator.cosim.graph import connect
 from orchestrator.cosim.initialisation import load_components
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
@@ -50,7 +50,7 @@ def description(kind, config, folder):
     (folder / "build.txt").write_text(source_hash())
     (folder / "shape.txt").write_text("")
     (folder / "numbers.json").write_text(json.dumps(number_meanings()))
-    shell = getattr(import_module("fmus." + KINDS[kind].removesuffix(".py").replace("/", ".")), kind)
+    shell = getattr(import_module("fmus." + COMPONENT_KINDS[kind].removesuffix(".py").replace("/", ".")), kind)
     return shell(instance_name=kind, resources=str(folder)).to_xml()
 
 
@@ -137,7 +137,7 @@ def outputs(scene, graph, change=lambda name, parameters: parameters):
     h, rows = 1e-3, []
     with ExitStack() as stack:
         components = load_components(graph._replace(instances=instances), scene.run.times, stack)
-        with TracksFirst(wire(graph, components)) as scheme:
+        with TracksFirst(connect(graph, components)) as scheme:
             for k in range(20):
                 scheme.advance(k * h, h)
                 rows.append(np.concatenate([each.y for each in components.values()]))

@@ -21,8 +21,7 @@ from orchestrator.log.container import LogUnreadable
 from orchestrator.log.export import export, to_pandas
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import BROKEN, WHOLE, verify
-from orchestrator.results import answer_comparison
-from orchestrator.results.answer_comparison import answers
+from orchestrator.results import replayed_outputs
 from orchestrator.results.difference import differences
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views.flat_views import draw_side
@@ -101,7 +100,7 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
     answer = tmp_path / "answer.mcap"
     with replay_model.open_replay(log, "chain", str(given)) as again:
         assert not again.model.as_recorded
-        again.answer(answer)
+        again.record(answer)
     assert verify(answer).code == WHOLE
     with Log(log) as source, Log(answer) as log_of_answer:
         made = {"of": str(log), "digest": source.digest(), "component": "chain"}
@@ -138,7 +137,7 @@ def test_an_fmu_file_that_is_what_ran_is_compared(log, tmp_path):
     with replay_model.open_replay(log, "chain", str(copy)) as again:
         assert again.model.as_recorded
         assert again.verify().equal
-        again.answer(tmp_path / "own.mcap")
+        again.record(tmp_path / "own.mcap")
     with Log(log) as one, Log(tmp_path / "own.mcap") as two:
         assert two.table("scene.json") == one.table("scene.json")
         for topic in ("/chain/in", "/chain/out", "/chain/links"):
@@ -154,20 +153,22 @@ def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
     answer = tmp_path / "answer.mcap"
     with replay_model.open_replay(log, "chain", None, settings=[heavier]) as again:
         assert not again.model.as_recorded
-        assert again.answer(answer) == 20
+        assert again.record(answer) == 20
     assert verify(answer).code == WHOLE
     with Log(log) as source, Log(answer) as mine, Log(run) as theirs:
         assert mine.metadata["replay"]["set"] == heavier
         assert mine.table("scene.json") == theirs.table("scene.json") != source.table("scene.json")
         for topic in ("/chain/out", "/chain/links"):
             assert mine.hashes()[topic] == theirs.hashes()[topic] != source.hashes()[topic]
-        (tension,) = (one for one in answers(source, mine, "chain", (0.0, 0.01)) if one.signal == "tension.max")
+        (tension,) = (
+            one for one in replayed_outputs.compared(source, mine, "chain", (0.0, 0.01)) if one.signal == "tension.max"
+        )
     assert tension.t[-1] == pytest.approx(0.01)
-    assert tension.answered == pytest.approx(tension.recorded * 10.0 / 9.81, rel=1e-4)
+    assert tension.replayed == pytest.approx(tension.recorded * 10.0 / 9.81, rel=1e-4)
     assert replayed(answer).equal
     with replay_model.open_replay(log, "chain", None, settings=["vehicle.gravity=9.81"]) as again:
         assert again.model.as_recorded, "nothing was changed, so the recorded model must run"
-        assert again.answer(tmp_path / "half.mcap", 0.01) == 10
+        assert again.record(tmp_path / "half.mcap", 0.01) == 10
 
 
 def test_a_replay_of_no_step_is_no_success(log, cotrack, tmp_path):
@@ -177,7 +178,7 @@ def test_a_replay_of_no_step_is_no_success(log, cotrack, tmp_path):
     with replay_model.open_replay(start, "chain", None) as again:
         verdict = again.verify()
         assert (verdict.steps, verdict.difference, verdict.equal) == (0, None, False)
-        assert again.answer(tmp_path / "answer.mcap") == 0
+        assert again.record(tmp_path / "answer.mcap") == 0
     assert not (tmp_path / "answer.mcap").exists()
     for more, said in ((), "nothing was compared"), (("--with", "rigid", "-o", "b.mcap"), "holds no step of 'chain'"):
         status, out, err = cotrack("replay", start, "--component", "chain", *more)
@@ -236,7 +237,7 @@ def test_names_in_a_log_lead_nowhere(log, tmp_path):
     copy = tmp_path / "copy.fmu"
     copy.write_bytes(fmu_of().read_bytes())
     with replay_model.open_replay(evil, "../../evil", str(copy)) as again:  # the user trusts this one
-        again.answer(inner / "answer.mcap")
+        again.record(inner / "answer.mcap")
     allowed = {inner / "csv", *files, inner / "saved.mcap", inner / "answer.mcap", copy}
     assert set(tmp_path.rglob("*")) - before <= allowed
 
@@ -372,12 +373,12 @@ def answered(tmp_path):
 
 def test_peak_rms_and_parting(answered):
     with Log(answered[0]) as log, Log(answered[1]) as answer:
-        (comparison,) = answer_comparison.answers(log, answer, "left_track")
+        (comparison,) = replayed_outputs.compared(log, answer, "left_track")
     assert (comparison.signal, comparison.unit, len(comparison.t)) == ("sprocket.force.x", "N", 51)
     assert comparison.peak == pytest.approx((-7.0, 0.05))
     assert comparison.parting_time == pytest.approx(0.04)
     assert comparison.largest == pytest.approx(abs(np.append(FORCE[::2], (FORCE + 3.0)[40::2])).max())
-    row = answer_comparison.lines([comparison])[1].split()
+    row = replayed_outputs.lines([comparison])[1].split()
     n = np.count_nonzero(T[::2] > 0.0395) - 1
     assert float(row[4]) == pytest.approx(np.sqrt((9.0 * n + 49.0) / 51.0), rel=1e-4)
     assert float(row[2]) == pytest.approx(np.sqrt(np.mean(FORCE[::2] ** 2)), rel=1e-4)
@@ -388,15 +389,15 @@ def test_what_never_parts_says_so(tmp_path):
     near = wrote(tmp_path / "b.mcap", (FORCE + 0.99, T, T))
     far = wrote(tmp_path / "c.mcap", (FORCE + 1.05, T, T))
     with Log(same) as log, Log(near) as one, Log(far) as other:
-        assert np.isnan(answer_comparison.answers(log, one, "left_track")[0].parting_time)
-        assert "never" in answer_comparison.lines(answer_comparison.answers(log, one, "left_track"))[1]
-        assert answer_comparison.answers(log, other, "left_track")[0].parting_time == 0.0
+        assert np.isnan(replayed_outputs.compared(log, one, "left_track")[0].parting_time)
+        assert "never" in replayed_outputs.lines(replayed_outputs.compared(log, one, "left_track"))[1]
+        assert replayed_outputs.compared(log, other, "left_track")[0].parting_time == 0.0
 
 
 def test_the_picture(answered, tmp_path):
     with Log(answered[0]) as log, Log(answered[1]) as answer:
-        comparisons = answer_comparison.answers(log, answer, "left_track")
-    answer_comparison.draw(comparisons, tmp_path / "x.png", "one & <other> $x$")
+        comparisons = replayed_outputs.compared(log, answer, "left_track")
+    replayed_outputs.draw(comparisons, tmp_path / "x.png", "one & <other> $x$")
     assert (tmp_path / "x.png").stat().st_size > 10_000
     with pytest.raises(BadInput):
-        answer_comparison.draw(comparisons, tmp_path / "x.nothing", "")
+        replayed_outputs.draw(comparisons, tmp_path / "x.nothing", "")

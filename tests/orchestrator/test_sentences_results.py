@@ -30,7 +30,7 @@ from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.scene.scene import load
 from orchestrator.studies import mobility
 from orchestrator.studies.least_squares import search
-from orchestrator.studies.variations import MOST, Design
+from orchestrator.studies.variations import MAX_CASES, Design
 
 REFUSED = (BadInput, LookupError, LogUnreadable)
 
@@ -96,7 +96,7 @@ COMMANDS = {
     f"{SWEEP}x=1,,2": "a value is empty",
     f"{SWEEP}x=1,1": "a value is given twice",
     f"{SWEEP}x=1_N,2_kN": "all numbers must have one unit",
-    f"{SWEEP}x=1:2:0": f"a whole number from 1 to {MOST}",
+    f"{SWEEP}x=1:2:0": f"a whole number from 1 to {MAX_CASES}",
     f"{SWEEP}x=1:2:1e999999999": "a whole number from 1",
     f"{SWEEP}x=2:2:3": "the range is empty",
     f"{SWEEP}x=1:2:3:4": "must be a:b:n",
@@ -106,8 +106,8 @@ COMMANDS = {
     f"{SWEEP}x=1:2:3 --sample 4": "sample 4: needs a range, vary KEY=a:b",
     f"{SWEEP}x=1:2 --sample 0": "sample 0: must be at least 1",
     f"{SWEEP}x=1:2 --sample 4 --seed -1": "seed -1: must be at least 0",
-    f"{SWEEP}x=1:2 --sample 1000000000": f"these are 1000000000 cases, and {MOST} are allowed",
-    f"{SWEEP}x=0:1:200 --vary y=0:1:51": f"these are 10200 cases, and {MOST} are allowed",
+    f"{SWEEP}x=1:2 --sample 1000000000": f"these are 1000000000 cases, and {MAX_CASES} are allowed",
+    f"{SWEEP}x=0:1:200 --vary y=0:1:51": f"these are 10200 cases, and {MAX_CASES} are allowed",
     f"{SWEEP}chain.span=0.7,0.8 --for sga": "for sga: did you mean 'sag'",
     f"{SWEEP}chain.span=0.7,0.8 --for max": "for max: needs a signal, as max:left_track.tension.max",
     f"{SWEEP}chain.span=0.7,0.8 --for ride:chain": "this analysis is given by its name alone",

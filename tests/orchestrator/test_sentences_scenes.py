@@ -17,7 +17,7 @@ from fmus.vehicles.tables import BadInput
 from orchestrator.scene import commented_file, expectations
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import VehicleScene
-from orchestrator.scene.scene import KINDS, OLD_SCENES, changed_scene, from_table, load, scene_names
+from orchestrator.scene.scene import OLD_SCENES, SCENE_KINDS, changed_scene, from_table, load, scene_names
 from orchestrator.scene.settings import keys, near_keys
 from orchestrator.scene.ssp_scene import load_ssp
 from orchestrator.scene.values import implausible_numbers
@@ -267,7 +267,7 @@ def test_a_check_that_is_refused_today_is_read_in_a_log_of_an_earlier_version():
     ],
 )  # fmt: skip
 def test_near_keys(key, near):
-    assert near_keys(key, keys(KINDS["vehicle"]))[:2] == near
+    assert near_keys(key, keys(SCENE_KINDS["vehicle"]))[:2] == near
 
 
 # --- any value ---------------------------------------------------------------------------------------

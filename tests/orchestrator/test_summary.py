@@ -13,7 +13,7 @@ from short_runs import SHORT, last
 
 from orchestrator.execution import summary, summary_text
 from orchestrator.execution.log_report import summary_of
-from orchestrator.execution.summary_text import MOST, lines
+from orchestrator.execution.summary_text import MAX_LINES, lines
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.measures import FIGURES
@@ -258,7 +258,7 @@ WHEELS = [entry(side, f"road_wheel[{k}]", 2.0 - 0.1 * k, 0.3 + 0.1 * k) for side
 ])  # fmt: skip
 def test_findings_that_differ_only_in_their_place_are_one_line(entries, said):
     """All names, the first time, the worst value; another kind, or a whole track, is another line."""
-    whole = lines(summary.empty("a", None) | {"validity": entries}, MOST)
+    whole = lines(summary.empty("a", None) | {"validity": entries}, MAX_LINES)
     shown = [line for line in whole if "validity" in line]
     assert len(shown) == len(said)
     assert all(words in line for words, line in zip(said, shown, strict=True)), shown
@@ -299,17 +299,17 @@ def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
     def shown(told, *words):
         return [any(each in line for line in told) for each in words]
 
-    short, whole = lines(quiet, MOST), lines(quiet)
+    short, whole = lines(quiet, MAX_LINES), lines(quiet)
     result = [line for line in short if "log a.mcap" not in line and "real time" not in line][1:]
-    assert len(short) == MOST == 11
-    assert short[-1] == f"  log a.mcap (0.0 MB); {len(whole) - MOST} lines more with --verbose"
+    assert len(short) == MAX_LINES == 11
+    assert short[-1] == f"  log a.mcap (0.0 MB); {len(whole) - MAX_LINES} lines more with --verbose"
     assert [line for line in short[:-1] if line not in whole] == [
         "  in short: 0 to 4 s: rest; 4 to 4.5 s: steady at 1700 m/s over 1 m; 4.5 to 5 s: steady at 1700 m/s over 1 m;"
         " 12 to 12.4 s: steady at 1700 m/s over 1 m"
     ]
     in_full = [line.partition(" s:")[0] for line in short if "; power 5" in line]
     assert in_full == ["  5 to 7", "  7 to 8", "  8 to 9.5", "  9.5 to 10.5", "  10.5 to 12"]
-    assert not any("in short" in line for line in [*whole, *lines(quiet | {"phases": phases[:3]}, MOST)])
+    assert not any("in short" in line for line in [*whole, *lines(quiet | {"phases": phases[:3]}, MAX_LINES)])
     assert all(shown(result, "largest link", "distance", "steady at", "energy balance: "))
     assert not any(shown(short, "pins_left", "checksum"))
     assert all(shown(whole, "pins_left = 10.0008", "(pins of left)", "checksum (seal)", "left_track computed for 1 s"))
@@ -318,10 +318,10 @@ def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
             "checks": quiet["checks"] | {"speed": met | {"value": 9.0, "ok": False}}, "warnings": warned,
             "validity": [entry("chassis", "", what="belly", severity=severity)],
         }  # fmt: skip
-        short = lines(loud, MOST)
+        short = lines(loud, MAX_LINES)
         assert short[1 : 1 + len(result)] == result, "first, and as much of it as without what is wrong"
         assert sum("warning: drive at 1 s, 2 times: slow" in line for line in short) == 12
-        assert len(short) == MOST + 12 + 2
+        assert len(short) == MAX_LINES + 12 + 2
         assert all(shown(short, "NOT speed = 9", f"validity, {severity}: chassis"))
 
 

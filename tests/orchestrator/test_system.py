@@ -13,7 +13,7 @@ import pytest
 from fmus.fmi.build import BuildFailed
 from fmus.interface.ports import STATE, WRENCH
 from fmus.track.choices import TRACKS
-from orchestrator.cosim.graph import Connection, Instance, Miswired, System, wire
+from orchestrator.cosim.graph import Connection, Instance, Miswired, System, connect
 from orchestrator.execution import loading, warm
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import CHASSIS, DRIVE, TRACK
@@ -139,7 +139,7 @@ def graph(outputs=("c", "a"), inputs=("x", "y"), without=()):
 
 def test_wire_orders_stages_and_copies_by_name():
     system, blocks = graph()
-    stages = wire(system, blocks)
+    stages = connect(system, blocks)
     assert [[member.component.name for member in stage] for stage in stages] == [["two"], ["one"]]
     (feed,) = stages[0][0].feeds
     blocks["two"].u[feed.inputs] = feed.source.y[feed.outputs]
@@ -152,7 +152,7 @@ def test_wire_orders_stages_and_copies_by_name():
 ])  # fmt: skip
 def test_wire_refuses_what_does_not_exist(fault, said):
     with pytest.raises(Miswired, match=said):
-        wire(*graph(**fault))
+        connect(*graph(**fault))
 
 
 # --- inventory ---------------------------------------------------------------------------------------
@@ -162,7 +162,7 @@ NO_WHEELS = ("chassis", "contact with the ground", "contact with wheels")
 UNUSED = "of the suspension: springs by a table, gas springs, dampers by a table, torsion bars, rotary dampers"
 ROLLERS = ("14 arms with wheels, 2 idlers, 8 return rollers, 2 mounts, torsion bars", ", bushes in the pins, ")
 AXLES = ("14 wheels on axles, 2 idlers, 2 return rollers, 2 mounts, recoil springs;",)
-SHOWN = [  # scene, links, settings; words of what is in, of what is left out, of contact pairs, outputs and modules
+CONTENTS = [  # scene, links, settings; words of what is in, of what is left out, of contact pairs, outputs and modules
     ("hanging_chain", "flexible", "", ("516 dofs",), (*NO_WHEELS, "second track"), ("contact pairs\n  none",)),
     ("hanging_chain", "flexible", "track.element=beam", ("64 elements, 1158 dofs",), (), ()),
     ("hanging_chain", "flexible", "track.coordinates=cholesky; track.integrator=runge_kutta",
@@ -186,7 +186,7 @@ SHOWN = [  # scene, links, settings; words of what is in, of what is left out, o
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("scene", "track", "settings", "present", "absent", "evaluated"), SHOWN)
+@pytest.mark.parametrize(("scene", "track", "settings", "present", "absent", "evaluated"), CONTENTS)
 def test_show_names_what_is_in_left_out_and_evaluated(cotrack, scene, track, settings, present, absent, evaluated):
     """A part stands on one side alone."""
     given = [each for setting in filter(None, settings.split("; ")) for each in ("--set", setting)]

@@ -12,7 +12,7 @@ from fmus.ground.terrain import heights
 from fmus.physics.contact.ground import surface_depth
 from fmus.vehicles.tables import BadInput
 from orchestrator.log.reader import Log
-from orchestrator.results.ground_mesh import MOST, PRECISION, bends, ground_mesh
+from orchestrator.results.ground_mesh import MAX_QUADRANGLES, PRECISION, bends, ground_mesh
 from orchestrator.results.ground_surface import ground
 from orchestrator.results.page import player
 from orchestrator.results.run_data import RunData
@@ -79,7 +79,7 @@ def test_mesh_and_sections_are_the_heights_of_the_ground(name):
     steep = surface.normals(places)[:, 2] < 0.3
     triangles, lines = Reach(-4.0, 4.0, 4.0).ground(surface)
     assert (np.diff(triangles.corners[triangles.numbers][..., :2], axis=1) != 0.0).any(axis=2).all()
-    assert len(triangles.numbers) <= 2 * MOST
+    assert len(triangles.numbers) <= 2 * MAX_QUADRANGLES
     a, b, c = np.moveaxis(triangles.corners[triangles.numbers], 1, 0)
     assert (np.cross(b - a, c - a)[:, 2] > 0.0).all()  # the outside is up
     assert off(interpolated(triangles, x, y), true(x, y), steep) < PRECISION

@@ -130,4 +130,4 @@ def test_kinds_are_siblings():
         assert [*inspect.signature(check.find).parameters] == ["piece"], name
         assert [*inspect.signature(check.signals).parameters] == ["run"], name
         assert check.find.__doc__
-    assert set(limits.ALLOWED) < set(limits.KINDS)
+    assert set(limits.ALLOWED) < set(limits.VALIDITY_KINDS)

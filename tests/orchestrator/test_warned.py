@@ -17,7 +17,7 @@ from orchestrator.cli import main
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.coupling.iterative import Coupling as Iterative
-from orchestrator.cosim.graph import Connection, Instance, System, wire
+from orchestrator.cosim.graph import Connection, Instance, System, connect
 from orchestrator.cosim.initialisation import load_components
 from orchestrator.cosim.messages import ComponentWarning, WarningList
 from orchestrator.cosim.program import Program
@@ -137,7 +137,7 @@ def test_sweeps_of_an_iteration_count_once(toy):
     graph = System(instances, wires)
     with ExitStack() as stack:
         components = load_components(graph, (0.0, 1.0), stack)
-        with Iterative(wire(graph, components), tolerance=1e-9) as scheme:
+        with Iterative(connect(graph, components), tolerance=1e-9) as scheme:
             for k in range(5):
                 scheme.advance(k * H, H)
             assert scheme.sweeps > 5
@@ -215,7 +215,7 @@ def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
     with replay_model.open_replay("a.mcap", "left_track", None) as again:
         assert again.verify().difference is None
         assert [asdict(one) for one in again.component.warnings] == [warning]
-        again.answer(again.log.path.with_name("b.mcap"))
+        again.record(again.log.path.with_name("b.mcap"))
     with Log("b.mcap") as log:
         assert log.closing["warnings"] == [warning]
     for more in ((), ("--track", "rigid")):

@@ -12,7 +12,7 @@ from tests.validation.ancf.mesh import Member, Mesh, in_a_row, nodes
 from tests.validation.meshes import RAIL, rope
 
 L, N = 2.0, 6  # length of the rail, m, and number of its elements
-KINDS = ("point", "cable")
+BODIES = ("point", "cable")
 
 
 def soft(EA, EI):
@@ -39,7 +39,7 @@ def disturbed(slider, smooth=True):
 
 
 @pytest.mark.parametrize("smooth", [True, False])
-@pytest.mark.parametrize("slider", KINDS)
+@pytest.mark.parametrize("slider", BODIES)
 def test_jacobian_of_the_constraint(slider, smooth):
     """The Jacobian of the constraint is exact, by complex step (the constraint is a polynomial)."""
     _, r, s = disturbed(slider, smooth)
@@ -67,7 +67,7 @@ def test_jacobian_of_the_constraint(slider, smooth):
 
 
 @pytest.mark.parametrize("far", [0.02, 0.5, -0.4])
-@pytest.mark.parametrize("slider", KINDS)
+@pytest.mark.parametrize("slider", BODIES)
 def test_newtons_matrix_is_the_derivative_of_its_residual(slider, far):
     """Newton's matrix is the derivative of its residual, within an element and across one and two nodes."""
     b, r, s = disturbed(slider)

@@ -84,10 +84,10 @@ def test_six_of_the_eight_corrections_find_the_foot_point(name, monkeypatch):
     starts = [(p, first_foot(shape, p, smooth_height(shape, p[0], p[1])[0])) for p in deep]
 
     def feet(most):
-        monkeypatch.setattr(face, "MOST", most)
+        monkeypatch.setattr(face, "MAX_CORRECTIONS", most)
         return [plain(face.foot_point)(shape, *start) for start in starts]
 
-    whole = feet(face.MOST)
+    whole = feet(face.MAX_CORRECTIONS)
     assert feet(6) == whole
     if name in ("washboard", "rough", "height map", "uneven", "all"):
         assert feet(0) != whole

@@ -11,7 +11,7 @@ from fmus.track_rigid.model import Model as Rigid
 
 P, MASS, INERTIA, G = TRACK["pitch"], TRACK["mass"], TRACK["inertia"][1], 9.81
 NONE = {"stiffness": 0.0, "preset": 0.0, "damping": 0.0, "friction": 0.0, "radius": 0.02, "slow": 0.2}
-KINDS = [  # model, parameters, and the relative difference from rigid links that elastic ones may have
+ELASTIC_CHAINS = [  # model, parameters, and the relative difference from rigid links that elastic ones may have
     pytest.param(Rigid, {}, 1e-6, id="rigid"),
     pytest.param(Flexible, {}, 2e-4, id="cable"),
     *(  # the same kernels of bushes, compiled for other layouts

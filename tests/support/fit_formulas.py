@@ -9,7 +9,7 @@ from orchestrator.results.measured_record import MeasuredSignal
 from orchestrator.scene.scene import load
 from orchestrator.studies.free_numbers import FreeNumber
 from orchestrator.studies.least_squares import Experiment, Objective, search
-from orchestrator.studies.uncertainty import answer
+from orchestrator.studies.uncertainty import fitted_numbers
 
 POINTS = np.linspace(0.0, 1.0, 101)
 NOISE = 0.1
@@ -56,4 +56,4 @@ FORMULAS = {
 def solved(name):
     """Task and answer of a formula."""
     task = formula(*FORMULAS[name])
-    return answer(task, search(task))
+    return fitted_numbers(task, search(task))

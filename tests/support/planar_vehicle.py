@@ -11,7 +11,7 @@ from named_ports import output_names
 from skid_steering import G, Vehicle
 
 X, Y, HEADING, AHEAD, LEFT, RATE, SPEEDS = 0, 1, 2, 3, 4, 5, slice(6, 8)  # indices; speeds of both sprockets
-LONGEST = 1e-3  # s: longest internal step
+MAX_STEP = 1e-3  # s: longest internal step
 
 
 class Planar:
@@ -26,7 +26,7 @@ class Planar:
 
     def step(self, h, demand):
         """Advance by ``h``, s, with demanded sprocket speeds (2,), rad/s."""
-        v, n = self.vehicle, int(np.ceil(h / LONGEST - 1e-9))
+        v, n = self.vehicle, int(np.ceil(h / MAX_STEP - 1e-9))
         numbers = (v.mass, self.inertia, v.height, v.half_width, v.width, v.radius, v.friction, v.creep, self.lag)
         _march(self.x, self.specific_force, n, h / n, np.asarray(demand, float), *self._arrays, numbers)
 

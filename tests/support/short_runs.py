@@ -51,7 +51,7 @@ def driven_log(tmp_path_factory):
 
 
 STEP = 1e-3
-SHOWN = (
+WHAT_RUNS = (
     f"run.step={STEP}", "run.links=1", "expect={}", "start.state=drawn", "start.heading=0.4",
     "start.position=[1.0, -2.0, 0.3]",
     'track.link_outputs=["tension", "position", "ground", "sliding", "depth", "axis"]',
@@ -72,12 +72,12 @@ def ran(tmp_path_factory, name, model, settings):
 
 def settling_log(tmp_path_factory):
     """Log of a vehicle that settles on a low bump, turned by 0.4 rad; links are recorded at each step."""
-    return ran(tmp_path_factory, "straight", "flexible", (*SHOWN, "run.stop=0.04", LOW_BUMP))
+    return ran(tmp_path_factory, "straight", "flexible", (*WHAT_RUNS, "run.stop=0.04", LOW_BUMP))
 
 
 def terrain_log(tmp_path_factory):
     """Log of a vehicle of rigid links that falls on a slope, banked, with a half round under its wheels."""
-    return ran(tmp_path_factory, "straight", "rigid", (*SHOWN, "run.stop=0.02", *TERRAIN))
+    return ran(tmp_path_factory, "straight", "rigid", (*WHAT_RUNS, "run.stop=0.02", *TERRAIN))
 
 
 def hanging_log(tmp_path_factory):

@@ -23,7 +23,7 @@ EXPECTED = {
     "the same as FMI 3": "1 times",
 }
 TOOL = Path(sys.executable).parent / "fmucontainer"
-SHOWN = ["shown.first", "shown.own", "shown.turned"]
+ELEMENTS = ["shown.first", "shown.own", "shown.turned"]
 
 
 def container(name: str, fmi: int = 2) -> str:
@@ -47,7 +47,7 @@ def values(name: str, shown: list[str], fmi: int = 2) -> list[float]:
 
 
 def of_mount(name: str) -> str:
-    first, own, turned = values(name, SHOWN)
+    first, own, turned = values(name, ELEMENTS)
     return times(turned - own, first)
 
 
@@ -65,11 +65,11 @@ FOUND = {
     "archive": attempt(lambda: f"{outputs('drives')} outputs"),
     "system connector": attempt(lambda: f"{outputs('system')} output"),
     "its numbers": attempt(lambda: of_mount("named_drives")),
-    "parameter set": attempt(lambda: times(values("named_set", SHOWN)[0], speed_at(STEPS * H))),
+    "parameter set": attempt(lambda: times(values("named_set", ELEMENTS)[0], speed_at(STEPS * H))),
     "LinearTransformation": attempt(lambda: of_mount("named_scaled")),
     "DefaultExperiment": attempt(experiment),
     "units": attempt(units),
-    "archive with FMI 3": attempt(lambda: times(values("named_three", SHOWN[:1])[0], speed_at(STEPS * H))),
-    "the same as FMI 3": attempt(lambda: times(values("named_three", SHOWN[:1], 3)[0], speed_at(STEPS * H))),
+    "archive with FMI 3": attempt(lambda: times(values("named_three", ELEMENTS[:1])[0], speed_at(STEPS * H))),
+    "the same as FMI 3": attempt(lambda: times(values("named_three", ELEMENTS[:1], 3)[0], speed_at(STEPS * H))),
 }
 said("FMUContainer 2.0", FOUND, EXPECTED)

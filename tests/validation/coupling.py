@@ -47,7 +47,7 @@ DAMPED = Oscillator(k=100.0, c=1.0, c1=0.2, c2=0.2, start=(1.0, 0.5, -0.3, 0.2))
 STRUCK = Oscillator(k=100.0, c=1.0, c1=0.05, c2=0.05, start=(0.1, 0.0, 0.1, 0.0))
 END, STRUCK_END = 10.0, 20.0  # s
 STABLE = 1.0 + 1e-9  # spectral radius to rounding
-LONGEST = 3.0  # s: a coupling that is stable up to here counts as unlimited
+MAX_STEP = 3.0  # s: a coupling that is stable up to here counts as unlimited
 STEPS, LONG = 1600, 12.0  # steps and s after which growth differs from decay
 REST = 1e-6  # of the initial motion: smaller motion is rounding or the tolerance of iterations
 
@@ -118,7 +118,7 @@ def predicted_limit(variant: str, cut: str) -> float:
 
     while not unstable(low * 1.02):
         low *= 1.02
-        if low > LONGEST:
+        if low > MAX_STEP:
             return math.inf
     high = low * 1.02
     for _ in range(12):
@@ -169,8 +169,8 @@ def limit(variant: str, cut: str) -> list[Row]:
     name = f"{variant}, cut at the {cut}, largest stable H, s"
     predicted = predicted_limit(variant, cut)
     if math.isinf(predicted):
-        growing = grows(variant, cut, 0.9 * LONGEST, steps=200)
-        note = f"none predicted up to {LONGEST:g} s; observed at {0.9 * LONGEST:g} s"
+        growing = grows(variant, cut, 0.9 * MAX_STEP, steps=200)
+        note = f"none predicted up to {MAX_STEP:g} s; observed at {0.9 * MAX_STEP:g} s"
         return [checked("limits", name, math.nan, math.nan, 0.5, float(growing), note=note)]
     return [checked("limits", name, observed_limit(variant, cut, predicted), predicted, 0.05)]
 

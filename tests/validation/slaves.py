@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from fmus.physics.arrays import Floats
-from orchestrator.cosim.graph import Connection, Instance, Stages, System, wire
+from orchestrator.cosim.graph import Connection, Instance, Stages, System, connect
 from orchestrator.studies.step_limits import LinearComponent, Oscillator, sides
 
 
@@ -72,7 +72,7 @@ def coupled(cut: str, o: Oscillator, kind_of_b: type[Slave] = Slave) -> tuple[St
         for output, name, kind in zip(peer.outputs, side.inputs, side.carries, strict=True)
     ]  # fmt: skip
     system = System((Instance("a", None, {}, 0), Instance("b", None, {}, 1)), tuple(connections))  # type: ignore[arg-type]
-    return wire(system, {"a": one, "b": two}), one, two
+    return connect(system, {"a": one, "b": two}), one, two
 
 
 def whole(o: Oscillator) -> Floats:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-MOST = 6  # number of points of the largest rule
-POINTS = np.zeros((MOST + 1, MOST))  # (rule, point) row n: n points, fractions of the length
-WEIGHTS = np.zeros((MOST + 1, MOST))  # (rule, point) row n: their weights, with the sum 1
+MAX_POINTS = 6  # number of points of the largest rule
+POINTS = np.zeros((MAX_POINTS + 1, MAX_POINTS))  # (rule, point) row n: n points, fractions of the length
+WEIGHTS = np.zeros((MAX_POINTS + 1, MAX_POINTS))  # (rule, point) row n: their weights, with the sum 1
 _RULES: dict[int, tuple[tuple[float, float], ...]] = {
     1: ((0.0, 2.0),),
     2: ((0.5773502691896257, 1.0),),

@@ -68,7 +68,7 @@ CHORD = 1e-4  # correction below which the iteration matrix is kept, m
 REUSE = 0.1  # as long as a correction is smaller than this part of the last one
 FASTEST = 10.0  # correction beyond which the iteration has diverged, m
 SLOW = 0.5  # friction is sharp if a correction is larger than this part of the last one
-MOST = 20  # iterations before a step is rejected
+MAX_ITERATIONS = 20  # iterations before a step is rejected
 
 
 class ImplicitMethod(NamedTuple):

@@ -22,7 +22,7 @@ class Environment(NamedTuple):
     ends: int  # end condition: LOOP, PINNED, PULLED or HELD
     pull: np.ndarray  # (2, 3) force on the first and on the last pin, N; (2, 2) along x and z for a planar chain
     transverse: float  # damping of each pin across the chain, N s/m
-    mount: int  # index of the wheel that the carrier follows (``carrier``), below 0 without wheels
+    mount: int  # index of the wheel that ``wheel_frame`` follows, below 0 without wheels
 
 
 class CommunicationStep(NamedTuple):

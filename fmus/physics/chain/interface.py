@@ -93,7 +93,7 @@ def end_work(links: Links, env: Environment, h: float, s: ChainState, w: ChainWo
 
 @dispatch("dynamics", shared=True)
 def speed(links: Links, env: Environment, s: ChainState, w: ChainWork) -> float:
-    """Speed of the chain along itself relative to the carrier of the wheels ``w.wheels``, m/s."""
+    """Speed of the chain along itself relative to the frame of the wheels ``w.wheels``, m/s."""
 
 
 @dispatch("dynamics", shared=True)

@@ -44,8 +44,8 @@ def write(
     """Write all entries that are not summed, from the last evaluation in ``w`` and the arguments.
 
     ``mean`` (m + 1, 6): mean wrenches of the step, N and N m, the ground's last; ``speed``, m/s, along the chain;
-    ``heading`` of the carrier, a unit vector; ``tension``: least, mean, largest, N, and largest stress, Pa; ``energy``:
-    kinetic, strain, gravity, J.
+    ``heading`` of the wheels' frame, a unit vector; ``tension``: least, mean, largest, N, and largest stress, Pa;
+    ``energy``: kinetic, strain, gravity, J.
     """
     report[SPEED] = speed
     report[T_MIN], report[T_MEAN], report[T_MAX], report[STRESS] = tension

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Motion = ChainState | flexible.Motion  # of a chain at an evaluation: its State, or what an implicit step evaluates
 
 
-Carrier = tuple[Vector, Vector, Vector, tuple[float, float]]  # result of ``carrier.carrier``
+WheelFrame = tuple[Vector, Vector, Vector, tuple[float, float]]  # result of ``wheel_frame``
 # result of ``interface.locate_section``; Any: each kind of link puts into it what it reads from it
 Section = tuple[Any, ...]
 Links = object  # parameters of links: of any class that ``jit.implemented_in`` declares

@@ -28,7 +28,7 @@ from orchestrator.results.units import hours
 from orchestrator.vocabulary.analyses import UNSTRESSED
 
 FIBRES = ("outer", "inner")
-SHOWN = 10  # links of a track in the printed table
+MAX_LINKS = 10  # links of a track in the printed table
 COUNTS = "damage of the window repeated: its residue closes to whole cycles; once: the residue counts as half cycles"
 ALONG = "stress: mean along a link at its outer and inner fibre, which is less than the largest along the link"
 
@@ -121,7 +121,7 @@ class Fatigue(NamedTuple):
 
     def table(self) -> Table:
         """Table of the most damaged links of each track."""
-        return self._table(SHOWN)
+        return self._table(MAX_LINKS)
 
     def series(self) -> Table:
         """Table of all links."""

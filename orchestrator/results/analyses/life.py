@@ -28,7 +28,7 @@ from orchestrator.vocabulary.analyses import check_by
 FORCE = "joint[*].force"
 DETAILS = ("pin bending", "pin shear", "body")
 PARTS = ("pin", "pin", "body")  # tables of their materials
-SHOWN = 5  # pins of a track in the printed table
+MAX_PINS = 5  # pins of a track in the printed table
 CYCLES = ("pin", ""), ("range", "kN"), ("mean", "kN"), ("cycles", ""), ("largest force at", "s")
 MATRIX = ("range from", "kN"), ("range to", "kN"), ("mean from", "kN"), ("mean to", "kN"), ("cycles", "")
 BY = {  # and columns
@@ -119,9 +119,11 @@ class Life(NamedTuple):
         """Table of the most damaged pins of each track; with ``by`` of shares of the damage, by part or phase."""
         if self.by == "cycle":
             whole = self._shares(None)
-            worst = sorted(whole.rows, key=lambda row: -row[2])[:SHOWN]
-            return whole._replace(rows=worst, notes=(f"the {SHOWN} largest of {len(whole.rows)}; -o FILE.csv has all",))
-        return self._shares(1 if self.by == "place" else None) if self.by else self._table(SHOWN)
+            worst = sorted(whole.rows, key=lambda row: -row[2])[:MAX_PINS]
+            return whole._replace(
+                rows=worst, notes=(f"the {MAX_PINS} largest of {len(whole.rows)}; -o FILE.csv has all",)
+            )
+        return self._shares(1 if self.by == "place" else None) if self.by else self._table(MAX_PINS)
 
     def series(self) -> Table:
         """Table of all pins; with ``by`` of shares of the damage, by place or phase."""

@@ -25,7 +25,7 @@ from orchestrator.results.run_data import EVER, TENSION, RunData, Window
 from orchestrator.results.table import Table, without_rounding
 from orchestrator.vocabulary.analyses import check_by
 
-KINDS = {"joint": "joint[*].force", "ground": "link[*].ground.force", "wheels": "link[*].wheels.force"}
+FORCE_SIGNALS = {"joint": "joint[*].force", "ground": "link[*].ground.force", "wheels": "link[*].wheels.force"}
 AXES = ("along", "across", "outwards")
 COLUMNS = (
     ("track", ""), ("component", ""), ("unit", ""), ("least", ""), ("least at", "s"), ("least in link", ""),
@@ -50,7 +50,7 @@ class LinkForces(NamedTuple):
     def components(self) -> dict[tuple[str, str], Floats]:
         """Recorded components (m, links) by name and unit."""
         found: dict[tuple[str, str], Floats] = {}
-        for kind in KINDS:
+        for kind in FORCE_SIGNALS:
             force = getattr(self, kind)
             sized = np.concatenate([force, np.linalg.norm(force, axis=2, keepdims=True)], axis=2)
             found |= {(f"{kind} force {axis}", "kN"): sized[..., k] / 1e3 for k, axis in enumerate((*AXES, "size"))}
@@ -140,12 +140,12 @@ def _part(run: RunData, track: str, name: str, extreme: Extreme) -> str:
 
 def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForces]:
     """Forces on links in blocks of records, so long runs need no more memory; raises Missing."""
-    kinds = [kind for kind, signal in KINDS.items() if record_blocks.has(run, track, signal)]
+    kinds = [kind for kind, signal in FORCE_SIGNALS.items() if record_blocks.has(run, track, signal)]
     fibres = record_blocks.has(run, track, "link[*].fibre.outer")
     links = record_blocks.count(run, track)
     if not links or not (kinds or fibres):
         raise Missing(f"{run.log.path} holds no force and no fibre stress of the links of '{track}'")
-    signals = [record_blocks.POSITION, *(KINDS[kind] for kind in kinds)]
+    signals = [record_blocks.POSITION, *(FORCE_SIGNALS[kind] for kind in kinds)]
     signals += ["joint[*].axis"] * record_blocks.has(run, track, "joint[*].axis")
     signals += ["link[*].fibre.outer", "link[*].fibre.inner"] * fibres
     area, bending, fibre = (
@@ -162,9 +162,9 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
         if len({values[f"link[*].fibre.{side}"].shape for side in ("outer", "inner") if fibres}) > 1:
             raise Missing(f"{run.log.path} holds other numbers of outer than of inner fibres of '{track}'")
         axes = link_axes(block.pins, across, links)
-        if any(values[KINDS[kind]][:, :links].shape != axes.shape[:3] for kind in kinds):
+        if any(values[FORCE_SIGNALS[kind]][:, :links].shape != axes.shape[:3] for kind in kinds):
             raise Missing(f"{run.log.path} holds other numbers of links than of pins of '{track}'")
-        forces = {kind: np.einsum("mni,mnij->mnj", values[KINDS[kind]][:, :links], axes) for kind in kinds}
+        forces = {kind: np.einsum("mni,mnij->mnj", values[FORCE_SIGNALS[kind]][:, :links], axes) for kind in kinds}
         none, empty = np.empty((len(block.t), 0, 3)), np.empty((len(block.t), 0))
         outer, inner = (values.get(f"link[*].fibre.{side}", empty) for side in ("outer", "inner"))
         yield LinkForces(

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-KINDS = (".png", ".svg", ".pdf")
+PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 STYLES = (("-", "solid"), ("--", "dashed"), (":", "dotted"), ("-.", "dash-dotted"))  # by log
 INSIDE, LEGEND, BESIDE = 4, 10, 24  # most curves for: legend inside, thick lines, legend beside; more: none
 NOTE: dict[str, Any] = {"textcoords": "offset points", "fontsize": 7}  # on a part of the circuit
@@ -33,7 +33,7 @@ DECADES = 1e-4  # of the largest amplitude: lower limit of the axis
 
 def draw(logs: Sequence[Path], signals: Sequence[str], output: Path, window: Window = EVER, **form: Any) -> None:
     """Write a picture of signals; ``form`` and errors as of ``figure_of``. Raises BadInput for a bad ``output``."""
-    check_output(output, KINDS)
+    check_output(output, PICTURE_SUFFIXES)
     figure = figure_of(logs, signals, window, **form)
     with atomic_write(output) as temporary:
         figure.savefig(temporary, dpi=120)

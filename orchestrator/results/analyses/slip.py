@@ -19,14 +19,14 @@ from orchestrator.results.run_data import EVER, RunData, Window, mean
 from orchestrator.results.table import Table
 
 SLOWEST = 0.05  # m/s: a slower chain stands, so that a lag is no share of its speed
-MOST = 4.0  # lag over speed beyond which a chain stands too: the vehicle slides on it
+MAX_LAG = 4.0  # lag over speed beyond which a chain stands too: the vehicle slides on it
 TURN = 2.0 * np.pi
 MOTION = [f"chassis.chassis.{part}.{axis}" for part in ("velocity", "angular_velocity") for axis in "xyz"]
 
 
 def towards(speed: Floats, lag: Floats) -> Floats:
     """Direction in which a chain runs, 1 or -1; where it stands, that in which the vehicle slides."""
-    return np.asarray(np.where(MOST * np.abs(speed) > np.abs(lag), np.sign(speed), -np.sign(lag)))
+    return np.asarray(np.where(MAX_LAG * np.abs(speed) > np.abs(lag), np.sign(speed), -np.sign(lag)))
 
 
 def mean_lag(t: Floats, speed: Floats, lag: Floats) -> float:
@@ -36,7 +36,7 @@ def mean_lag(t: Floats, speed: Floats, lag: Floats) -> float:
 
 def ratios(speed: Floats, lag: Floats) -> Floats:
     """Lag over speed; NaN where the chain stands."""
-    runs = np.abs(speed) > np.maximum(SLOWEST, np.abs(lag) / MOST)
+    runs = np.abs(speed) > np.maximum(SLOWEST, np.abs(lag) / MAX_LAG)
     return np.asarray(np.where(runs, lag / np.where(runs, speed, 1.0), np.nan))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orchestrator.log.recorded_system import signal_description
-from orchestrator.results.energy import CAUSE, KINDS, STORED, Ledger, changes, powers
+from orchestrator.results.energy import CAUSE, STORED, STORED_ENERGIES, Ledger, changes, powers
 from orchestrator.results.page.embedded import instance, plain, quantity, text
 from orchestrator.results.page.section import Content, PageSection, Pair, Trace, lines, table, waterfall
 from orchestrator.results.run_data import RunData, Window
@@ -67,7 +67,7 @@ def _sources(ledger: Ledger) -> list[str]:
         if -energy > SHARE * ledger.supplied
     ]
     if released:
-        kinds = and_list([KINDS[kind] for kind in sorted(released, key=lambda kind: -released[kind])])
+        kinds = and_list([STORED_ENERGIES[kind] for kind in sorted(released, key=lambda kind: -released[kind])])
         parts.append(f"{quantity(sum(released.values()), 'J')} released ({kinds})")
     return parts
 
@@ -84,7 +84,9 @@ def sentence(ledger: Ledger, component_losses: dict[str, Loss]) -> str:
         ((kind, energy) for kind, energy in ledger.stored.items() if energy > 0.0), key=lambda item: -item[1]
     )
     if stored := sum(energy for _, energy in kinds):
-        named = [f"{KINDS[kind]} {quantity(energy, 'J')}" for kind, energy in kinds if energy > SMALL * supplied]
+        named = [
+            f"{STORED_ENERGIES[kind]} {quantity(energy, 'J')}" for kind, energy in kinds if energy > SMALL * supplied
+        ]
         parts = f": {and_list(named)}" if named else ""
         sentences.append(f"{quantity(stored, 'J')}{_share(stored, supplied)} is stored at the end{parts}.")
     sentences += [
@@ -136,8 +138,14 @@ def energy(pair: Pair) -> PageSection | None:
 def _bars(run: RunData, ledger: Ledger, component_losses: dict[str, Loss]) -> list[tuple[str, float, str]]:
     """Name, energy, J, and role of each bar, without bars too small to be seen."""
     rows = [("put in by drives", ledger.work, "work")]
-    rows += [(f"released: {KINDS[kind]}", change, "stored") for kind, change in ledger.stored.items() if change < 0.0]
-    rows += [(f"stored: {KINDS[kind]}", change, "stored") for kind, change in ledger.stored.items() if change > 0.0]
+    rows += [
+        (f"released: {STORED_ENERGIES[kind]}", change, "stored")
+        for kind, change in ledger.stored.items()
+        if change < 0.0
+    ]
+    rows += [
+        (f"stored: {STORED_ENERGIES[kind]}", change, "stored") for kind, change in ledger.stored.items() if change > 0.0
+    ]
     rows += [
         (f"dissipated: {plain(name)}{_sides(run, name)}", loss.dissipated, "lost")
         for name, loss in component_losses.items()
@@ -276,7 +284,7 @@ def flows(run: RunData, window: Window) -> list[Flow]:
         for kind in STORED:
             stored[kind] += power.get(kind, 0.0)
     how = {kind: "stored in" if power > 0.0 else "given back by" for kind, power in stored.items()}
-    return all_flows + [Flow(f"{how[kind]} {KINDS[kind]}", -power) for kind, power in stored.items()]
+    return all_flows + [Flow(f"{how[kind]} {STORED_ENERGIES[kind]}", -power) for kind, power in stored.items()]
 
 
 def _powers(flows: list[Flow]) -> str:

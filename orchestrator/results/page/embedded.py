@@ -35,13 +35,13 @@ def script(table: Any) -> str:
     return content.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-MOST = 300  # characters of a text from a log
+MAX_TEXT = 300  # characters of a text from a log
 
 
 def text(value: Any) -> str:
-    """Text of any origin, escaped for HTML and cut at MOST characters."""
+    """Text of any origin, escaped for HTML and cut at MAX_TEXT characters."""
     printable = "".join(c if c.isprintable() else " " for c in str(value))
-    return html.escape(printable if len(printable) <= MOST else f"{printable[:MOST]} ...")
+    return html.escape(printable if len(printable) <= MAX_TEXT else f"{printable[:MAX_TEXT]} ...")
 
 
 def quantity(value: float, unit: str, digits: int = 4) -> str:

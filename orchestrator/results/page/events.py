@@ -15,7 +15,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number, percent
 from orchestrator.vocabulary import and_list
 
-SHOWN = 40  # rows, and warnings
+MAX_ROWS = 40  # rows, and warnings
 
 
 class EventRow(NamedTuple):
@@ -31,10 +31,10 @@ def event_section(pair: Pair) -> PageSection:
     """Section with events, warnings and extremes in order of time, and the events that did not happen."""
     run = pair.run.run
     event_rows = sorted([*rows(run), *_peak_rows(pair)], key=lambda row: row.t)
-    cells = [(f"{number(row.t)} s", row.what, row.where, row.detail) for row in event_rows[:SHOWN]]
+    cells = [(f"{number(row.t)} s", row.what, row.where, row.detail) for row in event_rows[:MAX_ROWS]]
     html = table(("First at", "What", "Where", "How much, how often"), cells) if cells else ""
-    if len(event_rows) > SHOWN:
-        html += f"<p class='muted'>and {len(event_rows) - SHOWN} more.</p>"
+    if len(event_rows) > MAX_ROWS:
+        html += f"<p class='muted'>and {len(event_rows) - MAX_ROWS} more.</p>"
     loaded = any(name.endswith(".load") for name in pair.run.signals)
     early = [
         name
@@ -81,7 +81,7 @@ def _absences(run: RunData, event_rows: list[EventRow], loaded: bool, some_settl
 def rows(run: RunData) -> list[EventRow]:
     """Rows of events and limits of validity in order of time; raises LogUnreadable."""
     event_rows = [*_unloaded_rows(run), *_rejection_rows(run)]
-    warnings = [*events.warnings(run)][:SHOWN]
+    warnings = [*events.warnings(run)][:MAX_ROWS]
     event_rows += [EventRow(event.t, "Warning", instance(event.component), text(event.text)) for event in warnings]
     event_rows += [
         EventRow(entry.time, f"Limit of validity, {entry.severity}", instance(entry.component), text(entry.sentence))

@@ -21,7 +21,7 @@ from orchestrator.results.views.shapes import DRAWN, HullBody, LinkPart, in_worl
 from orchestrator.results.views.solids import scale_arrow
 
 RATE = 25.0  # pictures a second at most
-MOST = 500  # pictures in all
+MAX_PICTURES = 500  # pictures in all
 UNIT = 5e-4  # m: unit of places, which are integers of two bytes, up to 16 m
 MARGIN = 0.15  # m round the drawn bodies
 CORNERS = 200  # of the section of a terrain in a picture at most
@@ -39,8 +39,8 @@ def player(run: RunData, track: str, reference: RunData | None = None, turns: bo
     if not bodies.tracks:
         raise ValueError("places of pins were not recorded")
     span = float(bodies.t[-1] - bodies.t[0])
-    bodies.select_instants(np.linspace(bodies.t[0], bodies.t[-1], int(np.clip(span * RATE, 1, MOST - 1)) + 1))
-    poses = next(bodies.blocks(MOST))
+    bodies.select_instants(np.linspace(bodies.t[0], bodies.t[-1], int(np.clip(span * RATE, 1, MAX_PICTURES - 1)) + 1))
+    poses = next(bodies.blocks(MAX_PICTURES))
     cameras = _cameras(bodies, poses, track)
     links, (shape,) = poses.links[track], bodies.tracks
     assert links.colour is not None, "a page has a player of links whose tensions were recorded"
@@ -96,7 +96,7 @@ def _chain(run: RunData, track: str, t: Floats) -> dict[str, Any]:
     bodies = Bodies(run, EVERY, track=track)
     times = bodies.t[nearest(bodies.t, t[t <= bodies.end + 0.5 / RATE])]
     bodies.select_instants(times)
-    poses = next(bodies.blocks(MOST))
+    poses = next(bodies.blocks(MAX_PICTURES))
     rows = nearest(poses.t, times)
     pins = _projected(_cameras(bodies, poses, track), poses.links[track].pins)[rows]
     (shape,) = bodies.tracks
@@ -181,7 +181,7 @@ def _sections(bodies: Bodies, cameras: list[Camera], t: Floats, low: Floats, hig
     }
 
 
-LONGEST = 0.7  # m: arrow of the largest force
+ARROW_LENGTH = 0.7  # m: arrow of the largest force
 ROOM = 0.5  # m round the tracks
 
 
@@ -212,10 +212,10 @@ def above(run: RunData, t: Floats) -> dict[str, Any] | None:
         "heading": floats(np.arctan2(ahead[:, 1], ahead[:, 0])),
         "counts": lower.sum(axis=1).tolist(),
         "feet": shorts(feet, UNIT),
-        "arrows": shorts(force * LONGEST / largest, UNIT),
+        "arrows": shorts(force * ARROW_LENGTH / largest, UNIT),
         "unit": UNIT,
         "largest": largest,
-        "scale": scale_arrow(LONGEST, largest / LONGEST)._asdict(),
+        "scale": scale_arrow(ARROW_LENGTH, largest / ARROW_LENGTH)._asdict(),
         "half": (bodies.tracks[0].half[:2]).tolist(),
         "reach": float(np.abs(feet).max()) + ROOM,
     }

@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.units import figure, size
-from orchestrator.vocabulary.limits import KINDS
+from orchestrator.vocabulary.limits import VALIDITY_KINDS
 
 WARNING, FAILURE = "warning", "failure"
 
@@ -18,7 +18,7 @@ WARNING, FAILURE = "warning", "failure"
 class Exceedance(NamedTuple):
     """Limit that a run exceeded."""
 
-    what: str  # key of ``limits.KINDS``
+    what: str  # key of ``limits.VALIDITY_KINDS``
     component: str
     time: float  # s, first time
     place: str  # on the component, "road_wheel[3]"; empty for the whole
@@ -29,7 +29,7 @@ class Exceedance(NamedTuple):
     @property
     def sentence(self) -> str:
         """Sentence for the reader."""
-        kind = KINDS[self.what]
+        kind = VALIDITY_KINDS[self.what]
         value, limit = (figure(number / size(kind.unit), 3) for number in (self.value, self.limit))
         where = f" at {self.place}" if self.place else ""
         advice = kind.advice.format(0.99 * self.limit / (self.value or 1.0))  # rounding does not lengthen it
@@ -76,7 +76,7 @@ def recorded_entries(results: Mapping[str, str]) -> list[dict[str, Any]]:
     return [
         entry
         for entry in tables
-        if {key: type(value) for key, value in entry.items()} == types and entry["what"] in KINDS
+        if {key: type(value) for key, value in entry.items()} == types and entry["what"] in VALIDITY_KINDS
     ]
 
 

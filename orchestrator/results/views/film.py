@@ -31,7 +31,7 @@ RATES = {".mp4": 25, ".gif": 12.5}  # pictures a second; a GIF has whole hundred
 STILL = ".png"
 WIDTHS = {".mp4": 1280, ".gif": 800, STILL: 1280}  # pixels
 DPI = 100
-LONGEST = 3600.0  # s
+MAX_DURATION = 3600.0  # s
 TOP, BESIDE, EDGE = 64, 130, 12  # pixels of title, colour scale and border
 MARGIN = 0.3  # m round the bodies
 ARROW, HEAD = 0.15, 0.009  # longest scale arrow, and heads of arrows, over the width of the picture
@@ -53,8 +53,10 @@ def write(path: Path, output: Path, viewpoint: str = "right", colour: str | None
     with Log(path) as log:
         log.require_window(*window)
         bodies = Bodies(RunData(log), RATES[suffix], colour, window)
-        if bodies.t[-1] - bodies.t[0] > LONGEST:
-            raise BadInput(f"{path} is {bodies.t[-1] - bodies.t[0]:.9g} s long: a film is of {LONGEST:g} s at most")
+        if bodies.t[-1] - bodies.t[0] > MAX_DURATION:
+            raise BadInput(
+                f"{path} is {bodies.t[-1] - bodies.t[0]:.9g} s long: a film is of {MAX_DURATION:g} s at most"
+            )
         picture = FilmPicture(bodies, viewpoint, WIDTHS[suffix])
         with atomic_write(output) as temporary:
             if ffmpeg:

@@ -18,7 +18,7 @@ from orchestrator.log.time_series import ALL_TIME, Floats
 from orchestrator.results.analyses import profile, record_blocks, wheel_loads
 from orchestrator.results.run_data import POSITION, TENSION, RunData, Window
 from orchestrator.results.units import size
-from orchestrator.results.views.pose_columns import LONGEST, matched_times
+from orchestrator.results.views.pose_columns import MAX_TIME, matched_times
 
 ROUNDING = 1e-9  # of each shown unit: smaller values are rounding, and are shown as 0
 LOADS, MOTION = "loads", "motion"  # groups of plots, which viewers show in turn
@@ -78,7 +78,7 @@ def curves(
     """Yield plot, signal, times (m,), s, and values (m,) in the unit of the title: all records, in blocks."""
     plot_of_signal = {signal: plot for plot in chosen for signal in plot.signals}
     for signal, t, values in chain(_recorded(run, plot_of_signal, window), _loads(run, plot_of_signal, window)):
-        plot, kept = plot_of_signal[signal], (t >= 0.0) & (t < LONGEST)
+        plot, kept = plot_of_signal[signal], (t >= 0.0) & (t < MAX_TIME)
         shown = values[kept] * (1.0 / plot.size)
         yield plot, signal, t[kept], np.where(np.abs(shown) < ROUNDING, 0.0, shown)
 

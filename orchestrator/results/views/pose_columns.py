@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 
-LONGEST = 1e9  # s: later times are damage
+MAX_TIME = 1e9  # s: later times are damage
 SAME = 1e-9  # s: tolerance of equal times
 
 
@@ -63,7 +63,7 @@ class PoseColumns:
         end = max((float(t[-1]) for t in (common, *others) if len(t)), default=0.0)
         for other in others:
             common = common[matched_times(common, other)[1]] if len(other) else other
-        return common[(common >= 0.0) & (common < LONGEST)], end
+        return common[(common >= 0.0) & (common < MAX_TIME)], end
 
     def read(self, t: Floats) -> dict[str, Floats]:
         """Read the values (m, columns) by topic, recorded at these times (m,), s."""

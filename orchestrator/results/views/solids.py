@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.ground_mesh import MOST, GroundHole, GroundMesh, ground_mesh
+from orchestrator.results.ground_mesh import MAX_QUADRANGLES, GroundHole, GroundMesh, ground_mesh
 from orchestrator.results.ground_surface import GroundSurface, whole_metres
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.shapes import HullBody, LinkPart, WheelBody, boxes, rim
@@ -62,7 +62,7 @@ class Reach(NamedTuple):
         lines = across(profile, whole_metres(low, high), far) + np.array([0.0, 0.0, OVER])
         return draped(across(profile, profile.corners_between(low, high), far)), lines
 
-    def mesh(self, profile: GroundSurface, room: float = ROOM, most: int = MOST) -> GroundMesh:
+    def mesh(self, profile: GroundSurface, room: float = ROOM, most: int = MAX_QUADRANGLES) -> GroundMesh:
         """Return a mesh of a terrain within the extent and ``room``, m, beyond, of at most ``most`` quadrangles."""
         far = self.far + room
         ends = np.array([self.low - room, self.low - room, self.high + room, self.high + room])

@@ -166,7 +166,7 @@ def recorded(scene: Scene) -> Iterator[TrialRun]:
     """Run of a trial; its log is deleted with the context. Raises RuntimeError if it fails."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = Path(folder) / "run.mcap"
-        summary = simulate(scene, path, answer=True)
+        summary = simulate(scene, path, raise_faults=True)
         if summary["status"] != "ok":
             raise RuntimeError(f"{scene.title}: {summary['message']}")
         with Log(path) as log:

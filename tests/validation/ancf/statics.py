@@ -8,14 +8,16 @@ from scipy.sparse.linalg import splu
 from fmus.physics.arrays import Floats
 from tests.validation.ancf.mesh import Mesh
 
-MOST = 30  # iterations of Newton's method in a load step
+MAX_ITERATIONS = 30  # iterations of Newton's method in a load step
 
 
 class NotFound(ArithmeticError):
     """Newton's method found no equilibrium."""
 
 
-def newton(mesh: Mesh, q: Floats, share: float, tolerance: float, most: int = MOST) -> tuple[Floats, int] | None:
+def newton(
+    mesh: Mesh, q: Floats, share: float, tolerance: float, most: int = MAX_ITERATIONS
+) -> tuple[Floats, int] | None:
     """Equilibrium near ``q`` under a share of the loads, and iterations; None if Newton does not converge."""
     q, before = q.copy(), np.inf
     for k in range(1, most + 1):
@@ -47,6 +49,6 @@ def equilibrium(mesh: Mesh, q: Floats, steps: int = 10, tolerance: float = 1e-10
             continue
         share += step
         q, iterations = solution
-        if iterations < MOST // 3:
+        if iterations < MAX_ITERATIONS // 3:
             step *= 1.5
     return q

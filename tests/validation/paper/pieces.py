@@ -32,7 +32,7 @@ from orchestrator.scene.kinds import Scene
 from orchestrator.studies import Row
 from tests.validation.paper.links import storage
 from tests.validation.paper.models import CLOSED, RIGID_SPRING, named, scene
-from tests.validation.paper.states import LONGEST, whole
+from tests.validation.paper.states import MAX_STEP, whole
 
 BEGIN = 4.0  # s
 LONG, QUICK = 0.2, 0.02  # s, of a piece
@@ -164,7 +164,7 @@ class Drive:
         """Vehicle with a method at a fraction of the stable step or at a tolerance, compiled for timing."""
         integration: dict[str, Any] = {"refine": setting}
         if method == ADAMS:  # only outputs and errors limit steps
-            integration = {"integrator": "adams", "rtol": setting, "atol": setting, "refine": LONGEST / interval}
+            integration = {"integrator": "adams", "rtol": setting, "atol": setting, "refine": MAX_STEP / interval}
         vehicle = whole(self.scene, **integration)
         self._timed(vehicle, 1e-6, 1e-6)
         return vehicle

@@ -24,8 +24,8 @@ from orchestrator.scene.placing import placed
 from tests.validation.paper.models import Model, scene
 
 LOGS = "logs"
-SHOWN = ("tension", "position", "force", "slopes")
-RECORDED = (f"track.link_outputs={json.dumps(SHOWN)}", "run.links=4", "run.checkpoints=0.25 s", "expect={}")
+SIGNALS = ("tension", "position", "force", "slopes")
+RECORDED = (f"track.link_outputs={json.dumps(SIGNALS)}", "run.links=4", "run.checkpoints=0.25 s", "expect={}")
 
 
 class NotThere(RuntimeError):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from fmus.fmi.saved import from_bytes
-from fmus.monolith.model import LONGEST, Monolith, initialised_model
+from fmus.monolith.model import MAX_STEP, Monolith, initialised_model
 from orchestrator.cosim import checkpoint
 from orchestrator.execution.monolithic import parts_of
 from orchestrator.log.log_metadata import CHECKPOINT, checkpoint_step
@@ -16,7 +16,7 @@ from orchestrator.scene.assembly import assemble
 from orchestrator.scene.kinds import Scene
 from orchestrator.scene.placing import placed
 
-__all__ = ["LONGEST", "model", "saved", "whole"]
+__all__ = ["MAX_STEP", "model", "saved", "whole"]
 
 
 def saved(log: Log) -> Iterator[tuple[float, dict[str, Floats]]]:

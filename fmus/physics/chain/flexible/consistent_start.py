@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 PROBE = 1e-7  # deformation of a link in the difference quotients
-LONGEST = 0.05  # largest deformation in a step of Newton's iteration
+MAX_DEFORMATION_CHANGE = 0.05  # largest deformation in a step of Newton's iteration
 ROUNDS = 50
 
 # residuals of the chain at rest (links, rows, axes) by its accelerations (nodes, width)
@@ -186,5 +186,7 @@ def balance_links(chain: OpenChain, residuals: Residuals, tolerance: float) -> b
         largest = float(np.abs(step).max())
         if not largest < np.inf:
             return False
-        chain.deform(np.where(free, step[numbers], 0.0) * min(1.0, LONGEST / max(largest, LONGEST)))
+        chain.deform(
+            np.where(free, step[numbers], 0.0) * min(1.0, MAX_DEFORMATION_CHANGE / max(largest, MAX_DEFORMATION_CHANGE))
+        )
     return False

@@ -24,7 +24,6 @@ import numpy as np
 from fmus.kernels.jit import implemented_in, namesake
 from fmus.physics import block_cyclic
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.carrier import chain_speed
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
     AXES,
@@ -41,13 +40,14 @@ from fmus.physics.chain.flexible.closing import first_joined
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.link_layout import chosen, layout_of_halves, node, placed, with_torques
 from fmus.physics.chain.flexible.state import Motion
+from fmus.physics.chain.wheel_frame import chain_speed
 from fmus.physics.elimination import invert
 from fmus.physics.integrate.generalized_alpha import Slopes
 
 if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.state import State, Work
-    from fmus.physics.chain.state import Carrier
+    from fmus.physics.chain.state import WheelFrame
 
 
 NODE = 6  # coordinates of a node: position (3), slope (3)
@@ -162,10 +162,10 @@ def project(links: ConstrainedCables, s: State, w: Work) -> None:
 
 
 @namesake
-def pin_speed(links: ConstrainedCables, carrier: Carrier, s: State, w: Work) -> float:
+def pin_speed(links: ConstrainedCables, frame: WheelFrame, s: State, w: Work) -> float:
     places, rates, pins = w.joints.places, w.joints.rates, links.n if links.closed == 1 else links.n + 1
     for j in range(pins):
         i = node(LAYOUT, 2 * links.n, j)
         for k in range(3):
             places[j, k], rates[j, k] = s.q[i, k], s.v[i, k]
-    return chain_speed(places[:pins], rates[:pins], links.closed == 1, carrier)
+    return chain_speed(places[:pins], rates[:pins], links.closed == 1, frame)

@@ -16,7 +16,6 @@ import numpy as np
 from fmus.kernels.jit import allocating, kernel, namesake, noalias
 from fmus.physics.ancf.element import highest_frequency, vector_count
 from fmus.physics.arrays import Floats, Integers
-from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.flexible import pins
 from fmus.physics.chain.flexible.assembly import axials, evaluate, totals
 from fmus.physics.chain.flexible.closing import square_of_frequency
@@ -46,11 +45,12 @@ from fmus.physics.chain.flexible.interface import project as project_joints
 from fmus.physics.chain.flexible.link_layout import ends, node
 from fmus.physics.chain.flexible.pins import newton_joints  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.implicit import CHORD, FASTEST, MOST, REUSE, SLOW
+from fmus.physics.chain.implicit import CHORD, FASTEST, MAX_ITERATIONS, REUSE, SLOW
 from fmus.physics.chain.integration import CROWDED, DONE, PULLED, SINGULAR, STALLED
 from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS, SPEED, write
 from fmus.physics.chain.state import copy_rows
+from fmus.physics.chain.wheel_frame import wheel_frame
 from fmus.physics.elementary import hypot
 from fmus.physics.integrate import generalized_alpha
 from fmus.physics.integrate.generalized_alpha import Slopes, auxiliary
@@ -94,7 +94,7 @@ def newton(
     size, last, worst, where = np.inf, np.inf, 0.0, 0
     sharp = w.contact.sharp
     sharp[0] = 0
-    for _ in range(MOST):
+    for _ in range(MAX_ITERATIONS):
         fresh = size > CHORD or size > REUSE * last or sharp[0] == 1  # near the solution the last matrix is reused
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if fresh:
@@ -205,19 +205,19 @@ def end_work(links: FlexibleLinks, env: Environment, h: float, s: State, w: Work
 
 @namesake
 def speed(links: FlexibleLinks, env: Environment, s: State, w: Work) -> float:
-    return pin_speed(links, carrier(w.flat, env.mount), s, w)
+    return pin_speed(links, wheel_frame(w.flat, env.mount), s, w)
 
 
 @namesake
 def first_speed(links: FlexibleLinks, env: Environment, s: State, w: Work, report: Floats) -> float:
-    """As reported, so relative to the carrier as it was extrapolated to the present time."""
+    """As reported, so relative to the wheel frame as it was extrapolated to the present time."""
     return report[SPEED]
 
 
 @namesake
 def observe(links: FlexibleLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
     tension, energy = totals(links, env, s, w)
-    write(report, w, s.mean, speed(links, env, s, w), carrier(w.wheels, env.mount)[3], tension, energy)
+    write(report, w, s.mean, speed(links, env, s, w), wheel_frame(w.wheels, env.mount)[3], tension, energy)
 
 
 @namesake

@@ -17,8 +17,8 @@ from fmus.kernels.jit import dispatch, kernel
 from fmus.physics import block_cyclic
 from fmus.physics.ancf.element import axis_count, vector_count
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.chain.carrier import chain_speed
 from fmus.physics.chain.flexible import inertia
+from fmus.physics.chain.wheel_frame import chain_speed
 
 if TYPE_CHECKING:
     from fmus.physics.ancf.element import Element
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.state import Motion, State, Work
     from fmus.physics.chain.implicit import ImplicitMethod
-    from fmus.physics.chain.state import Carrier
+    from fmus.physics.chain.state import WheelFrame
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 
@@ -280,7 +280,7 @@ def project(links: FlexibleLinks, s: State, w: Work) -> None:
 
 
 @dispatch("joints", default=True)
-def pin_speed(links: FlexibleLinks, carrier: Carrier, s: State, w: Work) -> float:
-    """``chain_speed``, m/s, of the pins relative to the ``carrier``, each pin counted once."""
+def pin_speed(links: FlexibleLinks, frame: WheelFrame, s: State, w: Work) -> float:
+    """``chain_speed``, m/s, of the pins relative to the ``frame``, each pin counted once."""
     n, pins = axis_count(links.element), links.n if links.closed == 1 else links.n + 1
-    return chain_speed(s.q[:pins, :n], s.v[:pins, :n], links.closed == 1, carrier)
+    return chain_speed(s.q[:pins, :n], s.v[:pins, :n], links.closed == 1, frame)

@@ -25,7 +25,7 @@ PROBE = 1e-7  # change of an unknown in the difference quotients
 # Change of a coordinate to either side, m. The quotient has to resolve the stiffness of a slow loop, spin^2 m: rounding
 # of the residuals hides it in shorter changes, the curvature of stiff links in longer or one-sided ones.
 STRIDE = 2e-6
-LONGEST = 0.05  # largest change in a step of Newton's iteration; relative for the radius
+MAX_CHANGE = 0.05  # largest change in a step of Newton's iteration; relative for the radius
 ROUNDS = 60
 
 Residuals = Callable[[Floats], Floats]  # residuals of the loop (links, rows, axes) by its accelerations (nodes, width)
@@ -71,7 +71,7 @@ def deform_polygon(
         now = lacks(link)
         answers = [(lacks(deformed(link, probe)) - now) / PROBE for probe in PROBE * np.eye(size)]
         change = solved(np.stack(answers, axis=1), -now)
-        link = deformed(link, change * min(1.0, LONGEST / max(np.abs(change).max(), LONGEST)))
+        link = deformed(link, change * min(1.0, MAX_CHANGE / max(np.abs(change).max(), MAX_CHANGE)))
         if np.abs(now).max() < tolerance:  # the step above was the last: pins of a long loop rotate little
             lacks(link)
             return True
@@ -136,5 +136,5 @@ def deform_open_mesh(
         turn = turned.reshape(-1)[used, None]
         bordered = np.block([[K[np.ix_(used, used)], turn], [turn.T, np.zeros((1, 1))]])
         change = solved(bordered, -np.append(lacks[used], 0.0))[:-1]
-        flat[used] += change * min(1.0, LONGEST / max(np.abs(change).max(), LONGEST))
+        flat[used] += change * min(1.0, MAX_CHANGE / max(np.abs(change).max(), MAX_CHANGE))
     return False

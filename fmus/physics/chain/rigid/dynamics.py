@@ -14,7 +14,6 @@ import numpy as np
 
 from fmus.kernels.jit import allocating, kernel, namesake
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.chain.carrier import carrier, chain_speed
 from fmus.physics.chain.link_columns import JOINT, MOMENT
 from fmus.physics.chain.report import write
 from fmus.physics.chain.rigid import closing
@@ -27,6 +26,7 @@ from fmus.physics.chain.rigid.newton import (
 )
 from fmus.physics.chain.state import add_share, copy, copy_rows
 from fmus.physics.chain.sums import END_POWER
+from fmus.physics.chain.wheel_frame import chain_speed, wheel_frame
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import ClosingSpring
@@ -162,7 +162,7 @@ def end_work(links: RigidLinks, env: Environment, h: float, s: State, w: Work) -
 @namesake
 def speed(links: RigidLinks, env: Environment, s: State, w: Work) -> float:
     pin_motion(links, s, w)
-    return chain_speed(w.pins[0], w.pins[1], links.ends.closed, carrier(w.wheels, env.mount))
+    return chain_speed(w.pins[0], w.pins[1], links.ends.closed, wheel_frame(w.wheels, env.mount))
 
 
 @namesake
@@ -183,7 +183,7 @@ def observe(links: RigidLinks, env: Environment, s: State, w: Work, report: Floa
         place = add(place, vector(s.q[i], 0))
     strain = strain_energy(links, s, w) + bush_energy(links.bushing, links, s, w)
     energy = kinetic, strain, -dot(scale(links.mass, env.gravity), place)
-    write(report, w, s.mean, along, carrier(w.wheels, env.mount)[3], (low, mean, high, 0.0), energy)
+    write(report, w, s.mean, along, wheel_frame(w.wheels, env.mount)[3], (low, mean, high, 0.0), energy)
 
 
 @kernel

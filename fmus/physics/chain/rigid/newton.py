@@ -19,7 +19,7 @@ import numpy as np
 from fmus.kernels.jit import allocating, kernel, noalias
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.bushing import FREE
-from fmus.physics.chain.implicit import CHORD, FASTEST, MOST, REUSE, SLOW
+from fmus.physics.chain.implicit import CHORD, FASTEST, MAX_ITERATIONS, REUSE, SLOW
 from fmus.physics.chain.integration import CROWDED, DONE, SINGULAR, STALLED
 from fmus.physics.chain.interface import add_last_correction
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
@@ -108,7 +108,7 @@ def newton(
     bounds = (COARSE_GAP, COARSE_FORCE) if h < TINY else (GAP, FORCE * method.tolerance)
     size, last, y, sharp = np.inf, np.inf, w.system, w.contact.sharp
     sharp[0], share, link, entry, moved = 0, 1.0, 0, 0, 0.0
-    for n in range(MOST):
+    for n in range(MAX_ITERATIONS):
         fresh = size > CHORD or size > REUSE * last or sharp[0] == 1  # near the solution the last matrix is reused
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if fresh:

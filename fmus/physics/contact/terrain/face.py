@@ -33,7 +33,7 @@ Foot = tuple[int, float, int, float]  # piece and length, m, of the profile, and
 Patch = tuple[Vector, Vector, Vector, Vector, Vector, Vector]  # S and its derivatives S_s, S_t, S_ss, S_st, S_tt
 
 CONVERGED = 1e-13  # estimated error of the depth where Newton's method ends, m
-MOST = 8  # corrections; points up to 0.15 m deep in every primitive need 6 at most (a test)
+MAX_CORRECTIONS = 8  # corrections; points up to 0.15 m deep in every primitive need 6 at most (a test)
 
 
 @kernel
@@ -71,7 +71,7 @@ def foot_point(terrain: Terrain, p: VectorLike, foot: Foot) -> Patch:
     """Surface at the foot point of ``p``, from a first ``foot``."""
     i, s, j, t = foot
     at = patch(terrain, foot)
-    for _ in range(MOST):
+    for _ in range(MAX_CORRECTIONS):
         S, S_s, S_t, S_ss, S_st, S_tt = at
         r = add(S, scale(-1.0, p))
         a, b, c = dot(S_s, S_s) + dot(r, S_ss), dot(S_s, S_t) + dot(r, S_st), dot(S_t, S_t) + dot(r, S_tt)

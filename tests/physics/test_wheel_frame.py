@@ -1,30 +1,30 @@
-"""The speed of a chain is relative to the carrier of its wheels: passing pins times the pitch."""
+"""The speed of a chain is relative to the wheel frame of its wheels: passing pins times the pitch."""
 
 import numpy as np
 import pytest
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from fmus.physics.chain import carrier as carriers
+from fmus.physics.chain import wheel_frame as frames
 from fmus.physics.chain.layout import closed_polygon
 from fmus.physics.wheels import WIDTH
 
 PITCH, LINKS = 0.1524, 64
 CENTRES = np.array([[0.0, 0.0], *([x, -0.215] for x in (-0.655, -1.322, -1.989, -2.656, -3.322)), [-4.0, -0.12]])
 RADII = np.array([0.2466, *5 * [0.334], 0.291])
-PASSING = 4.85  # m/s relative to the carrier
+PASSING = 4.85  # m/s relative to the wheel frame
 
-_carrier, _chain_speed = carriers.carrier, carriers.chain_speed  # callable from kernels only
-
-
-@njit
-def carrier(rows, mount):
-    return _carrier(rows, mount)
+_wheel_frame, _chain_speed = frames.wheel_frame, frames.chain_speed  # callable from kernels only
 
 
 @njit
-def chain_speed(x, v, closed, carrier):
-    return _chain_speed(x, v, closed, carrier)
+def wheel_frame(rows, mount):
+    return _wheel_frame(rows, mount)
+
+
+@njit
+def chain_speed(x, v, closed, frame):
+    return _chain_speed(x, v, closed, frame)
 
 
 def vehicle(turned=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), turning=(0.0, 0.0, 0.0), spin=20.0):
@@ -63,27 +63,27 @@ MOTIONS = {
 @pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS.keys())
 def test_speed_is_the_same_however_the_vehicle_moves(motion):
     rows, x, v = vehicle()
-    still = chain_speed(x, v, True, carrier(rows, 0))
+    still = chain_speed(x, v, True, wheel_frame(rows, 0))
     assert still == pytest.approx(PASSING, rel=2e-3)  # chords bend a little in the straight runs too
     rows, x, v = vehicle(**motion)
-    assert chain_speed(x, v, True, carrier(rows, 0)) == pytest.approx(still, rel=1e-12)
+    assert chain_speed(x, v, True, wheel_frame(rows, 0)) == pytest.approx(still, rel=1e-12)
 
 
 @pytest.mark.parametrize("off", [{"velocity": (0.1, 0.0, 0.0)}, {"turning": (0.0, 0.02, 0.0)}])
 def test_a_carrier_that_moves_otherwise_is_noticed(off):
-    """An error of 2 % in the carrier's motion (case 'tumbles') is noticed."""
+    """An error of 2 % in the wheel frame's motion (case 'tumbles') is noticed."""
     rows, x, v = vehicle()
     other, _, _ = vehicle(**off)
-    true, wrong = (chain_speed(x, v, True, carrier(each, 0)) for each in (rows, other))
+    true, wrong = (chain_speed(x, v, True, wheel_frame(each, 0)) for each in (rows, other))
     assert abs(wrong / true - 1.0) > 1e-3
 
 
 def test_a_chain_in_its_plane_sees_the_same_carrier():
-    """A chain in its plane (columns x and z), driving and pitching, has the same carrier."""
+    """A chain in its plane (columns x and z), driving and pitching, has the same wheel frame."""
     rows, x, v = vehicle(velocity=(4.85, 0.0, 0.3), turning=(0.0, 0.5, 0.0))
     rows[:, 1], x[:, 1] = 0.0, 0.0
     flat = [np.ascontiguousarray(each[:, [0, 2]]) for each in (x, v)]
-    seen = carrier(rows, 0)
+    seen = wheel_frame(rows, 0)
     assert chain_speed(*flat, True, seen) == pytest.approx(chain_speed(x, v, True, seen), rel=1e-14)
 
 
@@ -92,7 +92,7 @@ def test_heading_is_where_the_wheels_would_roll(turned):
     """The heading is level and perpendicular to the axle, whatever the wheel's spin and speed."""
     rows, _, _ = vehicle(turned, velocity=(1.0, 2.0, 3.0), turning=(0.1, 0.2, 0.3), spin=-7.0)
     axle = rows[0, 9:12]
-    heading = np.array([*carrier(rows, 0)[3], 0.0])
+    heading = np.array([*wheel_frame(rows, 0)[3], 0.0])
     assert heading @ axle == pytest.approx(0.0, abs=1e-15)
     assert np.linalg.norm(heading) == pytest.approx(1.0, abs=1e-15)
     assert np.cross(axle, [0.0, 0.0, 1.0]) @ heading > 0.9
@@ -102,4 +102,4 @@ def test_heading_is_where_the_wheels_would_roll(turned):
 
 def test_a_chain_without_wheels_has_a_carrier_at_rest():
     rows = np.zeros((0, WIDTH))
-    assert carrier(rows, -1) == ((0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0, 0.0))
+    assert wheel_frame(rows, -1) == ((0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0, 0.0))

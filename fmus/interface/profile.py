@@ -1,6 +1,6 @@
-"""Piecewise linear course of a quantity over time (or of a torque over speed), and a half-cosine ramp.
+"""Piecewise linear profile of a quantity over time (or of a torque over speed), and a half-cosine ramp.
 
-Beyond its first and last point a course keeps their values.
+Beyond its first and last point a profile keeps their values.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from fmus.physics.arrays import Floats, Vector
 from fmus.physics.elementary import cos, sin
 
 
-class Course(NamedTuple):
-    """Points of a course; no points stand for no course."""
+class Profile(NamedTuple):
+    """Points of a profile; no points stand for no profile."""
 
     time: np.ndarray  # (n) s, rising
     value: np.ndarray  # (n)
     integral: np.ndarray  # (n) integral from the first point to each point
 
 
-NONE = Course(np.zeros(0), np.zeros(0), np.zeros(0))
+NONE = Profile(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
-def parse_course(name: str, text: str, pair: str = "time value") -> Course:
-    """Course from the text of the parameter ``name``: "time value; ...", or other pairs (``pair``).
+def parse_profile(name: str, text: str, pair: str = "time value") -> Profile:
+    """Profile from the text of the parameter ``name``: "time value; ...", or other pairs (``pair``).
 
     Raises InvalidParameter.
     """
@@ -41,12 +41,12 @@ def parse_course(name: str, text: str, pair: str = "time value") -> Course:
     if not np.isfinite(points).all() or not (np.diff(time) > 0.0).all():
         raise InvalidParameter(f"{name} = '{text[:80]}': must be finite numbers, its {pair.split()[0]}s must rise")
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(time))])
-    return Course(time.copy(), value.copy(), integral)
+    return Profile(time.copy(), value.copy(), integral)
 
 
 @kernel
-def has_points(c: Course) -> bool:
-    """Whether the course has points."""
+def has_points(c: Profile) -> bool:
+    """Whether the profile has points."""
     return c.time.size > 0
 
 
@@ -64,7 +64,7 @@ def interval(grid: Floats, t: float) -> int:
 
 
 @kernel
-def evaluate(c: Course, t: float) -> Vector:
+def evaluate(c: Profile, t: float) -> Vector:
     """Value at ``t``, integral since the first point, and slope (at a point: of the part that follows)."""
     n = c.time.size
     if t < c.time[0]:
@@ -78,8 +78,8 @@ def evaluate(c: Course, t: float) -> Vector:
 
 
 @kernel
-def set_line(c: Course, t: float, h: float, now: float, then: float) -> None:
-    """Set a course of two points to the straight line from ``now`` at ``t`` to ``then`` at t + h."""
+def set_line(c: Profile, t: float, h: float, now: float, then: float) -> None:
+    """Set a profile of two points to the straight line from ``now`` at ``t`` to ``then`` at t + h."""
     c.time[0], c.time[1] = t, t + h
     c.value[0], c.value[1] = now, then
     c.integral[0], c.integral[1] = 0.0, 0.5 * (now + then) * h

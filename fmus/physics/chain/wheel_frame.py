@@ -1,11 +1,11 @@
 """Rigid body that carries the wheels of a track: the reference for a chain's speed and slip.
 
-Only the wheels are known, not their mount. The carrier moves with the centre of one of them, the ``mount``, and rotates
-as the lateral axis of that wheel does. Its rotation about that axis, which the wheel's own spin hides, is that of the
-line to the wheel farthest from it. That wheel may move on the carrier only along the line, as the idler of a track
-does.
+Only the wheels are known, not the body that carries them. The frame moves with the centre of one of them, the
+``mount``, and rotates as the lateral axis of that wheel does. Its rotation about that axis, which the wheel's own spin
+hides, is that of the line to the wheel farthest from it. That wheel may move in the frame only along the line, as the
+idler of a track does.
 
-The speed of a chain along itself: pins that pass a point of the carrier per time, times the pitch.
+The speed of a chain along itself: pins that pass a point of the wheel frame per time, times the pitch.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from fmus.physics.arrays import Floats, Vector
 from fmus.physics.vector import add, dot, scale
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.state import Carrier
+    from fmus.physics.chain.state import WheelFrame
 
 
 @kernel
-def carrier(rows: Floats, mount: int) -> Carrier:
-    """Motion of the carrier of the wheels ``rows`` (m, 15), and its heading.
+def wheel_frame(rows: Floats, mount: int) -> WheelFrame:
+    """Motion of the frame of the wheels ``rows`` (m, 15), and its heading.
 
     Returns a point, m, its velocity, m/s, the angular velocity, rad/s (3 each), and the heading (2), horizontal and
     normal to the lateral axis: the direction in which the vehicle drives forward. ``mount`` is the wheel at the point;
-    below 0 there are no wheels, and the carrier is at rest and heads along x.
+    below 0 there are no wheels, and the frame is at rest and heads along x.
     """
     still = (0.0, 0.0, 0.0)
     if mount < 0:
@@ -60,17 +60,17 @@ BEND = 0.1  # angle between a link's neighbours, rad, beyond which the link has 
 
 
 @kernel
-def chain_speed(x: Floats, v: Floats, closed: bool, carrier: Carrier) -> float:
-    """Mean velocity along itself of the straight parts of a chain relative to its carrier, m/s.
+def chain_speed(x: Floats, v: Floats, closed: bool, frame: WheelFrame) -> float:
+    """Mean velocity along itself of the straight parts of a chain relative to the frame of its wheels, m/s.
 
-    x, v (nodes, 3, or 2 for x and z): positions, m, and velocities, m/s, of the pins; ``carrier`` from
-    ``carrier.carrier``. The speed is positive along the index. Where a chain is straight, all pins of a link move along
+    x, v (nodes, 3, or 2 for x and z): positions, m, and velocities, m/s, of the pins; ``frame``: result
+    of ``wheel_frame``. The speed is positive along the index. Where a chain is straight, all pins of a link move along
     it at the pitch times the passing rate; round a wheel the chords are askew to the velocities and give less, so the
     weight of a link falls with the angle between its two neighbours.
     """
     nodes = x.shape[0]
     links = nodes if closed else nodes - 1
-    point, (c0, c1, c2), (w0, w1, w2), _ = carrier
+    point, (c0, c1, c2), (w0, w1, w2), _ = frame
     total = weight = 0.0
     here = _chord(x, 0, 1)
     before = _chord(x, nodes - 1, 0) if closed else here
@@ -80,7 +80,7 @@ def chain_speed(x: Floats, v: Floats, closed: bool, carrier: Carrier) -> float:
         cosine = dot(before, after) / np.sqrt(dot(before, before) * dot(after, after))
         angle_squared = max(2.0 * (1.0 - cosine), 0.0) / (BEND * BEND)
         share = 1.0 / (1.0 + angle_squared * angle_squared)
-        # the carrier's velocity at the middle of the link
+        # the wheel frame's velocity at the middle of the link
         r0, r1, r2 = add(scale(0.5, add(_row(x, i), _row(x, j))), scale(-1.0, point))
         carried = c0 + w1 * r2 - w2 * r1, c1 + w2 * r0 - w0 * r2, c2 + w0 * r1 - w1 * r0
         speed = dot(scale(0.5, add(_row(v, i), _row(v, j))), here) - dot(here, carried)
