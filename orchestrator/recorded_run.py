@@ -240,7 +240,7 @@ class Run:
         return f"{summary_text.lines(self.summary)[0]}; log {self.log}"
 
     def __str__(self) -> str:
-        head, *below = summary_text.lines(self.summary, summary_text.MAX_LINES)
+        head, *below = summary_text.lines(self.summary, verbose=False)
         message = self.summary["message"]
         return "\n".join([head, *([f"  {message}"] if message else []), *below])
 

@@ -171,7 +171,7 @@ def cotrack(call):
 def call(capsys, monkeypatch, tmp_path):
     """Return a function that calls a command line in an empty folder.
 
-    It returns the exit status, stdout, and stderr without progress lines.
+    It returns the exit status, stdout, and stderr without progress lines, which are in its ``progress``.
     """
     monkeypatch.chdir(tmp_path)
 
@@ -180,6 +180,7 @@ def call(capsys, monkeypatch, tmp_path):
         with pytest.raises(SystemExit) as exit_info:
             main(click_command(command))
         output = capsys.readouterr()
+        call.progress = [line[4:] for line in output.err.splitlines() if line.startswith("... ")]
         return exit_info.value.code or 0, output.out, messages(output.err)
 
     return call

@@ -67,7 +67,7 @@ def test_nothing_is_unpickled_that_others_can_write_or_that_is_damaged(environme
         f"the cache folder {cache} cannot be used, so every process compiles and builds anew: "
         f"others can write into {cache} (mode 777); chmod -R go-w it, or name another folder in COTRACK_CACHE"
     )
-    assert messages == [f"1 {sentence}"], "the message for a host without Python's log"
+    assert messages == [f"WARNING toy: {sentence}"], "the message for a host without Python's log"
     assert said == f"{sentence}\n"
     cache.chmod(0o700)
     kernel.write_bytes(content + b" ")

@@ -170,8 +170,8 @@ def test_a_cache_that_cannot_be_written(environment, toy_answer, tmp_path, optio
     assert done.returncode == 0, done.stderr
     *messages, last = done.stdout.splitlines()
     assert bytes.fromhex(last.split()[0]) == np.array(toy_answer).tobytes()
-    (warning,) = (message for message in messages if message.startswith("1 "))
-    assert warning.startswith(f"1 the cache folder {tmp_path}/home/.cache/cotrack cannot be used")
+    (warning,) = (message for message in messages if message.startswith("WARNING"))
+    assert warning.startswith(f"WARNING toy: the cache folder {tmp_path}/home/.cache/cotrack cannot be used")
     assert warning.endswith(reason)
 
 

@@ -15,14 +15,14 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-MOST_BYTES = 1500  # bytes of a message: importers have buffers of 2 kB
+MAX_BYTES = 1500  # bytes of a message: importers have buffers of 2 kB
 MESSAGES_WAIT = sys.version_info >= (3, 13)  # where a call is refused
 _FINALISED: set[Path] = set()
 
 
 def printf_format(text: str) -> str:
     """Printf format of a text, as FMI reads messages; the wrapper crashes on invalid UTF-8 and on other formats."""
-    cut = text.encode("utf-8", "replace")[:MOST_BYTES].decode("utf-8", "ignore")  # not cut inside a character
+    cut = text.encode("utf-8", "replace")[:MAX_BYTES].decode("utf-8", "ignore")  # not cut inside a character
     return cut.replace("\0", "").replace("%", "%%")
 
 

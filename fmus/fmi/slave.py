@@ -164,7 +164,7 @@ class Slave(Fmi2Slave):
             self.log(sentence, Fmi2Status.error)
         if not isinstance(error, Refused):
             trace = "".join(traceback.format_exception(error))
-            self.log(trace[-faults.MOST_BYTES :], Fmi2Status.error, "traceback")
+            self.log(trace[-faults.MAX_BYTES :], Fmi2Status.error, "traceback")
         return sentence
 
     log_categories = {**Fmi2Slave.log_categories, "traceback": "Where in the code an error arose."}  # noqa: RUF012

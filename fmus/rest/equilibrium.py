@@ -57,7 +57,7 @@ FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
 LARGEST_CHANGE = 0.05  # largest change of an unknown in a pseudo step, m or rad
 DIFFERENCE = 1e-5  # finite difference for the Jacobian, m or rad: a chain's forces jump by some 5e-4 m/s2 at kinks
 REST_ACCELERATION = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
-MOST_STEPS = 60  # pseudo steps
+MAX_STEPS = 60  # pseudo steps
 NEWTON = 10.0  # pseudo step, s, beyond which inertia is no part of a change
 LEAST_SHARE = 1.0 / 16.0  # of a change, which is halved while the accelerations grow
 LIFT = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load gives the vertical stiffness
@@ -443,7 +443,7 @@ def _solve(vehicle: VehicleOnChains, guess: Floats) -> Floats:
     """Unknowns at rest by pseudo-transient continuation from ``guess``; raises StepFailed without convergence."""
     unknowns, size = vehicle.unknowns, len(vehicle.unknowns)
     residual, step = vehicle.accelerations(guess), FIRST_STEP
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         slopes = np.stack([_slope(vehicle, guess, residual, i) for i in unknowns], axis=1)
         change = solved(np.eye(size) / step**2 - slopes, residual)
         while abs(change).max() > LARGEST_CHANGE:
@@ -454,7 +454,7 @@ def _solve(vehicle: VehicleOnChains, guess: Floats) -> Floats:
         if abs(residual).max() < REST_ACCELERATION:
             return guess
         step = min(step * np.clip(before / _norm(residual), 1.5, 10.0), LAST_STEP)
-    raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MOST_STEPS} steps")
+    raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MAX_STEPS} steps")
 
 
 def _slope(vehicle: VehicleOnChains, guess: Floats, residual: Floats, unknown: int) -> Floats:

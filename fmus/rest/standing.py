@@ -35,7 +35,7 @@ from fmus.vehicles.sides import SIDES, of_side
 from fmus.vehicles.tables import BadInput
 
 CLOSE = 1e-5  # relative difference of the tension from the wanted one at which the search ends
-MOST = 20  # further equilibria
+MAX_EQUILIBRIA = 20  # further equilibria
 JUMP = 20.0  # slope of the tension over that as drawn beyond which the vehicle rests in another way
 FARTHEST = 2.0  # largest change of the tension as drawn from one to the next, as a factor
 
@@ -124,7 +124,7 @@ class _Search:
         best, jumps = self._standing(drawn), False
         last, self.nearest = best, min(self.nearest or best, best, key=self._lack)
         slope = np.ones_like(drawn)  # of the tension over that as drawn
-        for _ in range(MOST):
+        for _ in range(MAX_EQUILIBRIA):
             if self._lack(best) <= CLOSE:
                 return best
             now = np.array(last.drawn)

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 import typer
@@ -26,10 +27,11 @@ if TYPE_CHECKING:
 
 
 def summary(result: Mapping[str, Any], verbose: bool = False) -> None:
-    """Print the summary of a run, in ten lines and those on what is wrong, or all if it is to be ``verbose``."""
-    from orchestrator.execution.summary_text import MAX_LINES, lines
+    """Print the summary of a run, all of it if it is to be ``verbose``, as wide as the terminal lets it be."""
+    from orchestrator.execution.summary_text import WIDTH, lines
 
-    print_lines(lines(result, None if verbose else MAX_LINES))
+    width = min(WIDTH, get_terminal_size((WIDTH, 0)).columns) if sys.stdout.isatty() else WIDTH
+    print_lines(lines(result, verbose, width))
 
 
 def print_lines(lines: Iterable[str]) -> None:

@@ -116,11 +116,11 @@ def _height_map(scene: Scene) -> Iterator[str]:
 
 
 def _track_tension(scene: Scene) -> Iterator[str]:
-    """Yield a line about the tracks of a vehicle at rest, or why it cannot start."""
+    """Yield lines about the tracks of a vehicle at rest, or why it cannot start."""
     if isinstance(scene, VehicleScene) and scene.tracks:
         try:
             rest = placed(scene)
-            yield f"  {summary_text.track_tension(track_tension(rest.resolved()))}"
+            yield from summary_text.track_tension(track_tension(rest.resolved()))
             places = dict.fromkeys(_moved_wheel(rest, side) for side in scene.tracks)
             yield f"  {rest.vehicle.tensioner.wheel} at {' and '.join(places)}, moved there for this tension"
         except BadInput as error:

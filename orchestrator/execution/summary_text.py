@@ -1,12 +1,14 @@
-"""Text of the summary of a run, as people read it (``summary.empty``), by the table of observables."""
+"""Text of the summary of a run, as people read it: verdict, figures, phases, balances, cost, and what is wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from textwrap import wrap
+from typing import Any, NamedTuple
 
 from orchestrator.execution import summary
 from orchestrator.execution.estimate import PARTS
+from orchestrator.results.analyses.phases import ALIKE, CHANGING, Phase, rounded
 from orchestrator.results.convergence_index import ORDERS, SAFETY
 from orchestrator.results.energy import STORED_ENERGIES
 from orchestrator.results.measures import OBSERVABLES
@@ -15,23 +17,33 @@ from orchestrator.results.table import without_rounding
 from orchestrator.results.units import figure, scaled
 from orchestrator.results.validity.exceedance import Exceedance, alike_as_one
 
-MAX_LINES = 11  # lines of a short summary
+WIDTH = 100  # columns
+LABEL = 17  # columns of a label
+MAX_PHASES = 8  # phases of a short summary, the longest
+
+
+class Row(NamedTuple):
+    """Figure in words."""
+
+    quantity: str
+    value: str
+    unit: str
+    where: str = ""  # and when
 
 
 def _error(error: dict[str, Any]) -> str:
     """Return a sentence about the error estimate of a run."""
     if error["total"] is None:
-        return f"estimated error: not known, {error['message']}"
+        return f"not known, {error['message']}"
     decisive = max(
         (name for name, observable in error["observables"].items() if observable["decisive"]),
         key=lambda name: error["observables"][name]["total"],
     )
-    took = "; ".join((*_how(error, error["observables"][decisive]), f"took {error['wall_time']:.3g} s more"))
+    how = "; ".join(_how(error, error["observables"][decisive]))
     worst = decisive.replace("_", " ")
     without = f", not known of {', '.join(error['without']).replace('_', ' ')}" if error["without"] else ""
-    return (
-        f"estimated error: {_percent(error['total'])} of the {worst}, less of all other observables{without} ({took})"
-    )
+    largest = f"{_percent(error['total'])} of the {worst}, less of all other observables{without}"
+    return f"{largest} ({how})" if how else largest
 
 
 def _how(error: dict[str, Any], decisive: dict[str, Any]) -> Iterator[str]:
@@ -61,7 +73,7 @@ def _headline(r: Mapping[str, Any]) -> str:
 
 
 def _pace(r: Mapping[str, Any]) -> str:
-    """Return the line about run time and real-time factor; empty for a run whose cost is not known."""
+    """Return run time and real-time factor; empty for a run whose cost is not known."""
     if not r["wall_time"]:
         return ""
     factor, whole = r["real_time_factor"], r["simulated_time"]
@@ -71,22 +83,29 @@ def _pace(r: Mapping[str, Any]) -> str:
     if not factor:  # in a log of an earlier version
         return simulated
     pace = f"{factor:.3g} times as fast as" if factor >= 1.0 else f"{1.0 / factor:.3g} times slower than"
-    return f"{simulated}, {pace} real time, after {r['startup_time']:.3g} s of start-up"
+    return f"{simulated}, {pace} real time"
 
 
-def _observables(r: Mapping[str, Any]) -> list[str]:
-    """Return a line per averaging window with its finite observables."""
-    lines: dict[str, list[str]] = {}
+def _start_up(r: Mapping[str, Any]) -> str:
+    """Return the times before and after a run's own; empty for a run whose cost is not known."""
+    if not r["wall_time"] or not r["startup_time"]:
+        return ""
+    estimate = (r["error"] or {}).get("wall_time")
+    return f"{r['startup_time']:.3g} s" + (f", estimate of the error {estimate:.3g} s" if estimate else "")
+
+
+def _observables(r: Mapping[str, Any]) -> dict[str, list[Row]]:
+    """Return the finite observables by averaging window."""
+    rows: dict[str, list[Row]] = {}
     for key, value in r["observables"].items():
         shown = OBSERVABLES[key].shown
         other = r["observables"].get(shown.unless, float("nan"))
         if value == value and other != other and not (r["phases"] and shown.by_phase):
-            place = r["places"].get(key, "")
-            where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else f" {place}" if place else ""
-            window = _window(r["windows"][key], r["simulated_time"])
+            where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else r["places"].get(key, "")
             number = figure(without_rounding(value / OBSERVABLES[key].size, shown.unit), shown.digits)
-            lines.setdefault(window, []).append(f"{shown.label} {number} {shown.unit}{where}")
-    return [f"{window}: {', '.join(texts)}" for window, texts in lines.items()]
+            window = _window(r["windows"][key], r["simulated_time"])
+            rows.setdefault(window, []).append(Row(shown.label, number, shown.unit, where))
+    return rows
 
 
 def _window(window: dict[str, float], simulated: float) -> str:
@@ -97,35 +116,94 @@ def _window(window: dict[str, float], simulated: float) -> str:
     return f"{'whole run,' if is_whole else 'mean of'} {start:.6g} to {end:.6g} s{sparse}"
 
 
-def _phases(phases: list[dict[str, Any]], most: int) -> list[str]:
-    """Return a line per phase; of more than ``most`` the longest in motion, and one line about all others, in short."""
-    from orchestrator.results.analyses.phases import sentence
-
-    longest = sorted(phases, key=lambda phase: (phase["kind"] == "rest", phase["start"] - phase["end"]))
-    whole = longest if len(phases) <= most else longest[: max(0, most - 1)]
-    others = "; ".join(sentence(phase, brief=True) for phase in phases if phase not in whole)
-    return [*(sentence(phase) for phase in phases if phase in whole), *([f"in short: {others}"] if others else [])]
+HEADS = (("phase", ""), ("from", "s"), ("to", "s"), ("speed", "m/s"), ("way", "m"), ("power", "kW"), ("slip", "m/s"),
+         ("tension", "kN"), ("at", "s"), ("in", ""))  # fmt: skip
+TURN_HEADS = (("turn", ""), ("from", "s"), ("to", "s"), ("yaw rate", "rad/s"), ("largest", "rad/s"), ("radius", "m"),
+              ("slip left", "m/s"), ("slip right", "m/s"))  # fmt: skip
 
 
-def track_tension(found: dict[str, Any]) -> str:
-    """Return the line about the tension asked and had, and what else the vehicle at rest has; empty without tracks."""
-    if not found:
-        return ""
-    standing = f"{_of_sides(found['standing'])} standing on level, hard ground, " if found["standing"] else ""
-    start = f"{_of_sides(found['start'])} at the start{' as drawn' if found['drawn'] else ''}"
-    if found["why"]:
-        return f"track tension: {_of_sides([found['asked']])} asked, {start}: it does not stand ({found['why']})"
+def _phases(phases: Sequence[Mapping[str, Any]], verbose: bool) -> list[str]:
+    """Return the table of phases, and that of those that turn; of many the longest, unless ``verbose``."""
+    known = [Phase(**{key: _known(value) for key, value in each.items()}) for each in phases]
+    longest = sorted(known, key=lambda phase: (phase.kind == "rest", phase.start - phase.end))[:MAX_PHASES]
+    shown = [phase for phase in known if verbose or phase in longest]
+    turning = [phase for phase in shown if phase.turning]
+    rows = [*zip(*HEADS, strict=True), *map(_motion, shown)]
+    lines = _aligned([row if verbose else row[:-2] for row in rows]) if shown else []
+    return [*lines, *(_aligned([*zip(*TURN_HEADS, strict=True), *map(_turn, turning)]) if turning else ())]
+
+
+def _known(value: Any) -> Any:
+    """Return NaN for null, which stands for it in JSON."""
+    return float("nan") if value is None else value
+
+
+def _motion(p: Phase) -> tuple[str, ...]:
+    """Return the cells of a phase; the columns are HEADS."""
+    times = f"{p.start:.4g}", f"{p.end:.4g}"
+    if p.kind == "rest":
+        return (p.kind, *times, *[""] * (len(HEADS) - 3))
+    speed = f"{rounded(p.speed_start)} to {rounded(p.speed_end)}" if p.kind in CHANGING else figure(p.speed)
+    power = figure(without_rounding(p.power / 1e3, "kW"), 3) if p.power == p.power else ""
+    slips = [f"{each:.3f}" for each in (p.slip_left, p.slip_right) if each == each and not p.turning]
+    alike = abs(p.slip_left - p.slip_right) < ALIKE
+    largest = figure(p.tension / 1e3), f"{p.tension_t:.4g}", p.tension_track.replace("_", " ")
+    return (
+        p.kind, *times, speed, figure(p.way), power, " and ".join(slips[:1] if alike else slips),
+        *(largest if p.tension_track else ("", "", "")),
+    )  # fmt: skip
+
+
+def _turn(p: Phase) -> tuple[str, ...]:
+    """Return the cells of a phase that turns; the columns are TURN_HEADS."""
+    figures = (figure(value, 3) for value in (p.yaw_rate, p.yaw_rate_most, p.radius))
+    slips = (f"{each:.3f}" if each == each else "" for each in (p.slip_left, p.slip_right))
+    return (p.turning, f"{p.start:.4g}", f"{p.end:.4g}", *figures, *slips)
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the lines of a table without empty columns; below two heads, the first is text and the others numbers."""
+    columns = [column for column in zip(*rows, strict=True) if any(column[2:])]
+    widths = [max(map(len, column)) for column in columns]
+    padded = [
+        [cell.rjust(width) if k else cell.ljust(width) for cell in column]
+        for k, (column, width) in enumerate(zip(columns, widths, strict=True))
+    ]
+    return [f"  {'  '.join(row)}".rstrip() for row in zip(*padded, strict=True)]
+
+
+def track_tension(found: dict[str, Any]) -> list[str]:
+    """Return the lines about the tension asked and had, and what else the vehicle at rest has; none without tracks."""
+    return [*_figures({"at the start": _at_start(found, True)}, WIDTH)]
+
+
+def _wheel_loads(found: dict[str, Any]) -> str:
+    """Return the loads on the wheels of both sides, or of one if they are alike."""
     factor, unit = scaled(max(map(max, found["loads"])), "N")
     pairs = zip(found["loads"], found["others"], strict=True)
     named = [[*(("", load) for load in side), *others.items()] for side, others in pairs]
     loads = [", ".join(f"{name} {figure(load / factor, 3)}".strip() for name, load in side) for side in named]
-    each = loads[:1] if loads[:1] == loads[1:] else loads
-    return (
-        f"track tension: {_of_sides([found['asked']])} asked, {standing}{start};"
-        f" {'standing, ' if found['drawn'] else ''}its longest free span sags by {figure(found['sag'] * 1e3, 3)} mm,"
-        f" road wheels carry {' and '.join(each)} {unit}, and it has settled by"
-        f" {figure(found['settlement'] * 1e3, 3)} mm"
-    )
+    return f"{' and '.join(loads[:1] if loads[:1] == loads[1:] else loads)} {unit}"
+
+
+def _at_start(found: dict[str, Any], verbose: bool) -> list[Row]:
+    """Return the rows of the tracks at the start, ``track_tension``; without ``verbose`` the tension alone."""
+    if not found:
+        return []
+    where = f"{_of_sides([found['asked']])} asked{', as drawn' * found['drawn']}"
+    why = f"; it does not stand: {found['why']}" if found["why"] else ""
+    value, unit = _of_sides(found["start"]).rsplit(" ", 1)
+    tension = Row("track tension", value, unit, f"{where}{why}")
+    if why or not verbose:
+        return [tension]
+    standing, (value, unit) = "standing" * found["drawn"], _of_sides(found["standing"]).rsplit(" ", 1)
+    return [
+        tension,
+        Row("standing on level, hard ground", value, unit),
+        Row("sag of the longest free span", figure(found["sag"] * 1e3, 3), "mm", standing),
+        Row("settlement", figure(found["settlement"] * 1e3, 3), "mm", standing),
+        Row("road wheels carry", "", "", _wheel_loads(found)),
+    ]
 
 
 def _of_sides(tensions: Sequence[float]) -> str:
@@ -139,7 +217,7 @@ def _track_of_largest_tension(phases: list[dict[str, Any]]) -> str:
     largest = max(
         (phase for phase in phases if phase["tension_track"]), key=lambda phase: phase["tension"], default=None
     )
-    return f" in {largest['tension_track'].replace('_', ' ')} at {largest['tension_t']:.4g} s" if largest else ""
+    return f"in {largest['tension_track'].replace('_', ' ')} at {largest['tension_t']:.4g} s" if largest else ""
 
 
 def warnings(entries: Iterable[Mapping[str, Any]]) -> list[str]:
@@ -164,7 +242,7 @@ def validity(entries: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def _balance(energy: dict[str, Any]) -> str:
-    """Return the line about energies, largest first: what came in equals what became of it, in the printed digits."""
+    """Return the energies, largest first: what came in equals what became of it, in the printed digits."""
     flows = {"put in by the drives": energy["work"], "unaccounted for": -energy["residual"]}  # positive: it came in
     flows |= {f"from {STORED_ENERGIES[kind]}": -change for kind, change in energy["stored"].items()}
     flows |= {f"delivered by {name.replace('_', ' ')}": -value for name, value in energy["delivered"].items()}
@@ -185,13 +263,8 @@ def _balance(energy: dict[str, Any]) -> str:
         )
         for sign in (1, -1)
     ]
-    terms = f": {' = '.join(sides)}" if all(sides) else ": less than 1 mJ flowed"
-    return f"energy balance{terms} ({_percent(abs(energy['residual_relative']))} unaccounted for)"
-
-
-def _no_balance(r: Mapping[str, Any]) -> str:
-    """Return the line on why there is no energy balance; empty for a run that was not evaluated."""
-    return f"no energy balance: {r['energy_missing']}" if r["energy_missing"] else ""
+    terms = " = ".join(sides) if all(sides) else "less than 1 mJ flowed"
+    return f"{terms} ({_percent(abs(energy['residual_relative']))} unaccounted for)"
 
 
 def _flow(what: str, sign: int) -> str:
@@ -214,15 +287,15 @@ def _ledger(energy: dict[str, Any]) -> str:
         f"{_percent(energy['residual_relative'])}; {figure(energy['port'])} J of it by the exchange of the components"
     )
     return (
-        f"energy ledger: {figure(energy['work'], 6)} J put in = {' + '.join(parts)}"
+        f"{figure(energy['work'], 6)} J put in = {' + '.join(parts)}"
         f" + {figure(energy['residual'])} J unaccounted for ({left})"
     ).replace("+ -", "- ")
 
 
 def _causes(causes: dict[str, float]) -> str:
-    """Return the line about dissipated energy by cause, largest first."""
+    """Return the dissipated energy by cause, largest first."""
     parts = sorted(causes.items(), key=lambda item: -abs(item[1]))
-    return "dissipated: " + ", ".join(f"{cause.replace('_', ' ')} {_joules(energy)}" for cause, energy in parts)
+    return ", ".join(f"{cause.replace('_', ' ')} {_joules(energy)}" for cause, energy in parts)
 
 
 def _joules(energy: float) -> str:
@@ -239,24 +312,21 @@ def _check(name: str, check: dict[str, Any]) -> str:
 
 
 def _fmus(fmus: dict[str, dict[str, str]]) -> str:
-    """Return the line about FMUs of the user."""
-    parts = [f"{name} = {fmu['file']} (sha256 {fmu['sha256'][:HASH_DIGITS]})" for name, fmu in fmus.items()]
-    return f"FMUs of yours: {', '.join(parts)}"
+    """Return the FMUs of the user."""
+    return ", ".join(f"{name} = {fmu['file']} (sha256 {fmu['sha256'][:HASH_DIGITS]})" for name, fmu in fmus.items())
 
 
-def _cost(name: str, cost: dict[str, Any]) -> str:
+def _cost(cost: dict[str, Any]) -> str:
     counts = ", ".join(f"{count} {what}" for what, count in cost.items() if what != "wall_time" and count)
     solver = f"; its solver: {counts}" if counts else ""
-    return f"{name} computed for {cost['wall_time']:.3g} s{solver}"
+    return f"computed for {cost['wall_time']:.3g} s{solver}"
 
 
-def lines(r: Mapping[str, Any], most: int | None = None) -> list[str]:
-    """Return the lines of a summary: verdict, figures, energy, what is wrong, cost; the last one names the log.
+def lines(r: Mapping[str, Any], verbose: bool = True, width: int = WIDTH) -> list[str]:
+    """Return the lines of a summary, of ``width`` columns: verdict, figures, phases, balances, cost, what is wrong.
 
-    ``most``: leave out met checks and details, and put phases into one line, for so many lines without those on what
-    is wrong; the last line says how many are left out.
+    Without ``verbose`` met checks and details are left out, and the shortest of many phases.
     """
-    energy = r["energy"]
     wrong = [
         *warnings(r["warnings"]),
         *validity(r["validity"]),
@@ -264,26 +334,68 @@ def lines(r: Mapping[str, Any], most: int | None = None) -> list[str]:
         *(f"check {name} is left out: {why}" for name, why in r["checks_left_out"].items()),
         *(_check(*item) for item in r["checks"].items() if not item[1]["ok"]),
     ]
-    observables = [*filter(None, [track_tension(r["track_tension"])]), *_observables(r)]
-    balances = [_error(r["error"]) if r["error"] else "", _balance(energy) if energy else _no_balance(r)]
-    cost = [_pace(r), _fmus(r["fmus"]) if r["fmus"] else ""]
-    details = [
-        f"{r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back"
-        if r["rejected_steps"]
-        else "",
-        *(_check(*item) for item in r["checks"].items() if item[1]["ok"]),
-        _ledger(energy) if energy else "",
-        _causes(energy["causes"]) if energy and energy["causes"] else "",
-        *(_cost(*item) for item in sorted(r["components"].items(), key=lambda item: -item[1]["wall_time"])),
-        f"checksum (seal) of the log {r['seal']}" if r["seal"] else "",
+    log = f"{r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else ""
+    result, whole = (_result(r, each, width) for each in (verbose, True))
+    more = "more with --verbose" if len(whole) > len(result) else ""
+    return [
+        _headline(r),
+        *result,
+        *_labelled("log", "; ".join(filter(None, (log, more))), width),
+        *(line for text in wrong for line in _wrapped("! ", text, width)),
     ]
-    log = f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else ""
-    balances, cost, details = ([line for line in part if line] for part in (balances, cost, details))
-    phases, left = _phases(r["phases"], len(r["phases"])), 0
-    if most is not None:  # the result stays, phases give way
-        short = _phases(r["phases"], most - 2 - len(observables) - len(balances) - len(cost))
-        left = len(phases) - len(short) + len(details)
-        phases, details = short, []
-    last = "; ".join(filter(None, (log, f"{left} lines more with --verbose" if left else "")))
-    result = *observables, *phases, *balances
-    return [_headline(r), *(f"  {line}" for line in (*result, *wrong, *cost, *details, last) if line)]
+
+
+def _result(r: Mapping[str, Any], verbose: bool, width: int) -> list[str]:
+    """Return the lines of figures, phases, balances and cost."""
+    energy, error = r["energy"], r["error"]
+    missing = f"none: {r['energy_missing']}" if r["energy_missing"] else ""
+    details = _details(r) if verbose else ()
+    labelled = {
+        "estimated error": _error(error) if error else "",
+        "energy balance": _balance(energy) if energy else missing,
+        "run time": _pace(r),
+        "start-up": _start_up(r),
+        "FMUs of yours": _fmus(r["fmus"]),
+    }
+    return [
+        *_figures({"at the start": _at_start(r["track_tension"], verbose)} | _observables(r), width),
+        *_phases(r["phases"], verbose),
+        *(line for label, text in (*labelled.items(), *details) for line in _labelled(label, text, width)),
+    ]
+
+
+def _details(r: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield what only a whole summary has: labels and texts."""
+    energy = r["energy"]
+    if r["rejected_steps"]:
+        yield "steps", f"{r['communication_steps']} kept, {r['rejected_steps']} pairs taken back"
+    yield from (("check", _check(*item)) for item in r["checks"].items() if item[1]["ok"])
+    if energy:
+        yield "energy ledger", _ledger(energy)
+        yield "dissipated", _causes(energy["causes"])
+    by_cost = sorted(r["components"].items(), key=lambda item: -item[1]["wall_time"])
+    yield from ((name, _cost(cost)) for name, cost in by_cost)
+    yield "seal of the log", r["seal"]
+
+
+def _figures(groups: Mapping[str, Sequence[Row]], width: int) -> Iterator[str]:
+    """Yield the lines of figures, aligned, those of each group under its title."""
+    rows = [row for group in groups.values() for row in group]
+    widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
+    for title, group in groups.items():
+        if group:
+            yield f"  {title}"
+        for row in group:
+            head = f"    {row.quantity:{widths[0]}}  {row.value:>{widths[1]}} {row.unit:{widths[2]}}  "
+            yield from _wrapped(head, row.where, width)
+
+
+def _labelled(label: str, text: str, width: int) -> list[str]:
+    """Return the lines of a text behind its label; none without a text."""
+    return _wrapped(f"  {label:{LABEL}}  ", text, width) if text else []
+
+
+def _wrapped(head: str, text: str, width: int) -> list[str]:
+    """Return the lines of a text behind a head; words stay whole."""
+    first, *others = wrap(text, max(width - len(head), 20), break_long_words=False, break_on_hyphens=False) or [""]
+    return [f"{head}{first}".rstrip(), *(f"{'':{len(head)}}{other}" for other in others)]

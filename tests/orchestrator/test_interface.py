@@ -39,9 +39,8 @@ def test_an_opened_log_has_the_summary_of_its_run(run):
     assert str(opened) == str(run)
     head, *below, end = str(run).splitlines()
     assert head == "hanging_chain, flexible links: ok; 1 of 3 checks are met; 2 begin after the end"
-    assert any("real time, after" in line for line in below)
-    assert "lines more with --verbose" in end
-    assert len(below) < 10
+    assert any("real time" in line for line in below)
+    assert end.endswith("with --verbose")
     assert repr(run) == f"{head}; log {run.log}"
     assert f"<pre>{str(run)[:80]}" in run._repr_html_()
 
@@ -55,7 +54,7 @@ def test_figures_are_means_over_the_window_of_the_scene(tmp_path):
         assert each.summary["observables"]["tension_mean"] == pytest.approx(values.mean(), rel=1e-12)
         assert each.summary["windows"]["tension_mean"] == {"from": 0.005, "to": 0.01}
         assert each.summary["windows"]["tension_max"] == {"from": 0.0, "to": 0.02}
-        assert "  mean of 0.005 to 0.01 s: mean link tension " in str(each)
+        assert "\n  mean of 0.005 to 0.01 s\n    mean link tension " in str(each)
 
 
 def test_signals_have_units_and_families_a_column_for_each_member(run):
@@ -204,7 +203,7 @@ def test_a_run_with_a_missed_check_is_returned(tmp_path, capfd):
     missed = package.run("hanging_chain", settings, log=tmp_path / "a.mcap", estimate=False)
     assert not missed.ok
     assert missed.summary["status"] == "ok"
-    assert "  NOT slack = " in str(missed)
+    assert "! NOT slack = " in str(missed)
     assert "... hanging_chain: components are built and initialised" in capfd.readouterr().err
 
 

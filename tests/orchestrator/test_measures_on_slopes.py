@@ -281,7 +281,7 @@ def test_a_chain_that_stands_has_the_velocity_of_its_pads_and_no_share(tmp_path,
     windows = summary.windows(found, scene, T[-1])
     entry = summary.empty("hold", "rigid") | {"observables": found, "windows": windows, "simulated_time": T[-1]}
     (line,) = [line for line in summary_text.lines(entry) if "pads" in line]
-    assert f"pads slide at {pads:.3g} m/s" in line
+    assert line.split() == ["pads", "slide", "at", f"{pads:.3g}", "m/s"]
     assert "%" not in line
     assert text.splitlines()[2].split()[1:3] == ["-", "-"]
 
@@ -290,6 +290,6 @@ def test_a_chain_that_runs_shows_its_slips_instead(tmp_path):
     with Log(driving(tmp_path / "run.mcap", "hold", -1.0, grade=0.2)) as log:
         found = summary.observables(RunData(log), scene := load("hold", "rigid"), T[-1])
     entry = {"observables": found, "windows": summary.windows(found, scene, T[-1]), "simulated_time": 3.0}
-    text = "\n".join(summary_text.lines(summary.empty("hold", "rigid") | entry))
-    assert "slip 12 %, slip of the pads 10 %" in text
-    assert "pads slide" not in text
+    text = [" ".join(line.split()) for line in summary_text.lines(summary.empty("hold", "rigid") | entry)]
+    assert {"slip 12 %", "slip of the pads 10 %"} < {*text}
+    assert not any("pads slide" in line for line in text)

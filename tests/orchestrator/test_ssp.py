@@ -312,7 +312,7 @@ def test_an_archive_of_others_is_a_free_system(lag, tmp_path):
         summary = simulate(load_ssp(file, None, {"run.step": step}), tmp_path / "lags.mcap", estimated=True)
         assert summary["status"] == "ok"
         assert (summary["energy"], summary["error"]) == (None, None)
-        assert "  no energy balance: the log holds no energies" in lines(summary)
+        assert "  energy balance     none: the log holds no energies" in lines(summary)
         with Log(tmp_path / "lags.mcap") as log:
             t, x = log.signal("a.x")
             assert RunData(log).scene == {}
@@ -336,7 +336,9 @@ def test_commands_on_a_free_system(lag, cotrack, tmp_path):
     assert lines <= {*out.splitlines()}
     assert out.count("/resources/lag.fmu; 1 values in, 1 out a step, stage 0\n") == 2
     out = cotrack.done("run", "lags.ssp", "--stop", "0.2 s", "--step", "2 ms", "-o", "logs/lags.mcap")
-    assert out.startswith("t: ok\n  no energy balance: the log holds no energies\n  0.2 s simulated in ")
+    assert out.startswith(
+        "t: ok\n  energy balance     none: the log holds no energies\n  run time           0.2 s simulated in "
+    )
     assert cotrack("plot", "logs/lags.mcap", "a.x", "-o", "a.png")[0] == 0
     assert cotrack("log", "verify", "logs/lags.mcap")[0] == 0
     assert cotrack("replay", "logs/lags.mcap", "--component", "a", "--with", lag)[0] == 0

@@ -13,12 +13,20 @@ from short_runs import SHORT, last
 
 from orchestrator.execution import summary, summary_text
 from orchestrator.execution.log_report import summary_of
-from orchestrator.execution.summary_text import MAX_LINES, lines
+from orchestrator.execution.summary_text import MAX_PHASES, WIDTH, lines
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.measures import FIGURES
 from orchestrator.results.units import figure
 from orchestrator.scene.scene import load
+
+WIDE = 10_000  # columns: no line is wrapped
+
+
+def labelled(label, result):
+    """Text behind a label of a summary."""
+    (line,) = (line for line in lines(result, width=WIDE) if line.startswith(f"  {label}  "))
+    return line.removeprefix(f"  {label}").lstrip()
 
 
 @pytest.mark.long
@@ -53,7 +61,7 @@ def test_a_failed_check_is_exit_1(cotrack):
 CHAIN, SETTLE = ("hanging_chain", "flexible"), ("settle", "rigid")
 CHECK = 'expect.{}={{signal="chain.tension.max", expected=0, tolerance=1e9{}}}'
 LAW = 'expect={third_law={measure="third_law", expected=0, tolerance=1e-10}}', "symmetric=true"
-MEANS, AFTER = "mean of 0.01 to 0.02 s: mean link tension", "1 s is after the end of the run, 0.02 s: "
+MEANS, AFTER = "mean of 0.01 to 0.02 s", "1 s is after the end of the run, 0.02 s: "
 NOT_MADE = "Not made, third law: third_law needs"
 ONE_BEYOND = "2 of 3 checks met; 1 beyond its end."
 
@@ -73,7 +81,7 @@ def later(window):
      MEANS, ""),
     (CHAIN, ["run.window={from=0.01, to=0.02}"], "", "passed_over", [], MEANS, ""),
     (SETTLE, [*LAW, "run.outputs=2"], "0 of 1 checks are met; 1 left out", "checks_left_out", ["third_law"],
-     "run, 0 to 0.02 s, one step in 2: & left out: third_law needs the outputs of every step: run.outputs = 1, not 2",
+     "run, 0 to 0.02 s, one step in 2 & left out: third_law needs the outputs of every step: run.outputs = 1, not 2",
      NOT_MADE),
     (SETTLE, [*LAW, "run.inputs=false"], "0 of 1 checks are met; 1 left out", "checks_left_out", ["third_law"],
      "check third_law is left out: third_law needs the inputs of every step: run.inputs = true", NOT_MADE),
@@ -86,7 +94,7 @@ def test_what_the_record_does_not_cover_is_told(cotrack, scene, settings, first,
     read = summary_of(result["log"])
     assert [*result[key]] == content == [*read[key]]
     assert result["checks_left_out"] == read["checks_left_out"]
-    printed = lines(read)  # --json has null for a mean that is none
+    printed = lines(read, width=WIDE)  # --json has null for a mean that is none
     assert printed[0].startswith(f"{scene[0]}, {scene[1]} links: ok; ")
     assert printed[0].endswith(first)
     assert all(any(words in line for line in printed) for words in told.split(" & "))
@@ -155,8 +163,13 @@ def test_headline_figures_have_their_window(cotrack):
     assert result["windows"]["sag"] == {"from": 0.5, "to": 1.5}
     assert result["phases"] == [], "without a hull there are no phases"
     told = lines(result)
-    for figure_of in ("whole run, 0 to 1.5 s: largest link tension ", "mean of 0.5 to 1.5 s: mean link tension "):
-        assert any(line.startswith(f"  {figure_of}") and "kN" in line for line in told)
+    for window, figure_of in (
+        ("whole run, 0 to 1.5 s", "largest link tension "),
+        ("mean of 0.5 to 1.5 s", "mean link "),
+    ):
+        below = told[told.index(f"  {window}") + 1]
+        assert below.startswith(f"    {figure_of}")
+        assert "kN" in below
 
 
 def test_turns_of_the_last_second_are_left_to_phases():
@@ -172,12 +185,16 @@ def test_turns_of_the_last_second_are_left_to_phases():
     result = summary.empty("turn", "flexible") | {
         "simulated_time": 9.0, "observables": observables, "windows": summary.windows(observables, load("turn"), 9.0),
     }  # fmt: skip
-    out, without = ("\n".join(lines(result | {"phases": phases})) for phases in ([turned], []))
-    assert "242.6" not in out
-    assert "largest link tension 42 kN in right track at 3.743 s" in out
-    assert "3.6 to 6 s: turn right at 1.96 m/s over 4.77 m; yaw rate -0.25 rad/s, -0.31 at most, radius 7.9 m" in out
+    out, without = ([line.split() for line in lines(result | {"phases": phases})] for phases in ([turned], []))
+    assert not any("242.6" in line for line in out)
+    assert ["largest", "link", "tension", "42", "kN", "in", "right", "track", "at", "3.743", "s"] in out
+    assert ["turn", "3.6", "6", "1.96", "4.77", "42", "3.743", "right", "track"] in out, (
+        "rates and radii are in a table of their own"
+    )
+    assert ["right", "3.6", "6", "-0.25", "-0.31", "7.9"] in out
     means = "speed 0 m/s, yaw rate -1e-05 rad/s, turn radius 242.6 m, steering moment 0 kN m, power left 7.5e-07 kW"
-    assert f"mean of 8 to 9 s: {means}" in without, "rounding is 0"
+    k = without.index(["mean", "of", "8", "to", "9", "s"])
+    assert [" ".join(line) for line in without[k + 1 : k + 6]] == means.split(", "), "rounding is 0"
 
 
 FLOWS = ("kinetic", "gravity", "strain", "spring", "contact")
@@ -196,8 +213,8 @@ def energy_of(work, dissipated, covered, towed, delivered, **stored):
 
 def balance_of(energy):
     """Words and printed numbers of both sides of the energy balance, in units of their last digit; the unit."""
-    line = next(line for line in lines(summary.empty("a", None) | {"energy": energy}) if "energy balance: " in line)
-    sides = [re.findall(r"([\d.]+) (kJ|J) ([a-z ]+)", side) for side in line.partition(": ")[2].split(" = ")]
+    line = labelled("energy balance", summary.empty("a", None) | {"energy": energy})
+    sides = [re.findall(r"([\d.]+) (kJ|J) ([a-z ]+)", side) for side in line.split(" = ")]
     units = {unit for side in sides for _, unit, _ in side}
     numbers = [{what.strip(): int(number.replace(".", "")) for number, _, what in side} for side in sides]
     return numbers, units.pop(), 10 ** len(sides[0][0][0].partition(".")[2])
@@ -222,7 +239,7 @@ def test_what_came_in_is_what_became_of_it_in_the_printed_digits():
     assert missed > 30, "rounding alone would do"
     energy = energy_of(258e3, 167e3, 0.0, 82e3, 4e3, gravity=-11.8e3)
     assert "motion" in " ".join(balance_of(energy)[0][1])
-    (told,) = (line for line in lines(summary.empty("a", None) | {"energy": energy}) if "energy ledger: " in line)
+    told = labelled("energy ledger", summary.empty("a", None) | {"energy": energy})
     assert "258000 J put in = " in told
     assert "82000 J done on the towed load + 4000 J delivered to winch" in told
 
@@ -230,8 +247,8 @@ def test_what_came_in_is_what_became_of_it_in_the_printed_digits():
 @pytest.mark.parametrize(("work", "shown"), [(0.0, False), (4e-4, False), (2e-3, True)])
 def test_a_balance_without_flows_says_so(work, shown):
     energy = energy_of(work, work, 0.0, 0.0, 0.0)
-    text = "\n".join(lines(summary.empty("a", None) | {"energy": energy}))
-    assert ("energy balance: less than 1 mJ flowed (" in text) is not shown
+    text = labelled("energy balance", summary.empty("a", None) | {"energy": energy})
+    assert text.startswith("less than 1 mJ flowed (") is not shown
     assert ("put in by the drives = " in text) is shown
 
 
@@ -258,7 +275,7 @@ WHEELS = [entry(side, f"road_wheel[{k}]", 2.0 - 0.1 * k, 0.3 + 0.1 * k) for side
 ])  # fmt: skip
 def test_findings_that_differ_only_in_their_place_are_one_line(entries, said):
     """All names, the first time, the worst value; another kind, or a whole track, is another line."""
-    whole = lines(summary.empty("a", None) | {"validity": entries}, MAX_LINES)
+    whole = lines(summary.empty("a", None) | {"validity": entries}, verbose=False, width=WIDE)
     shown = [line for line in whole if "validity" in line]
     assert len(shown) == len(said)
     assert all(words in line for words, line in zip(said, shown, strict=True)), shown
@@ -269,23 +286,19 @@ def test_warnings_of_one_text_are_one_line():
               for text in ("slow", "hot") for side in SIDES]  # fmt: skip
     shown = lines(summary.empty("a", None) | {"warnings": warned})
     assert [line for line in shown if "warning" in line] == [
-        f"  warning: left_track and right_track at 1 s, 4 times: {text}" for text in ("slow", "hot")
+        f"! warning: left_track and right_track at 1 s, 4 times: {text}" for text in ("slow", "hot")
     ]
 
 
-def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
-    """Met checks, cost and ledger are left out and counted; the result, warnings and missed checks never are.
-
-    The longest phases in motion are whole; of all others, the last one too, there are times, kinds and speeds.
-    """
+def test_a_short_summary_hides_no_result_and_nothing_that_is_wrong():
+    """Met checks, ledger and cost are left out; of many phases the longest in motion stay; what is wrong comes last."""
     met = {"value": 10.0008, "expected": 10.0, "tolerance": 0.02, "ok": True, "note": "", "what": "pins of left"}
     warned = [{"component": "drive", "text": f"slow {k}", "time": 1.0, "count": 2} for k in range(12)]
     figures = {"tension_max": 42e3, "distance": 3.0, "tension_mean": 9e3}
     phase = dict.fromkeys(Phase._fields, float("nan")) | {
-        "kind": "steady", "turning": "", "start": 0.0, "end": 1.0, "speed": 1700.0, "way": 1.0, "tension_track": "",
-        "power": 5e3,
+        "kind": "steady", "turning": "", "speed": 1700.0, "way": 1.0, "tension_track": "", "power": 5e3,
     }  # fmt: skip
-    ends = [0.0, 4.0, 4.5, 5.0, 7.0, 8.0, 9.5, 10.5, 12.0, 12.4]  # s: the longest phase is a rest
+    ends = [0.0, 4.0, 4.5, 5.0, 7.0, 8.0, 9.5, 10.5, 12.0, 12.4, 13.0]  # s: the longest phase is a rest
     phases = [phase | {"start": start, "end": end} for start, end in pairwise(ends)]
     phases[0]["kind"] = "rest"
     cost = {"wall_time": 1.0, "steps": 10, "evaluations": 20, "iterations": 0, "rejected": 0}
@@ -299,30 +312,42 @@ def test_ten_lines_hide_no_result_and_nothing_that_is_wrong():
     def shown(told, *words):
         return [any(each in line for line in told) for each in words]
 
-    short, whole = lines(quiet, MAX_LINES), lines(quiet)
-    result = [line for line in short if "log a.mcap" not in line and "real time" not in line][1:]
-    assert len(short) == MAX_LINES == 11
-    assert short[-1] == f"  log a.mcap (0.0 MB); {len(whole) - MAX_LINES} lines more with --verbose"
-    assert [line for line in short[:-1] if line not in whole] == [
-        "  in short: 0 to 4 s: rest; 4 to 4.5 s: steady at 1700 m/s over 1 m; 4.5 to 5 s: steady at 1700 m/s over 1 m;"
-        " 12 to 12.4 s: steady at 1700 m/s over 1 m"
-    ]
-    in_full = [line.partition(" s:")[0] for line in short if "; power 5" in line]
-    assert in_full == ["  5 to 7", "  7 to 8", "  8 to 9.5", "  9.5 to 10.5", "  10.5 to 12"]
-    assert not any("in short" in line for line in [*whole, *lines(quiet | {"phases": phases[:3]}, MAX_LINES)])
-    assert all(shown(result, "largest link", "distance", "steady at", "energy balance: "))
-    assert not any(shown(short, "pins_left", "checksum"))
-    assert all(shown(whole, "pins_left = 10.0008", "(pins of left)", "checksum (seal)", "left_track computed for 1 s"))
+    short, whole = lines(quiet, verbose=False), lines(quiet)
+    assert short[-1] == f"  {'log':17}  a.mcap (0.0 MB); more with --verbose"
+    assert set(short[:-1]) < set(whole)
+    starts = [line.split()[1] for line in short if line.startswith(("  steady", "  rest"))]
+    assert len(starts) == MAX_PHASES == len(phases) - 2
+    assert not {"0", "12"} & set(starts), "the rest, and the shortest in motion"
+    assert all(shown(short, "largest link", "distance", "energy balance"))
+    assert not any(shown(short, "pins_left", "seal of", "computed for"))
+    assert all(shown(whole, "pins_left = 10.0008", "(pins of left)", "seal of the log", "computed for 1 s"))
     for severity in ("warning", "failure"):
         loud = quiet | {
             "checks": quiet["checks"] | {"speed": met | {"value": 9.0, "ok": False}}, "warnings": warned,
             "validity": [entry("chassis", "", what="belly", severity=severity)],
         }  # fmt: skip
-        short = lines(loud, MAX_LINES)
-        assert short[1 : 1 + len(result)] == result, "first, and as much of it as without what is wrong"
-        assert sum("warning: drive at 1 s, 2 times: slow" in line for line in short) == 12
-        assert len(short) == MAX_LINES + 12 + 2
-        assert all(shown(short, "NOT speed = 9", f"validity, {severity}: chassis"))
+        found = lines(loud, verbose=False, width=WIDE)
+        quieter = lines(quiet, verbose=False, width=WIDE)
+        assert found[1 : len(quieter)] == quieter[1:]
+        wrong = found[len(quieter) :]
+        assert all(line.startswith("! ") for line in wrong)
+        assert sum("warning: drive at 1 s, 2 times: slow" in line for line in wrong) == 12
+        assert len(wrong) == 12 + 2
+        assert all(shown(wrong, "NOT speed = 9", f"validity, {severity}: chassis"))
+
+
+@pytest.mark.parametrize("width", [WIDTH, 80])
+def test_lines_are_as_wide_as_asked_and_words_stay_whole(width):
+    warned = {"component": "drive", "text": "a word of " * 30, "time": 1.0, "count": 1}
+    places = {"pin_force": "in pin 51 of the left track, which a long name has, at 3.92 s"}
+    result = summary.empty("a", None) | {
+        "energy": energy_of(258e3, 167e3, 0.0, 82e3, 4e3, gravity=-11.8e3), "warnings": [warned], "places": places,
+        "observables": {"pin_force": 2e4}, "windows": {"pin_force": {"from": 0.0, "to": 1.0}},
+    }  # fmt: skip
+    found, one_each = (lines(result, width=each) for each in (width, WIDE))
+    assert max(map(len, found)) <= width
+    assert len(found) > len(one_each)
+    assert " ".join(found).split() == " ".join(one_each).split()
 
 
 def test_figures_have_no_exponents_and_no_negative_zero():
@@ -330,9 +355,9 @@ def test_figures_have_no_exponents_and_no_negative_zero():
     assert texts == ["120", "1700", "0", "-19", "0.35", "99999", "not a number"]
     rounded = {"value": -8.9e-16, "expected": 0.0, "tolerance": 1e-10, "ok": True, "note": "", "what": ""}
     result = summary.empty("a", None) | {"checks": {"third_law": rounded}}
-    assert "  ok  third_law = 0, expected 0 +- 1e-10" in lines(result)
+    assert labelled("check", result) == "ok  third_law = 0, expected 0 +- 1e-10"
     larger = result | {"checks": {"third_law": rounded | {"value": 8.9e-15}}}
-    assert "  ok  third_law = 8.9e-15, expected" in lines(larger)[1]
+    assert labelled("check", larger).startswith("ok  third_law = 8.9e-15, expected")
 
 
 TENSION = {
@@ -341,18 +366,21 @@ TENSION = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("change", "text"), [
-    ({}, "14.38 kN standing on level, hard ground, 17.96 and 17.5 kN at the start; its longest free span sags by"
-     " 82.8 mm, road wheels carry 20, 16.2 and 20, 16 kN, and it has settled by 97.4 mm"),
+@pytest.mark.parametrize(("change", "rows"), [
+    ({}, ["track tension 17.96 and 17.5 kN 14.38 kN asked", "standing on level, hard ground 14.38 kN",
+          "sag of the longest free span 82.8 mm", "settlement 97.4 mm", "road wheels carry 20, 16.2 and 20, 16 kN"]),
     ({"drawn": True, "start": [16.3e3], "loads": [[69.6, 71.0], [69.6, 71.0]]},
-     "14.38 kN standing on level, hard ground, 16.3 kN at the start as drawn; standing, its longest free span sags by"
-     " 82.8 mm, road wheels carry 69.6, 71 N, and it has settled by 97.4 mm"),
+     ["track tension 16.3 kN 14.38 kN asked, as drawn", "standing on level, hard ground 14.38 kN",
+      "sag of the longest free span 82.8 mm standing", "settlement 97.4 mm standing", "road wheels carry 69.6, 71 N"]),
     ({"loads": [[20e3]] * 2, "others": [{"idler": 4e3, "tail": 3.5e3}] * 2},
-     "14.38 kN standing on level, hard ground, 17.96 and 17.5 kN at the start; its longest free span sags by"
-     " 82.8 mm, road wheels carry 20, idler 4, tail 3.5 kN, and it has settled by 97.4 mm"),
+     ["track tension 17.96 and 17.5 kN 14.38 kN asked", "standing on level, hard ground 14.38 kN",
+      "sag of the longest free span 82.8 mm", "settlement 97.4 mm", "road wheels carry 20, idler 4, tail 3.5 kN"]),
     ({"standing": [], "why": "it tips over", "start": [14380.0], "drawn": True},
-     "14.38 kN at the start as drawn: it does not stand (it tips over)"),
+     ["track tension 14.38 kN 14.38 kN asked, as drawn; it does not stand: it tips over"]),
 ])  # fmt: skip
-def test_the_tension_asked_and_had_is_told(change, text):
-    assert summary_text.track_tension(TENSION | change) == f"track tension: 14.38 kN asked, {text}"
-    assert summary_text.track_tension({}) == ""
+def test_the_tension_asked_and_had_is_told(change, rows):
+    found = summary_text.track_tension(TENSION | change)
+    assert [" ".join(line.split()) for line in found] == ["at the start", *rows]
+    short = lines(summary.empty("a", None) | {"track_tension": TENSION | change}, verbose=False)
+    assert [" ".join(line.split()) for line in short[1:3]] == ["at the start", rows[0]]
+    assert summary_text.track_tension({}) == []

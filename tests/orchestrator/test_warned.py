@@ -148,10 +148,10 @@ def test_sweeps_of_an_iteration_count_once(toy):
 
 def test_warnings_stand_in_summary_and_log(cotrack, creaking, tmp_path):
     _, out, err = cotrack(*SHORT, "--log", "a.mcap")
-    line = f"  warning: chain at 0 s, 20 times: {CREAKS}\n"
+    line = f"! warning: chain at 0 s, 20 times: {CREAKS}\n"
     assert line in out
     assert err == [f"chain: {CREAKS}"]
-    assert line in cotrack("log", "info", "a.mcap")[1]
+    assert line.replace("!", " ") in cotrack("log", "info", "a.mcap")[1]
     with Log(tmp_path / "a.mcap") as log:
         closing = log.closing
         assert closing["warnings"] == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 20}]

@@ -12,7 +12,8 @@ from built_toy import build_toy
 from orchestrator.cosim.component import Component
 from orchestrator.files.messages import RUN
 RUN.setLevel(logging.DEBUG)
-RUN.addHandler(logging.StreamHandler(sys.stdout))
+RUN.addHandler(handler := logging.StreamHandler(sys.stdout))
+handler.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
 with Component(build_toy(), "toy") as component:
     component.initialise({})
     for i in range(3):

@@ -8,7 +8,7 @@ constant speed; ``turn`` at constant speed with a yaw rate; ``acceleration`` and
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ from orchestrator.results.energy import without_energies
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.ground_under_vehicle import pose_signals, split
 from orchestrator.results.run_data import EVER, RunData, Window, record_durations
-from orchestrator.results.table import Table, without_rounding
-from orchestrator.results.units import figure
+from orchestrator.results.table import Table
 
 ALIKE = 1e-3  # m/s: one figure for slips of both sides that differ by less
 SAME = 1e-6  # of a tension: sides that differ by less count as equal
@@ -77,47 +76,9 @@ class Phases(NamedTuple):
         return Table.of(f"{len(self.phases)} phases", columns, rows, notes)
 
 
-def sentence(phase: Mapping[str, Any], brief: bool = False) -> str:
-    """Sentence for a phase, given as ``Phase`` or as a JSON object; ``brief``: its time, kind, speeds and way alone."""
-    figures: dict[str, Any] = {name: float("nan") if value is None else value for name, value in phase.items()}
-    known = Phase(**figures)
-    clauses = _motion_clause(known), *(() if brief else (_turn_clause(known), _load_clause(known)))
-    return "; ".join(filter(None, clauses))
-
-
-def _motion_clause(phase: Phase) -> str:
-    when = f"{phase.start:.4g} to {phase.end:.4g} s: {phase_name(phase)}"
-    if phase.kind == "rest":
-        return when
-    changes = f"{', ' if phase.turning else ' '}from {rounded(phase.speed_start)} to {rounded(phase.speed_end)} m/s"
-    speed = changes if phase.kind in CHANGING else f" at {figure(phase.speed)} m/s"
-    return f"{when}{speed} over {figure(phase.way)} m"
-
-
 def rounded(speed: float) -> str:
     """Speed to a hundredth, without a sign if that is 0."""
     return f"{round(speed, 2) + 0.0:.2f}"
-
-
-def _turn_clause(phase: Phase) -> str:
-    if not phase.turning:
-        return ""
-    rate, most, radius = (figure(value, 3) for value in (phase.yaw_rate, phase.yaw_rate_most, phase.radius))
-    return f"yaw rate {rate} rad/s, {most} at most, radius {radius} m"
-
-
-def _load_clause(p: Phase) -> str:
-    slips = [each for each in (p.slip_left, p.slip_right) if each == each]
-    alike = len(slips) < 2 or abs(slips[0] - slips[1]) < ALIKE
-    shown = [f"{each:.3f}" for each in (slips[:1] if alike else slips)]
-    parts = [
-        f"power {figure(without_rounding(p.power / 1e3, 'kW'), 3)} kW" if p.power == p.power else "",
-        f"slip {' and '.join(shown)} m/s{'' if alike else ' left and right'}" if slips else "",
-        f"largest tension {figure(p.tension / 1e3)} kN in {p.tension_track.replace('_', ' ')} at {p.tension_t:.4g} s"
-        if p.tension_track
-        else "",
-    ]
-    return "" if p.kind == "rest" else ", ".join(filter(None, parts))
 
 
 class _Motion(NamedTuple):
