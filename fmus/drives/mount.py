@@ -21,12 +21,12 @@ from fmus.start import vehicle_quaternion
 
 # indices in the flat state of a sprocket on its mount, after those of its shaft
 SPEED_NOW = SHAFT
-MOMENTUM = 11  # J Omega a at the end of the last step, world (3)
-SPROCKET = 14  # position, orientation, velocity, angular velocity (13)
-MOUNT = 27  # mean wrench of the last step (6), before the first one that of a track at rest
-BASE = 33  # time over which the acceleration of the mount is taken, s; 0 before the first step
-VELOCITY = 34  # velocity and angular velocity of the mount at the beginning of that time (6)
-WIDTH = 40
+MOMENTUM = SPEED_NOW + 1  # J Omega a at the end of the last step, world (3)
+SPROCKET = MOMENTUM + 3  # position, orientation, velocity, angular velocity (13)
+MOUNT = SPROCKET + 13  # mean wrench of the last step (6), before the first one that of a track at rest
+BASE = MOUNT + 6  # time over which the acceleration of the mount is taken, s; 0 before the first step
+VELOCITY = BASE + 1  # velocity and angular velocity of the mount at the beginning of that time (6)
+WIDTH = VELOCITY + 6
 LEAST_SHARE = 0.1  # of a step in the time over which its acceleration is taken, and the other way round
 
 

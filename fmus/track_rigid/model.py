@@ -15,8 +15,9 @@ from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.integration import HELD, PINNED
 from fmus.physics.chain.layout import encloses
 from fmus.physics.chain.report import DEPTH
+from fmus.physics.chain.rigid import initial_state
 from fmus.physics.chain.rigid.dynamics import LIMIT, longest
-from fmus.physics.chain.rigid.initial_state import open_closing_pin, settle, start_released, write_outputs
+from fmus.physics.chain.rigid.initial_state import open_closing_pin, start_released, write_outputs
 from fmus.physics.chain.rigid.jointed import count, to_joint_coordinates
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import TOLERANCE
@@ -166,7 +167,7 @@ class Model(TrackModel):
         laid, orientation = s.flat.copy(), s.q[:, 3:].copy()
         for method in (REST, SLOWLY):
             s.flat[:] = laid
-            failure, _, link, residual = settle(links, partners, env, method, rows, s, w, self.counters)
+            failure, _, link, residual = initial_state.settle(links, partners, env, method, rows, s, w, self.counters)
             if not failure:
                 break
         else:

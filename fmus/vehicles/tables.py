@@ -1,4 +1,4 @@
-"""Tables of files: frozen, with numbers that have units; errors name file, key and value."""
+"""Base of all tables of TOML files: frozen, with numbers that have units; errors name file, key and value."""
 
 from __future__ import annotations
 

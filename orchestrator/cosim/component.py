@@ -176,7 +176,7 @@ class Component(AbstractContextManager["Component"]):
 
     @property
     def warnings(self) -> list[ComponentWarning]:
-        """CallMessages that the FMU logged with status warning since its start, without steps taken back."""
+        """Messages that the FMU logged with status warning since its start, without steps taken back."""
         return self._messages.warnings.entries()
 
     def set_warnings(self, earlier: Mapping[str, ComponentWarning]) -> None:

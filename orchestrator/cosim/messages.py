@@ -1,4 +1,4 @@
-"""CallMessages of an FMU: warnings with their counts, errors of the last call, FMI status as text."""
+"""Messages of an FMU: warnings with their counts, errors of the last call, FMI status as text."""
 
 from __future__ import annotations
 

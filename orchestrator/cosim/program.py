@@ -6,6 +6,7 @@ import ctypes
 import os
 import threading
 from collections.abc import Sequence
+from contextvars import copy_context
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -129,7 +130,8 @@ class Worker:
         self.mailbox = record(Mailbox(bell=self._bell.ctypes.data))
         self.address = int(self.mailbox.ctypes.data)
         self._kernels = kernels()  # held: two threads that load them at once get two, and the cache keeps one
-        self._thread = threading.Thread(target=self._work, name="step", daemon=True)
+        context = copy_context()  # whether messages of the run are silent holds for its threads
+        self._thread = threading.Thread(target=context.run, args=(self._work,), name="step", daemon=True)
         self._thread.start()
 
     def _work(self) -> None:

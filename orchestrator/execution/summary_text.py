@@ -86,12 +86,12 @@ def _pace(r: Mapping[str, Any]) -> str:
     return f"{simulated}, {pace} real time"
 
 
-def _start_up(r: Mapping[str, Any]) -> str:
+def _further_times(r: Mapping[str, Any]) -> str:
     """Return the times before and after a run's own; empty for a run whose cost is not known."""
     if not r["wall_time"] or not r["startup_time"]:
         return ""
     estimate = (r["error"] or {}).get("wall_time")
-    return f"{r['startup_time']:.3g} s" + (f", estimate of the error {estimate:.3g} s" if estimate else "")
+    return f"start-up {r['startup_time']:.3g} s" + (f", estimate of the error {estimate:.3g} s" if estimate else "")
 
 
 def _observables(r: Mapping[str, Any]) -> dict[str, list[Row]]:
@@ -354,7 +354,7 @@ def _result(r: Mapping[str, Any], verbose: bool, width: int) -> list[str]:
         "estimated error": _error(error) if error else "",
         "energy balance": _balance(energy) if energy else missing,
         "run time": _pace(r),
-        "start-up": _start_up(r),
+        "further times": _further_times(r),
         "FMUs of yours": _fmus(r["fmus"]),
     }
     return [

@@ -37,7 +37,7 @@ COMMAND = re.compile(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", re.MULTILINE)
 # What depends on the machine and is shown as an example.
 MEASURED = re.compile(
     r"simulated in \S+ s, \S+ times (?:as fast as|slower than) real time"
-    r"|(?<=  start-up           ).*|(?<=\.mcap )\(\S+ [kM]B\)"
+    r"|(?<=  further times      ).*|(?<=\.mcap )\(\S+ [kM]B\)"
 )
 
 
@@ -73,8 +73,8 @@ def missing(shown, printed):
     return None if not lines or lines[-1].strip() == "..." or pattern(lines).fullmatch(printed) else "the end"
 
 
-FAST = "  8 s simulated in 2.8 s, 2.84 times as fast as real time\n  start-up           0.96 s, estimate 4 s\n"
-SLOW = "  8 s simulated in 9.8 s, 1.2 times slower than real time\n  start-up           12 s, estimate 14 s\n"
+FAST = "  8 s simulated in 2.8 s, 2.84 times as fast as real time\n  further times      start-up 0.96 s, estimate 4 s\n"
+SLOW = "  8 s simulated in 9.8 s, 1.2 times slower than real time\n  further times      start-up 12 s, estimate 14 s\n"
 THREE = "one\ntwo 2\nthree\n"
 
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import threading
+from contextlib import nullcontext
 from ctypes import CFUNCTYPE, POINTER, c_double, c_int, c_size_t, c_void_p, cast
 from threading import get_ident
 from time import monotonic, sleep
 
 import numpy as np
 import pytest
+from logged import logged
 
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.program import InputCopy, Program, Stage, Worker, processors
 from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.execution.simulate import simulate
+from orchestrator.files.messages import RUN, silent
 from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.kernels.compiled import CAN_STEP, kernels
 from orchestrator.kernels.tables import ASLEEP, FREE, SUBMITTED, StepCall, record
@@ -45,6 +48,7 @@ class Instance:
         def step(*given):
             self.called.append(("step", *given))
             self.thread = get_ident()
+            RUN.warning("steps")
             if self.barrier is not None:
                 self.barrier.wait(timeout=5.0)
             sleep(pause)
@@ -154,6 +158,18 @@ def test_a_stage_steps_at_once_and_every_failure_is_heard(failing):
         assert [bool(one.noted("failed")) for one in pair] == [failing == 0, failing == 1]
     assert pair[0].thread != pair[1].thread == get_ident()
     program.close()
+
+
+@pytest.mark.skipif(processors() < 2, reason="needs a second processor")
+@pytest.mark.parametrize(("scope", "count"), [(silent, 0), (nullcontext, 2)])
+def test_a_silent_run_is_so_in_all_its_threads(scope, count):
+    pair = [Instance(), Instance()]
+    pair[0].barrier = pair[1].barrier = threading.Barrier(2)
+    with scope(), logged() as said:
+        program = program_of((pair, []))
+        program.run(0.0, 0.1)
+        program.close()
+    assert said == ["steps"] * count
 
 
 def test_short_steps_are_done_here():

@@ -158,9 +158,9 @@ def about_z(a: Vector) -> Vector:
 
 @kernel
 def _lever_part(w: TurningWork, h: Vector, h_y: Vector) -> Vector:
-    """Part of B^T h by the leverage, for a force ``h``, N, whose moment arm y makes ``h_y``, N m.
+    """Part of B^T h that turns the section about the pin line, for a force ``h``, N, at the height y over this line.
 
-    Components along the normal, the pin axis and the tangent, N m.
+    ``h_y`` = y h, N m. Components along the normal, the pin axis and the tangent, N m.
     """
     t0, t2, lever = w.unit_tangent[0], w.unit_tangent[2], w.axes.lever
     pull = h[0] * t0 + h[2] * t2

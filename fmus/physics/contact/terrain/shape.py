@@ -20,7 +20,7 @@ X_FROM, X_TO, Y_FROM, Y_TO, FACTOR, VALUE, REGION = range(7)
 
 
 class Kerb(NamedTuple):
-    """Profile across the way, which may rise along it."""
+    """Kerb along x: a profile over y, which rises to its whole height along x."""
 
     profile: np.ndarray  # (n, PIECE) over y, see ``profile``; n = 0: none
     start: float = EVERYWHERE  # x where it begins to rise, m
