@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from textwrap import wrap
 from typing import Any, NamedTuple
@@ -396,6 +397,8 @@ def _labelled(label: str, text: str, width: int) -> list[str]:
 
 
 def _wrapped(head: str, text: str, width: int) -> list[str]:
-    """Return the lines of a text behind a head; words stay whole."""
-    first, *others = wrap(text, max(width - len(head), 20), break_long_words=False, break_on_hyphens=False) or [""]
+    """Return the lines of a text behind a head; words stay whole, and numbers with their units."""
+    joined = re.sub(r"(?<=\d) (?=%|k?[JN]\b|m?m\b|s\b)", "\N{NO-BREAK SPACE}", text)
+    pieces = wrap(joined, max(width - len(head), 20), break_long_words=False, break_on_hyphens=False) or [""]
+    first, *others = (piece.replace("\N{NO-BREAK SPACE}", " ") for piece in pieces)
     return [f"{head}{first}".rstrip(), *(f"{'':{len(head)}}{other}" for other in others)]
