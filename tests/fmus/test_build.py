@@ -11,7 +11,8 @@ from built_toy import TOY, build_toy
 
 from fmus import precompile
 from fmus.cache.sources import ROOT, search_path, source_hash, sources
-from fmus.fmi.build import KINDS, BuildFailed, Shell, build_shells
+from fmus.components import COMPONENT_KINDS
+from fmus.fmi.build import BuildFailed, Shell, build_shells
 from orchestrator.fmu_check import runner
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
@@ -118,7 +119,7 @@ def test_of_fmus_built_together_the_one_that_fails_is_named(fresh_cache, tmp_pat
 
 
 def test_shells_have_stems_of_their_own():
-    assert len({path.rpartition("/")[2] for path in KINDS.values()}) == len(KINDS)
+    assert len({path.rpartition("/")[2] for path in COMPONENT_KINDS.values()}) == len(COMPONENT_KINDS)
 
 
 # --- kernels that a background process compiles -----------------------------------------------------

@@ -385,8 +385,8 @@ def test_numbers_are_the_floats_and_nothing_else(table):
 RIGHT = {  # unit, least and largest value, what is allowed
     "chassis.mass": ("kg", 5e-324, "inf", "greater than 0"),
     "road_wheel.mass": ("kg", 5e-324, "inf", "greater than 0"),
-    "idler.x": ("m", "-inf", "inf", "a finite number"),
-    "seat.position": ("m", "-inf", "inf", "a finite number"),
+    "idler.x": ("m", -1e3, 1e3, "-1000 or more and 1000 at most"),
+    "seat.position": ("m", -1e3, 1e3, "-1000 or more and 1000 at most"),
     "track.bushing.friction": ("1", 0, 2.0, "0 or more and 2 at most"),
     "sprocket.flank_angle": ("rad", 5e-324, math.nextafter(1.2, 0.0), "greater than 0 and less than 1.2"),
     "ground.rough.band": ("1/m", 5e-324, "inf", "greater than 0"),

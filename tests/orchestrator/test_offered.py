@@ -88,10 +88,21 @@ def test_a_short_command_loads_no_long_library(environment, argument, spared):
     assert not loaded & {*spared.split()}
 
 
+WITHOUT_LLVMLITE = """
+import sys
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name == "llvmlite":
+            raise ModuleNotFoundError("No module named 'llvmlite'", name=name)
+sys.meta_path.insert(0, Missing())
+from orchestrator.__main__ import main
+main()
+"""
+
+
 def test_a_missing_package_is_named_as_it_is_installed(environment, tmp_path):
     """Also one that another package brings, when the command is loaded."""
-    code = "import sys; sys.modules['llvmlite'] = None; from orchestrator.__main__ import main; main()"
-    command = [sys.executable, "-c", code, "show", "hanging_chain"]
+    command = [sys.executable, "-c", WITHOUT_LLVMLITE, "show", "hanging_chain"]
     done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
     (line,) = done.stderr.splitlines()
     assert done.returncode == 2

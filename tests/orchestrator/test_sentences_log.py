@@ -540,7 +540,7 @@ MEASURED_RECORDS = (
     (lambda g: read(g.p / "none.csv", {}, UNITS.get), "none.csv cannot be read: No such file"),
     (named("bus.blf", b"LOGG\x90\xff"), "bus.blf cannot be read: ... these are read, by suffix: .csv, .parquet, .mf4"),
     (compared({"chassis.speed": "v"}, 5.0), "'v', 5 to 7 s on the clock of the run, and 'chassis.speed', 0 to 2 s"),
-    (compared({"chassis.speed": "v"}, 5.0, shift=-5.0, start=3.0), "have no values in common from 3 to inf s"),
+    (compared({"chassis.speed": "v"}, 5.0, shift=-5.0, start=3.0), "'chassis.speed' was not recorded between 3 and"),
     (compared({"speed": "v"}), "no signal 'speed'; did you mean 'chassis.speed'"),
     (compared({"chassis.speed": "v"}, v=1.0, shift="find"), "no shift can be found: no mapped signal varies in the"),
     *((missing(library, named(f"m.{kind}", b"x")), f"{library} is not installed: pip install ...'.[measured]'")

@@ -103,7 +103,7 @@ def test_a_right_run_and_a_wrong_one(monkeypatch):
 
 
 def outcome(monkeypatch, **result):
-    def fake(scene, path, answer):
+    def fake(scene, path, raise_faults):
         for value in result.values():
             if isinstance(value, Exception):
                 raise value

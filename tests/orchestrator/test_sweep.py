@@ -146,7 +146,7 @@ def fake(monkeypatch, *ends):
 
     def simulate(scene, path, **options):
         scenes.append(scene)
-        assert (options["native"], options["estimated"], options["answer"]) == (False, True, True)
+        assert (options["native"], options["estimated"], options["raise_faults"]) == (False, True, True)
         end = queue.pop(0)
         if isinstance(end, BaseException):
             raise end
