@@ -201,7 +201,7 @@ class VehicleDriveTable(DriveTable):
 
     def of_side(self, side: Side) -> DriveTable:
         """Drive of a side."""
-        return getattr(self, side) or self._common_drive()
+        return getattr(self, side) or self
 
 
 def _arc(pair: object) -> object:

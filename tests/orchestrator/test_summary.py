@@ -338,7 +338,8 @@ def test_a_short_summary_hides_no_result_and_nothing_that_is_wrong():
 
 @pytest.mark.parametrize("width", [WIDTH, 80])
 def test_lines_are_as_wide_as_asked_and_words_stay_whole(width):
-    warned = {"component": "drive", "text": "a word of " * 30, "time": 1.0, "count": 1}
+    """So do numbers with their units."""
+    warned = {"component": "drive", "text": "a word of 3.5 kN " * 30, "time": 1.0, "count": 1}
     places = {"pin_force": "in pin 51 of the left track, which a long name has, at 3.92 s"}
     result = summary.empty("a", None) | {
         "energy": energy_of(258e3, 167e3, 0.0, 82e3, 4e3, gravity=-11.8e3), "warnings": [warned], "places": places,
@@ -347,6 +348,7 @@ def test_lines_are_as_wide_as_asked_and_words_stay_whole(width):
     found, one_each = (lines(result, width=each) for each in (width, WIDE))
     assert max(map(len, found)) <= width
     assert len(found) > len(one_each)
+    assert not {line.split()[0] for line in found} & {"kN", "kJ", "%"}
     assert " ".join(found).split() == " ".join(one_each).split()
 
 
