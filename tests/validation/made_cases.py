@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from orchestrator.files.messages import PROGRESS, RUN
 from orchestrator.studies import Case, Row
 from tests.validation.compared import checked
 
@@ -24,6 +25,12 @@ def raises() -> list[Row]:
 
 def overflows() -> list[Row]:
     return [checked("0", "overflown", float(np.float64(1e308) * np.array(10.0)), math.inf, 0.1)]
+
+
+def talks() -> list[Row]:
+    PROGRESS.info("components are built")
+    RUN.warning("a spring creaks")
+    return []
 
 
 def dies() -> list[Row]:

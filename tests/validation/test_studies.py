@@ -15,6 +15,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from logged import logged
 
 from fmus.vehicles.tables import BadInput
 from orchestrator import studies
@@ -24,7 +25,7 @@ from orchestrator.studies.pool import Store
 from tests.validation import compared, element_cases, estimates, mechanics, meshes
 from tests.validation.__main__ import STUDIES, app
 from tests.validation.compared import checked
-from tests.validation.made_cases import BAD, SUM, counts, dies, fails_once, overflows, sleeps
+from tests.validation.made_cases import BAD, SUM, counts, dies, fails_once, overflows, sleeps, talks
 
 ROOT = Path(__file__).parents[2]
 FRAME = Case("11", "L-frame", element_cases.l_frame, ("beam",))
@@ -61,6 +62,13 @@ def test_each_case_that_is_done_is_told():
     with Progress("study", (lines := []).append):
         pool.run([SUM, BAD], done=pool.finished_cases(2, lambda rows: ": failed" * (rows[0].ok is False)))
     assert lines == ["1/2 sum", "2/2 bad: failed"]
+
+
+def test_what_the_runs_of_a_study_say_is_not_told():
+    with Progress("study", (lines := []).append), logged() as said:
+        pool.run([Case("0", "talks", talks)])
+        talks()
+    assert (lines, said) == (["components are built"], ["a spring creaks"]), "once, outside the study"
 
 
 def test_a_missed_tolerance_is_exit_1(validate, monkeypatch):
