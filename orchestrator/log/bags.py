@@ -40,7 +40,7 @@ UNROLLED = re.compile(r"\[\s*\d{5,}\s*\]")  # arrays of a fixed size, for which 
 ZSTD = b"\x28\xb5\x2f\xfd"  # begins messages that are compressed one by one
 NS, TIME = 1e-9, slice(LOG_TIME, LOG_TIME + 8)
 HOUR, UNSET = 3_600_000_000_000, -(1 << 62)  # ns; in place of a stamp
-LOOKED_AT = 10  # messages of a topic that are decoded until one has a number
+LOOKED_AT = 100  # messages of a topic that are decoded until one has a number
 _UNPACK = zstandard.ZstdDecompressor().decompress
 COMMANDS = re.compile("Twist$|TwistStamped$|Ackermann")  # types of messages whose numbers command a motion
 _IDL = re.compile(r"^=+\nIDL: .*\n", re.MULTILINE)
