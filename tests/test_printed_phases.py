@@ -7,6 +7,7 @@ of the gallery and a manoeuvre; by default a short manoeuvre on rigid links.
 import html
 import re
 from functools import cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -31,13 +32,6 @@ RUNS = {
     "serpentine": ("serpentine", (), ["rest", "acceleration", "turn left", "acceleration, turning right", "braking"]),
     "manoeuvre": ("turn", MANOEUVRE, ["rest", "acceleration", "steady", "turn right", "steady", "braking", "rest"]),
 }
-PRINTED = re.compile(
-    r"  (?P<start>[\d.]+) to (?P<end>[\d.]+) s: (?P<name>[a-z, ]+?),?"
-    r"(?: at (?P<speed>\S+) m/s over (?P<way>\S+) m| from (?P<first>\S+) to (?P<last>\S+) m/s over (?P<far>\S+) m)?"
-    r"(?:; yaw rate (?P<yaw>\S+) rad/s, (?P<most>\S+) at most, radius (?P<radius>\S+) m)?"
-    r"(?:; power (?P<power>\S+) kW, slip (?P<left>\S+)(?: and (?P<right>\S+))? m/s(?: left and right)?,"
-    r" largest tension (?P<tension>\S+) kN in (?P<track>\w+) track at (?P<at>\S+) s)?$"
-)
 
 
 class PrintedPhase(NamedTuple):
@@ -60,17 +54,37 @@ def number(text):
     return float("nan") if not text else float(text.replace("\N{MINUS SIGN}", "-"))
 
 
+def rows(out, first):
+    """Rows of the printed table whose first head is ``first``: cells by head; columns end where their heads do."""
+    lines = iter(out.splitlines())
+    heads = next((line for line in lines if re.match(f"  {first} +from ", line)), "")
+    if not heads:
+        return
+    units = next(lines)
+    names, ends = zip(*((found[0], found.end()) for found in re.finditer(r"\S+(?: \S+)*", heads)), strict=True)
+    assert len(units) <= ends[-1], "units end below their heads"
+    for line in lines:
+        if not re.match(r"  [a-z]+ +[\d.]+ +[\d.]+(?: |$)", line):
+            return
+        name, begin = line[: ends[1]].split()
+        cells = [line[a:b].strip() for a, b in pairwise(ends[1:])]
+        yield dict(zip(names, (name, begin, *cells), strict=True))
+
+
 def printed(out):
-    """Phases of a printed summary."""
-    for line in out.splitlines():
-        if match := PRINTED.match(line):
-            g = match.groupdict()
-            slips = tuple(number(g[side]) for side in ("left", "right") if g[side])
-            yield PrintedPhase(
-                g["name"], number(g["start"]), number(g["end"]), number(g["way"] or g["far"]), number(g["speed"]),
-                number(g["yaw"]), number(g["most"]), number(g["radius"]), number(g["power"]), number(g["tension"]),
-                slips,
-            )  # fmt: skip
+    """Phases of a printed summary, from its two tables."""
+    turns = {(row["from"], row["to"]): row for row in rows(out, "turn")}
+    for row in rows(out, "phase"):
+        turn = turns.get((row["from"], row["to"]), {})
+        joint = " " if row["phase"] == "turn" else ", turning "
+        speed = row["speed"] if " to " not in row["speed"] else ""
+        slips = [turn["slip left"], turn["slip right"]] if turn else row.get("slip", "").split(" and ")
+        yield PrintedPhase(
+            row["phase"] + (joint + turn["turn"] if turn else ""), number(row["from"]), number(row["to"]),
+            number(row["way"]), number(speed), number(turn.get("yaw rate")), number(turn.get("largest")),
+            number(turn.get("radius")), number(row["power"]), number(row["tension"]),
+            tuple(number(slip) for slip in slips if slip),
+        )  # fmt: skip
 
 
 def on_page(text):
@@ -184,7 +198,7 @@ def test_figures_of_summary_and_page_are_those_of_the_log(cotrack, tmp_path, nam
         largest = max(record.phase(phase).tension for phase in phases)
     assert counted >= 6 * len(kinds), "little was compared: of rest a summary tells nothing, a page four figures"
     _bounds_are_where_the_speed_changes(record, phases)
-    assert float(re.search(r"largest link tension ([\d.]+)", out)[1]) == pytest.approx(largest, rel=1e-3)
+    assert float(re.search(r"largest link tension +([\d.]+)", out)[1]) == pytest.approx(largest, rel=1e-3)
 
 
 def _bounds_are_where_the_speed_changes(record, printed_phases):

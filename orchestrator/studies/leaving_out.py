@@ -48,7 +48,7 @@ MOTION, FORCE = 3e-8, 1e-6  # 30 and 100 times the growth of one ulp of gravity 
 SMALLEST_SCALE = 1e-2  # of a scale: with a smaller value, in SI, a unit hardly occurs in a run
 SPEED_OF = {"m": "m/s", "rad": "rad/s"}  # rates for units that a run hardly shows, taken from its positions
 SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; others are forces, stresses and energies
-DEPTH = 1000.0  # m from a chain to a ground out of reach
+DEPTH = 900.0  # m from a chain to a ground out of reach; places of a vehicle end at 1 km
 BRIEF = "run.stop=10 ms"
 
 COLUMNS = (
