@@ -236,7 +236,7 @@ class FrozenTable(BaseModel):
                 yield from (f"{key}.{inner}" for inner in (kind.inactive(value) if kind else ()))
 
     @model_validator(mode="after")
-    def _refuse_idle(self) -> Self:
+    def _refuse_inactive(self) -> Self:
         for key, when in self.conditions().items():
             value = getattr(self, key)
             if value not in (None, type(self).model_fields[key].default) and (lacking := when.lacks(vars(self))):
