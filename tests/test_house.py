@@ -350,7 +350,7 @@ def test_top_level():
     top = {name.split("/")[0] for name in listed}
     assert top <= {
         "pyproject.toml", "fmus", "orchestrator", "tests", "logs", "findings", "README.md",
-        "LICENSE", "CITATION.cff", ".gitignore", ".ci", "constraints.txt",
+        "LICENSE", "CITATION.cff", ".gitignore", ".ci", ".github", "constraints.txt",
     }  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import yaml
 from conftest import click_command, messages
 
 from orchestrator.cli import app
@@ -121,6 +122,17 @@ def test_listed_commands_are_known():
         parse([word.partition("|")[0] for word in words])
     with pytest.raises(Exception, match="no-such-option"):
         parse(["run", "straight", "--no-such-option"])
+
+
+def test_commands_of_the_workflow_are_known():
+    """The workflow calls commands and options that exist, and the checks of a clone."""
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "checks.yml").read_text(encoding="utf-8"))["jobs"]
+    lines = [line for job in jobs.values() for step in job["steps"] for line in step.get("run", "").splitlines()]
+    assert ".ci/run" in lines
+    calls = [line.partition("cotrack ")[2] for line in lines if re.search(r"(^|bin/)cotrack ", line)]
+    assert len(calls) == 5
+    for call in calls:
+        parse(shlex.split(call))
 
 
 def parse(arguments):
