@@ -12,7 +12,6 @@ import math
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
-from itertools import cycle, product
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -206,7 +205,8 @@ def record(scene: Scene) -> Mapping[str, Any]:
 
 LEVELS = (1e-2, 1e-3, 1e-4)
 FACTOR = 3.0  # an estimate within this factor of the true error is right
-MARKERS = "os^vDP*Xp"  # by method, in pictures
+MARKERS = "os^vDP*Xp"  # by track model, in pictures
+NAMED = 0.75  # ratio of errors from one named point of a picture to the next
 
 
 def runs(rows: Iterable[Row]) -> list[Row]:
@@ -316,11 +316,11 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     stem = f"{name}-{scenes}"
     title = f"{title}: {scenes}"
     more = {f"{stem}.csv": whole_table(rows).csv()}
-    written = output_files.save_results(folder, stem, table(rows, title), draw(rows, title), more)
     settings = [
         precision.Setting(row.item, row["track"], method_settings(row), row["error"], row["wall_time"])
         for row in runs(rows)
     ]
+    written = output_files.save_results(folder, stem, table(rows, title), draw(settings, title), more)
     written.append(folder / "precision.json")
     precision.write(settings, written[-1])
     if not any(setting.startswith("run.stop") for row in runs(rows) for setting in row["settings"]):
@@ -335,73 +335,56 @@ def method_settings(row: Row) -> tuple[str, ...]:
     return tuple(s for s in row["settings"] if not s.startswith(("run.stop", "track.start", "chain.")))
 
 
-def draw(rows: Sequence[Row], title: str) -> output_files.Picture:
-    """Draw one pane for the whole error and one per observable; a curve per method, Pareto front shaded."""
-    good = runs(rows)
-    names = ["", *_observables(good)]
-    across = min(3, len(names))
-    down = -(-len(names) // across)
-    figure = output_files.new_figure(5.2 * across, 4.2 * down + 1.4)
-    axes = figure.subplots(down, across, squeeze=False).ravel()
-    curves = _curve_styles(good)
-    for pane, name in zip(axes, names, strict=False):
-        _draw_pane(pane, rows, good, name, curves)
-    for pane in axes[len(names) :]:
-        pane.set_axis_off()
-    _draw_legend(figure, curves)
-    figure.suptitle(f"{title} (rings: Pareto front of a track model)", fontsize=12)
+def label(settings: Sequence[str]) -> str:
+    """What distinguishes a setting in a picture: its steps H and h, its tolerance, its coupling or integrator."""
+    values = {key: value for key, _, value in (setting.partition("=") for setting in settings)}
+    names = [values[key].replace("_", "-") for key in ("run.coupling", "track.integrator") if key in values]
+    if "run.variable.tolerance" in values:
+        steps = [f"tolerance {values['run.variable.tolerance']}"]
+    elif "track.rtol" in values:
+        steps = [f"tolerance {values['track.rtol']}"]
+    else:
+        pair = [values[key].removesuffix(" ms") for key in ("run.step", "track.step") if key in values]
+        steps = [f"{', '.join(dict.fromkeys(pair))} ms"] if pair else []
+    return " ".join([*steps, *names])
+
+
+def draw(settings: Sequence[precision.Setting], title: str) -> output_files.Picture:
+    """Draw error over run time in one pane: all settings, and the Pareto front of each track model with its steps.
+
+    A front names a point where the error has fallen to ``NAMED`` of that of the last named one.
+    """
+    figure = output_files.new_figure(8.0, 5.6)
+    pane = figure.subplots()
+    for k, track in enumerate(dict.fromkeys(setting.track for setting in settings)):
+        own = [setting for setting in settings if setting.track == track]
+        front = precision.pareto_front(own)
+        style: dict[str, Any] = {"color": f"C{k}"}
+        pane.loglog(*_places(own), linestyle="none", marker=".", markersize=4, alpha=0.4, **style)
+        marker = MARKERS[k % len(MARKERS)]
+        pane.loglog(*_places(front), marker=marker, markersize=5, label=f"{track} links", **style)
+        last = math.inf
+        style |= {"ha": "left", "xytext": (6, 4)} if k else {"ha": "right", "xytext": (-6, -8)}
+        for point in front:
+            if point.error <= NAMED * last:
+                last, place = point.error, (point.wall_time, point.error)
+                pane.annotate(label(point.settings), place, textcoords="offset points", fontsize=8, **style)
+    pane.margins(0.12)
+    pane.set_title(title, fontsize=10, loc="left")
+    pane.legend(fontsize=9, title="beside the points:\ncommunication step, internal step", title_fontsize=8)
+    _draw_axes(pane)
     return figure
 
 
-class _CurveStyles(NamedTuple):
-    """How the curves of a picture are drawn."""
-
-    methods: dict[str, dict[str, Any]]  # colour and marker
-    tracks: dict[str, Any]  # line style
-
-
-def _curve_styles(good: Sequence[Row]) -> _CurveStyles:
-    from matplotlib import colormaps
-
-    methods = dict.fromkeys(row["method"] for row in good)
-    tracks = dict.fromkeys(row["track"] for row in good)
-    styles = {
-        method: {"color": colormaps["tab10"](k % 10), "marker": MARKERS[k % len(MARKERS)]}
-        for k, method in enumerate(methods)
-    }
-    return _CurveStyles(styles, dict(zip(tracks, cycle(("-", "--", ":", "-.")), strict=False)))
-
-
-def _draw_pane(pane: Any, rows: Sequence[Row], good: Sequence[Row], name: str, curves: _CurveStyles) -> None:
-    """Draw the curves and Pareto fronts of an observable; ``name`` is empty for the whole error."""
-
-    def error(row: Row) -> float:
-        return row["errors"].get(name, math.nan) if name else row["error"]
-
-    for track, method in product(curves.tracks, curves.methods):
-        points = [(row["wall_time"], error(row)) for row in good if (row["track"], row["method"]) == (track, method)]
-        if points:
-            style = {"markersize": 4, "linewidth": 1, "linestyle": curves.tracks[track], **curves.methods[method]}
-            pane.loglog(*zip(*points, strict=True), **style)
-    for track in curves.tracks:
-        best = pareto_front((row for row in good if row["track"] == track), error)
-        pane.loglog(
-            [row["wall_time"] for row in best], [error(row) for row in best], linestyle="none", marker="o",
-            markersize=10, markerfacecolor="none", markeredgecolor="0.3",
-        )  # fmt: skip
-    truth_errors = [error(row) for row in rows if row["method"] == "truth"]
-    if truth_errors and max(truth_errors) > 0.0:
-        corner = {"ha": "right", "va": "top", "transform": pane.transAxes, "fontsize": 7}
-        pane.text(0.98, 0.97, f"truth: {max(truth_errors):.0e}", **corner)
-    pane.set_title(name.replace("_", " ") or "largest of the decisive ones", fontsize=9, loc="left")
-    _draw_axes(pane)
+def _places(settings: Sequence[precision.Setting]) -> tuple[list[float], list[float]]:
+    return [setting.wall_time for setting in settings], [setting.error for setting in settings]
 
 
 def _draw_axes(pane: Any) -> None:
     from matplotlib.ticker import LogLocator, NullFormatter
 
     pane.set_xlabel("run time, s", fontsize=8)
-    pane.set_ylabel("relative error", fontsize=8)
+    pane.set_ylabel("largest relative error of the decisive observables", fontsize=8)
     low, high = pane.get_xlim()
     if high < 100.0 * low:  # decades alone would give one or two labels
         pane.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -409,13 +392,3 @@ def _draw_axes(pane: Any) -> None:
     pane.xaxis.set_minor_formatter(NullFormatter())
     pane.yaxis.set_minor_formatter(NullFormatter())
     pane.grid(True, which="both", color="0.93")
-
-
-def _draw_legend(figure: Any, curves: _CurveStyles) -> None:
-    from matplotlib.lines import Line2D
-
-    keys = [
-        *(Line2D([], [], label=method, **style) for method, style in curves.methods.items()),
-        *(Line2D([], [], color="0.3", linestyle=line, label=f"{track} links") for track, line in curves.tracks.items()),
-    ]
-    figure.legend(handles=keys, loc="outside lower center", ncols=min(4, len(keys)), fontsize=10)

@@ -448,8 +448,21 @@ def test_a_study_of_a_small_swing(cotrack, tmp_path, fresh_cache, monkeypatch):
     assert len(error_runtime.ratios(rows)) >= 4
 
 
-def test_a_picture_has_a_line_for_any_number_of_track_models():
-    figures = {"method": "m", "error": 0.1, "estimate": 0.1, "wall_time": 1.0, "errors": {}, "estimates": {}}
-    rows = [Row("swing", model, {**figures, "track": model}) for model in ("flexible", "rigid", "toy")]
-    legend = error_runtime.draw(rows, "").legends[0]
-    assert [text.get_text() for text in legend.get_texts()] == ["m", "flexible links", "rigid links", "toy links"]
+def test_a_picture_names_the_steps_of_the_best_settings():
+    """A line for any number of track models; of three settings, the one that is slower and worse is on no line."""
+    rows = [
+        precision.Setting("swing", model, settings, error, time)
+        for model in ("flexible", "rigid", "toy")
+        for settings, error, time in (
+            (("run.step=4 ms", "track.step=2 ms"), 0.1, 1.0),
+            (("run.coupling=gauss_seidel", "run.step=1 ms", "track.step=1 ms"), 0.01, 2.0),
+            (("track.integrator=runge_kutta", "run.step=0.25 ms"), 0.05, 3.0),
+        )
+    ]
+    (pane,) = error_runtime.draw(rows, "").axes
+    assert [text.get_text() for text in pane.get_legend().get_texts()] == [
+        "flexible links", "rigid links", "toy links",
+    ]  # fmt: skip
+    assert [text.get_text() for text in pane.texts] == ["4, 2 ms", "1 ms gauss-seidel"] * 3
+    assert [[*line.get_xdata()] for line in pane.lines] == [[1.0, 2.0, 3.0], [1.0, 2.0]] * 3
+    assert error_runtime.label(("run.variable.tolerance=0.001",)) == "tolerance 0.001"
