@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 
 from orchestrator.results.measures import FIGURES
 from orchestrator.results.table import Table
 from orchestrator.scene.keys import REQUIRED, Key, facts, table_of
 
-ASSEMBLY = Key._fields.index("assembly")
 PAGE = """# Keys of scenes and vehicles
 
-`cotrack keys --markdown` writes this page. Numbers have the unit given, or are texts with one ("2 ms"); the unit 1
-is a ratio; none of mechanics may be above 1e17 in SI units. A key without default may be left out, unless it is
-required. A vehicle file has the tables of `[vehicle]`, named without `vehicle.`. An entry of a list is set by its
-number from 1, `--set "vehicle.road_wheel.x[1]=-0.6 m"`. A scene with assembly = "fmus" has the keys name, title,
-assembly, run, expect, fmu and connections alone."""
+`cotrack keys --markdown` writes this page, `cotrack keys WORD` prints the keys of a word. Numbers have the unit given,
+or are texts with one ("2 ms"); a ratio has the unit 1; none of mechanics may be above 1e17 in SI units. A key without
+default may be left out, unless it is required. A vehicle file has the tables of `[vehicle]`, named without `vehicle.`.
+An entry of a list is set by its number from 1, `--set "vehicle.road_wheel.x[1]=-0.6 m"`. A scene with assembly = "fmus"
+has the keys name, title, assembly, run, expect, fmu and connections alone. Where a table has the keys of another one,
+a sentence says so in place of their rows: unit, values and meaning are the same, and the default too if nothing else is
+said."""
+FEWEST = 3  # rows in common from which a table refers to another one
 
 
 def measure_keys() -> list[Key]:
@@ -33,22 +35,76 @@ def key_text(key: Key) -> str:
 
 
 def page(keys: Iterable[Key], measured: Iterable[Key]) -> str:
-    """Reference of keys and measures as Markdown, a section for each table."""
+    """Reference of keys and measures as Markdown, a section for each table, without rows that repeat another table."""
     keys, blocks = list(keys), [PAGE]
     about = {key.key: key for key in keys}
-    for table, rows in groupby(keys, table_of):
+    tables: dict[str, list[Key]] = {}
+    for table, found in groupby(keys, table_of):  # [vehicle] is among the tables of a scene and of a vehicle
+        tables[table] = [*tables.pop(table, []), *found]
+    shown: dict[str, list[Key]] = {}
+    for table, rows in tables.items():
         key = about.get(table)
-        heads = f"## [{table}]", key and key.meaning, key and key.assembly and f"Assembly: {key.assembly}."
-        blocks += ["\n\n".join(filter(None, heads)) if table else "## Scene", _markdown(rows)]
+        kinds = key.assembly if key else ""
+        heads = [f"## [{table}]", key and key.meaning, kinds and f"Assembly: {kinds}."] if table else ["## Scene"]
+        own, sentence = _without_repeats(rows, shown)
+        shown[table] = rows
+        own = [row for row in own if row.key != f"{table}.NAME" or row.key not in tables]
+        blocks += filter(None, [*heads, sentence, own and _markdown(own, kinds, tables)])
     if measured := list(measured):
-        blocks += ["## Measures", _markdown(measured)]
+        blocks += ["## Measures", _markdown(measured, "", {})]
     return "\n\n".join(blocks)
 
 
-def _markdown(rows: Iterable[Key]) -> str:
-    """Table of keys of one table, without the names of the table and columns that are empty in all rows."""
-    short = [(f"`{key.key.rpartition('.')[2]}`", *key[1 : ASSEMBLY + 1]) for key in rows]
-    of_some = len({row[ASSEMBLY] for row in short}) > 1
-    used = [k for k in range(ASSEMBLY + of_some) if any(row[k] for row in short)]
-    columns = [(Key._fields[k], "") for k in used]
-    return Table.of("", columns, [[row[k] for k in used] for row in short]).markdown().rstrip()
+def _without_repeats(rows: list[Key], shown: Mapping[str, Sequence[Key]]) -> tuple[list[Key], str]:
+    """Rows that no table shown before has, and a sentence about the others."""
+    best: tuple[str, list[Key]] = ("", [])
+    bare = not any(key.default for key in rows)
+    for other, others in shown.items():
+        known = {_name(each): each for each in others}
+        same = [key for key in rows if (each := known.get(_name(key))) and _same(key, each, bare)]
+        if len(same) > len(best[1]) and (len(same) >= FEWEST or 2 <= len(same) == len(rows)):
+            best = other, same
+    other, same = best
+    if not same:
+        return rows, ""
+    known, names = {_name(each): each for each in shown[other]}, {_name(key) for key in rows}
+    lacks = [f"`{name}`" for name in known if name not in names]
+    changed = [f"`{_name(key)}`" for key in rows if key not in same and _name(key) in known]
+    words = [f"but for {_listed(lacks)}" if lacks else "", f"with another {_listed(changed)}" if changed else ""]
+    without = bare and any(known[_name(key)].default not in ("", REQUIRED) for key in same)
+    sentence = f"{', '.join(filter(None, [f'The keys of `[{other}]`', *words]))}.{' None has a default.' * without}"
+    return [key for key in rows if key not in same], sentence
+
+
+def _same(key: Key, other: Key, bare: bool) -> bool:
+    """Is a key that of another table; if bare, whatever the other's default?"""
+    same = (key.unit, key.allowed, key.meaning) == (other.unit, other.allowed, other.meaning)
+    return same and (bare or key.default == other.default)
+
+
+def _name(key: Key) -> str:
+    return key.key.rpartition(".")[2]
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def _value(key: Key, kinds: str) -> str:
+    """Unit, allowed values and default in one cell; kinds of scenes if they are not those of its table."""
+    default = key.default if key.default in ("", REQUIRED) else f"default {key.default}"
+    of_some = key.assembly and key.assembly != kinds and f"assembly {key.assembly}"
+    return ", ".join(filter(None, (facts(key), default, of_some, "solved by the run" * key.solved)))
+
+
+def _markdown(rows: Iterable[Key], kinds: str, tables: Mapping[str, object]) -> str:
+    """Table of keys of one table, without its name; a key that is a table of this page refers to it."""
+    cells = [
+        [
+            f"`{_name(key)}`",
+            _value(key, kinds),
+            f"[{key.key}](#{key.key.replace('.', '').lower()})" if key.key in tables else key.meaning,
+        ]
+        for key in rows
+    ]
+    return Table.of("", [(name, "") for name in ("key", "value", "meaning")], cells).markdown().rstrip()

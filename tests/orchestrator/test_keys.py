@@ -2,6 +2,7 @@
 
 import copy
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -102,6 +103,32 @@ def test_the_reference_page_is_that_of_the_code():
     """If this fails: cotrack keys --markdown > orchestrator/keys.md."""
     written = (ORCHESTRATOR / "keys.md").read_text(encoding="utf-8")
     assert written == page(scene_keys(), measure_keys()) + "\n"
+
+
+def keys_of_page(text):
+    """Keys that a reference page has, by a row or by the sentence that names another table."""
+    found, table = {"": {}}, ""
+    for line in text.partition("## Measures")[0].splitlines():
+        if line.startswith("## "):
+            table = line.removeprefix("## ").strip("[]").replace("Scene", "")
+            found[table] = {}
+        elif row := re.match(r"\| `(\w+)` \| (.*?) \| (.*?) \|$", line):
+            found[table][row[1]] = row[2]
+        elif repeated := re.match(r"The keys of `\[(.*?)\]`(?:, but for (.*?))?(?:, with another (.*?))?\.", line):
+            left_out = re.findall(r"`(\w+)`", repeated[2] or "")
+            found[table] |= {name: value for name, value in found[repeated[1]].items() if name not in left_out}
+    named = {f"{table}.{name}".lstrip(".") for table, rows in found.items() for name in rows}
+    return named | {table for table in found if table.endswith(".NAME")}
+
+
+def test_the_page_loses_no_key_by_its_sentences():
+    text = page(scene_keys(), [])
+    assert keys_of_page(text) == KEYS.keys()
+    assert text.count("None has a default.") == 2
+    for key in ("drive.right.speed", "vehicle.right.suspension.damping", "vehicle.contact.ground.friction"):
+        assert KEYS[key].meaning in text, key
+    assert "drive.steering.mode" in keys_of_page(text.replace("with another `mode`", ""))
+    assert keys_of_page(text.replace("but for `left`", "but for `lost`")) != KEYS.keys(), "the twin"
 
 
 def test_keys_command(cotrack):
