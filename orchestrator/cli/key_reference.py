@@ -37,19 +37,20 @@ def key_text(key: Key) -> str:
 def page(keys: Iterable[Key], measured: Iterable[Key]) -> str:
     """Reference of keys and measures as Markdown, a section for each table, without rows that repeat another table."""
     keys, blocks = list(keys), [PAGE]
-    about = {key.key: key for key in keys}
+    named = {key.key: key for key in keys}
     tables: dict[str, list[Key]] = {}
     for table, found in groupby(keys, table_of):  # [vehicle] is among the tables of a scene and of a vehicle
         tables[table] = [*tables.pop(table, []), *found]
     shown: dict[str, list[Key]] = {}
     for table, rows in tables.items():
-        key = about.get(table)
+        key = named.get(table)
         kinds = key.assembly if key else ""
-        heads = [f"## [{table}]", key and key.meaning, kinds and f"Assembly: {kinds}."] if table else ["## Scene"]
+        about = (key.meaning, f"Assembly: {kinds}." if kinds else "") if key else ()
+        heads = [f"## [{table}]", *about] if table else ["## Scene"]
         own, sentence = _without_repeats(rows, shown)
         shown[table] = rows
         own = [row for row in own if row.key != f"{table}.NAME" or row.key not in tables]
-        blocks += filter(None, [*heads, sentence, own and _markdown(own, kinds, tables)])
+        blocks += filter(None, [*heads, sentence, _markdown(own, kinds, tables) if own else ""])
     if measured := list(measured):
         blocks += ["## Measures", _markdown(measured, "", {})]
     return "\n\n".join(blocks)
@@ -93,7 +94,7 @@ def _listed(names: Sequence[str]) -> str:
 def _value(key: Key, kinds: str) -> str:
     """Unit, allowed values and default in one cell; kinds of scenes if they are not those of its table."""
     default = key.default if key.default in ("", REQUIRED) else f"default {key.default}"
-    of_some = key.assembly and key.assembly != kinds and f"assembly {key.assembly}"
+    of_some = f"assembly {key.assembly}" if key.assembly not in ("", kinds) else ""
     return ", ".join(filter(None, (facts(key), default, of_some, "solved by the run" * key.solved)))
 
 
