@@ -40,7 +40,7 @@ class Listed(NamedTuple):
 
 LISTS = {
     "scenes": Listed(
-        "orchestrator/gallery/README.md",
+        "orchestrator/scenes.md",
         r"^\| scene \| content \|\n\| --- \| --- \|\n((?:\|.*\n)+)",
         scene_names(),
         ROW,
@@ -56,7 +56,7 @@ LISTS = {
         {*COUPLINGS} - {CouplingTable().scheme},
         r"\b(?!or\b)\w+",
     ),
-    "couplings": Listed("orchestrator/runs.md", r"^\| coupling \| order \|.*\n\|.*\n((?:\|.*\n)+)", COUPLINGS, ROW),
+    "couplings": Listed("orchestrator/running.md", r"^\| coupling \| order \|.*\n\|.*\n((?:\|.*\n)+)", COUPLINGS, ROW),
     "components": Listed(
         "fmus/README.md",
         r"^\| (.*) \| the components \|$",
@@ -70,8 +70,8 @@ LISTS = {
 
 
 def test_common_signals_are_those_of_a_vehicle():
-    """Names and units of the table in logs/README.md are those of the components."""
-    text = (ROOT / "logs" / "README.md").read_text(encoding="utf-8")
+    """Names and units of the table of signals are those of the components."""
+    text = (ROOT / "orchestrator" / "results.md").read_text(encoding="utf-8")
     listed = dict(re.findall(r"(?m)^\| `((?:left_|chassis|driver)[^`]*\.[^`]*)` \| (\S+) \|", text))
     parts = [(part.name, component_ports(part.kind, part.config)) for part in assemble(load("serpentine")).parts]
     units = {f"{name}.{port.name}": port.unit for name, ports in parts for port in ports}
@@ -85,11 +85,10 @@ def test_a_list_names_what_there_is(name):
 
 
 OF_USERS = (
-    "README", "logs/README", "orchestrator/gallery/README", "fmus/in_your_tool", "fmus/coupling", "fmus/tools",
-    "orchestrator/tutorial",
-    "orchestrator/runs", "orchestrator/studies", "orchestrator/your_fmus", "orchestrator/accuracy",
-    "orchestrator/mobility", "orchestrator/analyses", "orchestrator/recipes", "orchestrator/commands",
-    "orchestrator/keys",
+    "README", "fmus/in_your_tool", "orchestrator/tutorial", "orchestrator/scenes", "orchestrator/running",
+    "orchestrator/results", "orchestrator/analyses", "orchestrator/studies", "orchestrator/measured_data",
+    "orchestrator/your_fmus", "orchestrator/accuracy", "orchestrator/commands", "orchestrator/keys",
+    "orchestrator/changes",
 )  # fmt: skip
 
 
@@ -103,7 +102,7 @@ def test_pages_of_users_name_no_module():
             assert not any(module.endswith(name.lstrip("./")) for module in modules), (page, name)
 
 
-MADE_BY_THE_PAGE = {"ask.py", "MyDrive.py"}  # files that a recipe writes
+MADE_BY_THE_PAGE = {"MyDrive.py"}  # a file that a page for users writes
 
 
 def test_pages_name_modules_that_there_are():

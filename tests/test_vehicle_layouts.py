@@ -166,9 +166,9 @@ def pull_of_tension(running, side, name, wheel):
     return abs(sum(pulls))
 
 
-def of_recipe(name):
-    """Table of the vehicle of a scene that the recipes show."""
-    page = (Path(__file__).parents[1] / "orchestrator" / "recipes.md").read_text(encoding="utf-8")
+def of_page(name):
+    """Table of the vehicle of a scene that the page on scenes shows."""
+    page = (Path(__file__).parents[1] / "orchestrator" / "scenes.md").read_text(encoding="utf-8")
     shown = re.search(rf"`{name}.toml`:\n\n```toml\n(.*?)```", page, re.DOTALL)[1]
     own = load("straight", "rigid", {"vehicle": tomllib.loads(shown)["vehicle"]}).vehicle
     return own.model_dump(mode="json", exclude_none=True)
@@ -205,7 +205,7 @@ TABLES = {
         name: vehicle(*read_table(name)).model_dump(mode="json", exclude_none=True)
         for name in ("marder", "robot", "leopard2", "dozer", "highdrive", "groomer")
     },
-    "triangle": of_recipe("triangle"),
+    "triangle": of_page("triangle"),
 }
 
 

@@ -1,11 +1,12 @@
 """Documentation, licences and icon of an FMU (FMI 2.0.4, section 2.3): its folder ``documentation``, and a picture.
 
-The page has the README of the component, the page on coupling, and a table of the variables, without links to other
-files.
+The page has the README of the component, the sections on coupling of the page for users, and a table of the variables,
+without links to other files.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from html import escape
 from importlib.metadata import distribution, version
@@ -15,6 +16,10 @@ from xml.etree.ElementTree import Element, fromstring
 from markdown_it import MarkdownIt
 
 OWN = "cotrack"  # distribution, whose licence every FMU has
+COUPLING = (  # sections of in_your_tool.md that each FMU has
+    "Which connector goes where", "In which order", "Check the coupling", "An engine of your own",
+    "A drive of your own", "A chassis of your own",
+)  # fmt: skip
 COLUMNS = ("name", "causality", "variability", "unit", "start", "min", "max", "description")
 STYLE = (
     "body { font-family: sans-serif; max-width: 60em; margin: auto } table { border-collapse: collapse } "
@@ -35,9 +40,16 @@ def documentation(description: bytes, readme: str, included: Sequence[str]) -> d
 
 
 def readme_beside(script: Path) -> str:
-    """README of the folder of an FMU's shell, then the page on coupling one level above; empty where there is none."""
-    pages = (script.with_name("README.md"), script.parents[1] / "coupling.md")
-    return "\n\n".join(page.read_text(encoding="utf-8") for page in pages if page.is_file())
+    """README of the folder of an FMU's shell, then how to couple it; empty where there is no such page."""
+    pages = (script.with_name("README.md"), script.parents[1] / "in_your_tool.md")
+    readme, users = (page.read_text(encoding="utf-8") if page.is_file() else "" for page in pages)
+    return "\n\n".join(filter(None, [readme, *(_section(users, name) for name in COUPLING)]))
+
+
+def _section(page: str, name: str) -> str:
+    """Section of a page in Markdown; empty where there is none."""
+    found = re.search(rf"^## {name}\n.*?(?=^## |\Z)", page, re.DOTALL | re.MULTILINE)
+    return found[0].rstrip() if found else ""
 
 
 def icon_beside(script: Path) -> bytes:

@@ -3,7 +3,7 @@
 Over a step the wheels move on with the velocities that they had at its beginning. The next motions tell how far off
 that was; times the mean force of the step it is energy that the exchange has put into the vehicle, or taken out of it.
 Over the tension at rest times the pitch it is below 0.1 % a step where the step is right, 1.5 % where a brake locks in
-steps of 4 ms, and grows without bound where the exchange is unstable (`../coupling.md`).
+steps of 4 ms, and grows without bound where the exchange is unstable (`../in_your_tool.md`).
 """
 
 from __future__ import annotations

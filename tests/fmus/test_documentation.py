@@ -8,7 +8,7 @@ from lxml import html
 from fmus.cache.sources import ROOT
 from fmus.components import COMPONENT_KINDS
 from fmus.fmi.description import document
-from fmus.fmi.documentation import documentation, icon_beside, icon_files, key_parts, readme_beside
+from fmus.fmi.documentation import COUPLING, documentation, icon_beside, icon_files, key_parts, readme_beside
 from fmus.interface.ports import NOT_NEGATIVE, Port, type_of
 
 PORTS = (
@@ -75,5 +75,6 @@ def test_every_component_has_an_icon_and_a_readme_that_a_build_depends_on(kind):
     assert icon_files(ROOT / "fmi" / "slave.py", 2) == {}
     readme = readme_beside(script)
     assert readme.startswith("# ")
-    assert "## Which connector goes where" in readme
+    assert [f"\n## {name}\n" in readme for name in COUPLING] == [True] * len(COUPLING)
+    assert "## What the host needs" not in readme
     assert readme in key_parts(readme, ("numba",))

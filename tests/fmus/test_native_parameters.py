@@ -100,7 +100,7 @@ def test_pages_say_how_many_parameters_there_are_and_which_are_free_natively():
     assert int(told("in_your_tool.md", r"a chassis has (\d+) in")) == counts["Chassis"]
     outputs = int(told("native/README.md", r"A track has (\d+) Real outputs"))
     assert outputs == arrayed["TrackFlexible"] == arrayed["TrackRigid"]
-    named = re.findall(r"`([\w.]+)`", told("coupling.md", r"native FMUs let you set (.*?), no more"))
+    named = re.findall(r"`([\w.]+)`", told("in_your_tool.md", r"native FMUs let you set (.*?), no more"))
     assert sorted(named) == sorted(free)
 
 

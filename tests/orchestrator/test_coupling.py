@@ -332,7 +332,7 @@ def test_a_rig_runs_and_replays_with_every_coupling(way, tmp_path):
         assert verdict.difference is None, verdict.sentence
 
 
-# Masters that copy the latest outputs before each step: claims of fmus/coupling.md ------------------------------------
+# Masters that copy the latest outputs before each step: claims of fmus/in_your_tool.md ------------------------------
 
 STEP, STOP, WINDOW = 2e-3, 3.5, 0.5  # s
 SETTINGS = ("run.step=2 ms", "run.stop=3.5 s", "drive.ramp_start=0 s", "drive.ramp_time=3 s")

@@ -218,11 +218,11 @@ def test_a_run_that_failed_says_why_and_its_log_is_the_one_that_it_left(run, mon
 
 
 @pytest.mark.long
-def test_the_example_of_the_recipes_runs(tmp_path, monkeypatch, capsys):
-    """Shortened: a stop of 0.05 s and windows in it."""
-    readme = (Path(__file__).parents[2] / "orchestrator" / "recipes.md").read_text(encoding="utf-8")
+def test_the_example_of_the_page_runs(tmp_path, monkeypatch, capsys):
+    """Shortened: a stop of 0.05 s and windows in it; that of the page on results."""
+    readme = (Path(__file__).parents[2] / "orchestrator" / "results.md").read_text(encoding="utf-8")
     (example,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "cotrack.run(" in block)
-    for text, short in (("stop=3", "stop=0.05"), ("start=2", "start=0.02")):
+    for text, short in (("stop=0.5", "stop=0.05"), ("start=0.2", "start=0.02")):
         assert text in example
         example = example.replace(text, short)
     monkeypatch.chdir(tmp_path)

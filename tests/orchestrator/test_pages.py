@@ -22,15 +22,18 @@ BOOK = ROOT / "orchestrator"
 # Pages that are worked through one after the other in one folder, because later ones use logs of earlier ones.
 READ = {
     "tutorial": ["orchestrator/tutorial.md"],
-    "first visit": ["README.md", "orchestrator/recipes.md"],
+    "first visit": ["README.md", "orchestrator/results.md", "orchestrator/measured_data.md"],
+    "scenes": ["orchestrator/scenes.md"],
+    "running": ["orchestrator/running.md"],
+    "studies": ["orchestrator/studies.md"],
+    "FMUs": ["orchestrator/your_fmus.md"],
     "analyses": ["orchestrator/analyses.md"],
     "accuracy": ["orchestrator/accuracy.md"],
-    "mobility": ["orchestrator/mobility.md"],
-    "formulas": ["orchestrator/how_it_works.md"],
+    "formulas": ["orchestrator/architecture_notes.md"],
 }
 PAGES = [page for pages in READ.values() for page in pages]
-# Blocks of no output: text; commands for a shell (installation, a whole list), of which only the names are checked.
-PRINTED = {"text", "sh"}
+# Blocks of no output: text; a drawing; commands for a shell (installation, a list), of which only the names are checked.
+PRINTED = {"text", "sh", "mermaid"}
 RUN = {"console", "python", "toml"}
 
 BLOCK = re.compile(r"(?:^`([\w.]+)`:\n\n)?^```(\w*)\n(.*?)^```$(?:\n\n```text\n(.*?)^```$)?", re.DOTALL | re.MULTILINE)
@@ -107,7 +110,7 @@ def test_every_block_is_run_or_declared(page):
 
 
 def test_named_modules_exist():
-    text = (BOOK / "how_it_works.md").read_text(encoding="utf-8")
+    text = (BOOK / "architecture_notes.md").read_text(encoding="utf-8")
     named = re.findall(r"`([\w/]+/\w+\.py)`", text)
     assert len(named) > 40
     assert [path for path in named if not (ROOT / path).is_file()] == []

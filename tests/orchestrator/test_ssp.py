@@ -138,15 +138,15 @@ def test_equal_scenes_give_equal_bytes_and_a_title_is_no_html(rig, tmp_path):
 
 
 def script_of_page(tool):
-    """Script of fmus/tools.md for a tool."""
-    page = (ROOT / "fmus" / "tools.md").read_text(encoding="utf-8")
-    return re.search(rf"^## {tool}$.*?^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)[1]
+    """Script of fmus/in_your_tool.md for a tool."""
+    page = (ROOT / "fmus" / "in_your_tool.md").read_text(encoding="utf-8")
+    return re.search(rf"^### {tool}$.*?^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)[1]
 
 
 def test_the_script_for_fmpy_runs(rig, tmp_path, monkeypatch, capsys):
     shutil.copy(rig, tmp_path / "vehicle.ssp")
     monkeypatch.chdir(tmp_path)
-    exec(compile(script_of_page("FMPy"), "tools.md", "exec"), {})
+    exec(compile(script_of_page("FMPy"), "in_your_tool.md", "exec"), {})
     tension, time = re.fullmatch(r"track\.tension\.mean = (\d+) N at (\S+) s\n", capsys.readouterr().out).groups()
     assert float(tension) == pytest.approx(15000, rel=0.05)
     assert time == "0.100"
