@@ -32,7 +32,7 @@ READ = {
     "formulas": ["orchestrator/architecture_notes.md"],
 }
 PAGES = [page for pages in READ.values() for page in pages]
-# Blocks of no output: text; a drawing; commands for a shell (installation, a list), of which only the names are checked.
+# Blocks of no output: text; a drawing; commands for a shell (installation, lists), of which only names are checked.
 PRINTED = {"text", "sh", "mermaid"}
 RUN = {"console", "python", "toml"}
 
