@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 
@@ -18,6 +19,7 @@ An entry of a list is set by its number from 1, `--set "vehicle.road_wheel.x[1]=
 has the keys name, title, assembly, run, expect, fmu and connections alone. Where a table has the keys of another one,
 a sentence says so in place of their rows: unit, values and meaning are the same, and the default too if nothing else is
 said."""
+HIGH = "Of these {} have a second one, with `_high` behind the name: the value below which 99.9 % of the records are."
 FEWEST = 3  # rows in common from which a table refers to another one
 
 
@@ -49,10 +51,17 @@ def page(keys: Iterable[Key], measured: Iterable[Key]) -> str:
         heads = [f"## [{table}]", *about] if table else ["## Scene"]
         own, sentence = _without_repeats(rows, shown)
         shown[table] = rows
-        own = [row for row in own if row.key != f"{table}.NAME" or row.key not in tables]
-        blocks += filter(None, [*heads, sentence, _markdown(own, kinds, tables) if own else ""])
+        inner = [_inner(row, kinds) for row in own if row.key in tables and not row.key.endswith(".NAME")]
+        own = [row for row in own if row.key not in tables]
+        blocks += filter(
+            None, [*heads, sentence, _markdown(own, kinds), f"Tables: {'; '.join(inner)}." if inner else ""]
+        )
     if measured := list(measured):
-        blocks += ["## Measures", _markdown(measured, "", {})]
+        names = {one.key for one in measured}
+        highs = [f"{name}_high" for name in names if f"{name}_high" in names]
+        rows = [one for one in measured if one.key not in highs]
+        both = [f"`{one.key}`" for one in rows if f"{one.key}_high" in highs]
+        blocks += filter(None, ["## Measures", _markdown(rows, ""), HIGH.format(_listed(both)) if both else ""])
     return "\n\n".join(blocks)
 
 
@@ -95,17 +104,18 @@ def _value(key: Key, kinds: str) -> str:
     """Unit, allowed values and default in one cell; kinds of scenes if they are not those of its table."""
     default = key.default if key.default in ("", REQUIRED) else f"default {key.default}"
     of_some = f"assembly {key.assembly}" if key.assembly not in ("", kinds) else ""
-    return ", ".join(filter(None, (facts(key), default, of_some, "solved by the run" * key.solved)))
+    values = re.sub(r"(^|, )(.+) or list of \2$", r"\1\2, or a list", facts(key))
+    return ", ".join(filter(None, (values, default, of_some, "solved by the run" * key.solved)))
 
 
-def _markdown(rows: Iterable[Key], kinds: str, tables: Mapping[str, object]) -> str:
-    """Table of keys of one table, without its name; a key that is a table of this page refers to it."""
-    cells = [
-        [
-            f"`{_name(key)}`",
-            _value(key, kinds),
-            f"[{key.key}](#{key.key.replace('.', '').lower()})" if key.key in tables else key.meaning,
-        ]
-        for key in rows
-    ]
-    return Table.of("", [(name, "") for name in ("key", "value", "meaning")], cells).markdown().rstrip()
+def _inner(key: Key, kinds: str) -> str:
+    """Key whose values are a table of the page, with a link; what else it may be."""
+    value = ", ".join(part for part in _value(key, kinds).split(", ") if part != "table")
+    return f"[`{_name(key)}`](#{key.key.replace('.', '').lower()}){f' ({value})' * bool(value)}"
+
+
+def _markdown(rows: Iterable[Key], kinds: str) -> str:
+    """Table of keys of one table, without its name; empty without keys."""
+    cells = [[f"`{_name(key)}`", _value(key, kinds), key.meaning] for key in rows]
+    columns = [(name, "") for name in ("key", "value", "meaning")]
+    return Table.of("", columns, cells).markdown().rstrip() if cells else ""
