@@ -7,20 +7,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 
 from orchestrator.results.measures import FIGURES
-from orchestrator.results.table import Table
 from orchestrator.scene.keys import REQUIRED, Key, facts, table_of
 
 PAGE = """# Keys of scenes and vehicles
 
-`cotrack keys --markdown` writes this page, `cotrack keys WORD` prints the keys of a word. Numbers have the unit given,
-or are texts with one ("2 ms"); a ratio has the unit 1; none of mechanics may be above 1e17 in SI units. A key without
-default may be left out, unless it is required. A vehicle file has the tables of `[vehicle]`, named without `vehicle.`.
-An entry of a list is set by its number from 1, `--set "vehicle.road_wheel.x[1]=-0.6 m"`. A scene with assembly = "fmus"
-has the keys name, title, assembly, run, expect, fmu and connections alone. Where a table has the keys of another one,
-a sentence says so in place of their rows: unit, values and meaning are the same, and the default too if nothing else is
-said."""
+`cotrack keys --markdown` writes this page, `cotrack keys WORD` prints the keys of a word. Numbers have the unit
+given, or are texts with one ("2 ms"); a ratio has the unit 1; none of mechanics may be above 1e17 in SI units. A key
+without default may be left out, unless it is required. A vehicle file has the tables of `[vehicle]`, named without
+`vehicle.`. An entry of a list is set by its number from 1, `--set "vehicle.road_wheel.x[1]=-0.6 m"`. A scene with
+assembly = "fmus" has the keys name, title, assembly, run, expect, fmu and connections alone. In brackets: unit,
+allowed values, default. Where a table has the keys of another one, a sentence says so in place of a list: unit,
+values and meaning are the same, and the default too if nothing else is said."""
 HIGH = "Of these {} have a second one, with `_high` behind the name: the value below which 99.9 % of the records are."
-FEWEST = 3  # rows in common from which a table refers to another one
+FEWEST = 3  # keys in common from which a table refers to another one
 
 
 def measure_keys() -> list[Key]:
@@ -37,7 +36,7 @@ def key_text(key: Key) -> str:
 
 
 def page(keys: Iterable[Key], measured: Iterable[Key]) -> str:
-    """Reference of keys and measures as Markdown, a section for each table, without rows that repeat another table."""
+    """Reference of keys and measures as Markdown, a section for each table, without keys that repeat another table."""
     keys, blocks = list(keys), [PAGE]
     named = {key.key: key for key in keys}
     tables: dict[str, list[Key]] = {}
@@ -59,14 +58,18 @@ def page(keys: Iterable[Key], measured: Iterable[Key]) -> str:
     if measured := list(measured):
         names = {one.key for one in measured}
         highs = [f"{name}_high" for name in names if f"{name}_high" in names]
-        rows = [one for one in measured if one.key not in highs]
+        rows = [
+            one._replace(meaning=re.sub(rf", {re.escape(one.unit)}(?=[;,]|$)", "", one.meaning))  # it is in brackets
+            for one in measured
+            if one.key not in highs
+        ]
         both = [f"`{one.key}`" for one in rows if f"{one.key}_high" in highs]
         blocks += filter(None, ["## Measures", _markdown(rows, ""), HIGH.format(_listed(both)) if both else ""])
     return "\n\n".join(blocks)
 
 
 def _without_repeats(rows: list[Key], shown: Mapping[str, Sequence[Key]]) -> tuple[list[Key], str]:
-    """Rows that no table shown before has, and a sentence about the others."""
+    """Keys that no table shown before has, and a sentence about the others."""
     best: tuple[str, list[Key]] = ("", [])
     bare = not any(key.default for key in rows)
     for other, others in shown.items():
@@ -101,7 +104,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _value(key: Key, kinds: str) -> str:
-    """Unit, allowed values and default in one cell; kinds of scenes if they are not those of its table."""
+    """Unit, allowed values and default; kinds of scenes if they are not those of its table."""
     default = key.default if key.default in ("", REQUIRED) else f"default {key.default}"
     of_some = f"assembly {key.assembly}" if key.assembly not in ("", kinds) else ""
     values = re.sub(r"(^|, )(.+) or list of \2$", r"\1\2, or a list", facts(key))
@@ -115,7 +118,5 @@ def _inner(key: Key, kinds: str) -> str:
 
 
 def _markdown(rows: Iterable[Key], kinds: str) -> str:
-    """Table of keys of one table, without its name; empty without keys."""
-    cells = [[f"`{_name(key)}`", _value(key, kinds), key.meaning] for key in rows]
-    columns = [(name, "") for name in ("key", "value", "meaning")]
-    return Table.of("", columns, cells).markdown().rstrip() if cells else ""
+    """List of keys of one table, without its name: unit, values and default in brackets, then the meaning."""
+    return "\n".join(f"- `{_name(key)}` ({_value(key, kinds)}): {key.meaning}" for key in rows)

@@ -106,13 +106,13 @@ def test_the_reference_page_is_that_of_the_code():
 
 
 def keys_of_page(text):
-    """Keys that a reference page has, by a row or by the sentence that names another table."""
+    """Keys that a reference page has, in a list or by the sentence that names another table."""
     found, table = {"": {}}, ""
     for line in text.partition("## Measures")[0].splitlines():
         if line.startswith("## "):
             table = line.removeprefix("## ").strip("[]").replace("Scene", "")
             found[table] = {}
-        elif row := re.match(r"\| `(\w+)` \| (.*?) \| (.*?) \|$", line):
+        elif row := re.match(r"- `(\w+)` \((.+?)\): .{5}", line):
             found[table][row[1]] = row[2]
         elif line.startswith("Tables: "):
             found[table] |= dict.fromkeys(re.findall(r"\[`(\w+)`\]\(#", line), "")
