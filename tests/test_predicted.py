@@ -142,7 +142,7 @@ def test_links_stretch_and_bend_by_their_stiffness(kind):
     turn = mass * omega**2 * middle * p**2 / (24.0 * E * section.bending)
     stretched, turned = spun(kind)
     assert stretched == pytest.approx(tension / (E * section.area), rel=0.02)
-    if kind != "beam":  # one beam per link is too stiff in bending: shear locks it (fmus/physics/ancf/README.md)
+    if kind != "beam":  # one beam per link is too stiff in bending: shear locks it (fmus/physics/README.md)
         assert turned == pytest.approx(turn, rel=FAINT)
     for key, value, stretch, bend in (
         ("vehicle.section.area", section.area, MORE, 1.0 if kind != "beam" else None),

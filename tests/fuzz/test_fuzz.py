@@ -61,7 +61,7 @@ def test_the_corpus(environment, tmp_path):
 def test_tables_of_finds():
     assert set(EXPECTED) <= {file.stem for file in CORPUS.glob("*.json")}
     assert {kind for half in HALVES for kind in half.split(",")} == set(SHARES)
-    page = (Path(__file__).parent / "README.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
     for name, (kind, _, reason) in EXPECTED.items():
         case = json.loads((CORPUS / f"{name}.json").read_text(encoding="utf-8"))
         assert case["kind"] == kind

@@ -1,7 +1,7 @@
 """Soil under the points of links, from their recorded places alone, instant after instant.
 
 Bekker's pressure k z^n, Wong's unloading, Janosi and Hanamoto's shear as the equation K dm/ds = d - m, Mohr and
-Coulomb's strength: ``fmus/physics/contact/soil/README.md``. The soil is level, and damping 0. Each point keeps its
+Coulomb's strength: ``fmus/physics/README.md``. The soil is level, and damping 0. Each point keeps its
 deepest sinkage while it is below the surface, reads it from the rut as it goes below, and presses its part of the link
 into the rut as it leaves. A point that lifts off loses its shear over the height of the elastic rebound.
 """

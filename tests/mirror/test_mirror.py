@@ -1,7 +1,7 @@
 """Every output of every component against independent code from states, inputs and other outputs.
 
 Each kind of link drives a vehicle that starts turned and elsewhere, speeds up, yaws, brakes and nods; ends, soft links
-and the hull have runs of their own (``runs``). The README.md of this folder says how to add a check.
+and the hull have runs of their own (``runs``). `tests/README.md` says how to add a check.
 """
 
 from __future__ import annotations

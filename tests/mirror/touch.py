@@ -1,4 +1,4 @@
-"""Contacts of links by the laws in `fmus/physics/README.md` and the tracks' READMEs.
+"""Contacts of links by the laws in `fmus/physics/README.md` and the points in `fmus/track.md`.
 
 Plain numpy, world axes. Stiffness and damping of the table are per link (per pin in the teeth) and shared by its
 points: two Gauss points on the part of the inner face inside a rim, on the whole outer face for the ground; links with
