@@ -336,7 +336,7 @@ def method_settings(row: Row) -> tuple[str, ...]:
 
 
 def label(settings: Sequence[str]) -> str:
-    """What distinguishes a setting in a picture: its steps H and h, its tolerance, its coupling or integrator."""
+    """Short name of a setting for a picture: its steps H and h, its tolerance, its coupling or integrator."""
     values = {key: value for key, _, value in (setting.partition("=") for setting in settings)}
     names = [values[key].replace("_", "-") for key in ("run.coupling", "track.integrator") if key in values]
     if "run.variable.tolerance" in values:

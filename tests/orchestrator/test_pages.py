@@ -29,7 +29,7 @@ READ = {
     "FMUs": ["orchestrator/your_fmus.md"],
     "analyses": ["orchestrator/analyses.md"],
     "accuracy": ["orchestrator/accuracy.md"],
-    "formulas": ["orchestrator/architecture_notes.md"],
+    "formulas": ["orchestrator/formulas.md"],
 }
 PAGES = [page for pages in READ.values() for page in pages]
 # Blocks of no output: text; a drawing; commands for a shell (installation, lists), of which only names are checked.
@@ -110,7 +110,7 @@ def test_every_block_is_run_or_declared(page):
 
 
 def test_named_modules_exist():
-    text = (BOOK / "architecture_notes.md").read_text(encoding="utf-8")
+    text = (BOOK / "formulas.md").read_text(encoding="utf-8")
     named = re.findall(r"`([\w/]+/\w+\.py)`", text)
     assert len(named) > 40
     assert [path for path in named if not (ROOT / path).is_file()] == []
