@@ -237,7 +237,7 @@ class Run:
             return compare_measured(RunData(log), source, Window(start, end), by_phase)
 
     def __repr__(self) -> str:
-        return f"{summary_text.lines(self.summary)[0]}; log {self.log}"
+        return f"{summary_text.headline(self.summary)}; log {self.log}"
 
     def __str__(self) -> str:
         head, *below = summary_text.lines(self.summary, verbose=False)

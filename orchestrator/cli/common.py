@@ -13,6 +13,7 @@ from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from shutil import get_terminal_size
+from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 import typer
@@ -177,7 +178,13 @@ def print_message(message: str, status: int) -> int:
     """Print a message on stderr and return the exit status."""
     if message and sys.stderr is not None:
         with suppress(OSError):  # stderr is closed
-            print(f"cotrack: {plain(message)}", file=sys.stderr)
+            text = f"cotrack: {plain(message)}"
+            if sys.stderr.isatty():  # a terminal would break words
+                columns = get_terminal_size().columns
+                text = "\n".join(
+                    fill(line, columns, break_long_words=False, break_on_hyphens=False) for line in text.splitlines()
+                )
+            print(text, file=sys.stderr)
     return status
 
 

@@ -174,7 +174,7 @@ def warm_up(stages: Stages, h: float) -> None:
 def outcome_entries(outcome: master.RunOutcome, wall: float, start_time: float = 0.0) -> dict[str, Any]:
     """Return the entries of a summary on status, time and steps; ``wall``: s of stepping from ``start_time``, s."""
     return {
-        "status": "ok" if outcome.status == "ok" else "failed",
+        "status": outcome.status,
         "message": outcome.message,
         "simulated_time": outcome.time,
         "wall_time": wall,

@@ -182,7 +182,7 @@ class _Simulation:
                     raise KeyboardInterrupt
         except KeyboardInterrupt:
             outcome = outcome._replace(status="interrupted", message="interrupted while it was evaluated")
-            _add(result, {"status": "failed", "message": outcome.message})
+            _add(result, {"status": outcome.status, "message": outcome.message})
         return outcome, found
 
     def _estimate(self, scene: Scene, file: Path, in_parts: bool) -> None:

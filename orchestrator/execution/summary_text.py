@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import accumulate
 from textwrap import wrap
 from typing import Any, NamedTuple
 
@@ -63,7 +64,7 @@ def _percent(share: float) -> str:
     return f"{figure(100.0 * share, 2)} %"
 
 
-def _headline(r: Mapping[str, Any]) -> str:
+def headline(r: Mapping[str, Any]) -> str:
     """Return the first line: scene, links, verdict, number of met checks."""
     links = f", {r['track']} links" if r["track"] else ""
     met, *late = summary.check_counts(r)
@@ -123,15 +124,15 @@ TURN_HEADS = (("turn", ""), ("from", "s"), ("to", "s"), ("yaw rate", "rad/s"), (
               ("slip left", "m/s"), ("slip right", "m/s"))  # fmt: skip
 
 
-def _phases(phases: Sequence[Mapping[str, Any]], verbose: bool) -> list[str]:
+def _phases(phases: Sequence[Mapping[str, Any]], verbose: bool, width: int) -> list[str]:
     """Return the table of phases, and that of those that turn; of many the longest, unless ``verbose``."""
     known = [Phase(**{key: _known(value) for key, value in each.items()}) for each in phases]
     longest = sorted(known, key=lambda phase: (phase.kind == "rest", phase.start - phase.end))[:MAX_PHASES]
     shown = [phase for phase in known if verbose or phase in longest]
     turning = [phase for phase in shown if phase.turning]
     rows = [*zip(*HEADS, strict=True), *map(_motion, shown)]
-    lines = _aligned([row if verbose else row[:-2] for row in rows]) if shown else []
-    return [*lines, *(_aligned([*zip(*TURN_HEADS, strict=True), *map(_turn, turning)]) if turning else ())]
+    lines = _aligned([row if verbose else row[:-2] for row in rows], width) if shown else []
+    return [*lines, *(_aligned([*zip(*TURN_HEADS, strict=True), *map(_turn, turning)], width) if turning else ())]
 
 
 def _known(value: Any) -> Any:
@@ -162,10 +163,17 @@ def _turn(p: Phase) -> tuple[str, ...]:
     return (p.turning, f"{p.start:.4g}", f"{p.end:.4g}", *figures, *slips)
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table without empty columns; below two heads, the first is text and the others numbers."""
+def _aligned(rows: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Return the lines of a table without empty columns; below two heads, the first is text and the others numbers.
+
+    Of a table that is wider than ``width`` the last columns follow in one of their own, beside the first three.
+    """
     columns = [column for column in zip(*rows, strict=True) if any(column[2:])]
     widths = [max(map(len, column)) for column in columns]
+    ends = [*accumulate(2 + each for each in widths)]
+    if fit := sum(end <= width for end in ends) * (ends[-1] > width > ends[2]):
+        first, last = ([*zip(*part, strict=True)] for part in (columns[:fit], [*columns[:3], *columns[fit:]]))
+        return [*_aligned(first, width), *_aligned(last, width)]
     padded = [
         [cell.rjust(width) if k else cell.ljust(width) for cell in column]
         for k, (column, width) in enumerate(zip(columns, widths, strict=True))
@@ -334,12 +342,13 @@ def lines(r: Mapping[str, Any], verbose: bool = True, width: int = WIDTH) -> lis
         *(f"warning: {sentence}" for sentence in r["passed_over"]),
         *(f"check {name} is left out: {why}" for name, why in r["checks_left_out"].items()),
         *(_check(*item) for item in r["checks"].items() if not item[1]["ok"]),
+        *([f"{r['status']}: {r['message']}"] if r["status"] == "failed" and r["message"] else []),
     ]
     log = f"{r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else ""
     result, whole = (_result(r, each, width) for each in (verbose, True))
     more = "more with --verbose" if len(whole) > len(result) else ""
     return [
-        _headline(r),
+        *_wrapped("", headline(r), width),
         *result,
         *_labelled("log", "; ".join(filter(None, (log, more))), width),
         *(line for text in wrong for line in _wrapped("! ", text, width)),
@@ -360,7 +369,7 @@ def _result(r: Mapping[str, Any], verbose: bool, width: int) -> list[str]:
     }
     return [
         *_figures({"at the start": _at_start(r["track_tension"], verbose)} | _observables(r), width),
-        *_phases(r["phases"], verbose),
+        *_phases(r["phases"], verbose, width),
         *(line for label, text in (*labelled.items(), *details) for line in _labelled(label, text, width)),
     ]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 PATIENCE = 4.0  # s between two messages
 PERIOD = 0.25  # s between two looks at the clock
 KERNELS = logging.getLogger("cotrack.kernels")  # gets each kernel that has to be compiled
-FIRST = "kernels are compiled, once a machine for each sort of links and vehicle: about a minute of two cores"
+FIRST = "kernels are compiled, once a machine for each sort of links and vehicle: about 40 s on two quiet cores"
 
 
 def write_line(line: str) -> None:

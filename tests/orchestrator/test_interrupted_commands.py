@@ -49,7 +49,7 @@ def test_ctrl_c_during_the_start_up(cotrack, monkeypatch, tmp_path, phase):
     assert status == 1
     assert err.startswith("cotrack: interrupted")
     assert len(err.splitlines()) == 1
-    assert last(out)["status"] == "failed"
+    assert last(out)["status"] == "interrupted"
 
 
 @pytest.mark.parametrize(("owner", "name"), [(summary, "evaluate"), (estimate, "differences"), (estimate, None)])
@@ -138,7 +138,7 @@ def test_a_run_that_fails_before_it_writes_names_no_log(cotrack, monkeypatch, tm
     assert (result["log"], result["log_bytes"]) == (None, 0)
     assert "nothing may be written here" in err
     _, out, _ = cotrack(*SHORT[:-1])
-    assert "log " not in out
+    assert "\n  log  " not in out
     assert "None" not in out
 
 

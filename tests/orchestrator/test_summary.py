@@ -13,7 +13,7 @@ from short_runs import SHORT, last
 
 from orchestrator.execution import summary, summary_text
 from orchestrator.execution.log_report import summary_of
-from orchestrator.execution.summary_text import MAX_PHASES, WIDTH, lines
+from orchestrator.execution.summary_text import MAX_PHASES, WIDTH, _phases, lines
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.measures import FIGURES
@@ -350,6 +350,27 @@ def test_lines_are_as_wide_as_asked_and_words_stay_whole(width):
     assert len(found) > len(one_each)
     assert not {line.split()[0] for line in found} & {"kN", "kJ", "%"}
     assert " ".join(found).split() == " ".join(one_each).split()
+
+
+def test_a_table_that_is_too_wide_goes_on_in_a_second_one():
+    phase = {
+        "kind": "acceleration", "start": 0.7, "end": 1.5, "speed_start": 0.03, "speed_end": 1.56, "speed": 0.6,
+        "way": 0.5504, "power": 47.4e3, "slip_left": 0.012, "slip_right": 0.27, "tension": 38.37e3, "tension_t": 1.2,
+        "tension_track": "right_track", "turning": "", "yaw_rate": 0.0, "yaw_rate_most": 0.0, "radius": 0.0,
+    }  # fmt: skip
+    narrow, wide = (_phases([phase], True, width) for width in (80, WIDTH))
+    assert [len(narrow), len(wide)] == [6, 3]
+    assert max(map(len, narrow)) <= 80 < max(map(len, wide)) <= WIDTH
+    assert narrow[3].split() == ["phase", "from", "to", "at", "in"]
+    assert narrow[2].split() + narrow[5].split()[3:] == wide[2].split()
+
+
+@pytest.mark.parametrize(("status", "last"), [("failed", ["! failed: too fast"]), ("interrupted", [])])
+def test_the_end_of_a_run_is_told(status, last):
+    result = summary.empty("a", None) | {"status": status, "message": "too fast"}
+    found = lines(result)
+    assert found[0] == f"a: {status}"
+    assert [line for line in found if line.startswith("!")] == last
 
 
 def test_figures_have_no_exponents_and_no_negative_zero():
