@@ -93,7 +93,7 @@ def run(
         result = simulate(resolved, path, estimated=estimated, native=native)
         status = 0 if summary.is_passed(result) else 1
     except KeyboardInterrupt:
-        result["message"], status = "interrupted", 1
+        result["message"], result["status"], status = "interrupted", "interrupted", 1
     except Exception as failure:
         result["message"], status = message_and_status(failure)
     _report(result, status, as_json, verbose)
