@@ -136,10 +136,24 @@ def open_replay(path: Path, name: str, other: str | None, settings: Sequence[str
         ):
             component.variables.know_texts(texts_of(log))
             component.start_time = 0.0 if imported is None else _start_time(log)
-            component.start_with(entry.get("inputs", {}))
+            component.start_with(entry.get("inputs") or _first_inputs(log, component, model))
             settable = set(component.variables.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in settable}
             yield Replay(log, component, parameters, model)
+
+
+def _first_inputs(log: Log, component: Component, model: ReplayModel) -> dict[str, float]:
+    """Inputs of the first step, with which an FMU starts that is another than that of the log."""
+    topic = f"/{component.name}/in"
+    if model.as_recorded or built_here(model.fmu) or topic not in log.topics:
+        return {}
+    first = log.read(topic)
+    return {
+        name: float(value)
+        for row in first.values[:1]
+        for name, value in zip(first.names, row, strict=True)
+        if name in component.inputs
+    }
 
 
 def _start_time(log: Log) -> float:

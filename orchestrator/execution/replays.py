@@ -47,13 +47,15 @@ class ReplayVerdict(NamedTuple):
         return f"different: {self.difference}"
 
 
-def check_inputs(component: Component, inputs: Series) -> None:
-    """Check that recorded inputs can drive a component; raises UnfitLog."""
-    if tuple(component.inputs) != tuple(inputs.names):
-        missing = sorted(set(component.inputs) ^ set(inputs.names))
-        raise UnfitLog(f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})")
+def inputs_of(component: Component, inputs: Series) -> Series:
+    """Recorded inputs in the order of a component's; raises UnfitLog if they cannot drive it."""
+    if missing := sorted(set(component.inputs) ^ set(inputs.names)):
+        raise UnfitLog(f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3])})")
     if gap := inputs.gap():
         raise UnfitLog(f"{component.name}: the log lacks its inputs from t = {gap[0]:.6g} to {gap[1]:.6g} s")
+    if tuple(component.inputs) == inputs.names:
+        return inputs
+    return inputs.columns([inputs.names.index(name) for name in component.inputs])
 
 
 def _ends(inputs: Series) -> Floats:
@@ -63,7 +65,7 @@ def _ends(inputs: Series) -> Floats:
 
 def step_recorded(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
     """Step a component with recorded inputs; yields (k, t) at the start and after each step; raises UnfitLog."""
-    check_inputs(component, inputs)
+    inputs = inputs_of(component, inputs)
     component.initialise(parameters)
     yield 0, 0.0
     ends = _ends(inputs)
@@ -84,7 +86,7 @@ def verify(
     compared inside it.
     """
     inputs = log.read(f"/{component.name}/in")
-    check_inputs(component, inputs)
+    inputs_of(component, inputs)
     out, links = (f"/{component.name}/{kind}" for kind in ("out", "links"))
     outputs = {out: (component.outputs, component.y), links: (component.links, component.y_links)}
     recorded = {topic: log.read(topic) for topic in outputs if topic in log.topics}

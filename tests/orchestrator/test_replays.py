@@ -5,6 +5,7 @@ import json
 import shutil
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from orchestrator.log import schema, tools
 from orchestrator.log.container import LogUnreadable
 from orchestrator.log.export import export, to_pandas
 from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Series
 from orchestrator.log.tools import BROKEN, WHOLE, verify
 from orchestrator.results import replayed_outputs
 from orchestrator.results.difference import differences
@@ -285,6 +287,21 @@ def test_one_bit_of_an_input_is_named_where_it_is(tmp_path):
         assert not verdict.equal
         assert verdict.difference.step == step
     assert (verify(edited).code, verify(nudged).code) == (BROKEN, WHOLE)
+
+
+def test_another_fmu_may_have_its_inputs_in_another_order(monkeypatch):
+    """It starts with those of the first step; one with other inputs is refused."""
+    recorded = Series(np.array([0.0, 1.0]), np.ones(2), ("a", "b"), np.array([[1.0, 2.0], [3.0, 4.0]]))
+    component = SimpleNamespace(name="x", inputs=("b", "a"))
+    assert replays.inputs_of(component, recorded).values.tolist() == [[2.0, 1.0], [4.0, 3.0]]
+    assert replays.inputs_of(SimpleNamespace(name="x", inputs=("a", "b")), recorded) is recorded
+    with pytest.raises(replays.UnfitLog, match=r"not those of the log \(c\)"):
+        replays.inputs_of(SimpleNamespace(name="x", inputs=("a", "b", "c")), recorded)
+    monkeypatch.setattr(replay_model, "built_here", lambda fmu: False)
+    log = SimpleNamespace(topics={"/x/in": None}, read=lambda topic: recorded)
+    for as_recorded, first in ((False, {"a": 1.0, "b": 2.0}), (True, {})):
+        model = SimpleNamespace(as_recorded=as_recorded, fmu=Path("mine.fmu"))
+        assert replay_model._first_inputs(log, component, model) == first
 
 
 # --- commands ----------------------------------------------------------------------------------------
