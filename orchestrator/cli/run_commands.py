@@ -120,7 +120,7 @@ def _scene_to_run(
     if error is not None:
         from orchestrator.execution.precision import cheapest, fraction
 
-        chosen = cheapest(with_track(resolved).name, resolved.variant, fraction(error)).settings
+        chosen = cheapest(with_track(resolved).name, resolved.variant, fraction(error), scene).settings
         print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
         resolved = load_runnable(scene, track, [*chosen, *changes])
     if analyses:

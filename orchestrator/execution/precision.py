@@ -109,13 +109,16 @@ def fraction(text: str) -> float:
     return value
 
 
-def cheapest(scene: str, track: str, error: float) -> Setting:
-    """Return the setting with the least run time within ``error``; raises BadInput if none is known."""
+def cheapest(scene: str, track: str, error: float, given: str = "") -> Setting:
+    """Return the setting with the least run time within ``error``; raises BadInput if none is known.
+
+    ``given``: how the user named the scene, as a file of one's own.
+    """
     known = [row for row in read() if (row.scene, row.track) == (scene, track)]
     if not known:
         raise BadInput(
             f"--error: no error of '{scene}' on {track} links has been measured:"
-            f" run cotrack study error-runtime {scene} -o DIR"
+            f" run cotrack study error-runtime {given or scene} -o DIR"
         )
     within = [row for row in known if row.error <= error]
     if not within:

@@ -102,12 +102,18 @@ def _observables(r: Mapping[str, Any]) -> dict[str, list[Row]]:
     for key, value in r["observables"].items():
         shown = OBSERVABLES[key].shown
         other = r["observables"].get(shown.unless, float("nan"))
-        if value == value and other != other and not (r["phases"] and shown.by_phase):
+        in_phases = r["phases"] and shown.by_phase and not _turns_throughout(r["phases"], r["windows"][key])
+        if value == value and other != other and not in_phases:
             where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else r["places"].get(key, "")
             number = figure(without_rounding(value / OBSERVABLES[key].size, shown.unit), shown.digits)
             window = _window(r["windows"][key], r["simulated_time"])
             rows.setdefault(window, []).append(Row(shown.label, number, shown.unit, where))
     return rows
+
+
+def _turns_throughout(phases: Sequence[Mapping[str, Any]], window: Mapping[str, float]) -> bool:
+    """Whether a window lies in one phase that turns, whose own figures have the entry into the turn too."""
+    return any(p["turning"] and p["start"] <= window["from"] and window["to"] <= p["end"] for p in phases)
 
 
 def _window(window: dict[str, float], simulated: float) -> str:

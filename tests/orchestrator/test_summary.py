@@ -192,6 +192,8 @@ def test_turns_of_the_last_second_are_left_to_phases():
         "rates and radii are in a table of their own"
     )
     assert ["right", "3.6", "6", "-0.25", "-0.31", "7.9"] in out
+    throughout = [line.split() for line in lines(result | {"phases": [turned | {"end": 9.0}]})]
+    assert ["turn", "radius", "242.6", "m"] in throughout, "that of the phase has the entry into the turn"
     means = "speed 0 m/s, yaw rate -1e-05 rad/s, turn radius 242.6 m, steering moment 0 kN m, power left 7.5e-07 kW"
     k = without.index(["mean", "of", "8", "to", "9", "s"])
     assert [" ".join(line) for line in without[k + 1 : k + 6]] == means.split(", "), "rounding is 0"
