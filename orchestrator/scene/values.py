@@ -181,9 +181,9 @@ def _light_spins(vehicle: Mapping[str, Any], step: float) -> Iterator[str]:
         if spin < needed:
             yield (
                 f"vehicle.{name}.radius = {radius:g} m with spin_inertia = {spin:g} kg m^2: friction turns the wheel's"
-                f" spin round within run.step = {1e3 * step:g} ms, so tension and energy may be wrong; plausible"
-                f" is at least {needed:.3g} kg m^2, or --step {shorter_step(step, step * spin / needed)}. A full disc"
-                f" of this mass and radius has {0.5 * lightest['mass'] * radius**2:.3g} kg m^2"
+                f" spin round within run.step = {1e3 * step:g} ms, so tension and energy may be wrong: take"
+                f" --step {shorter_step(step, step * spin / needed)}, or at least {needed:.3g} kg m^2 (a full disc"
+                f" of this mass and radius has {0.5 * lightest['mass'] * radius**2:.3g} kg m^2)"
             )
 
 

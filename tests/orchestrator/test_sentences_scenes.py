@@ -481,7 +481,7 @@ WARNED = [  # settings, and words of all warnings
     ("straight", "vehicle.road_wheel.x[1]=-0.4", ["the sprocket's place = 0 m and vehicle.road_wheel.x[1] = -0.4 m: "]),
     ("straight", FIFTH, ["vehicle.right.road_wheel.x[5] = -3.5 m and vehicle.right.idler.x = -4 m: these wheels"]),
     # at 0.4 kg m2 76 % of the energy of a run is unaccounted for, at 0.5 kg m2 0.12 %
-    ("crawler", f"{LIGHT}0.48", ["these wheels overlap", "plausible is at least 0.496 kg m^2, or --step 0.25ms"]),
+    ("crawler", f"{LIGHT}0.48", ["these wheels overlap", "take --step 0.25ms, or at least 0.496 kg m^2"]),
     ("crawler", f"{LIGHT}0.51", ["these wheels overlap"]),
     # a belt of 8 kN round an idler of 2 kg m2 chatters by 4 % of its tension at 1 ms, and rests at 0.25 ms
     ("straight", f"{IDLER}5.8", ["vehicle.idler.radius = 0.28 m with spin_inertia"]),
