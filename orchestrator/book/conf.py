@@ -1,6 +1,6 @@
 """Configuration of the book: one site of the pages of all folders, by Sphinx."""
 
-from pygments.lexers.special import TextLexer
+from sphinx.highlighting import lexer_classes
 
 from orchestrator import __version__
 
@@ -30,4 +30,4 @@ html_show_search_summary = False  # it would ask a server for the pages
 
 def setup(app):
     """Mermaid drawings are shown as their text: a site that draws them would load a program."""
-    app.add_lexer("mermaid", TextLexer)
+    app.add_lexer("mermaid", lexer_classes["none"])

@@ -371,7 +371,8 @@ def draw(settings: Sequence[precision.Setting], title: str) -> output_files.Pict
                 pane.annotate(label(point.settings), place, textcoords="offset points", fontsize=8, **style)
     pane.margins(0.12)
     pane.set_title(title, fontsize=10, loc="left")
-    pane.legend(fontsize=9, title="beside the points:\ncommunication step, internal step", title_fontsize=8)
+    if settings:
+        pane.legend(fontsize=9, title="beside the points:\ncommunication step, internal step", title_fontsize=8)
     _draw_axes(pane)
     return figure
 
