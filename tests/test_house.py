@@ -349,7 +349,7 @@ def test_top_level():
         pytest.skip("not a git checkout")
     top = {name.split("/")[0] for name in listed}
     assert top <= {
-        "pyproject.toml", "fmus", "orchestrator", "tests", "logs", "findings", "README.md",
+        "pyproject.toml", "fmus", "orchestrator", "tests", "findings", "README.md",
         "LICENSE", "CITATION.cff", ".gitignore", ".ci", ".github", "constraints.txt",
     }  # fmt: skip
 

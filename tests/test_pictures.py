@@ -10,7 +10,7 @@ from tests.pictures import FOLDER, HASHES, PICTURES, ROOT, Picture, source_hash
 
 
 def test_each_picture_of_the_pages_is_made_by_the_command():
-    pages = [path for name in ("orchestrator", "fmus", "logs") for path in (ROOT / name).rglob("*.md")]
+    pages = [path for name in ("orchestrator", "fmus") for path in (ROOT / name).rglob("*.md")]
     shown = {
         Path(target).name
         for page in [ROOT / "README.md", *pages]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from operator import itemgetter
 from pathlib import Path
@@ -214,9 +214,9 @@ def runs(rows: Iterable[Row]) -> list[Row]:
     return [row for row in rows if row["method"] != "truth" and math.isfinite(row["error"])]
 
 
-def pareto_front(rows: Iterable[Row], error: Callable[[Row], float] = itemgetter("error")) -> list[Row]:
+def pareto_front(rows: Iterable[Row]) -> list[Row]:
     """Pareto front in run time and error of the runs that ended well."""
-    return precision.pareto_front(runs(rows), itemgetter("wall_time"), error)
+    return precision.pareto_front(runs(rows), itemgetter("wall_time"), itemgetter("error"))
 
 
 def cheapest(rows: Iterable[Row], level: float) -> Row | None:

@@ -404,6 +404,8 @@ def test_the_cheapest_setting_within_an_error(tmp_path, monkeypatch):
     assert cheapest("swing", "flexible", 0.15).wall_time == 1.0
     assert cheapest("swing", "flexible", 0.05).wall_time == 2.0
     assert cheapest("swing", "rigid", 0.05).wall_time == 8.0, "the newer study of a track model counts"
+    with pytest.raises(BadInput, match=r"study error-runtime own\.toml -o"):
+        cheapest("own", "flexible", 0.01, "own.toml")
     for scene in ("swing", "swung"):  # none is as right; unknown
         with pytest.raises(BadInput):
             cheapest(scene, "flexible", 0.01)
