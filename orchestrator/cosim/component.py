@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from ctypes import memmove
@@ -15,8 +14,8 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, inverse_factors
 from orchestrator.cosim.fast_calls import FastCalls, Places, places
-from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded, Floats, ImportSettings
-from orchestrator.cosim.messages import CallMessages, ComponentWarning, WarningList, status_text
+from orchestrator.cosim.graph import NO_CONVERSIONS, ImportSettings
+from orchestrator.cosim.messages import CallMessages, ComponentWarning, WarningList
 from orchestrator.cosim.mixed_exchange import MixedExchange
 from orchestrator.cosim.processes.remote import RemoteSlave
 from orchestrator.cosim.processes.supervisor import SlaveProcess
@@ -25,9 +24,7 @@ from orchestrator.fmi import fmi2
 from orchestrator.fmi.model_description import is_fmi3, load_library, loadable, opening
 from orchestrator.fmi.slave import (
     DISCARD,
-    ERROR,
     FATAL,
-    OK,
     WARNING,
     ComponentFailed,
     NotInstantiated,
@@ -76,7 +73,7 @@ class Component(AbstractContextManager["Component"]):
         ``units``, ``imported``, ``resources`` and ``starts``: as of ``graph.Instance``. ``process``: that in which it
         is loaded, instead of this one.
         """
-        self.name, self._starts, self._imported = name, starts, imported
+        self.name, self._imported = name, imported
         self._messages = CallMessages(name)
         self._clock = np.zeros(1)  # s from the start of the run, beginning of the last step
         self.start_time = 0.0  # s, time of the FMU at the start of the run
@@ -96,15 +93,13 @@ class Component(AbstractContextManager["Component"]):
             )
         remote = None if process is None else RemoteSlave(process, self._receive)
         memory = None if remote is None else remote.memory
-        self.variables = Variables(name, self._loaded, discrete, conversions, units, memory, imported is not None)
+        foreign = imported is not None
+        self.variables = Variables(name, self._loaded, discrete, conversions, units, memory, foreign, starts)
         self.inputs, self.outputs, self.links = self.variables.inputs, self.variables.outputs, self.variables.links
         self.u, self.y, self.y_links = self.variables.u, self.variables.y, self.variables.y_links
         self.integers, self.counters = self.variables.integers, self.variables.counters
         self.received = self.variables.received
         self._arrays: tuple[NDArray[Any], ...] = (self.u, self.y, self.y_links, self.counters)
-        if len(starts):
-            reals = len(self.variables.reals_in)
-            self.u[:reals] = starts[:reals]
         notes = [*inverse_factors(self.description), self._loaded.unused] if imported is not None else []
         for sentence in filter(None, notes):
             self._receive(WARNING, sentence, "")
@@ -132,20 +127,8 @@ class Component(AbstractContextManager["Component"]):
         self._first_link = slave.exchange("Real", v.references(v.links[:1]), v.y_links[:1])
         self._mixed: MixedExchange | None = None
         if v.is_mixed:
-            check = None if self._imported is None else self._check_finite
-            self._mixed = MixedExchange(slave, v, (self._u, self._y, self._y_links), self._receive, check)
-
-    def _check_finite(self, names: Sequence[str], values: Floats) -> int:
-        """Look at outputs that the FMU has just output; return an FMI status."""
-        if np.isfinite(values).all():
-            return OK
-        where = int(np.flatnonzero(~np.isfinite(values))[0])
-        sentence = f"output '{names[where]}' is {values[where]}"
-        if self._imported is None or self._imported.non_finite == "warn":
-            self._receive(WARNING, sentence, "")
-            return WARNING
-        self._receive(ERROR, f'{sentence} (fmu.{self.name}.non_finite = "warn" lets the run go on)', "")
-        return ERROR
+            non_finite = None if self._imported is None else self._imported.non_finite
+            self._mixed = MixedExchange(slave, v, (self._u, self._y, self._y_links), self._receive, non_finite)
 
     def unit(self, name: str) -> str:
         """Return the unit of a variable in the arrays, '1' if it has none."""
@@ -206,32 +189,14 @@ class Component(AbstractContextManager["Component"]):
         return found
 
     def _failure(self, function: str, status: int) -> ComponentFailed:
-        starts, ends = self._phase == "instantiated", self._phase == "ended"
+        time, phase = float(self._clock[0]), self._phase
         if not 0 <= status < FATAL:
             self._phase = "lost"
         if status == DISCARD and function.endswith("DoStep") and not self._messages.has_error:
-            return self._discarded_step(function)
-        sentence = self._messages.first_error() or status_text(function, status)
-        if (function if ends else "t = ") not in sentence and (self._imported is not None or not starts):
-            sentence += f" ({function}{'' if ends else f', t = {float(self._clock[0]):.6g} s'})"
-        return ComponentFailed(f"{self.name}: {sentence}")
-
-    def _discarded_step(self, function: str) -> ComponentFailed:
-        """Outcome of a step that the FMU has not completed, but does not call an error."""
-        has_ended, reached = self.slave.discarded()
-        start, said = float(self._clock[0]), self._messages.first_error()
-        last = reached - self.start_time  # s from the start of the run, as all times of messages
-        time_known = start < last < float("inf")
-        if has_ended:
-            time = last if time_known else start
-            return ComponentEnded(f"{self.name} has ended the run at t = {time:.6g} s{f': {said}' if said else ''}")
-        sentence = said or status_text(function, DISCARD)
-        if time_known:
-            sentence += f"; the step from t = {start:.6g} s ended at t = {last:.6g} s:"
-            sentence += f" a step of {last - start:.3g} s or less may help"
-        elif "t = " not in sentence:
-            sentence += f"; the step from t = {start:.6g} s is discarded, and no time is said that it reached"
-        return ComponentFailed(f"{self.name}: {sentence}")
+            has_ended, reached = self.slave.discarded()
+            return self._messages.discarded_step(function, time, reached - self.start_time, has_ended)
+        is_placed = self._imported is not None or phase != "instantiated"
+        return self._messages.failure(function, status, None if phase == "ended" else time, is_placed)
 
     # -------------------------------------------------------------- initialisation and steps
 
@@ -289,24 +254,9 @@ class Component(AbstractContextManager["Component"]):
 
     def _set_parameter(self, name: str, value: float | int | str) -> None:
         known = self.variables
-        variable = known.by_name.get(name)
-        if name in known.constants and variable is not None and not (len(self._starts) and variable.type == "String"):
-            own = len(self._starts) and variable.type == "Real"  # value references are places among the starts
-            constant = self._starts[variable.valueReference] if own else known.constants[name]
-            if value != (constant if isinstance(value, str) else float(constant)):
-                raise ComponentFailed(f"{self.name}: '{name}' = {value}: it is a constant of this FMU, {constant}")
-            return
-        if name not in known.parameters and not self._has_start(name):
-            near = difflib.get_close_matches(name, known.parameters, 1)
-            hint = f" (did you mean '{near[0]}'?)" if near else ""
-            raise ComponentFailed(f"{self.name}: there is no parameter '{name}'{hint}")
-        variable = known.by_name[name]
-        if variable.causality == "structuralParameter":
-            raise ComponentFailed(f"{self.name}: '{name}' is a structural parameter: arrays keep their sizes")
-        try:
-            value = self._loaded.taken(variable, value, self._imported is not None)
-        except ValueError as error:
-            raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: {error}") from None
+        if name in known.constants:
+            return known.require_constant(name, value)
+        value, variable = known.taken(name, value, self._imported is not None), known.by_name[name]
         if name in self.inputs and variable.type != "String":
             k, (factor, offset) = self.inputs.index(name), known.conversions.get(name, UNCHANGED)
             self.u[k], self.received[k] = value, (float(value) - offset) / factor
@@ -319,11 +269,6 @@ class Component(AbstractContextManager["Component"]):
         else:
             content = np.array([value - 2**64 if value >= 2**63 else value], self._loaded.whole)
         self._call(self.slave.exchange(kind, [variable.valueReference], content).set)
-
-    def _has_start(self, name: str) -> bool:
-        """Whether a start value of a variable that is no parameter may be set (FMI 2.0.4, section 2.2.7)."""
-        variable = self.variables.by_name.get(name)
-        return variable is not None and (variable.causality == "input" or variable.initial in ("exact", "approx"))
 
     def write(self) -> None:
         """Set the FMU's inputs from ``u``, or from ``received`` if some are converted."""

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.messages import ComponentWarning
-from orchestrator.fmi.slave import ComponentFailed
 from orchestrator.log.time_series import Floats
 
 Indices = NDArray[np.intp]
@@ -65,10 +64,6 @@ class System(NamedTuple):
 
     instances: tuple[Instance, ...]
     connections: tuple[Connection, ...]
-
-
-class ComponentEnded(ComponentFailed):
-    """An FMU has ended the simulation in order; the message is one sentence with the instance name and the time."""
 
 
 class Steppable(Protocol):

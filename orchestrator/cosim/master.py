@@ -7,8 +7,7 @@ from functools import partial
 from typing import NamedTuple, Protocol
 
 from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme
-from orchestrator.cosim.graph import ComponentEnded
-from orchestrator.fmi.slave import ComponentFailed
+from orchestrator.fmi.slave import ComponentEnded, ComponentFailed
 
 # Called as (k, t, h): k steps are done, the time is t, the last step took h. An observer that need not see every step
 # has a method patience(k): the number of steps after the first k until it must be called.

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from orchestrator.files.messages import RUN
-from orchestrator.fmi.slave import DISCARD, ERROR, PENDING, WARNING
+from orchestrator.fmi.slave import DISCARD, ERROR, PENDING, WARNING, ComponentEnded, ComponentFailed
 
 PRINTED = "printed"  # category of what an FMU prints
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
@@ -102,6 +102,35 @@ class CallMessages:
         said = self.first_error() or "the FMU cannot be instantiated"
         phase = "" if "instantiate" in said.lower() else " (instantiation)"  # which the words may not tell
         return f"{self._component}: {said}{phase}"
+
+    def failure(self, function: str, status: int, time: float | None, is_placed: bool) -> ComponentFailed:
+        """Return the failure of a call, with its function where it ``is_placed``.
+
+        :param time: s, beginning of the step; None: the run has ended.
+        """
+        sentence = self.first_error() or status_text(function, status)
+        if is_placed and (function if time is None else "t = ") not in sentence:
+            sentence += f" ({function}{'' if time is None else f', t = {time:.6g} s'})"
+        return ComponentFailed(f"{self._component}: {sentence}")
+
+    def discarded_step(self, function: str, start: float, last: float, has_ended: bool) -> ComponentFailed:
+        """Return the outcome of a step that the FMU has not completed, but does not call an error.
+
+        :param start: s, beginning of the step.
+        :param last: s from the start of the run, time that the FMU says it reached; NaN if it says none.
+        :param has_ended: the FMU asks for the end of the run.
+        """
+        said, time_known = self.first_error(), start < last < float("inf")
+        if has_ended:
+            time, text = last if time_known else start, f": {said}" if said else ""
+            return ComponentEnded(f"{self._component} has ended the run at t = {time:.6g} s{text}")
+        sentence = said or status_text(function, DISCARD)
+        if time_known:
+            sentence += f"; the step from t = {start:.6g} s ended at t = {last:.6g} s:"
+            sentence += f" a step of {last - start:.3g} s or less may help"
+        elif "t = " not in sentence:
+            sentence += f"; the step from t = {start:.6g} s is discarded, and no time is said that it reached"
+        return ComponentFailed(f"{self._component}: {sentence}")
 
 
 def status_text(function: str, status: int) -> str:

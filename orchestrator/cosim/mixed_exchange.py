@@ -12,7 +12,7 @@ The arrays of a component hold doubles, the Reals first:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.graph import Floats
 from orchestrator.cosim.texts import START
 from orchestrator.cosim.variables import DiscreteGroup, Variables, out_of_range
-from orchestrator.fmi.slave import ERROR, Exchange, LogCallback, Slave, failed, worse
+from orchestrator.fmi.slave import ERROR, WARNING, Exchange, LogCallback, Slave, failed, worse
 
 
 class ConvertedReals:
@@ -43,8 +43,8 @@ class MixedExchange:
     """Exchange of all inputs and outputs of a slave; each call returns an FMI status.
 
     :param reals: exchanges of the Real inputs, the Real outputs, and the link outputs.
-    :param check: looks at Reals that have been got, by name; returns an FMI status.
     :param say: where messages go.
+    :param non_finite: of ``graph.ImportSettings``: what an output that is no number means; None: nobody looks.
     """
 
     def __init__(
@@ -53,9 +53,9 @@ class MixedExchange:
         variables: Variables,
         reals: tuple[Exchange, Exchange, Exchange],
         say: LogCallback,
-        check: Callable[[Sequence[str], Floats], int] | None = None,
+        non_finite: str | None = None,
     ) -> None:
-        self._slave, self._variables, self._say, self._check = slave, variables, say, check
+        self._slave, self._variables, self._say, self._non_finite = slave, variables, say, non_finite
         self._inputs, self._outputs, self._links = reals
         self._groups_in, self._groups_out = (
             [(group, slave.exchange(group.kind, group.references, group.values)) for group in groups]
@@ -113,8 +113,13 @@ class MixedExchange:
 
     def _checked(self, exchange: Exchange, names: Sequence[str], values: Floats) -> int:
         status = exchange.get()
-        if self._check is not None and len(values) and not failed(status):
-            status = worse(status, self._check(names, values))
-            if failed(status):
-                self._slave.failed = exchange.function("Get")
-        return status
+        if self._non_finite is None or failed(status) or np.isfinite(values).all():
+            return status
+        where = int(np.flatnonzero(~np.isfinite(values))[0])
+        sentence = f"output '{names[where]}' is {values[where]}"
+        if self._non_finite == "warn":
+            self._say(WARNING, sentence, "")
+            return worse(status, WARNING)
+        self._say(ERROR, f'{sentence} (fmu.{self._variables.name}.non_finite = "warn" lets the run go on)', "")
+        self._slave.failed = exchange.function("Get")
+        return ERROR

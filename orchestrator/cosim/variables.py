@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, unit_of
 from orchestrator.cosim.graph import NO_CONVERSIONS, Floats
 from orchestrator.cosim.texts import START, Texts
-from orchestrator.fmi.model_description import Loadable
-from orchestrator.fmi.slave import Kind
+from orchestrator.fmi.model_description import Loadable, has_start_value
+from orchestrator.fmi.slave import ComponentFailed, Kind
 
 LINK_FAMILIES = ("link[", "joint[")  # prefixes of per-link outputs, which are read and recorded at their own rate
 FMI_TYPES: dict[Kind, tuple[str, ...]] = {
@@ -67,6 +68,7 @@ class Variables:
     :param conversions: as of ``graph.Instance``, as are the ``units``.
     :param memory: gives an array of n zeros that the FMU's process shares; None: it has none.
     :param is_watched: what the FMU outputs is looked at, as where it exchanges more than Reals in its units.
+    :param starts: as of ``graph.Instance``.
     """
 
     def __init__(
@@ -78,8 +80,9 @@ class Variables:
         units: Mapping[str, str],
         memory: Callable[[int], Floats] | None,
         is_watched: bool,
+        starts: Sequence[float] = (),
     ) -> None:
-        self.name, self.description = name, loaded.description
+        self.name, self.description, self._loaded = name, loaded.description, loaded
         self.conversions, self.converted_units = conversions, units
         self.texts = Texts()  # of its String outputs
         self.input_texts: dict[str, Texts] = {}  # of the sources of String inputs
@@ -106,9 +109,17 @@ class Variables:
         self.truths = names("output", "Boolean")
         self.integers = (*self.whole, *self.truths)
         self.parameters = tuple(v.name for v in variables if v.causality == "parameter")
-        self.constants = {v.name: v.start for v in variables if v.variability == "constant"}
+        constants = {v.name: v.start for v in variables if v.variability == "constant"}
+        self._own_texts: set[str] = set()  # constant Strings of an FMU with other starts, which compares them itself
+        if len(starts):  # value references of Reals are places among them
+            self._own_texts = {name for name in constants if self.by_name[name].type == "String"}
+            reals = {name: self.by_name[name] for name in constants if self.by_name[name].type == "Real"}
+            constants |= {name: starts[variable.valueReference] for name, variable in reals.items()}
+        self.constants = {name: start for name, start in constants.items() if name not in self._own_texts}
         self.u = memory(len(self.inputs))
         self.u[:] = [_start(self.by_name[n]) for n in self.inputs]
+        if len(starts):
+            self.u[: len(self.reals_in)] = starts[: len(self.reals_in)]
         self.received = self.u.copy() if set(self.inputs) & set(self.conversions) else self.u
         self.y = np.zeros(len(self.outputs))
         self.is_mixed = bool(self.conversions or self.input_groups or self.output_groups or is_watched)
@@ -121,6 +132,27 @@ class Variables:
     def references(self, names: Sequence[str]) -> list[int]:
         """Value references of variables."""
         return [self.by_name[name].valueReference for name in names]
+
+    def require_constant(self, name: str, value: float | int | str) -> None:
+        """Raise ComponentFailed for another ``value`` than that of a constant."""
+        constant = self.constants[name]
+        if value != (constant if isinstance(value, str) else float(constant)):
+            raise ComponentFailed(f"{self.name}: '{name}' = {value}: it is a constant of this FMU, {constant}")
+
+    def taken(self, name: str, value: float | int | str, bounded: bool) -> float | int | str:
+        """Value of a parameter or start value as the FMU takes it; raises ComponentFailed, as ``Loadable.taken``."""
+        is_known = name in self._own_texts or (name in self.by_name and has_start_value(self.by_name[name]))
+        if name not in self.parameters and not is_known:
+            near = difflib.get_close_matches(name, self.parameters, 1)
+            hint = f" (did you mean '{near[0]}'?)" if near else ""
+            raise ComponentFailed(f"{self.name}: there is no parameter '{name}'{hint}")
+        variable = self.by_name[name]
+        if variable.causality == "structuralParameter":
+            raise ComponentFailed(f"{self.name}: '{name}' is a structural parameter: arrays keep their sizes")
+        try:
+            return self._loaded.taken(variable, value, bounded)
+        except ValueError as error:
+            raise ComponentFailed(f"{self.name}: parameter '{name}' = {value!r}: {error}") from None
 
     def inexact_counters(self) -> list[str]:
         """Sentences on ``counters`` that logs, which hold doubles, cannot hold; UInt64 become at most 2^63 - 1."""

@@ -97,6 +97,14 @@ class Loadable(NamedTuple):
         return value
 
 
+def has_start_value(variable: Any) -> bool:
+    """Whether a start value of a variable may be set before the initialisation (FMI 2.0.4, section 2.2.7)."""
+    initial, start = variable.initial, variable.start
+    settable = variable.causality in ("input", "parameter") or initial in ("exact", "approx")
+    settable = settable or (initial is None and bool(start))
+    return settable and variable.variability != "constant" and variable.causality != "independent"
+
+
 def loadable(fmu: Path) -> Loadable:
     """Unpack an FMU that can be loaded here, once for all its instances; raises ComponentFailed."""
     fmu = Path(fmu)

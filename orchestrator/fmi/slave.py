@@ -19,6 +19,10 @@ class ComponentFailed(RuntimeError):
     """An FMU cannot be loaded or a call failed; the message is one sentence with the instance name."""
 
 
+class ComponentEnded(ComponentFailed):
+    """An FMU has ended the simulation in order; the message is one sentence with the instance name and the time."""
+
+
 class NotInstantiated(RuntimeError):
     """The FMU has made no instance; its log says why, if anything does."""
 

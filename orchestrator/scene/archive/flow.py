@@ -19,7 +19,7 @@ from fmus.vehicles.tables import BadInput, value_text
 from orchestrator.cosim.base_units import UNCHANGED, BaseUnit, Conversion, conversion
 from orchestrator.files.messages import LOG
 from orchestrator.fmi.fmu_files import unpack
-from orchestrator.fmi.model_description import loadable
+from orchestrator.fmi.model_description import has_start_value, loadable
 from orchestrator.scene.archive.elements import (
     FLOATS,
     INTEGER,
@@ -270,7 +270,7 @@ def _reached(element: Element, name: str, onward: Mapping[ConnectorEnd, list[Lin
     """Variables of components that a hierarchical name stands for."""
     if element.fmu is not None:
         variable = element.variables.get(name)
-        if variable is not None and _has_start(variable):
+        if variable is not None and has_start_value(variable):
             yield FlowingValue.begun_at(ConnectorEnd(element, name))
         return
     head, dot, rest = name.partition(".")
@@ -287,16 +287,8 @@ def _reached(element: Element, name: str, onward: Mapping[ConnectorEnd, list[Lin
                 after = way.through(link)
                 if link.target.element.fmu is None:
                     ways.append(after)
-                elif _has_start(link.target.element.variables[link.target.name]):
+                elif has_start_value(link.target.element.variables[link.target.name]):
                     yield after
-
-
-def _has_start(variable: object) -> bool:
-    """Whether a start value of a variable may be set before the initialisation (FMI 2.0.4, section 2.2.7)."""
-    causality, variability = getattr(variable, "causality", ""), getattr(variable, "variability", "")
-    initial, start = getattr(variable, "initial", None), getattr(variable, "start", None)
-    settable = causality in ("input", "parameter") or initial in ("exact", "approx") or (initial is None and start)
-    return bool(settable) and variability != "constant" and causality != "independent"
 
 
 def _coerced(given: Given, target: Target, flowing: FlowingValue) -> Scalar:
