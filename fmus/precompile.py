@@ -11,6 +11,7 @@ FMU meets the same error and reports it.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import signal
@@ -114,7 +115,7 @@ def start_compilation(parts: Sequence[Recipe], patience: int = 0) -> subprocess.
 
     ``patience`` is the niceness of the process: 0, or a larger number to give way to others.
     """
-    left = [part for part in parts if not _is_done(part[0])]
+    left = [part for part in parts if not _is_done(part)]
     if not left:
         return None
     COMPILED.info("kernels of %s are compiled beside", ", ".join(kind for kind, _, _ in left))
@@ -131,14 +132,23 @@ def start_compilation(parts: Sequence[Recipe], patience: int = 0) -> subprocess.
     return child
 
 
-def _mark(kind: str) -> Path:
-    """File that marks the kernels of a kind of component as compiled from the present sources."""
-    return cache_folder() / "kernels" / "ahead" / f"{kind}-{source_hash()[:20]}"
+def _mark(part: Recipe) -> Path:
+    """File that marks the kernels of a part as compiled from the present sources.
+
+    Tracks have kernels for each kind of ground, pins and links; those of other parts differ little within a kind.
+    """
+    kind, config, parameters = part
+    track, table = config.get("track") or {}, (config.get("vehicle") or {}).get("track") or {}
+    on = [key for key in ("ground", "soil", "terrain") if track.get(key)] + ["bushing"] * bool(table.get("bushing"))
+    laws = sorted({law["law"] for law in config["vehicle"]["contact"].values()}) if track else []
+    words = sorted((k, word) for k, word in parameters.items() if isinstance(word, str) and k != "start")
+    shape = hashlib.sha256(repr((on, laws, words)).encode()).hexdigest()[:8]
+    return cache_folder() / "kernels" / "ahead" / f"{kind}-{shape}-{source_hash()[:20]}"
 
 
-def _is_done(kind: str) -> bool:
+def _is_done(part: Recipe) -> bool:
     try:
-        mark = _mark(kind)
+        mark = _mark(part)
         return read_checked(mark) is not None or pack.read("/".join(mark.parts[-3:])) is not None
     except OSError:  # the cache cannot be used: compiled kernels would not be kept
         return True
@@ -148,12 +158,13 @@ def _kernels_child() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # an exception: no half-written file stays in the cache
     if hasattr(os, "nice"):
         os.nice(int(sys.argv[2]))
-    for kind, config, parameters in json.load(sys.stdin):
+    for part in json.load(sys.stdin):
+        kind, config, parameters = part
         with suppress(Exception):
             model = model_of(kind)(config)
             model.compile({port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters)
-            private_folder(_mark(kind).parent)
-            write_checked(_mark(kind), b"")
+            private_folder(_mark(part).parent)
+            write_checked(_mark(part), b"")
 
 
 if __name__ == "__main__":

@@ -167,6 +167,26 @@ def test_what_was_compiled_beside_is_not_compiled_again(environment, monkeypatch
     assert not compiled_by_a_step(part, tmp_path / "cache", environment)
 
 
+def test_kernels_of_each_kind_of_track_are_compiled_ahead_once(fresh_cache):
+    contact = {"contact": {"ground": {"law": "linear", "stiffness": 1e6}}}
+    ridden = {"soil": {"n": 1.0}}, contact, {}
+    others = (
+        ({}, contact, {}),
+        ({"soil": {"n": 1.0}, "terrain": [1.0]}, contact, {}),
+        ({"soil": {"n": 1.0}}, contact | {"track": {"bushing": {"stiffness": 1.0}}}, {}),
+        ({"soil": {"n": 1.0}}, {"contact": {"ground": {"law": "hunt_crossley"}}}, {}),
+        ({"soil": {"n": 1.0}}, contact, {"integrator": "hht"}),
+    )
+    same = ({"soil": {"n": 0.5}}, {"contact": {"ground": {"law": "linear", "stiffness": 2e6}}}, {"step": 1e-3})
+
+    def mark(parts):
+        track, vehicle, parameters = parts
+        return precompile._mark(("TrackRigid", {"track": {"closed": True} | track, "vehicle": vehicle}, parameters))
+
+    assert len({mark(parts) for parts in (ridden, *others)}) == 1 + len(others)
+    assert mark(same) == mark(ridden)
+
+
 def test_parts_that_cannot_start_are_left_to_the_fmus(fresh_cache):
     process = precompile.start_compilation([("SprocketDrive", {"vehicle": {}, "drive": {}}, {})])
     assert process is not None

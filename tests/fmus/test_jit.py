@@ -7,6 +7,7 @@ import sys
 import types
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fmus.cache import sources
@@ -144,6 +145,28 @@ def test_a_kernel_is_that_of_its_compiler(fresh_cache, monkeypatch):
             other.setattr(place, value)
             assert [is_found(), is_found()] == [False, True], place
     assert is_found()
+
+
+def scaled_sum(out, x, y):
+    for i in range(out.size):
+        out[i] = 3.0 * x[i] + y[i] / 7.0
+
+
+def test_kernels_of_starts_are_optimised_less_to_the_same_bits(fresh_cache):
+    """LLVM's third level does several numbers at once, its first one by one."""
+    x, y = np.random.default_rng(1).standard_normal((2, 1001))
+    results, packed = [], []
+    for declare in (jit.kernel, lambda function: jit.kernel(jit.at_start(function))):
+        copy = types.FunctionType(scaled_sum.__code__, globals())  # which is not declared
+        copy.__module__ = __name__
+        made, out = declare(copy), np.zeros_like(x)
+        made(out, x, y)
+        (compiled,) = made.overloads.values()
+        results.append(out)
+        packed.append("divpd" in compiled.library.get_asm_str())
+        made._cache._cache_file.flush()  # the sources are the same
+    assert packed == [True, False]
+    assert results[0].tobytes() == results[1].tobytes()
 
 
 def test_without_compilation_the_function_itself_comes_back(environment):

@@ -185,13 +185,26 @@ class _NoAliasCompiler(_PlainCompiler):
         super().__init__(typing, target, library, args, result, flags, local)
 
 
+class _StartCompiler(_PlainCompiler):
+    """The compiler for kernels declared ``at_start``."""
+
+    def compile_extra(self, function: Any) -> Any:
+        library = self.state.targetctx.codegen().create_library(function.__qualname__)
+        library.enable_object_caching()
+        library.is_of_start = True
+        self.state.library = library
+        return super().compile_extra(function)
+
+
 def compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Two kernels of a function: one that Python calls, and one for kernels, without an entry from Python.
 
     An entry from Python checks every array of every tuple, for a chain some fifty, and takes longer to compile than
     most kernels.
     """
-    options = options | {"pipeline_class": _NoAliasCompiler if getattr(function, "noalias", False) else _PlainCompiler}
+    declared = {"noalias": _NoAliasCompiler, "at_start": _StartCompiler}
+    compilers = [compiler for name, compiler in declared.items() if hasattr(function, name)]
+    options = options | {"pipeline_class": (*compilers, _PlainCompiler)[0]}
     outer = numba.njit(**options)(function)
     if outer is not function:
         inner = numba.njit(**options | INNER)(function)
@@ -254,7 +267,7 @@ def defer() -> None:
             library._linked_only = False
             library._get_module_for_linking()  # keeps the unchanged module for the linking of other kernels
             internal(library)
-            optimise(library)
+            (simplify if hasattr(library, "is_of_start") else optimise)(library)
             library._final_module.verify()
             finish(library)
             for variable in library._final_module.global_variables:
@@ -262,6 +275,11 @@ def defer() -> None:
                     set_environment(library.codegen, variable.name, waiting[variable.name])
         address: int = get_pointer(library, name)
         return address
+
+    def simplify(library: Any) -> None:
+        """LLVM's level 1 instead of 3, for what a run calls a few times; the bits are the same."""
+        passes, builder = library.codegen._module_pass_manager(opt=1, loop_vectorize=False, slp_vectorize=False)
+        passes.run(library._final_module, builder)
 
     def bound(codegen: Any, name: str, environment: Any) -> None:
         """``set_env``: set now if the engine has the variable, else in ``pointer``."""

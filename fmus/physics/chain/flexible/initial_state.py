@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.kernels.jit import allocating, kernel
+from fmus.kernels.jit import allocating, at_start, kernel
 from fmus.physics.ancf.element import mass
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.assembly import evaluate
@@ -131,6 +131,7 @@ def factor_mass(links: FlexibleLinks, env: Environment, s: State, w: Work) -> in
 
 
 @kernel
+@at_start
 def start_released(
     links: FlexibleLinks, contacts: Contacts | None, env: Environment, rows: Floats, s: State, w: Work, report: Floats
 ) -> int:
@@ -158,6 +159,7 @@ def start_released(
 
 
 @allocating
+@at_start
 def release(
     links: FlexibleLinks,
     contacts: Contacts | None,

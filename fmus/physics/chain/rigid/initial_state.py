@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.kernels.jit import allocating, kernel
+from fmus.kernels.jit import allocating, at_start, kernel
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.integration import DONE, STALLED, IntegrationOutcome
 from fmus.physics.chain.interface import commit_contacts
@@ -51,6 +51,7 @@ def _stop(s: State) -> None:
 
 
 @allocating
+@at_start
 def settle(
     links: RigidLinks,
     contacts: Contacts | None,
@@ -110,6 +111,7 @@ def settle(
 
 
 @kernel
+@at_start
 def write_outputs(
     links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, report: Floats
 ) -> None:
@@ -124,6 +126,7 @@ def write_outputs(
 
 
 @allocating
+@at_start
 def open_closing_pin(
     pinned: RigidLinks, links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work
 ) -> int:
@@ -154,6 +157,7 @@ def open_closing_pin(
 
 
 @allocating
+@at_start
 def start_released(
     links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, report: Floats
 ) -> int:
